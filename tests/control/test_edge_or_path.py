@@ -12,7 +12,15 @@ from swath.control.steer.edge_or_path import EdgeOrPath, Params, line_through
 from swath.control.steer.path import Begin, Segment
 from swath.control.steer.path import Params as PathParams
 from swath.core.random import Stream
-from swath.signals import CropEdge, GuidanceState, Odometry, PoseEstimate
+from swath.signals import (
+    CropEdge,
+    GuidancePath,
+    GuidanceState,
+    JobState,
+    Odometry,
+    Phase,
+    PoseEstimate,
+)
 from swath.signals.setup import ControlSetup
 from tests.control.closed_loop import MACHINE
 
@@ -35,8 +43,11 @@ def test_the_line_is_that_of_least_squares_in_the_way_that_was_driven():
         assert line.project(x[0], y[0]).left == pytest.approx(across[0] - height, abs=1e-3)
 
 
-def drive(lost, params, seconds=60.0, pose_known=lambda t: True):
-    """A machine without slip along an edge at y = 6.1 - 0.1 left of it; rows (t, y, led, engaged)."""
+def drive(lost, params, seconds=60.0, pose_known=lambda t: True, job=None, aside=lambda t: 0.0):
+    """A machine without slip along an edge at y = 6.1 - 0.1 left of it; rows (t, y, led, engaged).
+
+    job: its inputs, if it has one; aside: how far left the edge is seen at a time [m]
+    """
     setup = ControlSetup(MACHINE, {}, "left", PERIOD * 1e-9)
     law = EdgeOrPath(params, setup)
     command = law.reset(Stream(1, "steer"))["command"]
@@ -51,12 +62,13 @@ def drive(lost, params, seconds=60.0, pose_known=lambda t: True):
         heading += 0.02 * rate
         is_lost = any(a < t * 1e-9 < b for a, b in lost)
         nan = math.nan
-        offset = (5.9 - y) / math.cos(heading) - 8.0 * math.tan(heading)
+        offset = (5.9 + aside(t * 1e-9) - y) / math.cos(heading) - 8.0 * math.tan(heading)
         seen = (nan, nan) if is_lost else (offset, -heading)
         edge = CropEdge(t, *seen, 0.0, 8.0, 0.0 if is_lost else 0.9, 0.85, 0.15)
         spread = np.diag([1e-4 if pose_known(t * 1e-9) else 9.0] * 4)
         pose = PoseEstimate(t, x + 100.0, y, heading, SPEED, rate, spread, 0.0)
         given = {"edge": edge, "odometry": Odometry(t, SPEED, rate, angle), "pose": pose}
+        given |= job or {}
         out = law.step(t - PERIOD, PERIOD, given)
         command = out["command"]
         rows.append((t * 1e-9, y, out["guidance"].is_following, command.is_engaged))
@@ -86,6 +98,21 @@ def test_a_path_of_the_scenario_leads_instead_where_there_is_one():
     rows = drive([(20.0, 60.0)], Params(path=path), 55.0)
     assert abs(rows[-1, 1] - 0.5) < 0.03
     assert rows[-1, 2]
+
+
+def test_an_edge_far_beside_the_path_of_a_job_does_not_lead():
+    """Seen 1 m off for 4 s, as beside a gap that another machine left; without the bound it swerves."""
+    path = GuidancePath(0, np.array([90.0, 400.0]), np.zeros(2), 3)
+    job = {"job": JobState(0, Phase.CUTS, 3, SPEED, 100.0, by_edge=True), "path": path}
+
+    def swerves(t):
+        return 1.0 if 25.0 < t < 29.0 else 0.0
+
+    for stray, least, most in ((0.3, 0.0, 0.02), (1.2, 0.5, 1.2)):
+        rows = drive([], Params(stray_m=stray), 40.0, job=job, aside=swerves)
+        seen = rows[rows[:, 0] > 20.0]
+        assert least <= np.abs(seen[:, 1]).max() <= most
+        assert seen[-1, 2] == 0.0  # the edge leads again
 
 
 @pytest.mark.parametrize(

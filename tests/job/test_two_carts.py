@@ -1,25 +1,22 @@
 """One combine and two carts that hear each other: one serves, the other waits; until all is empty."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from swath.control.job.calls import Calls
 from swath.control.job.cart_ways import CartWays
-from swath.control.job.carts import OtherCart, is_taken, way_left, withdraws
+from swath.control.job.carts import OtherCart, is_taken, way_left
 from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass
 from swath.core.errors import InputError
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
-from swath.runtime.assembly import assemble
-from swath.runtime.evaluation import make_evaluation
-from swath.runtime.loop import drive
-from swath.scenario.scenario import parse_scenario
 from swath.signals import GuidancePath, HeapState, JobState, MachineState, PeerState, Phase, UnloadState
 from swath.tools.fleet.waiting import APART, OFF_WAYS, axle_ways, waiting_places
-from swath.tools.fleet.whole import scenario_text, share_uncut
+from swath.tools.fleet.whole import share_uncut
+from tests.job.cheap import CheapRun
 from tests.job.jobs import job_file
 from tests.job.layouts import layout
 
@@ -34,35 +31,17 @@ JOB = job_file(
 )
 CARTS = "cart_0", "cart_1"
 MACHINES = "combine_0", *CARTS
-CHEAP = (
-    "combine_0.lidar=off", "combine_0.scan_filter=off", "combine_0.edge={level: truth, wires: {}}",
-    "combine_0.imu=off", "combine_0.edge.rate_hz=10", "combine_0.job.unload_to_m=15",
-    "combine_0.header.rate_hz=10", "combine_0.process.rate_hz=5",
-    *(f"{m}.motion=kinematic" for m in MACHINES),
-    *(f"{m}.gnss.{set}" for m in MACHINES for set in ("level=ideal", "rate_hz=5")),
-    *(f"{m}.{s}.rate_hz=10" for m in MACHINES for s in ("motion", "steering")),
-    *(f"{m}.{s}.rate_hz=10" for m in MACHINES for s in ("pose", "odometry", "steer", "speed")),
-    *(f"{m}.job.break_off_m=15" for m in CARTS),
-    *(f"{m}.{s}.rate_hz=10" for m in CARTS for s in ("imu", "cooperate", "heap")),
-)  # fmt: skip
 
 
-class Run:
+class Run(CheapRun):
     """rows: at every step of the combine's job, time [s], phases and tasks of both carts, flow [kg/s]"""
 
     def __init__(self):
-        fleet = fleet_of(JOB)
-        self.plan = plan_of(JOB, fleet, None)
-        text = scenario_text(JOB, self.plan, fleet, None)
-        self.world = assemble(parse_scenario(text, base=Path.cwd(), sets=list(CHEAP)))
-        self.evaluation, self.latest, self.rows = make_evaluation(self.world), {}, []
-        drive(self.world, [self.evaluation, self._see])
+        self.rows = []
+        super().__init__(JOB)
         self.table = np.array(self.rows)
 
-    def _see(self, slot, t, outputs):
-        machine = slot.partition(".")[0]
-        for signal in outputs.values():
-            self.latest[machine, type(signal)] = signal
+    def see(self, slot, t):
         if slot == "combine_0.job" and ("combine_0", UnloadState) in self.latest:
             jobs = [self.latest[cart, JobState] for cart in CARTS]
             flow = self.latest["combine_0", UnloadState].flow
@@ -139,9 +118,10 @@ def other(number, phase, task=-1, at=(50.0, 0.0), way=()):
 
 
 def test_a_call_that_both_take_is_left_to_the_first():
-    assert withdraws(1, [other(0, Phase.DRIVES, task=3)])
-    assert not withdraws(0, [other(1, Phase.DRIVES, task=3)])
-    assert not withdraws(1, [other(0, Phase.DRIVES)])
+    calls, combine = Calls([Pass(((0.0, 0.0), (0.0, 50.0)))] * 4, 15.0), said(Phase.CUTS, task=1)
+    assert calls.withdraws(combine, 1, [other(0, Phase.DRIVES, task=3)])
+    assert not calls.withdraws(combine, 0, [other(1, Phase.DRIVES, task=3)])
+    assert not calls.withdraws(combine, 1, [other(0, Phase.DRIVES)])
 
 
 def test_the_truck_is_taken_by_who_stands_there_or_set_out_for_it():

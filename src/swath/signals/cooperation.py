@@ -117,6 +117,7 @@ class PeerState(Signal, about=About()):
     phase: Annotated[int, Quantity("", "what it does, as in JobState; -1 = no job")] = -1
     task: Annotated[int, Quantity("", "number of its pass; -1 = none")] = -1
     remaining: Annotated[float, Quantity("m", "to the end of its pass", nan="in no pass")] = _NAN
+    come: Annotated[float, Quantity("m", "along its pass and the turn behind it", nan="in no pass")] = _NAN
     may_unload: Annotated[bool, Quantity("", "a cart may drive beside it")] = False
     calls: Annotated[bool, Quantity("", "it wants a cart")] = False
     body_front: Annotated[float, Quantity("m", "of its chassis, ahead of its origin", nan="not told")] = _NAN

@@ -6,6 +6,8 @@ from typing import Annotated
 from swath.core.frozen import frozen
 from swath.core.signal import About, Quantity, Signal
 
+_NAN = float("nan")
+
 
 class Phase(IntEnum):
     """What a machine does. STANDS: to hand grain over; BESIDE: keeps a station; EMPTIES: its box."""
@@ -39,6 +41,10 @@ class JobState(Signal, about=About()):
     may_unload: Annotated[bool, Quantity("", "a cart may drive beside, under the pipe")] = False
     calls: Annotated[bool, Quantity("", "a cart is wanted", column="job_calls")] = False
     empties: Annotated[bool, Quantity("", "the box is emptied into the truck")] = False
+    come: Annotated[float, Quantity("m", "along its pass and the turn behind it", nan="in no pass")] = _NAN
+    serves: Annotated[
+        int, Quantity("", "machine that it works with: 0 = that of `peer_link`, 1 = of `peer_link_1`")
+    ] = 0
 
 
 @frozen

@@ -118,15 +118,19 @@ class Unloader(KeepsState):
         for name, message in said.items():
             self._tracks[name].update(now, dt, message, inputs["odometry"])
         if len(said) > 1:
-            served = min(said, key=lambda name: self._rank(name, said[name]))
+            job: JobState | None = inputs.get("job")
+            served = min(said, key=lambda name: self._rank(name, said[name], job))
             if served != self._served:
                 self._served, self._relative, self._good_since = served, None, inf
                 self._box_seen.clear()
         return said[self._served]
 
-    def _rank(self, name: str, said: PeerState) -> tuple[bool, float]:
-        track = self._tracks[name]
-        return said.phase != Phase.BESIDE, hypot(track.x, track.y) if said.is_heard else inf
+    def _rank(self, name: str, said: PeerState, job: JobState | None) -> tuple[bool, bool, bool, float]:
+        """Carts before machines without a box; one beside that names the own pass before any other."""
+        track, is_beside = self._tracks[name], said.phase == Phase.BESIDE
+        is_own = is_beside and (job is None or said.task == job.task)
+        away = hypot(track.x, track.y) if said.is_heard else inf
+        return said.box_x != said.box_x, not is_own, not is_beside, away
 
     def _decide(self, now: float, room: float) -> bool:
         """Pour while the stream keeps its margin; begin when it has kept twice that for a while."""

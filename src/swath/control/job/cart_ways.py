@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swath.control.job.abreast import own_passes
 from swath.control.job.carts import Disc
 from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
@@ -56,17 +57,32 @@ class CartWays:
         self._header, self._left, self._radius = header, left, radius
 
     def to_place(
-        self, here: Place, place: Point, combine: PeerState, discs: Sequence[Disc] = ()
+        self,
+        here: Place,
+        place: Point,
+        combine: PeerState,
+        discs: Sequence[Disc] = (),
+        rest: Sequence[PeerState] = (),
     ) -> Way | None:
-        """To a place, in any direction. discs: that other carts take up (x, y, radius) [m]"""
+        """To a place, in any direction. combine: the nearest; discs: that other carts take up (x, y, radius)
+        [m]; rest: the other combines
+        """
         goals = [Place(*place, 2.0 * pi * i / 12) for i in range(12)]
         if hypot(combine.x, combine.y) >= NEAR or combine.x > GONE_BY:
-            return self._found(here, combine, goals, [], [], discs)
+            return self._found(here, [combine, *rest], goals, [], [], discs)
         is_beside = combine.y < -0.5 * self._left and abs(combine.x) < NEAR
-        return self._found(here, combine, goals, [], _pulled_ahead(here, ASIDE if is_beside else 0.0), discs)
+        ahead = _pulled_ahead(here, ASIDE if is_beside else 0.0)
+        return self._found(here, [combine, *rest], goals, [], ahead, discs)
 
-    def to_pass(self, here: Place, task: int, combine: PeerState, discs: Sequence[Disc] = ()) -> Way | None:
-        """Onto the line beside a pass behind the combine, and along it. discs: likewise"""
+    def to_pass(
+        self,
+        here: Place,
+        task: int,
+        combine: PeerState,
+        discs: Sequence[Disc] = (),
+        rest: Sequence[PeerState] = (),
+    ) -> Way | None:
+        """Onto the line beside a pass behind the combine, and along it. discs, rest: likewise"""
         aside = ASIDE if task > combine.task else 0.0  # its header then comes by the trailer
         (ax, ay), (bx, by) = line = self._beside(self._passes[task], aside)
         length = way_along(line)
@@ -79,12 +95,12 @@ class CartWays:
             begin = BEGIN - STRAIGHT
         goal = Place(ax + ux * begin, ay + uy * begin, course)
         beyond = bx + BEYOND * ux, by + BEYOND * uy
-        return self._found(here, combine, [goal], [beyond], [], discs)
+        return self._found(here, [combine, *rest], [goal], [beyond], [], discs)
 
     def _found(
         self,
         here: Place,
-        combine: PeerState,
+        combines: Sequence[PeerState],
         goals: list[Place],
         rest: list[Point],
         first: list[Place],
@@ -94,10 +110,11 @@ class CartWays:
 
         About a combine that stands its trailer has room to cut corners, where there is such a way.
         """
-        ground = self._ground(combine)
+        ground = self._ground(combines)
         start = first[-1] if first else here
         for keep in (KEEP + CUTS_IN, KEEP):
-            discs = [*_discs(here, start, combine, keep), *taken]
+            discs = [disc for combine in combines for disc in _discs(here, start, combine, keep)]
+            discs += taken
             masks = ground.clear_of(HALF, discs), ground.clear_of(NARROW, discs)
             way = Search(ground, *masks, self._radius).way(start, goals)
             if way is not None:
@@ -109,16 +126,22 @@ class CartWays:
         last = hypot(rest[0][0] - goals[0].x, rest[0][1] - goals[0].y) if rest else 0.0
         return Way(points, last)
 
-    def _ground(self, combine: PeerState) -> Ground:
-        """Crop as it stands now, by the passes that are done and the way in the present one."""
+    def _ground(self, combines: Sequence[PeerState]) -> Ground:
+        """Crop as it stands now, by the passes that are done and the way in the present ones."""
         ground = Ground(self._boundary, self._places)
-        for i, done in enumerate(self._passes[: combine.task + 1]):
-            size = None
-            if i == combine.task and isfinite(combine.remaining):
-                size = max(way_along(done.line_m) - combine.remaining - 4.0, 0.0)
-            if i < combine.task or size is not None or combine.phase != Phase.CUTS:
-                ground.cut(done.line_m, self._header, size)
+        for combine in combines:
+            for i in own_passes(self._passes, self._passes[combine.task].combine):
+                self._cut(ground, i, combine)
         return ground
+
+    def _cut(self, ground: Ground, i: int, combine: PeerState) -> None:
+        """What a combine has cut of the pass with a number."""
+        size, line = None, self._passes[i].line_m
+        if i == combine.task and isfinite(combine.remaining):
+            size = max(way_along(line) - combine.remaining - 4.0, 0.0)
+        is_done = i == combine.task and combine.phase != Phase.CUTS
+        if i < combine.task or size is not None or is_done:
+            ground.cut(line, self._header, size)
 
     def _beside(self, of: Pass, aside: float) -> list[Point]:
         """A pass's line where a cart drives, and so far aside of that, at begin and end [m]."""

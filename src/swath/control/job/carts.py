@@ -1,4 +1,4 @@
-"""Several carts of one combine: which of them serves it, and where the others drive and wait.
+"""Several carts: where those drive and wait that serve no combine, or another one.
 
 A cart serves while its messages name a pass (`task`), from setting out to the combine until it sets out to
 the truck. Each tells the way that it drives; whoever plans a way later keeps clear of those.
@@ -31,11 +31,6 @@ class OtherCart(NamedTuple):
     said: PeerState
     at: Place
     way: list[Point]
-
-    @property
-    def serves(self) -> bool:
-        """Whether the combine is its own now."""
-        return self.said.task >= 0
 
 
 def others_of(
@@ -84,16 +79,6 @@ def discs_of(others: Sequence[OtherCart]) -> list[Disc]:
         found += [(x, y, AROUND) for x, y in outline_of(cart.said).points(cart.at)]
         found += [(x, y, APART) for x, y in cart.way]
     return found
-
-
-def is_served(others: Sequence[OtherCart]) -> bool:
-    """Whether another cart serves the combine."""
-    return any(cart.serves for cart in others)
-
-
-def withdraws(own_number: int, others: Sequence[OtherCart]) -> bool:
-    """Whether one before it by number took the same call at the same time."""
-    return any(cart.serves and cart.number < own_number for cart in others)
 
 
 def is_taken(truck: Point, own_number: int, others: Sequence[OtherCart], *, drives: bool) -> bool:

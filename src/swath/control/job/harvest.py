@@ -8,6 +8,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.control.cooperate.peer_track import OTHER_PORTS
+from swath.control.job.abreast import Abreast, GivesWay, own_passes
 from swath.control.job.dubins import Place
 from swath.control.job.ground import beside
 from swath.control.job.heard import SILENT, STOPS, AllHeard
@@ -37,6 +38,7 @@ BRAKE = 0.4  # m/s2, gentler than the drive can
 EMPTY = 0.004  # of the tank
 RUNS_OUT = 1.5  # s without grain from the pipe: what comes late from the threshing has run out, too
 AT_END = -0.3  # m to go, at which the header is out of the crop
+AT_HOLD = 0.1  # m before where it has to wait for another combine
 CRAWL = 0.2  # m/s, slowest towards the end of a pass
 TAKEN = 0.02  # of the tank, that a cart took before a machine with a full one goes on
 NEAR = 60.0  # m, beyond which another machine is not in the way of a turn
@@ -48,7 +50,8 @@ CAN_BE = 15.0  # m about a place where a silent machine may stand, that a turn t
 
 @dataclass(frozen=True)
 class Params:
-    """passes: in the order of working; turn_speed_kmh: between them; turn_radius_m: of turns not given;
+    """passes: of all combines, in the order of working; number: of this one
+    turn_speed_kmh: between them; turn_radius_m: of turns not given
     turn_rate_deg_s: of the steering angle in them, less than the steering can, to come back to the path
     lower_m, raise_m: way before the crop on which the header goes down, behind it on which it goes up
     edge_from_m, edge_to_m: way in the pass from which, and before its end up to which, the crop edge may lead
@@ -57,6 +60,9 @@ class Params:
     unload_to_m: before the end of a pass, where a load is broken off that would take longer than finish_s
     standing there; in the last pass it is not
     give_up_s: the run ends when it has been standing so long for a cart that is silent
+    run_out_m: it drives on behind the last pass, at most
+    of combines in echelon - lag_m: behind the one that cuts the pass before, the same way; gives_way: where
+    it waits for the other one
     """
 
     passes: Annotated[tuple[Pass, ...], MinLen(1)]
@@ -72,6 +78,10 @@ class Params:
     unload_to_m: Annotated[float, Ge(0), Le(200)] = 25.0
     finish_s: Annotated[float, Ge(0), Le(600)] = 30.0
     give_up_s: Annotated[float, Gt(0), Le(36_000)] = 600.0
+    run_out_m: Annotated[float, Ge(5), Le(200)] = RUN_OUT
+    number: Annotated[int, Ge(0), Le(3)] = 0
+    lag_m: Annotated[float, Ge(5), Le(500)] = 40.0
+    gives_way: tuple[GivesWay, ...] = ()
 
 
 class Harvest(KeepsState):
@@ -95,6 +105,12 @@ class Harvest(KeepsState):
         if not setup.machine.has_header:
             raise InputError("level", "harvest", "expected a machine with a header")
         self._p, self._knife, self._aside = params, setup.machine.knife_x, setup.machine.header_y
+        self._own = own_passes(params.passes, params.number)
+        if not self._own:
+            raise InputError("number", params.number, "expected the number of a combine that has passes")
+        self._passes = [params.passes[i] for i in self._own]
+        self._abreast = Abreast(params.passes, params.number, params.lag_m, params.gives_way)
+        self._team: list[PeerState] = []
         speed, rate = params.turn_speed_kmh * KMH, params.turn_rate_deg_s * DEG
         self._limits = limits_of(setup.machine.wheelbase, params.turn_radius_m, rate, speed)
         self._routes: dict[int, tuple[Route, GuidancePath]] = {}
@@ -119,7 +135,9 @@ class Harvest(KeepsState):
         if pose is None or not isfinite(pose.x):
             return self._out(t + dt, 0.0, self._way)
         self._advance(pose)
-        carts = list(self._heard.update(t + dt, dt, inputs).values())
+        heard = self._heard.update(t + dt, dt, inputs).values()
+        carts = [said for said in heard if not isfinite(said.header_width)]
+        self._team = [said for said in heard if isfinite(said.header_width)]
         here = Place(pose.x, pose.y, pose.heading)
         unload: UnloadState | None = inputs.get("unload")
         pours = unload is not None and unload.flow > 0.0
@@ -133,7 +151,11 @@ class Harvest(KeepsState):
         is_silent = self._phase == Phase.STANDS and any(cart.age > SILENT for cart in carts)
         self._silent_for = self._silent_for + h if is_silent else 0.0
         if self._silent_for > self._p.give_up_s:
-            self._ended = f"stands in pass {self._index} and hears nothing of the cart"
+            self._ended = f"stands in pass {self._own[self._index]} and hears nothing of the cart"
+
+    @property
+    def _is_last(self) -> bool:
+        return self._index + 1 == len(self._passes)
 
     def _route(self) -> Route:
         return self._made()[0]
@@ -141,9 +163,9 @@ class Harvest(KeepsState):
     def _made(self) -> tuple[Route, GuidancePath]:
         if self._index not in self._routes:
             p = self._p
-            route = route_of(p.passes, self._index, self._knife, self._limits, self._aside)
+            route = route_of(self._passes, self._index, self._knife, self._limits, self._aside, p.run_out_m)
             x, y = np.array(route.points).T
-            self._routes = {self._index: (route, GuidancePath(0, x, y, self._index))}
+            self._routes = {self._index: (route, GuidancePath(0, x, y, self._own[self._index]))}
         return self._routes[self._index]
 
     def _advance(self, pose: PoseEstimate) -> None:
@@ -151,21 +173,20 @@ class Harvest(KeepsState):
         route = self._route()
         near = self._way if self._phase != Phase.WAITS else None
         self._way = route.line.project(pose.x, pose.y, near).way
-        last = self._index + 1 == len(self._p.passes)
-        if not last and self._way > route.length + route.turn:
+        if not self._is_last and self._way > route.length + route.turn:
             self._way -= route.length + route.turn
             self._index += 1
             self._finishes = False
 
     def _speed(self, inputs: Inputs, here: Place, carts: list[PeerState]) -> float:
         """Wanted speed [m/s], and with it what the machine does."""
-        p, work, load = self._p, self._p.passes[self._index], inputs["load"]
+        p, work, load = self._p, self._passes[self._index], inputs["load"]
         left, level, speed = self._route().length - self._way, load.tank_level, inputs["odometry"].speed
         unload: UnloadState | None = inputs.get("unload")
         flow = unload.flow if unload is not None else 0.0
-        is_last, has_cart = self._index + 1 == len(p.passes), bool(carts) and unload is not None
+        is_last, has_cart = self._is_last, bool(carts) and unload is not None
         is_over = is_last and left <= AT_END
-        to_last = is_last or (self._phase == Phase.TURNS and self._index + 2 == len(p.passes))
+        to_last = is_last or (self._phase == Phase.TURNS and self._index + 2 == len(self._passes))
         wants = level >= p.call_percent * PERCENT or ((self._calls or to_last) and level > EMPTY)
         self._calls = has_cart and wants
         leaves = self._phase == Phase.TURNS or (not self._calls and self._dry_for > RUNS_OUT)
@@ -183,22 +204,31 @@ class Harvest(KeepsState):
             return 0.0
         self._phase = Phase.CUTS if left > AT_END else Phase.TURNS
         wanted, turning = work.speed_kmh * KMH, p.turn_speed_kmh * KMH
+        free = self._free()
         if self._phase == Phase.TURNS:
-            return turning
+            return min(turning, free)
         slower = 0.0 if self._finishes or is_last else min(turning, wanted)
-        return min(wanted, max(sqrt(slower**2 + 2.0 * BRAKE * (left - AT_END)), CRAWL))
+        return min(wanted, free, max(sqrt(slower**2 + 2.0 * BRAKE * (left - AT_END)), CRAWL))
+
+    def _free(self) -> float:
+        """Speed [m/s] from which it comes to rest where it has to wait for another combine."""
+        route = self._route()
+        free = self._abreast.free(self._index, self._way, route.length + route.turn, self._team)
+        return sqrt(2.0 * BRAKE * free) if free > AT_HOLD else 0.0
 
     def _leaves(self, left: float, here: Place, carts: list[PeerState]) -> float:
         """Behind the last pass: on past a cart that stands beside it, whose trailer need not come by the
-        header then. left: to the end of the pass [m], < 0 behind it
+        header then, and out of the way of a combine that still works. left: to the end of the pass [m], < 0
+        behind it
         """
-        rest = RUN_OUT - 1.0 + left
+        rest = self._p.run_out_m - 1.0 + left
         near = any(cart.is_heard and hypot(cart.x, cart.y) < BESIDE for cart in carts)
+        near |= any(said.phase != Phase.DONE for said in self._team)
         if self._phase == Phase.DONE or rest <= 0.0 or not near or self._is_blocked(here, carts):
             self._phase = Phase.DONE
             return 0.0
         self._phase = Phase.TURNS
-        return min(self._p.turn_speed_kmh * KMH, max(sqrt(2.0 * BRAKE * rest), CRAWL))
+        return min(self._p.turn_speed_kmh * KMH, self._free(), max(sqrt(2.0 * BRAKE * rest), CRAWL))
 
     def _is_full(self, work: Pass, level: float, *, pours: bool) -> bool:
         """In the pass it stands with a full tank, until a cart takes grain on the go, or has taken some."""
@@ -206,7 +236,9 @@ class Harvest(KeepsState):
         if level >= full and not (pours and work.cart_beside):
             self._stands = True
             if not work.cart_beside:
-                self._ended = f"the tank is full in pass {self._index}, beside which no cart can drive"
+                self._ended = (
+                    f"the tank is full in pass {self._own[self._index]}, beside which no cart can drive"
+                )
         elif level < full - TAKEN and (work.cart_beside or not pours):
             self._stands = False
         return self._stands
@@ -246,10 +278,10 @@ class Harvest(KeepsState):
         return [Place(*line.point(w), line.heading(w)) for w in ways]
 
     def _out(self, t: int, speed: float, way: float) -> Outputs:
-        p, (route, path), work = self._p, self._made(), self._p.passes[self._index]
+        p, (route, path), work = self._p, self._made(), self._passes[self._index]
         left = route.length - way
         next_in = left + route.turn
-        is_last = self._index + 1 == len(p.passes)
+        is_last = self._is_last
         is_down = left > -p.raise_m or (not is_last and next_in < p.lower_m)
         is_down &= way > -p.lower_m and self._phase != Phase.DONE
         in_pass = left > AT_END
@@ -258,8 +290,8 @@ class Harvest(KeepsState):
         goes_on = left > p.unload_to_m or self._finishes or is_last
         may = work.cart_beside and (stands or (in_pass and way > 2.0 and goes_on))
         job = JobState(
-            t, int(self._phase), self._index, speed, left if in_pass or stands else nan,
-            by_edge=edge, may_unload=may, calls=self._calls,
+            t, int(self._phase), self._own[self._index], speed, left if in_pass or stands else nan,
+            by_edge=edge, may_unload=may, calls=self._calls, come=way,
         )  # fmt: skip
         sent = GuidancePath(t, path.x, path.y, path.number)
         return {"job": job, "path": sent, "header": HeaderCommand(t, is_down)}

@@ -16,7 +16,7 @@ from swath.control.steer.path import Segment
 
 Coordinate = Annotated[float, Ge(-1e6), Le(1e6)]
 Point = tuple[float, float]
-RUN_OUT = 20.0  # straight on behind the last pass [m]
+RUN_OUT = 20.0  # straight on behind the last pass [m], unless told otherwise
 SHORTEST = 1e-6  # piece of a turn [m]
 STRAIGHT = 3.0  # behind a turn, on the line of the next pass before its begin [m]
 
@@ -24,7 +24,7 @@ STRAIGHT = 3.0  # behind a turn, on the line of the next pass before its begin [
 @dataclass(frozen=True)
 class Pass:
     """line_m: middle of the header from begin to end of the crop, [x, y] each; cart_beside: a cart can drive
-    on its left; speed_kmh: in it, at most
+    on its left; speed_kmh: in it, at most; combine: number of the one that cuts it, of several
 
     turn: of the fixed axle, from where it is when the knife is at the end of the pass to where it is when the
     knife is at the begin of the next; none = the shortest of clothoids, arcs and straights at the turn's
@@ -35,6 +35,7 @@ class Pass:
     cart_beside: bool = True
     speed_kmh: Annotated[float, Gt(0), Le(40)] = 7.0
     turn: tuple[Segment, ...] = ()
+    combine: Annotated[int, Ge(0), Le(3)] = 0
 
 
 @dataclass(frozen=True)
@@ -48,15 +49,20 @@ class Route:
 
 
 def route_of(
-    passes: Sequence[Pass], index: int, knife: float, limits: TurnLimits, header_y: float = 0.0
+    passes: Sequence[Pass],
+    index: int,
+    knife: float,
+    limits: TurnLimits,
+    header_y: float = 0.0,
+    run_out: float = RUN_OUT,
 ) -> Route:
     """The way of the fixed axle, which the knife is ahead of and header_y to the left of [m]; limits: of
-    turns that are not given.
+    turns that are not given; run_out: straight on behind the last pass [m].
     """
     own = axle_line(passes[index], knife, header_y)
     end = place_at_end(own)
     if index + 1 == len(passes):
-        beyond = end.x + RUN_OUT * cos(end.heading), end.y + RUN_OUT * sin(end.heading)
+        beyond = end.x + run_out * cos(end.heading), end.y + run_out * sin(end.heading)
         return _made(own, [], [own[-1], beyond])
     then = axle_line(passes[index + 1], knife, header_y)
     (ax, ay), (bx, by) = then[:2]

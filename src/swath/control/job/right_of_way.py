@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import ceil, cos, hypot, inf, isfinite, pi, sin
 from typing import NamedTuple
 
+from swath.control.job.abreast import own_passes
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Point, beside
 from swath.control.job.passes import Pass, Route, route_of
@@ -83,10 +84,10 @@ def place_of(own: Place, said: PeerState) -> Place:
 
 
 class CombineWays:
-    """The way of a combine through its passes, of each made when it is asked for."""
+    """The ways of combines through their passes, of each made when it is asked for."""
 
     def __init__(self, passes: Sequence[Pass]) -> None:
-        self._passes, self._routes = passes, dict[int, Route]()
+        self._passes, self._routes = passes, dict[int, tuple[int, Route]]()
 
     def places(self, own: Place, said: PeerState, reach: float) -> list[Place]:
         """Where the axle of a combine is, and will be along its way, up to a reach [m]; one that stands
@@ -102,10 +103,15 @@ class CombineWays:
         return [here, *(Place(*route.line.point(w), route.line.heading(w)) for w in ahead)]
 
     def _route(self, said: PeerState) -> Route:
-        if said.task not in self._routes:
+        combine = self._passes[said.task].combine
+        task, route = self._routes.get(combine, (-1, None))
+        if route is None or task != said.task:
             told = (said.header_front, said.header_left) if isfinite(said.header_front) else (KNIFE, 0.0)
-            self._routes = {said.task: route_of(self._passes, said.task, told[0], LIMITS, told[1])}
-        return self._routes[said.task]
+            own = own_passes(self._passes, combine)
+            passes = [self._passes[i] for i in own]
+            route = route_of(passes, own.index(said.task), told[0], LIMITS, told[1])
+            self._routes[combine] = said.task, route
+        return route
 
     def _way(self, route: Route, here: Place, said: PeerState) -> float:
         """How far it has come along its way [m]."""

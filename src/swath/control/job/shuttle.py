@@ -14,17 +14,9 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.control.cooperate.peer_track import OTHER_PORTS
+from swath.control.job.calls import CLEAR, Calls, combines_of, nearest
 from swath.control.job.cart_ways import BEGIN, MOVES, STRAIGHT, CartWays
-from swath.control.job.carts import (
-    LATER,
-    OtherCart,
-    discs_of,
-    free_of,
-    is_served,
-    is_taken,
-    others_of,
-    withdraws,
-)
+from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_taken, others_of
 from swath.control.job.dubins import Place
 from swath.control.job.heard import SILENT, AllHeard
 from swath.control.job.passes import Coordinate, Pass
@@ -49,10 +41,6 @@ IN_LINE, TURNED, NEAR = 1.0, 0.2094, 4.0  # m, rad (12 deg), m: from there on it
 FULL_FOR = 4.0  # s, that the station says full, or that nothing is poured any more, before it leaves
 HELD_FOR = 8.0  # s without grain beside a combine that stands: it cannot turn while the cart is there
 AHEAD = STRAIGHT - BEGIN + 20.0  # m along the line beside a pass, where it waits for the combine to come up
-FORESIGHT = 2  # passes after the present one, for which it sets out
-APART = 45.0  # m from a combine that cuts, from where on it sets out for a pass to come
-CLEAR = 16.0  # m from a combine that turns, likewise; and from one that drives, before it sets out elsewhere
-LEAST = 15.0  # m of a pass beside the combine, for which it sets out
 RETRY = 5.0  # s between two looks for a way
 ARRIVED = 0.4  # m
 AT_PLACE = 6.0  # m from where it waits: it is there
@@ -61,7 +49,8 @@ BLOCKED_FOR = 4.0  # s behind a machine that stands in its way, before it looks 
 
 @dataclass(frozen=True)
 class Params:
-    """passes, boundary_m: of the field; header_m: width of the combine's; beside_m: its pipe to the left
+    """passes: of all combines; boundary_m: of the field; header_m: width of the combine's; beside_m: its pipe
+    to the left
     truck_m: place beside the truck; dock_s: to stand right there and to be gone again
     speed_kmh: on the field; radius_m: of its tightest turn; leave_percent: of the largest heap, from which it
     drives to the truck; break_off_m: before the end of a pass, where it stops keeping the station; but in the
@@ -88,7 +77,7 @@ class Shuttle(KeepsState):
 
     kept = (
         "_phase", "_goal", "_task", "_points", "_number", "_way", "_lane", "_since", "_until", "_retry_at",
-        "_is_free", "_blocked_at", "_ended", "_poured_at", "_heard", "_open_at",
+        "_is_free", "_blocked_at", "_ended", "_poured_at", "_heard", "_calls", "_served",
     )  # fmt: skip
     inputs = (
         Port("pose", PoseEstimate),
@@ -110,6 +99,7 @@ class Shuttle(KeepsState):
         self._clearance, self._steers = Clearance(p.passes), STEERS / setup.machine.wheelbase
         self._line: GuidanceLine | None = None
         self._heard, self._others = AllHeard(), list[OtherCart]()
+        self._calls, self._combines = Calls(p.passes, p.break_off_m), dict[int, PeerState]()
         self._forget()
 
     def _forget(self) -> None:
@@ -117,8 +107,9 @@ class Shuttle(KeepsState):
         self._points = np.zeros((0, 2))
         self._way = self._lane = 0.0
         self._since, self._until, self._retry_at, self._poured_at = inf, -inf, -inf, -inf
-        self._is_free, self._ended, self._blocked_at, self._open_at = True, "", inf, inf
+        self._is_free, self._ended, self._blocked_at, self._served = True, "", inf, 0
         self._heard.reset()
+        self._calls.reset()
 
     def reset(self, stream: Stream) -> Outputs:
         """Waits where it stands."""
@@ -135,14 +126,15 @@ class Shuttle(KeepsState):
         """What is to be done at t + dt."""
         pose, now = inputs["pose"], (t + dt) / NS
         heard = self._heard.update(t + dt, dt, inputs)
-        peer = heard["peer"]
-        if pose is None or not isfinite(pose.x) or not peer.is_heard:
+        self._combines = combines_of(heard)
+        if pose is None or not isfinite(pose.x) or len(self._combines) < self._calls.combines:
             return self._out(t + dt, 0.0)
         here, heap = Place(pose.x, pose.y, pose.heading), inputs["heap"]
-        self._others = others_of(here, heard, inputs, self._p.number)
-        speed = 0.0
+        carts = {name: said for name, said in heard.items() if not isfinite(said.header_width)}
+        self._others = others_of(here, carts, inputs, self._p.number)
+        peer, speed = self._combines[self._served], 0.0
         if self._phase == Phase.WAITS:
-            self._waits(now, here, peer, heap)
+            self._waits(now, here, heap)
         elif self._phase == Phase.DRIVES:
             speed = self._drives(now, here, peer, inputs)
         elif self._phase == Phase.BESIDE:
@@ -155,21 +147,23 @@ class Shuttle(KeepsState):
 
     # what it decides
 
-    def _waits(self, now: float, here: Place, peer: PeerState, heap: HeapState) -> None:
-        is_over = peer.phase == Phase.DONE
-        if peer.age > SILENT:
+    def _waits(self, now: float, here: Place, heap: HeapState) -> None:
+        combines = self._combines.values()
+        if any(said.age > SILENT for said in combines):
             return
-        is_open = peer.calls and not is_served(self._others) and self._next_task(peer) >= 0
-        self._open_at = min(self._open_at, now) if is_open else inf
+        is_over = all(said.phase == Phase.DONE for said in combines)
+        caller, since = self._calls.longest(now, self._combines, self._others)
         is_loaded = self._has_load(heap) or (is_over and heap.grain > 0.0)
-        place = self._p.wait_m
+        takes = since >= LATER * self._p.number and not is_loaded and self._is_free
+        self._served = caller if takes else nearest(self._combines)
+        place, peer = self._p.wait_m, self._combines[self._served]
         if is_loaded and (place is None or not self._is_taken(drives=False)):
             self._set_out(now, here, peer, "truck")
         elif is_loaded or not self._is_free or (place is not None and is_over):
             self._gets_out(now, here, peer, is_over=is_over and not is_loaded)
         elif is_over:
             self._phase = Phase.DONE
-        elif now - self._open_at >= LATER * self._p.number:
+        elif takes:
             self._set_out(now, here, peer, "combine")
         elif self._task < 0:
             self._gets_out(now, here, peer, is_over=False)
@@ -188,31 +182,20 @@ class Shuttle(KeepsState):
     def _is_taken(self, *, drives: bool) -> bool:
         return is_taken(self._p.truck_m, self._p.number, self._others, drives=drives)
 
-    def _next_task(self, peer: PeerState) -> int:
-        """The combine's pass, where enough is left of it or it stands; else the next one where a cart can
-        drive beside, once the combine has left its place; -1 = none.
-        """
-        passes, least = self._p.passes, self._break_off(peer.task) + LEAST
-        if passes[peer.task].cart_beside and (peer.phase == Phase.STANDS or peer.remaining > least):
-            return peer.task
-        if hypot(peer.x, peer.y) < (CLEAR if peer.phase == Phase.TURNS else APART):
-            return -1
-        then = range(peer.task + 1, min(peer.task + 1 + FORESIGHT, len(passes)))
-        return next((i for i in then if passes[i].cart_beside), -1)
-
     def _set_out(self, now: float, here: Place, peer: PeerState, goal: str) -> None:
         drives = peer.phase in (Phase.CUTS, Phase.TURNS) and hypot(peer.x, peer.y) < CLEAR
         if now < self._retry_at or (drives and goal != "combine"):
             return  # a combine that drives away from it is not driven past
         self._retry_at = now + RETRY
-        task = self._next_task(peer) if goal == "combine" else -1
-        discs = discs_of(self._others)
+        task = self._calls.next_task(peer) if goal == "combine" else -1
+        discs, rest = discs_of(self._others), [c for c in self._combines.values() if c is not peer]
         if goal == "combine":
-            found = self._ways.to_pass(here, task, peer, discs)
+            found = self._ways.to_pass(here, task, peer, discs, rest)
         else:
             place = self._p.wait_m if goal == "place" else None
-            found = self._ways.to_place(here, place or self._p.truck_m, peer, discs)
+            found = self._ways.to_place(here, place or self._p.truck_m, peer, discs, rest)
         if found is None:
+            self._calls.put_back(self._served, now)
             return
         self._points, self._number, self._way = found.points, self._number + 1, 0.0
         self._line = None
@@ -232,7 +215,7 @@ class Shuttle(KeepsState):
             self._phase = Phase.EMPTIES if empties and self._goal == "truck" else Phase.WAITS
             self._since, self._is_free = now, True
             return 0.0
-        withdrawn = self._goal == "combine" and withdraws(self._p.number, self._others)
+        withdrawn = self._goal == "combine" and self._calls.withdraws(peer, self._p.number, self._others)
         if withdrawn or (self._goal == "truck" and self._is_taken(drives=True)):
             self._phase, self._task = Phase.WAITS, -1
             return 0.0
@@ -245,6 +228,9 @@ class Shuttle(KeepsState):
         in_lane = self._way >= self._lane
         until = min(self._lane, line.length)
         free = inf if in_lane else self._clearance.way(here, line, self._way, until, peer, speed)
+        for said in self._combines.values():
+            if said is not peer:
+                free = min(free, self._clearance.way(here, line, self._way, line.length, said, speed))
         free = min(free, free_of(self._others, here, line, self._way, speed))
         if peer.age > SILENT and (in_lane or not self._clearance.is_in_way(here, peer)):
             return 0.0
@@ -271,7 +257,7 @@ class Shuttle(KeepsState):
 
     def _is_lost(self, peer: PeerState) -> bool:
         """The combine has left the pass that the cart drives to, or soon will."""
-        near_end = peer.remaining < self._break_off(peer.task)
+        near_end = peer.remaining < self._calls.break_off(peer.task)
         if peer.task < self._task:
             return False
         if peer.task > self._task or peer.phase == Phase.TURNS:
@@ -279,10 +265,6 @@ class Shuttle(KeepsState):
         return near_end and (
             not peer.may_unload if self._phase == Phase.BESIDE else peer.phase != Phase.STANDS
         )
-
-    def _break_off(self, task: int) -> float:
-        """Before the end of a pass [m]; behind the last one the combine stands and does not turn."""
-        return -inf if task + 1 == len(self._p.passes) else self._p.break_off_m
 
     def _is_in_line(self, peer: PeerState, station: Wanted) -> bool:
         is_there = peer.task == self._task and peer.may_unload and station.is_active
@@ -348,6 +330,7 @@ class Shuttle(KeepsState):
         job = JobState(
             t, int(self._phase), self._task, speed, nan, by_station=self._phase == Phase.BESIDE,
             empties=self._phase == Phase.EMPTIES and t / NS - self._since >= 0.5 * self._p.dock_s,
+            serves=self._served,
         )  # fmt: skip
         x, y = self._points.T
         return {"job": job, "path": GuidancePath(t, x, y, self._number)}

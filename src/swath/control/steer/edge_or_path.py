@@ -45,7 +45,8 @@ class Params:
 
     lost_s: without an edge until the path leads; found_s: with an edge until it leads again
     learn_m: way over which the line driven last is taken, at least half of it has to be driven
-    stray_m: where a job gives the path, the edge leads no farther than so beside it
+    stray_m: where a job gives the path, the edge leads no farther than so beside it, and only
+    where it lies so near
     """
 
     edge: EdgeParams = field(default_factory=EdgeParams)
@@ -95,7 +96,9 @@ class EdgeOrPath(KeepsState):
         edge: CropEdge | None = inputs["edge"]
         pose: PoseEstimate | None = inputs.get("pose")
         job: JobState | None = inputs.get("job")
-        is_seen = edge is not None and edge.is_found and (job is None or (job.by_edge and self._is_near))
+        is_seen = edge is not None and edge.is_found
+        if edge is not None and is_seen and job is not None:
+            is_seen = job.by_edge and self._is_near and self._is_planned(edge, pose)
         self._lost = 0.0 if is_seen else self._lost + dt / NS
         self._found = self._found + dt / NS if is_seen else 0.0
         if not self._is_led and self._lost >= self._p.lost_s:
@@ -119,6 +122,13 @@ class EdgeOrPath(KeepsState):
         self._edge.was_commanded(command.curvature)
         self._path.was_commanded(command.curvature)
         return {"command": command, "guidance": guidance}
+
+    def _is_planned(self, edge: CropEdge, pose: PoseEstimate | None) -> bool:
+        """Whether the edge leads along the path of the job, no farther than stray_m beside it."""
+        if pose is None or not isfinite(pose.x):
+            return True
+        off = self._path.beside(pose, edge.reference_x, self._edge.beside(edge))
+        return off is None or abs(off) <= self._p.stray_m
 
     def _remember(self, pose: PoseEstimate) -> None:
         """A place of the way along the edge."""

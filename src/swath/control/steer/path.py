@@ -191,6 +191,14 @@ class PathSteer(KeepsState):
         """Whether there is a path to follow."""
         return self._line is not None
 
+    def beside(self, pose: PoseEstimate, ahead: float, left: float) -> float | None:
+        """How far to the left of the path a place is, ahead and left of the machine [m]; None without one."""
+        if self._line is None or self._way is None:
+            return None
+        c, s = cos(pose.heading), sin(pose.heading)
+        x, y = pose.x + c * ahead - s * left, pose.y + s * ahead + c * left
+        return self._line.project(x, y, self._way + ahead, LOST).left
+
     def lead_along(self, line: GuidanceLine) -> None:
         """Another path of the own machine, instead of that of the scenario."""
         self._line, self._way = line, None

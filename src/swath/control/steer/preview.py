@@ -148,6 +148,10 @@ class Preview(KeepsState):
         self._command += min(max(wanted - self._command, -step), step)
         return {"command": SteerCommand(t + dt, self._command, self._lost <= self._p.hold_s)}
 
+    def beside(self, edge: CropEdge) -> float:
+        """How far to the left the machine is led [m] by the edge where it is reported."""
+        return edge.offset + self._outward - self._end[1]
+
     def was_commanded(self, curvature: float) -> None:
         """What really went out last [1/m], where another law may have had its way."""
         self._command = curvature

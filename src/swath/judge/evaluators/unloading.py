@@ -143,17 +143,25 @@ class Unloading:
             self._rows[name], self._every[name] = rows[::2], 2.0 * every
 
     def _judge(self, name: str, unload: UnloadState) -> None:
+        """Of several machines with a station, the one whose box is nearest to the stream is poured into."""
         state = self._latest.get((name, MachineState))
+        if not isinstance(state, MachineState):
+            return
+        px, py, _ = state.pose.apply([unload.impact_x, unload.impact_y, 0.0]).tolist()
+        found: list[tuple[float, float, float]] = []
         for (other, kind), station in self._latest.items():
             if kind is Station and isinstance(station, Station) and station.is_active:
                 middle = self._middle(other)
-                if isinstance(state, MachineState) and middle is not None:
+                if middle is not None:
                     x, y, yaw = middle
-                    px, py, _ = state.pose.apply([unload.impact_x, unload.impact_y, 0.0]).tolist()
                     dx, dy = px - x, py - y
-                    self._judged.append(unload.t / NS)
-                    self._along.append(abs(cos(yaw) * dx + sin(yaw) * dy - station.spot))
-                    self._across.append(abs(cos(yaw) * dy - sin(yaw) * dx))
+                    along = abs(cos(yaw) * dx + sin(yaw) * dy - station.spot)
+                    found.append((hypot(dx, dy), along, abs(cos(yaw) * dy - sin(yaw) * dx)))
+        if found:
+            _, along, across = min(found)
+            self._judged.append(unload.t / NS)
+            self._along.append(along)
+            self._across.append(across)
 
     def _middle(self, name: str) -> tuple[float, float, float] | None:
         """Middle of a machine's box and its heading, in the world."""

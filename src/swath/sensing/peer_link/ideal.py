@@ -157,7 +157,7 @@ def _work(inputs: Inputs) -> dict[str, Any]:
     job: JobState | None = inputs.get("peer_job")
     if job is None:
         return {}
-    told = {"phase": job.phase, "task": job.task, "remaining": job.remaining}
+    told = {"phase": job.phase, "task": job.task, "remaining": job.remaining, "come": job.come}
     return {**told, "may_unload": job.may_unload, "calls": job.calls}
 
 

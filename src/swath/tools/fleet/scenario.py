@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from swath.control.job.passes import Pass
+from swath.control.steer.path import Segment
 from swath.core.errors import InputError
 from swath.core.units import KMH
 from swath.job.fleet import FleetFile
@@ -15,11 +17,11 @@ from swath.job.path import Pose
 from swath.job.plan import FieldPlan
 from swath.machine.machine_sheet import open_machine
 from swath.tools.fleet.combine_turns import axle_at, turn_between
+from swath.tools.fleet.echelon import RUN_UP, assigned, members
 from swath.tools.fleet.waiting import waiting_places
 
 GRAIN_PER_STEM = 0.0018  # kg, wheat: 500 stems/m2 are 9 t/ha
 FAR = 80.0  # m, as in the other levels: a way beyond it is no turn
-RUN_UP = 4.0  # m before the first pass, where the combine starts
 RECEIVER: dict[str, Any] = {
     "gnss": {
         "level": "error", "receiver": "rtk", "antenna": {"y_m": 0.6}, "second_antenna": {"y_m": -0.6},
@@ -29,23 +31,36 @@ RECEIVER: dict[str, Any] = {
 """Two antennas, so that a machine that stands knows where it looks."""
 LEAST_STRAY = 0.2  # m beside the plan, up to which the edge leads; else as far as passes overlap
 RADIO: dict[str, Any] = {"level": "radio", "rate_hz": 10, "delay_ms": 100}
-MOST_CARTS = 2
+MOST_CARTS = MOST_COMBINES = 2
+TOLD = "line_m", "cart_beside", "combine"  # of a pass, to a cart
 LANDS = 0.5  # m, that the stream lands beyond the mouth of the pipe
 
 
 def scenario_of(file: FleetFile, plan: FieldPlan, fleet: Fleet, base: Path | None = None) -> dict[str, Any]:
     """The scenario as plain data. InputError for what this level cannot do."""
     _check(file, plan, fleet)
-    (combine,), carts = fleet.combines, fleet.carts
-    passes = passes_of(plan, combine, file)
-    machines = {combine.name: _combine(file, combine, carts, passes, plan, base)}
+    carts, combine = fleet.carts, fleet.combines[0]
+    passes = passes_of(plan, fleet.combines, file)
+    _check_last(passes)
+    team = members(told_passes(passes), fleet.combines, file) if len(fleet.combines) > 1 else []
+    machines = {}
+    for i, own in enumerate(fleet.combines):
+        made = _combine(file, own, carts, passes, plan, base)
+        if team:
+            made["start"] = _start(axle_at(plan.passes[i].start, own, team[i].start))
+            made["job"] |= team[i].job
+            made[f"peer_link_{len(carts)}"] = {**RADIO, "peer": fleet.combines[1 - i].name}
+        machines[own.name] = made
     truck = file.truck.x_m, file.truck.y_m
-    places = waiting_places(plan, combine, truck, len(carts)) if len(carts) > 1 else []
+    several = len(carts) > 1
+    places = waiting_places(plan, combine, truck, len(carts), len(fleet.combines)) if several else []
     for number, cart in enumerate(carts):
         made = _cart(file, combine, cart, passes, plan, base)
         if places:
             made |= {"start": _start(_facing(plan, *places[number]))} | _links(carts, cart)
             made["job"] |= {"number": number, "wait_m": _rounded(places[number])}
+        for i, other in enumerate(fleet.combines[1:], len(carts)):
+            made[f"peer_link_{i}"] = {**RADIO, "peer": other.name}
         machines[cart.name] = made
     ring = [_rounded(point) for point in plan.boundary[::-1].tolist()]
     way = math.fsum(p.length for p in plan.passes) + FAR * len(plan.passes)
@@ -73,7 +88,7 @@ def scenario_of(file: FleetFile, plan: FieldPlan, fleet: Fleet, base: Path | Non
 
 
 def _check(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> None:
-    for key, found, most in (("combines", fleet.combines, 1), ("carts", fleet.carts, MOST_CARTS)):
+    for key, found, most in (("combines", fleet.combines, MOST_COMBINES), ("carts", fleet.carts, MOST_CARTS)):
         if len(found) > most:
             raise InputError(key, len(found), f"expected {most} at most at the level with sensors")
     if plan.holes:
@@ -82,24 +97,49 @@ def _check(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> None:
         raise InputError("unload.mode", file.unload.mode, "expected on_the_go at the level with sensors")
 
 
-def passes_of(plan: FieldPlan, combine: Combine, file: FleetFile) -> list[dict[str, Any]]:
-    """Passes with the turns behind them."""
-    rows = []
+def _check_last(passes: list[dict[str, Any]]) -> None:
+    """A combine gives its last grain beside its last pass."""
+    last = {row.get("combine", 0): row for row in passes}
+    if not all(row["cart_beside"] for row in last.values()):
+        told = (
+            "expected a last pass of every combine beside which a cart can drive, at the level with sensors"
+        )
+        raise InputError("plan", None, told)
+
+
+def passes_of(plan: FieldPlan, combines: Sequence[Combine], file: FleetFile) -> list[dict[str, Any]]:
+    """Passes with the turns behind them, to the next one of the same combine."""
+    rows, by = [], assigned(plan, len(combines))
     for i, p in enumerate(plan.passes):
+        combine = combines[by[i]]
         grain = p.area * file.field.yield_t_ha / 10.0 / p.length
         row: dict[str, Any] = {
             "line_m": [_rounded(q) for q in p.line.tolist()],
             "cart_beside": bool(p.cart_beside),
             "speed_kmh": round(combine.speed_in(grain) / KMH, 4),
         }
-        if i + 1 < len(plan.passes):
+        if by[i]:
+            row["combine"] = by[i]
+        then = next((k for k in range(i + 1, len(by)) if by[k] == by[i]), None)
+        if then is not None:
             row["turn"] = [
                 {"length_m": q.length, "curvature_per_m": q.first, "to_per_m": q.last}
-                for q in turn_between(p, plan.passes[i + 1], combine)
+                for q in turn_between(p, plan.passes[then], combine)
                 if q.length > 1e-6
             ]
         rows.append(row)
     return rows
+
+
+def told_passes(rows: list[dict[str, Any]]) -> list[Pass]:
+    """The passes as a machine is told them."""
+    return [
+        Pass(
+            tuple((x, y) for x, y in row["line_m"]), row["cart_beside"], row["speed_kmh"],
+            tuple(Segment(**segment) for segment in row.get("turn", [])), row.get("combine", 0),
+        )
+        for row in rows
+    ]  # fmt: skip
 
 
 def _combine(
@@ -178,7 +218,7 @@ def _cart(
         "cooperate": "front_to_back",
         "job": {
             "level": "shuttle",
-            "passes": [{k: row[k] for k in ("line_m", "cart_beside")} for row in passes],
+            "passes": [{k: v for k, v in row.items() if k in TOLD} for row in passes],
             "boundary_m": [_rounded(q) for q in plan.boundary.tolist()],
             "header_m": combine.sheet.header_width,
             "beside_m": round(combine.pipe + LANDS, 3),

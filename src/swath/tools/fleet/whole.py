@@ -86,7 +86,7 @@ class Watch(RunHook):
     def _note(self, seen: _Seen, job: JobState) -> None:
         """What a machine did since its last sample."""
         now, state = job.t / NS, STATES.get(Phase(job.phase))
-        if job.phase in (Phase.STANDS, Phase.BESIDE) and self._is_pouring():
+        if job.phase in (Phase.STANDS, Phase.BESIDE) and self._is_pouring(seen, job):
             state = "unload" if job.phase == Phase.STANDS else "load"
         if state is not None:
             before = seen.timeline.spans[-1].state if seen.timeline.spans else ""
@@ -96,9 +96,14 @@ class Watch(RunHook):
             begin, _ = self.pass_times.get(job.task, (seen.since, 0.0))
             self.pass_times[job.task] = begin, now
 
-    def _is_pouring(self) -> bool:
-        pipes = [m.latest.get(UnloadState) for m in self.machines.values()]
-        return any(isinstance(p, UnloadState) and p.flow > 0.0 for p in pipes)
+    def _is_pouring(self, seen: _Seen, job: JobState) -> bool:
+        """Whether grain leaves the own pipe, or that of the machine whose pass a cart is beside."""
+        for other in self.machines.values():
+            pipe, work = other.latest.get(UnloadState), other.latest.get(JobState)
+            own = other is seen or (isinstance(work, JobState) and work.task == job.task)
+            if isinstance(pipe, UnloadState) and pipe.flow > 0.0 and own:
+                return True
+        return False
 
     def _burn(self, name: str, seen: _Seen, job: JobState) -> None:
         """Fuel of a tractor, whose data sheet has no engine; and the time is taken."""

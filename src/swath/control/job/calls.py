@@ -1,0 +1,91 @@
+"""The combines that a cart hears: what is left of their work, and which of them has called first."""
+
+from collections.abc import Mapping, Sequence
+from math import hypot, inf, isfinite
+
+from swath.control.cooperate.peer_track import OTHERS
+from swath.control.job.abreast import own_passes
+from swath.control.job.carts import OtherCart
+from swath.control.job.passes import Pass
+from swath.core.component import KeepsState
+from swath.signals import PeerState, Phase
+
+FORESIGHT = 2  # passes after the present one, for which it sets out
+APART = 45.0  # m from a combine that cuts, from where on it sets out for a pass to come
+CLEAR = 16.0  # m from a combine that turns, likewise; and from one that drives, before it sets out elsewhere
+LEAST = 15.0  # m of a pass beside the combine, for which it sets out
+PORTS = ("peer", *OTHERS)
+
+
+def combines_of(heard: Mapping[str, PeerState]) -> dict[int, PeerState]:
+    """The machines with a header, by their number as in `JobState.serves`."""
+    return {PORTS.index(name): said for name, said in heard.items() if isfinite(said.header_width)}
+
+
+def nearest(combines: Mapping[int, PeerState]) -> int:
+    """Number of the combine that is nearest."""
+    return min(combines, key=lambda number: hypot(combines[number].x, combines[number].y))
+
+
+class Calls(KeepsState):
+    """passes: of all combines; break_off: before the end of a pass [m]; but in a combine's last one"""
+
+    kept = ("_since",)
+
+    def __init__(self, passes: Sequence[Pass], break_off: float) -> None:
+        self._passes, self._break_off = passes, break_off
+        self._own = {work.combine: own_passes(passes, work.combine) for work in passes}
+        self._since: dict[int, float] = {}
+
+    @property
+    def combines(self) -> int:
+        """How many combines there are."""
+        return len(self._own)
+
+    def reset(self) -> None:
+        """Nobody calls."""
+        self._since = {}
+
+    def longest(
+        self, now: float, combines: Mapping[int, PeerState], others: Sequence[OtherCart]
+    ) -> tuple[int, float]:
+        """Number of the combine that has called for the longest, and for how long [s]; -1, -inf = none."""
+        for number, said in combines.items():
+            is_open = said.calls and not self.is_served(said, others) and self.next_task(said) >= 0
+            self._since[number] = min(self._since.get(number, inf), now) if is_open else inf
+        first = min(combines, key=lambda number: (self._since[number], number))
+        since = self._since[first]
+        return (first, now - since) if since < inf else (-1, -inf)
+
+    def put_back(self, number: int, now: float) -> None:
+        """There is no way to a combine now: who else calls goes before it."""
+        self._since[number] = now
+
+    def is_served(self, combine: PeerState, others: Sequence[OtherCart]) -> bool:
+        """Whether another cart serves a combine."""
+        return any(self._serves(cart, combine) for cart in others)
+
+    def withdraws(self, combine: PeerState, own_number: int, others: Sequence[OtherCart]) -> bool:
+        """Whether a cart before it by number took the same call at the same time."""
+        return any(self._serves(cart, combine) and cart.number < own_number for cart in others)
+
+    def _serves(self, cart: OtherCart, combine: PeerState) -> bool:
+        of = self._passes[combine.task].combine
+        return cart.said.task >= 0 and self._passes[cart.said.task].combine == of
+
+    def next_task(self, peer: PeerState) -> int:
+        """The combine's pass, where enough is left of it or it stands; else the next one where a cart can
+        drive beside, once the combine has left its place; -1 = none.
+        """
+        passes, least = self._passes, self.break_off(peer.task) + LEAST
+        if passes[peer.task].cart_beside and (peer.phase == Phase.STANDS or peer.remaining > least):
+            return peer.task
+        if hypot(peer.x, peer.y) < (CLEAR if peer.phase == Phase.TURNS else APART):
+            return -1
+        own = self._own[passes[peer.task].combine]
+        then = own[own.index(peer.task) + 1 :][:FORESIGHT]
+        return next((i for i in then if passes[i].cart_beside), -1)
+
+    def break_off(self, task: int) -> float:
+        """Before the end of a pass [m]; behind its last one a combine stands and does not turn."""
+        return -inf if task == self._own[self._passes[task].combine][-1] else self._break_off

@@ -1,0 +1,64 @@
+"""Jobs of the level with sensors at a low cost: the edge known, kinematic machines, slow slots."""
+
+import pickle
+from pathlib import Path
+
+from swath.job.machines import fleet_of
+from swath.job.work import plan_of
+from swath.record.digest import Digest
+from swath.runtime.assembly import assemble
+from swath.runtime.evaluation import make_evaluation
+from swath.runtime.loop import drive
+from swath.scenario.scenario import parse_scenario
+from swath.tools.fleet.whole import scenario_text
+
+
+def cheap_sets(combines, carts):
+    """Changes of the scenario of a job with these machines."""
+    made = [f"{m}.motion=kinematic" for m in (*combines, *carts)]
+    for m in (*combines, *carts):
+        made += [f"{m}.gnss.level=ideal", f"{m}.gnss.rate_hz=5"]
+        made += [f"{m}.{s}.rate_hz=10" for s in ("motion", "steering", "pose", "odometry", "steer", "speed")]
+    for m in combines:
+        made += [f"{m}.{key}" for key in (
+            "lidar=off", "scan_filter=off", "edge={level: truth, wires: {}}", "imu=off", "edge.rate_hz=10",
+            "job.unload_to_m=15", "header.rate_hz=10", "process.rate_hz=5",
+        )]  # fmt: skip
+    for m in carts:
+        made += [f"{m}.job.break_off_m=15", *(f"{m}.{s}.rate_hz=10" for s in ("imu", "cooperate", "heap"))]
+    return made
+
+
+class CheapRun:
+    """A job run until it ends, or until a time. latest: signals by machine and kind"""
+
+    def __init__(self, file, until_s=None, state=None, sets=None):
+        fleet = fleet_of(file)
+        self.plan = plan_of(file, fleet, None)
+        text = scenario_text(file, self.plan, fleet, None)
+        sets = cheap_sets(file.combines, file.carts) if sets is None else sets
+        self.world = assemble(parse_scenario(text, base=Path.cwd(), sets=sets))
+        self.digest, self.evaluation, self.latest = Digest(), make_evaluation(self.world), {}
+        if state is not None:
+            self.world.load(state["world"])
+            self.digest.load(state["digest"])
+        self.go_on(until_s, resume=state is not None)
+
+    def go_on(self, until_s=None, *, resume=True):
+        drive(self.world, [self.digest, self.evaluation, self._keep], until_s=until_s, resume=resume)
+        return self
+
+    def saved(self):
+        return pickle.loads(pickle.dumps({"world": self.world.save(), "digest": self.digest.save()}))
+
+    def of(self, machine, kind):
+        return self.latest[machine, kind]
+
+    def _keep(self, slot, t, outputs):
+        machine = slot.partition(".")[0]
+        for signal in outputs.values():
+            self.latest[machine, type(signal)] = signal
+        self.see(slot, t)
+
+    def see(self, slot, t):
+        """What a test keeps of it, at every step of a slot."""

@@ -1,0 +1,238 @@
+"""Two combines in echelon that hear each other, and their carts: until the field is empty."""
+
+from collections import defaultdict
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from swath.control.job.abreast import Abreast, GivesWay, begins_ahead, leader_of
+from swath.control.job.calls import Calls
+from swath.control.job.passes import Pass
+from swath.core.errors import InputError
+from swath.job.machines import fleet_of
+from swath.job.work import plan_of
+from swath.signals import HeapState, JobState, PeerState, Phase, UnloadState
+from swath.tools.fleet import echelon
+from swath.tools.fleet.scenario import passes_of, scenario_of, told_passes
+from swath.tools.fleet.whole import share_uncut
+from tests.job.cheap import CheapRun
+from tests.job.jobs import job_file
+
+LAG = 25.0
+COMBINES = "combine_0", "combine_1"
+SAVED_AT = 150.0  # s, grain flows
+
+
+def file_of(carts, north, lag=LAG, east=60.0, **changes):
+    """combine-5m in echelon: six passes are 28.5 m."""
+    made = {
+        "plan": {"headland_rounds": 0}, "team": {"together": "echelon", "lag_m": lag},
+        "truck": {"x_m": -25.0, "y_m": 45.0, "dock_s": 4.0},
+        "combine": {"machine": "combine-5m", "call_percent": 5.0, "tank_start_percent": 8.0},
+        "cart": {"leave_percent": 1.0} if carts > 1 else {}, **changes,
+    }  # fmt: skip
+    ring = [(0.0, 0.0), (east, 0.0), (east, north), (0.0, north)]
+    return job_file(combines=2, carts=carts, boundary_m=ring, **made)
+
+
+class Run(CheapRun):
+    """rows: at every step of the second combine's job, both combines' passes and ways along them [m];
+    served: combines (by number) that a cart took grain of; by: who cut which pass
+    """
+
+    def __init__(self, file, **given):
+        self.rows, self.served, self.by = [], defaultdict(set), defaultdict(set)
+        super().__init__(file, **given)
+
+    def see(self, slot, t):
+        machine, _, name = slot.partition(".")
+        if name == "job" and machine in COMBINES and self.of(machine, JobState).phase == Phase.CUTS:
+            self.by[self.of(machine, JobState).task].add(machine)
+        if slot == "combine_1.job" and (COMBINES[0], UnloadState) in self.latest:
+            jobs = [self.of(c, JobState) for c in COMBINES]
+            self.rows.append([v for job in jobs for v in (job.task, job.come, job.phase)])
+            for number, combine in enumerate(COMBINES):
+                if self.of(combine, UnloadState).flow > 0.0:
+                    for cart in self.plan_carts:
+                        job = self.of(cart, JobState)
+                        if job.phase == Phase.BESIDE and job.task == jobs[number].task:
+                            self.served[cart].add(number)
+
+    @property
+    def plan_carts(self):
+        return [name for name in self.world.machines if name.startswith("cart")]
+
+
+@pytest.fixture(scope="module")
+def run():
+    first = Run(file_of(1, 28.5), until_s=SAVED_AT)
+    state = first.saved()
+    return first.go_on(), state
+
+
+def check_done(done, carts):
+    """All cut, all grain at the truck, nothing lost, nothing touched."""
+    assert "the field is empty" in done.world.graph.ended
+    assert share_uncut(done.world.field, done.plan) < 1e-3
+    heaps = [done.of(cart, HeapState) for cart in carts]
+    assert sum(heap.grain for heap in heaps) == pytest.approx(0.0, abs=1e-6)
+    assert sum(heap.emptied for heap in heaps) > 0.95 * done.plan.area * 0.8
+    metrics = done.evaluation.metrics("field")
+    assert metrics["mass_balance_error"] < 1e-9
+    assert metrics["spill_share"] <= 1e-3
+    for name in (*COMBINES, *carts):
+        metrics = done.evaluation.metrics(name)
+        assert metrics["contact_count"] == 0.0
+        assert metrics["least_clearance_m"] > 0.3
+
+
+def test_two_combines_and_one_cart_until_the_field_is_empty(run):
+    check_done(run[0], ("cart_0",))
+    assert run[0].served["cart_0"] == {0, 1}
+
+
+def test_every_pass_is_cut_by_the_combine_that_it_was_given_to(run):
+    assert dict(run[0].by) == {task: {COMBINES[task % 2]} for task in range(6)}
+
+
+def test_the_one_behind_keeps_its_distance(run):
+    """Along the pass beside, from its begin to the end of the pass of the one ahead."""
+    rows = np.array(run[0].rows)
+    pair = (
+        (rows[:, 3] == rows[:, 0] + 1) & (rows[:, 4] > 0.0) & (rows[:, 1] < 60.0) & (rows[:, 2] == Phase.CUTS)
+    )
+    assert pair.sum() > 100
+    gap = (rows[:, 1] - rows[:, 4])[pair]
+    assert gap.min() > LAG - 0.5
+    assert np.median(gap) < LAG + 8.0
+
+
+def test_the_same_digest_with_one_thread_and_after_save_and_load(run, monkeypatch):
+    done, state = run
+    monkeypatch.setenv("SWATH_THREADS", "1")
+    again = Run(file_of(1, 28.5), state=state)
+    assert again.digest.hex == done.digest.hex
+
+
+def test_two_combines_and_two_carts_until_the_field_is_empty():
+    done = Run(file_of(2, 28.5))
+    check_done(done, ("cart_0", "cart_1"))
+    assert all(done.of(cart, HeapState).emptied > 100.0 for cart in ("cart_0", "cart_1"))
+    # each pipe is judged against the box below it, not against that of the other cart
+    assert done.evaluation.metrics("field")["station_along_max_m"] < 4.0
+
+
+def members_of(file):
+    fleet = fleet_of(file)
+    passes = told_passes(passes_of(plan_of(file, fleet, None), fleet.combines, file))
+    return passes, fleet.combines, echelon.members(passes, fleet.combines, file)
+
+
+def driven(passes, combines, team, lag, rng, *, obey=True):
+    """Both ways driven in steps of 0.5 m with stops at random, by what each hears of the other one: least
+    distance of their outlines [m]; None where both stand for good.
+    """
+    units, places, rules = [], [], []
+    for number, member in enumerate(team):
+        outs = echelon.run_outs(2)
+        routes = echelon._routes(passes, number, combines[number], outs[number])
+        made = echelon._samples(routes, passes, combines[number], member.start, 0.3)
+        units.append((routes, made))
+        places.append(echelon._bodies(made.place, combines[number], shapely))
+        rules.append([GivesWay(**rule) for rule in member.job["gives_way"] if obey])
+    minds = [Abreast(passes, n, lag if obey else -1e3, rules[n]) for n in range(2)]
+    at, least, idle = [0, 0], np.inf, 0
+    stops = [0, 0]
+    while any(at[n] < len(units[n][1].way) - 1 for n in range(2)):
+        moved = False
+        heard = [told(units[n][1], at[n], passes) for n in range(2)]
+        for n in range(2):
+            routes, made = units[n]
+            if at[n] == len(made.way) - 1:
+                continue
+            stops[n] = stops[n] - 1 if stops[n] > 0 else int(rng.integers(20, 150)) * (rng.random() < 0.02)
+            task, index = int(made.task[at[n]]), sorted(routes).index(made.task[at[n]])
+            route = routes[task]
+            free = minds[n].free(index, made.way[at[n]], route.length + route.turn, [heard[1 - n]])
+            moved |= stops[n] > 0
+            if stops[n] == 0 and free > 0.3:
+                at[n] += 1
+                moved = True
+        idle = 0 if moved else idle + 1
+        if idle > 2:
+            return None
+        least = min(least, shapely.distance(places[0][at[0]], places[1][at[1]]))
+    return least
+
+
+def told(made, at, passes):
+    """The message of a combine at one of its samples."""
+    task, way = int(made.task[at]), float(made.way[at])
+    (ax, ay), (bx, by) = passes[task].line_m
+    phase = Phase.CUTS if way <= np.hypot(bx - ax, by - ay) + 0.3 else Phase.TURNS
+    phase = Phase.DONE if at == len(made.way) - 1 else phase
+    nothing = [0.0] * 5
+    return PeerState(0, True, 0.1, *nothing, phase=phase, task=task, come=way)
+
+
+@pytest.mark.parametrize(
+    ("north", "lag", "east"), [(28.5, 22.0, 50.0), (23.0, 30.0, 40.0), (46.0, 40.0, 90.0)]
+)
+def test_the_order_at_the_turns_neither_lets_them_touch_nor_stand_for_good(north, lag, east):
+    """However long one of them stops, and wherever; without the rules they come over each other."""
+    passes, combines, team = members_of(file_of(1, north, lag, east))
+    rng = np.random.default_rng(3)
+    least = [driven(passes, combines, team, lag, rng) for _ in range(4)]
+    assert None not in least
+    assert min(least) > 0.5
+    assert min(driven(passes, combines, team, lag, rng, obey=False) for _ in range(4)) == 0.0
+
+
+def message(task, come, phase=Phase.CUTS):
+    return PeerState(0, True, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, phase=phase, task=task, come=come, calls=True)
+
+
+BESIDE = (
+    Pass(((0.0, 0.0), (0.0, 80.0))),
+    Pass(((5.0, 4.0), (5.0, 80.0)), combine=1),
+    Pass(((30.0, 80.0), (30.0, 0.0))),
+)
+
+
+def test_how_far_the_one_behind_may_go():
+    mind = Abreast(BESIDE, 1, 20.0, [GivesWay(1, 60.0, 2, 10.0)])
+    assert leader_of(BESIDE, 1) == 0
+    assert leader_of(BESIDE, 2) is None
+    assert begins_ahead(BESIDE[0], BESIDE[1]) == pytest.approx(-4.0)
+    assert mind.free(0, 2.0, 100.0, [message(0, 50.0)]) == pytest.approx(50.0 - 4.0 - 20.0 - 2.0)
+    assert mind.free(0, 2.0, 100.0, [message(0, 81.0, Phase.TURNS)]) == pytest.approx(58.0)
+    assert mind.free(0, 2.0, 100.0, [message(2, 10.1)]) == np.inf
+    assert mind.free(0, -9.0, 100.0, []) == pytest.approx(8.0)  # nothing heard: not into the pass
+
+
+def test_a_call_without_a_way_is_put_back():
+    calls = Calls(BESIDE, 15.0)
+    combines = {k: replace(message(k, 10.0), remaining=50.0) for k in (0, 1)}
+    assert calls.longest(10.0, combines, [])[0] == 0
+    calls.put_back(0, 12.0)
+    assert calls.longest(12.0, combines, []) == (1, 2.0)
+
+
+@pytest.mark.parametrize(("file", "said"), [
+    (file_of(1, 28.5, team={"together": "own_lands"}), "echelon"),
+    (file_of(1, 28.5, lag=15.0), "lag_m"),
+    (file_of(1, 18.0), "last pass"),
+    (file_of(1, 40.0, plan={"headland_rounds": 1}), "opening rounds"),
+])  # fmt: skip
+def test_what_two_combines_cannot_do_is_refused(file, said):
+    fleet = fleet_of(file)
+    with pytest.raises(InputError, match=said):
+        scenario_of(file, plan_of(file, fleet, None), fleet)
+
+
+def test_passes_on_which_they_cannot_keep_clear_are_refused():
+    """Three of them: the first combine's way leads back beside the last pass of the second."""
+    with pytest.raises(InputError, match="keep clear"):
+        members_of(file_of(1, 12.0))
