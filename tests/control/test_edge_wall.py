@@ -8,7 +8,8 @@ from swath.control.edge.blocks import Found
 from swath.control.edge.canopy_classes import CELL, CLASSES, HALF
 from swath.control.edge.canopy_rays import RayAnswers
 from swath.control.edge.edge_breaks import EdgeBreaks
-from swath.control.edge.edge_wall import EVEN, JaggedWall, Wall, place_along, wall_of
+from swath.control.edge.edge_wall import EVEN, TURNED, JaggedWall, Wall, WallsBehind, place_along, wall_of
+from swath.control.edge.near_line import EdgePoints
 from swath.signals import Odometry
 from tests.control.synthetic_edge import Scanner, Stand, mounting
 from tests.control.test_likelihood_ratio import PERIOD, SPEED, detector, drive
@@ -37,6 +38,51 @@ def test_a_block_lies_at_its_wall_where_the_edge_turns_away():
     assert place_along(wall, 0.5, -0.3) == pytest.approx(1.0)
     assert place_along(wall, 0.5, -0.9) == pytest.approx(1.5)
     assert place_along(Wall(np.nan, np.nan), 0.5, -0.9) == 0.5
+
+
+def begin_of_bend(radius, ahead, begin=4.0):
+    """(walls, points, track, its angle [rad]) of an edge that bends away, of which the track knows late.
+
+    Blocks are put `ahead` [m] before their walls.
+    """
+    walls, points, track, angle = WallsBehind(), EdgePoints(), ArcTrack(), 0.0
+    for way in 0.4 * np.arange(23):
+        turn = max(way + ahead - begin, 0.0) / radius
+        x, u = min(way + ahead, begin) + radius * np.sin(turn), radius * (np.cos(turn) - 1.0)
+        points.add(x - ahead * np.cos(angle), u - ahead * np.sin(angle), 1e-4, way)
+        walls.add(way, angle, ahead)
+        angle = -max(way - 1.0 - begin, 0.0) / radius
+        if track.arc is None:
+            track.begin(Arc(*points.rows[0, :2].tolist(), 0.0, 0.0))
+        track.advance(0.4)
+        track.accept(points.rows[-1, 1] - track.arc.u, 1e-4)
+    return walls, points, track, angle
+
+
+def beside_bend(rows, radius, begin=4.0):
+    """How far points (n, >= 2) lie beside such an edge [m]."""
+    x, u = rows[:, 0] - begin, rows[:, 1]
+    return np.where(x > 0.0, radius - np.hypot(x, u + radius), -u)
+
+
+def test_what_was_seen_of_a_bend_lies_at_its_wall_once_the_edge_has_turned():
+    walls, points, track, angle = begin_of_bend(15.0, 1.0)
+    begun = slice(8, 13)  # blocks
+    before = np.abs(beside_bend(points.rows[begun], 15.0)).max()
+    moves = walls.moves(angle)
+    points.move(moves)
+    assert before > 0.03
+    assert np.abs(beside_bend(points.rows[begun], 15.0)).max() < 0.005
+    assert not len(walls.moves(angle))
+    track.retrace(float(moves[:, 0].min()), points.rows)
+    assert track.arc.way == pytest.approx(points.rows[-1, 3], abs=0.5)
+
+
+def test_along_an_edge_that_goes_straight_on_no_point_is_moved():
+    walls, _, _, angle = begin_of_bend(1e9, 1.0)
+    assert not len(walls.moves(angle))
+    assert not len(walls.moves(angle - 0.9 * TURNED[0]))
+    assert not len(walls.moves(angle + 0.5))
 
 
 def test_a_wall_to_and_fro_is_jagged():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swath.control.inclination import Inclination
+from swath.control.inclination import BIAS, KNOWN, Inclination
 from swath.core.frames import Pose, rotation_matrix
 from swath.signals import Inertial
 
@@ -41,6 +41,18 @@ def test_a_standing_tilt(roll, pitch):
     assert angle(filtered, up) < 0.02
     assert filtered.rise[1] == pytest.approx(np.tan(roll * DEG) / np.cos(0), abs=2e-3)
     assert np.sign(filtered.rise[0]) == -np.sign(pitch)
+
+
+def test_a_first_sample_that_says_something_else_is_soon_forgotten():
+    """Put down on a slope, a machine slides before its tyres hold it."""
+    filtered = Inclination(None)
+    for k in range(1, 51):
+        aside = 0.0 if k <= 2 else 9.8 * np.sin(7.0 * DEG)
+        filtered.take((Inertial(k * 40_000_000, 0.0, 0.0, 0.0, 0.0, aside, 9.8),), 0.0)
+        if k == 20:
+            assert filtered.rise[1] > 0.85 * np.sin(7.0 * DEG)
+    assert filtered.rise[1] > 0.95 * np.sin(7.0 * DEG)
+    assert np.abs(filtered.numbers[BIAS:KNOWN]).max() < 0.05 * DEG
 
 
 def test_waves_in_the_ground_are_followed():

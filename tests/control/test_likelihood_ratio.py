@@ -34,22 +34,32 @@ from tests.control.test_edge_hostile import check, odometry, scans, stamped
 PERIOD, SPEED = 40_000_000, 2.0
 
 
-def detector(side="left", usual=0.0, **params):
-    setup = replace(setup_of(side, 0.04, mounting(side)), crop_height=usual)
+def detector(side="left", usual=0.0, mounted=None, **params):
+    setup = replace(setup_of(side, 0.04, mounted or mounting(side)), crop_height=usual)
     made = LikelihoodRatio(Params(slip_percent=0.0, **params), setup)
     made.reset(Stream(1, "edge"))
     return made
 
 
 def drive(
-    course=None, *, metres=20.0, side="left", stand=None, speed=SPEED, seed=0, y=0.1, inside=None, **made
+    course=None,
+    *,
+    metres=20.0,
+    side="left",
+    stand=None,
+    speed=SPEED,
+    seed=0,
+    y=0.1,
+    inside=None,
+    mounted=None,
+    **made,
 ):
     """(edges, their errors [m], > 0 to the left) of a machine that drives along its course."""
     sign = 1.0 if side == "left" else -1.0
     course = course or Course(y=6.0 * sign)
     inside = inside or (lambda x, y: -sign * course.left_of(x, y))
-    scanner = Scanner(Stand(inside, **(stand or {})), mounting(side))
-    level, rng = detector(side, **made), np.random.default_rng(seed)
+    scanner = Scanner(Stand(inside, **(stand or {})), mounted or mounting(side))
+    level, rng = detector(side, mounted=mounted, **made), np.random.default_rng(seed)
     pose, edges, errors = [0.0, course.y - 6.0 * sign + y * sign, 0.0], [], []
     for k in range(round(metres / (speed * 0.04))):
         yaw_rate = speed / (course.radius + course.y) if pose[0] > course.bend_at else 0.0

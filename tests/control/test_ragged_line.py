@@ -44,3 +44,13 @@ def test_a_saw_is_smoothed(depth, period):
     assert np.std([e.heading for e in edges[late]]) < 0.5 * depth / period
     deviation = np.mean([e.offset_sd for e in edges[late]])
     assert deviation > 0.25 * depth
+
+
+@pytest.mark.parametrize(("depth", "period", "begin"), [(0.55, 8.0, 4.0), (0.5, 5.0, 2.5)])
+def test_a_saw_is_smoothed_from_its_first_tooth_on(depth, period, begin):
+    """Its wall lies to and fro before its depth is seen: no tooth is followed, none is left standing."""
+    edges, error = drive(inside=lambda x, y: 6.0 - y - depth * ((begin - x) / period % 1.0), metres=26.0)
+    inside = -error[60:]
+    assert all(e.is_found and e.confidence < 0.5 for e in edges[60:])
+    assert inside.max() < 0.14
+    assert inside.min() > -0.1

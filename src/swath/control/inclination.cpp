@@ -4,10 +4,10 @@
 // In and out: m, see inclination.py, whose offsets these are.
 
 typedef double D;
-D *m = (D*)memory.data, *up = m + 2, *bias = m + 5, *known = m + 8, *last = m + 9, *speed_before = m + 10;
-const D *turn = m + 11, *samples = m + 20, speed = m[1];
+D *m = (D*)memory.data, *up = m + 2, *bias = m + 5, *known = m + 8, *last = m + 9, *speed_before = m + 10, *since = m + 20;
+const D *turn = m + 11, *samples = m + 21, speed = m[1];
 const int rows = (int)m[0];
-constexpr D NS = 1e9, SETTLE_S = 3.0, BIAS_S = 30.0, LEAST_FORCE = 1.0;
+constexpr D NS = 1e9, SETTLE_S = 3.0, LEAST_S = 1e-6, BIAS_S = 30.0, LEAST_FORCE = 1.0;
 
 ExactSum sums[6];
 int count = 0;
@@ -44,7 +44,11 @@ if (!was_known) {
   *known = 1.0;
   return;
 }
-const D pull = seconds / SETTLE_S < 1.0 ? seconds / SETTLE_S : 1.0, push = pull / BIAS_S;
+*since = *since + seconds;
+D over = *since + seconds < SETTLE_S ? *since + seconds : SETTLE_S;
+over = over > LEAST_S ? over : LEAST_S;
+const D pull = seconds / over < 1.0 ? seconds / over : 1.0;
+const D push = (seconds / SETTLE_S < 1.0 ? seconds / SETTLE_S : 1.0) / BIAS_S;
 const D a = up[0], b = up[1], c = up[2];
 D now[3] = {a - seconds * (q * c - r * b), b - seconds * (r * a - p * c), c - seconds * (p * b - q * a)};
 bias[0] = bias[0] + push * (now[1] * to[2] - now[2] * to[1]);

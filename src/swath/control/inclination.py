@@ -3,7 +3,8 @@
 A complementary filter on the direction of gravity, the vector form of Mahony, Hamel & Pflimlin 2008
 (doi:10.1109/TAC.2008.923738): gyroscopes turn the last estimate, the specific force pulls it back over some
 seconds, less what driving adds to it: dv/dt forward, v r to the left and -v q upward, with the turn rates q
-and r about y and z. What the pull has to undo again and again is the gyroscopes' bias.
+and r about y and z. What the pull has to undo again and again is the gyroscopes' bias. In the first seconds
+the pull is that of a mean over all samples so far: the first of them may say anything.
 """
 
 from collections.abc import Sequence
@@ -19,14 +20,15 @@ from swath.core.schedule import NS
 from swath.signals import F64, Inertial
 
 SETTLE_S = 3.0  # time constant of the pull of gravity [s]
+LEAST_S = 1e-6  # samples of one moment
 BIAS_S = 30.0  # the same of the gyroscopes' bias [s]
 CRAB = 0.27  # side slip per side force in g: about 1 / the tyres' cornering stiffness over load
 GRAVITY = 9.81  # m/s2
 LEAST_FORCE = 1.0  # m/s2: a smaller specific force has no direction
 # Numbers of the shared memory: samples and speed of the step; direction upward, bias of the gyroscopes,
-# whether samples came in, time and speed then; rotation of the unit.
+# whether samples came in, time and speed then; rotation of the unit; for how long samples have come in.
 STEP, UPWARD = Struct("2d"), Struct("3d")
-UP, BIAS, KNOWN, TIME, SPEED, TURN = 2, 5, 8, 9, 10, 11
+UP, BIAS, KNOWN, TIME, SPEED, TURN, SINCE = 2, 5, 8, 9, 10, 11, 20
 
 
 class Inclination(KeepsState):
@@ -36,16 +38,16 @@ class Inclination(KeepsState):
     is_known: samples came in
     """
 
-    kept = ("_up", "is_known", "_bias", "_t", "_speed")
+    kept = ("_up", "is_known", "_bias", "_t", "_speed", "_since")
     is_known = Number(KNOWN, bool)
     _up, _bias = Numbers(slice(UP, BIAS)), Numbers(slice(BIAS, KNOWN))
-    _t, _speed = Number(TIME, int), Number(SPEED, float)
+    _t, _speed, _since = Number(TIME, int), Number(SPEED, float), Number(SINCE, float)
 
     def __init__(self, mounting: Pose | None) -> None:
         self._turn = (np.eye(3) if mounting is None else mounting.rotation).tolist()
         self._memory = InertialMemory("take_inclination")
         self.numbers = self._memory.numbers
-        self.numbers[TURN:] = [v for row in self._turn for v in row]
+        self.numbers[TURN:SINCE] = [v for row in self._turn for v in row]
         self.clear()
 
     def clear(self) -> None:
@@ -53,7 +55,7 @@ class Inclination(KeepsState):
         self._up = [0.0, 0.0, 1.0]
         self.is_known = False
         self._bias = [0.0, 0.0, 0.0]
-        self._t, self._speed = 0, 0.0
+        self._t, self._speed, self._since = 0, 0.0, 0.0
 
     def take(self, samples: Sequence[Inertial] | None, speed: float) -> None:
         """Samples since the last call, oldest first, and the measured speed [m/s]. None: there is no unit."""
@@ -94,10 +96,11 @@ class Inclination(KeepsState):
         if not self.is_known:
             self._up, self.is_known = [x, y, z], True
             return
-        pull = min(1.0, seconds / SETTLE_S)
+        self._since += seconds
+        pull = min(1.0, seconds / max(min(SETTLE_S, self._since + seconds), LEAST_S))
         a, b, c = self._up  # what the turn leaves of it, then what the force pulls it to
         a, b, c = a - seconds * (q * c - r * b), b - seconds * (r * a - p * c), c - seconds * (p * b - q * a)
-        push = pull / BIAS_S
+        push = min(1.0, seconds / SETTLE_S) / BIAS_S
         self._bias = [
             bias_p + push * (b * z - c * y),
             bias_q + push * (c * x - a * z),

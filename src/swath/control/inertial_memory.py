@@ -9,7 +9,7 @@ import numpy as np
 from swath.kernels import launch_on
 from swath.signals import F64, Inertial
 
-SAMPLES, ROOM = 20, 32  # where samples begin; how many there may be
+SAMPLES, ROOM = 21, 32  # where samples begin; how many there may be
 ROW = Struct("7d")
 T = TypeVar("T", int, float, bool)
 

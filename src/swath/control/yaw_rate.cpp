@@ -6,7 +6,7 @@
 typedef double D;
 D *m = (D*)memory.data, *angle = m + 5, *unit = m + 8;  // of each: means, and the seconds they are over
 const D rate = m[1], speed = m[2], steer = m[3], seconds = m[4], wheelbase = m[10];
-const D *up = m + 11, *samples = m + 20;
+const D *up = m + 11, *samples = m + 21;
 const int rows = (int)m[0];
 constexpr D ANGLE = 0.2 * (3.141592653589793 / 180.0), UNDERSTEER = 10.0 * 0.01, MEMORY_S = 20.0;
 auto is_finite = [](D x) { return x - x == 0.0; };

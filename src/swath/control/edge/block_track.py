@@ -15,7 +15,7 @@ from swath.control.edge.canopy_classes import HEADROOM
 from swath.control.edge.canopy_feet import CanopyFeet
 from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
 from swath.control.edge.edge_breaks import LEAD, LEAST_GAIN, OUT, WIDEST, EdgeBreaks, is_sunken
-from swath.control.edge.edge_wall import JaggedWall, Wall, place_along, wall_of
+from swath.control.edge.edge_wall import JaggedWall, Wall, WallsBehind, place_along, wall_of
 from swath.control.edge.inner_edge import LONG
 from swath.control.edge.lodging import DENSE, Lodging
 from swath.control.edge.near_line import WAY, EdgePoints
@@ -71,7 +71,7 @@ class BlockTrack(KeepsState):
     kept = (
         "track", "points", "populations", "feet", "height", "agreed", "scatter", "blank", "followed",
         "_block", "_scans", "_is_broken", "_scatters", "_lost", "bite", "turn_sd", "_breaks", "_lodging",
-        "jagged", "_bends",
+        "jagged", "_bends", "_walls",
     )  # fmt: skip
 
     def __init__(self, search: Search) -> None:
@@ -79,6 +79,7 @@ class BlockTrack(KeepsState):
         self.track, self.points, self._block = ArcTrack(), EdgePoints(), Block()
         self.populations, self.feet = Populations(search.usual), CanopyFeet()
         self._breaks, self._lodging, self.jagged = EdgeBreaks(), Lodging(), JaggedWall()
+        self._walls = WallsBehind()
         self.clear()
 
     def clear(self) -> None:
@@ -88,6 +89,7 @@ class BlockTrack(KeepsState):
         self._breaks.clear()
         self._lodging.clear()
         self.jagged.clear()
+        self._walls.clear()
         self._scans: list[RayAnswers] = []
         self.height, self.agreed, self.scatter = HEIGHT, 0.0, 0.0
         self.blank, self.followed = 0.0, 0
@@ -157,6 +159,7 @@ class BlockTrack(KeepsState):
         x, u = frame.x + c * along - s * place, frame.u + s * along + c * place
         c, s = float(np.cos(at[2])), float(np.sin(at[2]))
         self.points.clear()
+        self._walls.clear()
         self.followed, self.bite, self._bends = 0, 0.0, float("-inf")
         self.track.begin(Arc(at[0] + c * x - s * u, at[1] + s * x + c * u, at[2] + frame.angle, 0.0))
         return True
@@ -170,7 +173,7 @@ class BlockTrack(KeepsState):
     def _is_front(self) -> bool:
         """The crop rises from block to block: what is seen is its front, from a headland before it."""
         now = self.populations.height_of(self._block.sides(0.0)[0])
-        return now > self.height + RISES
+        return now > self.height + RISES and not self._lodging.is_uneven
 
     def _is_another(self, frame: EdgeFrame, place: float, at: tuple[float, float, float]) -> bool:
         """An edge that lies beside the line just lost is not that edge, but the far wall of a hole."""
@@ -258,7 +261,10 @@ class BlockTrack(KeepsState):
         angle = edge.angle - heading
         if not (was_broken or self._is_broken):
             self.jagged.add(wall, self._middle, angle, self._block.travel)
+        if is_dense and isfinite(wall.along) and self.followed >= YOUNG:
+            self._walls.add(edge.way, edge.angle, wall.along - along)
         self._smooth(heading)
+        self._turn_away()
         self.agreed += 0.2 * (1.0 - self.agreed)
         self.feet.learn(self._scans, self._block.counts, found.beside, self._block.travel, self.height, angle)
 
@@ -275,6 +281,17 @@ class BlockTrack(KeepsState):
         self.bite = bite if is_known or (bite >= DEEP and angle < ALONG) else 0.0
         if self.bite > 0.0:
             self.track.arc, self.turn_sd = ragged_line(self.points.rows, arc, heading)
+
+    def _turn_away(self) -> None:
+        """Where the edge has turned away, what was seen of its begin lies at its wall."""
+        arc = self.track.arc
+        if arc is None or self.bite > 0.0:
+            self._walls.clear()
+            return
+        moves = self._walls.moves(arc.angle)
+        if len(moves):
+            self.points.move(moves)
+            self.track.retrace(float(moves[:, 0].min()), self.points.rows)
 
     def _bend_away(self, found: Found) -> None:
         """What seemed bites may be the begin of a bend: from there on the track follows its blocks again."""
@@ -293,6 +310,8 @@ class BlockTrack(KeepsState):
         arc = self.track.arc
         assert arc is not None
         self._is_broken = self._is_broken or broke
+        if broke:
+            self._walls.clear()
         if broke and arc.unseen < 1.0 and self.bite == 0.0:
             self._take_back()
         self.track.advance(along)
@@ -336,6 +355,7 @@ class BlockTrack(KeepsState):
     def _pass_lodged(self, found: Found, along: float, swing: float) -> None:
         """Lodged crop shows an edge that may lie as far off as its tops: the line goes on, less sure."""
         lodging = self._lodging
+        self._walls.clear()
         if lodging.lies():
             self._take_back()
             self.bite = 0.0

@@ -8,17 +8,20 @@ the rays then meet the faces of the teeth, now nearer, now further ahead.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import cos, isfinite, sin
 
 import numpy as np
 
 from swath.control.edge.canopy_classes import CELL, CLASSES, HALF
 from swath.control.edge.canopy_rays import RayAnswers
 from swath.core.component import KeepsState
+from swath.signals import F64
 
 STRIP, ENOUGH = (-0.05, 0.2), 4  # m beside the edge, number: the echoes that show the wall
 ASLANT = (0.2, 0.4)  # rad away from the crop, from which on and beyond which rays run along the edge
 JAGGED_M, USUAL_M = 6.0, 15.0  # m of travel over which it is seen how jagged the edge is, and what is usual
+TURNS_M, TURNED, LEAST = 6.0, (0.08, 0.2), 0.02  # m of the edge behind; rad by which it turns away since; m
+TURNING = 3  # blocks from which it turned away
 EVEN = 0.18  # m, standard deviation of where the wall of an even edge lies
 
 
@@ -50,6 +53,47 @@ def place_along(wall: Wall, middle: float, angle: float) -> float:
     """
     share = min(max((-angle - ASLANT[0]) / (ASLANT[1] - ASLANT[0]), 0.0), 1.0)
     return middle + share * (wall.along - middle) if share > 0.0 and isfinite(wall.along) else middle
+
+
+class WallsBehind(KeepsState):
+    """How far ahead of the middles of their blocks the walls of the last metres lie.
+
+    While an edge goes straight on that says nothing. Where it has turned away since, they are where it was.
+    rows (n, 4): way along the track where the block was put [m], angle of the track there [rad], the wall
+    ahead of it [m], and how much of that its point was moved [m]
+    """
+
+    kept = ("rows",)
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """None."""
+        self.rows: F64 = np.zeros((0, 4))
+
+    def add(self, way: float, angle: float, ahead: float) -> None:
+        """A block put at a way along the track [m] with an angle [rad], its wall so far ahead of it [m]."""
+        rows = self.rows[self.rows[:, 0] > way - TURNS_M]
+        self.rows = np.vstack([rows, [way, angle, ahead, 0.0]])
+
+    def moves(self, angle: float) -> F64:
+        """Rows of way of a point [m], and by how much it goes on in x, u and way [m], as the edge now turns.
+
+        angle: of the track at its newest block [rad]
+        """
+        share = np.clip((self.rows[:, 1] - angle - TURNED[0]) / (TURNED[1] - TURNED[0]), 0.0, 1.0)
+        if np.count_nonzero(share) < TURNING:
+            return np.zeros((0, 4))
+        more = share * self.rows[:, 2] - self.rows[:, 3]
+        is_moved = share * np.abs(self.rows[:, 2]) > np.abs(self.rows[:, 3]) + LEAST
+        more = np.where(is_moved, more, 0.0)
+        way = self.rows[:, 0] + self.rows[:, 3]
+        self.rows[:, 3] += more
+        which = np.flatnonzero(is_moved)
+        angles = self.rows[which, 1].tolist()
+        towards = np.array([(cos(a), sin(a), 1.0) for a in angles]).reshape(-1, 3)
+        return np.column_stack([way[which], more[which, None] * towards])
 
 
 class JaggedWall(KeepsState):

@@ -169,11 +169,16 @@ class LikelihoodRatio(KeepsState):
             return self._no_edge(now)
         has_begun = self._blocks.followed >= BEGIN
         line = self._near(self._moved(speed, yaw_rate, age)) if has_begun else None
-        if line is None or line.gap > self._p.hold_m:
+        if line is None or (line.gap > self._p.hold_m and not self._lies_ahead(line)):
             return self._no_edge(now)
         edge = self._as_edge(now, line)
         fresh = min((LATE - age) / (LATE - OLD), 1.0)
         return edge if fresh >= 1.0 else replace(edge, confidence=max(fresh * edge.confidence, 0.01))
+
+    def _lies_ahead(self, line: NearLine) -> bool:
+        """All that was seen of the edge lies ahead of the reported place: what is ahead will be reached."""
+        first, last = (float(self._blocks.points.rows[k, WAY]) for k in (0, -1))
+        return line.seen_to > last - first
 
     def _near(self, at: tuple[float, float, float]) -> NearLine | None:
         """The edge abreast of the reference, seen from a machine at x, u [m] with a heading [rad]."""

@@ -39,6 +39,11 @@ class Lodging(KeepsState):
         self._levels.append(level)
         self._rise = rise
 
+    @property
+    def is_uneven(self) -> bool:
+        """The ground rises or falls over the last blocks: the crop only seems to grow or to sink."""
+        return max(self._levels) - min(self._levels) > UNEVEN
+
     def first_metre(self, block: Block, edge: float, populations: Populations) -> float:
         """Height of the first metre of crop behind an edge [m], nan where it is no canopy."""
         return populations.height_of(block.just_inside(edge)) + self._rise
@@ -66,8 +71,7 @@ class Lodging(KeepsState):
         edge: of the block [m]; angle: of the track to the machine [rad]
         """
         usual, stopped = self._usual, populations.heights()[2]
-        is_uneven = max(self._levels) - min(self._levels) > UNEVEN
-        is_doubtful = is_uneven or (stopped < DENSE and not self.is_lodged)
+        is_doubtful = self.is_uneven or (stopped < DENSE and not self.is_lodged)
         if not usual > TALL or is_doubtful or abs(angle) > 3.0 * OBLIQUE:
             return 0.0
         now = self.first_metre(block, edge, populations)

@@ -56,6 +56,11 @@ class EdgePoints(KeepsState):
         """Behind a hole, at a way along the edge [m]."""
         self.returns = (*self.returns, way)
 
+    def move(self, moves: F64) -> None:
+        """Points at ways along the edge go on: rows of way, and by how much in x, u and way [m]."""
+        for way, *more in moves.tolist():
+            self.rows[np.abs(self.rows[:, WAY] - way) < 1e-6] += [more[0], more[1], 0.0, more[2]]
+
     def doubt(self, way: float) -> None:
         """Forget those from a way along the edge [m] on."""
         self.rows = self.rows[self.rows[:, WAY] < way]

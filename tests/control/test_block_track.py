@@ -1,0 +1,95 @@
+"""Where a track of blocks begins, and how wide it looks: far scanners, rolling ground, bends, dust."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from swath.control.edge.block_track import BlockTrack, Search
+from swath.control.edge.canopy_classes import CELL, CLASSES, HALF, LAYER, LOWEST, NOTHING
+from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
+from tests.control.synthetic_edge import mounting
+from tests.control.test_likelihood_ratio import SPEED, drive
+
+TRAVEL, SCANS = 0.08, 5  # m from scan to scan, scans of a block
+
+
+def rays(edge, top, lost, rng, count=120):
+    """Rays to either side of a frame, past an edge beside it [m] of a crop of some height [m].
+
+    lost: share of them that do not come back
+    """
+    beside = rng.uniform(-2.4, 2.4, count)
+    height = np.where(beside > edge, top - 0.1, 0.05) + 0.03 * rng.standard_normal(count)
+    layer = ((height - LOWEST) / LAYER).astype(np.int64)
+    kind = np.where(rng.uniform(size=count) < lost, NOTHING, layer)
+    cells = np.floor((beside + HALF) / CELL).astype(np.int64) * CLASSES + kind
+    none = np.full(count, np.nan)
+    return RayAnswers(cells, none, 0.4 * count, count, none, none, none)
+
+
+def follow(edges, seed, *, tops=(0.85,), levels=(0.0,), lost=0.0):
+    """(track, blocks followed after each block) past edges beside the way [m], block by block.
+
+    tops: heights of the crop [m]; levels: of the ground [m]; the last one stays
+    """
+    track, rng, followed = BlockTrack(Search(1.5, 9.0, 0.9)), np.random.default_rng(seed), []
+    for k, edge in enumerate(edges):
+        top, level = (values[min(k, len(values) - 1)] for values in (tops, levels))
+        for n in range(SCANS):
+            at, arc = (TRAVEL * (SCANS * k + n), 0.0, 0.0), track.track.arc
+            frame = EdgeFrame(9.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(*at)
+            track.add(rays(edge - frame.u, top, lost, rng), TRAVEL, frame, at, level)
+        followed.append(track.followed)
+    return track, followed
+
+
+def rays_along(way, frame, at, rng, count=240):
+    """Rays of a machine at x [m]: their middle lies 9 m ahead of it, the wall that they show 1.2 m farther.
+
+    way: (x) -> u of the edge [m]
+    """
+    c, s, x, u = np.cos(frame.angle), np.sin(frame.angle), frame.x + at, frame.u
+    middle, wall = (c * (at + d - x) + s * (way(at + d) - u) for d in (9.0, 10.2))
+    edge = c * (way(at + 10.2) - u) - s * (at + 10.2 - x) - 0.5 * frame.bend * wall**2
+    seen = rays(edge, 0.85, 0.0, rng, count)
+    beside = CELL * (seen.cells // CLASSES) - HALF
+    ahead = np.where(beside > edge, wall + 0.3 * rng.standard_normal(count), np.nan)
+    return replace(seen, along=middle * count, ahead=ahead)
+
+
+@pytest.mark.parametrize("radius", [15.0, 20.0])
+def test_the_begin_of_a_bend_away_from_the_crop_lies_at_its_wall(radius):
+    begin, rng, track = 16.0, np.random.default_rng(2), BlockTrack(Search(1.5, 9.0, 0.9))
+    way = lambda x: -0.5 * max(x - begin, 0.0) ** 2 / radius  # noqa: E731
+    for at in TRAVEL * np.arange(150):
+        arc = track.track.arc
+        frame = EdgeFrame(9.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(at, 0.0, 0.0)
+        track.add(rays_along(way, frame, float(at), rng), TRAVEL, frame, (float(at), 0.0, 0.0), 0.0)
+    x, u = track.points.rows[:, :2].T
+    beside = (u - [way(v) for v in x])[(x > begin) & (x < begin + 2.0)]
+    assert len(beside) >= 4
+    assert abs(beside.mean()) < 0.02
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_in_dust_the_gate_is_as_wide_as_a_block_is_blurred(seed):
+    """Of 12 rays one comes back: an edge 0.35 m beside the track is not cut off at 0.28 m."""
+    track, _ = follow([0.0] * 20 + [0.35] * 16, seed, lost=0.92)
+    assert track.track.arc.u == pytest.approx(0.35, abs=0.15)
+
+
+def test_crop_that_seems_to_rise_on_rolling_ground_is_no_front():
+    tops = (0.35, 0.5, 0.65, 0.8, 0.95)
+    level, rolling = (follow([0.0] * 6, 3, tops=tops, levels=fall * np.arange(6))[1] for fall in (0.0, -0.15))
+    assert level[:4] == [0] * 4
+    assert rolling[1:] == [1, 2, 3, 4, 5]
+
+
+def test_an_edge_first_seen_far_ahead_is_told_where_the_machine_is():
+    """A high scanner that looks 16 m ahead never sees the first metres: what lies ahead will be reached."""
+    edges, error = drive(metres=8.0, mounted=mounting(height=3.0, ahead=16.0))
+    first = next(k for k, e in enumerate(edges) if e.is_found)
+    assert first * SPEED * 0.04 < 2.5
+    assert all(e.is_found and e.confidence <= 0.45 for e in edges[first:])
+    assert all(abs(v) < 2.0 * e.offset_sd for v, e in zip(error[first:], edges[first:], strict=True))
