@@ -7,7 +7,7 @@
 
 A run is a line of JSON; `--table` prints what the lines hold, and `--rows` picks rows by how their names
 begin. Draws depend on the pool, the row and the number alone: pool `judged` is what docs/edge-detection.md
-shows, `second` to `fifth` as well, each drawn after changes to the detector; `training` is for setting
+shows, `second` to `eighth` as well, each drawn after changes to the detector; `training` is for setting
 constants.
 """
 
@@ -28,7 +28,7 @@ from swath.scenario.scenario import load_scenario
 
 POOLS = {
     "judged": 5021, "training": 7, "second": 9377, "third": 80211, "fourth": 66391, "fifth": 907531,
-    "sixth": 350617, "seventh": 774193,
+    "sixth": 350617, "seventh": 774193, "eighth": 118409,
 }  # fmt: skip
 Draw = Callable[[np.random.Generator], dict[str, Any]]
 Run = dict[str, Any]
