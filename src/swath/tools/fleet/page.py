@@ -60,6 +60,14 @@ def _ground_rows(r: JobResult) -> list[tuple[str, str, str]]:
     ]
 
 
+def standoff_rows(r: JobResult) -> list[tuple[str, ...]]:
+    """When and where two machines stood in each other's way, and who made room."""
+    return [
+        (f"{s.time:.0f} s", f"{s.first}, {s.second}", f"{s.x:.0f}, {s.y:.0f}", s.solved_by or "nobody could")
+        for s in r.standoffs
+    ]
+
+
 def contact_rows(r: JobResult) -> list[tuple[str, str, str, str]]:
     """Of each pair of driven machines: least clearance, seconds of contact, how often."""
     return [
@@ -125,6 +133,11 @@ def to_dict(r: JobResult) -> dict[str, Any]:
             {"first": p.first, "second": p.second, "least_clearance_m": p.least, "touched_s": p.touched,
              "begin_end_s": p.times, "places_m": p.places}
             for p in r.contacts
+        ],
+        "standoffs": [
+            {"time_s": s.time, "first": s.first, "second": s.second, "place_m": [s.x, s.y],
+             "solved_by": s.solved_by or None}
+            for s in r.standoffs
         ],
         "machines": {
             m.name: {
