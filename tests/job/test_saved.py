@@ -16,7 +16,7 @@ from swath.job.saved import digest_of, load, save
 from swath.job.work import plan_of
 from tests.job.jobs import job_file
 
-TINY = [(0.0, 0.0), (210.0, 0.0), (210.0, 120.0), (0.0, 120.0)]
+TINY = [(0.0, 0.0), (160.0, 0.0), (160.0, 110.0), (0.0, 110.0)]
 
 
 def echelon(motion):

@@ -4,6 +4,7 @@ The machine reverses as far as its turn begins behind the corner, where that gro
 next side when its time is over and nobody needs the ground there.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +51,10 @@ class Corner:
     def ask(self, others: list[Array]) -> None:
         """For the ground on the next side, when the time is over."""
         self.is_granted = self.is_granted or (self.time <= DONE and is_free(self.ground, others))
+
+    def held_by(self, others: Mapping[str, Array]) -> str:
+        """Who holds ground on the next side; "" for nobody."""
+        return next((n for n, o in others.items() if not is_free(self.ground, [o])), "")
 
     def step(self, driver: Driver, others: list[Array], dt: float) -> None:
         """Reverse for a time [s], where nobody is there: who comes behind drives along the other side."""

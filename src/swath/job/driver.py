@@ -44,6 +44,10 @@ class Manoeuvre:
     tightest: float = 0.14
     stands: int = 0
 
+    def give_up(self) -> None:
+        """On along the own way from here."""
+        self.back, self.path, self.drives, self.waits, self.is_there = 0.0, None, False, False, True
+
 
 class Driver:
     """A machine on its path. limits: highest speed at each point of the path [m/s]; cap: that the traffic

@@ -46,6 +46,8 @@ class GiveWay:
         """
         by_name = {m.name: m for m in movers}
         for i, m in enumerate(movers):
+            if m.ignores:
+                continue
             if m.speed <= RESTS and m.driver.manoeuvre is None and time >= self._tried.get(m.name, 0.0):
                 coming = next(
                     (o for k, o in enumerate(movers) if (k < i or o.waits) and _comes(o, m, states)), None
@@ -75,7 +77,7 @@ class GiveWay:
             if other is None or other.speed > RESTS or _stays(states[other.name])
             else [(m, other), (other, m)]
         )
-        pairs.sort(key=lambda p: (not _is_free(states[p[0].name]), -movers.index(p[0])))
+        pairs.sort(key=lambda p: (not is_free_of_work(states[p[0].name]), -movers.index(p[0])))
         for who, whom in pairs:
             pair = f"{who.name} {m.blocked if whom is None else whom.name}"
             last, cost = self._costs.get(pair, (-math.inf, 0.0))
@@ -106,12 +108,12 @@ class GiveWay:
     ) -> tuple[tuple[float, Path | None, Array, float], bool] | None:  # fmt: skip
         """Way back and path, and whether it waits behind them until the other one is past."""
         state = states[who.name]
-        if not _may(state) or who.reserved is not None:
+        if not _may(state) or who.reserved is not None or who.ignores:
             return None
         only_back = isinstance(state, CombineState) and state.phase == "cut"
         others = [o.driver.held for o in movers if o is not who] + list(fixed.values())
         radius = state.spec.limits.radius if isinstance(state, CombineState) else 8.0
-        ahead = None if whom is None else _way_of(whom, states[whom.name])
+        ahead = None if whom is None else way_of(whom, states[whom.name])
         if ahead is not None:
             made = manoeuvre(
                 who.driver, others, ahead, None, ahead, radius=radius, only_back=only_back, least=least
@@ -119,7 +121,7 @@ class GiveWay:
             if made is not None:
                 return made, True
         there = fixed[name] if whom is None else whom.now
-        if only_back or _is_free(state):
+        if only_back or is_free_of_work(state):
             return None
         made = manoeuvre(
             who.driver,
@@ -147,7 +149,7 @@ def _comes(o: Mover, m: Mover, states: Mapping[str, State]) -> bool:
     p, q = o.driver.machine, m.driver.machine
     if math.hypot(p.x - q.x, p.y - q.y) > SOON + 20.0:
         return False
-    way = _way_of(o, states[o.name], SOON)
+    way = way_of(o, states[o.name], SOON)
     return way is not None and overlap(way, m.now)
 
 
@@ -156,11 +158,11 @@ def _known(path: Path | None) -> Path:
     return path
 
 
-def _way_of(m: Mover, state: State, most: float = CLEAR) -> Array | None:
+def way_of(m: Mover, state: State, most: float = CLEAR) -> Array | None:
     """Ground that a machine goes over next; None where it is not going anywhere."""
     if m.waits and m.wished is not None:
         return m.wished
-    if m.driver.follower is None or _stays(state) or _is_free(state):
+    if m.driver.follower is None or _stays(state) or is_free_of_work(state):
         return None
     left = m.driver.left
     if state.phase in ("cut", "to_combine"):  # its path goes on behind that
@@ -171,7 +173,7 @@ def _way_of(m: Mover, state: State, most: float = CLEAR) -> Array | None:
     )
 
 
-def _is_free(state: State) -> bool:
+def is_free_of_work(state: State) -> bool:
     """True for a machine that has nothing to do."""
     return state.phase in ("idle", "done")
 

@@ -6,12 +6,9 @@ sensors: places are the true ones. Corners of opening rounds, where a combine re
 standing, and the machine is set on the next side.
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import SwathError
 from swath.job import truck
 from swath.job.cart_ways import (
     IN_PLACE,
@@ -34,6 +31,7 @@ from swath.job.footprint import footprint_of
 from swath.job.give_way import GiveWay, room_for
 from swath.job.machines import REVERSE
 from swath.job.path import Path, Pose, ahead_of, polyline
+from swath.job.settle import Settle, waits_for
 from swath.job.standoff import Standoff, way_out
 from swath.job.states import DONE, CartState, CombineState, ahead_of_start
 from swath.job.traffic import LOOKS, RESTS, Mover, look, steer_aside
@@ -44,7 +42,6 @@ STOPS, CREEP = 0.25, 0.1  # 1/s, m/s: to the start of a pass whose leader in ech
 THERE = 0.05  # m before the end of a combine's way, where it is done
 AGAIN = 10  # steps after which one who made room looks again whether the other one is past
 LONGEST_WAIT = 60.0  # s that it waits for that
-STUCK = 3600.0  # s without grain that comes farther, after which a job is given up
 RECORD = 5  # steps between two points of a combine's track
 
 
@@ -58,11 +55,10 @@ class Kinematic:
         self._base: dict[str, float] = {}
         self._length: dict[str, float] = {}
         self._count = 0
-        self._done, self._since = (0.0, 0.0, 0.0), 0.0
         self.tracks: list[list[tuple[float, float, float]]] = []
         self._track: dict[str, list[tuple[float, float, float]]] = {}
         self.largest_error = 0.0
-        self.watch, self.give_way = ContactWatch(), GiveWay()
+        self.watch, self.give_way, self.settle = ContactWatch(), GiveWay(), Settle()
 
     def combine_way(self, job: Job, combine: CombineState) -> None:
         """A corner, or a driven turn."""
@@ -187,7 +183,7 @@ class Kinematic:
     def _look(self, job: Job) -> None:
         """Who may drive on."""
         movers = [self._mover_of_combine(job, c) for c in self._in_order(job.combines)]
-        movers += [self._mover_of_cart(k) for k in job.carts]
+        movers += [self._mover_of_cart(job, k) for k in job.carts]
         fixed = self._fixed(job)
         steer_aside(movers)
         look(movers, fixed)
@@ -197,20 +193,9 @@ class Kinematic:
         def way_from(name: str, pose: Pose) -> Path | None:
             return self._way_from(job, states[name], pose)
 
+        self.give_way.standoffs += self.settle.look(job.time, movers, states, fixed)
         self.give_way.look(job.time, movers, states, fixed, way_from)
-        self._check(job)
-
-    def _check(self, job: Job) -> None:
-        """SwathError where no grain has come farther for long: nobody makes room for somebody."""
-        cut, poured = (math.fsum(x) for x in zip(*((c.cut, c.poured) for c in job.combines), strict=True))
-        done = cut, poured, job.at_truck
-        if done != self._done or job.away > DONE:
-            self._done, self._since = done, job.time
-        elif job.time - self._since > STUCK:
-            told = [f"{s.first} and {s.second} at ({s.x:.0f}, {s.y:.0f}) m" for s in self.standoffs[-1:]]
-            raise SwathError(
-                f"the job does not end: nothing goes on since {self._since:.0f} s: {told or 'no standoff'}"
-            )
+        self.settle.check(job, self.standoffs)
 
     def _in_order(self, combines: list[CombineState]) -> list[CombineState]:
         """Those that turn first: they stand in the way while they wait."""
@@ -263,28 +248,36 @@ class Kinematic:
         else:
             self.cart_to_combine(job, m)
 
+    def _mover(self, job: Job, m: CombineState | CartState, wanted: float) -> Mover:
+        name = m.spec.name
+        made = Mover(name, self._drivers[name], wanted, ignores=self.settle.ignores.get(name, ()))
+        made.reserved = made.wished = made.driver.room_ground
+        manoeuvre = made.driver.manoeuvre
+        made.waits_for = waits_for(job, m, wanted) if manoeuvre is None else manoeuvre.other
+        return made
+
     def _mover_of_combine(self, job: Job, c: CombineState) -> Mover:
         name = c.spec.name
-        made = Mover(name, self._drivers[name], self._wanted_of_combine(job, c))
-        made.reserved = made.wished = made.driver.room_ground
+        made = self._mover(job, c, self._wanted_of_combine(job, c))
         corner = self._corners.get(name)
         made.turns = c.phase == "way" and corner is None and made.driver.manoeuvre is None
         if corner is not None:
             leader = job.leader_of(c)
             if leader is None or ahead_of_start(leader, c) >= job.file.team.lag_m:
-                corner.ask(self._others(name))
+                others = self._others(name, made.ignores)
+                corner.ask(list(others.values()))
+                made.waits_for = corner.held_by(others)
             made.wished, made.reserved = corner.wished, corner.reserved
             made.waits = corner.time <= DONE and not corner.is_granted
         return made
 
-    def _mover_of_cart(self, k: CartState) -> Mover:
+    def _mover_of_cart(self, job: Job, k: CartState) -> Mover:
         together = k.phase == "beside" and k.combine is not None and k.combine.phase in ("cut", "stand")
         beside = k.combine.spec.name if together and k.combine is not None else ""
         if beside and self._drivers[beside].manoeuvre is not None:
             beside = ""
-        driver = self._cart(k)
-        made = Mover(k.spec.name, driver, self._wanted_of_cart(k), beside, gives_way=not together)
-        made.reserved = made.wished = driver.room_ground
+        made = self._mover(job, k, self._wanted_of_cart(k))
+        made.beside, made.gives_way = beside, not together
         return made
 
     def _wanted_of_combine(self, job: Job, c: CombineState) -> float:
@@ -309,7 +302,7 @@ class Kinematic:
     def _drive_combine(self, job: Job, c: CombineState) -> None:
         driver, corner = self._drivers[c.spec.name], self._corners.get(c.spec.name)
         if corner is not None and c.phase in ("way", "hold"):
-            corner.step(driver, self._others(c.spec.name), STEP)
+            corner.step(driver, [*self._others(c.spec.name).values()], STEP)
             c.speed, c.left = 0.0, 0.0 if corner.is_over else c.left
             return
         if self._is_making_room(job, c, driver):
@@ -338,16 +331,16 @@ class Kinematic:
         driver = self._drivers[c.spec.name]
         if driver.machine.speed > RESTS or driver.manoeuvre is not None:
             return
-        others = [*self._others(c.spec.name), *self._fixed(job).values()]
+        others = [*self._others(c.spec.name).values(), *self._fixed(job).values()]
         found = way_out(driver, others, c.spec.limits.radius)
         if found is not None:
             driver.manoeuvre = Manoeuvre(0.0, found[0], "", job.time, found[1], waits=False)
             driver.held = np.vstack([driver.held, found[1]])
             self._left.add(c.spec.name)
 
-    def _others(self, name: str) -> list[Array]:
+    def _others(self, name: str, ignored: tuple[str, ...] = ()) -> dict[str, Array]:
         """Ground that all others hold."""
-        return [d.held for n, d in self._drivers.items() if n != name]
+        return {n: d.held for n, d in self._drivers.items() if n != name and n not in ignored}
 
     def _note(self, c: CombineState, machine: DrivenMachine) -> None:
         """Remember where the knife cuts."""

@@ -33,7 +33,9 @@ MARGIN = 0.05  # m beyond GAP
 
 @dataclass(frozen=True)
 class Standoff:
-    """time [s], place of the first [m]; solved_by: who made room, "" = nobody could"""
+    """time [s], place of the first [m]; solved_by: who made room, "" = nobody could; driven_on: who drove on
+    in the end with the other one in its way, "" = nobody had to
+    """
 
     time: float
     first: str
@@ -41,6 +43,7 @@ class Standoff:
     x: float
     y: float
     solved_by: str
+    driven_on: str = ""
 
 
 def manoeuvre(

@@ -35,7 +35,8 @@ class Mover:
     not held against; reserved: more ground that it holds, wished: and that it will need, boxes
 
     turns: it claims all of its turn; waits: until the ground that it wishes is clear; gives_way: to those of
-    higher precedence; blocked: by whom it is stopped; now, claim: ground where it is, and that it drives over
+    higher precedence; ignores: whose ground does not count for it; waits_for: who has to act before it can;
+    blocked: by whom it is stopped; now, claim: ground where it is, and that it drives over
     next, boxes
     """
 
@@ -48,6 +49,8 @@ class Mover:
     gives_way: bool = True
     turns: bool = False
     waits: bool = False
+    ignores: tuple[str, ...] = ()
+    waits_for: str = ""
     blocked: str = ""
     now: Array = field(default_factory=lambda: np.zeros((0, 6)))
     claim: Array | None = None
@@ -64,7 +67,8 @@ def look(movers: list[Mover], fixed: dict[str, Array]) -> None:
         m.now = m.driver.footprint.sweep([m.driver.place])
     for i, m in enumerate(movers):
         near = [o for o in movers if o is not m and not _are_together(m, o) and _are_near(m, o)]
-        stands = {n: b for n, b in fixed.items() if _is_near(m, b)}
+        near = [o for o in near if o.name not in m.ignores]
+        stands = {n: b for n, b in fixed.items() if n not in m.ignores and _is_near(m, b)}
         if not near and not stands:
             m.driver.let(math.inf)
             m.driver.held = m.now
