@@ -39,7 +39,8 @@ def drive(movers, time, fixed=None):
                 m.blocked, m.claim = "", None
             look(movers, fixed or {})
         for m in movers:
-            m.driver.step(m.wanted)
+            if m.driver.follower is not None:
+                m.driver.step(m.wanted)
         a, b = (m.driver.footprint.at(*m.driver.place) for m in movers[:2])
         least = min(least, clearance(a, b))
     return least
@@ -108,8 +109,8 @@ def test_backwards_over_its_own_tracks_a_trailer_comes_to_where_it_was():
     assert trailer == pytest.approx(there[1], abs=0.02)
 
 
-def standing(x, y, heading):
-    driver = Driver(load_machine(CART), Pose(x, y, heading), STEP)
+def standing(x, y, heading, sheet=CART):
+    driver = Driver(load_machine(sheet), Pose(x, y, heading), STEP)
     return driver, driver.footprint.sweep([driver.place])
 
 
@@ -130,6 +131,19 @@ def test_a_manoeuvre_leaves_the_ground_that_it_has_to():
     if path is not None:
         end = path.end
         assert not overlap(cart.driver.footprint.sweep([(end, end.heading)]), ahead)
+
+
+@pytest.mark.parametrize("apart", [12.14, 12.02, 11.99])
+def test_headers_that_are_next_to_each_other_part(apart):
+    """A combine at the end of its last pass drives on beside one that stands, however near that is."""
+    done, other = driving(COMBINE, Pose(0.0, 0.0, 0.0), 0.0), standing(0.0, -apart, 0.0, COMBINE)[0]
+    found = way_out(done.driver, [other.held], 8.0)
+    assert found is not None
+    assert found[0].length > 40.0
+    done.driver.take(found[0], 0.15)
+    done.wanted = 2.0
+    drive([done, Mover("other", other, 0.0)], 30.0)
+    assert done.driver.machine.x > 30.0
 
 
 def test_who_is_walled_in_has_no_manoeuvre_and_the_standoff_is_told():

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from swath.job.driver import Driver, Place
 from swath.job.footprint import overlap
 from swath.job.path import Path, Piece, Pose, path_of
-from swath.job.traffic import GAP, NEARLY
+from swath.job.traffic import GAP, gap_to
 
 Array = NDArray[np.float64]
 PATIENCE = 4.0  # s that two stand before one makes room
@@ -117,7 +117,7 @@ def _ground(driver: Driver, back: float, swept: Array) -> Array:
 def gaps_to(driver: Driver, others: list[Array]) -> list[float]:
     """Gap to keep to each of the others [m]: little to one that is that near already."""
     now = driver.footprint.sweep([driver.place])
-    return [NEARLY if overlap(now, o, GAP + MARGIN) else GAP + MARGIN for o in others]
+    return [gap_to(now, o, GAP + MARGIN) for o in others]
 
 
 def _tails(driver: Driver, others: list[Array], gaps: list[float]) -> dict[float, Place]:

@@ -27,6 +27,7 @@ ASIDE, LITTLE = 0.8, 0.06  # m, that a machine drives farther out to let another
 MEET, PAST = 50.0, 14.0  # m ahead and behind, where the other one is then
 STRAIGHT = 20.0  # m of a way between passes, where it may drive beside it
 RESTS = 0.02  # m/s, below which it stands
+TOUCHES = -1e6  # m, a gap at which nothing overlaps
 
 
 @dataclass
@@ -98,10 +99,16 @@ def _blocked(now: Array, go: Array, held: dict[str, tuple[Array, Array]]) -> str
     nearer than bodies are wide.
     """
     for name, (there, ground) in held.items():
-        gap = NEARLY if overlap(now, there, GAP) else GAP
-        if overlap(go, ground, gap) and not overlap(now, there):
+        if overlap(go, ground, gap_to(now, there)):
             return name
     return ""
+
+
+def gap_to(now: Array, there: Array, most: float = GAP) -> float:
+    """Gap that a machine keeps to another one's bodies [m]: less to one that is nearer than that already, and
+    none to one that it touches, so that both can part.
+    """
+    return next((gap for gap in (most, NEARLY, 0.0) if not overlap(now, there, gap)), TOUCHES)
 
 
 def _in_the_way(m: Mover, others: list[Mover]) -> str:
