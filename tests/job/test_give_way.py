@@ -95,6 +95,16 @@ def test_headers_that_overlap_pass_each_other(apart):
     assert second.driver.machine.y == pytest.approx(apart, abs=0.02)  # on its line again
 
 
+@pytest.mark.parametrize("heading", [0.0, math.pi])
+def test_the_first_one_passes_a_combine_that_stands_on_the_next_pass(heading):
+    """A full combine waits for its cart: the one of higher precedence drives farther out."""
+    first = driving(COMBINE, Pose(0.0, 0.0, 0.0), 2.0, "first")
+    stands = driving(COMBINE, Pose(80.0, 11.7, heading), 0.0, "stands")
+    assert drive([first, stands], 80.0) > 0.05
+    assert first.driver.machine.x > 120.0
+    assert first.driver.machine.y == pytest.approx(0.0, abs=0.02)  # on its line again
+
+
 def test_backwards_over_its_own_tracks_a_trailer_comes_to_where_it_was():
     cart = driving(CART, Pose(0.0, 0.0, 0.0), 2.0)
     cart.driver.take(polyline(np.array([[0.0, 0.0], [30.0, 0.0], [40.0, 8.0]])), 0.12)

@@ -160,7 +160,7 @@ def _reach(a: Mover) -> float:
 def steer_aside(movers: list[Mover]) -> None:
     """Of two that meet, or pass each other, with sides that overlap by less than ASIDE, one drives that much
     farther out, with a cart beside it, until they are past: who is on its way between passes, else who has
-    the lower precedence.
+    the lower precedence; of a combine that stands the other one.
     """
     for i, m in enumerate(movers):
         follower = m.driver.follower
@@ -171,6 +171,8 @@ def steer_aside(movers: list[Mover]) -> None:
             follower.aside = beside.driver.follower.aside
             continue
         others = [o for o in movers if o is not m and not o.turns] if m.turns else movers[:i]
+        if not m.turns:
+            others += [o for o in movers[i + 1 :] if o.speed < RESTS and not o.driver.footprint.towed]
         follower.aside = next((left for o in others if (left := _aside(m, o)) != 0.0), 0.0)
 
 
