@@ -3,7 +3,8 @@
 SWATH_DATA=... python benchmarks/harvest.py [--driven [FIRST LAST]]
 
 --driven: bundled jobs, or layouts from a number to another: hours by events and by driven machines, whether
-both rank the numbers of carts alike, and seconds for which bodies of driven machines are over each other.
+both rank the numbers of carts alike, seconds for which bodies of driven machines are over each other, and
+standoffs that were not solved.
 """
 
 import math
@@ -100,15 +101,17 @@ PAIRS = (
 
 def driven_row(name: str, file: FleetFile) -> tuple[float, float]:
     """Events against driven machines for one job; returns the hours of both."""
-    cheap, dear, touched = both_levels(file)
+    cheap, dear, touched, unsolved = both_levels(file)
     seconds = " ".join(f"{touched.get(pair, 0.0):5.1f}" for pair in PAIRS)
-    print(f"{name:34s} {cheap:7.3f} {dear:7.3f} {100.0 * (dear / cheap - 1.0):+6.1f}  {seconds}", flush=True)
+    off = 100.0 * (dear / cheap - 1.0)
+    print(f"{name:34s} {cheap:7.3f} {dear:7.3f} {off:+6.1f} {unsolved:9d}  {seconds}", flush=True)
     return cheap, dear
 
 
 def driven(first: int = 0, last: int = -1) -> None:
     """Events against driven machines: the bundled jobs, or layouts."""
-    print(f"{'job':34s}  events  driven      %  seconds over each other: " + ", ".join(map("-".join, PAIRS)))
+    heads = ", ".join(map("-".join, PAIRS))
+    print(f"{'job':34s}  events  driven      %  unsolved  seconds over each other: {heads}")
     if last < first:
         for name in ("small-field", "echelon", "harvest-field"):
             driven_row(name, read_fleet(name)[0])

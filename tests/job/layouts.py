@@ -28,14 +28,17 @@ def layout_file(seed, carts):
 
 
 def both_levels(file):
-    """Hours by events and by driven machines, and seconds over each other by the kinds of the two."""
+    """Hours by events and by driven machines, seconds over each other by the kinds of the two, and standoffs
+    that were not solved.
+    """
     driven = finished(file, motion=Kinematic())
     kinds = {c.name: "combine" for c in driven.fleet.combines} | {c.name: "cart" for c in driven.fleet.carts}
     touched = {}
     for p in driven.motion.watch.pairs:
         pair = tuple(sorted((kinds.get(p.first, "truck"), kinds.get(p.second, "truck"))))
         touched[pair] = touched.get(pair, 0.0) + p.touched
-    return finished(file).time / 3600.0, driven.time / 3600.0, touched
+    unsolved = sum(bool(s.driven_on) for s in driven.motion.standoffs)
+    return finished(file).time / 3600.0, driven.time / 3600.0, touched, unsolved
 
 
 def hours(seed, carts):

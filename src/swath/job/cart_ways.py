@@ -24,9 +24,13 @@ LANDS = 0.5  # m, that the stream lands beyond the mouth of the pipe
 RUN_UP = 12.0  # m before a pass, from where a cart drives straight along it
 ASIDE = 15.0  # m beside its line, from where a cart can follow a combine
 LANE = 7.0  # m between the places of carts at the truck
+OUT = 20.0  # m from the field to the first of them
 AT_TRUCK = 3.0  # m beside its place at the truck: a cart still stands there
-STRAIGHT_OUT = 12.0  # m that it drives straight from there, past the truck, or from beside a combine
+STRAIGHT_OUT = 20.0  # m that it drives straight from there, past the truck, or from beside a combine
 STRAIGHT_IN = 20.0  # m before its place at the truck, from where a cart drives straight
+BAND = 2.4  # m to both sides of a cart's middle, where nothing is to come by
+SWATH, BY = 18.0, 1.5  # m right and left of the line beside a combine, where no cart comes against it
+OVER = 25.0  # m of way, in which it moves over to there
 ONTO = 20.0  # m of way, in which it moves over onto the line beside a combine
 BEYOND = 30.0  # m that its way goes on behind the pass
 CLOSE = 0.3  # m/s, slowest towards the end of a way
@@ -60,22 +64,25 @@ def box_behind(cart: Cart) -> float:
     return -box.x if hitch is None else hitch.drawbar - hitch.x - box.x
 
 
-def way_beside(here: Pose, at: CombineState, cart: Cart, truck: Pose) -> tuple[Path, float, float]:
+def way_beside(
+    here: Pose, at: CombineState, cart: Cart, truck: Pose, *, run_up: float = RUN_UP, direct: bool = False
+) -> tuple[Path, float, float]:
     """To the start of a combine's pass, along it on its left and beyond; the distance at which the box is
     under the pipe of the combine that begins the pass, < 0 behind it, and the length of the pass [m].
 
     A cart that is beside the pass already follows the combine; where that has no pass any more: to where it
-    stands. truck: its place there, from where it drives straight on first
+    stands. truck: its place there, from where it drives straight on first; run_up: before the pass, straight
+    [m]; direct: there in one turn
     """
     is_there = math.hypot(here.x - truck.x, here.y - truck.y) <= AT_TRUCK
-    out = STRAIGHT_OUT if is_there else 0.0
+    out = STRAIGHT_OUT if is_there else out_of_turn(here, at, cart)
     begin, here = here, ahead_of(here, out)
     combine, task = at.spec, at.task
     line = np.array([at.place[:2], at.place[:2]]) if task is None else task.line
     course = at.place.heading if task is None else task.start.heading
     beside_it = shifted(line, course, aside(combine))
     c, s = math.cos(course), math.sin(course)
-    first = Pose(float(beside_it[0, 0] - RUN_UP * c), float(beside_it[0, 1] - RUN_UP * s), course)
+    first = Pose(float(beside_it[0, 0] - run_up * c), float(beside_it[0, 1] - run_up * s), course)
     last = course if len(line) < 3 else math.atan2(*(line[-1] - line[-2])[::-1])
     end = beside_it[-1] + BEYOND * np.array([math.cos(last), math.sin(last)])
     points = np.array([*beside_it[1:-1], end])
@@ -84,10 +91,30 @@ def way_beside(here: Pose, at: CombineState, cart: Cart, truck: Pose) -> tuple[P
     if _follows(here, first, at):
         path = _onto_line(here, first, points)
     else:
-        path = _way_in(here, first, points, straight=is_behind and abs(across) < 2.0 * RADIUS)
+        path = _way_in(here, first, points, straight=direct or (is_behind and abs(across) < 2.0 * RADIUS))
     path = _straight_first(begin, out, path)
     length = float(np.hypot(*np.diff(beside_it, axis=0).T).sum())
     return path, path.length - BEYOND - length - box_offset(combine) + box_behind(cart), length
+
+
+def out_of_turn(here: Pose, at: CombineState, cart: Cart) -> float:
+    """How far a cart drives straight on from beside a combine [m], until the ends of the header do not come
+    by it in the turn that the combine drives now.
+    """
+    if at.phase != "way" or at.turn is None or math.cos(here.heading - at.place.heading) < 0.9:
+        return 0.0
+    c, s = math.cos(here.heading), math.sin(here.heading)
+    dx, dy = at.place.x - here.x, at.place.y - here.y
+    if abs(c * dy - s * dx + aside(at.spec)) > 2.0 or abs(c * dx + s * dy) > 2.0 * ASIDE:
+        return 0.0
+    step = np.gradient(at.turn, axis=0)
+    step /= np.hypot(step[:, 0], step[:, 1])[:, None]
+    side, middle = np.column_stack([-step[:, 1], step[:, 0]]), at.turn + at.spec.sheet.knife_x * step
+    half = 0.5 * at.spec.sheet.header_width
+    ends = np.concatenate([middle + half * side, middle - half * side]) - here[:2]
+    along, across = ends[:, 0] * c + ends[:, 1] * s, ends[:, 1] * c - ends[:, 0] * s
+    swept = along[np.abs(across) < BAND]
+    return max(0.0, float(swept.max()) + cart.length_behind) if len(swept) else 0.0
 
 
 def _straight_first(here: Pose, out: float, way: Path) -> Path:
@@ -130,10 +157,22 @@ def _way_in(here: Pose, first: Pose, points: Array, *, straight: bool = False) -
     limits, parts = TurnLimits(RADIUS, 1.0), []
     abreast = corner_way(here, first)[0]
     if not straight and math.hypot(abreast[0] - here.x, abreast[1] - here.y) > 2.0 * RADIUS:
-        parts.append(rounded([abreast], here))
+        parts.append(rounded(_beside_swath(here, abreast, first), here))
         here = parts[-1].end
     parts.append(path_of(dubins.plan(here, first, limits), here, 0.5))
     return joined([*parts, polyline(np.array([parts[-1].end[:2], *points]), 0.5)])
+
+
+def _beside_swath(here: Pose, abreast: tuple[float, float], first: Pose) -> list[tuple[float, float]]:
+    """Points of the way against the direction of a pass to abreast of its begin: not where the combine comes
+    along, but to the left of it.
+    """
+    c, s = math.cos(first.heading), math.sin(first.heading)
+    left = c * (here.y - first.y) - s * (here.x - first.x)
+    back = c * (here.x - first.x) + s * (here.y - first.y)
+    if back < 3.0 * OVER or not -SWATH < left < BY:
+        return [abreast]
+    return [(first.x + a * c - BY * s, first.y + a * s + BY * c) for a in (back - OVER, 0.0)]
 
 
 def _follows(here: Pose, first: Pose, at: CombineState) -> bool:
@@ -164,7 +203,11 @@ def way_into_lane(here: Pose, place: Pose, *, is_beside: bool = False) -> Path:
 
 
 def place_at_truck(truck: Pose, boundary: Array, number: int) -> Pose:
-    """Where a cart stands at the truck: lanes along the nearest side of the field, side by side outward."""
+    """Where a cart stands at the truck: lanes along the nearest side of the field, side by side outward.
+
+    The first is where the truck is said to be, at least OUT from the field: the truck stands on its field's
+    side, and combines turn beyond the boundary.
+    """
     ends = np.roll(boundary, -1, axis=0)
     step = ends - boundary
     share = ((truck.x - boundary[:, 0]) * step[:, 0] + (truck.y - boundary[:, 1]) * step[:, 1]) / (
@@ -173,8 +216,11 @@ def place_at_truck(truck: Pose, boundary: Array, number: int) -> Pose:
     near = boundary + np.clip(share, 0.0, 1.0)[:, None] * step
     side = int(np.hypot(near[:, 0] - truck.x, near[:, 1] - truck.y).argmin())
     course = math.atan2(float(step[side, 1]), float(step[side, 0]))
-    out = number * LANE  # a ring is counter-clockwise: outward is on the right
-    return Pose(truck.x + out * math.sin(course), truck.y - out * math.cos(course), course)
+    normal = math.sin(course), -math.cos(course)  # a ring is counter-clockwise: outward is on the right
+    corner = boundary[side].tolist()
+    first = (truck.x - corner[0]) * normal[0] + (truck.y - corner[1]) * normal[1]
+    out = number * LANE + max(OUT - first, 0.0)
+    return Pose(truck.x + out * normal[0], truck.y + out * normal[1], course)
 
 
 def speed_limits(path: Path, cart: Cart) -> Array:

@@ -14,7 +14,6 @@ from swath.job.turns import clothoid
 
 Array = NDArray[np.float64]
 FAR = 80.0  # m, beyond which a way is no turn but transport
-ABREAST = 4.0  # radii along a pass, within which its start is reached in one turn
 STRAIGHT = 1e-4  # 1/m, least curvature of a bend
 
 
@@ -30,15 +29,15 @@ def corner_angle(here: Pose, task: PlannedPass) -> float | None:
     return turned if near and turned < math.radians(150.0) else None
 
 
-def way_to_pass(combine: Combine, axle: Pose, start: Pose) -> Path:
+def way_to_pass(combine: Combine, axle: Pose, start: Pose, abreast: float = 4.0) -> Path:
     """From where the fixed axle is to where it is with the knife at the start of a pass.
 
-    A pass that starts far along it is reached along the own one first, then across.
+    A pass that starts farther along it than `abreast` radii is reached along the own one first, then across.
     """
     goal = axle_pose(start, combine.sheet.knife_x)
     c, s = math.cos(goal.heading), math.sin(goal.heading)
     along = (goal.x - axle.x) * c + (goal.y - axle.y) * s
-    room = ABREAST * combine.limits.radius
+    room = abreast * combine.limits.radius
     if abs(along) <= room:
         return _turn(combine, axle, goal)
     way = along - room if along > 0.0 else along

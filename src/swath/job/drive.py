@@ -7,17 +7,20 @@ direction against the machine, both as they will be when the steering answers,
     curvature = kappa + e / d^2 + 1.8 theta / d.
 """
 
+import copy
 import math
+from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass
 
-from swath.job.path import Path, Pose
+from swath.job.path import Path, Pose, ahead_of
 from swath.machine.loops import SpeedLoop, approach
 from swath.machine.machine_sheet import MachineSheet, dynamics_of
 
 DAMPING = 0.9
 STEEPEST = math.sin(math.radians(30.0))  # towards a path far aside
 LOOKAHEAD = (3.0, 1.5)  # m, s: an error dies out over the greater of the two
+ASIDE = 0.1  # sideways per way, over to a line beside a path
 MARGIN = 1.15  # curvature beyond that of the tightest turn, to come back to a path
 
 
@@ -49,6 +52,25 @@ class DrivenMachine:
     def curvature(self) -> float:
         """Of the path that it drives now [1/m]."""
         return math.tan(self.angle) / self.sheet.wheelbase
+
+    def copied(self) -> "DrivenMachine":
+        """Another one that is where this one is."""
+        made = copy.copy(self)
+        made._queue = self._queue.copy()
+        return made
+
+    def set_down(self, pose: Pose, trailer: float) -> None:
+        """At rest at a pose, wheels straight. trailer: its heading [rad]"""
+        self.x, self.y, self.heading = pose
+        self.speed, self.angle, self.trailer = 0.0, 0.0, trailer
+        self._queue = deque([0.0] * len(self._queue))
+        self._pin = self._pin_now()
+
+    def pull_to(self, pose: Pose) -> None:
+        """Moved to a pose near by, the trailer behind it."""
+        self.x, self.y, self.heading = pose
+        if self._drawbar > 0.0:
+            self._pull()
 
     def step(self, curvature: float, speed: float) -> None:
         """Drive one step towards a curvature [1/m] and a speed [m/s]."""
@@ -87,13 +109,15 @@ class DrivenMachine:
 class Follower:
     """Keeps a machine on a path. tightest: curvature it may command [1/m]; at: how far it has come [m]
 
-    heading: of the path there [rad]
+    heading: of the path there [rad]; aside: how far left of the path it is to drive [m], and does, shifted
     """
 
     path: Path
     tightest: float
     at: float = 0.0
     heading: float = 0.0
+    aside: float = 0.0
+    shifted: float = 0.0
     _index: int = 0
 
     def __post_init__(self) -> None:
@@ -114,6 +138,11 @@ class Follower:
         """True at the end of the path."""
         return self.at >= self._s[-1] - 1e-6
 
+    def back(self, way: float) -> None:
+        """So far back along the path [m]."""
+        self.at = max(0.0, self.at - way)
+        self._index = max(0, min(bisect_right(self._s, self.at) - 1, len(self._s) - 2))
+
     def curvature(self, machine: DrivenMachine) -> float:
         """The command for now [1/m]; moves on along the path."""
         speed = machine.speed
@@ -122,14 +151,16 @@ class Follower:
         x = machine.x + way * math.cos(machine.heading + 0.5 * bend)
         y = machine.y + way * math.sin(machine.heading + 0.5 * bend)
         i, along = self._nearest(x, y)
-        self.at = max(self.at, min(self._s[i] + along - way, self._s[-1]))
+        before, self.at = self.at, max(self.at, min(self._s[i] + along - way, self._s[-1]))
+        most = ASIDE * (self.at - before)
+        self.shifted += min(max(self.aside - self.shifted, -most), most)
         span = max(self._s[i + 1] - self._s[i], 1e-9)
         share = min(max(along / span, 0.0), 1.0)
         heading: float = self._h[i] + share * (self._h[i + 1] - self._h[i])
         self.heading = heading
         kappa = self._k[i] + share * (self._k[i + 1] - self._k[i])
         px, py = self._x[i] + along * math.cos(heading), self._y[i] + along * math.sin(heading)
-        left = (py - y) * math.cos(heading) - (px - x) * math.sin(heading)
+        left = (py - y) * math.cos(heading) - (px - x) * math.sin(heading) + self.shifted
         theta = heading - machine.heading - bend
         theta = math.atan2(math.sin(theta), math.cos(theta))
         d = max(LOOKAHEAD[0], LOOKAHEAD[1] * speed)
@@ -152,3 +183,16 @@ class Follower:
             i += 1
         self._index = i
         return i, along
+
+
+def knife_pose(machine: DrivenMachine, ahead: float) -> Pose:
+    """Where a knife is that is so far ahead of the fixed axle [m]."""
+    return ahead_of(machine.pose, ahead)
+
+
+def first_cut(machine: DrivenMachine, ahead: float, start: Pose) -> Pose:
+    """Where a knife begins to cut: at the start of its pass where the last step led beyond it."""
+    x, y, heading = knife_pose(machine, ahead)
+    c, s = math.cos(heading), math.sin(heading)
+    back = min(max((x - start.x) * c + (y - start.y) * s, 0.0), machine.speed * machine.dt)
+    return Pose(x - back * c, y - back * s, heading)

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import SwathError
-from swath.job.cart_ways import beside, place_at_truck, way_beside, way_into_lane
+from swath.job import pouring
+from swath.job.cart_ways import RUN_UP, beside, place_at_truck, way_beside, way_into_lane
+from swath.job.combine_ways import way_to_pass
 from swath.job.fleet import FleetFile
 from swath.job.grain import move_grain
 from swath.job.machines import Fleet
@@ -20,13 +22,21 @@ from swath.job.path import Path, Pose
 from swath.job.plan import FieldPlan
 from swath.job.states import DONE, CartState, CombineState, at, cart_state, same_way, way_between
 from swath.job.team import Passes
+from swath.job.truck import is_clear
 
 Array = NDArray[np.float64]
 LONGEST = 400.0 * 3600.0  # s
 MOST_MOVES = 20_000_000
 BESIDE = 20.0  # m to a combine
 START = 12.0  # m between combines in echelon before the first pass
-SHORT_POUR = 8.0  # s before the end of a pass within which pouring is not begun
+VARIANTS = (
+    (RUN_UP, False),
+    (2.0 * RUN_UP, False),
+    (3.0 * RUN_UP, False),
+    (RUN_UP, True),
+    (2.0 * RUN_UP, True),
+)
+ABREASTS = (4.0, 2.0, 6.0, 9.0, 13.0)  # radii, as `way_to_pass`: the first that leads clear of the truck
 
 
 class Job:
@@ -102,9 +112,29 @@ class Job:
         return way_into_lane(here, self.place_at_truck(cart), is_beside=is_beside)
 
     def way_to_combine(self, cart: CartState, here: Pose) -> tuple[Path, float, float]:
-        """Of a cart from a place, as `way_beside`; from the truck straight out of its lane first."""
+        """Of a cart from a place, as `way_beside`; from the truck straight out of its lane first. Of some
+        ways the first that leads clear of the truck.
+        """
         assert cart.combine is not None
-        return way_beside(here, cart.combine, cart.spec, self.place_at_truck(cart))
+        combine, place = cart.combine, self.place_at_truck(cart)
+        found = None
+        for run_up, direct in VARIANTS:
+            way = way_beside(here, combine, cart.spec, place, run_up=run_up, direct=direct)
+            found = found or way
+            if is_clear(way[0], self.places[0], self.fleet.truck):
+                return way
+        assert found is not None
+        return found
+
+    def way_to_pass(self, combine: CombineState, here: Pose) -> Path:
+        """Of a combine from where its fixed axle is; of some ways the first that leads clear of the truck."""
+        assert combine.task is not None
+        spec, keep = combine.spec, 0.5 * combine.spec.sheet.header_width + combine.spec.sheet.knife_x
+        ways = (way_to_pass(spec, here, combine.task.start, abreast) for abreast in ABREASTS)
+        first = next(ways)
+        if not self.places or is_clear(first, self.places[0], self.fleet.truck, keep):
+            return first
+        return next((w for w in ways if is_clear(w, self.places[0], self.fleet.truck, keep)), first)
 
     def leader_of(self, combine: CombineState) -> CombineState | None:
         """The combine on the pass before in the same direction, in echelon; None where nobody is there."""
@@ -137,7 +167,9 @@ class Job:
         raise SwathError("the job's machines react to each other without end")
 
     def _combine(self, c: CombineState) -> bool:
-        return any(rule(c) for rule in (self._pours, self._arrives, self._cuts, self._stands, self._hauls))
+        if pouring.pours(self, c):
+            return True
+        return any(rule(c) for rule in (self._arrives, self._cuts, self._stands, self._hauls))
 
     def _arrives(self, c: CombineState) -> bool:
         if c.phase not in ("way", "hold") or (c.phase == "way" and c.left > DONE):
@@ -152,7 +184,7 @@ class Job:
         c.per_metre = c.task.area * self.grain_per_m2 / c.task.length
         c.pace = c.spec.speed_in(c.per_metre)
         if c.cart is not None and c.cart.phase == "beside":
-            c.timer = self._ready_after(c)
+            c.timer = pouring.ready_after(self, c)
         self.pass_times[c.index] = (self.time, math.nan)
         self.motion.begin_cut(self, c)
         return True
@@ -165,7 +197,7 @@ class Job:
         if (c.tank >= c.spec.tank - DONE or self._pours_while_blocked(c)) and not c.is_pouring:
             self._stand(c, "wait")
             if c.cart is not None and c.cart.phase == "beside":
-                c.timer = max(c.timer, self._ready_after(c))
+                c.timer = max(c.timer, pouring.ready_after(self, c))
             return True
         return False
 
@@ -192,7 +224,7 @@ class Job:
                 self._stand(c, "unload")
                 return True
             c.is_pouring = False
-            self._note_load(c)
+            pouring.note_load(c)
         elif self.file.unload.mode != "on_the_go" and c.tank + self._next_grain(c) > c.spec.tank:
             self._stand(c, "wait")
             return True
@@ -213,8 +245,9 @@ class Job:
             self._bring_cart(c)
             return
         c.index, c.task, c.phase = index, self.passes[index], "way"
-        c.state = "turn"
+        c.state, known = "turn", len(self.ways)
         self.motion.combine_way(self, c)
+        c.turn = self.ways[-1] if len(self.ways) > known else None
         self._bring_cart(c)
 
     def _bring_cart(self, c: CombineState) -> None:
@@ -235,7 +268,7 @@ class Job:
             return False
         if c.is_pouring:
             state = "unload"
-            if c.left > DONE and self._may_pour_driving(c):
+            if c.left > DONE and pouring.may_pour_driving(self, c):
                 self._go_on(c)
                 return True
             changed, c.state = c.state != state, state
@@ -307,61 +340,11 @@ class Job:
             return True
         return False
 
-    def _ready_after(self, c: CombineState) -> float:
-        """Time until grain flows with a cart that has just come beside [s]."""
-        assert c.cart is not None
-        time = max(c.cart.spec.align, c.spec.swing) + self.file.unload.ramps_s
-        if c.phase == "stand" and c.task is not None and not c.task.cart_beside:
-            time += self.file.unload.pocket_s
-        return time
-
-    def _pours(self, c: CombineState) -> bool:
-        cart = c.cart
-        if cart is None or cart.phase != "beside":
-            return False
-        if c.is_pouring:
-            if cart.grain < cart.spec.load - DONE and (c.tank > DONE or self._stays(c, cart)):
-                return False
-            c.is_pouring = False
-            self._note_load(c)
-            self._parts(c, cart)
-            return True
-        if c.timer > DONE or c.tank <= DONE:
-            return False
-        may = c.phase == "stand" or (
-            c.phase == "cut" and self._may_pour_driving(c) and c.left > SHORT_POUR * max(c.pace, 0.1)
-        )
-        if may:
-            c.is_pouring = True
-            c.loads.append((self.time, -c.poured, "standing" if c.phase == "stand" else "on the go"))
-        return may
-
-    def _stays(self, c: CombineState, cart: CartState) -> bool:
-        """True for a cart that can take all that is left of the last pass, while nobody else wants it: so it
-        need not come back.
-        """
-        is_last = c.phase == "cut" and self.passes.left() == 0
-        wanted = any(o.cart is None and o.tank >= o.spec.call for o in self.combines if o is not c)
-        return is_last and not wanted and cart.grain + c.left * c.per_metre <= cart.spec.load
-
-    def _may_pour_driving(self, c: CombineState) -> bool:
-        """True in a pass on whose left a cart may drive."""
-        return self.file.unload.mode == "on_the_go" and c.task is not None and c.task.cart_beside
-
-    def _note_load(self, c: CombineState) -> None:
-        begun, before, kind = c.loads[-1]
-        c.loads[-1] = (begun, c.poured + before, kind)
-
-    def _parts(self, c: CombineState, cart: CartState) -> None:
-        """The cart is done with a combine."""
-        c.cart, c.called, cart.combine = None, False, None
-        cart.phase, cart.place = "idle", beside(at(c), c.spec, cart.spec)
-
     def _cart(self, k: CartState) -> bool:
         if k.phase == "to_combine" and k.left <= DONE:
             assert k.combine is not None
             k.phase = "beside"
-            k.combine.timer = self._ready_after(k.combine)
+            k.combine.timer = pouring.ready_after(self, k.combine)
             return True
         if k.phase == "idle" and k.grain > DONE and (k.grain >= k.spec.leave or self._no_more()):
             k.phase = "to_truck"

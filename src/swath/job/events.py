@@ -20,7 +20,6 @@ from swath.job.combine_ways import (
     axle_pose,
     corner_angle,
     is_far,
-    way_to_pass,
 )
 from swath.job.combine_ways import speed_limits as combine_limits
 from swath.job.engine import Job
@@ -70,7 +69,7 @@ class Events:
             self._corners.add(spec.name)
             return
         far = is_far(combine.place, task.start)
-        path = way_to_pass(spec, axle_pose(combine.place, spec.sheet.knife_x), task.start)
+        path = job.way_to_pass(combine, axle_pose(combine.place, spec.sheet.knife_x))
         ride = Ride(path, combine_limits(spec, path, far=far), spec.sheet, combine.speed)
         self._ways[spec.name] = _Way(ride)
         combine.left, combine.pace = path.length, spec.transport if far else spec.turn_speed

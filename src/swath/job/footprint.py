@@ -1,12 +1,17 @@
 """The ground that a machine's bodies cover, seen from above: rectangles from its data sheet."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.job.path import Pose
 from swath.machine.machine_sheet import MachineSheet
 
+Array = NDArray[np.float64]
 Corners = tuple[tuple[float, float], ...]
 BAR = 0.15  # m, half width of a trailer's drawbar, as its body in scans has it
 WHEELS = 1.1  # m, from a trailer's axle to the ends of its wheels and frame, as there
@@ -32,6 +37,12 @@ class Rectangle:
             (x + r * c - q * s, y + r * s + q * c),
         )
 
+    def box(self, x: float, y: float, c: float, s: float) -> tuple[float, ...]:
+        """As a row of `Footprint.sweep`, its carrier at (x, y) with a heading's cosine and sine."""
+        u, v = 0.5 * (self.rear + self.front), 0.5 * (self.right + self.left)
+        half = 0.5 * (self.front - self.rear), 0.5 * (self.left - self.right)
+        return (x + u * c - v * s, y + u * s + v * c, c, s, *half)
+
 
 @dataclass(frozen=True)
 class Footprint:
@@ -46,6 +57,11 @@ class Footprint:
     drawbar: float
     reach: float
 
+    @property
+    def wide(self) -> float:
+        """Half of its greatest width [m]."""
+        return max(max(r.left, -r.right) for r in (*self.own, *self.towed))
+
     def at(self, pose: Pose, trailer: float) -> list[Corners]:
         """Corners of all rectangles with the fixed axle at a pose. trailer: its heading [rad]."""
         c, s = math.cos(pose.heading), math.sin(pose.heading)
@@ -56,6 +72,37 @@ class Footprint:
             y = pose.y + self.hitch * s - self.drawbar * v
             made += [r.at(x, y, u, v) for r in self.towed]
         return made
+
+    def sweep(self, places: Sequence[tuple[Pose, float]]) -> Array:
+        """Boxes of all its rectangles at places (pose, heading of the trailer), shape (n, 6): middle [m],
+        direction (cosine, sine), half length and half width [m].
+        """
+        made = []
+        for pose, trailer in places:
+            c, s = math.cos(pose.heading), math.sin(pose.heading)
+            made += [r.box(pose.x, pose.y, c, s) for r in self.own]
+            if self.towed:
+                u, v = math.cos(trailer), math.sin(trailer)
+                x = pose.x + self.hitch * c - self.drawbar * u
+                y = pose.y + self.hitch * s - self.drawbar * v
+                made += [r.box(x, y, u, v) for r in self.towed]
+        return np.array(made).reshape(-1, 6)
+
+
+def overlap(a: Array, b: Array, gap: float = 0.0) -> bool:
+    """Whether any box of `a` is within a gap [m] of one of `b`, (n, 6) and (m, 6) as `Footprint.sweep`; at
+    corners the gap is up to 1.4 times as wide (separating axis theorem).
+    """
+    ax, ay, ac, as_, al, aw = (a[:, i, None] for i in range(6))
+    bx, by, bc, bs, bl, bw = b.T
+    dx, dy = bx - ax, by - ay
+    along, across = np.abs(ac * bc + as_ * bs), np.abs(ac * bs - as_ * bc)
+    al, aw = al + gap, aw + gap
+    meet = np.abs(dx * ac + dy * as_) < al + bl * along + bw * across
+    meet &= np.abs(dy * ac - dx * as_) < aw + bl * across + bw * along
+    meet &= np.abs(dx * bc + dy * bs) < bl + al * along + aw * across
+    meet &= np.abs(dy * bc - dx * bs) < bw + al * across + aw * along
+    return bool(meet.any())
 
 
 def footprint_of(sheet: MachineSheet) -> Footprint:

@@ -1,84 +1,216 @@
-"""Carts give way: one stops before ground that a combine, or a cart of a lower number, drives over next.
+"""Who makes room where two driven machines stand in each other's way.
 
-Combines never wait for carts on their way, and of two carts only one gives way, so that no two wait for each
-other. What stands and is waited for itself, a combine that is full or behind its leader, is not waited for.
+Whoever has nothing to do does; else the one of lower precedence, and where it cannot the other one. Where
+neither can, both stay where they are and the standoff is noted.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
-from swath.job.drive import DrivenMachine, Follower
-from swath.job.footprint import Corners, Footprint, clearance
-from swath.job.path import Pose
+import numpy as np
+from numpy.typing import NDArray
 
-AHEAD, STEPS = 6.0, 6  # s that others are looked ahead, in so many steps
-SPACING = 2.0  # m between the places of the own way that are held against theirs
-ROOM = 3.0  # m that it stops before them
-ROOM_ASIDE = 0.1  # m
-BRAKE = 0.4  # m/s2, that it can rely on
-REACTION = 0.8  # s
-MOVES = 0.2  # m/s, from which a machine is driving
+from swath.job.driver import Driver, Manoeuvre
+from swath.job.footprint import overlap
+from swath.job.path import Path, Pose
+from swath.job.standoff import CLEAR, EVERY, PATIENCE, Standoff, manoeuvre
+from swath.job.states import CartState, CombineState
+from swath.job.traffic import MOVES, RESTS, Mover
 
-
-@dataclass(frozen=True)
-class Traffic:
-    """A machine on its way. follower: of its path, None where it stands; speed: that it will drive [m/s]"""
-
-    machine: DrivenMachine
-    footprint: Footprint
-    follower: Follower | None
-    speed: float
-
-    def sweep(self, lengths: list[float]) -> list[tuple[Pose, float]]:
-        """Its place and its trailer's heading now, and after so many metres of its way."""
-        found = [(self.machine.pose, self.machine.trailer)]
-        if self.follower is None:
-            return found
-        path, at, drawbar = self.follower.path, self.follower.at, self.footprint.drawbar
-        for length in lengths:
-            behind = path.at(at + length - drawbar).heading if length > drawbar else self.machine.trailer
-            found.append((path.at(at + length), behind))
-        return found
+Array = NDArray[np.float64]
+State = CombineState | CartState
+SOON = 25.0  # m before one who stands, from where it makes room
+AGAIN = 6.0  # s until a standoff that nobody could solve is looked at again
+SOON_AGAIN, MORE = 90.0, 4.0  # s, m: two who stand again so soon take a manoeuvre that is so much longer
+SAME = 600.0  # s, within which a standoff that nobody can solve is noted once
+BEHIND = 10.0  # m behind the end of a pass, or its place beside a combine
+POURS = 30.0  # s that is waited for one that pours
 
 
-def must_stop(own: Traffic, others: list[Traffic]) -> bool:
-    """True where one of the others will soon drive over what lies ahead within the way to stop."""
-    near = [o for o in others if _apart(own.machine.pose, o.machine.pose) < _reach(own, o)]
-    if not near:
-        return False
-    way = own.machine.speed * (REACTION + 0.5 * own.machine.speed / BRAKE) + ROOM
-    now, *ahead = own.sweep([SPACING * (i + 1) for i in range(math.ceil(way / SPACING))])
-    for other in near:
-        swept = other.sweep([AHEAD * other.speed * (i + 1) / STEPS for i in range(STEPS)])
-        if _meet(own.footprint, [now], other.footprint, swept):
-            continue  # it stands there already: the sooner it is gone the better
-        if _meet(own.footprint, ahead, other.footprint, swept):
-            return True
-    return False
+@dataclass
+class GiveWay:
+    """standoffs: all of a job, in order."""
 
+    standoffs: list[Standoff] = field(default_factory=list)
+    _since: dict[str, float] = field(default_factory=dict)
+    _costs: dict[str, tuple[float, float]] = field(default_factory=dict)
+    _tried: dict[str, float] = field(default_factory=dict)
 
-def _meet(
-    a: Footprint, mine: list[tuple[Pose, float]], b: Footprint, theirs: list[tuple[Pose, float]]
-) -> bool:
-    """Whether a body at any of its places comes near another one at any of those."""
-    bodies: dict[int, list[Corners]] = {}
-    for place in mine:
-        own: list[Corners] = []
-        for i, there in enumerate(theirs):
-            if _apart(place[0], there[0]) > a.reach + b.reach:
+    def look(
+        self, time: float, movers: list[Mover], states: Mapping[str, State], fixed: Mapping[str, Array],
+        way_from: Callable[[str, Pose], Path | None],
+    ) -> None:  # fmt: skip
+        """Let one of two who stand in each other's way make room. movers: in order of precedence; way_from:
+        the way of a machine from a place
+        """
+        by_name = {m.name: m for m in movers}
+        for i, m in enumerate(movers):
+            if m.ignores:
                 continue
-            own = own or a.at(*place)
-            if i not in bodies:
-                bodies[i] = b.at(*there)
-            if clearance(own, bodies[i]) <= ROOM_ASIDE:
-                return True
-    return False
+            if m.speed <= RESTS and m.driver.manoeuvre is None and time >= self._tried.get(m.name, 0.0):
+                coming = next(
+                    (o for k, o in enumerate(movers) if (k < i or o.waits) and _comes(o, m, states)), None
+                )
+                if coming is not None:
+                    self._solve(time, m, coming, movers, states, fixed, way_from)
+                    continue
+            if not m.blocked or m.speed > RESTS or m.driver.manoeuvre is not None:
+                self._since.pop(m.name, None)
+                continue
+            stood = time - self._since.setdefault(m.name, time)
+            other = by_name.get(m.blocked)
+            if stood < PATIENCE or time < self._tried.get(m.name, 0.0):
+                continue
+            if other is not None and not _is_stuck(other, m, states, stood):
+                continue
+            self._solve(time, m, other, movers, states, fixed, way_from)
+
+    def _solve(
+        self, time: float, m: Mover, other: Mover | None, movers: list[Mover], states: Mapping[str, State],
+        fixed: Mapping[str, Array], way_from: Callable[[str, Pose], Path | None],
+    ) -> None:  # fmt: skip
+        self._tried[m.name] = time + AGAIN
+        m.blocked = m.blocked or (other.name if other is not None else "")
+        pairs = (
+            [(m, other)]
+            if other is None or other.speed > RESTS or _stays(states[other.name])
+            else [(m, other), (other, m)]
+        )
+        pairs.sort(key=lambda p: (not is_free_of_work(states[p[0].name]), -movers.index(p[0])))
+        for who, whom in pairs:
+            pair = f"{who.name} {m.blocked if whom is None else whom.name}"
+            last, cost = self._costs.get(pair, (-math.inf, 0.0))
+            least = cost + MORE if time - last < SOON_AGAIN else 0.0
+            made = self._manoeuvre(who, whom, m.blocked, movers, states, fixed, way_from, least)
+            if made is not None:
+                self._costs[pair] = time, made[0][3]
+                who.reserved = made[0][2]
+                who.driver.held = np.vstack([who.driver.held, made[0][2]])
+                who.driver.manoeuvre = Manoeuvre(
+                    *made[0][:2], m.blocked if whom is None else whom.name, time, made[0][2], made[1]
+                )
+                self._note(time, m, who.name)
+                return
+        self._note(time, m, "")
+
+    def _note(self, time: float, m: Mover, by: str) -> None:
+        pair = {m.name, m.blocked}
+        if not by and any({s.first, s.second} == pair and time - s.time < SAME for s in self.standoffs):
+            return
+        x, y, _ = m.driver.machine.pose
+        self.standoffs.append(Standoff(time, m.name, m.blocked, x, y, by))
+
+    def _manoeuvre(
+        self, who: Mover, whom: Mover | None, name: str, movers: list[Mover], states: Mapping[str, State],
+        fixed: Mapping[str, Array], way_from: Callable[[str, Pose], Path | None],
+        least: float,
+    ) -> tuple[tuple[float, Path | None, Array, float], bool] | None:  # fmt: skip
+        """Way back and path, and whether it waits behind them until the other one is past."""
+        state = states[who.name]
+        if not _may(state) or who.reserved is not None or who.ignores:
+            return None
+        only_back = isinstance(state, CombineState) and state.phase == "cut"
+        others = [o.driver.held for o in movers if o is not who] + list(fixed.values())
+        radius = state.spec.limits.radius if isinstance(state, CombineState) else 8.0
+        ahead = None if whom is None else way_of(whom, states[whom.name])
+        if ahead is not None:
+            made = manoeuvre(
+                who.driver, others, ahead, None, ahead, radius=radius, only_back=only_back, least=least
+            )
+            if made is not None:
+                return made, True
+        there = fixed[name] if whom is None else whom.now
+        if only_back or is_free_of_work(state):
+            return None
+        made = manoeuvre(
+            who.driver,
+            others,
+            None,
+            lambda pose: _known(way_from(who.name, pose)),
+            there,
+            radius=radius,
+            least=least,
+        )
+        return None if made is None else (made, False)
 
 
-def _apart(a: Pose, b: Pose) -> float:
-    return math.hypot(a.x - b.x, a.y - b.y)
+def _comes(o: Mover, m: Mover, states: Mapping[str, State]) -> bool:
+    """True where one of higher precedence drives soon over where a machine stands that can make room."""
+    state = states[m.name]
+    if (
+        (o.speed < MOVES and not o.waits)
+        or o is m
+        or not _may(state)
+        or state.phase in ("beside", "cut")
+        or m.reserved is not None
+    ):
+        return False
+    p, q = o.driver.machine, m.driver.machine
+    if math.hypot(p.x - q.x, p.y - q.y) > SOON + 20.0:
+        return False
+    way = way_of(o, states[o.name], SOON)
+    return way is not None and overlap(way, m.now)
 
 
-def _reach(a: Traffic, b: Traffic) -> float:
-    ways = 2.0 * ROOM + a.machine.speed * (REACTION + 0.5 * a.machine.speed / BRAKE) + AHEAD * b.speed
-    return a.footprint.reach + b.footprint.reach + ways
+def _known(path: Path | None) -> Path:
+    assert path is not None
+    return path
+
+
+def way_of(m: Mover, state: State, most: float = CLEAR) -> Array | None:
+    """Ground that a machine goes over next; None where it is not going anywhere."""
+    if m.waits and m.wished is not None:
+        return m.wished
+    if m.driver.follower is None or _stays(state) or is_free_of_work(state):
+        return None
+    left = m.driver.left
+    if state.phase in ("cut", "to_combine"):  # its path goes on behind that
+        left = min(left, state.left + BEHIND)
+    count = math.ceil(min(most, left) / EVERY)
+    return np.vstack(
+        [m.now, m.driver.footprint.sweep(m.driver.ahead([EVERY * (i + 1) for i in range(count)]))]
+    )
+
+
+def is_free_of_work(state: State) -> bool:
+    """True for a machine that has nothing to do."""
+    return state.phase in ("idle", "done")
+
+
+def _stays(state: State) -> bool:
+    """True for a machine that stands for a reason, and does not make room."""
+    if isinstance(state, CombineState):
+        return state.phase in ("stand", "hold")
+    return state.phase in ("queue", "emptying") or (
+        state.phase == "beside" and state.combine is not None and state.combine.is_pouring
+    )
+
+
+def _may(state: State) -> bool:
+    """True for a machine that can make room now."""
+    if isinstance(state, CombineState):
+        return state.phase in ("way", "done", "cut") and not state.is_pouring
+    return state.phase in ("idle", "to_combine", "to_truck") or (
+        state.phase == "beside" and state.combine is not None and not state.combine.is_pouring
+    )
+
+
+def _is_stuck(other: Mover, m: Mover, states: Mapping[str, State], stood: float) -> bool:
+    """True where one who stands in the way will not go by itself soon."""
+    if other.speed > RESTS or other.driver.manoeuvre is not None:
+        return False
+    if _stays(states[other.name]):
+        return stood > POURS
+    if other.blocked not in ("", m.name):
+        return stood > 3.0 * PATIENCE
+    return True
+
+
+def room_for(driver: Driver, way: Path | None, other: Driver) -> bool:
+    """True where a machine's way, a new one or its own, is clear of another one's for some metres."""
+    lengths = [2.0 * i for i in range(1, 9)]
+    ahead = driver.ahead(lengths) if way is None else [(p, p.heading) for p in map(way.at, lengths)]
+    mine = driver.footprint.sweep([driver.place, *ahead])
+    theirs = other.footprint.sweep([other.place, *other.ahead([2.0 * i for i in range(1, 11)])])
+    return not overlap(mine, theirs, 0.3)

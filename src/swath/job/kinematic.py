@@ -6,8 +6,6 @@ sensors: places are the true ones. Corners of opening rounds, where a combine re
 standing, and the machine is set on the next side.
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,24 +20,28 @@ from swath.job.cart_ways import (
     speed_limits,
     speed_to_end,
 )
-from swath.job.combine_ways import axle_pose, corner_angle, is_far, way_to_pass
+from swath.job.combine_ways import axle_pose, corner_angle, is_far
 from swath.job.combine_ways import speed_limits as combine_limits
 from swath.job.contact import ContactWatch
-from swath.job.drive import MARGIN, DrivenMachine, Follower
+from swath.job.corner import Corner, corner_of
+from swath.job.drive import MARGIN, DrivenMachine, first_cut, knife_pose
+from swath.job.driver import Driver, Manoeuvre
 from swath.job.engine import Job
-from swath.job.footprint import Footprint, footprint_of
-from swath.job.give_way import MOVES, Traffic, must_stop
+from swath.job.footprint import footprint_of
+from swath.job.give_way import GiveWay, room_for
 from swath.job.machines import REVERSE
-from swath.job.path import Path, Pose, polyline
-from swath.job.states import DONE, CartState, CombineState, at
+from swath.job.path import Path, Pose, ahead_of, polyline
+from swath.job.settle import Settle, waits_for
+from swath.job.standoff import Standoff, way_out
+from swath.job.states import DONE, CartState, CombineState, ahead_of_start
+from swath.job.traffic import LOOKS, RESTS, Mover, look, steer_aside
 
 Array = NDArray[np.float64]
 STEP = 0.2  # s
-SHARP = 0.35  # rad between a path and a machine, beyond which it drives slowly
-SLOW = 2.0  # m/s
 STOPS, CREEP = 0.25, 0.1  # 1/s, m/s: to the start of a pass whose leader in echelon is too near ahead
 THERE = 0.05  # m before the end of a combine's way, where it is done
-LOOKS = 3  # steps after which a cart looks again whether it has to give way
+AGAIN = 10  # steps after which one who made room looks again whether the other one is past
+LONGEST_WAIT = 60.0  # s that it waits for that
 RECORD = 5  # steps between two points of a combine's track
 
 
@@ -47,273 +49,344 @@ class Kinematic:
     """The motion of the level without sensors. tracks: of knives while cutting, (x, y, heading) rows."""
 
     def __init__(self) -> None:
-        self._machines: dict[str, DrivenMachine] = {}
-        self._paths: dict[str, Follower] = {}
-        self._wait: dict[str, float] = {}
-        self._back: dict[str, float] = {}
-        self._stops: dict[str, bool] = {}
+        self._drivers: dict[str, Driver] = {}
+        self._corners: dict[str, Corner] = {}
+        self._left: set[str] = set()
         self._base: dict[str, float] = {}
         self._length: dict[str, float] = {}
-        self._profiles: dict[str, list[float]] = {}
         self._count = 0
         self.tracks: list[list[tuple[float, float, float]]] = []
         self._track: dict[str, list[tuple[float, float, float]]] = {}
         self.largest_error = 0.0
-        self.watch = ContactWatch()
-        self._footprints: dict[str, Footprint] = {}
+        self.watch, self.give_way, self.settle = ContactWatch(), GiveWay(), Settle()
 
     def combine_way(self, job: Job, combine: CombineState) -> None:
         """A corner, or a driven turn."""
-        task, name = combine.task, combine.spec.name
+        task, spec = combine.task, combine.spec
         assert task is not None
-        knife = combine.spec.sheet.knife_x
-        self._wait.pop(name, None)
-        if name not in self._machines:
-            self._machines[name] = DrivenMachine(combine.spec.sheet, axle_pose(combine.place, knife), STEP)
+        name, knife = spec.name, spec.sheet.knife_x
         if job.time <= 0.0:
             self._begin(job, combine)
             return
+        driver = self._drivers[name]
         turned = corner_angle(combine.place, task)
         if turned is not None:
-            self._wait[name] = combine.spec.corner_time(turned)
-            self._back[name] = combine.spec.corner_back(turned)
-            combine.left, combine.pace = combine.spec.corner_path(turned), 0.0
+            self._corners[name] = corner_of(driver, spec, turned, task.start)
+            combine.left, combine.pace = spec.corner_path(turned), 0.0
             return
         far = is_far(combine.place, task.start)
         combine.state = "transport" if far else "turn"
-        combine.pace = combine.spec.transport if far else combine.spec.turn_speed
-        machine = self._machines[name]
-        combine.place = _knife(machine, knife)
-        path = way_to_pass(combine.spec, machine.pose, task.start)
-        self._profiles[name] = combine_limits(combine.spec, path, far=far).tolist()
-        self._paths[name] = Follower(path, MARGIN / combine.spec.limits.radius)
+        combine.pace = spec.transport if far else spec.turn_speed
+        combine.place = knife_pose(driver.machine, knife)
+        path = job.way_to_pass(combine, driver.machine.pose)
+        driver.take(path, MARGIN / spec.limits.radius, combine_limits(spec, path, far=far).tolist())
         combine.left = path.length
         job.ways.append(path.points)
 
     def _begin(self, job: Job, combine: CombineState) -> None:
         """Set down before its first pass."""
         assert combine.task is not None
-        name, knife = combine.spec.name, combine.spec.sheet.knife_x
+        spec, knife = combine.spec, combine.spec.sheet.knife_x
         combine.left = job.start_behind(combine)
-        self._put(name, axle_pose(combine.task.start, knife + combine.left))
+        here, goal = (axle_pose(combine.task.start, knife + back) for back in (combine.left, 0.0))
+        driver = self._drivers[spec.name] = Driver(spec.sheet, here, STEP)
         if combine.left > 0.0:
-            combine.pace = combine.spec.turn_speed
-            goal = axle_pose(combine.task.start, knife)
-            path = polyline(np.array([self._machines[name].pose[:2], goal[:2]]))
-            self._profiles[name] = [combine.pace] * len(path.distance)
-            self._paths[name] = Follower(path, MARGIN / combine.spec.limits.radius)
+            combine.pace = spec.turn_speed
+            path = polyline(np.array([here[:2], goal[:2]]))
+            driver.take(path, MARGIN / spec.limits.radius, [combine.pace] * len(path.distance))
 
     def begin_cut(self, job: Job, combine: CombineState) -> None:
         """Along the pass, and its cart to it."""
         task, name = combine.task, combine.spec.name
         assert task is not None
-        knife = combine.spec.sheet.knife_x
-        if name in self._wait:
-            self._put(name, axle_pose(task.start, knife))
+        driver, knife = self._drivers[name], combine.spec.sheet.knife_x
+        if name in self._corners:
+            driver.put(self._corners.pop(name).goal)
         start, end = axle_pose(task.start, knife), task.end
-        beyond = (end.x + 20.0 * math.cos(end.heading), end.y + 20.0 * math.sin(end.heading))
-        path = polyline(np.array([start[:2], *task.line[:-1].tolist(), end[:2], beyond]), 5.0)
-        self._paths[name] = Follower(path, MARGIN / combine.spec.limits.radius)
-        self._track[name] = [_begin(self._machines[name], knife, task.start)]
+        path = polyline(
+            np.array([start[:2], *task.line[:-1].tolist(), end[:2], ahead_of(end, 20.0)[:2]]), 5.0
+        )
+        driver.take(path, MARGIN / combine.spec.limits.radius)
+        self._track[name] = [first_cut(driver.machine, knife, task.start)]
         self.tracks.append(self._track[name])
 
     def combine_to(self, job: Job, combine: CombineState, goal: Pose) -> None:
         """Without carts: to the truck or back, along straight lines over headland and passes."""
-        machine = self._machines[combine.spec.name]
-        path = rounded(corner_way(machine.pose, Pose(goal.x, goal.y, machine.heading)), machine.pose, 8.0)
-        self._paths[combine.spec.name] = Follower(path, MARGIN / combine.spec.limits.radius)
+        driver = self._drivers[combine.spec.name]
+        here = driver.machine.pose
+        path = rounded(corner_way(here, Pose(goal.x, goal.y, here.heading)), here, 8.0)
+        driver.take(path, MARGIN / combine.spec.limits.radius)
         combine.left, combine.pace = path.length, combine.spec.transport
 
     def cart_to_combine(self, job: Job, cart: CartState) -> None:
         """Over the headland to the start of the pass, and along it on its left."""
-        combine = cart.combine
-        assert combine is not None
-        machine = self._cart(cart)
-        path, begin, length = job.way_to_combine(cart, machine.pose)
-        name = cart.spec.name
+        assert cart.combine is not None
+        path, begin, length = job.way_to_combine(cart, self._cart(cart).machine.pose)
         self._set_out(cart, path)
-        self._base[name], self._length[name] = begin, length
-        cart.left = self._gap(cart, combine)
+        self._base[cart.spec.name], self._length[cart.spec.name] = begin, length
+        cart.left = self._gap(cart, cart.combine)
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
         """Back over pass and headland."""
-        path = job.way_to_truck(cart, self._cart(cart).pose)
+        path = job.way_to_truck(cart, self._cart(cart).machine.pose)
         self._set_out(cart, path)
         cart.left, cart.place = path.length, path.end
 
     def _set_out(self, cart: CartState, path: Path) -> None:
-        self._paths[cart.spec.name] = Follower(path, MARGIN / RADIUS)
-        self._profiles[cart.spec.name] = speed_limits(path, cart.spec).tolist()
+        self._cart(cart).take(path, MARGIN / RADIUS, speed_limits(path, cart.spec).tolist())
+
+    def _cart(self, cart: CartState) -> Driver:
+        name = cart.spec.name
+        if name not in self._drivers:
+            self._drivers[name] = Driver(cart.spec.sheet, cart.place, STEP)
+        return self._drivers[name]
 
     def move(self, job: Job) -> float:
         """One step of all machines."""
         self._count += 1
-        self._look(job)
+        self._watch(job)
+        if self._count % LOOKS == 1 or any(d.is_new for d in self._drivers.values()):
+            self._look(job)
         for c in job.combines:
             self._drive_combine(job, c)
         for k in job.carts:
             self._drive_cart(job, k)
         return STEP
 
-    def _look(self, job: Job) -> None:
+    @property
+    def standoffs(self) -> list[Standoff]:
+        """Of all machines, in order."""
+        return self.give_way.standoffs
+
+    def _watch(self, job: Job) -> None:
         """Hold the bodies of all machines against each other."""
-        sheets = {c.name: c.sheet for c in job.fleet.combines} | {k.name: k.sheet for k in job.fleet.carts}
-        places = {name: (m.pose, m.trailer) for name, m in self._machines.items()}
-        if job.carts and job.away <= DONE:
-            sheets[truck.NAME] = job.fleet.truck
-            x, y, course = job.places[0]  # the truck is on the field's side of the first lane
-            stands = truck.truck_pose(Pose(x, y, course + math.pi), job.fleet.truck)
-            places[truck.NAME] = stands, stands.heading
-        for name, sheet in sheets.items():
+        for k in job.carts:
+            self._cart(k)
+        places = {name: d.place for name, d in self._drivers.items()}
+        for name, driver in self._drivers.items():
             if name not in self.watch:
-                self._footprints[name] = footprint_of(sheet)
-                self.watch.add(name, self._footprints[name])
+                self.watch.add(name, driver.footprint)
+        if job.carts and job.away <= DONE:
+            places[truck.NAME] = truck.standing(job.places[0], job.fleet.truck)
+            if truck.NAME not in self.watch:
+                self.watch.add(truck.NAME, footprint_of(job.fleet.truck))
         self.watch.look(job.time, STEP, places)
 
-    def _drive_combine(self, job: Job, c: CombineState) -> None:
+    def _fixed(self, job: Job) -> dict[str, Array]:
+        """Bodies that only stand."""
+        if not job.carts or job.away > DONE:
+            return {}
+        return {
+            truck.NAME: footprint_of(job.fleet.truck).sweep([truck.standing(job.places[0], job.fleet.truck)])
+        }
+
+    def _look(self, job: Job) -> None:
+        """Who may drive on."""
+        movers = [self._mover_of_combine(job, c) for c in self._in_order(job.combines)]
+        movers += [self._mover_of_cart(job, k) for k in job.carts]
+        fixed = self._fixed(job)
+        steer_aside(movers)
+        look(movers, fixed)
+        machines: list[CombineState | CartState] = [*job.combines, *job.carts]
+        states = {m.spec.name: m for m in machines}
+
+        def way_from(name: str, pose: Pose) -> Path | None:
+            return self._way_from(job, states[name], pose)
+
+        self.give_way.standoffs += self.settle.look(job.time, movers, states, fixed)
+        self.give_way.look(job.time, movers, states, fixed, way_from)
+        self.settle.check(job, self.standoffs)
+
+    def _in_order(self, combines: list[CombineState]) -> list[CombineState]:
+        """Those that turn first: they stand in the way while they wait."""
+        return sorted(combines, key=lambda c: (c.phase != "way" or c.spec.name in self._corners, c.number))
+
+    def _way_from(self, job: Job, m: CombineState | CartState, pose: Pose) -> Path | None:
+        """The way that a machine would drive from a place; None for one that has nothing to do."""
+        if isinstance(m, CombineState):
+            return job.way_to_pass(m, pose) if m.phase == "way" else None
+        if m.phase in ("to_combine", "beside"):
+            return job.way_to_combine(m, pose)[0]
+        return job.way_to_truck(m, pose) if m.phase == "to_truck" else None
+
+    def _is_making_room(self, job: Job, m: CombineState | CartState, driver: Driver) -> bool:
+        """One step of a manoeuvre; behind it on along the own way. False without one."""
+        made = driver.manoeuvre
+        if made is None:
+            return False
+        if isinstance(m, CartState) and m.phase == "beside":
+            m.phase, m.left = "to_combine", 1.0
+        before = m.way
+        m.way += driver.make_room(REVERSE * STEP)
+        m.speed = (m.way - before) / STEP
+        if made.is_there and (not made.waits or self._count % AGAIN == 0):
+            self._go_on(job, m, driver, made)
+        return True
+
+    def _go_on(self, job: Job, m: CombineState | CartState, driver: Driver, made: Manoeuvre) -> None:
+        """Behind a manoeuvre: along the own way from where it is, when the other one is past."""
+        here, waited = driver.machine.pose, job.time - made.since
+        way, other = self._way_from(job, m, here), self._drivers.get(made.other)
+        is_cutting = isinstance(m, CombineState) and m.phase == "cut"
+        may_wait = made.waits and other is not None and waited < LONGEST_WAIT and (way or is_cutting)
+        if may_wait and other is not None and not room_for(driver, way, other):
+            return
+        if is_cutting:
+            driver.manoeuvre = None
+        elif way is None:
+            if driver.left > 1.0:
+                self._left.discard(m.spec.name)
+            driver.manoeuvre = driver.follower = None
+            m.place = here
+        elif isinstance(m, CombineState):
+            assert m.task is not None
+            far = is_far(m.place, m.task.start)
+            driver.take(way, MARGIN / m.spec.limits.radius, combine_limits(m.spec, way, far=far).tolist())
+            m.left = way.length
+        elif m.phase == "to_truck":
+            self.cart_to_truck(job, m)
+        else:
+            self.cart_to_combine(job, m)
+
+    def _mover(self, job: Job, m: CombineState | CartState, wanted: float) -> Mover:
+        name = m.spec.name
+        made = Mover(name, self._drivers[name], wanted, ignores=self.settle.ignores.get(name, ()))
+        made.reserved = made.wished = made.driver.room_ground
+        manoeuvre = made.driver.manoeuvre
+        made.waits_for = waits_for(job, m, wanted) if manoeuvre is None else manoeuvre.other
+        return made
+
+    def _mover_of_combine(self, job: Job, c: CombineState) -> Mover:
         name = c.spec.name
-        machine, follower = self._machines[name], self._paths.get(name)
-        if name in self._wait and c.phase in ("way", "hold"):
-            self._wait[name] -= STEP
-            machine.speed, c.speed = 0.0, 0.0
-            self._reverse(name)
-            c.left = 0.0 if self._wait[name] <= DONE else c.left
-            return
-        if follower is None or c.phase == "done":
-            c.speed = 0.0
-            return
-        before = follower.at
+        made = self._mover(job, c, self._wanted_of_combine(job, c))
+        corner = self._corners.get(name)
+        made.turns = c.phase == "way" and corner is None and made.driver.manoeuvre is None
+        if corner is not None:
+            leader = job.leader_of(c)
+            if leader is None or ahead_of_start(leader, c) >= job.file.team.lag_m:
+                others = self._others(name, made.ignores)
+                corner.ask(list(others.values()))
+                made.waits_for = corner.held_by(others)
+            made.wished, made.reserved = corner.wished, corner.reserved
+            made.waits = corner.time <= DONE and not corner.is_granted
+        return made
+
+    def _mover_of_cart(self, job: Job, k: CartState) -> Mover:
+        together = k.phase == "beside" and k.combine is not None and k.combine.phase in ("cut", "stand")
+        beside = k.combine.spec.name if together and k.combine is not None else ""
+        if beside and self._drivers[beside].manoeuvre is not None:
+            beside = ""
+        made = self._mover(job, k, self._wanted_of_cart(k))
+        made.beside, made.gives_way = beside, not together
+        return made
+
+    def _wanted_of_combine(self, job: Job, c: CombineState) -> float:
+        """Speed [m/s]."""
+        name = c.spec.name
+        driver, leader = self._drivers[name], job.leader_of(c)
+        if driver.manoeuvre is not None:
+            return driver.room_speed
         pace = c.pace if c.phase in ("way", "cut", "haul", "back") else 0.0
-        leader = job.leader_of(c)
+        if name in self._corners or driver.follower is None:
+            return 0.0
+        if c.is_pouring and c.cart is not None and self._cart(c.cart).blocked:
+            return 0.0
         if leader is not None and c.phase == "cut":
             pace = min(pace, max(leader.speed + 0.2 * (job.gap(leader, c) - job.file.team.lag_m), 0.0))
-        if c.phase == "way":
-            pace = min(pace, self._profiles[name][follower.index])
-            if leader is not None and _ahead_of_start(leader, c) < job.file.team.lag_m:
-                pace = min(pace, max(STOPS * (follower.path.length - follower.at), CREEP))
+        if c.phase == "way" and leader is not None and ahead_of_start(leader, c) < job.file.team.lag_m:
+            pace = min(pace, max(STOPS * driver.left, CREEP))
         if c.phase in ("haul", "back") and c.left < 12.0:
             pace = min(pace, max(0.25 * c.left, 0.3))
-        machine.step(follower.curvature(machine), pace)
-        c.speed, way = machine.speed, follower.at - before
-        c.way += machine.speed * STEP
+        return pace
+
+    def _drive_combine(self, job: Job, c: CombineState) -> None:
+        driver, corner = self._drivers[c.spec.name], self._corners.get(c.spec.name)
+        if corner is not None and c.phase in ("way", "hold"):
+            corner.step(driver, [*self._others(c.spec.name).values()], STEP)
+            c.speed, c.left = 0.0, 0.0 if corner.is_over else c.left
+            return
+        if self._is_making_room(job, c, driver):
+            return
+        if c.phase == "done" and c.spec.name not in self._left and self._count % AGAIN == 0:
+            self._leave(job, c)
+        if driver.follower is None or (c.phase == "done" and driver.machine.speed < 0.01):
+            c.speed = driver.machine.speed = 0.0
+            return
+        before = max(driver.follower.at, driver.farthest)
+        driver.step(self._wanted_of_combine(job, c))
+        c.speed, way = driver.machine.speed, max(0.0, driver.follower.at - before)
+        c.way += c.speed * STEP
         if c.phase in ("cut", "stand") and c.task is not None and c.left > 0.0 and not c.hauling:
             cut = min(way, c.left)
             job.cut_now[c.number] = cut
             c.left = max(0.0, c.left - cut)
-            self._note(c, machine)
+            self._note(c, driver.machine)
         elif c.phase in ("way", "haul", "back"):
-            c.left = max(0.0, follower.path.length - follower.at)
-            c.left = 0.0 if c.left < (THERE if c.phase == "way" else NEAR) else c.left
+            c.left = 0.0 if driver.left < (THERE if c.phase == "way" else NEAR) else driver.left
         if c.phase == "hold":
             c.speed = 0.0
+
+    def _leave(self, job: Job, c: CombineState) -> None:
+        """Behind its last pass a combine drives on, out of the way of those who still work, where it can."""
+        driver = self._drivers[c.spec.name]
+        if driver.machine.speed > RESTS or driver.manoeuvre is not None:
+            return
+        others = [*self._others(c.spec.name).values(), *self._fixed(job).values()]
+        found = way_out(driver, others, c.spec.limits.radius)
+        if found is not None:
+            driver.manoeuvre = Manoeuvre(0.0, found[0], "", job.time, found[1], waits=False)
+            driver.held = np.vstack([driver.held, found[1]])
+            self._left.add(c.spec.name)
+
+    def _others(self, name: str, ignored: tuple[str, ...] = ()) -> dict[str, Array]:
+        """Ground that all others hold."""
+        return {n: d.held for n, d in self._drivers.items() if n != name and n not in ignored}
 
     def _note(self, c: CombineState, machine: DrivenMachine) -> None:
         """Remember where the knife cuts."""
         if self._count % RECORD == 0 or c.left <= 0.0:
-            x, y, heading = _knife(machine, c.spec.sheet.knife_x)
+            x, y, heading = knife_pose(machine, c.spec.sheet.knife_x)
             self._track[c.spec.name].append((x, y, heading))
 
-    def _drive_cart(self, job: Job, k: CartState) -> None:
-        name = k.spec.name
-        machine, follower = self._cart(k), self._paths.get(name)
-        wanted = 0.0
-        if follower is not None and k.phase == "to_truck":
-            wanted = speed_to_end(k.left, k.spec)
-        elif follower is not None and k.phase in ("to_combine", "beside") and k.combine is not None:
-            gap = self._gap(k, k.combine)
+    def _wanted_of_cart(self, k: CartState) -> float:
+        """Speed [m/s]."""
+        driver = self._cart(k)
+        if driver.manoeuvre is not None or driver.follower is None:
+            return driver.room_speed
+        if k.phase == "to_truck":
+            return speed_to_end(k.left, k.spec)
+        if k.phase in ("to_combine", "beside") and k.combine is not None:
             pace = k.combine.pace if k.combine.phase == "cut" else 0.0
-            wanted = speed_beside(gap, k.combine.speed, pace, k.spec)
-            if k.phase == "beside" and k.combine.is_pouring:
-                self.largest_error = max(self.largest_error, abs(gap))
+            return speed_beside(self._gap(k, k.combine), k.combine.speed, pace, k.spec)
+        return 0.0
+
+    def _drive_cart(self, job: Job, k: CartState) -> None:
+        driver = self._cart(k)
+        machine, follower, wanted = driver.machine, driver.follower, self._wanted_of_cart(k)
+        if k.phase == "beside" and k.combine is not None and k.combine.is_pouring:
+            self.largest_error = max(self.largest_error, abs(self._gap(k, k.combine)))
+        if self._is_making_room(job, k, driver):
+            return
         if follower is None or (wanted <= 0.0 and machine.speed < 0.01):
             k.speed = machine.speed = 0.0
             return
-        curvature = follower.curvature(machine)
-        wanted = min(wanted, self._profiles[name][follower.index])
-        if self._count % LOOKS == 0:
-            self._stops[name] = self._gives_way(job, k)
-        if self._stops.get(name, False):
-            wanted = 0.0
-        off = math.remainder(follower.heading - machine.heading, 2.0 * math.pi)
-        machine.step(curvature, min(wanted, SLOW) if abs(off) > SHARP else wanted)
+        driver.step(wanted)
         k.speed = machine.speed
         k.way += k.speed * STEP
         if k.phase == "to_truck":
-            k.left = max(0.0, follower.path.length - follower.at)
-            k.left = 0.0 if k.left < NEAR or follower.is_done else k.left
+            k.left = 0.0 if driver.left < NEAR or follower.is_done else driver.left
         elif k.phase == "to_combine" and k.combine is not None:
             gap = self._gap(k, k.combine)
             k.left = 0.0 if abs(gap) < IN_PLACE or follower.is_done else abs(gap)
 
-    def _gives_way(self, job: Job, k: CartState) -> bool:
-        """Whether a cart stops before what others drive over next; beside its combine it does not."""
-        if k.phase == "beside" and k.combine is not None and k.combine.phase in ("cut", "stand"):
-            return False
-        others = []
-        for c in job.combines:
-            name = c.spec.name
-            if c.phase == "way" and name in self._wait:
-                others.append(Traffic(self._machines[name], self._footprints[name], None, 0.0))
-            elif c.phase in ("way", "cut") and c.speed > MOVES:
-                others.append(
-                    Traffic(self._machines[name], self._footprints[name], self._paths[name], c.speed)
-                )
-        for other in job.carts[: job.carts.index(k)]:
-            name = other.spec.name
-            if other.speed > MOVES:
-                follower = self._paths.get(name)
-                others.append(Traffic(self._machines[name], self._footprints[name], follower, other.speed))
-        name = k.spec.name
-        own = Traffic(self._machines[name], self._footprints[name], self._paths[name], 0.0)
-        return must_stop(own, others)
-
     def _gap(self, cart: CartState, combine: CombineState) -> float:
         """How far a cart's box is behind the pipe, along its path [m]."""
-        follower = self._paths[cart.spec.name]
+        name, follower = cart.spec.name, self._cart(cart).follower
+        assert follower is not None
         if combine.task is None:  # at the end of its last pass
-            done = self._length[cart.spec.name]
+            done = self._length[name]
         else:
-            done = (combine.task.length - combine.left) * self._length[cart.spec.name] / combine.task.length
+            done = (combine.task.length - combine.left) * self._length[name] / combine.task.length
         if combine.phase in ("way", "hold"):
             done = 0.0
-        return self._base[cart.spec.name] + done - follower.at
-
-    def _cart(self, k: CartState) -> DrivenMachine:
-        name = k.spec.name
-        if name not in self._machines:
-            self._machines[name] = DrivenMachine(k.spec.sheet, k.place, STEP)
-        return self._machines[name]
-
-    def _reverse(self, name: str) -> None:
-        """Out of the corner: what comes behind stands out of the way of who goes along the next side."""
-        machine, way = self._machines[name], min(self._back.get(name, 0.0), REVERSE * STEP)
-        machine.x -= way * math.cos(machine.heading)
-        machine.y -= way * math.sin(machine.heading)
-        self._back[name] = self._back.get(name, 0.0) - way
-
-    def _put(self, name: str, pose: Pose) -> None:
-        """Set a machine down at rest."""
-        machine = self._machines[name]
-        machine.x, machine.y, machine.heading = pose
-        machine.speed = machine.angle = 0.0
-
-
-def _knife(machine: DrivenMachine, ahead: float) -> Pose:
-    c, s = math.cos(machine.heading), math.sin(machine.heading)
-    return Pose(machine.x + ahead * c, machine.y + ahead * s, machine.heading)
-
-
-def _ahead_of_start(leader: CombineState, combine: CombineState) -> float:
-    """How far a leader is ahead of where the one behind it begins its pass, along that pass [m]."""
-    if leader.phase in ("way", "hold") or combine.task is None:
-        return -math.inf
-    start, place = combine.task.start, at(leader)
-    return (place.x - start.x) * math.cos(start.heading) + (place.y - start.y) * math.sin(start.heading)
-
-
-def _begin(machine: DrivenMachine, ahead: float, start: Pose) -> Pose:
-    """Where a knife begins to cut: at the start of its pass where the last step led beyond it."""
-    x, y, heading = _knife(machine, ahead)
-    c, s = math.cos(heading), math.sin(heading)
-    back = min(max((x - start.x) * c + (y - start.y) * s, 0.0), machine.speed * STEP)
-    return Pose(x - back * c, y - back * s, heading)
+        return self._base[name] + done - follower.at

@@ -74,6 +74,14 @@ class Cart:
     out: float
     align: float
 
+    @property
+    def length_behind(self) -> float:
+        """From its axle to the end of the box [m]."""
+        hitch, box = self.sheet.hitch, self.sheet.box
+        assert box is not None
+        end = 0.5 * box.length - box.x
+        return end if hitch is None else hitch.drawbar - hitch.x + end
+
 
 def combine_of(name: str, s: CombineSettings, base: Path | None) -> Combine:
     """A combine of a job. InputError for a machine without a header, a tank or a pipe."""

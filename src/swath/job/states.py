@@ -3,11 +3,15 @@
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from swath.job.machines import Cart, Combine
 from swath.job.path import Pose
 from swath.job.plan import PlannedPass
 from swath.job.timeline import Timeline
 
+Array = NDArray[np.float64]
 DONE = 1e-6  # m, s or kg: nothing left
 
 
@@ -18,6 +22,7 @@ class CombineState:
     left: of the way or the pass [m]; pace: wanted speed now [m/s]; tank, cut, poured [kg]; index: of the pass
     timer: until pouring may begin [s]; since: when it came to stand [s]; hauling: there, pour or back,
     without carts, from way_back with `rest` of its pass left [m]; called: a cart is on its way or wanted
+    turn: its way to the pass, points (n, 2) [m]; None in a corner
     """
 
     spec: Combine
@@ -46,6 +51,7 @@ class CombineState:
     hauling: str = ""
     way_back: Pose = field(default_factory=lambda: Pose(0.0, 0.0, 0.0))
     rest: float = 0.0
+    turn: Array | None = None
     timeline: Timeline = field(default_factory=Timeline)
     loads: list[tuple[float, float, str]] = field(default_factory=list)
     """Begin, grain [kg] and kind (`on the go`, `standing`) of each load poured."""
@@ -95,3 +101,11 @@ def same_way(a: CombineState, b: CombineState) -> bool:
 def way_between(a: Pose, b: Pose) -> float:
     """Way between two places along headland and passes [m]: the sum of both directions."""
     return abs(a.x - b.x) + abs(a.y - b.y)
+
+
+def ahead_of_start(leader: CombineState, combine: CombineState) -> float:
+    """How far a leader is ahead of where the one behind it begins its pass, along that pass [m]."""
+    if leader.phase in ("way", "hold") or combine.task is None:
+        return -math.inf
+    start, place = combine.task.start, at(leader)
+    return (place.x - start.x) * math.cos(start.heading) + (place.y - start.y) * math.sin(start.heading)

@@ -21,6 +21,7 @@ from swath.job.plan import FieldPlan
 from swath.job.plan_files import plan_from_file
 from swath.job.recorded import read_day, recorded_plan
 from swath.job.saved import digest_of
+from swath.job.standoff import Standoff
 from swath.job.swept import SweptGround, swept_ground, track_along
 from swath.job.timeline import STATES, Timeline
 
@@ -53,8 +54,9 @@ class JobResult:
 
     field_efficiency: area over what the combines could cut with the full header at the speed that the crop
     allows in the time that they took, without turns, unloading and waiting
-    contacts: of all pairs of driven machines; ground: that their knives went over, and swept: that passes
-    driven exactly would; digest: see `saved.digest_of`
+    contacts: of all pairs of driven machines; standoffs: of driven machines, and who made room
+    ground: that their knives went over, and swept: that passes driven exactly would; digest: see
+    `saved.digest_of`
     """
 
     level: str
@@ -71,6 +73,7 @@ class JobResult:
     ways: tuple[Array, ...]
     notes: tuple[str, ...] = ()
     contacts: tuple[PairClearance, ...] = ()
+    standoffs: tuple[Standoff, ...] = ()
     digest: str = ""
     ground: SweptGround | None = None
     planned: SweptGround | None = None
@@ -150,6 +153,7 @@ def result_of(job: Job, level: str) -> JobResult:
         field_efficiency=area / (possible * harvest), pass_times=dict(job.pass_times),
         ways=tuple(job.ways), notes=job.plan.notes,
         contacts=tuple(job.motion.watch.pairs) if isinstance(job.motion, Kinematic) else (),
+        standoffs=tuple(job.motion.standoffs) if isinstance(job.motion, Kinematic) else (),
         digest=digest_of(job), **_swept(job),
     )  # fmt: skip
 

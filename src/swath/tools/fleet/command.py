@@ -39,7 +39,14 @@ def run_job(args: argparse.Namespace) -> int:
     """Run a job, print its tables, write its report."""
     from swath.job.fleet import base_of, read_fleet
     from swath.terminal.tables import table, wide_console
-    from swath.tools.fleet.page import check_target, contact_rows, machine_rows, result_rows, write_result
+    from swath.tools.fleet.page import (
+        check_target,
+        contact_rows,
+        machine_rows,
+        result_rows,
+        standoff_rows,
+        write_result,
+    )
 
     file, document = read_fleet(args.job, tuple(args.sets))
     if args.out is not None:
@@ -51,6 +58,9 @@ def run_job(args: argparse.Namespace) -> int:
     if result.contacts:
         heads = ("pair", "least clearance m", "touched s", "contacts")
         table("bodies of two machines", heads, contact_rows(result))
+    if result.standoffs:
+        heads = ("at", "machines", "place m", "made room")
+        table("standoffs", heads, standoff_rows(result))
     console = wide_console()
     for note in result.notes:
         console.print(f"note: {note}", markup=False)

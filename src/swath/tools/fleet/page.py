@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.job.standoff import Standoff
 from swath.job.timeline import STATES
 from swath.job.work import JobResult
 from swath.judge.summary import json_safe
@@ -42,6 +43,7 @@ def result_rows(r: JobResult) -> list[tuple[str, str, str]]:
     if r.contacts:
         touched = [p for p in r.contacts if p.touched > 0.0]
         rows.append(("bodies over each other", f"{math.fsum(p.touched for p in touched):.1f}", "s"))
+        rows.append(("standoffs that were not solved", str(sum(bool(s.driven_on) for s in r.standoffs)), ""))
     if r.digest:
         rows.append(("digest", r.digest[:16], ""))
     return rows
@@ -58,6 +60,19 @@ def _ground_rows(r: JobResult) -> list[tuple[str, str, str]]:
         ("ground that knives went over again, as driven", f"{share * r.ground.twice:.2f}", "%"),
         ("the same on the planned lines, overlap and corners", f"{share * r.planned.twice:.2f}", "%"),
     ]
+
+
+def standoff_rows(r: JobResult) -> list[tuple[str, ...]]:
+    """When and where two machines stood in each other's way, and who made room."""
+    return [
+        (f"{s.time:.0f} s", f"{s.first}, {s.second}", f"{s.x:.0f}, {s.y:.0f}", _who(s)) for s in r.standoffs
+    ]
+
+
+def _who(s: Standoff) -> str:
+    if s.driven_on:
+        return f"NOT SOLVED: {s.driven_on} drove on"
+    return s.solved_by or "nobody could yet"
 
 
 def contact_rows(r: JobResult) -> list[tuple[str, str, str, str]]:
@@ -125,6 +140,11 @@ def to_dict(r: JobResult) -> dict[str, Any]:
             {"first": p.first, "second": p.second, "least_clearance_m": p.least, "touched_s": p.touched,
              "begin_end_s": p.times, "places_m": p.places}
             for p in r.contacts
+        ],
+        "standoffs": [
+            {"time_s": s.time, "first": s.first, "second": s.second, "place_m": [s.x, s.y],
+             "solved_by": s.solved_by or None, "driven_on": s.driven_on or None}
+            for s in r.standoffs
         ],
         "machines": {
             m.name: {
