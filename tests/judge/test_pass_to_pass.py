@@ -7,16 +7,18 @@ import pytest
 
 from swath.core.frames import Pose
 from swath.judge.evaluators.pass_to_pass import PassToPass
-from swath.signals import JobState, MachineState, Phase
+from swath.signals import CropFlow, JobState, MachineState, Phase
 from tests.evaluated import evaluation_of
 from tests.fake_run import GEOMETRY, ArcEdge, GridField, machine
 
 WIDTH = 2.0 * GEOMETRY.header_end("left")[1]
 
 
-def driven(lines, *, side="left", has_job=True):
+def driven(lines, *, side="left", has_job=True, has_header=True):
     """Metrics of passes along lines (n, 2), of the machine's origin, cut one after the other."""
-    outputs = {"motion.state": MachineState} | ({"job.job": JobState} if has_job else {})
+    outputs = {"motion.state": MachineState}
+    outputs |= {"job.job": JobState} if has_job else {}
+    outputs |= {"header.flow": CropFlow} if has_header else {}
     evaluation = evaluation_of(GridField(ArcEdge()), replace(machine(side), outputs=outputs))
     way = 0.0
     for number, line in enumerate(lines):
@@ -68,6 +70,7 @@ def test_of_three_passes_the_neighbour_counts():
     assert m["pass_overlap_m"] == pytest.approx(0.1, abs=1e-9)
 
 
-def test_a_machine_without_a_job_has_no_such_metric():
+@pytest.mark.parametrize("lacks", ["has_job", "has_header"])
+def test_a_machine_without_a_job_or_a_header_has_no_such_metric(lacks):
     names = {metric.name for metric in PassToPass.METRICS}
-    assert not names & driven([straight(0.0)], has_job=False).keys()
+    assert not names & driven([straight(0.0)], **{lacks: False}).keys()

@@ -8,7 +8,7 @@ from swath.core.registry import Level
 from swath.judge.evaluator import NEVER, EvaluatorSetup, Metric
 from swath.judge.kept_rows import KeptRows
 from swath.judge.statistics import even_path, mean
-from swath.signals import F64, JobState, MachineState, Phase, Signal
+from swath.signals import F64, CropFlow, JobState, MachineState, Phase, Signal
 
 GROUP = "Passes"
 PATH_M = 0.05  # spacing of the stored path
@@ -40,7 +40,7 @@ class PassToPass:
         self._rows = KeptRows(6)  # pass, distance, inner end, outer end
         self._pass = -1
         self._next = float("-inf")  # distance from which on the next place is noted [m]
-        self.rests_until = 0 if JobState in machine.outputs.values() else NEVER
+        self.rests_until = 0 if {JobState, CropFlow} <= {*machine.outputs.values()} else NEVER
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Note where both ends of the header are while it cuts."""
@@ -54,7 +54,7 @@ class PassToPass:
                 self._next = signal.distance + PATH_M
 
     def metrics(self) -> dict[str, float]:
-        """Of all passes; nothing of a machine that drives none, nan where none lies beside another."""
+        """Of all passes; nothing of a machine that cuts none, nan where none lies beside another."""
         if self.rests_until == NEVER:
             return {}
         overlap = self.overlaps()
