@@ -66,7 +66,7 @@ def way_to_the_combine():
     # beside the truck, looking north; the combine cuts 20 m up the second pass
     peer = PeerState(
         0, True, 0.1, 26.0, 50.0, 0.0, 1.5, 0.0, phase=int(Phase.CUTS), task=1, remaining=44.0,
-        may_unload=True, calls=True,
+        may_unload=True, calls=True, header_width=12.0,
     )  # fmt: skip
     none = np.zeros(1)
     inputs = {
