@@ -41,11 +41,6 @@ def both_levels(file):
     return finished(file).time / 3600.0, driven.time / 3600.0, touched, unsolved
 
 
-def hours(seed, carts):
-    """Hours of a layout by events and by driven machines."""
-    return both_levels(layout_file(seed, carts))[:2]
-
-
 def same_ranking(cheap, dear, tie=0.02):
     """True where no pair of cart counts is ordered the other way round, ties within 2 % aside."""
     pairs = [(i, j) for i in range(len(cheap)) for j in range(i)]

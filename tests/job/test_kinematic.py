@@ -14,7 +14,7 @@ from swath.job.path import Pose
 from swath.job.swept import swept_ground
 from swath.job.work import work_off
 from tests.job.jobs import finished, job_file
-from tests.job.layouts import CARTS, hours, same_ranking
+from tests.job.layouts import CARTS, both_levels, layout_file, same_ranking
 
 SMALL = [(0.0, 0.0), (320.0, 0.0), (320.0, 170.0), (0.0, 170.0)]
 
@@ -94,9 +94,12 @@ def test_one_combine_takes_as_long_as_by_events():
 @pytest.mark.parametrize("layout", [4])
 def test_numbers_of_carts_rank_the_same(layout):
     """Driven machines wait for each other, 8.7 % in layout 4 with one cart; there a third cart costs time."""
-    cheap, dear = zip(*(hours(layout, n) for n in CARTS), strict=True)
+    made = [both_levels(layout_file(layout, n)) for n in CARTS]
+    cheap, dear, touched, unsolved = zip(*made, strict=True)
     assert same_ranking(cheap, dear)
     assert dear == pytest.approx(cheap, rel=0.1)
+    assert all(seconds == 0.0 for pairs in touched for seconds in pairs.values())
+    assert unsolved == (0, 0, 0)
 
 
 def test_the_same_job_gives_the_same_bytes(echelon):

@@ -16,7 +16,6 @@ STEP_M = 5.0  # between the places that are tried as the common start
 MOST = 20  # passes
 FEWEST = 3
 TEMPLATE = """\
-# yaml-language-server: $schema=case.schema.json
 # Along {count} straight passes of this field, from {start:.0f} m behind the begin of each on: the edge lies
 # where the real machine's left header end went, stand and ground are those of the import.
 format: swath test case 1

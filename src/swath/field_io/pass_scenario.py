@@ -153,7 +153,7 @@ def _inside(track: Track, ground: Region, at: Array, first: int, last: int) -> t
     middle = np.stack([np.interp(s, at, track.line[:, k]) for k in range(2)], axis=1)
     left = np.array([-np.sin(heading), np.cos(heading)])
     covered = np.ones(len(s), dtype=bool)
-    for across in (0.5 * track.header_width - OVERLAP_M, -0.5 * track.header_width - OVERLAP_M):
+    for across in (edge_offset(track), edge_offset(track) - track.header_width):
         points = middle + across * left
         covered &= ground.contains(points[:, 0], points[:, 1])
     begin, end = _longest_run(covered)
