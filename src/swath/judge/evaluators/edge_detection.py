@@ -110,12 +110,25 @@ class EdgeDetection:
                 self._states.append(signal)
                 if len(self._states) > 512:
                     del self._states[:256]
-                if len(self._rows) >= CHUNK:  # a tick with an edge has enough to do
-                    self._judge_rows()
             elif isinstance(signal, CropEdge):
                 self._waiting.append(signal)
+        self.look()
+
+    def look(self) -> None:
+        """What stands where edges were reported up to the time of the newest state."""
+        if len(self._rows) >= CHUNK and not self._waiting:  # a tick with an edge has enough to do
+            self._judge_rows()
         while self._waiting and self._states and self._waiting[0].t <= self._states[-1].t:
             self._look(self._waiting.pop(0))
+
+    def beside(self, across: Callable[..., NDArray[np.bool_]]) -> "EdgeDetection":
+        """A judge of another detector in the same run: it reads the states that this one keeps.
+
+        Show it edges alone, and let it `look` after each state. across: in place of `crop_across`
+        """
+        other = EdgeDetection(self.setup, across)
+        other._states = self._states
+        return other
 
     def metrics(self) -> dict[str, float]:
         """Of all edges; nothing of a machine without an edge detection."""

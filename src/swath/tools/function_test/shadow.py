@@ -20,7 +20,6 @@ from swath.runtime.faults import make_fault
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
-from swath.signals import MachineState
 from swath.tools.function_test.integrity import integrity_of
 
 SUMMARY = "shadow"
@@ -54,7 +53,7 @@ class Shadow:
         component, wires = make_part(world, name, choice)
         timing = next(node.slot for node in world.graph.nodes if node.slot.name == name)
         node = Node(timing, component, wires, make_fault(choice, component))
-        self.name, self.judge, self.digest = name, EdgeDetection(judge.setup, looks), Digest()
+        self.name, self.judge, self.digest = name, judge.beside(looks), Digest()
         self._graph = Graph([node], scenario.seed, outside=outside_of([node]))
         self._sources = {source for source, _ in wires.values()}
         self.slots = {*self._sources, name}  # of the run, whose samples it takes
@@ -105,9 +104,8 @@ class ShadowHook(RunHook):
         for shadow in self._by_slot.get(slot, ()):
             shadow(slot, t, outputs)
         if slot == self._motion:
-            states = {k: v for k, v in outputs.items() if isinstance(v, MachineState)}
             for shadow in self._shadows.values():
-                shadow.judge.see(slot, t, states)
+                shadow.judge.look()
 
     def summarize(self, t: int) -> dict[str, Any]:
         """`shadow`: what each came to."""
