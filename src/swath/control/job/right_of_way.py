@@ -136,13 +136,15 @@ class CombineWays:
         return found
 
 
-def is_swept(outline: Outline, way: Sequence[Place], other: Outline, places: Sequence[Place]) -> bool:
+def is_swept(
+    outline: Outline, way: Sequence[Place], other: Outline, places: Sequence[Place], clear: float = SWEPT
+) -> bool:
     """Whether a machine that drives through the places of a way, the first of them its own, comes nearer to
-    another one at one of its places than it is now, and near.
+    another one at one of its places than it is now, and nearer than `clear` [m].
     """
     points = [point for place in places for point in other.points(place)]
-    now = min(outline.least(way[:1], x, y, SWEPT + NEARER) for x, y in points)
-    return any(outline.least(way, x, y, SWEPT) < min(SWEPT, now - NEARER) for x, y in points)
+    now = min(outline.least(way[:1], x, y, clear + NEARER) for x, y in points)
+    return any(outline.least(way, x, y, clear) < min(clear, now - NEARER) for x, y in points)
 
 
 def free_way(
