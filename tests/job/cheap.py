@@ -23,6 +23,7 @@ def cheap_sets(combines, carts):
         made += [f"{m}.{key}" for key in (
             "lidar=off", "scan_filter=off", "edge={level: truth, wires: {}}", "imu=off", "edge.rate_hz=10",
             "job.unload_to_m=15", "header.rate_hz=10", "process.rate_hz=5",
+            "cooperate.rate_hz=10", "unload.rate_hz=10",
         )]  # fmt: skip
     for m in carts:
         made += [f"{m}.job.break_off_m=15", *(f"{m}.{s}.rate_hz=10" for s in ("imu", "cooperate", "heap"))]

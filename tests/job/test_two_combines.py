@@ -22,7 +22,7 @@ from tests.job.jobs import job_file
 
 LAG = 25.0
 COMBINES = "combine_0", "combine_1"
-SAVED_AT = 150.0  # s, grain flows
+SAVED_AT, AGAIN_TO = 75.0, 110.0  # s, grain flows; the cart leaves, and both combines turn
 
 
 def file_of(carts, north, lag=LAG, east=60.0, **changes):
@@ -69,7 +69,8 @@ class Run(CheapRun):
 def run():
     first = Run(file_of(1, 28.5), until_s=SAVED_AT)
     state = first.saved()
-    return first.go_on(), state
+    digest = first.go_on(AGAIN_TO).digest.hex
+    return first.go_on(), state, digest
 
 
 def check_done(done, carts):
@@ -85,7 +86,7 @@ def check_done(done, carts):
     for name in (*COMBINES, *carts):
         metrics = done.evaluation.metrics(name)
         assert metrics["contact_count"] == 0.0
-        assert metrics["least_clearance_m"] > 0.3
+        assert metrics["least_clearance_m"] > 0.45
 
 
 def test_two_combines_and_one_cart_until_the_field_is_empty(run):
@@ -110,10 +111,11 @@ def test_the_one_behind_keeps_its_distance(run):
 
 
 def test_the_same_digest_with_one_thread_and_after_save_and_load(run, monkeypatch):
-    done, state = run
+    _, state, digest = run
     monkeypatch.setenv("SWATH_THREADS", "1")
-    again = Run(file_of(1, 28.5), state=state)
-    assert again.digest.hex == done.digest.hex
+    again = Run(file_of(1, 28.5), state=state, until_s=AGAIN_TO)
+    assert again.of("cart_0", HeapState).grain > 100.0
+    assert again.digest.hex == digest
 
 
 def test_two_combines_and_two_carts_until_the_field_is_empty():
@@ -121,7 +123,7 @@ def test_two_combines_and_two_carts_until_the_field_is_empty():
     check_done(done, ("cart_0", "cart_1"))
     assert all(done.of(cart, HeapState).emptied > 100.0 for cart in ("cart_0", "cart_1"))
     # each pipe is judged against the box below it, not against that of the other cart
-    assert done.evaluation.metrics("field")["station_along_max_m"] < 4.0
+    assert done.evaluation.metrics("field")["station_along_max_m"] < 1.0
 
 
 def members_of(file):

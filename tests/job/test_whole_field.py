@@ -320,6 +320,16 @@ def test_the_turn_waits_for_a_machine_that_is_silent_and_may_be_near():
     assert bench.step(100.35, 0.2, peer=(-60.0, 8.0), age=4.0).phase == Phase.TURNS
 
 
+@pytest.mark.parametrize(("clear", "phase"), [(0.45, Phase.TURNS), (0.35, Phase.DONE)])
+def test_behind_the_last_pass_it_drives_on_past_a_cart_that_it_leaves_room(clear, phase):
+    """Nearer than a turn would come to it: else the cart's trailer has to come by the header."""
+    bench = Bench(NORTH[:1])
+    aside = load_machine("lexion-700").header_width / 2.0 + 1.0 + clear  # a machine 2 m wide
+    for north in np.arange(1.0, 100.2, 0.5):
+        bench.step(north, 0.0, peer=(9.0, aside))
+    assert bench.step(100.5, 0.0, peer=(9.0, aside)).phase == phase
+
+
 def test_a_full_tank_stands_calls_and_goes_on_once_grain_flows():
     bench = Bench(NORTH)
     assert bench.step(40.0, 0.5).phase == Phase.CUTS

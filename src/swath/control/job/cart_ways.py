@@ -112,13 +112,13 @@ class CartWays:
         """
         ground = self._ground(combines)
         start = first[-1] if first else here
+        way, looked = None, None
         for keep in (KEEP + CUTS_IN, KEEP):
             discs = [disc for combine in combines for disc in _discs(here, start, combine, keep)]
-            discs += taken
-            masks = ground.clear_of(HALF, discs), ground.clear_of(NARROW, discs)
-            way = Search(ground, *masks, self._radius).way(start, goals)
-            if way is not None:
-                break
+            if way is None and discs != looked:
+                both = [*discs, *taken]
+                masks = ground.clear_of(HALF, both), ground.clear_of(NARROW, both)
+                way, looked = Search(ground, *masks, self._radius).way(start, goals), discs
         if way is None:
             return None
         before = [place[:2] for place in first[:-1]]

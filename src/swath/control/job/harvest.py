@@ -13,7 +13,7 @@ from swath.control.job.dubins import Place
 from swath.control.job.ground import beside
 from swath.control.job.heard import SILENT, STOPS, AllHeard
 from swath.control.job.passes import RUN_OUT, Pass, Route, route_of
-from swath.control.job.right_of_way import is_swept, outline_of, own_outline, place_of
+from swath.control.job.right_of_way import SWEPT, is_swept, outline_of, own_outline, place_of
 from swath.control.job.turn_limits import limits_of
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
@@ -45,6 +45,7 @@ NEAR = 60.0  # m, beyond which another machine is not in the way of a turn
 AHEAD, EVERY = 45.0, 2.0  # m of the way through a turn that has to be free; between two looks
 SOON = 6  # s, for which another machine is taken to drive straight on
 BESIDE = 16.0  # m, nearer than which a cart stands beside it
+PASSES = 0.4  # m from a cart beside it, that it drives on past behind its last pass
 CAN_BE = 15.0  # m about a place where a silent machine may stand, that a turn takes
 
 
@@ -224,7 +225,7 @@ class Harvest(KeepsState):
         rest = self._p.run_out_m - 1.0 + left
         near = any(cart.is_heard and hypot(cart.x, cart.y) < BESIDE for cart in carts)
         near |= any(said.phase != Phase.DONE for said in self._team)
-        if self._phase == Phase.DONE or rest <= 0.0 or not near or self._is_blocked(here, carts):
+        if self._phase == Phase.DONE or rest <= 0.0 or not near or self._is_blocked(here, carts, PASSES):
             self._phase = Phase.DONE
             return 0.0
         self._phase = Phase.TURNS
@@ -249,8 +250,8 @@ class Harvest(KeepsState):
             return False
         return (self._finishes and self._dry_for <= RUNS_OUT) or self._is_blocked(here, carts)
 
-    def _is_blocked(self, here: Place, carts: list[PeerState]) -> bool:
-        return any(cart.is_heard and self._is_in_way(here, cart) for cart in carts)
+    def _is_blocked(self, here: Place, carts: list[PeerState], clear: float = SWEPT) -> bool:
+        return any(cart.is_heard and self._is_in_way(here, cart, clear) for cart in carts)
 
     def _turns_clear_of(self, carts: list[PeerState]) -> bool:
         """Whether the turn behind the pass leaves carts in peace that stand beside the machine as now."""
@@ -258,7 +259,7 @@ class Harvest(KeepsState):
         here = self._through_turn(end)[0]
         return not any(cart.is_heard and self._sweeps(end, cart, [place_of(here, cart)]) for cart in carts)
 
-    def _is_in_way(self, here: Place, said: PeerState) -> bool:
+    def _is_in_way(self, here: Place, said: PeerState, clear: float) -> bool:
         away = hypot(said.x, said.y)
         if said.age > SILENT:
             return away < STOPS + CAN_BE
@@ -266,10 +267,11 @@ class Harvest(KeepsState):
             return False
         at = place_of(here, said)
         ahead = [0.0] if said.speed < 0.3 else [said.speed * i for i in range(SOON)]
-        return self._sweeps(self._way, said, [Place(*beside(*at, way, 0.0), at.heading) for way in ahead])
+        places = [Place(*beside(*at, way, 0.0), at.heading) for way in ahead]
+        return self._sweeps(self._way, said, places, clear)
 
-    def _sweeps(self, way: float, said: PeerState, places: list[Place]) -> bool:
-        return is_swept(self._outline, self._through_turn(way), outline_of(said), places)
+    def _sweeps(self, way: float, said: PeerState, places: list[Place], clear: float = SWEPT) -> bool:
+        return is_swept(self._outline, self._through_turn(way), outline_of(said), places, clear)
 
     def _through_turn(self, way: float) -> list[Place]:
         """Places of the next metres, from so far along the way [m]."""

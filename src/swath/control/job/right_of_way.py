@@ -43,6 +43,15 @@ class Outline(NamedTuple):
             least = min(least, hypot(dx, dy))
         return least
 
+    def least(self, places: Sequence[Place], x: float, y: float, most: float) -> float:
+        """Least distance of a point from the machine at any of some places, at most `most` [m]."""
+        far = most + max(hypot(max(-a, b), max(-c, d)) for a, b, c, d in self.boxes)
+        found = most
+        for at in places:
+            if hypot(x - at.x, y - at.y) < far:
+                found = min(found, self.away(at, x, y))
+        return found
+
     def points(self, at: Place) -> list[Point]:
         """Points of the outline of the machine at a place, at most EVERY apart [m]."""
         found: list[Point] = []
@@ -127,13 +136,15 @@ class CombineWays:
         return found
 
 
-def is_swept(outline: Outline, way: Sequence[Place], other: Outline, places: Sequence[Place]) -> bool:
+def is_swept(
+    outline: Outline, way: Sequence[Place], other: Outline, places: Sequence[Place], clear: float = SWEPT
+) -> bool:
     """Whether a machine that drives through the places of a way, the first of them its own, comes nearer to
-    another one at one of its places than it is now, and near.
+    another one at one of its places than it is now, and nearer than `clear` [m].
     """
     points = [point for place in places for point in other.points(place)]
-    now = min(outline.away(way[0], x, y) for x, y in points)
-    return any(outline.away(at, x, y) < min(SWEPT, now - NEARER) for at in way for x, y in points)
+    now = min(outline.least(way[:1], x, y, clear + NEARER) for x, y in points)
+    return any(outline.least(way, x, y, clear) < min(clear, now - NEARER) for x, y in points)
 
 
 def free_way(
@@ -148,14 +159,12 @@ def free_way(
     """Way [m] from `at` along a line, as far as `until` and a reach, before it comes near a machine that is
     at one of some places; inf where it does not.
     """
-    now = min(outline.away(place, here.x, here.y) for place in places)
+    now = outline.least(places, here.x, here.y, KEEP)
     for i in range(ceil(reach / STEP)):
         way = STEP * (i + 1)
         if at + way > until:
             break
-        x, y = line.point(at + way)
-        away = min(outline.away(place, x, y) for place in places)
-        if away < KEEP and away < now:
+        if outline.least(places, *line.point(at + way), KEEP) < now:
             return max(way - SHORT, 0.0)
     return inf
 
@@ -187,5 +196,5 @@ class Clearance:
 
     def is_in_way(self, here: Place, said: PeerState) -> bool:
         """Whether it is near to the combine, or in its way."""
-        outline = outline_of(said)
-        return any(outline.away(at, here.x, here.y) < KEEP for at in self._ways.places(here, said, FORE))
+        places = self._ways.places(here, said, FORE)
+        return outline_of(said).least(places, here.x, here.y, KEEP) < KEEP

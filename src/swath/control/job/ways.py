@@ -3,30 +3,69 @@
 A* over places and directions: from each it goes on straight or in an arc of the least radius, and from each
 the shortest way of arcs and straights (Dubins) to the goal is tried; after Dolgov et al. 2010
 (doi:10.1177/0278364909359210), without their smoothing. What is left is estimated by the way of a point
-around the crop.
+around the crop. A goal that no step backward leads away from is not looked for.
 """
 
-from collections.abc import Iterator
 from heapq import heappop, heappush
 from math import cos, fsum, hypot, inf, pi, sin
+from typing import NamedTuple
 
+from swath.control.job.cells import LOOK, Cells, Way
 from swath.control.job.dubins import Place, shortest
 from swath.control.job.ground import Ground, Mask
 
 STEP = 3.0  # of the search [m]
-LOOK = 0.75  # between two places that are looked at [m]
-COARSE = 4  # cells of the ground in one of the estimate, along a side
 BINS = 24  # directions
 MOST = 40_000  # places looked at before it gives up
 SHOT = 60.0  # the direct way is tried within this distance [m]
-START = 12.0  # about start and goal, where `near` says what is blocked [m]
 NEARLY = 1.1  # a way is taken that is at most so much longer than any other can be
 MORE = 300  # places that are looked at for a better one, once there is a way
-Way = list[tuple[str, float]]
+AWAY, NEAR = 40.0, 6.0  # m from a goal, and nearer to it than the start is, that steps backward have to lead
+ASKED = 3000  # places that are looked at for that
+
+
+class Step(NamedTuple):
+    """Straight on or in an arc: turns: of the direction, in arcs; looks: along it, from its begin; x, y: its
+    end [m]; cost [m]
+    """
+
+    word: str
+    turns: int
+    looks: tuple[tuple[float, float], ...]
+    x: float
+    y: float
+    cost: float
+
+
+class Steps:
+    """The steps from every direction that is reached from a first one [rad]. radius: of an arc [m]"""
+
+    def __init__(self, heading: float, radius: float) -> None:
+        self._heading, self._radius = heading, radius
+        self._made: dict[int, tuple[int, list[Step]]] = {}
+
+    def heading(self, turns: int) -> float:
+        """Direction after so many arcs to the left more than to the right [rad]."""
+        return self._heading + turns * STEP / self._radius
+
+    def of(self, turns: int) -> tuple[int, list[Step]]:
+        """One of BINS directions, and the steps from there."""
+        if turns not in self._made:
+            here = Place(0.0, 0.0, self.heading(turns))
+            which = round(here.heading / (2.0 * pi) * BINS) % BINS
+            count = round(STEP / LOOK)
+            made = []
+            for word, side in (("S", 0), ("L", 1), ("R", -1)):
+                looks = [moved(here, word, STEP * (i + 1) / count, self._radius)[:2] for i in range(count)]
+                made.append(
+                    Step(word, turns + side, tuple(looks), *looks[-1], STEP * (1.05 if side else 1.0))
+                )
+            self._made[turns] = which, made
+        return self._made[turns]
 
 
 class Search:
-    """blocked, near: cells of the ground that are not driven on, and those within START of start and goal."""
+    """blocked, near: cells of the ground that are not driven on, and those near start and goal."""
 
     def __init__(self, ground: Ground, blocked: Mask, near: Mask, radius: float) -> None:
         self._ground, self._blocked, self._near, self._radius = ground, blocked, near, radius
@@ -36,101 +75,85 @@ class Search:
 
         All goals are at one place, with different directions.
         """
-        self._ends = (start, goals[0])
-        estimate = self._estimate(goals[0])
+        cells = Cells(self._ground, self._blocked, self._near, (start, goals[0]))
+        goals = [goal for goal in goals if self._is_reached(cells, goal, start)]
+        if not goals:
+            return None
+        left, steps = cells.left_to(goals[0]), Steps(start.heading, self._radius)
         best: Way | None = None
         least, more = inf, MORE
-        queue: list[tuple[float, int, Place, float, int, str]] = []
         came: list[tuple[int, str]] = []
         done: set[tuple[int, int, int]] = set()
-        heappush(queue, (self._left(estimate, start), 0, start, 0.0, -1, ""))
+        queue = [(left.at(start.x, start.y), 0, start.x, start.y, 0, 0.0, -1, "")]
         count = 0
         while queue and count < MOST:
-            whole, _, here, cost, parent, word = heappop(queue)
+            whole, _, x, y, turns, cost, parent, word = heappop(queue)
             if least <= NEARLY * whole or more == 0:
                 break
             more -= best is not None
-            key = self._key(here)
+            key, following = self._key(x, y, steps, turns)
             if key in done:
                 continue
             done.add(key)
             came.append((parent, word))
             own = len(came) - 1
-            if (shot := self._shot(here, goals)) is not None:
+            if (shot := self._shot(cells, Place(x, y, steps.heading(turns)), goals)) is not None:
                 size = cost + fsum(length for _, length in shot)
                 if size < least:
                     best, least = [*_followed(came, own), *shot], size
-            for to, turn in self._steps(here):
-                if self._key(to) in done or not self._is_free(here, [(turn, STEP)]):
+            for step in following:
+                to = x + step.x, y + step.y
+                if self._key(*to, steps, step.turns)[0] in done or not is_step_free(cells, x, y, step):
                     continue
-                spent = cost + STEP * (1.0 if turn == "S" else 1.05)
-                left = self._left(estimate, to)
-                if left < inf:
+                rest = left.at(*to)
+                if rest < inf:
                     count += 1
-                    heappush(queue, (spent + left, count, to, spent, own, turn))
+                    spent = cost + step.cost
+                    heappush(queue, (spent + rest, count, *to, step.turns, spent, own, step.word))
         return best
 
-    def _key(self, at: Place) -> tuple[int, int, int]:
-        turn = round(at.heading / (2.0 * pi) * BINS) % BINS
-        return round(at.x / 1.5), round(at.y / 1.5), turn
+    def _is_reached(self, cells: Cells, goal: Place, start: Place) -> bool:
+        """Whether steps backward from a goal lead away from it, or nearly to the start."""
+        if not cells.is_open(goal.x, goal.y):
+            return False
+        reach = min(AWAY, hypot(goal.x - start.x, goal.y - start.y) - NEAR)
+        steps = Steps(goal.heading + pi, self._radius)
+        done: set[tuple[int, int, int]] = set()
+        queue = [(goal.x, goal.y, 0)]
+        while queue and len(done) < ASKED:
+            x, y, turns = queue.pop()
+            if hypot(x - goal.x, y - goal.y) >= reach:
+                return True
+            key, following = self._key(x, y, steps, turns)
+            if key in done:
+                continue
+            done.add(key)
+            queue += [
+                (x + step.x, y + step.y, step.turns)
+                for step in reversed(following)
+                if is_step_free(cells, x, y, step)
+            ]
+        return bool(queue)
 
-    def _steps(self, at: Place) -> Iterator[tuple[Place, str]]:
-        for word in ("S", "L", "R"):
-            yield moved(at, word, STEP, self._radius), word
+    @staticmethod
+    def _key(x: float, y: float, steps: Steps, turns: int) -> tuple[tuple[int, int, int], list[Step]]:
+        which, following = steps.of(turns)
+        return (round(x / 1.5), round(y / 1.5), which), following
 
-    def _shot(self, here: Place, goals: list[Place]) -> Way | None:
+    def _shot(self, cells: Cells, here: Place, goals: list[Place]) -> Way | None:
         """The shortest direct way that is free."""
         if hypot(here.x - goals[0].x, here.y - goals[0].y) > SHOT:
             return None
         ways = [shortest(here, goal, self._radius) for goal in goals]
         for way in sorted(ways, key=lambda w: sum(size for _, size in w)):
-            if self._is_free(here, way):
+            if cells.is_free(here, way, self._radius):
                 return way
         return None
 
-    def _is_free(self, here: Place, way: Way) -> bool:
-        for word, size in way:
-            gone = 0.0
-            while gone < size:
-                gone = min(gone + LOOK, size)
-                if not self._is_open(*moved(here, word, gone, self._radius)[:2]):
-                    return False
-            here = moved(here, word, size, self._radius)
-        return True
 
-    def _is_open(self, x: float, y: float) -> bool:
-        is_near = any(hypot(x - end.x, y - end.y) < START for end in self._ends)
-        return not self._ground.is_in(self._near if is_near else self._blocked, x, y)
-
-    def _estimate(self, goal: Place) -> dict[tuple[int, int], float]:
-        """Way of a point around what is blocked, from coarse cells to the goal [m]."""
-        size = COARSE * self._ground.cell
-        begin = int((goal.x - self._ground.west) // size), int((goal.y - self._ground.south) // size)
-        nx, ny = (-(-n // COARSE) for n in self._blocked.shape)
-        found: dict[tuple[int, int], float] = {}
-        queue = [(0.0, begin)]
-        while queue:
-            way, at = heappop(queue)
-            if at in found:
-                continue
-            found[at] = way
-            for i, j, step in _AROUND:
-                to = at[0] + i, at[1] + j
-                if 0 <= to[0] < nx and 0 <= to[1] < ny and to not in found:
-                    x = self._ground.west + (to[0] + 0.5) * size
-                    y = self._ground.south + (to[1] + 0.5) * size
-                    if self._is_open(x, y):
-                        heappush(queue, (way + step * size, to))
-        return found
-
-    def _left(self, estimate: dict[tuple[int, int], float], at: Place) -> float:
-        size = COARSE * self._ground.cell
-        cell = int((at.x - self._ground.west) // size), int((at.y - self._ground.south) // size)
-        near = [estimate.get((cell[0] + i, cell[1] + j), inf) for i in (0, -1, 1) for j in (0, -1, 1)]
-        return near[0] if near[0] < inf else min(near) + size
-
-
-_AROUND = [(i, j, hypot(i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
+def is_step_free(cells: Cells, x: float, y: float, step: Step) -> bool:
+    """Whether all of a step from a place [m] is open."""
+    return all(cells.is_open(x + dx, y + dy) for dx, dy in step.looks)
 
 
 def moved(at: Place, word: str, size: float, radius: float) -> Place:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import cos, fsum, hypot, sin
+from math import cos, fsum, hypot, inf, sin
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from swath.signals.setup import MachineGeometry
 GROUP = "Unloading"
 EVERY = 1.0  # s between two profiles of the grain that are kept; twice that once there are
 MOST = 1500  # of them
+REACHED = 0.3  # m along and across: there the station is reached
+ANEW = 4.0  # s without grain, after which a cart has to reach it anew
+COMES_UP = 10.0  # s of grain, after which it is judged, reached or not
 
 
 @dataclass(frozen=True)
@@ -46,11 +49,29 @@ class HeapRows:
     depth: float
 
 
+@dataclass
+class _Load:
+    """What one machine pours into another one without a pause. begun, latest: grain flowed [s]"""
+
+    begun: float = -inf
+    latest: float = -inf
+    is_reached: bool = False
+
+    def is_judged(self, now: float, away: float) -> bool:
+        """Grain flows at a time [s]; away: from the station, along or across [m]."""
+        if now - self.latest > ANEW:
+            self.begun, self.is_reached = now, False
+        self.latest = now
+        self.is_reached |= away <= REACHED
+        return self.is_reached or now - self.begun > COMES_UP
+
+
 class Unloading:
     """Pairs a machine that pours with the one that keeps a station beside it, by the truth of both.
 
     A deviation is that of the point where the stream comes down from where it was wanted in the box, along
-    and across, judged while grain flows.
+    and across, judged while grain flows. Grain may flow as soon as the stream is over the box, while the cart
+    still comes up: of each load that is judged only from where the station was reached, or after COMES_UP.
     """
 
     OF_FIELD = True
@@ -63,12 +84,17 @@ class Unloading:
         Metric("box_level", "1", "grain in the fullest box, of the largest heap on its rim", GROUP, "higher",
                "", "%", 1),
         Metric("unloading_s", "s", "time with grain flowing from a pipe", GROUP, "", "", "", 1),
-        Metric("station_along_mean_m", "m", "mean |deviation| along while grain flows", GROUP, "lower"),
-        Metric("station_along_max_m", "m", "largest |deviation| along while grain flows", GROUP, "lower"),
-        Metric("station_across_mean_m", "m", "mean |deviation| across while grain flows", GROUP, "lower"),
-        Metric("station_across_max_m", "m", "largest |deviation| across while grain flows", GROUP, "lower"),
-        Metric("station_mean_m", "m", "mean distance from the wanted point while grain flows", GROUP,
-               "lower"),
+        Metric("station_along_mean_m", "m",
+               "mean |deviation| along while grain flows, once it is reached", GROUP, "lower"),
+        Metric("station_along_max_m", "m",
+               "largest |deviation| along while grain flows, once it is reached", GROUP, "lower"),
+        Metric("station_across_mean_m", "m",
+               "mean |deviation| across while grain flows, once it is reached", GROUP, "lower"),
+        Metric("station_across_max_m", "m",
+               "largest |deviation| across while grain flows, once it is reached", GROUP, "lower"),
+        Metric("station_mean_m", "m", "mean distance from the wanted point, likewise", GROUP, "lower"),
+        Metric("station_late_s", "s", "time with grain flowing before the station is reached", GROUP,
+               "lower", "", "", 1),
     )  # fmt: skip
 
     def __init__(self, setup: EvaluatorSetup) -> None:
@@ -80,7 +106,8 @@ class Unloading:
         self._every: dict[str, float] = {}
         self._along: list[float] = []
         self._across: list[float] = []
-        self._flowing = 0.0
+        self._loads: dict[tuple[str, str], _Load] = {}  # by the machine that pours and that with the box
+        self._flowing = self._late = 0.0
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Keep the newest; judge at every sample of a pipe."""
@@ -96,7 +123,7 @@ class Unloading:
                 self._times[name] = signal.t
                 if signal.flow > 0.0:
                     self._flowing += since
-                    self._judge(name, signal)
+                    self._judge(name, signal, since)
 
     def metrics(self) -> dict[str, float]:
         """Nothing where no machine has a pipe with an auger."""
@@ -116,6 +143,7 @@ class Unloading:
             found[f"station_{way}_max_m"] = max(rows, default=float("nan"))
         away = [hypot(a, b) for a, b in zip(self._along, self._across, strict=True)]
         found["station_mean_m"] = fsum(away) / len(away) if away else float("nan")
+        found["station_late_s"] = self._late
         return found
 
     def series(self) -> UnloadingSeries:
@@ -142,13 +170,16 @@ class Unloading:
         if len(rows) > MOST:
             self._rows[name], self._every[name] = rows[::2], 2.0 * every
 
-    def _judge(self, name: str, unload: UnloadState) -> None:
-        """Of several machines with a station, the one whose box is nearest to the stream is poured into."""
+    def _judge(self, name: str, unload: UnloadState, since: float) -> None:
+        """Of several machines with a station, the one whose box is nearest to the stream is poured into.
+
+        since: the last sample of the pipe [s]
+        """
         state = self._latest.get((name, MachineState))
         if not isinstance(state, MachineState):
             return
         px, py, _ = state.pose.apply([unload.impact_x, unload.impact_y, 0.0]).tolist()
-        found: list[tuple[float, float, float]] = []
+        found: list[tuple[float, float, float, str]] = []
         for (other, kind), station in self._latest.items():
             if kind is Station and isinstance(station, Station) and station.is_active:
                 middle = self._middle(other)
@@ -156,9 +187,13 @@ class Unloading:
                     x, y, yaw = middle
                     dx, dy = px - x, py - y
                     along = abs(cos(yaw) * dx + sin(yaw) * dy - station.spot)
-                    found.append((hypot(dx, dy), along, abs(cos(yaw) * dy - sin(yaw) * dx)))
+                    found.append((hypot(dx, dy), along, abs(cos(yaw) * dy - sin(yaw) * dx), other))
         if found:
-            _, along, across = min(found)
+            _, along, across, other = min(found)
+            load = self._loads.setdefault((name, other), _Load())
+            if not load.is_judged(unload.t / NS, max(along, across)):
+                self._late += since
+                return
             self._judged.append(unload.t / NS)
             self._along.append(along)
             self._across.append(across)

@@ -1,0 +1,98 @@
+"""Looking for a way of a cart: what is no goal is not looked for, and nothing is looked for twice."""
+
+import numpy as np
+import pytest
+
+from swath.control.job import cart_ways, ways
+from swath.control.job.cart_ways import CartWays
+from swath.control.job.cells import Cells
+from swath.control.job.dubins import Place
+from swath.control.job.ground import Ground
+from swath.control.job.passes import Pass
+from swath.control.job.ways import Search
+from swath.signals import PeerState, Phase
+
+FIELD = [(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0)]
+NORTH = 0.5 * np.pi
+START = Place(-15.0, 20.0, NORTH)
+
+
+def search_on(ground):
+    return Search(ground, ground.clear_of(2.0), ground.clear_of(1.2), 9.0)
+
+
+@pytest.fixture
+def shots(monkeypatch):
+    """Goals of all ways that were tried directly."""
+    tried, shortest = [], ways.shortest
+
+    def counted(here, goal, radius):
+        tried.append(goal)
+        return shortest(here, goal, radius)
+
+    monkeypatch.setattr(ways, "shortest", counted)
+    return tried
+
+
+def test_a_goal_in_the_crop_is_not_looked_for(shots):
+    assert search_on(Ground(FIELD)).way(START, [Place(30.0, 20.0, 0.0)]) is None
+    assert not shots
+
+
+@pytest.mark.parametrize(("heading", "is_found"), [(NORTH, True), (-NORTH, False), (0.0, False)])
+def test_a_goal_that_cannot_be_come_to_in_its_direction_is_not_looked_for(heading, is_found, shots):
+    """A lane that ends in the crop: a point gets there, the machine only as the lane leads."""
+    ground = Ground(FIELD)
+    ground.cut([(30.0, 0.0), (30.0, 25.0)], 7.0)
+    search, goal = search_on(ground), Place(30.0, 20.0, heading)
+    assert (search.way(START, [goal]) is not None) is is_found
+    assert bool(shots) is is_found
+
+
+def test_of_several_directions_of_a_goal_those_are_tried_that_can_be_come_to(shots):
+    ground = Ground(FIELD)
+    ground.cut([(30.0, 0.0), (30.0, 25.0)], 7.0)
+    goals = [Place(30.0, 20.0, 2.0 * np.pi * i / 12) for i in range(12)]
+    assert search_on(ground).way(START, goals) is not None
+    assert {round(np.degrees(goal.heading)) for goal in shots} <= {60, 90, 120}
+
+
+def test_a_start_beside_the_goal_counts_as_away():
+    """Both in one dead end, 10 m apart: straight on."""
+    ground = Ground(FIELD)
+    ground.cut([(30.0, 10.0), (30.0, 35.0)], 7.0)
+    way = search_on(ground).way(Place(30.0, 15.0, NORTH), [Place(30.0, 25.0, NORTH)])
+    assert sum(size for _, size in way) == pytest.approx(10.0)
+
+
+def test_the_way_left_leads_around_the_crop():
+    """Of a point, in steps of 2 m to eight sides: at most a tenth longer than the shortest one."""
+    ground = Ground(FIELD)
+    goal = Place(30.0, 50.0, 0.0)
+    left = Cells(ground, ground.clear_of(2.0), ground.clear_of(2.0), (START, goal)).left_to(goal)
+    shortest = np.hypot(8.0, 2.0) + 44.0 + np.hypot(32.0, 8.0)  # 2 m clear of the two corners in the west
+    assert left.at(-10.0, -4.0) == pytest.approx(shortest, rel=0.1)
+    assert left.at(62.5, 50.0) == pytest.approx(32.5, abs=3.0)
+    assert left.at(30.0, 20.0) == np.inf
+
+
+def said(speed, phase):
+    return PeerState(0, True, 0.1, 40.0, 5.0, 0.0, speed, 0.0, phase=phase, task=0, remaining=20.0)
+
+
+@pytest.mark.parametrize(("speed", "phase", "looks"), [(1.5, Phase.CUTS, 1), (0.0, Phase.STANDS, 2)])
+def test_with_nothing_else_in_the_way_a_failing_search_is_not_repeated(speed, phase, looks, monkeypatch):
+    """Nearer to a combine that stands it looks once more; one that drives is waited for."""
+    count = []
+
+    class Failing:
+        def __init__(self, *given):
+            pass
+
+        def way(self, start, goals):
+            count.append(start)
+
+    monkeypatch.setattr(cart_ways, "Search", Failing)
+    made = CartWays([Pass(((6.0, 0.0), (6.0, 40.0)))], FIELD, 12.0, 8.2, 9.0)
+    assert made.to_place(Place(0.0, 0.0, 0.0), (-15.0, -15.0), said(speed, phase)) is None
+    assert len(count) == looks
