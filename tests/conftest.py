@@ -13,7 +13,11 @@ settings.register_profile("same", derandomize=True)
 settings.register_profile("search", print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
-LONGEST = ("tests/test_tutorials.py", "tests/test_docs_typed.py", "tests/link/", "tests/whole/")
+LONGEST = (  # what asks the clock comes when CI has built its packages
+    "tests/job/test_two_combines.py", "tests/test_tutorials.py", "tests/job/", "tests/test_docs_typed.py",
+    "tests/test_site.py", "tests/whole/", "tests/link/", "tests/tools/", "tests/fuzz/", "tests/machine/",
+    "tests/field/",
+)  # fmt: skip
 
 
 def pytest_collection_modifyitems(items):

@@ -100,11 +100,3 @@ def test_numbers_of_carts_rank_the_same(layout):
     assert dear == pytest.approx(cheap, rel=0.1)
     assert all(seconds == 0.0 for pairs in touched for seconds in pairs.values())
     assert unsolved == (0, 0, 0)
-
-
-def test_the_same_job_gives_the_same_bytes(echelon):
-    job, motion = echelon
-    again = Kinematic()
-    other = finished(job_file(2, 2, boundary_m=SMALL, team={"together": "echelon"}), motion=again)
-    assert other.time == job.time
-    assert again.tracks == motion.tracks
