@@ -1,5 +1,6 @@
 """Shared by all tests; lets them import the modules beside this file."""
 
+import gc
 import os
 import signal
 
@@ -24,3 +25,9 @@ def pytest_collection_modifyitems(items):
     """Files that take longest come first, so that no worker is left with one of them at the end."""
     ranks = {name: rank for rank, name in enumerate(LONGEST)}
     items.sort(key=lambda i: next((r for n, r in ranks.items() if i.nodeid.startswith(n)), len(ranks)))
+
+
+def pytest_collection_finish():
+    """Modules and tests stay to the end: full collections need not look through them, 3 % of the time."""
+    gc.collect()
+    gc.freeze()
