@@ -36,6 +36,16 @@ def test_it_ends_where_it_should(turn, reach):
         assert abs(math.sin(0.5 * (path.end.heading - end.heading))) < 1e-8
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("aside", "turned"), [(-0.001, -0.0001), (0.001, 0.0001), (0.0, 0.0)])
+def test_a_place_straight_ahead_but_for_rounding_is_reached(aside, turned):
+    """The first bend has no angle, or hardly one; none is negative."""
+    limits = limits_of(3.9, 6.4, math.radians(15.0), 2.0)
+    start, end = Pose(0.0, 0.0, 0.0), Pose(10.0, aside, turned)
+    path = path_of(clothoid.plan(start, end, limits), start)
+    assert math.dist(path.end[:2], end[:2]) < 1e-6
+
+
 def test_lengths_of_dubins_paths_have_closed_forms():
     r = 6.1
     assert dubins.length(Pose(0, 0, 0), Pose(30, 0, 0), r) == pytest.approx(30.0)

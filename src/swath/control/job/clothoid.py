@@ -104,13 +104,17 @@ def _families(
 
 
 def _root(off: Callable[[float], complex], low: float, high: float) -> float:
-    """Where the sideways part of `off` is none: false position with the Illinois halving, to 1e-10 m."""
+    """Where the sideways part of `off` is none: false position with the Illinois halving, to 1e-10 m.
+
+    Signs at both ends can be the same, since the grid's are interpolated: then the place is outside them, but
+    no angle is negative.
+    """
     at_low, at_high = off(low).imag, off(high).imag
     side = 0
     for _ in range(60):
         if at_high == at_low:
             break
-        middle = (low * at_high - high * at_low) / (at_high - at_low)
+        middle = max((low * at_high - high * at_low) / (at_high - at_low), 0.0)
         at = off(middle).imag
         if abs(at) < 1e-10:
             return middle
