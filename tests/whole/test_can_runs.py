@@ -130,7 +130,7 @@ def test_another_process_in_lock_step_gives_the_same_bytes(sil, port, tmp_path):
 
 def test_a_box_that_dies_is_a_named_error_and_the_folder_is_kept(port, tmp_path, capsys):
     outside = [f"combine.steer.options.port={port}", "combine.steer.lock_step=true"]
-    outside += ["combine.steer.answer_s=0.5", "realtime.factor=2"]
+    outside += ["combine.steer.answer_s=2", "realtime.factor=2"]
     out = tmp_path / "out"
     with Box(str(FOLDER / "hil.yaml"), *set_flags(outside)) as box:
         code = [
@@ -143,7 +143,7 @@ def test_a_box_that_dies_is_a_named_error_and_the_folder_is_kept(port, tmp_path,
         box.process.kill()
         _, error = runner.communicate(timeout=60)
     assert runner.returncode == 2
-    assert re.search(r"combine.steer: the box 28 on udp_multicast .* did not answer within 0.5 s, at", error)
+    assert re.search(r"combine.steer: the box 28 on udp_multicast .* did not answer within 2 s, at", error)
     summary = json.loads((out / "summary.json").read_text())
     assert summary["incomplete"] is True
     assert summary["realtime"]["ticks"] >= 20
