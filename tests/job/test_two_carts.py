@@ -1,6 +1,7 @@
 """One combine and two carts that hear each other: one serves, the other waits; until all is empty."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from swath.control.job.cart_ways import CartWays
 from swath.control.job.carts import OtherCart, is_taken, way_left
 from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass
+from swath.control.job.right_of_way import outline_of
 from swath.core.errors import InputError
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
@@ -140,6 +142,24 @@ def test_of_a_way_to_the_combine_the_line_beside_the_pass_is_left_free():
     assert to_pass[-1] == (20.0, 0.0)
     assert way_left(here, said(Phase.DRIVES), path)[-1] == (90.0, 0.0)
     assert way_left(here, said(Phase.WAITS), path) == []
+    beside = way_left(here, said(Phase.BESIDE, task=2), path)  # the pass ends 30 m before the line beside it
+    assert beside[0] == (9.0, 0.0)
+    assert beside[-1] == pytest.approx((60.0, 0.0))
+    assert np.diff([x for x, _ in beside]).max() <= 3.0
+    assert way_left(Place(85.0, 0.0, 0.0), said(Phase.BESIDE, task=2), path)[-1] == (85.0, 0.0)
+
+
+def test_a_trailer_that_stands_bent_counts_where_it_is():
+    at, box = Place(0.0, 0.0, 0.0), {"box_x": -7.0, "box_y": -2.0, "box_length": 6.0, "box_width": 3.0}
+    bent = outline_of(
+        replace(said(Phase.WAITS), **box, box_heading=0.5 * math.pi)
+    )  # y -5 to 1, x -8.5 to -5.5
+    assert bent.away(at, -7.0, -5.5) == pytest.approx(0.5)
+    assert bent.least([at], -4.5, -2.0, 3.0) == pytest.approx(1.0)
+    rim = np.array(bent.points(at))  # x -8.5 to -5.5, y -5 to 1
+    assert rim.min(axis=0) == pytest.approx([-8.5, -5.0])
+    assert rim.max(axis=0) == pytest.approx([-5.5, 1.0])
+    assert max(bent.away(at, x, y) for x, y in rim) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(("present", "x"), [(0, 18.0 - 8.2 - 0.7), (1, 18.0 - 8.2)])

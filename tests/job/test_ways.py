@@ -57,6 +57,21 @@ def test_of_several_directions_of_a_goal_those_are_tried_that_can_be_come_to(sho
     assert {round(np.degrees(goal.heading)) for goal in shots} <= {60, 90, 120}
 
 
+def test_where_a_header_will_stick_out_of_the_field_no_way_leads_until_it_was_there():
+    """A pass 1 m inside of the field's side, header 6 m: 2 m beyond it, and half a metre of room."""
+    ground, line = Ground(FIELD), [(0.0, 1.0), (60.0, 1.0)]
+    before = ground.clear_of(2.0)
+    assert not ground.is_in(before, 30.0, -2.25)
+    ground.sweep(line, 6.0)
+    swept = ground.clear_of(2.0)
+    assert ground.is_in(swept, 30.0, -4.25)
+    assert not ground.is_in(swept, 30.0, -4.75)
+    done = ground.copy()
+    done.cut(line, 6.0)
+    assert not done.is_in(done.clear_of(2.0), 30.0, -2.25)
+    assert ground.is_in(ground.clear_of(2.0), 30.0, -4.25)
+
+
 def test_a_start_beside_the_goal_counts_as_away():
     """Both in one dead end, 10 m apart: straight on."""
     ground = Ground(FIELD)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath.control.job.abreast import own_passes
-from swath.control.job.carts import Disc
+from swath.control.job.carts import BEYOND, Disc
 from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, Point, beside
@@ -23,7 +23,6 @@ CELL = 0.5  # m, that a way may pass nearer than it was looked for
 COME_UP = 25.0  # m behind the combine, where it comes onto the line beside the pass
 STRAIGHT = 14.0  # m before that on the same line: the trailer is straight behind
 BEGIN = -4.0  # m from the begin of a pass, where the line beside it begins
-BEYOND = 30.0  # m behind the end of a pass, where that line ends
 PULL_AHEAD = 10.0  # m on before it turns away from a combine beside it
 NEAR = 18.0  # m from a combine, where it does so
 GONE_BY = 6.0  # m ahead of the own axle: a combine there has driven past
@@ -55,6 +54,7 @@ class CartWays:
     ) -> None:
         self._passes, self._boundary, self._places = passes, boundary, places
         self._header, self._left, self._radius = header, left, radius
+        self._uncut: Ground | None = None  # made when it is asked for
 
     def to_place(
         self,
@@ -128,7 +128,11 @@ class CartWays:
 
     def _ground(self, combines: Sequence[PeerState]) -> Ground:
         """Crop as it stands now, by the passes that are done and the way in the present ones."""
-        ground = Ground(self._boundary, self._places)
+        if self._uncut is None:
+            self._uncut = Ground(self._boundary, self._places)
+            for one in self._passes:
+                self._uncut.sweep(one.line_m, self._header)
+        ground = self._uncut.copy()
         for combine in combines:
             for i in own_passes(self._passes, self._passes[combine.task].combine):
                 self._cut(ground, i, combine)

@@ -18,8 +18,10 @@ from swath.signals import GuidancePath, PeerState, Phase
 LATER = 1.0  # s, that a cart waits for each one before it by number to take a call
 AT_TRUCK = 12.0  # m from the truck's place: it is taken
 APART = 3.5  # m about the way of another cart, beyond the own half width
-AROUND = 1.5  # m about the outline of one that stands, likewise
+AROUND = 3.0  # m about the outline of one that stands, likewise: where arcs to the right and to the left meet
+# a cart leaves its way by up to 2.4 m
 EVERY = 3.0  # m between places of a way
+BEYOND = 30.0  # m behind the end of a pass, where the line beside it ends
 SOON, NEAR = 4.0, 20.0  # s, m
 Disc = tuple[float, float, float]
 
@@ -47,14 +49,27 @@ def others_of(
 
 
 def way_left(at: Place, said: PeerState, path: GuidancePath | None) -> list[Point]:
-    """What a cart still has to drive, places EVERY apart; to a combine as far as the line beside its pass."""
-    if path is None or said.phase != Phase.DRIVES or len(path.x) < 2:
+    """What a cart still has to drive, places EVERY apart: to a combine as far as the line beside its pass,
+    beside one that line to the end of the pass.
+    """
+    if path is None or len(path.x) < 2:
         return []
     points: list[Point] = list(zip(path.x.tolist(), path.y.tolist(), strict=True))
+    if said.phase == Phase.BESIDE:
+        return list(_thinned(_lane_left(at, points[-1])))
+    if said.phase != Phase.DRIVES:
+        return []
     if said.task >= 0:
         points = points[:-1]
     begin = min(range(len(points)), key=lambda i: hypot(points[i][0] - at.x, points[i][1] - at.y))
     return list(_thinned(points[begin:])) if begin + 1 < len(points) else []
+
+
+def _lane_left(at: Place, end: Point) -> list[Point]:
+    """From a cart beside its combine to the end of the pass, BEYOND before that of the line."""
+    size = hypot(end[0] - at.x, end[1] - at.y)
+    share = 1.0 - BEYOND / max(size, BEYOND)
+    return [(at.x, at.y), (at.x + share * (end[0] - at.x), at.y + share * (end[1] - at.y))]
 
 
 def _thinned(points: Sequence[Point]) -> Iterator[Point]:

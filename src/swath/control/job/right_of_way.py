@@ -27,25 +27,42 @@ GENTLE = 0.4  # m/s2, of braking
 DEEP = 2.0  # m from the front of a header to its back
 
 
-class Outline(NamedTuple):
-    """Of a machine: rectangles [m] in its frame, each rear, front, right, left."""
+class Box(NamedTuple):
+    """Part of an outline, in the machine's frame [m]; turned: about its middle [rad]"""
 
-    boxes: tuple[tuple[float, float, float, float], ...]
+    rear: float
+    front: float
+    right: float
+    left: float
+    turned: float = 0.0
+
+    def own(self, ahead: float, left: float, turned: float) -> Point:
+        """A point turned about the middle of the box [m]."""
+        x, y = 0.5 * (self.rear + self.front), 0.5 * (self.right + self.left)
+        c, s = cos(turned), sin(turned)
+        return x + c * (ahead - x) - s * (left - y), y + s * (ahead - x) + c * (left - y)
+
+
+class Outline(NamedTuple):
+    """Of a machine: its parts."""
+
+    boxes: tuple[Box, ...]
 
     def away(self, at: Place, x: float, y: float) -> float:
         """Distance of a point from the machine at a place [m]; 0 = inside."""
         c, s = cos(at.heading), sin(at.heading)
         ahead, left = c * (x - at.x) + s * (y - at.y), c * (y - at.y) - s * (x - at.x)
         least = inf
-        for rear, front, right, side in self.boxes:
-            dx = max(rear - ahead, 0.0, ahead - front)
-            dy = max(right - left, 0.0, left - side)
+        for box in self.boxes:
+            to = box.own(ahead, left, -box.turned) if box.turned else (ahead, left)
+            dx = max(box.rear - to[0], 0.0, to[0] - box.front)
+            dy = max(box.right - to[1], 0.0, to[1] - box.left)
             least = min(least, hypot(dx, dy))
         return least
 
     def least(self, places: Sequence[Place], x: float, y: float, most: float) -> float:
         """Least distance of a point from the machine at any of some places, at most `most` [m]."""
-        far = most + max(hypot(max(-a, b), max(-c, d)) for a, b, c, d in self.boxes)
+        far = most + max(_reach(box) for box in self.boxes)
         found = most
         for at in places:
             if hypot(x - at.x, y - at.y) < far:
@@ -55,35 +72,44 @@ class Outline(NamedTuple):
     def points(self, at: Place) -> list[Point]:
         """Points of the outline of the machine at a place, at most EVERY apart [m]."""
         found: list[Point] = []
-        for rear, front, right, left in self.boxes:
+        for box in self.boxes:
+            rear, front, right, left, turned = box
             long, wide = ceil((front - rear) / EVERY), ceil((left - right) / EVERY)
-            for i in range(long + 1):
-                ahead = rear + (front - rear) * i / max(long, 1)
-                found += [beside(*at, ahead, side) for side in (right, left)]
-            for i in range(1, wide):
-                side = right + (left - right) * i / wide
-                found += [beside(*at, ahead, side) for ahead in (rear, front)]
+            rim = [(rear + (front - rear) * i / max(long, 1), side)
+                   for i in range(long + 1) for side in (right, left)]  # fmt: skip
+            rim += [
+                (ahead, right + (left - right) * i / wide) for i in range(1, wide) for ahead in (rear, front)
+            ]
+            rim = [box.own(*point, turned) for point in rim] if turned else rim
+            found += [beside(*at, *point) for point in rim]
         return found
 
 
+def _reach(box: Box) -> float:
+    """Of a box from the machine's origin, at most [m]."""
+    x, y = max(-box.rear, box.front), max(-box.right, box.left)
+    return hypot(x, y) + (hypot(box.front - box.rear, box.left - box.right) if box.turned else 0.0)
+
+
 def outline_of(said: PeerState) -> Outline:
-    """Chassis, header and box, as a machine tells them; a trailer straight behind it."""
+    """Chassis, header and box, as a machine tells them."""
     boxes = []
     if isfinite(said.body_width):
         half = 0.5 * said.body_width
-        boxes.append((said.body_rear, said.body_front, -half, half))
+        boxes.append(Box(said.body_rear, said.body_front, -half, half))
     if isfinite(said.header_width):
         half, middle = 0.5 * said.header_width, said.header_left
-        boxes.append((said.header_front - DEEP, said.header_front, middle - half, middle + half))
+        boxes.append(Box(said.header_front - DEEP, said.header_front, middle - half, middle + half))
     if isfinite(said.box_x):
         long, half = 0.5 * said.box_length, 0.5 * said.box_width
-        boxes.append((said.box_x - long, said.box_x + long, said.box_y - half, said.box_y + half))
-    return Outline(tuple(boxes) or ((-1.0, 1.0, -1.0, 1.0),))
+        turned = said.box_heading if isfinite(said.box_heading) else 0.0
+        boxes.append(Box(said.box_x - long, said.box_x + long, said.box_y - half, said.box_y + half, turned))
+    return Outline(tuple(boxes) or (Box(-1.0, 1.0, -1.0, 1.0),))
 
 
 def own_outline(of: MachineGeometry) -> Outline:
     """Chassis and header of the own data sheet."""
-    return Outline(of.outline)
+    return Outline(tuple(Box(*part) for part in of.outline))
 
 
 def place_of(own: Place, said: PeerState) -> Place:
