@@ -84,7 +84,7 @@ def test_the_way_left_leads_around_the_crop():
     """Of a point, in steps of 2 m to eight sides: at most a tenth longer than the shortest one."""
     ground = Ground(FIELD)
     goal = Place(30.0, 50.0, 0.0)
-    left = Cells(ground, ground.clear_of(2.0), ground.clear_of(2.0), (START, goal)).left_to(goal)
+    left = Cells(ground, ground.clear_of(2.0), ground.clear_of(2.0), (START, goal)).remaining_to(goal)
     shortest = np.hypot(8.0, 2.0) + 44.0 + np.hypot(32.0, 8.0)  # 2 m clear of the two corners in the west
     assert left.at(-10.0, -4.0) == pytest.approx(shortest, rel=0.1)
     assert left.at(62.5, 50.0) == pytest.approx(32.5, abs=3.0)

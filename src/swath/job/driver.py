@@ -23,6 +23,7 @@ TRAIL = 240  # places of a trail
 APART = 0.6  # m between two places of a braking way
 CRAWL = 0.3  # m/s, below which the rest of a braking way is straight on
 MOST = 200  # steps of a braking way
+STANDS = 75  # steps after which a manoeuvre is over that the traffic does not let go on
 
 
 @dataclass
@@ -180,7 +181,7 @@ class Driver:
             self.manoeuvre, made.drives = made, True
             return 0.0  # until the traffic lets it
         made.stands = made.stands + 1 if self.machine.speed < 0.02 else 0
-        if made.drives and self.left > 0.3 and made.stands < 75:
+        if made.drives and self.left > 0.3 and made.stands < STANDS:
             self.step(self.room_speed)
             return self.machine.speed * self.machine.dt
         self.machine.speed, made.is_there = 0.0, True

@@ -13,6 +13,7 @@ from swath.machine.machine_sheet import MachineSheet
 
 Array = NDArray[np.float64]
 Corners = tuple[tuple[float, float], ...]
+Carrier = tuple[float, float, float, float]  # x, y [m], cosine and sine of its heading
 BAR = 0.15  # m, half width of a trailer's drawbar, as its body in scans has it
 WHEELS = 1.1  # m, from a trailer's axle to the ends of its wheels and frame, as there
 WALL = 0.05  # m, of a box, as there
@@ -64,29 +65,30 @@ class Footprint:
 
     def at(self, pose: Pose, trailer: float) -> list[Corners]:
         """Corners of all rectangles with the fixed axle at a pose. trailer: its heading [rad]."""
-        c, s = math.cos(pose.heading), math.sin(pose.heading)
-        made = [r.at(pose.x, pose.y, c, s) for r in self.own]
-        if self.towed:
-            u, v = math.cos(trailer), math.sin(trailer)
-            x = pose.x + self.hitch * c - self.drawbar * u
-            y = pose.y + self.hitch * s - self.drawbar * v
-            made += [r.at(x, y, u, v) for r in self.towed]
-        return made
+        return [r.at(*carrier) for carrier, parts in self._carried(pose, trailer) for r in parts]
 
     def sweep(self, places: Sequence[tuple[Pose, float]]) -> Array:
         """Boxes of all its rectangles at places (pose, heading of the trailer), shape (n, 6): middle [m],
         direction (cosine, sine), half length and half width [m].
         """
-        made = []
-        for pose, trailer in places:
-            c, s = math.cos(pose.heading), math.sin(pose.heading)
-            made += [r.box(pose.x, pose.y, c, s) for r in self.own]
-            if self.towed:
-                u, v = math.cos(trailer), math.sin(trailer)
-                x = pose.x + self.hitch * c - self.drawbar * u
-                y = pose.y + self.hitch * s - self.drawbar * v
-                made += [r.box(x, y, u, v) for r in self.towed]
+        made = [
+            r.box(*carrier)
+            for pose, trailer in places
+            for carrier, parts in self._carried(pose, trailer)
+            for r in parts
+        ]
         return np.array(made).reshape(-1, 6)
+
+    def _carried(self, pose: Pose, trailer: float) -> list[tuple[Carrier, tuple[Rectangle, ...]]]:
+        """The machine and its trailer, each with its rectangles."""
+        c, s = math.cos(pose.heading), math.sin(pose.heading)
+        own = (pose.x, pose.y, c, s), self.own
+        if not self.towed:
+            return [own]
+        u, v = math.cos(trailer), math.sin(trailer)
+        x = pose.x + self.hitch * c - self.drawbar * u
+        y = pose.y + self.hitch * s - self.drawbar * v
+        return [own, ((x, y, u, v), self.towed)]
 
 
 def overlap(a: Array, b: Array, gap: float = 0.0) -> bool:

@@ -74,7 +74,7 @@ class GiveWay:
         m.blocked = m.blocked or (other.name if other is not None else "")
         pairs = (
             [(m, other)]
-            if other is None or other.speed > RESTS or _stays(states[other.name])
+            if other is None or other.speed > RESTS or stays(states[other.name])
             else [(m, other), (other, m)]
         )
         pairs.sort(key=lambda p: (not is_free_of_work(states[p[0].name]), -movers.index(p[0])))
@@ -162,7 +162,7 @@ def way_of(m: Mover, state: State, most: float = CLEAR) -> Array | None:
     """Ground that a machine goes over next; None where it is not going anywhere."""
     if m.waits and m.wished is not None:
         return m.wished
-    if m.driver.follower is None or _stays(state) or is_free_of_work(state):
+    if m.driver.follower is None or stays(state) or is_free_of_work(state):
         return None
     left = m.driver.left
     if state.phase in ("cut", "to_combine"):  # its path goes on behind that
@@ -178,7 +178,7 @@ def is_free_of_work(state: State) -> bool:
     return state.phase in ("idle", "done")
 
 
-def _stays(state: State) -> bool:
+def stays(state: State) -> bool:
     """True for a machine that stands for a reason, and does not make room."""
     if isinstance(state, CombineState):
         return state.phase in ("stand", "hold")
@@ -200,7 +200,7 @@ def _is_stuck(other: Mover, m: Mover, states: Mapping[str, State], stood: float)
     """True where one who stands in the way will not go by itself soon."""
     if other.speed > RESTS or other.driver.manoeuvre is not None:
         return False
-    if _stays(states[other.name]):
+    if stays(states[other.name]):
         return stood > POURS
     if other.blocked not in ("", m.name):
         return stood > 3.0 * PATIENCE

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from swath.core.errors import SwathError
 from swath.job.engine import Job
 from swath.job.footprint import overlap
-from swath.job.give_way import is_free_of_work, way_of
+from swath.job.give_way import is_free_of_work, stays, way_of
 from swath.job.standoff import Standoff
 from swath.job.states import DONE, CartState, CombineState
 from swath.job.traffic import GAP, MOVES, Mover
@@ -78,8 +78,9 @@ class Settle:
             self._done, self._since = done, job.time
         elif job.time - self._since > STUCK:
             told = [f"{s.first} and {s.second} at ({s.x:.0f}, {s.y:.0f}) m" for s in standoffs[-1:]]
+            last = "".join(told) or "none"
             raise SwathError(
-                f"the job does not end: nothing goes on since {self._since:.0f} s: {told or 'no standoff'}"
+                f"the job does not end: nothing goes on since {self._since:.0f} s; last standoff: {last}"
             )
 
     def _count(self, m: Mover, dt: float, is_held_up: bool) -> float:
@@ -143,9 +144,7 @@ def _works(state: State) -> bool:
     """True for one who stands for a while: pours, or is at the truck."""
     if isinstance(state, CombineState):
         return state.is_pouring or state.hauling == "pour"
-    return state.phase in ("queue", "emptying") or (
-        state.phase == "beside" and state.combine is not None and state.combine.is_pouring
-    )
+    return stays(state)
 
 
 def _in_its_way(who: Mover, state: State, movers: list[Mover], fixed: Mapping[str, Array]) -> set[str]:

@@ -112,14 +112,17 @@ class CartWays:
         """
         ground = self._ground(combines)
         start = first[-1] if first else here
-        way, looked = None, None
+        looked = None
         for keep in (KEEP + CUTS_IN, KEEP):
             discs = [disc for combine in combines for disc in _discs(here, start, combine, keep)]
-            if way is None and discs != looked:
-                both = [*discs, *taken]
-                masks = ground.clear_of(HALF, both), ground.clear_of(NARROW, both)
-                way, looked = Search(ground, *masks, self._radius).way(start, goals), discs
-        if way is None:
+            if discs == looked:  # the same as before
+                return None
+            both, looked = [*discs, *taken], discs
+            masks = ground.clear_of(HALF, both), ground.clear_of(NARROW, both)
+            way = Search(ground, *masks, self._radius).way(start, goals)
+            if way is not None:
+                break
+        else:
             return None
         before = [place[:2] for place in first[:-1]]
         points = np.array([*before, *along_bends(*start, bends_of(way, self._radius)), *rest])

@@ -57,7 +57,7 @@ class Cells:
             x, y = cx + side * sin(heading), cy - side * cos(heading)
         return True
 
-    def left_to(self, goal: Place) -> "Left":
+    def remaining_to(self, goal: Place) -> "Remaining":
         """How far a point has to go to the goal around what is closed, from everywhere."""
         size = COARSE * self.cell
         i, j = (np.arange(COARSE // 2, n, COARSE) for n in (self.columns, self.rows))
@@ -79,10 +79,10 @@ class Cells:
             for step, far in around:
                 if not done[own + step]:
                     heappush(queue, (way + far, own + step))
-        return Left(self, size, np.array(ways).reshape(closed.shape))
+        return Remaining(self, size, np.array(ways).reshape(closed.shape))
 
 
-class Left:
+class Remaining:
     """ways: of coarse cells of a size, with a rim around them [m]; a closed cell has that of a neighbour."""
 
     def __init__(self, cells: Cells, size: float, ways: F64) -> None:

@@ -36,8 +36,8 @@ class Box(NamedTuple):
     left: float
     turned: float = 0.0
 
-    def own(self, ahead: float, left: float, turned: float) -> Point:
-        """A point turned about the middle of the box [m]."""
+    def turn(self, ahead: float, left: float, turned: float) -> Point:
+        """A point turned about the middle of the box by an angle [rad]; m."""
         x, y = 0.5 * (self.rear + self.front), 0.5 * (self.right + self.left)
         c, s = cos(turned), sin(turned)
         return x + c * (ahead - x) - s * (left - y), y + s * (ahead - x) + c * (left - y)
@@ -54,7 +54,7 @@ class Outline(NamedTuple):
         ahead, left = c * (x - at.x) + s * (y - at.y), c * (y - at.y) - s * (x - at.x)
         least = inf
         for box in self.boxes:
-            to = box.own(ahead, left, -box.turned) if box.turned else (ahead, left)
+            to = box.turn(ahead, left, -box.turned) if box.turned else (ahead, left)
             dx = max(box.rear - to[0], 0.0, to[0] - box.front)
             dy = max(box.right - to[1], 0.0, to[1] - box.left)
             least = min(least, hypot(dx, dy))
@@ -80,7 +80,7 @@ class Outline(NamedTuple):
             rim += [
                 (ahead, right + (left - right) * i / wide) for i in range(1, wide) for ahead in (rear, front)
             ]
-            rim = [box.own(*point, turned) for point in rim] if turned else rim
+            rim = [box.turn(*point, turned) for point in rim] if turned else rim
             found += [beside(*at, *point) for point in rim]
         return found
 

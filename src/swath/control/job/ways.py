@@ -79,12 +79,12 @@ class Search:
         goals = [goal for goal in goals if self._is_reached(cells, goal, start)]
         if not goals:
             return None
-        left, steps = cells.left_to(goals[0]), Steps(start.heading, self._radius)
+        remaining, steps = cells.remaining_to(goals[0]), Steps(start.heading, self._radius)
         best: Way | None = None
         least, more = inf, MORE
         came: list[tuple[int, str]] = []
         done: set[tuple[int, int, int]] = set()
-        queue = [(left.at(start.x, start.y), 0, start.x, start.y, 0, 0.0, -1, "")]
+        queue = [(remaining.at(start.x, start.y), 0, start.x, start.y, 0, 0.0, -1, "")]
         count = 0
         while queue and count < MOST:
             whole, _, x, y, turns, cost, parent, word = heappop(queue)
@@ -105,7 +105,7 @@ class Search:
                 to = x + step.x, y + step.y
                 if self._key(*to, steps, step.turns)[0] in done or not is_step_free(cells, x, y, step):
                     continue
-                rest = left.at(*to)
+                rest = remaining.at(*to)
                 if rest < inf:
                     count += 1
                     spent = cost + step.cost
