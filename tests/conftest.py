@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 
+import pytest
 from hypothesis import settings
 
 # A shell starts what runs in the background with Ctrl-C ignored, and every process that it starts, too.
@@ -31,3 +32,12 @@ def pytest_collection_finish():
     """Modules and tests stay to the end: full collections need not look through them, 3 % of the time."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(autouse=True)
+def _handlers_of_signals_stay():
+    """A test that leaves another handler, its own or one of a library, would change those after it."""
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    yield
+    after = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    assert after == before

@@ -3,11 +3,14 @@
 import gc
 import os
 import re
+import subprocess
+import sys
+from importlib.util import find_spec
 
 import pytest
 
 from swath.core.errors import InputError
-from swath.tools.function_test.cluster import cluster_client, run_on_cluster
+from swath.tools.function_test.cluster import cluster_client, run_on_cluster, slurm_cluster_class
 from swath.tools.function_test.journal import finished
 from swath.tools.function_test.plan import Plan
 from tests.tools.fake_work import fake_work
@@ -30,9 +33,11 @@ SCANCEL = '#!/bin/sh\nfor n in "$@"; do kill -- "-$(cat "$SLURM_JOBS/.pid-$n")";
 @pytest.fixture
 def slurm(tmp_path, monkeypatch):
     """Settings as a site has them; the folder of the jobs that were submitted."""
-    pytest.importorskip("dask_jobqueue")
+    if find_spec("dask_jobqueue") is None:
+        pytest.skip("dask-jobqueue is not installed")
     import dask
 
+    slurm_cluster_class()  # its defaults of `jobqueue` are there before the settings
     jobs, programs = tmp_path / "jobs", tmp_path / "bin"
     for folder in (jobs, programs):
         folder.mkdir()
@@ -48,8 +53,6 @@ def slurm(tmp_path, monkeypatch):
 @pytest.mark.filterwarnings("ignore")
 def test_jobs_have_the_settings_of_the_site_and_do_the_runs(slurm, tmp_path):
     """The text of a job is that of dask-jobqueue for one process of one thread; the runs are done by it."""
-    from dask_jobqueue import SLURMCluster
-
     (tmp_path / "drives.yaml").write_text(CASE, encoding="utf-8")
     runs = list(Plan(str(tmp_path / "drives.yaml"), seeds=2).runs())
     done = []
@@ -61,7 +64,7 @@ def test_jobs_have_the_settings_of_the_site_and_do_the_runs(slurm, tmp_path):
 
     texts = [path.read_text(encoding="utf-8") for path in sorted(slurm.glob("*.sh"))]
     assert len(texts) == 2
-    with SLURMCluster(cores=1, processes=1) as cluster:
+    with slurm_cluster_class()(cores=1, processes=1) as cluster:
         expected = cluster.job_script().replace(cluster.scheduler_address, address)
     for text in texts:
         assert re.sub(r"--name \S+", "--name dummy-name", text) == expected
@@ -84,3 +87,23 @@ def test_settings_that_are_missing_are_named(slurm):
     ):
         pass
     gc.collect()
+
+
+def test_a_stop_by_key_stays_one_when_jobs_have_been_submitted(slurm):
+    """The import of dask-jobqueue alone makes SIGINT leave the process without KeyboardInterrupt."""
+    program = """
+import signal
+from swath.tools.function_test.cluster import cluster_client
+with cluster_client("slurm", 1):
+    pass
+assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+try:
+    signal.raise_signal(signal.SIGINT)
+except KeyboardInterrupt:
+    print("stopped")
+"""
+    texts = {key: value for key, value in SETTINGS.items() if isinstance(value, str)}
+    settings = {f"DASK_JOBQUEUE__SLURM__{key.upper().replace('-', '_')}": text for key, text in texts.items()}
+    environment = {**os.environ, **settings}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
+    assert done.stdout == "stopped\n", done.stderr

@@ -6,13 +6,14 @@ that dies puts no other run under suspicion.
 """
 
 import os
+import signal
 import socket
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from threading import Lock
+from threading import Lock, current_thread, main_thread
 from typing import Any
 
 from swath.core.errors import InputError, MissingExtra, SwathError
@@ -143,13 +144,23 @@ def _worker_count(client: Any) -> int:
 
 def _slurm(jobs: int) -> Any:
     """Jobs of SLURM, one worker process each, as dask's `jobqueue.slurm` settings describe them."""
+    slurm_cluster = slurm_cluster_class()
     try:
-        from dask_jobqueue import SLURMCluster
-    except ImportError:
-        raise MissingExtra("cluster", "--cluster slurm") from None
-    try:
-        cluster = SLURMCluster(processes=1, cores=1)
+        cluster = slurm_cluster(processes=1, cores=1)
     except ValueError as error:
         raise InputError("--cluster", "slurm", f"expected settings of jobqueue.slurm: {error}") from error
     cluster.scale(jobs=jobs)
     return cluster
+
+
+def slurm_cluster_class() -> Any:
+    """The class of dask-jobqueue. Its import sets a handler of SIGINT: the one of before is put back."""
+    handler = signal.getsignal(signal.SIGINT)
+    try:
+        from dask_jobqueue import SLURMCluster
+    except ImportError:
+        raise MissingExtra("cluster", "--cluster slurm") from None
+    finally:
+        if current_thread() is main_thread():
+            signal.signal(signal.SIGINT, handler)
+    return SLURMCluster
