@@ -34,7 +34,7 @@ def drive(movers, time, fixed=None):
     least = math.inf
     for i in range(round(time / STEP)):
         if i % LOOKS == 0:
-            steer_aside(movers)
+            steer_aside(movers, fixed or {})
             for m in movers:
                 m.blocked, m.claim = "", None
             look(movers, fixed or {})

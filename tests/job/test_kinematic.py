@@ -62,7 +62,7 @@ def test_every_standoff_is_solved(echelon):
 def test_giving_way_costs_little_time(echelon):
     job, _ = echelon
     by_events = finished(job_file(2, 2, boundary_m=SMALL, team={"together": "echelon"})).time
-    assert job.time == pytest.approx(by_events, rel=0.05)
+    assert job.time < 1.05 * by_events
 
 
 def test_the_bundled_small_field_is_harvested_without_contact():
@@ -93,10 +93,10 @@ def test_one_combine_takes_as_long_as_by_events():
 
 @pytest.mark.parametrize("layout", [4])
 def test_numbers_of_carts_rank_the_same(layout):
-    """Driven machines wait for each other, 8.7 % in layout 4 with one cart; there a third cart costs time."""
+    """Driven machines wait for each other, 2.3 % in layout 4 with one cart, 0.2 with two and three."""
     made = [both_levels(layout_file(layout, n)) for n in CARTS]
     cheap, dear, touched, unsolved = zip(*made, strict=True)
     assert same_ranking(cheap, dear)
-    assert dear == pytest.approx(cheap, rel=0.1)
+    assert dear == pytest.approx(cheap, rel=0.05)
     assert all(seconds == 0.0 for pairs in touched for seconds in pairs.values())
     assert unsolved == (0, 0, 0)

@@ -7,6 +7,7 @@ doi:10.1177/027836498500400301).
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,11 @@ STRAIGHT_IN = 20.0  # m before its place at the truck, from where a cart drives 
 BAND = 2.4  # m to both sides of a cart's middle, where nothing is to come by
 SWATH, BY = 18.0, 1.5  # m right and left of the line beside a combine, where no cart comes against it
 OVER = 25.0  # m of way, in which it moves over to there
+JOIN = 30.0  # m of a pass that are cut, from where a cart near its line turns onto it
+TRIES = (-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0, 32.0)  # m, where
+LEAST = 8.0  # m before its place
+AHEAD = 40.0  # m ahead of a combine, where a cart on its line waits for it
+KEEP = 2.0  # m from the bodies of its combine to the middle of a cart
 ONTO = 20.0  # m of way, in which it moves over onto the line beside a combine
 BEYOND = 30.0  # m that its way goes on behind the pass
 CLOSE = 0.3  # m/s, slowest towards the end of a way
@@ -64,18 +70,38 @@ def box_behind(cart: Cart) -> float:
     return -box.x if hitch is None else hitch.drawbar - hitch.x - box.x
 
 
+class WayBeside(NamedTuple):
+    """A cart's way beside a combine. begin: distance on the path at which the box is under the pipe of the
+    combine that begins its pass, < 0 behind it; length: of the pass; onto: distance on the path from which
+    that is the line beside the pass [m]
+    """
+
+    path: Path
+    begin: float
+    length: float
+    onto: float
+
+    def place(self, combine: CombineState) -> float:
+        """Distance on the path at which the box is under the pipe of the combine where that is now [m]."""
+        if combine.phase in ("way", "hold"):
+            return self.begin
+        if combine.task is None:  # at the end of its last pass
+            return self.begin + self.length
+        return self.begin + (1.0 - combine.left / combine.task.length) * self.length
+
+
 def way_beside(
-    here: Pose, at: CombineState, cart: Cart, truck: Pose, *, run_up: float = RUN_UP, direct: bool = False
-) -> tuple[Path, float, float]:
-    """To the start of a combine's pass, along it on its left and beyond; the distance at which the box is
-    under the pipe of the combine that begins the pass, < 0 behind it, and the length of the pass [m].
+    here: Pose, at: CombineState, cart: Cart, truck: Pose, *,
+    run_up: float = RUN_UP, direct: bool = False, leaves: bool = False,
+) -> WayBeside:  # fmt: skip
+    """To the start of a combine's pass, along it on its left and beyond.
 
     A cart that is beside the pass already follows the combine; where that has no pass any more: to where it
     stands. truck: its place there, from where it drives straight on first; run_up: before the pass, straight
-    [m]; direct: there in one turn
+    [m]; direct: there in one turn; leaves: another combine, beside which it drives straight on first
     """
     is_there = math.hypot(here.x - truck.x, here.y - truck.y) <= AT_TRUCK
-    out = STRAIGHT_OUT if is_there else out_of_turn(here, at, cart)
+    out = STRAIGHT_OUT if is_there or leaves else out_of_turn(here, at, cart)
     begin, here = here, ahead_of(here, out)
     combine, task = at.spec, at.task
     line = np.array([at.place[:2], at.place[:2]]) if task is None else task.line
@@ -88,13 +114,18 @@ def way_beside(
     points = np.array([*beside_it[1:-1], end])
     across = c * (here.y - first.y) - s * (here.x - first.x)
     is_behind = c * (here.x - first.x) + s * (here.y - first.y) < 0.0
-    if _follows(here, first, at):
-        path = _onto_line(here, first, points)
+    if _follows(here, first, at, cart):
+        path, onto = _onto_line(here, first, points, _place_on(at, cart))
+    elif (join := _nearer(here, first, at, cart)) is not None:
+        path, onto = _way_in(here, join, points, straight=True)
     else:
-        path = _way_in(here, first, points, straight=direct or (is_behind and abs(across) < 2.0 * RADIUS))
+        path, onto = _way_in(
+            here, first, points, straight=direct or (is_behind and abs(across) < 2.0 * RADIUS)
+        )
     path = _straight_first(begin, out, path)
     length = float(np.hypot(*np.diff(beside_it, axis=0).T).sum())
-    return path, path.length - BEYOND - length - box_offset(combine) + box_behind(cart), length
+    begins = path.length - BEYOND - length - box_offset(combine) + box_behind(cart)
+    return WayBeside(path, begins, length, out + onto)
 
 
 def out_of_turn(here: Pose, at: CombineState, cart: Cart) -> float:
@@ -134,23 +165,30 @@ def shifted(line: Array, course: float, left: float) -> Array:
     return np.array(moved)
 
 
-def _onto_line(here: Pose, first: Pose, points: Array) -> Path:
-    """Onto the line from `first` over points on, within ONTO of way where it is beside it."""
+def _onto_line(here: Pose, first: Pose, points: Array, place: float) -> tuple[Path, float]:
+    """Onto the line from `first` over points on, where it is beside it: within ONTO of way, or less where its
+    place is nearer. place: along the line [m]
+    """
     start = np.array(first[:2])
     for i, point in enumerate(points):
         step = point - start
         way = float(np.hypot(*step))
         c, s = step / way
-        along = max((here.x - start[0]) * c + (here.y - start[1]) * s + ONTO, 0.0)
-        if along < way - 1.0:
-            join = Pose(float(start[0] + along * c), float(start[1] + along * s), math.atan2(s, c))
-            return _way_in(here, join, points[i:], straight=True)
-        start = point
-    return rounded([(float(start[0]), float(start[1]))], here)
+        dx, dy = here.x - float(start[0]), here.y - float(start[1])
+        along, across = dx * c + dy * s, dy * c - dx * s
+        turned = math.remainder(here.heading - math.atan2(s, c), 2.0 * math.pi)
+        least = min(_least_onto(across, turned), ONTO)
+        join = max(along + min(max(place - along, least), ONTO), 0.0)
+        if join < way - 1.0:
+            there = Pose(float(start[0] + join * c), float(start[1] + join * s), math.atan2(s, c))
+            return _way_in(here, there, points[i:], straight=True)
+        start, place = point, place - way
+    path = rounded([(float(start[0]), float(start[1]))], here)
+    return path, path.length
 
 
-def _way_in(here: Pose, first: Pose, points: Array, *, straight: bool = False) -> Path:
-    """Over passes and headland to a place in its direction, and from there along points.
+def _way_in(here: Pose, first: Pose, points: Array, *, straight: bool = False) -> tuple[Path, float]:
+    """Over passes and headland to a place in its direction, and from there along points; the way to there.
 
     straight: by a shortest turn; else along the place's direction to abreast of it first
     """
@@ -160,7 +198,8 @@ def _way_in(here: Pose, first: Pose, points: Array, *, straight: bool = False) -
         parts.append(rounded(_beside_swath(here, abreast, first), here))
         here = parts[-1].end
     parts.append(path_of(dubins.plan(here, first, limits), here, 0.5))
-    return joined([*parts, polyline(np.array([parts[-1].end[:2], *points]), 0.5)])
+    line = polyline(np.array([parts[-1].end[:2], *points]), 0.5)
+    return joined([*parts, line]), math.fsum(p.length for p in parts)
 
 
 def _beside_swath(here: Pose, abreast: tuple[float, float], first: Pose) -> list[tuple[float, float]]:
@@ -175,15 +214,74 @@ def _beside_swath(here: Pose, abreast: tuple[float, float], first: Pose) -> list
     return [(first.x + a * c - BY * s, first.y + a * s + BY * c) for a in (back - OVER, 0.0)]
 
 
-def _follows(here: Pose, first: Pose, at: CombineState) -> bool:
-    """Whether a cart is beside a combine's pass, behind it and in its direction. first: of the way there"""
+def _follows(here: Pose, first: Pose, at: CombineState, cart: Cart) -> bool:
+    """Whether a cart is beside a combine's pass in its direction, and can be on the line there behind its
+    place, or a little ahead where it waits for the combine. first: of the way there
+    """
     if at.task is None or at.phase not in ("cut", "stand"):
         return False
     c, s = math.cos(first.heading), math.sin(first.heading)
     dx, dy = here.x - first.x, here.y - first.y
-    along, across = c * dx + s * dy - RUN_UP, c * dy - s * dx
-    turned = math.cos(here.heading - first.heading)
-    return 0.0 < along < at.task.length - at.left and abs(across) < ASIDE and turned > 0.7
+    along, across = c * dx + s * dy, c * dy - s * dx
+    turned = math.remainder(here.heading - first.heading, 2.0 * math.pi)
+    ahead = 0.0
+    if at.phase == "cut" and at.per_metre > 0.0:  # not so far that it would stand, full, before it is there
+        ahead = min(AHEAD, at.left, (at.spec.tank - at.tank) / at.per_metre)
+    last = _place_on(at, cart) + ahead - _least_onto(across, turned)
+    return RUN_UP < along < last and abs(across) < ASIDE and math.cos(turned) > 0.7
+
+
+def _place_on(at: CombineState, cart: Cart) -> float:
+    """How far a cart's place beside a combine in its pass is from where its way begins to be straight [m]."""
+    assert at.task is not None
+    return RUN_UP + at.task.length - at.left - box_offset(at.spec) + box_behind(cart)
+
+
+def _least_onto(across: float, turned: float) -> float:
+    """Way that a cart needs onto a line so far beside it [m] that it is turned against [rad]: two arcs."""
+    return 2.0 + math.sqrt(4.0 * RADIUS * abs(across)) + 2.0 * RADIUS * abs(turned)
+
+
+def _nearer(here: Pose, first: Pose, at: CombineState, cart: Cart) -> Pose | None:
+    """Where on the line beside a straight pass a cart joins it that is near that line already, but not in its
+    direction: behind its place beside the combine, so that the way there is the shortest, and clear of it.
+    """
+    task = at.task
+    if task is None or at.phase not in ("cut", "stand") or len(task.line) > 2:
+        return None
+    c, s = math.cos(first.heading), math.sin(first.heading)
+    done, goal = task.length - at.left, _place_on(at, cart)
+    dx, dy = here.x - first.x, here.y - first.y
+    along, across = c * dx + s * dy, c * dy - s * dx
+    if (
+        abs(across) > ASIDE
+        or along < RUN_UP
+        or done < JOIN
+        or along > goal + (0.0 if at.phase == "cut" else JOIN)
+    ):
+        return None
+    ways = []
+    for join in (*(along + d for d in TRIES), *(goal - d for d in TRIES if d > 0.0)):
+        if not 0.0 < join <= goal - LEAST:
+            continue
+        pose = Pose(first.x + join * c, first.y + join * s, first.heading)
+        way = path_of(dubins.plan(here, pose, TurnLimits(RADIUS, 1.0)), here, 0.5)
+        if _is_off(way, at):
+            ways.append((way.length + goal - join, pose))
+    return min(ways)[1] if ways else None
+
+
+def _is_off(way: Path, at: CombineState) -> bool:
+    """Whether a cart's way leads clear of its combine where that is now."""
+    assert at.task is not None
+    sheet, (x, y, course) = at.spec.sheet, at.task.at(at.task.length - at.left)
+    c, s = math.cos(course), math.sin(course)
+    dx, dy = way.points[:, 0] - x, way.points[:, 1] - y
+    ahead, left = dx * c + dy * s, np.abs(dy * c - dx * s)
+    rear, _, half, *_ = sheet.body
+    header = (np.abs(ahead) < 2.0 * KEEP) & (left < 0.5 * sheet.header_width + KEEP)
+    body = (ahead < KEEP) & (ahead > rear - sheet.knife_x - KEEP) & (left < half + KEEP)
+    return not bool((header | body).any())
 
 
 def way_into_lane(here: Pose, place: Pose, *, is_beside: bool = False) -> Path:
@@ -199,7 +297,7 @@ def way_into_lane(here: Pose, place: Pose, *, is_beside: bool = False) -> Path:
         place = Pose(place.x, place.y, place.heading + math.pi)
         c, s = -c, -s
     first = Pose(place.x - STRAIGHT_IN * c, place.y - STRAIGHT_IN * s, place.heading)
-    return _straight_first(begin, out, _way_in(here, first, np.array([place[:2]])))
+    return _straight_first(begin, out, _way_in(here, first, np.array([place[:2]]))[0])
 
 
 def place_at_truck(truck: Pose, boundary: Array, number: int) -> Pose:

@@ -9,11 +9,12 @@ from swath.job.cart_ways import braked
 from swath.job.machines import Combine
 from swath.job.path import Path, Pose, joined, path_of
 from swath.job.plan import PlannedPass
-from swath.job.states import way_between
+from swath.job.states import CombineState, way_between
 from swath.job.turns import clothoid
 
 Array = NDArray[np.float64]
 FAR = 80.0  # m, beyond which a way is no turn but transport
+START = 12.0  # m between combines in echelon before the first pass
 STRAIGHT = 1e-4  # 1/m, least curvature of a bend
 
 
@@ -27,6 +28,16 @@ def corner_angle(here: Pose, task: PlannedPass) -> float | None:
     turned = abs(math.remainder(task.start.heading - here.heading, 2.0 * math.pi))
     near = task.is_corner and not is_far(here, task.start)
     return turned if near and turned < math.radians(150.0) else None
+
+
+def behind_first(first: CombineState, combine: CombineState) -> float:
+    """How far before its first pass a combine in echelon is to begin, behind the first of them [m]."""
+    task, lead = combine.task, first.task
+    if combine.number == 0 or task is None or lead is None:
+        return 0.0
+    (x, y, course), start = task.start, lead.start
+    ahead = (start.x - x) * math.cos(course) + (start.y - y) * math.sin(course)
+    return max(combine.number * START - ahead, 0.0)
 
 
 def way_to_pass(combine: Combine, axle: Pose, start: Pose, abreast: float = 4.0) -> Path:

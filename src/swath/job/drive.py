@@ -20,7 +20,7 @@ from swath.machine.machine_sheet import MachineSheet, dynamics_of
 DAMPING = 0.9
 STEEPEST = math.sin(math.radians(30.0))  # towards a path far aside
 LOOKAHEAD = (3.0, 1.5)  # m, s: an error dies out over the greater of the two
-ASIDE = 0.1  # sideways per way, over to a line beside a path
+ASIDE, ASIDE_SOON = 0.1, 0.25  # sideways per way, over to a line beside a path; of one on its way elsewhere
 MARGIN = 1.15  # curvature beyond that of the tightest turn, to come back to a path
 
 
@@ -109,7 +109,8 @@ class DrivenMachine:
 class Follower:
     """Keeps a machine on a path. tightest: curvature it may command [1/m]; at: how far it has come [m]
 
-    heading: of the path there [rad]; aside: how far left of the path it is to drive [m], and does, shifted
+    heading: of the path there [rad]; aside: how far left of the path it is to drive [m], and does, shifted;
+    slant: sideways per way, over to there
     """
 
     path: Path
@@ -118,6 +119,7 @@ class Follower:
     heading: float = 0.0
     aside: float = 0.0
     shifted: float = 0.0
+    slant: float = ASIDE
     _index: int = 0
 
     def __post_init__(self) -> None:
@@ -152,7 +154,7 @@ class Follower:
         y = machine.y + way * math.sin(machine.heading + 0.5 * bend)
         i, along = self._nearest(x, y)
         before, self.at = self.at, max(self.at, min(self._s[i] + along - way, self._s[-1]))
-        most = ASIDE * (self.at - before)
+        most = self.slant * (self.at - before)
         self.shifted += min(max(self.aside - self.shifted, -most), most)
         span = max(self._s[i + 1] - self._s[i], 1e-9)
         share = min(max(along / span, 0.0), 1.0)

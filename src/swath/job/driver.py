@@ -23,7 +23,7 @@ TRAIL = 240  # places of a trail
 APART = 0.6  # m between two places of a braking way
 CRAWL = 0.3  # m/s, below which the rest of a braking way is straight on
 MOST = 200  # steps of a braking way
-STANDS = 75  # steps after which a manoeuvre is over that the traffic does not let go on
+STANDS = 50  # steps after which a manoeuvre is over that the traffic does not let go on
 
 
 @dataclass
@@ -32,6 +32,7 @@ class Manoeuvre:
     whom; since: time [s]; ground: that it needs for that, boxes; waits: until that one is past
 
     drives: along the path; is_there: at its end; tightest: curvature [1/m]; stands: steps, while it drives
+    apart: places on the path whose boxes the ground begins with [m]
     """
 
     back: float
@@ -44,6 +45,7 @@ class Manoeuvre:
     drives: bool = False
     tightest: float = 0.14
     stands: int = 0
+    apart: float = 1.5
 
     def give_up(self) -> None:
         """On along the own way from here."""
@@ -53,7 +55,8 @@ class Manoeuvre:
 class Driver:
     """A machine on its path. limits: highest speed at each point of the path [m/s]; cap: that the traffic
     lets it drive [m/s]; blocked: by whom it is stopped; held: ground that it needs to come to rest, boxes as
-    `Footprint.sweep`; is_new: a path that the traffic has not seen; farthest: that it was on it [m]
+    `Footprint.sweep`; is_new: a path that the traffic has not seen; farthest: that it was on it [m];
+    tried: when it set out behind its last pass [s]
     """
 
     def __init__(self, sheet: MachineSheet, start: Pose, dt: float) -> None:
@@ -61,7 +64,7 @@ class Driver:
         self.follower: Follower | None = None
         self.limits: list[float] = []
         self.manoeuvre: Manoeuvre | None = None
-        self.farthest, self.is_new = 0.0, False
+        self.farthest, self.is_new, self.tried = 0.0, False, -math.inf
         self._last: Follower | None = None  # the path before, until the traffic lets it drive the new one
         self.cap, self.blocked = math.inf, ""
         self.held: Array = self.footprint.sweep([self.place])
@@ -177,6 +180,7 @@ class Driver:
             return gone
         if made.path is not None:
             path, made.path = made.path, None
+            made.ground = made.ground[: self.footprint.count * (math.ceil(path.length / made.apart) + 1)]
             self.take(path, made.tightest)
             self.manoeuvre, made.drives = made, True
             return 0.0  # until the traffic lets it
@@ -184,14 +188,20 @@ class Driver:
         if made.drives and self.left > 0.3 and made.stands < STANDS:
             self.step(self.room_speed)
             return self.machine.speed * self.machine.dt
+        made.waits = made.waits and made.stands < STANDS
         self.machine.speed, made.is_there = 0.0, True
         return 0.0
 
     @property
     def room_ground(self) -> Array | None:
-        """Ground of its manoeuvre, boxes; None where it drives none."""
+        """Ground of its manoeuvre that is still to be driven over, boxes; None where it drives none."""
         made = self.manoeuvre
-        return None if made is None or made.is_there else made.ground
+        if made is None or made.is_there:
+            return None
+        if not made.drives or self.follower is None:
+            return made.ground
+        past = self.footprint.count * max(0, int(self.follower.at / made.apart) - 1)
+        return made.ground[past:] if past < len(made.ground) else None
 
     def behind(self, way: float) -> list[Place]:
         """Its places on the last metres of its way, the latest first; its trailer comes back over them."""

@@ -12,30 +12,32 @@ from numpy.typing import NDArray
 
 from swath.core.errors import SwathError
 from swath.job import pouring
-from swath.job.cart_ways import RUN_UP, beside, place_at_truck, way_beside, way_into_lane
-from swath.job.combine_ways import way_to_pass
+from swath.job.cart_ways import RUN_UP, WayBeside, beside, place_at_truck, way_beside, way_into_lane
+from swath.job.combine_ways import behind_first, way_to_pass
 from swath.job.fleet import FleetFile
-from swath.job.grain import move_grain
+from swath.job.grain import leaves, move_grain
 from swath.job.machines import Fleet
 from swath.job.motion import Motion
 from swath.job.path import Path, Pose
 from swath.job.plan import FieldPlan
-from swath.job.states import DONE, CartState, CombineState, at, cart_state, same_way, way_between
+from swath.job.states import (
+    BESIDE,
+    DONE,
+    CartState,
+    CombineState,
+    at,
+    cart_state,
+    is_beside,
+    same_way,
+    way_between,
+)
 from swath.job.team import Passes
 from swath.job.truck import is_clear
 
 Array = NDArray[np.float64]
 LONGEST = 400.0 * 3600.0  # s
 MOST_MOVES = 20_000_000
-BESIDE = 20.0  # m to a combine
-START = 12.0  # m between combines in echelon before the first pass
-VARIANTS = (
-    (RUN_UP, False),
-    (2.0 * RUN_UP, False),
-    (3.0 * RUN_UP, False),
-    (RUN_UP, True),
-    (2.0 * RUN_UP, True),
-)
+VARIANTS = tuple((share * RUN_UP, direct) for direct in (False, True) for share in (1.0, 2.0, 3.0, 0.5))
 ABREASTS = (4.0, 2.0, 6.0, 9.0, 13.0)  # radii, as `way_to_pass`: the first that leads clear of the truck
 
 
@@ -95,12 +97,7 @@ class Job:
 
     def start_behind(self, combine: CombineState) -> float:
         """How far before its first pass a combine begins the job [m]: in echelon one behind another."""
-        first, task = self.combines[0].task, combine.task
-        if self.file.team.together != "echelon" or combine.number == 0 or first is None or task is None:
-            return 0.0
-        (x, y, course), lead = task.start, first.start
-        ahead = (lead.x - x) * math.cos(course) + (lead.y - y) * math.sin(course)
-        return max(combine.number * START - ahead, 0.0)
+        return behind_first(self.combines[0], combine) if self.file.team.together == "echelon" else 0.0
 
     def place_at_truck(self, cart: CartState) -> Pose:
         """Where a cart stands to be emptied."""
@@ -108,20 +105,21 @@ class Job:
 
     def way_to_truck(self, cart: CartState, here: Pose) -> Path:
         """Of a cart from a place; beside a combine straight on first, to wait there until that is past."""
-        is_beside = any(way_between(here, at(c)) <= BESIDE for c in self.combines)
-        return way_into_lane(here, self.place_at_truck(cart), is_beside=is_beside)
+        near = any(way_between(here, at(c)) <= BESIDE for c in self.combines)
+        return way_into_lane(here, self.place_at_truck(cart), is_beside=near)
 
-    def way_to_combine(self, cart: CartState, here: Pose) -> tuple[Path, float, float]:
+    def way_to_combine(self, cart: CartState, here: Pose) -> WayBeside:
         """Of a cart from a place, as `way_beside`; from the truck straight out of its lane first. Of some
         ways the first that leads clear of the truck.
         """
         assert cart.combine is not None
         combine, place = cart.combine, self.place_at_truck(cart)
         found = None
+        leaves_one = is_beside(here, [at(c) for c in self.combines if c is not combine])
         for run_up, direct in VARIANTS:
-            way = way_beside(here, combine, cart.spec, place, run_up=run_up, direct=direct)
+            way = way_beside(here, combine, cart.spec, place, run_up=run_up, direct=direct, leaves=leaves_one)
             found = found or way
-            if is_clear(way[0], self.places[0], self.fleet.truck):
+            if is_clear(way.path, self.places[0], self.fleet.truck):
                 return way
         assert found is not None
         return found
@@ -219,8 +217,8 @@ class Job:
             self.passes.done(c.index)
         c.place = c.task.end
         if c.is_pouring and c.tank > DONE:
-            rest = c.tank / c.spec.auger
-            if self.file.unload.at_row_end == "finish" and rest <= self.file.unload.finish_s:
+            rest, unload = c.tank / c.spec.auger, self.file.unload
+            if unload.at_row_end == "finish" and (rest <= unload.finish_s or not self._goes_on_pouring(c)):
                 self._stand(c, "unload")
                 return True
             c.is_pouring = False
@@ -231,6 +229,12 @@ class Job:
         self._next_pass(c)
         return True
 
+    def _goes_on_pouring(self, c: CombineState) -> bool:
+        """Whether a cart may drive beside its next pass, which it takes now."""
+        index = self.passes.take(c)
+        c.taken = -1 if index is None else index
+        return index is not None and self.passes[index].cart_beside
+
     def _next_grain(self, c: CombineState) -> float:
         """Grain of a pass like the one that ends [kg]."""
         assert c.task is not None
@@ -238,7 +242,8 @@ class Job:
         return c.task.area * self.grain_per_m2 if wants else 0.0
 
     def _next_pass(self, c: CombineState) -> None:
-        index = self.passes.take(c)
+        index = c.taken if c.taken >= 0 else self.passes.take(c)
+        c.taken = -1
         if index is None:
             c.is_last, c.task, c.index, c.left = True, None, -1, 0.0
             self._stand(c, "wait")
@@ -294,15 +299,21 @@ class Job:
 
     def _calls(self) -> bool:
         """The nearest free cart goes to the combine that needs one most."""
-        free = [k for k in self.carts if k.phase == "idle" and k.grain < k.spec.leave]
+        free = [k for k in self.carts if k.phase == "idle" and not leaves(self, k)]
         calling = [c for c in self.combines if self._wants(c)]
         if not free or not calling:
             return False
         c = max(calling, key=self._need)
-        cart = min(free, key=lambda k: (way_between(k.place, at(c)), k.spec.name))
+        self.hand_over(min(free, key=lambda k: (way_between(k.place, at(c)), k.spec.name)), c)
+        return True
+
+    def hand_over(self, cart: CartState, c: CombineState) -> None:
+        """A cart drives to another combine than to that which called it, and does not pour."""
+        was = cart.combine
+        if was is not None:
+            was.cart, was.called = None, False
         c.called, c.cart, cart.combine, cart.phase = True, cart, c, "to_combine"
         self.motion.cart_to_combine(self, cart)
-        return True
 
     def _wants(self, c: CombineState) -> bool:
         ends = c.phase == "stand" or (c.phase in ("way", "cut") and self.passes.left() == 0)
@@ -346,7 +357,7 @@ class Job:
             k.phase = "beside"
             k.combine.timer = pouring.ready_after(self, k.combine)
             return True
-        if k.phase == "idle" and k.grain > DONE and (k.grain >= k.spec.leave or self._no_more()):
+        if k.phase == "idle" and k.grain > DONE and (leaves(self, k) or self._no_more()):
             k.phase = "to_truck"
             self.motion.cart_to_truck(self, k)
             return True

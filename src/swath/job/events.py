@@ -91,7 +91,7 @@ class Events:
     def cart_to_combine(self, job: Job, cart: CartState) -> None:
         """To the start of the combine's pass, and after it."""
         assert cart.combine is not None
-        path, base, length = job.way_to_combine(cart, self._place(cart))
+        path, base, length, _ = job.way_to_combine(cart, self._place(cart))
         self._ways[cart.spec.name] = _Way(self._on(path, cart), base, length)
         cart.left = path.length
 

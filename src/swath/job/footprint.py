@@ -59,6 +59,11 @@ class Footprint:
     reach: float
 
     @property
+    def count(self) -> int:
+        """Of its rectangles."""
+        return len(self.own) + len(self.towed)
+
+    @property
     def wide(self) -> float:
         """Half of its greatest width [m]."""
         return max(max(r.left, -r.right) for r in (*self.own, *self.towed))

@@ -1,9 +1,10 @@
-"""Grain and fuel of a job over the time that passed."""
+"""Grain and fuel of a job: over the time that passed, and what is still to come."""
 
+import math
 from typing import Any
 
 from swath.job.fuel import combine_fuel, tractor_fuel
-from swath.job.states import DONE
+from swath.job.states import DONE, CartState, CombineState
 
 
 def move_grain(job: Any, dt: float) -> None:
@@ -35,3 +36,18 @@ def move_grain(job: Any, dt: float) -> None:
         k.timer = max(0.0, k.timer - dt)
         k.fuel += tractor_fuel(k) * dt
     job.away = max(0.0, job.away - dt)
+
+
+def leaves(job: Any, k: CartState) -> bool:
+    """True for a cart that is full enough for the truck, unless it has room for all that is still to come."""
+    if k.grain < k.spec.leave or job.passes.left() > 0:
+        return k.grain >= k.spec.leave
+    return k.grain + math.fsum(_still_to_come(job, c) for c in job.combines) > k.spec.load
+
+
+def _still_to_come(job: Any, c: CombineState) -> float:
+    """Grain in the tank and in what is left of the pass of a combine [kg]."""
+    if c.task is None:
+        return c.tank
+    left = c.task.length if c.phase in ("way", "hold") else c.rest if c.hauling else c.left
+    return c.tank + left / c.task.length * c.task.area * float(job.grain_per_m2)

@@ -14,6 +14,7 @@ from swath.job.cart_ways import (
     IN_PLACE,
     NEAR,
     RADIUS,
+    WayBeside,
     corner_way,
     rounded,
     speed_beside,
@@ -24,21 +25,26 @@ from swath.job.combine_ways import axle_pose, corner_angle, is_far
 from swath.job.combine_ways import speed_limits as combine_limits
 from swath.job.contact import ContactWatch
 from swath.job.corner import Corner, corner_of
-from swath.job.drive import MARGIN, DrivenMachine, first_cut, knife_pose
+from swath.job.drive import ASIDE_SOON, MARGIN, DrivenMachine, first_cut, knife_pose
 from swath.job.driver import Driver, Manoeuvre
 from swath.job.engine import Job
 from swath.job.footprint import footprint_of
 from swath.job.give_way import GiveWay, room_for
+from swath.job.hand_over import hand_over
+from swath.job.leave import leave
 from swath.job.machines import REVERSE
 from swath.job.path import Path, Pose, ahead_of, polyline
 from swath.job.settle import Settle, waits_for
-from swath.job.standoff import Standoff, way_out
+from swath.job.standoff import Standoff
 from swath.job.states import DONE, CartState, CombineState, ahead_of_start
-from swath.job.traffic import LOOKS, RESTS, Mover, look, steer_aside
+from swath.job.traffic import LOOKS, Mover, look, steer_aside
 
 Array = NDArray[np.float64]
 STEP = 0.2  # s
 STOPS, CREEP = 0.25, 0.1  # 1/s, m/s: to the start of a pass whose leader in echelon is too near ahead
+OFF = 1.0  # m before the line beside its combine, from where a cart is not held against that
+STRAIGHT = 10.0  # m along that line, after which its trailer is there, too
+SOON_OVER = 30.0  # m before the end of a pass, from where a cart that is not in place yet is held against it
 THERE = 0.05  # m before the end of a combine's way, where it is done
 AGAIN = 10  # steps after which one who made room looks again whether the other one is past
 LONGEST_WAIT = 60.0  # s that it waits for that
@@ -52,8 +58,7 @@ class Kinematic:
         self._drivers: dict[str, Driver] = {}
         self._corners: dict[str, Corner] = {}
         self._left: set[str] = set()
-        self._base: dict[str, float] = {}
-        self._length: dict[str, float] = {}
+        self._beside: dict[str, WayBeside] = {}
         self._count = 0
         self.tracks: list[list[tuple[float, float, float]]] = []
         self._track: dict[str, list[tuple[float, float, float]]] = {}
@@ -121,10 +126,9 @@ class Kinematic:
     def cart_to_combine(self, job: Job, cart: CartState) -> None:
         """Over the headland to the start of the pass, and along it on its left."""
         assert cart.combine is not None
-        path, begin, length = job.way_to_combine(cart, self._cart(cart).machine.pose)
-        self._set_out(cart, path)
-        self._base[cart.spec.name], self._length[cart.spec.name] = begin, length
-        cart.left = self._gap(cart, cart.combine)
+        way = self._beside[cart.spec.name] = job.way_to_combine(cart, self._cart(cart).machine.pose)
+        self._set_out(cart, way.path)
+        cart.left = max(abs(self._gap(cart, cart.combine)), IN_PLACE)
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
         """Back over pass and headland."""
@@ -172,30 +176,22 @@ class Kinematic:
                 self.watch.add(truck.NAME, footprint_of(job.fleet.truck))
         self.watch.look(job.time, STEP, places)
 
-    def _fixed(self, job: Job) -> dict[str, Array]:
-        """Bodies that only stand."""
-        if not job.carts or job.away > DONE:
-            return {}
-        return {
-            truck.NAME: footprint_of(job.fleet.truck).sweep([truck.standing(job.places[0], job.fleet.truck)])
-        }
-
     def _look(self, job: Job) -> None:
         """Who may drive on."""
-        movers = [self._mover_of_combine(job, c) for c in self._in_order(job.combines)]
-        movers += [self._mover_of_cart(job, k) for k in job.carts]
-        fixed = self._fixed(job)
-        steer_aside(movers)
+        movers = [self._mover_of_combine(job, c) for c in self._in_order(job.combines) if c.phase != "done"]
+        movers += [self._mover_of_cart(job, k) for k in sorted(job.carts, key=lambda k: k.phase != "beside")]
+        movers += [self._mover_of_combine(job, c) for c in job.combines if c.phase == "done"]
+        fixed = truck.bodies(job)
+        steer_aside(movers, fixed)
         look(movers, fixed)
         machines: list[CombineState | CartState] = [*job.combines, *job.carts]
         states = {m.spec.name: m for m in machines}
-
-        def way_from(name: str, pose: Pose) -> Path | None:
-            return self._way_from(job, states[name], pose)
-
         self.give_way.standoffs += self.settle.look(job.time, movers, states, fixed)
-        self.give_way.look(job.time, movers, states, fixed, way_from)
+        self.give_way.look(
+            job.time, movers, states, fixed, lambda name, pose: self._way_from(job, states[name], pose)
+        )
         self.settle.check(job, self.standoffs)
+        hand_over(job, self._drivers, self.give_way)
 
     def _in_order(self, combines: list[CombineState]) -> list[CombineState]:
         """Those that turn first: they stand in the way while they wait."""
@@ -206,7 +202,7 @@ class Kinematic:
         if isinstance(m, CombineState):
             return job.way_to_pass(m, pose) if m.phase == "way" else None
         if m.phase in ("to_combine", "beside"):
-            return job.way_to_combine(m, pose)[0]
+            return job.way_to_combine(m, pose).path
         return job.way_to_truck(m, pose) if m.phase == "to_truck" else None
 
     def _is_making_room(self, job: Job, m: CombineState | CartState, driver: Driver) -> bool:
@@ -238,6 +234,8 @@ class Kinematic:
                 self._left.discard(m.spec.name)
             driver.manoeuvre = driver.follower = None
             m.place = here
+            if isinstance(m, CombineState):
+                self._is_there(job, m)
         elif isinstance(m, CombineState):
             assert m.task is not None
             far = is_far(m.place, m.task.start)
@@ -247,6 +245,12 @@ class Kinematic:
             self.cart_to_truck(job, m)
         else:
             self.cart_to_combine(job, m)
+
+    def _is_there(self, job: Job, c: CombineState) -> None:
+        """A combine stands at another place behind its last pass: its cart comes there."""
+        c.place = knife_pose(self._drivers[c.spec.name].machine, c.spec.sheet.knife_x)
+        if c.cart is not None and c.cart.phase == "to_combine":
+            self.cart_to_combine(job, c.cart)
 
     def _mover(self, job: Job, m: CombineState | CartState, wanted: float) -> Mover:
         name = m.spec.name
@@ -272,12 +276,16 @@ class Kinematic:
         return made
 
     def _mover_of_cart(self, job: Job, k: CartState) -> Mover:
-        together = k.phase == "beside" and k.combine is not None and k.combine.phase in ("cut", "stand")
-        beside = k.combine.spec.name if together and k.combine is not None else ""
-        if beside and self._drivers[beside].manoeuvre is not None:
-            beside = ""
+        c, beside = k.combine, ""
+        together = k.phase == "beside" and c is not None and c.phase in ("cut", "stand")
+        if c is not None and c.phase in ("cut", "stand") and k.phase in ("beside", "to_combine"):
+            on_line = self._to_line(k) < (OFF if together else -STRAIGHT) and (together or c.left > SOON_OVER)
+            beside = c.spec.name if on_line and self._drivers[c.spec.name].manoeuvre is None else ""
         made = self._mover(job, k, self._wanted_of_cart(k))
         made.beside, made.gives_way = beside, not together
+        if k.phase in ("to_combine", "to_truck"):
+            made.left = k.left
+        made.to = c.spec.name if c is not None else ""
         return made
 
     def _wanted_of_combine(self, job: Job, c: CombineState) -> float:
@@ -307,8 +315,9 @@ class Kinematic:
             return
         if self._is_making_room(job, c, driver):
             return
-        if c.phase == "done" and c.spec.name not in self._left and self._count % AGAIN == 0:
-            self._leave(job, c)
+        may_leave = self._count % AGAIN == 0 and c.spec.name not in self._left
+        if may_leave and leave(job, c, self._drivers, [*truck.bodies(job).values()]) and c.phase == "done":
+            self._left.add(c.spec.name)
         if driver.follower is None or (c.phase == "done" and driver.machine.speed < 0.01):
             c.speed = driver.machine.speed = 0.0
             return
@@ -325,18 +334,6 @@ class Kinematic:
             c.left = 0.0 if driver.left < (THERE if c.phase == "way" else NEAR) else driver.left
         if c.phase == "hold":
             c.speed = 0.0
-
-    def _leave(self, job: Job, c: CombineState) -> None:
-        """Behind its last pass a combine drives on, out of the way of those who still work, where it can."""
-        driver = self._drivers[c.spec.name]
-        if driver.machine.speed > RESTS or driver.manoeuvre is not None:
-            return
-        others = [*self._others(c.spec.name).values(), *self._fixed(job).values()]
-        found = way_out(driver, others, c.spec.limits.radius)
-        if found is not None:
-            driver.manoeuvre = Manoeuvre(0.0, found[0], "", job.time, found[1], waits=False)
-            driver.held = np.vstack([driver.held, found[1]])
-            self._left.add(c.spec.name)
 
     def _others(self, name: str, ignored: tuple[str, ...] = ()) -> dict[str, Array]:
         """Ground that all others hold."""
@@ -356,8 +353,10 @@ class Kinematic:
         if k.phase == "to_truck":
             return speed_to_end(k.left, k.spec)
         if k.phase in ("to_combine", "beside") and k.combine is not None:
-            pace = k.combine.pace if k.combine.phase == "cut" else 0.0
-            return speed_beside(self._gap(k, k.combine), k.combine.speed, pace, k.spec)
+            gap, is_cutting = self._gap(k, k.combine), k.combine.phase == "cut"
+            if k.phase == "to_combine":  # onto the line first, also where that leads ahead of its place
+                gap = max(gap, self._to_line(k) + (2.0 * STRAIGHT if gap < -IN_PLACE and is_cutting else 0.0))
+            return speed_beside(gap, k.combine.speed, k.combine.pace if is_cutting else 0.0, k.spec)
         return 0.0
 
     def _drive_cart(self, job: Job, k: CartState) -> None:
@@ -369,6 +368,8 @@ class Kinematic:
             return
         if follower is None or (wanted <= 0.0 and machine.speed < 0.01):
             k.speed = machine.speed = 0.0
+            if k.phase == "to_combine" and k.combine is not None and k.combine.phase == "stand":
+                self.cart_to_combine(job, k)  # ahead of its place: from behind
             return
         driver.step(wanted)
         k.speed = machine.speed
@@ -377,16 +378,18 @@ class Kinematic:
             k.left = 0.0 if driver.left < NEAR or follower.is_done else driver.left
         elif k.phase == "to_combine" and k.combine is not None:
             gap = self._gap(k, k.combine)
-            k.left = 0.0 if abs(gap) < IN_PLACE or follower.is_done else abs(gap)
+            is_there = (abs(gap) < IN_PLACE and self._to_line(k) < OFF) or follower.is_done
+            moves = self._drivers[k.combine.spec.name].manoeuvre is not None
+            k.left = 0.0 if is_there and not moves else max(abs(gap), IN_PLACE)
 
     def _gap(self, cart: CartState, combine: CombineState) -> float:
         """How far a cart's box is behind the pipe, along its path [m]."""
-        name, follower = cart.spec.name, self._cart(cart).follower
+        follower = self._cart(cart).follower
         assert follower is not None
-        if combine.task is None:  # at the end of its last pass
-            done = self._length[name]
-        else:
-            done = (combine.task.length - combine.left) * self._length[name] / combine.task.length
-        if combine.phase in ("way", "hold"):
-            done = 0.0
-        return self._base[name] + done - follower.at
+        return self._beside[cart.spec.name].place(combine) - follower.at
+
+    def _to_line(self, cart: CartState) -> float:
+        """How far it still is onto the line beside its combine [m]: <= 0 there."""
+        follower = self._cart(cart).follower
+        assert follower is not None
+        return self._beside[cart.spec.name].onto - follower.at + abs(follower.shifted) / ASIDE_SOON

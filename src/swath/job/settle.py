@@ -132,12 +132,22 @@ def _held_up_by(m: Mover, movers: list[Mover], states: Mapping[str, State]) -> l
             return [o for o in seen[seen.index(other) :] if _is_stopped(o)]
         if _works(states[other.name]) or (other.speed > MOVES and other.driver.manoeuvre is None):
             return []
+        if _is_served_soon(states[other.name], movers, states):
+            return []
         seen.append(other)
 
 
 def _is_stopped(m: Mover) -> bool:
     """True for one whom others do not let go where it would."""
     return bool(m.blocked) or m.waits or m.driver.manoeuvre is not None
+
+
+def _is_served_soon(state: State, movers: list[Mover], states: Mapping[str, State]) -> bool:
+    """True for a combine that stands without a cart while one is at work that nobody stops."""
+    if not isinstance(state, CombineState) or state.phase != "stand" or state.cart is not None:
+        return False
+    carts = [m for m in movers if isinstance(states[m.name], CartState)]
+    return any(not _is_stopped(m) and not is_free_of_work(states[m.name]) for m in carts)
 
 
 def _works(state: State) -> bool:

@@ -24,6 +24,7 @@ BACK = (0.0, 4.0, 8.0, 12.0, 18.0, 24.0, 32.0, 40.0, 50.0)  # m
 TURNS = (0.0, 0.35, -0.35, 0.8, -0.8, 1.57, -1.57)  # rad
 STRAIGHT = (4.0, 10.0, 18.0, 30.0, 45.0)  # m behind an arc
 OUT = (48.0, 36.0, 24.0, 16.0, 8.0)  # m that a combine drives on behind its last pass, where it can
+OUT_EVERY = 0.5  # m between two places on that way that are looked at
 OUT_TURN = 0.15  # rad, to one side where straight on is not clear
 CLEAR = 40.0  # m of the way that is to be clear then
 COST_BACK = 1.5  # of a metre backwards against one forwards
@@ -89,17 +90,22 @@ def manoeuvre(
     return None
 
 
-def way_out(driver: Driver, others: list[Array], radius: float) -> tuple[Path, Array] | None:
+def way_out(
+    driver: Driver, others: list[Array], radius: float, *,
+    turns: tuple[float, ...] = (0.0, OUT_TURN, -OUT_TURN), suits: Callable[[Pose], bool] = lambda _: True,
+) -> tuple[Path, Array] | None:  # fmt: skip
     """Way on from where a machine stands, straight or a little to one side, and its ground; None where that
-    is not clear.
+    is not clear. turns: to the left [rad]; suits: whether it may end at a pose
     """
     gaps = gaps_to(driver, others)
-    for way, turn in itertools.product(OUT, (0.0, OUT_TURN, -OUT_TURN)):
+    for way, turn in itertools.product(OUT, turns):
         bend = math.copysign(1.0 / radius, turn)
         path = path_of(
             [Piece(bend, bend, abs(turn) * radius), Piece(0.0, 0.0, way)], driver.machine.pose, 0.5
         )
-        places = [path.at(2.0 * i) for i in range(round(path.length / 2.0) + 1)]
+        if not suits(path.end):
+            continue
+        places = [path.at(OUT_EVERY * i) for i in range(math.ceil(path.length / OUT_EVERY) + 1)]
         ground = driver.footprint.sweep([(p, p.heading) for p in places])
         if _is_clear(ground, others, gaps):
             return path, ground

@@ -1,6 +1,7 @@
 """What a job remembers of each machine while it goes on."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +13,7 @@ from swath.job.plan import PlannedPass
 from swath.job.timeline import Timeline
 
 Array = NDArray[np.float64]
+BESIDE = 20.0  # m to a combine's header
 DONE = 1e-6  # m, s or kg: nothing left
 
 
@@ -19,7 +21,8 @@ DONE = 1e-6  # m, s or kg: nothing left
 class CombineState:
     """phase: way (to a pass), hold (until the one ahead is far enough), cut, stand, haul, back, done.
 
-    left: of the way or the pass [m]; pace: wanted speed now [m/s]; tank, cut, poured [kg]; index: of the pass
+    left: of the way or the pass [m]; pace: wanted speed now [m/s]; tank, cut, poured [kg]; index: of the
+    pass; taken: of the next one, while it stands at the end of this one, -1 = none yet
     timer: until pouring may begin [s]; since: when it came to stand [s]; hauling: there, pour or back,
     without carts, from way_back with `rest` of its pass left [m]; called: a cart is on its way or wanted
     turn: its way to the pass, points (n, 2) [m]; None in a corner
@@ -35,6 +38,7 @@ class CombineState:
     pace: float = 0.0
     speed: float = 0.0
     index: int = -1
+    taken: int = -1
     task: PlannedPass | None = None
     per_metre: float = 0.0
     cart: "CartState | None" = None
@@ -96,6 +100,11 @@ def same_way(a: CombineState, b: CombineState) -> bool:
     assert a.task is not None
     assert b.task is not None
     return math.cos(a.task.start.heading - b.task.start.heading) > 0.9
+
+
+def is_beside(here: Pose, headers: Iterable[Pose]) -> bool:
+    """Whether a cart's place is beside one of some combines, in its direction."""
+    return any(way_between(here, o) <= BESIDE and math.cos(o.heading - here.heading) > 0.9 for o in headers)
 
 
 def way_between(a: Pose, b: Pose) -> float:

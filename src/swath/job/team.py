@@ -1,13 +1,16 @@
 """Which combine takes which pass next, and in which direction."""
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import permutations
 
 from swath.job.ground import CutGround
 from swath.job.plan import FieldPlan, PlannedPass
 from swath.job.states import CombineState, way_between
 
+MOST_SHARED = 9  # passes that are shared out together
 TURN = 20.0  # s, of a turn onto the next pass; to tell who is there first
 
 
@@ -74,18 +77,44 @@ class Passes:
         return self._lands[land].popleft()
 
     def _side(self, combine: CombineState) -> int:
-        """Of the outermost round that is left: the next side; with several combines the nearest."""
+        """Of the outermost round that is left: the next side; with several combines they share them out."""
         now = self._all[self._headland[0]].round_index
         sides = [i for i in self._headland if self._all[i].round_index == now]
-        if self._ground is not None:
-            sides.sort(key=lambda i: (way_between(combine.place, self._all[i].start), i))
-        self._headland.remove(sides[0])
-        return sides[0]
+        side = sides[0] if self._ground is None else self._shared(combine, self._combines, sides)
+        self._headland.remove(side)
+        return side
 
     def _free_land(self, combine: CombineState) -> int | None:
-        """A land that nobody has begun."""
-        others = {land for c, land in self._own.items() if c != combine.number}
-        return next((land for land, queue in self._lands.items() if queue and land not in others), None)
+        """A land that nobody has begun; those who have none yet share out the next ones."""
+        begun = set(self._own.values())
+        free = [land for land, queue in self._lands.items() if queue and land not in begun]
+        waiting = [c for c in self._combines if c.number not in self._own]
+        if combine not in waiting or len(free) < len(waiting):
+            return next(iter(free), None)
+        firsts = {self._lands[land][0]: land for land in free[: len(waiting)]}
+        return firsts[self._shared(combine, waiting, list(firsts))]
+
+    def _shared(self, combine: CombineState, combines: Sequence[CombineState], passes: list[int]) -> int:
+        """Which pass is that of a combine where several share them out so that their ways there, from the
+        ends of what they cut, are the shortest together: who is done a moment earlier does not change the
+        work of all. Where there are too few or too many for that: the nearest.
+        """
+        ways = {(c.number, i): self._way_to(c, i) for c in combines for i in passes}
+        near = {
+            i for c in combines for i in sorted(passes, key=lambda i: (ways[c.number, i], i))[: len(combines)]
+        }
+        if not len(combines) <= len(near) <= MOST_SHARED:
+            return min(passes, key=lambda i: (ways[combine.number, i], i))
+        totals = {
+            order: round(math.fsum(ways[c.number, i] for c, i in zip(combines, order, strict=True)))
+            for order in permutations(sorted(near), len(combines))
+        }
+        return min(totals, key=lambda order: (totals[order], order))[list(combines).index(combine)]
+
+    def _way_to(self, combine: CombineState, index: int) -> float:
+        """From where a combine ends what it cuts to the start of a pass [m]."""
+        here = combine.place if combine.task is None else combine.task.end
+        return way_between(here, self._all[index].start)
 
     def _help(self, combine: CombineState) -> int | None:
         """The last pass of the land with most passes left, from its nearer end.

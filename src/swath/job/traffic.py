@@ -3,7 +3,8 @@
 Every LOOKS steps, in order of precedence, each machine asks for the ground that its bodies sweep if it drives
 on until the next look and brakes from then on. It gets it where that is clear of what all others hold; else
 it brakes, on ground that it holds already. So nobody has to trust that another one gives way. And a machine
-stops before ground that one of higher precedence drives over in the next AHEAD s, unless it is on it already.
+stops before ground that one of higher precedence drives over in the next AHEAD s, unless it is on it already,
+or that one is stopped by it.
 """
 
 import math
@@ -12,6 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.job.drive import ASIDE as SLANT
+from swath.job.drive import ASIDE_SOON
 from swath.job.driver import Driver
 from swath.job.footprint import overlap
 
@@ -24,7 +27,11 @@ SPACING = 2.0  # m between the places of the own way that are held against their
 ROOM = 3.0  # m that it stops before them
 MOVES = 0.2  # m/s, from which a machine is driving
 ASIDE, LITTLE = 0.8, 0.06  # m, that a machine drives farther out to let another one pass; more than GAP
+TRAILS = 0.2  # m, likewise, that a trailer may be off the way of its tractor
 MEET, PAST = 50.0, 14.0  # m ahead and behind, where the other one is then
+CART_ASIDE, WAY_ASIDE, WAY_MEET = 8.0, 13.0, 120.0  # m, likewise of a cart, and a combine, on their ways
+TURN_IN = 2.0  # m farther out, where a cart waits for a combine that turns onto its pass
+OFF = 40.0  # m from what is fixed, within which nobody drives beside its way
 STRAIGHT = 20.0  # m of a way between passes, where it may drive beside it
 RESTS = 0.02  # m/s, below which it stands
 TOUCHES = -1e6  # m, a gap at which nothing overlaps
@@ -37,6 +44,7 @@ class Mover:
 
     turns: it claims all of its turn; waits: until the ground that it wishes is clear; gives_way: to those of
     higher precedence; ignores: whose ground does not count for it; waits_for: who has to act before it can;
+    left: way to where it goes [m], to: name of the combine there
     blocked: by whom it is stopped; now, claim: ground where it is, and that it drives over
     next, boxes
     """
@@ -52,6 +60,8 @@ class Mover:
     waits: bool = False
     ignores: tuple[str, ...] = ()
     waits_for: str = ""
+    left: float = math.inf
+    to: str = ""
     blocked: str = ""
     now: Array = field(default_factory=lambda: np.zeros((0, 6)))
     claim: Array | None = None
@@ -75,14 +85,15 @@ def look(movers: list[Mover], fixed: dict[str, Array]) -> None:
             m.driver.held = m.now
             continue
         if m.wanted <= 0.0 and m.speed < RESTS:
-            m.driver.let(math.inf)
+            m.driver.let(0.0)  # it asks before it starts
             m.driver.held = m.now if m.reserved is None else np.vstack([m.now, m.reserved])
             continue
         go = m.driver.footprint.sweep(m.driver.until_rest(m.wanted, LOOKS))
         held = {o.name: (o.now, o.driver.held) for o in near} | {n: (b, b) for n, b in stands.items()}
         m.blocked = _blocked(m.now, go, held)
         if not m.blocked and m.gives_way:
-            m.blocked = _in_the_way(m, [o for o in near if o in movers[:i]])
+            ours = {m.name, m.beside, m.to, *(o.name for o in movers if o.beside == m.name)} - {""}
+            m.blocked = _in_the_way(m, [o for o in near if o in movers[:i] and o.blocked not in ours])
         m.driver.let(0.0 if m.blocked else max(m.wanted, 0.0), m.blocked)
         if m.blocked:
             go = m.driver.footprint.sweep(m.driver.until_rest(0.0, 0))
@@ -157,18 +168,29 @@ def _reach(a: Mover) -> float:
     return a.driver.footprint.reach + a.driver.braking_way(a.speed) + AHEAD * a.speed
 
 
-def steer_aside(movers: list[Mover]) -> None:
-    """Of two that meet, or pass each other, with sides that overlap by less than ASIDE, one drives that much
-    farther out, with a cart beside it, until they are past: who is on its way between passes, else who has
-    the lower precedence; of a combine that stands the other one.
+def steer_aside(movers: list[Mover], fixed: dict[str, Array]) -> None:
+    """Of two that meet, or pass each other, with sides that overlap by less than ASIDE, by less than
+    CART_ASIDE of a cart, one drives that much farther out, with a cart beside it, until they are past: who is
+    on its way between passes, else who has the lower precedence; of a combine that stands the other one.
+    A cart drives farther out where its combine turns onto the pass. Nobody does near what is fixed.
     """
     for i, m in enumerate(movers):
         follower = m.driver.follower
         if follower is None:
             continue
+        if any(
+            math.hypot(m.driver.machine.x - b[0, 0], m.driver.machine.y - b[0, 1]) < OFF
+            for b in fixed.values()
+        ):
+            follower.aside = 0.0
+            continue
+        follower.slant = ASIDE_SOON if m.turns or (m.to and not m.beside) else SLANT
         beside = next((o for o in movers if o.name == m.beside), None)
         if beside is not None and beside.driver.follower is not None:
             follower.aside = beside.driver.follower.aside
+            continue
+        if any(o.turns and o.name == m.to for o in movers):
+            follower.aside = TURN_IN
             continue
         others = [o for o in movers if o is not m and not o.turns] if m.turns else movers[:i]
         if not m.turns:
@@ -195,7 +217,15 @@ def _aside(m: Mover, o: Mover) -> float:
         return 0.0
     dx, dy = other.x - own.x, other.y - own.y
     along, across = dx * c + dy * s, dy * c - dx * s
-    deep = m.driver.footprint.wide + o.driver.footprint.wide + GAP + LITTLE - abs(across)
-    if not -PAST < along < MEET or not 0.0 < deep <= ASIDE:
+    body, past = m.driver.footprint, PAST
+    deep = body.wide + o.driver.footprint.wide + GAP + LITTLE - abs(across)
+    if body.towed:  # a trailer comes later, and nearer
+        deep, past = deep + TRAILS, PAST + body.reach
+    most, soon, back = ASIDE, MEET, past + STRAIGHT + deep / ASIDE_SOON
+    if body.towed and o.name != m.to:
+        most, soon = CART_ASIDE, min(WAY_MEET, m.left - back)
+    elif m.turns and not o.turns and (same < 0.0 or o.speed < RESTS):
+        most, soon = WAY_ASIDE, min(WAY_MEET, m.driver.left - back)
+    if not -past < along < soon or not 0.0 < deep <= most:
         return 0.0
     return -math.copysign(deep, across)

@@ -1,12 +1,17 @@
 """Where the truck of a job stands: beside the place where carts empty, parallel to how they stand there."""
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from swath.job.footprint import footprint_of
 from swath.job.path import Path, Pose
+from swath.job.states import DONE
 from swath.machine.machine_sheet import MachineSheet
 
+Array = NDArray[np.float64]
 NAME = "truck"
 KEEP = 3.0  # m from its body to the middle of a cart in a bend: half the cart's width and its off-tracking
 IN_LANE = 0.5  # m beside the line of the place where carts empty, along which they drive past it
@@ -24,6 +29,13 @@ def standing(place: Pose, sheet: MachineSheet) -> tuple[Pose, float]:
     """Pose and heading of the truck that stands on the field's side of the first place where carts empty."""
     stands = truck_pose(Pose(place.x, place.y, place.heading + math.pi), sheet)
     return stands, stands.heading
+
+
+def bodies(job: Any) -> dict[str, Array]:
+    """Boxes of the truck's body while it stands there, as `Footprint.sweep`; none without carts."""
+    if not job.carts or job.away > DONE:
+        return {}
+    return {NAME: footprint_of(job.fleet.truck).sweep([standing(job.places[0], job.fleet.truck)])}
 
 
 def is_clear(path: Path, place: Pose, sheet: MachineSheet, keep: float = KEEP) -> bool:

@@ -1,0 +1,242 @@
+"""Combines that stand full: who serves them first, who waits for them, and where their carts stand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from swath.job.engine import Job
+from swath.job.give_way import GiveWay, room_for, stays
+from swath.job.grain import leaves
+from swath.job.hand_over import hand_over
+from swath.job.kinematic import Kinematic
+from swath.job.machines import fleet_of
+from swath.job.path import Pose, ahead_of, polyline
+from swath.job.plan import PlannedPass
+from swath.job.settle import LONGEST
+from swath.job.standoff import PATIENCE
+from swath.job.states import CartState, CombineState
+from swath.job.traffic import LOOKS, look
+from swath.job.work import plan_of
+from tests.job.jobs import finished, job_file, with_beside
+from tests.job.test_give_way import CART, COMBINE, drive, driving
+from tests.job.test_settle import drive as settled
+
+EAST, NORTH = 0.0, 0.5 * math.pi
+HERE = Pose(0.0, 0.0, EAST)
+
+
+def job_of(combines, carts, motion=None, **keys):
+    file = job_file(combines, carts, **keys)
+    fleet = fleet_of(file)
+    return Job(file, plan_of(file, fleet, None), fleet, motion or Kinematic())
+
+
+def begun(combines, carts, time=40.0):
+    """A job of driven machines after a while: all combines cut, all carts wait at the truck."""
+    job = job_of(combines, carts)
+    job.run(time)
+    assert {c.phase for c in job.combines} == {"cut"}
+    return job
+
+
+def test_the_cart_of_one_that_is_stopped_goes_to_the_full_one_that_stops_it_first():
+    job = begun(2, 1)
+    first, full = job.combines
+    cart, drivers, give_way = job.carts[0], job.motion._drivers, GiveWay()
+    job.hand_over(cart, first)
+    full.phase, full.tank = "stand", full.spec.tank
+    drivers[first.spec.name].blocked = full.spec.name
+    give_way._since[first.spec.name] = job.time - PATIENCE + 0.1
+    hand_over(job, drivers, give_way)
+    assert cart.combine is first  # not yet
+    give_way._since[first.spec.name] = job.time - PATIENCE
+    hand_over(job, drivers, give_way)
+    assert (cart.combine, full.cart, first.cart, first.called) == (full, cart, None, False)
+    hand_over(job, drivers, give_way)
+    assert cart.combine is full
+
+
+def test_a_cart_that_is_called_from_where_it_is_in_the_way_gets_onto_its_line_without_contact():
+    """It stands right ahead of the header, as beside another combine before: in place only on its line."""
+    job = begun(1, 1)
+    combine, cart = job.combines[0], job.carts[0]
+    drivers = job.motion._drivers
+    axle = drivers[combine.spec.name].machine.pose
+    ahead = ahead_of(axle, 22.0)
+    drivers[cart.spec.name].put(Pose(ahead.x, ahead.y + 2.0, axle.heading))
+    cart.place = drivers[cart.spec.name].machine.pose
+    job.hand_over(cart, combine)
+    job.run(job.time + 60.0)
+    assert [p for p in job.motion.watch.pairs if p.touched > 0.0] == []
+    assert cart.phase == "beside"
+    assert combine.left < combine.task.length - 80.0
+
+
+def test_while_a_cart_gets_in_line_it_makes_no_room():
+    full = CombineState(None, 0, HERE, 900.0, phase="stand")
+    assert stays(CartState(None, HERE, "beside", combine=full))
+    full.tank = 0.0
+    assert not stays(CartState(None, HERE, "beside", combine=full))
+
+
+@pytest.mark.parametrize(
+    ("wanted", "told"), [(2.0, 0), (0.0, 1)], ids=["a cart drives", "the cart is stopped"]
+)
+def test_behind_a_full_one_nobody_is_held_up_while_a_cart_is_on_its_way(wanted, told):
+    full = driving(COMBINE, Pose(30.0, 0.0, EAST), 0.0, "full")
+    behind = driving(COMBINE, HERE, 2.0, "behind")
+    cart = driving(CART, Pose(0.0, 200.0, EAST), wanted, "cart", way=5000.0)
+    stands, cuts = (CombineState(None, i, HERE, 9.0, phase=p) for i, p in enumerate(("stand", "cut")))
+    states = [stands, cuts, CartState(None, HERE, "to_truck")]
+    machines = [full, behind, cart]
+    if not told:
+        assert settled(machines, states, 1.5 * LONGEST)[0] == []
+        return
+    wall = driving(COMBINE, Pose(20.0, 200.0, EAST), 0.0, "wall")
+    cart.wanted = 2.0
+    found, *_ = settled(
+        [*machines, wall], [*states, CombineState(None, 2, HERE, 9.0, phase="stand")], 1.5 * LONGEST
+    )
+    assert found
+
+
+def test_a_cart_that_has_room_for_all_that_is_left_does_not_leave():
+    job = job_of(2, 1)
+    cart, (one, other) = job.carts[0], job.combines
+    cart.grain = cart.spec.leave
+    assert leaves(job, cart)
+    job.passes._headland.clear()
+    for queue in job.passes._lands.values():
+        queue.clear()
+    one.task, one.tank, other.task, other.tank = None, 0.0, None, 0.0
+    other.task, other.phase = PlannedPass(np.array([[0.0, 0.0], [100.0, 0.0]]), area=1000.0), "cut"
+    other.left = 100.0 * (cart.spec.load - cart.grain - 0.5) / (1000.0 * job.grain_per_m2)
+    assert not leaves(job, cart)
+    other.tank = 1.0
+    assert leaves(job, cart)
+    cart.grain = 0.0
+    assert not leaves(job, cart)
+
+
+def test_a_load_is_finished_standing_where_no_cart_may_drive_beside_the_next_pass(monkeypatch):
+    """Else it would wait beside the combine until that is full."""
+    file = job_file(plan={"headland_rounds": 0, "order": "adjacent"}, unload={"finish_s": 0.0})
+    plan = with_beside(plan_of(file, fleet_of(file), None), True)
+    passes = [p if i % 2 == 0 else with_beside_one(p) for i, p in enumerate(plan.passes)]
+    left = cut_short(monkeypatch, file, plan, passes)
+    assert left == []
+    assert cut_short(monkeypatch, file, plan, plan.passes) != []
+
+
+def with_beside_one(planned):
+    from dataclasses import replace
+
+    return replace(planned, cart_beside=False)
+
+
+def cut_short(monkeypatch, file, plan, passes):
+    """Grain left in the tank by loads that the end of a pass ended [kg]."""
+    from dataclasses import replace
+
+    from swath.job import pouring
+
+    left, note = [], pouring.note_load
+
+    def noted(c):
+        if c.tank > 1.0 and c.cart is not None and c.cart.grain < c.cart.spec.load - 1.0:
+            left.append(c.tank)
+        note(c)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(pouring, "note_load", noted)
+        finished(file, plan=replace(plan, passes=tuple(passes)))
+    return left
+
+
+@pytest.mark.parametrize(
+    ("other", "clear"),
+    [(Pose(70.0, 0.0, math.pi), False), (Pose(70.0, 60.0, -NORTH), True), (Pose(70.0, 40.0, math.pi), True)],
+    ids=["head-on", "across", "beside"],
+)
+def test_behind_a_manoeuvre_a_machine_waits_longer_for_one_that_comes_head_on(other, clear):
+    cart = driving(CART, HERE, 0.0)
+    comes = driving(COMBINE, other, 2.0)
+    way = polyline(np.array([[0.0, 0.0], [200.0, 0.0]]), 0.5)
+    assert room_for(cart.driver, way, comes.driver) is clear
+
+
+@pytest.mark.parametrize(("speed", "goes"), [(4.0, True), (1.0, False)])
+def test_who_has_nothing_to_do_makes_room_in_time(speed, goes):
+    comes = driving(COMBINE, HERE, speed, "comes")
+    idle = driving(CART, Pose(50.0, 0.0, EAST), 0.0, "idle")
+    idle.wanted = 0.0
+    for m in (comes, idle):
+        m.now = m.driver.footprint.sweep([m.driver.place])
+        m.driver.held = m.now
+    states = {
+        "comes": CombineState(None, 0, HERE, 0.0, phase="way", left=200.0),
+        "idle": CartState(None, HERE),
+    }
+    for name, m in (("comes", comes), ("idle", idle)):
+        states[name].spec = type("Spec", (), {"limits": type("L", (), {"radius": 6.4})})
+        del m
+    GiveWay().look(0.0, [comes, idle], states, {}, lambda name, pose: None)
+    assert (idle.driver.manoeuvre is not None) is goes
+
+
+def test_a_combine_on_its_way_drives_around_one_that_stands():
+    full = driving(COMBINE, Pose(150.0, 3.0, EAST), 0.0, "full")
+    passes = driving(COMBINE, HERE, 3.0, "passes", way=400.0)
+    passes.turns = True
+    least = math.inf
+    for _ in range(200):
+        passes.turns = True
+        least = min(least, drive([passes, full], LOOKS * 0.2))
+    assert least > 0.1
+    assert passes.driver.machine.x > 300.0
+    assert passes.driver.machine.y == pytest.approx(0.0, abs=0.05)  # on its way again
+
+
+def test_near_what_is_fixed_nobody_leaves_its_way():
+    cart = driving(CART, Pose(130.0, -7.0, math.pi), 4.0, way=300.0)
+    combine = driving(COMBINE, HERE, 2.0)
+    fixed = {"truck": driving(COMBINE, Pose(100.0, -22.0, EAST), 0.0).driver.held}
+    farthest = 0.0
+    for _ in range(30):
+        drive([combine, cart], LOOKS * 0.2, fixed)
+        if cart.driver.machine.x > 65.0:
+            farthest = max(farthest, abs(cart.driver.machine.y + 7.0))
+    assert farthest < 0.05
+
+
+@pytest.mark.parametrize("aside", np.linspace(0.5, 8.0, 6).tolist())
+def test_a_trailer_comes_by_a_header_too(aside):
+    """The tractor is aside in time, and back on its line only when the trailer is past."""
+    full = driving(COMBINE, Pose(200.0, 0.0, EAST), 0.0, "full")
+    cart = driving(CART, Pose(0.0, -aside, EAST), 4.0, way=500.0)
+    least = math.inf
+    for _ in range(170):
+        cart.to = "another"
+        least = min(least, drive([full, cart], LOOKS * 0.2))
+    assert least > 0.1
+    assert cart.driver.machine.x > 300.0
+
+
+def test_of_two_combines_the_one_on_its_way_makes_room_for_the_one_that_cuts():
+    way = driving(COMBINE, HERE, 2.0, "way")
+    cuts = driving(COMBINE, Pose(160.0, 0.0, math.pi), 2.0, "cuts")
+    drive([way, cuts], 60.0)
+    states = {"way": CombineState(None, 0, HERE, 0.0, phase="way", left=200.0),
+              "cuts": CombineState(None, 1, HERE, 0.0, phase="cut", left=200.0)}  # fmt: skip
+    for name, state in states.items():
+        state.spec = type("Spec", (), {"name": name, "limits": type("Limits", (), {"radius": 6.4})})
+    give_way = GiveWay()
+    for time in (0.0, PATIENCE):
+        for m in (way, cuts):
+            m.blocked, m.claim = "", None
+        look([way, cuts], {})
+        assert (way.blocked, cuts.blocked) == ("cuts", "way")
+        give_way.look(time, [way, cuts], states, {}, lambda name, pose: None)
+    assert way.driver.manoeuvre is not None
+    assert cuts.driver.manoeuvre is None

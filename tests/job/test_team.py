@@ -1,0 +1,77 @@
+"""Which combine takes which side and land: shared out, whoever is done a moment earlier."""
+
+import math
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from swath.job.engine import Job
+from swath.job.events import Events
+from swath.job.machines import fleet_of
+from swath.job.path import Pose
+from swath.job.plan import PlannedPass
+from swath.job.states import way_between
+from swath.job.work import plan_of
+from tests.job.jobs import job_file
+
+
+def job_of(combines, rounds, **field):
+    """A job whose combines all cut, and end it at made-up places."""
+    file = job_file(combines, 1, plan={"headland_rounds": rounds, "land_passes": 4}, **field)
+    fleet = fleet_of(file)
+    return Job(file, plan_of(file, fleet, None), fleet, Events())
+
+
+def ends_at(job, places):
+    for c, (x, y) in zip(job.combines, places, strict=True):
+        c.task = PlannedPass(np.array([[x - 50.0, y], [x, y]]))
+        c.place = Pose(x - 50.0, y, 0.0)
+
+
+def shortest(job, firsts):
+    """Least sum of the ways from the ends of what combines cut to passes, each to another one [m]."""
+    ends = [c.task.end for c in job.combines]
+    return min(
+        math.fsum(way_between(e, job.passes[i].start) for e, i in zip(ends, order, strict=True))
+        for order in permutations(firsts, len(ends))
+    )
+
+
+@pytest.mark.parametrize("places", [[(590, 20), (10, 280)], [(300, 290), (320, 10)], [(10, 150), (12, 160)]])
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_lands_are_those_to_which_ways_are_shortest_together_whoever_asks_first(places, order):
+    job = job_of(2, 0)
+    firsts = [next(i for i, p in enumerate(job.plan.passes) if p.land == land) for land in (0, 1)]
+    ends_at(job, places)
+    total = shortest(job, firsts)
+    ends = [c.task.end for c in job.combines]
+    taken = {n: job.passes.take(job.combines[n]) for n in order}
+    assert sorted(taken.values()) == firsts
+    assert math.fsum(way_between(ends[n], job.passes[i].start) for n, i in taken.items()) == pytest.approx(
+        total
+    )
+
+
+@pytest.mark.parametrize("order", list(permutations(range(3))))
+def test_sides_of_a_round_are_shared_out_whoever_asks_first(order):
+    job = job_of(3, 1)
+    ends_at(job, [(595, 10), (300, 295), (5, 290)])
+    taken = {n: job.passes.take(job.combines[n]) for n in order[:1]}
+    sides = [i for i, p in enumerate(job.plan.passes) if p.kind == "headland"]
+    best = min(
+        permutations(sides, 3),
+        key=lambda found: sum(
+            way_between(c.task.end, job.plan.passes[i].start)
+            for c, i in zip(job.combines, found, strict=True)
+        ),
+    )
+    assert taken == {order[0]: best[order[0]]}
+
+
+def test_with_more_combines_than_sides_each_takes_the_nearest():
+    job = job_of(3, 1)
+    first = {job.passes.take(c) for c in job.combines}
+    ends_at(job, [(595, 10), (300, 295), (5, 290)])
+    (last,) = {i for i, p in enumerate(job.plan.passes) if p.kind == "headland"} - first
+    assert job.passes.take(job.combines[1]) == last
