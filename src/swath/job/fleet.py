@@ -55,8 +55,8 @@ class CombineSettings:
 @dataclass(frozen=True)
 class CartSettings:
     """speed_kmh: on the field; unload_l_s: into the truck; leave_percent: of its box, from which it drives to
-    the truck after a load; fill_percent: of the largest heap, at which it is full; align_s: beside the
-    combine until pipe, cart and trailer are in line
+    the truck after a load, unless it has room for all that is still to come; fill_percent: of the largest
+    heap, at which it is full; align_s: beside the combine until pipe, cart and trailer are in line
     """
 
     machine: str = "tractor-grain-cart"
@@ -87,8 +87,9 @@ class UnloadSettings:
     """mode: `on_the_go` while cutting; `standing` where the tank is full; `at_headland` at the end of a pass.
 
     at_row_end: what happens to a load that the end of the pass cuts short: `finish` standing there when no
-    more than finish_s are left, `resume` in the next pass; pocket_s: until a cart can stand beside a combine
-    that has standing crop on its left; ramps_s: of the auger's flow, as time lost
+    more than finish_s are left, or where no cart may drive beside the next pass, `resume` in a later pass;
+    pocket_s: until a cart can stand beside a combine that has standing crop on its left; ramps_s: of the
+    auger's flow, as time lost
     """
 
     mode: Literal["on_the_go", "standing", "at_headland"] = "on_the_go"
