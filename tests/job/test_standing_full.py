@@ -1,10 +1,12 @@
 """Combines that stand full: who serves them first, who waits for them, and where their carts stand."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from swath.job import pouring
 from swath.job.engine import Job
 from swath.job.give_way import GiveWay, room_for, stays
 from swath.job.grain import leaves
@@ -123,24 +125,14 @@ def test_a_load_is_finished_standing_where_no_cart_may_drive_beside_the_next_pas
     """Else it would wait beside the combine until that is full."""
     file = job_file(plan={"headland_rounds": 0, "order": "adjacent"}, unload={"finish_s": 0.0})
     plan = with_beside(plan_of(file, fleet_of(file), None), True)
-    passes = [p if i % 2 == 0 else with_beside_one(p) for i, p in enumerate(plan.passes)]
+    passes = [p if i % 2 == 0 else replace(p, cart_beside=False) for i, p in enumerate(plan.passes)]
     left = cut_short(monkeypatch, file, plan, passes)
     assert left == []
     assert cut_short(monkeypatch, file, plan, plan.passes) != []
 
 
-def with_beside_one(planned):
-    from dataclasses import replace
-
-    return replace(planned, cart_beside=False)
-
-
 def cut_short(monkeypatch, file, plan, passes):
     """Grain left in the tank by loads that the end of a pass ended [kg]."""
-    from dataclasses import replace
-
-    from swath.job import pouring
-
     left, note = [], pouring.note_load
 
     def noted(c):
