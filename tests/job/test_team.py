@@ -75,3 +75,16 @@ def test_with_more_combines_than_sides_each_takes_the_nearest():
     ends_at(job, [(595, 10), (300, 295), (5, 290)])
     (last,) = {i for i, p in enumerate(job.plan.passes) if p.kind == "headland"} - first
     assert job.passes.take(job.combines[1]) == last
+
+
+@pytest.mark.parametrize(("combines", "count", "tried"), [(3, 9, True), (6, 9, False)])
+def test_where_there_are_too_many_orders_each_takes_the_nearest(monkeypatch, combines, count, tried):
+    """Three have 504 orders of nine passes, six 60,480."""
+    job, asked = job_of(combines, 2), []
+    ends_at(job, [(90.0 * i, 20.0 * i) for i in range(combines)])
+    monkeypatch.setattr("swath.job.team.permutations", lambda *a: asked.append(a) or permutations(*a))
+    taken = job.passes._shared(job.combines[0], job.combines, list(range(count)))
+    assert bool(asked) is tried
+    if not tried:
+        end = job.combines[0].task.end
+        assert taken == min(range(count), key=lambda i: way_between(end, job.passes[i].start))

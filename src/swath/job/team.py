@@ -10,7 +10,7 @@ from swath.job.ground import CutGround
 from swath.job.plan import FieldPlan, PlannedPass
 from swath.job.states import CombineState, way_between
 
-MOST_SHARED = 9  # passes that are shared out together
+MOST_ORDERS = 5000  # in which passes may be shared out
 TURN = 20.0  # s, of a turn onto the next pass; to tell who is there first
 
 
@@ -103,7 +103,7 @@ class Passes:
         near = {
             i for c in combines for i in sorted(passes, key=lambda i: (ways[c.number, i], i))[: len(combines)]
         }
-        if not len(combines) <= len(near) <= MOST_SHARED:
+        if not 0 < math.perm(len(near), len(combines)) <= MOST_ORDERS:
             return min(passes, key=lambda i: (ways[combine.number, i], i))
         totals = {
             order: round(math.fsum(ways[c.number, i] for c, i in zip(combines, order, strict=True)))
