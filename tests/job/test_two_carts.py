@@ -16,6 +16,7 @@ from swath.core.errors import InputError
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
 from swath.signals import GuidancePath, HeapState, JobState, MachineState, PeerState, Phase, UnloadState
+from swath.tools.fleet.scenario import scenario_of
 from swath.tools.fleet.waiting import APART, OFF_WAYS, axle_ways, waiting_places
 from swath.tools.fleet.whole import share_uncut
 from tests.job.cheap import CheapRun
@@ -102,6 +103,19 @@ def test_waiting_places_lie_off_the_ways_of_the_combine(seed):
         assert np.hypot(*(ways - place).T).min() >= OFF_WAYS - 0.1
         assert math.dist(place, truck) >= APART
     assert math.dist(*places) >= APART
+
+
+@pytest.mark.parametrize(
+    ("truck", "stays"), [((100.0, 40.0), False), ((100.0, -5.0), False), ((100.0, -16.0), True)]
+)
+def test_a_truck_in_the_field_or_near_it_stands_farther_out(truck, stays):
+    """Where headers of opening rounds and turns do not come; as far as at the other levels."""
+    file = job_file(truck=dict(zip(("x_m", "y_m"), truck, strict=True)), plan={"land_passes": 2})
+    fleet = fleet_of(file)
+    cart = scenario_of(file, plan_of(file, fleet, None), fleet)["machines"]["cart_0"]
+    place = tuple(cart["job"]["truck_m"])
+    assert place == (cart["start"]["x_m"], cart["start"]["y_m"])
+    assert place == pytest.approx(truck if stays else (100.0, -20.0))
 
 
 def test_without_room_to_wait_a_job_is_refused():

@@ -11,10 +11,11 @@ from swath.control.job.passes import Pass
 from swath.control.steer.path import Segment
 from swath.core.errors import InputError
 from swath.core.units import KMH
+from swath.job.cart_ways import place_at_truck
 from swath.job.fleet import FleetFile
 from swath.job.machines import Cart, Combine, Fleet
 from swath.job.path import Pose
-from swath.job.plan import FieldPlan
+from swath.job.plan import FieldPlan, shapely_here
 from swath.machine.machine_sheet import open_machine
 from swath.tools.fleet.combine_turns import axle_at, turn_between
 from swath.tools.fleet.echelon import RUN_UP, assigned, members
@@ -33,6 +34,7 @@ LEAST_STRAY = 0.2  # m beside the plan, up to which the edge leads; else as far 
 RADIO: dict[str, Any] = {"level": "radio", "rate_hz": 10, "delay_ms": 100}
 MOST_CARTS = MOST_COMBINES = 2
 TOLD = "line_m", "cart_beside", "combine"  # of a pass, to a cart
+OFF_FIELD = 12.0  # m from the field, that headers and turns need beside it
 LANDS = 0.5  # m, that the stream lands beyond the mouth of the pipe
 
 
@@ -51,7 +53,7 @@ def scenario_of(file: FleetFile, plan: FieldPlan, fleet: Fleet, base: Path | Non
             made["job"] |= team[i].job
             made[f"peer_link_{len(carts)}"] = {**RADIO, "peer": fleet.combines[1 - i].name}
         machines[own.name] = made
-    truck = file.truck.x_m, file.truck.y_m
+    truck = _truck(file, plan)
     several = len(carts) > 1
     places = waiting_places(plan, combine, truck, len(carts), len(fleet.combines)) if several else []
     for number, cart in enumerate(carts):
@@ -205,7 +207,7 @@ def _cart(
     base: Path | None,
 ) -> dict[str, Any]:
     settings = file.carts[cart.name]
-    x, y = file.truck.x_m, file.truck.y_m
+    x, y = _truck(file, plan)
     return {
         "machine": _named(settings.machine, base),
         "peer": combine.name,
@@ -230,6 +232,15 @@ def _cart(
         "steer": "station_or_path",
         "speed": "job",
     }
+
+
+def _truck(file: FleetFile, plan: FieldPlan) -> tuple[float, float]:
+    """Where carts are emptied [m]: a place in the field or near it is moved out, as at the other levels."""
+    x, y = file.truck.x_m, file.truck.y_m
+    shapely = shapely_here()
+    if shapely.Polygon(plan.boundary).distance(shapely.Point(x, y)) < OFF_FIELD:
+        x, y, _ = place_at_truck(Pose(x, y, 0.0), plan.boundary, 0)
+    return round(x, 6), round(y, 6)
 
 
 def _facing(plan: FieldPlan, x: float, y: float) -> Pose:
