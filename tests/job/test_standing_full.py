@@ -170,9 +170,6 @@ def test_who_has_nothing_to_do_makes_room_in_time(speed, goes):
         "comes": CombineState(None, 0, HERE, 0.0, phase="way", left=200.0),
         "idle": CartState(None, HERE),
     }
-    for name, m in (("comes", comes), ("idle", idle)):
-        states[name].spec = type("Spec", (), {"limits": type("L", (), {"radius": 6.4})})
-        del m
     GiveWay().look(0.0, [comes, idle], states, {}, lambda name, pose: None)
     assert (idle.driver.manoeuvre is not None) is goes
 

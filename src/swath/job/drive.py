@@ -20,7 +20,7 @@ from swath.machine.machine_sheet import MachineSheet, dynamics_of
 DAMPING = 0.9
 STEEPEST = math.sin(math.radians(30.0))  # towards a path far aside
 LOOKAHEAD = (3.0, 1.5)  # m, s: an error dies out over the greater of the two
-ASIDE, ASIDE_SOON = 0.1, 0.25  # sideways per way, over to a line beside a path; of one on its way elsewhere
+SLANT, SLANT_ON_WAY = 0.1, 0.25  # sideways per way, over to a line beside a path; of one on its way elsewhere
 MARGIN = 1.15  # curvature beyond that of the tightest turn, to come back to a path
 
 
@@ -119,7 +119,7 @@ class Follower:
     heading: float = 0.0
     aside: float = 0.0
     shifted: float = 0.0
-    slant: float = ASIDE
+    slant: float = SLANT
     _index: int = 0
 
     def __post_init__(self) -> None:

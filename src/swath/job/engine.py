@@ -308,7 +308,7 @@ class Job:
         return True
 
     def hand_over(self, cart: CartState, c: CombineState) -> None:
-        """A cart drives to another combine than to that which called it, and does not pour."""
+        """A cart that takes no grain drives to a combine; one that it was to drive to may call anew."""
         was = cart.combine
         if was is not None:
             was.cart, was.called = None, False

@@ -105,7 +105,12 @@ class GiveWay:
                 who.reserved = made[0][2]
                 who.driver.held = np.vstack([who.driver.held, made[0][2]])
                 who.driver.manoeuvre = Manoeuvre(
-                    *made[0][:2], m.blocked if whom is None else whom.name, time, made[0][2], made[1]
+                    *made[0][:2],
+                    m.blocked if whom is None else whom.name,
+                    time,
+                    made[0][2],
+                    made[1],
+                    apart=EVERY,
                 )
                 self._note(time, m, who.name)
                 return

@@ -25,7 +25,7 @@ from swath.job.combine_ways import axle_pose, corner_angle, is_far
 from swath.job.combine_ways import speed_limits as combine_limits
 from swath.job.contact import ContactWatch
 from swath.job.corner import Corner, corner_of
-from swath.job.drive import ASIDE_SOON, MARGIN, DrivenMachine, first_cut, knife_pose
+from swath.job.drive import MARGIN, SLANT_ON_WAY, DrivenMachine, first_cut, knife_pose
 from swath.job.driver import Driver, Manoeuvre
 from swath.job.engine import Job
 from swath.job.footprint import footprint_of
@@ -392,4 +392,4 @@ class Kinematic:
         """How far it still is onto the line beside its combine [m]: <= 0 there."""
         follower = self._cart(cart).follower
         assert follower is not None
-        return self._beside[cart.spec.name].onto - follower.at + abs(follower.shifted) / ASIDE_SOON
+        return self._beside[cart.spec.name].onto - follower.at + abs(follower.shifted) / SLANT_ON_WAY

@@ -1,7 +1,8 @@
 """Where a driven combine goes behind its last pass: out of the way, or to a place where a cart can come.
 
-With an empty tank it drives on, with grain it waits for a cart; where other combines leave no room
-for that on its left, or one is stopped by it, it drives on to where there is room, unless a cart is near.
+With an empty tank it drives on; with grain it waits for a cart, and drives on to where one can come beside it
+where other combines leave no room for that on its left. While a cart at work is near it stays, unless it
+stops somebody.
 """
 
 from collections.abc import Mapping

@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.job.drive import ASIDE as SLANT
-from swath.job.drive import ASIDE_SOON
+from swath.job.drive import SLANT, SLANT_ON_WAY
 from swath.job.driver import Driver
 from swath.job.footprint import overlap
 
@@ -29,7 +28,8 @@ MOVES = 0.2  # m/s, from which a machine is driving
 ASIDE, LITTLE = 0.8, 0.06  # m, that a machine drives farther out to let another one pass; more than GAP
 TRAILS = 0.2  # m, likewise, that a trailer may be off the way of its tractor
 MEET, PAST = 50.0, 14.0  # m ahead and behind, where the other one is then
-CART_ASIDE, WAY_ASIDE, WAY_MEET = 8.0, 13.0, 120.0  # m, likewise of a cart, and a combine, on their ways
+CART_ASIDE, WAY_ASIDE = 8.0, 13.0  # m, most that a cart, and a combine, drive farther out on their ways
+WAY_MEET = 120.0  # m ahead, where the other one is then
 TURN_IN = 2.0  # m farther out, where a cart waits for a combine that turns onto its pass
 OFF = 40.0  # m from what is fixed, within which nobody drives beside its way
 STRAIGHT = 20.0  # m of a way between passes, where it may drive beside it
@@ -44,7 +44,7 @@ class Mover:
 
     turns: it claims all of its turn; waits: until the ground that it wishes is clear; gives_way: to those of
     higher precedence; ignores: whose ground does not count for it; waits_for: who has to act before it can;
-    left: way to where it goes [m], to: name of the combine there
+    left: way to where it goes [m]; to: name of the combine there;
     blocked: by whom it is stopped; now, claim: ground where it is, and that it drives over
     next, boxes
     """
@@ -170,7 +170,8 @@ def _reach(a: Mover) -> float:
 
 def steer_aside(movers: list[Mover], fixed: dict[str, Array]) -> None:
     """Of two that meet, or pass each other, with sides that overlap by less than ASIDE, by less than
-    CART_ASIDE of a cart, one drives that much farther out, with a cart beside it, until they are past: who is
+    CART_ASIDE of a cart on its way and WAY_ASIDE of a combine on a straight way between passes, one drives
+    that much farther out, with a cart beside it, until they are past: who is
     on its way between passes, else who has the lower precedence; of a combine that stands the other one.
     A cart drives farther out where its combine turns onto the pass. Nobody does near what is fixed.
     """
@@ -184,7 +185,7 @@ def steer_aside(movers: list[Mover], fixed: dict[str, Array]) -> None:
         ):
             follower.aside = 0.0
             continue
-        follower.slant = ASIDE_SOON if m.turns or (m.to and not m.beside) else SLANT
+        follower.slant = SLANT_ON_WAY if m.turns or (m.to and not m.beside) else SLANT
         beside = next((o for o in movers if o.name == m.beside), None)
         if beside is not None and beside.driver.follower is not None:
             follower.aside = beside.driver.follower.aside
@@ -221,7 +222,7 @@ def _aside(m: Mover, o: Mover) -> float:
     deep = body.wide + o.driver.footprint.wide + GAP + LITTLE - abs(across)
     if body.towed:  # a trailer comes later, and nearer
         deep, past = deep + TRAILS, PAST + body.reach
-    most, soon, back = ASIDE, MEET, past + STRAIGHT + deep / ASIDE_SOON
+    most, soon, back = ASIDE, MEET, past + STRAIGHT + deep / SLANT_ON_WAY
     if body.towed and o.name != m.to:
         most, soon = CART_ASIDE, min(WAY_MEET, m.left - back)
     elif m.turns and not o.turns and (same < 0.0 or o.speed < RESTS):
