@@ -229,3 +229,16 @@ def test_of_two_combines_the_one_on_its_way_makes_room_for_the_one_that_cuts():
         give_way.look(time, [way, cuts], states, {}, lambda name, pose: None)
     assert way.driver.manoeuvre is not None
     assert cuts.driver.manoeuvre is None
+
+
+@pytest.mark.parametrize(("longer", "served"), [(5.0, 0), (600.0, 1)])
+def test_of_two_that_stand_full_the_nearer_one_is_served_unless_the_other_one_stands_much_longer(
+    longer, served
+):
+    job = begun(2, 1)
+    cart, places = job.carts[0], (Pose(40.0, 20.0, EAST), Pose(500.0, 280.0, EAST))
+    cart.place = Pose(20.0, 20.0, EAST)
+    for c, place, since in zip(job.combines, places, (0.0, -longer), strict=True):
+        c.phase, c.place, c.task, c.tank, c.since = "stand", place, None, c.spec.tank, job.time + since
+    assert job._calls()
+    assert cart.combine is job.combines[served]

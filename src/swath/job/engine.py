@@ -298,14 +298,12 @@ class Job:
             self._next_pass(c)
 
     def _calls(self) -> bool:
-        """The nearest free cart goes to the combine that needs one most."""
+        """One of the free carts goes to one of the combines that call: where that is needed soonest."""
         free = [k for k in self.carts if k.phase == "idle" and not leaves(self, k)]
-        calling = [c for c in self.combines if self._wants(c)]
-        if not free or not calling:
-            return False
-        c = max(calling, key=self._need)
-        self.hand_over(min(free, key=lambda k: (way_between(k.place, at(c)), k.spec.name)), c)
-        return True
+        pairs = [(k, c) for c in self.combines if self._wants(c) for k in free]
+        if pairs:
+            self.hand_over(*min(pairs, key=self._need))
+        return bool(pairs)
 
     def hand_over(self, cart: CartState, c: CombineState) -> None:
         """A cart that takes no grain drives to a combine; one that it was to drive to may call anew."""
@@ -320,10 +318,15 @@ class Job:
         full = c.tank >= c.spec.call or (ends and c.tank > DONE)
         return full and not c.called and c.phase != "done"
 
-    def _need(self, c: CombineState) -> tuple[float, float, int]:
-        """Who stands with a full tank comes first, for how long [s], then who has the fuller tank."""
+    def _need(self, pair: tuple[CartState, CombineState]) -> tuple[float, int, str]:
+        """Time that a cart needs to a combine and that this has until its tank is full, < 0 where it stands
+        full already, together [s]: by a moment more or less nobody is sent across the field.
+        """
+        k, c = pair
+        grain = c.per_metre * c.spec.speed_in(c.per_metre) if c.per_metre > 0.0 else math.inf
         stands = c.phase == "stand" and not c.is_last
-        return (self.time - c.since if stands else -1.0, c.tank / c.spec.tank, -c.number)
+        until = c.since - self.time if stands else (c.spec.tank - c.tank) / grain
+        return until + way_between(k.place, at(c)) / k.spec.speed, c.number, k.spec.name
 
     def _hauls(self, c: CombineState) -> bool:
         """Without carts: to the truck and back."""
