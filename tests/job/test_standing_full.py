@@ -8,6 +8,7 @@ import pytest
 
 from swath.job import pouring
 from swath.job.engine import Job
+from swath.job.footprint import clearance
 from swath.job.give_way import GiveWay, room_for, stays
 from swath.job.grain import leaves
 from swath.job.hand_over import hand_over
@@ -18,10 +19,10 @@ from swath.job.plan import PlannedPass
 from swath.job.settle import LONGEST
 from swath.job.standoff import PATIENCE
 from swath.job.states import CartState, CombineState
-from swath.job.traffic import LOOKS, look
+from swath.job.traffic import LOOKS, look, steer_aside
 from swath.job.work import plan_of
 from tests.job.jobs import finished, job_file, with_beside
-from tests.job.test_give_way import CART, COMBINE, drive, driving
+from tests.job.test_give_way import CART, COMBINE, STEP, drive, driving
 from tests.job.test_settle import drive as settled
 
 EAST, NORTH = 0.0, 0.5 * math.pi
@@ -229,6 +230,37 @@ def test_of_two_combines_the_one_on_its_way_makes_room_for_the_one_that_cuts():
         give_way.look(time, [way, cuts], states, {}, lambda name, pose: None)
     assert way.driver.manoeuvre is not None
     assert cuts.driver.manoeuvre is None
+
+
+def test_close_behind_a_full_one_on_the_next_pass_a_combine_backs_off_and_comes_past_it():
+    """Headers overlap by 0.3 m: 3 m behind the other one it cannot get aside any more."""
+    cuts = driving(COMBINE, HERE, 2.0, "cuts")
+    for _ in range(200):
+        cuts.driver.step(2.0)
+    cuts.driver.machine.speed = 0.0
+    full = driving(COMBINE, Pose(cuts.driver.machine.x + 3.0, 11.7, EAST), 0.0, "full")
+    states = {"cuts": CombineState(None, 0, HERE, 0.0, phase="cut", left=200.0),
+              "full": CombineState(None, 1, HERE, 100.0, phase="stand", left=200.0)}  # fmt: skip
+    for name, state in states.items():
+        state.spec = type("Spec", (), {"name": name, "limits": type("Limits", (), {"radius": 6.4})})
+    give_way, movers, least = GiveWay(), [cuts, full], math.inf
+    for i in range(300):
+        if i % LOOKS == 0:
+            for m in movers:
+                m.blocked, m.claim, m.reserved = "", None, m.driver.room_ground
+            steer_aside(movers, {})
+            look(movers, {})
+            give_way.look(i * STEP, movers, states, {}, lambda name, pose: None)
+        if cuts.driver.manoeuvre is None:
+            cuts.driver.step(cuts.wanted)
+        else:
+            cuts.driver.make_room(1.0 * STEP)
+            if cuts.driver.manoeuvre.is_there:
+                cuts.driver.manoeuvre = None
+        least = min(least, clearance(*(m.driver.footprint.at(*m.driver.place) for m in movers)))
+    assert least > 0.0
+    assert [(s.first, s.solved_by) for s in give_way.standoffs] == [("cuts", "cuts")]
+    assert cuts.driver.machine.x > full.driver.machine.x + 40.0
 
 
 @pytest.mark.parametrize(("longer", "served"), [(5.0, 0), (600.0, 1)])

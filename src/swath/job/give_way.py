@@ -15,9 +15,9 @@ from swath.job.driver import Driver, Manoeuvre
 from swath.job.footprint import overlap
 from swath.job.leave import waits_for_cart
 from swath.job.path import Path, Pose
-from swath.job.standoff import CLEAR, EVERY, PATIENCE, Standoff, manoeuvre
+from swath.job.standoff import CLEAR, COST_BACK, EVERY, PATIENCE, Standoff, manoeuvre
 from swath.job.states import DONE, CartState, CombineState
-from swath.job.traffic import MOVES, RESTS, Mover
+from swath.job.traffic import MOVES, RESTS, Mover, aside_of
 
 Array = NDArray[np.float64]
 State = CombineState | CartState
@@ -29,6 +29,8 @@ FAR = 80.0  # m of the other one's way that one who has nothing to do leaves
 BEHIND = 10.0  # m behind the end of a pass, or its place beside a combine
 MEET = 4.0  # times as far looked ahead of two who meet head-on
 POURS = 30.0  # s that is waited for one that pours
+RUN = 8.0 * COST_BACK  # cost of the way back from where a header comes aside of another one's
+NOWHERE: Array = np.zeros((0, 6))  # ground that is clear wherever one stands
 
 
 @dataclass
@@ -157,6 +159,11 @@ class GiveWay:
             if made is not None:
                 return made, True
         there = fixed[name] if whom is None else whom.now
+        if only_back and whom is not None and aside_of(who, whom) != 0.0:
+            made = manoeuvre(
+                who.driver, others, NOWHERE, None, there, radius=radius, only_back=True, least=max(least, RUN)
+            )
+            return None if made is None else (made, False)
         if only_back or is_free_of_work(state):
             return None
         made = manoeuvre(

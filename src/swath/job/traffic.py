@@ -196,11 +196,11 @@ def steer_aside(movers: list[Mover], fixed: dict[str, Array]) -> None:
         others = [o for o in movers if o is not m and not o.turns] if m.turns else movers[:i]
         if not m.turns:
             others += [o for o in movers[i + 1 :] if o.speed < RESTS and not o.driver.footprint.towed]
-        follower.aside = next((left for o in others if (left := _aside(m, o)) != 0.0), 0.0)
+        follower.aside = next((left for o in others if (left := aside_of(m, o)) != 0.0), 0.0)
 
 
-def _aside(m: Mover, o: Mover) -> float:
-    """How far to the left it has to drive [m]; 0: not at all."""
+def aside_of(m: Mover, o: Mover) -> float:
+    """How far to the left one has to drive to come past another one [m]; 0: not at all."""
     follower = m.driver.follower
     if follower is None or o.driver.follower is None:
         return 0.0
