@@ -88,3 +88,19 @@ def test_where_there_are_too_many_orders_each_takes_the_nearest(monkeypatch, com
     if not tried:
         end = job.combines[0].task.end
         assert taken == min(range(count), key=lambda i: way_between(end, job.passes[i].start))
+
+
+@pytest.mark.parametrize(("cuts", "helps"), [(20.0, False), (50.0, True)])
+def test_the_only_pass_left_is_taken_where_the_helper_is_there_first_with_its_turn(cuts, helps):
+    """Its way takes 30 s; each of the two turns before it."""
+    job = job_of(2, 0)
+    helper, own = job.combines
+    land = max(job.passes._lands)
+    for queue in job.passes._lands.values():
+        queue.clear()
+    job.passes._lands[land].append(len(job.plan.passes) - 1)
+    job.passes._own = {own.number: land}
+    start = job.plan.passes[-1].start
+    helper.place = Pose(start.x, start.y - 30.0 * helper.spec.transport, 0.0)
+    own.phase, own.pace, own.left = "cut", 2.0, 2.0 * cuts
+    assert (job.passes.take(helper) is not None) is helps

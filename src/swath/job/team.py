@@ -130,7 +130,8 @@ class Passes:
         index = self._lands[land][-1]
         task = self._all[index]
         ends = (way_between(combine.place, task.start), way_between(combine.place, task.end))
-        if len(self._lands[land]) == 1 and self._is_soon(land, combine, min(ends) / combine.spec.transport):
+        time = TURN + min(ends) / combine.spec.transport
+        if len(self._lands[land]) == 1 and self._is_soon(land, combine, time):
             return None
         if ends[1] < ends[0]:
             self._all[index] = task.reversed()
