@@ -122,6 +122,22 @@ def test_a_cart_that_has_room_for_all_that_is_left_does_not_leave():
     assert not leaves(job, cart)
 
 
+@pytest.mark.parametrize(
+    ("needs", "tank", "spare"), [(1, 100.0, True), (1, 11000.0, False), (2, 100.0, False)]
+)
+def test_behind_the_last_pass_a_cart_that_nobody_needs_leaves(needs, tank, spare):
+    job = job_of(2, 2)
+    job.passes._headland.clear()
+    for queue in job.passes._lands.values():
+        queue.clear()
+    fuller, emptier = job.carts
+    emptier.grain = emptier.spec.leave - 500.0  # room for 10.2 t
+    fuller.grain = emptier.grain + 10.0
+    for i, c in enumerate(job.combines):
+        c.task, c.tank = None, tank if i < needs else 0.0
+    assert (leaves(job, fuller), leaves(job, emptier)) == (spare, False)
+
+
 def test_a_load_is_finished_standing_where_no_cart_may_drive_beside_the_next_pass(monkeypatch):
     """Else it would wait beside the combine until that is full."""
     file = job_file(plan={"headland_rounds": 0, "order": "adjacent"}, unload={"finish_s": 0.0})

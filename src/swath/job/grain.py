@@ -39,10 +39,27 @@ def move_grain(job: Any, dt: float) -> None:
 
 
 def leaves(job: Any, k: CartState) -> bool:
-    """True for a cart that is full enough for the truck, unless it has room for all that is still to come."""
-    if k.grain < k.spec.leave or job.passes.left() > 0:
+    """True for an idle cart that is full enough for the truck, unless it has room for all that is still to
+    come; behind the last pass for one that nobody needs any more, too.
+    """
+    if job.passes.left() > 0:
         return k.grain >= k.spec.leave
-    return k.grain + math.fsum(_still_to_come(job, c) for c in job.combines) > k.spec.load
+    rest = math.fsum(_still_to_come(job, c) for c in job.combines)
+    return (k.grain >= k.spec.leave and k.grain + rest > k.spec.load) or _is_spare(job, k)
+
+
+def _is_spare(job: Any, k: CartState) -> bool:
+    """True for an idle cart with grain where others, with more room, can take what is still to come."""
+    needs = sorted((n for c in job.combines if (n := _needs(job, c)) > DONE), reverse=True)
+    mine = k.spec.load - k.grain, k.spec.name
+    rooms = ((o.spec.load - o.grain, o.spec.name) for o in job.carts if o is not k and o.phase == "idle")
+    more = sorted((r for r in rooms if r > mine), reverse=True)
+    return len(more) >= len(needs) and all(n <= room for n, (room, _) in zip(needs, more, strict=False))
+
+
+def _needs(job: Any, c: CombineState) -> float:
+    """What is still to come of a combine, beyond what the cart takes that it has already [kg]."""
+    return _still_to_come(job, c) - (c.cart.spec.load - c.cart.grain if c.cart is not None else 0.0)
 
 
 def _still_to_come(job: Any, c: CombineState) -> float:
