@@ -138,6 +138,21 @@ def test_behind_the_last_pass_a_cart_that_nobody_needs_leaves(needs, tank, spare
     assert (leaves(job, fuller), leaves(job, emptier)) == (spare, False)
 
 
+@pytest.mark.parametrize(("carts", "share", "waits"), [(1, 0.6, True), (1, 0.4, False), (2, 0.6, False)])
+def test_where_carts_are_few_one_that_came_late_is_poured_into_at_the_end_of_the_pass(
+    monkeypatch, carts, share, waits
+):
+    """Else it would wait beside the next pass, where no cart may drive, until the combine is full."""
+    job = begun(2, carts)
+    c, cart = job.combines[0], job.carts[0]
+    monkeypatch.setattr(job, "goes_on_pouring", lambda _: False)
+    c.task, c.left, c.tank = replace(c.task, cart_beside=True), 0.0, share * c.spec.tank
+    job.hand_over(cart, c)
+    cart.phase = "beside"
+    job._ends_pass(c)
+    assert (c.phase == "stand") is waits
+
+
 def test_a_load_is_finished_standing_where_no_cart_may_drive_beside_the_next_pass(monkeypatch):
     """Else it would wait beside the combine until that is full."""
     file = job_file(plan={"headland_rounds": 0, "order": "adjacent"}, unload={"finish_s": 0.0})

@@ -218,28 +218,22 @@ class Job:
         c.place = c.task.end
         if c.is_pouring and c.tank > DONE:
             rest, unload = c.tank / c.spec.auger, self.file.unload
-            if unload.at_row_end == "finish" and (rest <= unload.finish_s or not self._goes_on_pouring(c)):
+            if unload.at_row_end == "finish" and (rest <= unload.finish_s or not self.goes_on_pouring(c)):
                 self._stand(c, "unload")
                 return True
             c.is_pouring = False
             pouring.note_load(c)
-        elif self.file.unload.mode != "on_the_go" and c.tank + self._next_grain(c) > c.spec.tank:
+        elif pouring.waits_at_end(self, c):
             self._stand(c, "wait")
             return True
         self._next_pass(c)
         return True
 
-    def _goes_on_pouring(self, c: CombineState) -> bool:
+    def goes_on_pouring(self, c: CombineState) -> bool:
         """Whether a cart may drive beside its next pass, which it takes now."""
         index = self.passes.take(c)
         c.taken = -1 if index is None else index
         return index is not None and self.passes[index].cart_beside
-
-    def _next_grain(self, c: CombineState) -> float:
-        """Grain of a pass like the one that ends [kg]."""
-        assert c.task is not None
-        wants = self.file.unload.mode == "at_headland" and self.passes.left() > 0
-        return c.task.area * self.grain_per_m2 if wants else 0.0
 
     def _next_pass(self, c: CombineState) -> None:
         index = c.taken if c.taken >= 0 else self.passes.take(c)

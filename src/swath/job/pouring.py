@@ -54,6 +54,29 @@ def may_pour_driving(job: Any, c: CombineState) -> bool:
     return job.file.unload.mode == "on_the_go" and c.task is not None and c.task.cart_beside
 
 
+def waits_at_end(job: Any, c: CombineState) -> bool:
+    """True where a combine stands at the end of a pass to pour there: until a cart comes, or one is ready."""
+    if job.file.unload.mode != "on_the_go":
+        return c.tank + _next_grain(job, c) > c.spec.tank
+    return _came_late(job, c) and not job.goes_on_pouring(c)
+
+
+def _next_grain(job: Any, c: CombineState) -> float:
+    """Grain of a pass like the one that ends [kg]."""
+    assert c.task is not None
+    wants = job.file.unload.mode == "at_headland" and job.passes.left() > 0
+    return c.task.area * float(job.grain_per_m2) if wants else 0.0
+
+
+def _came_late(job: Any, c: CombineState) -> bool:
+    """True at the end of a pass on whose left a cart may drive, where one has just come beside a combine that
+    is half full, and other combines have to share the carts.
+    """
+    is_there = c.cart is not None and c.cart.phase == "beside" and not c.is_pouring
+    are_few = len(job.carts) < len(job.combines)
+    return is_there and are_few and c.tank >= 0.5 * c.spec.tank and may_pour_driving(job, c)
+
+
 def note_load(c: CombineState) -> None:
     """How much the load that ends now was."""
     begun, before, kind = c.loads[-1]
