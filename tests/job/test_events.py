@@ -3,12 +3,17 @@
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from swath.core.errors import InputError, SwathError
+from swath.job import events
 from swath.job.fleet import read_fleet
+from swath.job.path import polyline
+from swath.job.ride import Ride
 from swath.job.timeline import Span
 from swath.job.work import work_off
+from swath.machine.machine_sheet import load_machine
 from tests.job.jobs import finished, job_file, result
 
 FILL_AND_EMPTY = {
@@ -239,3 +244,22 @@ def test_in_the_last_pass_a_cart_is_called_at_once():
     assert full[2] == "standing"
     assert last[2] == "on the go"
     assert last[0] < max(end for _, end in job.pass_times.values())
+
+
+@pytest.mark.parametrize("combines", [1, 2, 3])
+def test_a_way_takes_longer_the_more_others_are_at_work(monkeypatch, combines):
+    """The first way that is no corner: 0.7 s, and 2.2 s for each other combine."""
+    file, lines = job_file(combines, 1, yield_t_ha=1.0), []
+    for loses in (events.COMBINE_LOSES, (0.0, 0.0)):
+        monkeypatch.setattr(events, "COMBINE_LOSES", loses)
+        lines.append([s.end - s.start for s in finished(file).combines[0].timeline.spans])
+    longer = next(a - b for a, b in zip(*lines, strict=False) if abs(a - b) > 1e-3)
+    assert longer == pytest.approx(0.7 + 2.2 * (combines - 1), abs=1e-6)
+
+
+def test_time_that_is_lost_first_is_all_that_a_ride_takes_longer():
+    path, sheet = polyline(np.array([[0.0, 0.0], [100.0, 0.0]])), load_machine("tractor-grain-cart")
+    rides = [Ride(path, np.full(len(path.distance), 4.0), sheet, 2.0, lost) for lost in (0.0, 7.3)]
+    times = [r.drive(1000.0, lambda _: 4.0, lambda _, r=r: r.left) for r in rides]
+    assert times[1] - times[0] == pytest.approx(7.3, abs=1e-9)
+    assert rides[1].lost == 0.0

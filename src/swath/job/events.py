@@ -33,6 +33,9 @@ SHORTEST = 1e-6  # s between two events
 RAMP = 1.0  # s, longest jump while a combine changes its speed
 STEADY = 0.02  # m/s, within which it has its speed
 LONGEST = 1e5  # s
+# s by which a way takes longer than the ride, and for each other combine at work: to the next pass, to a
+# combine and to the truck. Estimate: means of the driven machines of layouts 1 to 20 (docs/fleet.md)
+COMBINE_LOSES, CART_LOSES, BACK_LOSES = (0.7, 2.2), (5.0, 2.2), (4.0, 3.0)
 
 
 @dataclass
@@ -70,7 +73,8 @@ class Events:
             return
         far = is_far(combine.place, task.start)
         path = job.way_to_pass(combine, axle_pose(combine.place, spec.sheet.knife_x))
-        ride = Ride(path, combine_limits(spec, path, far=far), spec.sheet, combine.speed)
+        lost = _lost(COMBINE_LOSES, job, combine)
+        ride = Ride(path, combine_limits(spec, path, far=far), spec.sheet, combine.speed, lost)
         self._ways[spec.name] = _Way(ride)
         combine.left, combine.pace = path.length, spec.transport if far else spec.turn_speed
         combine.state = "transport" if far else "turn"
@@ -92,17 +96,19 @@ class Events:
         """To the start of the combine's pass, and after it."""
         assert cart.combine is not None
         path, base, length, _ = job.way_to_combine(cart, self._place(cart))
-        self._ways[cart.spec.name] = _Way(self._on(path, cart), base, length)
+        before = self._ways.get(cart.spec.name)
+        lost = _lost(CART_LOSES, job, cart.combine) if before is None else before.ride.lost
+        self._ways[cart.spec.name] = _Way(self._on(path, cart, lost), base, length)
         cart.left = path.length
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
         """Over passes and headland."""
         path = job.way_to_truck(cart, self._place(cart))
-        self._ways[cart.spec.name] = _Way(self._on(path, cart))
+        self._ways[cart.spec.name] = _Way(self._on(path, cart, _lost(BACK_LOSES, job)))
         cart.place, cart.left = path.end, path.length
 
-    def _on(self, path: Path, cart: CartState) -> Ride:
-        return Ride(path, speed_limits(path, cart.spec), cart.spec.sheet, cart.speed)
+    def _on(self, path: Path, cart: CartState, lost: float) -> Ride:
+        return Ride(path, speed_limits(path, cart.spec), cart.spec.sheet, cart.speed, lost)
 
     def _place(self, cart: CartState) -> Pose:
         """Where a cart is."""
@@ -179,14 +185,14 @@ class Events:
         """All who are on a way drive on until the first is there, at most so long [s]; returns the time."""
         rides = [self._combine_ride(c) for c in job.combines if c.spec.name in self._ways]
         rides += [self._cart_ride(k, targets) for k in job.carts if k.spec.name in self._ways]
-        before = [(r.ride.at, r.ride.speed) for r in rides]
+        before = [(r.ride.at, r.ride.speed, r.ride.lost) for r in rides]
         took = []
         for r in rides:
             most = max(r.ride.drive(most, r.wanted, r.left), SHORTEST)
             took.append(most)
-        for r, (where, speed), time in zip(rides, before, took, strict=True):
+        for r, was, time in zip(rides, before, took, strict=True):
             if time > most:
-                r.ride.at, r.ride.speed = where, speed
+                r.ride.at, r.ride.speed, r.ride.lost = was
                 r.ride.drive(most, r.wanted, r.left)
         for k in job.carts:
             way = self._ways.get(k.spec.name)
@@ -288,6 +294,12 @@ class Events:
             return [max(lag - gap, 0.0) / leader.speed] if moves else []
         closing = speed - leader.speed
         return [(gap - lag) / closing] if closing > 0.0 and gap > lag else []
+
+
+def _lost(loses: tuple[float, float], job: Job, combine: CombineState | None = None) -> float:
+    """Time that a way takes longer among others [s]. combine: that drives there, or is driven to"""
+    others = sum(c.phase != "done" for c in job.combines if c is not combine)
+    return loses[0] + loses[1] * others
 
 
 @dataclass

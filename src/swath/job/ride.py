@@ -20,10 +20,14 @@ GRID = 0.5  # m between two speed limits
 
 
 class Ride:
-    """at: how far it has come [m]; speed [m/s]; limits: highest speed at each point of the path [m/s]."""
+    """at: how far it has come [m]; speed [m/s]; limits: highest speed at each point of the path [m/s]; lost:
+    time that it does not come farther first [s]
+    """
 
-    def __init__(self, path: Path, limits: Array, sheet: MachineSheet, speed: float) -> None:
-        self.path, self.at, self.speed = path, 0.0, speed
+    def __init__(
+        self, path: Path, limits: Array, sheet: MachineSheet, speed: float, lost: float = 0.0
+    ) -> None:
+        self.path, self.at, self.speed, self.lost = path, 0.0, speed, lost
         self._loop = SpeedLoop(dynamics_of(sheet))
         grid = np.arange(0.0, path.length + 2.0 * GRID, GRID)
         self._limits: list[float] = np.interp(grid, path.distance, limits).tolist()
@@ -42,9 +46,13 @@ class Ride:
 
         wanted: speed [m/s] at a time from now; left: way to go [m] at that time
         """
-        gone, before = 0.0, left(0.0)
-        if before <= 0.0:
+        if left(0.0) <= 0.0:
             return 0.0
+        gone = min(self.lost, most)
+        self.lost -= gone
+        before = left(gone)
+        if before <= 0.0:
+            return gone
         while gone < most - 1e-9:
             dt = min(STEP, most - gone)
             speed, was = self.speed, self.at
