@@ -104,3 +104,19 @@ def test_the_only_pass_left_is_taken_where_the_helper_is_there_first_with_its_tu
     helper.place = Pose(start.x, start.y - 30.0 * helper.spec.transport, 0.0)
     own.phase, own.pace, own.left = "cut", 2.0, 2.0 * cuts
     assert (job.passes.take(helper) is not None) is helps
+
+
+def test_who_comes_too_late_in_one_land_helps_in_another_one():
+    job = job_of(3, 0)
+    helper, soon, later = job.combines
+    lands = sorted(job.passes._lands)[:2]
+    for queue in job.passes._lands.values():
+        queue.clear()
+    for land, index in zip(lands, (0, len(job.plan.passes) - 1), strict=True):
+        job.passes._lands[land].append(index)
+    job.passes._own = {soon.number: lands[0], later.number: lands[1]}
+    helper.place = Pose(300.0, 150.0, 0.0)
+    for c, left in ((soon, 2.0), (later, 1000.0)):
+        c.phase, c.pace, c.left = "cut", 2.0, left
+    assert job.passes.take(helper) == len(job.plan.passes) - 1
+    assert job.passes.take(helper) is None

@@ -119,23 +119,20 @@ class Passes:
     def _help(self, combine: CombineState) -> int | None:
         """The last pass of the land with most passes left, from its nearer end.
 
-        The only one left is taken where the combine is there before the land's own.
+        The only one left of a land is taken where the combine is there before the land's own.
         """
-        land = max(
-            (land for land, queue in self._lands.items() if queue),
-            key=lambda land: (len(self._lands[land]), -land), default=None,
-        )  # fmt: skip
-        if land is None:
-            return None
-        index = self._lands[land][-1]
-        task = self._all[index]
-        ends = (way_between(combine.place, task.start), way_between(combine.place, task.end))
-        time = TURN + min(ends) / combine.spec.transport
-        if len(self._lands[land]) == 1 and self._is_soon(land, combine, time):
-            return None
-        if ends[1] < ends[0]:
-            self._all[index] = task.reversed()
-        return self._lands[land].pop()
+        for land, queue in sorted(self._lands.items(), key=lambda item: (-len(item[1]), item[0])):
+            if not queue:
+                continue
+            task = self._all[queue[-1]]
+            ends = (way_between(combine.place, task.start), way_between(combine.place, task.end))
+            time = TURN + min(ends) / combine.spec.transport
+            if len(queue) == 1 and self._is_soon(land, combine, time):
+                continue
+            if ends[1] < ends[0]:
+                self._all[queue[-1]] = task.reversed()
+            return queue.pop()
+        return None
 
     def _is_soon(self, land: int, helper: CombineState, time: float) -> bool:
         """True where one who works a land comes to its last pass within a time [s]."""
