@@ -119,6 +119,14 @@ def test_backwards_over_its_own_tracks_a_trailer_comes_to_where_it_was():
     assert trailer == pytest.approx(there[1], abs=0.02)
 
 
+def test_at_a_crawl_a_braking_way_is_looked_at_closely():
+    """In a bend a corner comes past a header's end within 0.4 m, nearer than before and behind that."""
+    cart = driving(CART, Pose(0.0, 0.0, 0.0), 0.3)
+    places = cart.driver.until_rest(2.0, LOOKS)
+    assert len(places) > 3
+    assert all(math.hypot(p[0].x - q[0].x, p[0].y - q[0].y) < 0.4 for p, q in pairwise(places))
+
+
 def standing(x, y, heading, sheet=CART):
     driver = Driver(load_machine(sheet), Pose(x, y, heading), STEP)
     return driver, driver.footprint.sweep([driver.place])

@@ -20,7 +20,7 @@ SHARP = 0.35  # rad between a path and a machine, beyond which it drives slowly
 SLOW = 2.0  # m/s
 SPACING = 0.25  # m between two places of a trail
 TRAIL = 240  # places of a trail
-APART = 0.6  # m between two places of a braking way
+APART, CLOSER, SLOWLY = 0.6, 0.15, 1.0  # m between two places of a braking way; below so many m/s
 CRAWL = 0.3  # m/s, below which the rest of a braking way is straight on
 MOST = 200  # steps of a braking way
 STANDS = 50  # steps after which a manoeuvre is over that the traffic does not let go on
@@ -136,12 +136,13 @@ class Driver:
         along = self._last if wanted <= 0.0 and self._last is not None else self.follower
         machine, follower = machine.copied(), copy.copy(along)
         x, y = machine.x, machine.y
+        apart = CLOSER if machine.speed < SLOWLY else APART
         for i in range(MOST):
             slow = i >= steps and machine.speed < CRAWL
             if slow:
                 machine.dt = 20.0 * machine.dt
             self._drive(machine, follower, wanted if i < steps else 0.0)
-            if slow or math.hypot(machine.x - x, machine.y - y) >= APART:
+            if slow or math.hypot(machine.x - x, machine.y - y) >= apart:
                 x, y = machine.x, machine.y
                 found.append((machine.pose, machine.trailer))
             if slow:
