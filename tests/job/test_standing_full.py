@@ -138,6 +138,19 @@ def test_behind_the_last_pass_a_cart_that_nobody_needs_leaves(needs, tank, spare
     assert (leaves(job, fuller), leaves(job, emptier)) == (spare, False)
 
 
+@pytest.mark.parametrize(("room", "leaves_it"), [(0.6, False), (0.4, True)])
+def test_a_cart_serves_one_that_stands_full_before_it_leaves(room, leaves_it):
+    """It takes what it can: half a tank at least."""
+    job = begun(2, 1)
+    full, cart = job.combines[0], job.carts[0]
+    cart.grain = cart.spec.load - room * full.spec.tank
+    assert leaves(job, cart)
+    full.phase, full.tank = "stand", full.spec.tank
+    assert leaves(job, cart) is leaves_it
+    full.cart = cart
+    assert leaves(job, cart)
+
+
 @pytest.mark.parametrize(("carts", "share", "waits"), [(1, 0.6, True), (1, 0.4, False), (2, 0.6, False)])
 def test_where_carts_are_few_one_that_came_late_is_poured_into_at_the_end_of_the_pass(
     monkeypatch, carts, share, waits
@@ -305,3 +318,27 @@ def test_of_two_that_stand_full_the_nearer_one_is_served_unless_the_other_one_st
         c.phase, c.place, c.task, c.tank, c.since = "stand", place, None, c.spec.tank, job.time + since
     assert job._calls()
     assert cart.combine is job.combines[served]
+
+
+@pytest.mark.parametrize(("tank", "goes"), [(9000.0, True), (1000.0, False)])
+def test_one_that_pours_for_long_is_not_waited_for(tank, goes):
+    """At 90 kg/s: 100 s, or 11 s."""
+    way = driving(COMBINE, HERE, 2.0, "way")
+    pours = driving(COMBINE, Pose(80.0, 0.0, EAST), 0.0, "pours")
+    drive([way, pours], 60.0)
+    spec = type("Spec", (), {"auger": 90.0, "limits": type("Limits", (), {"radius": 6.4})})
+    cart = CartState(None, HERE, phase="beside")
+    states = {"way": CombineState(spec, 0, HERE, 0.0, phase="way", left=200.0),
+              "pours": CombineState(spec, 1, HERE, tank, phase="stand", cart=cart)}  # fmt: skip
+    give_way = GiveWay()
+    for time in (0.0, PATIENCE):
+        for m in (way, pours):
+            m.blocked, m.claim = "", None
+        look([way, pours], {})
+        assert way.blocked == "pours"
+        give_way.look(time, [way, pours], states, {}, lambda name, pose: north_of(pose))
+    assert (way.driver.manoeuvre is not None) is goes
+
+
+def north_of(pose):
+    return polyline(np.array([pose[:2], (pose.x, pose.y + 60.0)]), 0.5)

@@ -262,10 +262,18 @@ def _is_stuck(other: Mover, m: Mover, states: Mapping[str, State], stood: float)
         return False
     state = states[other.name]
     if stays(state):
-        return stood > POURS or stands_alone(state)
+        return max(stood, _stands_for(state)) > POURS or stands_alone(state)
     if other.blocked not in ("", m.name):
         return stood > 3.0 * PATIENCE
     return True
+
+
+def _stands_for(state: State) -> float:
+    """How long a combine with a cart beside it, or that cart, still stands until the tank is empty [s]."""
+    c = state if isinstance(state, CombineState) else state.combine
+    if c is None or c.phase != "stand" or c.cart is None or c.cart.phase != "beside":
+        return 0.0
+    return c.timer + c.tank / c.spec.auger
 
 
 def room_for(driver: Driver, way: Path | None, other: Driver) -> bool:

@@ -40,12 +40,20 @@ def move_grain(job: Any, dt: float) -> None:
 
 def leaves(job: Any, k: CartState) -> bool:
     """True for an idle cart that is full enough for the truck, unless it has room for all that is still to
-    come; behind the last pass for one that nobody needs any more, too.
+    come, or a combine stands full of whose tank it can take half; behind the last pass for one that nobody
+    needs any more, too.
     """
+    if any(_stands_full(c) and k.spec.load - k.grain >= 0.5 * c.spec.tank for c in job.combines):
+        return False
     if job.passes.left() > 0:
         return k.grain >= k.spec.leave
     rest = math.fsum(_still_to_come(job, c) for c in job.combines)
     return (k.grain >= k.spec.leave and k.grain + rest > k.spec.load) or _is_spare(job, k)
+
+
+def _stands_full(c: CombineState) -> bool:
+    """True for a combine in the middle of its work that stands with a full tank and has no cart."""
+    return c.phase == "stand" and not c.is_last and c.cart is None and c.tank >= c.spec.tank - DONE
 
 
 def _is_spare(job: Any, k: CartState) -> bool:
