@@ -248,10 +248,11 @@ def test_in_the_last_pass_a_cart_is_called_at_once():
 
 @pytest.mark.parametrize("combines", [1, 2, 3])
 def test_a_way_takes_longer_the_more_others_are_at_work(monkeypatch, combines):
-    """The first way that is no corner: 0.7 s, and 2.2 s for each other combine."""
+    """The first turn that is no corner, or the first far way."""
     file, lines = job_file(combines, 1, yield_t_ha=1.0), []
-    for loses in (events.COMBINE_LOSES, (0.0, 0.0)):
-        monkeypatch.setattr(events, "COMBINE_LOSES", loses)
+    for loses in ((0.7, 2.2), (0.0, 0.0)):
+        monkeypatch.setattr(events, "TURN_LOSES", loses)
+        monkeypatch.setattr(events, "FAR_LOSES", loses)
         lines.append([s.end - s.start for s in finished(file).combines[0].timeline.spans])
     longer = next(a - b for a, b in zip(*lines, strict=False) if abs(a - b) > 1e-3)
     assert longer == pytest.approx(0.7 + 2.2 * (combines - 1), abs=1e-6)

@@ -33,9 +33,9 @@ SHORTEST = 1e-6  # s between two events
 RAMP = 1.0  # s, longest jump while a combine changes its speed
 STEADY = 0.02  # m/s, within which it has its speed
 LONGEST = 1e5  # s
-# s by which a way takes longer than the ride, and for each other combine at work: to the next pass, to a
-# combine and to the truck. Estimate: means of the driven machines of layouts 1 to 20 (docs/fleet.md)
-COMBINE_LOSES, CART_LOSES, BACK_LOSES = (0.7, 2.2), (5.0, 2.2), (4.0, 3.0)
+# s by which a way takes longer than the ride, and for each other combine at work: a turn and a far way to the
+# next pass, a cart's to a combine and to the truck. Estimate: driven machines of 20 layouts (docs/fleet.md)
+TURN_LOSES, FAR_LOSES, CART_LOSES, BACK_LOSES = (1.0, 0.9), (0.5, 5.0), (5.0, 2.2), (4.0, 3.0)
 
 
 @dataclass
@@ -73,7 +73,7 @@ class Events:
             return
         far = is_far(combine.place, task.start)
         path = job.way_to_pass(combine, axle_pose(combine.place, spec.sheet.knife_x))
-        lost = _lost(COMBINE_LOSES, job, combine)
+        lost = _lost(FAR_LOSES if far else TURN_LOSES, job, combine)
         ride = Ride(path, combine_limits(spec, path, far=far), spec.sheet, combine.speed, lost)
         self._ways[spec.name] = _Way(ride)
         combine.left, combine.pace = path.length, spec.transport if far else spec.turn_speed
