@@ -232,6 +232,17 @@ def test_a_combine_on_its_way_drives_around_one_that_stands():
     assert passes.driver.machine.y == pytest.approx(0.0, abs=0.05)  # on its way again
 
 
+def test_of_two_combines_on_their_ways_that_meet_the_second_drives_around():
+    first = driving(COMBINE, HERE, 3.0, "first", way=500.0)
+    second = driving(COMBINE, Pose(240.0, 3.0, math.pi), 3.0, "second", way=500.0)
+    first.turns = second.turns = True
+    assert drive([first, second], 130.0) > 0.1
+    assert first.driver.machine.x > 300.0
+    assert abs(first.driver.machine.y) < 0.05
+    assert second.driver.machine.x < -60.0
+    assert second.driver.machine.y == pytest.approx(3.0, abs=0.05)  # on its way again
+
+
 def test_near_what_is_fixed_nobody_leaves_its_way():
     cart = driving(CART, Pose(130.0, -7.0, math.pi), 4.0, way=300.0)
     combine = driving(COMBINE, HERE, 2.0)

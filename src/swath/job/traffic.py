@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.job.drive import SLANT, SLANT_ON_WAY
+from swath.job.drive import SLANT, SLANT_ON_WAY, Follower
 from swath.job.driver import Driver
 from swath.job.footprint import overlap
 
@@ -194,9 +194,16 @@ def steer_aside(movers: list[Mover], fixed: dict[str, Array]) -> None:
             follower.aside = TURN_IN
             continue
         others = [o for o in movers if o is not m and not o.turns] if m.turns else movers[:i]
+        others += [o for o in movers[:i] if m.turns and o.turns]
         if not m.turns:
             others += [o for o in movers[i + 1 :] if o.speed < RESTS and not o.driver.footprint.towed]
         follower.aside = next((left for o in others if (left := aside_of(m, o)) != 0.0), 0.0)
+
+
+def _bends(follower: Follower) -> bool:
+    """Whether a path bends soon."""
+    here, there = (follower.path.at(follower.at + s).heading for s in (0.0, STRAIGHT))
+    return abs(math.remainder(there - here, math.tau)) > 0.05
 
 
 def aside_of(m: Mover, o: Mover) -> float:
@@ -205,16 +212,12 @@ def aside_of(m: Mover, o: Mover) -> float:
     if follower is None or o.driver.follower is None:
         return 0.0
     own = follower.path.at(follower.at)
-    other = o.driver.follower.path.end if o.turns else o.driver.machine.pose
-    if (
-        m.turns
-        and abs(math.remainder(follower.path.at(follower.at + STRAIGHT).heading - own.heading, math.tau))
-        > 0.05
-    ):
+    other = o.driver.follower.path.end if o.turns and not m.turns else o.driver.machine.pose
+    if m.turns and (_bends(follower) or (o.turns and _bends(o.driver.follower))):
         return 0.0
     c, s = math.cos(own.heading), math.sin(own.heading)
     same = math.cos(other.heading - own.heading)
-    if abs(same) < 0.98 or (same > 0.0 and o.speed > 0.7 * m.wanted):
+    if abs(same) < 0.98 or (same > 0.0 and (o.speed > 0.7 * m.wanted or (m.turns and o.turns))):
         return 0.0
     dx, dy = other.x - own.x, other.y - own.y
     along, across = dx * c + dy * s, dy * c - dx * s
@@ -225,7 +228,7 @@ def aside_of(m: Mover, o: Mover) -> float:
     most, soon, back = ASIDE, MEET, past + STRAIGHT + deep / SLANT_ON_WAY
     if body.towed and o.name != m.to:
         most, soon = CART_ASIDE, min(WAY_MEET, m.left - back)
-    elif m.turns and not o.turns and (same < 0.0 or o.speed < RESTS):
+    elif m.turns and (same < 0.0 or o.speed < RESTS):
         most, soon = WAY_ASIDE, min(WAY_MEET, m.driver.left - back)
     if not -past < along < soon or not 0.0 < deep <= most:
         return 0.0
