@@ -35,7 +35,7 @@ STEADY = 0.02  # m/s, within which it has its speed
 LONGEST = 1e5  # s
 # s by which a way takes longer than the ride, and for each other combine at work: a turn and a far way to the
 # next pass, a cart's to a combine and to the truck. Estimate: driven machines of 20 layouts (docs/fleet.md)
-TURN_LOSES, FAR_LOSES, CART_LOSES, BACK_LOSES = (1.0, 0.9), (0.5, 5.0), (5.0, 2.2), (4.0, 3.0)
+TURN_LOSES, FAR_LOSES, CART_LOSES, BACK_LOSES = (1.0, 1.3), (1.0, 4.8), (4.7, 2.4), (7.0, 1.1)
 
 
 @dataclass
