@@ -298,7 +298,7 @@ class Events:
 
 def _lost(loses: tuple[float, float], job: Job, combine: CombineState | None = None) -> float:
     """Time that a way takes longer among others [s]. combine: that drives there, or is driven to"""
-    others = sum(c.phase != "done" for c in job.combines if c is not combine)
+    others = len([c for c in job.combines if c is not combine and c.phase != "done"])
     return loses[0] + loses[1] * others
 
 
