@@ -13,8 +13,8 @@ from swath.scenario.scenario import parse_scenario
 from swath.tools.fleet.whole import scenario_text
 
 
-def cheap_sets(combines, carts):
-    """Changes of the scenario of a job with these machines."""
+def cheap_sets(combines, carts, broken_off=15):
+    """Changes of the scenario of a job with these machines. broken_off: of loads, m before a pass ends"""
     made = [f"{m}.motion=kinematic" for m in (*combines, *carts)]
     for m in (*combines, *carts):
         made += [f"{m}.gnss.level=ideal", f"{m}.gnss.rate_hz=5"]
@@ -22,11 +22,14 @@ def cheap_sets(combines, carts):
     for m in combines:
         made += [f"{m}.{key}" for key in (
             "lidar=off", "scan_filter=off", "edge={level: truth, wires: {}}", "imu=off", "edge.rate_hz=10",
-            "job.unload_to_m=15", "header.rate_hz=10", "process.rate_hz=5",
+            f"job.unload_to_m={broken_off}", "header.rate_hz=10", "process.rate_hz=5",
             "cooperate.rate_hz=10", "unload.rate_hz=10",
         )]  # fmt: skip
     for m in carts:
-        made += [f"{m}.job.break_off_m=15", *(f"{m}.{s}.rate_hz=10" for s in ("imu", "cooperate", "heap"))]
+        made += [
+            f"{m}.job.break_off_m={broken_off}",
+            *(f"{m}.{s}.rate_hz=10" for s in ("imu", "cooperate", "heap")),
+        ]
     return made
 
 

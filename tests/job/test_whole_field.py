@@ -373,7 +373,7 @@ def test_a_way_around_standing_crop():
 
 
 @pytest.mark.parametrize(("change", "said"), [
-    ({"combines": 3}, "combines"), ({"carts": 3}, "carts"), ({"unload": {"mode": "standing"}}, "mode"),
+    ({"combines": 4}, "combines"), ({"carts": 4}, "carts"), ({"unload": {"mode": "standing"}}, "mode"),
 ])  # fmt: skip
 def test_what_the_level_cannot_do_is_refused(change, said):
     file = job_file(**change)

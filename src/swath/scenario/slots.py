@@ -56,7 +56,7 @@ _STATE = {"state": ("motion", "state")}
 _ODOMETRY = {"odometry": ("odometry", "odometry")}
 PEER = "peer:"  # before a kind in `wires`: of the machine that the key `peer` names
 _BOX = {f"peer_{n}": (PEER + k, n) for k, n in (("motion", "state"), ("motion", "trailer"), ("heap", "heap"))}
-_OTHERS = {f"other_{i}": (f"peer_link_{i}", "peer") for i in (1, 2, 3)}  # links to more machines
+_OTHERS = {f"other_{i}": (f"peer_link_{i}", "peer") for i in (1, 2, 3, 4)}  # links to more machines
 _WAYS = {f"way_{i}": (f"peer_link_{i}", "way") for i in (1, 2, 3)}
 
 _sensor = partial(SlotKind, is_plural=True, is_exchangeable=True)

@@ -7,7 +7,7 @@ from swath.core.schedule import NS
 from swath.signals import Odometry, PeerState
 
 TRUSTED = 1.0  # longest time over which an acceleration is carried on [s]
-OTHERS = "other_1", "other_2", "other_3"  # inputs: machines beside the one that `peer` names
+OTHERS = "other_1", "other_2", "other_3", "other_4"  # inputs: machines beside the one that `peer` names
 OTHER_PORTS = tuple(Port(name, PeerState, optional=True) for name in OTHERS)
 
 

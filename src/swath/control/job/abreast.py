@@ -1,5 +1,5 @@
-"""Combines that work in echelon: each stays behind the one ahead on its left, and goes where their ways meet
-only in the order that was planned.
+"""Combines that work together: each goes where their ways meet only in the order that was planned, and in
+echelon stays behind the one ahead on its left.
 """
 
 from collections.abc import Mapping, Sequence
@@ -53,9 +53,13 @@ def begins_ahead(lead: Pass, then: Pass) -> float:
 
 
 class Abreast:
-    """passes: of all combines; number: of this one; lag: behind the one ahead [m]; rules: where it waits"""
+    """passes: of all combines; number: of this one; lag: behind the one ahead in echelon [m]; rules: where it
+    waits
+    """
 
-    def __init__(self, passes: Sequence[Pass], number: int, lag: float, rules: Sequence[GivesWay]) -> None:
+    def __init__(
+        self, passes: Sequence[Pass], number: int, lag: float | None, rules: Sequence[GivesWay]
+    ) -> None:
         self._passes, self._own = passes, own_passes(passes, number)
         self._lag, self._rules = lag, rules
 
@@ -81,8 +85,8 @@ class Abreast:
 
     def _until(self, task: int, told: Mapping[int, PeerState]) -> float:
         """How far along a pass it may go for the one ahead [m]."""
-        lead = leader_of(self._passes, task)
-        if lead is None:
+        lead = None if self._lag is None else leader_of(self._passes, task)
+        if lead is None or self._lag is None:
             return inf
         ahead, said = self._passes[lead], told.get(self._passes[lead].combine)
         if said is None or said.task < lead:

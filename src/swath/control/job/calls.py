@@ -10,7 +10,7 @@ from swath.control.job.passes import Pass
 from swath.core.component import KeepsState
 from swath.signals import PeerState, Phase
 
-FORESIGHT = 2  # passes after the present one, for which it sets out
+SOON = 2  # passes after the present one, for which it sets out
 APART = 45.0  # m from a combine that cuts, from where on it sets out for a pass to come
 CLEAR = 16.0  # m from a combine that turns, likewise; and from one that drives, before it sets out elsewhere
 LEAST = 15.0  # m of a pass beside the combine, for which it sets out
@@ -20,6 +20,11 @@ PORTS = ("peer", *OTHERS)
 def combines_of(heard: Mapping[str, PeerState]) -> dict[int, PeerState]:
     """The machines with a header, by their number as in `JobState.serves`."""
     return {PORTS.index(name): said for name, said in heard.items() if isfinite(said.header_width)}
+
+
+def stands(said: PeerState) -> bool:
+    """Whether a combine stands and wants to unload there."""
+    return said.phase == Phase.STANDS and said.calls and said.may_unload
 
 
 def nearest(combines: Mapping[int, PeerState]) -> int:
@@ -49,11 +54,18 @@ class Calls(KeepsState):
     def longest(
         self, now: float, combines: Mapping[int, PeerState], others: Sequence[OtherCart]
     ) -> tuple[int, float]:
-        """Number of the combine that has called for the longest, and for how long [s]; -1, -inf = none."""
+        """Number of the combine that has called for the longest, of those that stand for it if any does, and
+        for how long [s]; -1, -inf = none.
+        """
         for number, said in combines.items():
             is_open = said.calls and not self.is_served(said, others) and self.next_task(said) >= 0
             self._since[number] = min(self._since.get(number, inf), now) if is_open else inf
-        first = min(combines, key=lambda number: (self._since[number], number))
+
+        def rank(number: int) -> tuple[bool, bool, float, int]:
+            since = self._since[number]
+            return since == inf, not stands(combines[number]), since, number
+
+        first = min(combines, key=rank)
         since = self._since[first]
         return (first, now - since) if since < inf else (-1, -inf)
 
@@ -74,17 +86,24 @@ class Calls(KeepsState):
         return cart.said.task >= 0 and self._passes[cart.said.task].combine == of
 
     def next_task(self, peer: PeerState) -> int:
-        """The combine's pass, where enough is left of it or it stands; else the next one where a cart can
-        drive beside, once the combine has left its place; -1 = none.
+        """The combine's pass, where enough is left of it or it stands; else, once the combine has left its
+        place, the first of those SOON in which a cart can be poured into driving, or the next; -1 = none.
         """
         passes, least = self._passes, self.break_off(peer.task) + LEAST
-        if passes[peer.task].cart_beside and (peer.phase == Phase.STANDS or peer.remaining > least):
+        own = self._own[passes[peer.task].combine]
+        then = own[own.index(peer.task) + 1 :][:SOON]
+        found = next((i for i in then if passes[i].cart_beside), -1)
+        stands = peer.phase == Phase.STANDS
+        is_here = passes[peer.task].cart_beside or (passes[peer.task].cart_standing and (stands or found < 0))
+        if is_here and (stands or peer.remaining > least):
             return peer.task
         if hypot(peer.x, peer.y) < (CLEAR if peer.phase == Phase.TURNS else APART):
             return -1
-        own = self._own[passes[peer.task].combine]
-        then = own[own.index(peer.task) + 1 :][:FORESIGHT]
-        return next((i for i in then if passes[i].cart_beside), -1)
+        return then[0] if found < 0 and then and passes[then[0]].cart_standing else found
+
+    def between(self, task: int, then: int) -> list[int]:
+        """Numbers of a combine's passes between two of them."""
+        return [i for i in self._own[self._passes[task].combine] if task < i < then]
 
     def break_off(self, task: int) -> float:
         """Before the end of a pass [m]; behind its last one a combine stands and does not turn."""

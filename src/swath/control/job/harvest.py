@@ -1,7 +1,7 @@
 """Job level `harvest`: pass after pass with its turns; stands with a full tank, calls a cart."""
 
 from dataclasses import dataclass
-from math import hypot, inf, isfinite, nan, sqrt
+from math import ceil, hypot, inf, isfinite, nan, sqrt
 from typing import Annotated
 
 import numpy as np
@@ -14,6 +14,7 @@ from swath.control.job.ground import beside
 from swath.control.job.heard import SILENT, STOPS, AllHeard
 from swath.control.job.passes import RUN_OUT, Pass, Route, route_of
 from swath.control.job.right_of_way import SWEPT, is_swept, outline_of, own_outline, place_of
+from swath.control.job.tank import EMPTY, TankForecast
 from swath.control.job.turn_limits import limits_of
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
@@ -35,15 +36,18 @@ from swath.signals import (
 from swath.signals.setup import ControlSetup
 
 BRAKE = 0.4  # m/s2, gentler than the drive can
-EMPTY = 0.004  # of the tank
 RUNS_OUT = 1.5  # s without grain from the pipe: what comes late from the threshing has run out, too
 AT_END = -0.3  # m to go, at which the header is out of the crop
 AT_HOLD = 0.1  # m before where it has to wait for another combine
 CRAWL = 0.2  # m/s, slowest towards the end of a pass
 TAKEN = 0.02  # of the tank, that a cart took before a machine with a full one goes on
 NEAR = 60.0  # m, beyond which another machine is not in the way of a turn
-AHEAD, EVERY = 45.0, 2.0  # m of the way through a turn that has to be free; between two looks
-SOON = 6  # s, for which another machine is taken to drive straight on
+AHEAD, EVERY = 45.0, 2.0  # m of the way through a turn that have to be free; between two looks
+LONG, STRAIGHT = 120.0, 2e-3  # m, from which a way is no turn; 1/m, less than which is no bend
+BEYOND, FAR = 10.0, 100.0  # m behind the turn, that have to be free, too, of carts that stand; not farther
+# on: these make room for what comes within the next 120 m
+STOPS_IN = 14.0  # m of the way that have to be free while it turns
+SOON, SHORTLY = 6, 2  # s, for which another machine is taken to drive straight on; passes to come
 BESIDE = 16.0  # m, nearer than which a cart stands beside it
 PASSES = 0.4  # m from a cart beside it, that it drives on past behind its last pass
 CAN_BE = 15.0  # m about a place where a silent machine may stand, that a turn takes
@@ -52,7 +56,8 @@ CAN_BE = 15.0  # m about a place where a silent machine may stand, that a turn t
 @dataclass(frozen=True)
 class Params:
     """passes: of all combines, in the order of working; number: of this one
-    turn_speed_kmh: between them; turn_radius_m: of turns not given
+    turn_speed_kmh: between them; transport_speed_kmh: on the straights of a way of more than 120 m;
+    turn_radius_m: of turns not given
     turn_rate_deg_s: of the steering angle in them, less than the steering can, to come back to the path
     lower_m, raise_m: way before the crop on which the header goes down, behind it on which it goes up
     edge_from_m, edge_to_m: way in the pass from which, and before its end up to which, the crop edge may lead
@@ -62,12 +67,13 @@ class Params:
     standing there; in the last pass it is not
     give_up_s: the run ends when it has been standing so long for a cart that is silent
     run_out_m: it drives on behind the last pass, at most
-    of combines in echelon - lag_m: behind the one that cuts the pass before, the same way; gives_way: where
-    it waits for the other one
+    gives_way: where it waits for another combine, of several; lag_m: in echelon, behind the one that cuts the
+    pass before, the same way
     """
 
     passes: Annotated[tuple[Pass, ...], MinLen(1)]
     turn_speed_kmh: Annotated[float, Gt(0), Le(20)] = 7.0
+    transport_speed_kmh: Annotated[float, Gt(0), Le(40)] = 12.0
     turn_radius_m: Annotated[float, Gt(3), Le(50)] = 7.0
     turn_rate_deg_s: Annotated[float, Gt(0), Le(90)] = 9.0
     lower_m: Annotated[float, Ge(0), Le(20)] = 3.0
@@ -81,7 +87,7 @@ class Params:
     give_up_s: Annotated[float, Gt(0), Le(36_000)] = 600.0
     run_out_m: Annotated[float, Ge(5), Le(200)] = RUN_OUT
     number: Annotated[int, Ge(0), Le(3)] = 0
-    lag_m: Annotated[float, Ge(5), Le(500)] = 40.0
+    lag_m: Annotated[float, Ge(5), Le(500)] | None = None
     gives_way: tuple[GivesWay, ...] = ()
 
 
@@ -89,8 +95,8 @@ class Harvest(KeepsState):
     """Knows its passes, and by its own pose how far it has come."""
 
     kept = (
-        "_index", "_way", "_phase", "_calls", "_finishes", "_stands", "_ended", "_heard", "_silent_for",
-        "_dry_for",
+        "_index", "_way", "_phase", "_calls", "_finishes", "_stands", "_unloads", "_tank", "_ended",
+        "_heard", "_silent_for", "_dry_for",
     )  # fmt: skip
     inputs = (
         Port("pose", PoseEstimate),
@@ -117,11 +123,13 @@ class Harvest(KeepsState):
         self._routes: dict[int, tuple[Route, GuidancePath]] = {}
         self._outline = own_outline(setup.machine)
         self._heard = AllHeard()
+        self._tank = TankForecast(self._passes, params.full_percent * PERCENT)
         self._forget()
 
     def _forget(self) -> None:
         self._index, self._way, self._phase = 0, 0.0, Phase.WAITS
-        self._calls = self._finishes = self._stands = False
+        self._calls = self._finishes = self._stands = self._unloads = False
+        self._tank.reset()
         self._ended, self._silent_for, self._dry_for = "", 0.0, inf
         self._heard.reset()
 
@@ -188,7 +196,13 @@ class Harvest(KeepsState):
         is_last, has_cart = self._is_last, bool(carts) and unload is not None
         is_over = is_last and left <= AT_END
         to_last = is_last or (self._phase == Phase.TURNS and self._index + 2 == len(self._passes))
+        if left > AT_END:
+            self._tank.update(load, self._way)
+        self._unloads = has_cart and self._is_too_full(load, left)
         wants = level >= p.call_percent * PERCENT or ((self._calls or to_last) and level > EMPTY)
+        wants |= self._unloads or self._tank.wants_cart(load, self._index, left)
+        if work.cart_standing and not any(w.cart_beside for w in self._passes[self._index + 1 :][:SHORTLY]):
+            wants &= self._stands or self._tank.is_full_before_cart(load, self._index, left)
         self._calls = has_cart and wants
         leaves = self._phase == Phase.TURNS or (not self._calls and self._dry_for > RUNS_OUT)
         if self._phase == Phase.DONE or (is_over and leaves):
@@ -203,13 +217,30 @@ class Harvest(KeepsState):
         if holds:
             self._phase = Phase.STANDS
             return 0.0
+        if left <= AT_END and self._phase != Phase.TURNS:
+            self._tank.begin(load)
         self._phase = Phase.CUTS if left > AT_END else Phase.TURNS
         wanted, turning = work.speed_kmh * KMH, p.turn_speed_kmh * KMH
         free = self._free()
         if self._phase == Phase.TURNS:
-            return min(turning, free)
+            return 0.0 if self._comes_near(here, carts) else min(self._turn_speed(), free)
         slower = 0.0 if self._finishes or is_last else min(turning, wanted)
         return min(wanted, free, max(sqrt(slower**2 + 2.0 * BRAKE * (left - AT_END)), CRAWL))
+
+    def _turn_speed(self) -> float:
+        """Speed [m/s] between two passes: on the straights of a long way that of transport, from which it
+        brakes before the next bend, and before the pass.
+        """
+        turning, fastest = self._p.turn_speed_kmh * KMH, self._p.transport_speed_kmh * KMH
+        route = self._route()
+        if route.turn < LONG or fastest <= turning:
+            return turning
+        reach = (fastest**2 - turning**2) / (2.0 * BRAKE) + EVERY
+        for i in range(-1, ceil(reach / EVERY) + 1):
+            way = self._way + EVERY * i
+            if way > route.length + route.turn or abs(route.line.curvature(way, 1.0)) > STRAIGHT:
+                return min(fastest, sqrt(turning**2 + 2.0 * BRAKE * max(EVERY * (i - 1), 0.0)))
+        return fastest
 
     def _free(self) -> float:
         """Speed [m/s] from which it comes to rest where it has to wait for another combine."""
@@ -236,7 +267,7 @@ class Harvest(KeepsState):
         full = self._p.full_percent * PERCENT
         if level >= full and not (pours and work.cart_beside):
             self._stands = True
-            if not work.cart_beside:
+            if not work.has_cart:
                 self._ended = (
                     f"the tank is full in pass {self._own[self._index]}, beside which no cart can drive"
                 )
@@ -248,10 +279,24 @@ class Harvest(KeepsState):
         """At the end of a pass: until a load is finished, and the carts are out of the way of the turn."""
         if self._phase == Phase.TURNS:
             return False
-        return (self._finishes and self._dry_for <= RUNS_OUT) or self._is_blocked(here, carts)
+        finishes = self._finishes and self._dry_for <= RUNS_OUT
+        return finishes or self._unloads or self._is_blocked(here, carts)
 
     def _is_blocked(self, here: Place, carts: list[PeerState], clear: float = SWEPT) -> bool:
         return any(cart.is_heard and self._is_in_way(here, cart, clear) for cart in carts)
+
+    def _comes_near(self, here: Place, carts: list[PeerState]) -> bool:
+        """Whether a cart that is heard is in the next metres of the turn that it drives."""
+        heard = [cart for cart in carts if cart.is_heard and cart.age <= SILENT]
+        return any(self._is_in_way(here, cart, SWEPT, STOPS_IN) for cart in heard)
+
+    def _is_too_full(self, load: MachineLoad, left: float) -> bool:
+        """At the end of a pass beside which a cart can stand: whether it unloads there before it goes on."""
+        if self._phase == Phase.TURNS or left > AT_END or self._is_last:
+            return False
+        pours_on = self._unloads and self._dry_for <= RUNS_OUT
+        is_too_full = pours_on or self._tank.is_too_full(load, self._index)
+        return self._passes[self._index].has_cart and is_too_full
 
     def _turns_clear_of(self, carts: list[PeerState]) -> bool:
         """Whether the turn behind the pass leaves carts in peace that stand beside the machine as now."""
@@ -259,24 +304,30 @@ class Harvest(KeepsState):
         here = self._through_turn(end)[0]
         return not any(cart.is_heard and self._sweeps(end, cart, [place_of(here, cart)]) for cart in carts)
 
-    def _is_in_way(self, here: Place, said: PeerState, clear: float) -> bool:
+    def _is_in_way(self, here: Place, said: PeerState, clear: float, reach: float = AHEAD) -> bool:
         away = hypot(said.x, said.y)
         if said.age > SILENT:
             return away < STOPS + CAN_BE
-        if away > NEAR:
+        stands, soon = said.speed < 0.3, SOON if reach == AHEAD else SHORTLY
+        if stands and reach == AHEAD and not self._is_last:
+            route = self._route()
+            reach = min(max(reach, route.length + route.turn + BEYOND - self._way), FAR)
+        if away > NEAR + reach - AHEAD:
             return False
         at = place_of(here, said)
-        ahead = [0.0] if said.speed < 0.3 else [said.speed * i for i in range(SOON)]
+        ahead = [0.0] if stands else [said.speed * i for i in range(soon)]
         places = [Place(*beside(*at, way, 0.0), at.heading) for way in ahead]
-        return self._sweeps(self._way, said, places, clear)
+        return self._sweeps(self._way, said, places, clear, reach)
 
-    def _sweeps(self, way: float, said: PeerState, places: list[Place], clear: float = SWEPT) -> bool:
-        return is_swept(self._outline, self._through_turn(way), outline_of(said), places, clear)
+    def _sweeps(
+        self, way: float, said: PeerState, places: list[Place], clear: float = SWEPT, reach: float = AHEAD
+    ) -> bool:
+        return is_swept(self._outline, self._through_turn(way, reach), outline_of(said), places, clear)
 
-    def _through_turn(self, way: float) -> list[Place]:
-        """Places of the next metres, from so far along the way [m]."""
+    def _through_turn(self, way: float, reach: float = AHEAD) -> list[Place]:
+        """Places of the next metres, as far as a reach, from so far along the way [m]."""
         line = self._route().line
-        ways = [way + EVERY * i for i in range(round(AHEAD / EVERY) + 1)]
+        ways = [way + EVERY * i for i in range(round(reach / EVERY) + 1)]
         return [Place(*line.point(w), line.heading(w)) for w in ways]
 
     def _out(self, t: int, speed: float, way: float) -> Outputs:
@@ -290,7 +341,8 @@ class Harvest(KeepsState):
         edge = in_pass and way >= p.edge_from_m and left >= p.edge_to_m
         stands = self._phase == Phase.STANDS
         goes_on = left > p.unload_to_m or self._finishes or is_last
-        may = work.cart_beside and (stands or (in_pass and way > 2.0 and goes_on))
+        driving = work.cart_beside and in_pass and way > 2.0 and goes_on
+        may = (work.has_cart and stands) or driving
         job = JobState(
             t, int(self._phase), self._own[self._index], speed, left if in_pass or stands else nan,
             by_edge=edge, may_unload=may, calls=self._calls, come=way,

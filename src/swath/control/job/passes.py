@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import atan2, cos, fsum, hypot, sin
+from math import atan2, cos, fsum, hypot, pi, sin
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le, MinLen
@@ -24,7 +24,8 @@ STRAIGHT = 3.0  # behind a turn, on the line of the next pass before its begin [
 @dataclass(frozen=True)
 class Pass:
     """line_m: middle of the header from begin to end of the crop, [x, y] each; cart_beside: a cart can drive
-    on its left; speed_kmh: in it, at most; combine: number of the one that cuts it, of several
+    on its left and take grain; speed_kmh: in it, at most; combine: number of the one that cuts it, of several
+    cart_standing: a cart can drive there, but takes grain only where both stand: outside of the field
 
     turn: of the fixed axle, from where it is when the knife is at the end of the pass to where it is when the
     knife is at the begin of the next; none = the shortest of clothoids, arcs and straights at the turn's
@@ -36,6 +37,12 @@ class Pass:
     speed_kmh: Annotated[float, Gt(0), Le(40)] = 7.0
     turn: tuple[Segment, ...] = ()
     combine: Annotated[int, Ge(0), Le(3)] = 0
+    cart_standing: bool = False
+
+    @property
+    def has_cart(self) -> bool:
+        """Whether a cart can come beside."""
+        return self.cart_beside or self.cart_standing
 
 
 @dataclass(frozen=True)
@@ -92,6 +99,12 @@ def axle_line(of: Pass, knife: float, header_y: float = 0.0) -> list[Point]:
         c, s = cos(course), sin(course)
         made.append((x - back * c + header_y * s, y - back * s - header_y * c))
     return made
+
+
+def swings_out(work: Pass) -> bool:
+    """Whether a machine turns by clearly more than half a circle behind a pass: outside of a corner."""
+    turned = fsum(bend.length * 0.5 * (bend.begin + bend.end) for bend in (s.bend for s in work.turn))
+    return abs(turned) > 1.1 * pi
 
 
 def place_at_end(line: Sequence[Point]) -> Place:

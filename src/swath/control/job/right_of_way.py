@@ -18,12 +18,16 @@ SAME_WAY = pi / 3.0  # rad, of its heading from that of its way, where it is loo
 LIMITS = TurnLimits(7.0, 0.1)  # of turns that the plan does not give
 KNIFE = 4.0  # m ahead of the axle, where no message tells it
 FORE = 30.0  # m ahead of a combine, that are left to it
+FAR_ON = 120.0  # m ahead of a combine, where a cart that has nothing to do makes room
 SWEPT, NEARER = 0.8, 0.1  # m that a turn has to be clear of a machine, if it is not nearer already: half a
 # metre, and what the tyres of a trailer stand out beyond its box
+CLEARLY = 0.9  # m, likewise, of a cart that stands: more than the combine wants
 KEEP = 3.0  # m from the middle of a machine to the outline of another one
+KEEP_STRAIGHT = 2.4  # m, likewise, where the cart's way is straight
 LOOK, STEP = 8.0, 1.0  # m beyond the braking way; between two looks
 SHORT = 6.5  # m kept between the axle and what is in the way: a tractor reaches 4.6 m ahead of its axle
 GENTLE = 0.4  # m/s2, of braking
+STILL = 0.1  # m/s
 DEEP = 2.0  # m from the front of a header to its back
 
 
@@ -108,8 +112,13 @@ def outline_of(said: PeerState) -> Outline:
 
 
 def own_outline(of: MachineGeometry) -> Outline:
-    """Chassis and header of the own data sheet."""
-    return Outline(tuple(Box(*part) for part in of.outline))
+    """Chassis, header and, straight behind, the box of the own data sheet."""
+    boxes = [Box(*part) for part in of.outline]
+    if of.box is not None:
+        x = of.box.x + (of.hitch.x - of.hitch.drawbar if of.hitch is not None else 0.0)
+        long, half = 0.5 * of.box.length, 0.5 * of.box.width
+        boxes.append(Box(x - long, x + long, -half, half))
+    return Outline(tuple(boxes))
 
 
 def place_of(own: Place, said: PeerState) -> Place:
@@ -125,28 +134,46 @@ class CombineWays:
         self._passes, self._routes = passes, dict[int, tuple[int, Route]]()
 
     def places(self, own: Place, said: PeerState, reach: float) -> list[Place]:
-        """Where the axle of a combine is, and will be along its way, up to a reach [m]; one that stands
-        stays there.
+        """Where the axle of a combine is, and will be along its way, up to a reach [m]; one that stands, or
+        lets a cart go first in its turn, stays there.
+        """
+        stands = said.phase == Phase.TURNS and said.speed < STILL
+        if said.phase not in (Phase.CUTS, Phase.TURNS) or stands:
+            return [place_of(own, said)]
+        return self.ahead(own, said, reach)
+
+    def ahead(self, own: Place, said: PeerState, reach: float = inf) -> list[Place]:
+        """Where the axle of a combine is, and will be when it drives on, up to a reach [m]; inf: to the end
+        of its turn.
         """
         here = place_of(own, said)
-        if said.phase not in (Phase.CUTS, Phase.TURNS) or said.task < 0:
+        if said.task < 0:
             return [here]
         route = self._route(said)
         way = self._way(route, here, said)
-        count = ceil(reach / EVERY)
+        to_next = max(route.length + route.turn - way, 0.0)
+        count = ceil((to_next if reach == inf else reach) / EVERY)
         ahead = [min(way + EVERY * (i + 1), route.line.length) for i in range(count)]
         return [here, *(Place(*route.line.point(w), route.line.heading(w)) for w in ahead)]
+
+    def through(self, task: int, said: PeerState) -> list[Place]:
+        """Where the axle of a combine will be in one of its passes and the turn behind it."""
+        route = self._made(task, said)
+        ways = [EVERY * i for i in range(ceil((route.length + route.turn) / EVERY) + 1)]
+        return [Place(*route.line.point(w), route.line.heading(w)) for w in ways]
 
     def _route(self, said: PeerState) -> Route:
         combine = self._passes[said.task].combine
         task, route = self._routes.get(combine, (-1, None))
         if route is None or task != said.task:
-            told = (said.header_front, said.header_left) if isfinite(said.header_front) else (KNIFE, 0.0)
-            own = own_passes(self._passes, combine)
-            passes = [self._passes[i] for i in own]
-            route = route_of(passes, own.index(said.task), told[0], LIMITS, told[1])
+            route = self._made(said.task, said)
             self._routes[combine] = said.task, route
         return route
+
+    def _made(self, task: int, said: PeerState) -> Route:
+        told = (said.header_front, said.header_left) if isfinite(said.header_front) else (KNIFE, 0.0)
+        own = own_passes(self._passes, self._passes[task].combine)
+        return route_of([self._passes[i] for i in own], own.index(task), told[0], LIMITS, told[1])
 
     def _way(self, route: Route, here: Place, said: PeerState) -> float:
         """How far it has come along its way [m]."""
@@ -165,11 +192,11 @@ class CombineWays:
 def is_swept(
     outline: Outline, way: Sequence[Place], other: Outline, places: Sequence[Place], clear: float = SWEPT
 ) -> bool:
-    """Whether a machine that drives through the places of a way, the first of them its own, comes nearer to
-    another one at one of its places than it is now, and nearer than `clear` [m].
+    """Whether a machine that drives through the places of a way comes nearer to another one at one of its
+    places than it is now, and nearer than `clear` [m]. The first place of both is where they are.
     """
     points = [point for place in places for point in other.points(place)]
-    now = min(outline.least(way[:1], x, y, clear + NEARER) for x, y in points)
+    now = min(outline.least(way[:1], x, y, clear + NEARER) for x, y in other.points(places[0]))
     return any(outline.least(way, x, y, clear) < min(clear, now - NEARER) for x, y in points)
 
 
@@ -181,16 +208,17 @@ def free_way(
     reach: float,
     outline: Outline,
     places: Sequence[Place],
+    keep: float = KEEP,
 ) -> float:
     """Way [m] from `at` along a line, as far as `until` and a reach, before it comes near a machine that is
-    at one of some places; inf where it does not.
+    at one of some places; inf where it does not. keep: from the own middle to the other's outline [m]
     """
-    now = outline.least(places, here.x, here.y, KEEP)
+    now = outline.least(places, here.x, here.y, keep)
     for i in range(ceil(reach / STEP)):
         way = STEP * (i + 1)
         if at + way > until:
             break
-        if outline.least(places, *line.point(at + way), KEEP) < now:
+        if outline.least(places, *line.point(at + way), keep) < now:
             return max(way - SHORT, 0.0)
     return inf
 
@@ -209,18 +237,52 @@ class Clearance:
         self._ways = CombineWays(passes)
 
     def way(
-        self, here: Place, line: GuidanceLine, at: float, until: float, said: PeerState, speed: float
+        self,
+        here: Place,
+        line: GuidanceLine,
+        at: float,
+        until: float,
+        said: PeerState,
+        speed: float,
+        *,
+        to_next: bool = False,
+        keep: float = KEEP,
     ) -> float:
         """Free way [m] from `at` along a line, as far as `until`, at a speed [m/s]; inf where all is free.
 
         A machine that it is near to already does not keep it from driving on, unless it comes nearer.
+        to_next: all of the combine's way to the begin of its next pass is kept free; keep: as `free_way`
         """
         reach = reach_at(speed)
-        if hypot(said.x, said.y) > reach + FORE + 20.0:
+        if to_next:
+            places = self._ways.ahead(here, said)
+        elif hypot(said.x, said.y) > reach + FORE + 20.0:
             return inf
-        return free_way(here, line, at, until, reach, outline_of(said), self._ways.places(here, said, FORE))
+        else:
+            places = self._ways.places(here, said, FORE)
+        return free_way(here, line, at, until, reach, outline_of(said), places, keep)
+
+    def comes_by(
+        self, here: Place, there: Place, own: Outline, said: PeerState, between: Sequence[int] = ()
+    ) -> bool:
+        """Whether the combine, on its way to its next pass, or in and behind some of its passes after that,
+        comes near a machine with an outline that stands at another place. here: where the machine is now
+        """
+        places = self._ways.ahead(here, said)
+        for task in between:
+            places += self._ways.through(task, said)
+        outline = outline_of(said)
+        return any(outline.least(places, x, y, CLEARLY) < CLEARLY for x, y in own.points(there))
 
     def is_in_way(self, here: Place, said: PeerState) -> bool:
         """Whether it is near to the combine, or in its way."""
         places = self._ways.places(here, said, FORE)
         return outline_of(said).least(places, here.x, here.y, KEEP) < KEEP
+
+    def is_soon_in_way(self, here: Place, own: Outline, said: PeerState) -> bool:
+        """Whether a machine with an outline stands in the way of the combine, FAR_ON of it, or near to one
+        that stands in its turn.
+        """
+        if said.phase == Phase.TURNS and said.speed < STILL and hypot(said.x, said.y) < FORE:
+            return True
+        return is_swept(outline_of(said), self._ways.ahead(here, said, FAR_ON), own, [here], CLEARLY)

@@ -14,13 +14,13 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.control.cooperate.peer_track import OTHER_PORTS
-from swath.control.job.calls import CLEAR, Calls, combines_of, nearest
-from swath.control.job.cart_ways import BEGIN, MOVES, STRAIGHT, CartWays
+from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, stands
+from swath.control.job.cart_ways import BEGIN, MOVES, STRAIGHT, CartWays, Way
 from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_taken, others_of
 from swath.control.job.dubins import Place
 from swath.control.job.heard import SILENT, AllHeard
-from swath.control.job.passes import Coordinate, Pass
-from swath.control.job.right_of_way import Clearance
+from swath.control.job.passes import Coordinate, Pass, swings_out
+from swath.control.job.right_of_way import KEEP, KEEP_STRAIGHT, Clearance, own_outline
 from swath.control.steer.guidance_line import GuidanceLine
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
@@ -77,7 +77,8 @@ class Shuttle(KeepsState):
 
     kept = (
         "_phase", "_goal", "_task", "_points", "_number", "_way", "_lane", "_since", "_until", "_retry_at",
-        "_is_free", "_blocked_at", "_ended", "_poured_at", "_heard", "_calls", "_served",
+        "_is_free", "_is_clear", "_looks_at", "_blocked_at", "_ended", "_poured_at", "_heard", "_calls",
+        "_served",
     )  # fmt: skip
     inputs = (
         Port("pose", PoseEstimate),
@@ -97,6 +98,7 @@ class Shuttle(KeepsState):
         places = [] if p.wait_m is None else [p.truck_m, p.wait_m]
         self._ways = CartWays(p.passes, p.boundary_m, p.header_m, p.beside_m, p.radius_m, places)
         self._clearance, self._steers = Clearance(p.passes), STEERS / setup.machine.wheelbase
+        self._outline = own_outline(setup.machine)
         self._line: GuidanceLine | None = None
         self._heard, self._others = AllHeard(), list[OtherCart]()
         self._calls, self._combines = Calls(p.passes, p.break_off_m), dict[int, PeerState]()
@@ -107,6 +109,8 @@ class Shuttle(KeepsState):
         self._points = np.zeros((0, 2))
         self._way = self._lane = 0.0
         self._since, self._until, self._retry_at, self._poured_at = inf, -inf, -inf, -inf
+        self._looks_at = -inf
+        self._is_clear = True
         self._is_free, self._ended, self._blocked_at, self._served = True, "", inf, 0
         self._heard.reset()
         self._calls.reset()
@@ -157,6 +161,9 @@ class Shuttle(KeepsState):
         takes = since >= LATER * self._p.number and not is_loaded and self._is_free
         self._served = caller if takes else nearest(self._combines)
         place, peer = self._p.wait_m, self._combines[self._served]
+        if self._is_free and not takes and now >= self._looks_at:
+            self._looks_at = now + RETRY
+            self._is_free = not self._is_soon_in_way(here)
         if is_loaded and (place is None or not self._is_taken(drives=False)):
             self._set_out(now, here, peer, "truck")
         elif is_loaded or not self._is_free or (place is not None and is_over):
@@ -167,6 +174,13 @@ class Shuttle(KeepsState):
             self._set_out(now, here, peer, "combine")
         elif self._task < 0:
             self._gets_out(now, here, peer, is_over=False)
+
+    def _is_soon_in_way(self, here: Place) -> bool:
+        """Whether it stands on the field in the way of a combine."""
+        x, y = self._p.wait_m or self._p.truck_m
+        return hypot(here.x - x, here.y - y) > AT_PLACE and any(
+            self._clearance.is_soon_in_way(here, self._outline, said) for said in self._combines.values()
+        )
 
     def _gets_out(self, now: float, here: Place, peer: PeerState, *, is_over: bool) -> None:
         """To the place where it waits; a single cart waits at the truck, where it is cleared off to."""
@@ -183,7 +197,8 @@ class Shuttle(KeepsState):
         return is_taken(self._p.truck_m, self._p.number, self._others, drives=drives)
 
     def _set_out(self, now: float, here: Place, peer: PeerState, goal: str) -> None:
-        drives = peer.phase in (Phase.CUTS, Phase.TURNS) and hypot(peer.x, peer.y) < CLEAR
+        drives = peer.phase in (Phase.CUTS, Phase.TURNS) and peer.speed > MOVES
+        drives &= hypot(peer.x, peer.y) < CLEAR
         if now < self._retry_at or (drives and goal != "combine"):
             return  # a combine that drives away from it is not driven past
         self._retry_at = now + RETRY
@@ -194,14 +209,36 @@ class Shuttle(KeepsState):
         else:
             place = self._p.wait_m if goal == "place" else None
             found = self._ways.to_place(here, place or self._p.truck_m, peer, discs, rest)
-        if found is None:
+        is_clear = found is None or self._is_clear_there(here, found, task, peer)
+        if found is None or not self._may_set_out(task, peer, is_clear=is_clear):
             self._calls.put_back(self._served, now)
             return
+        self._is_clear = is_clear
         self._points, self._number, self._way = found.points, self._number + 1, 0.0
         self._line = None
         self._phase, self._goal, self._task = Phase.DRIVES, goal, task
         self._lane = self._made().length - found.beside if goal == "combine" else inf
         self._retry_at, self._blocked_at = -inf, inf
+
+    def _is_clear_there(self, here: Place, way: Way, task: int, peer: PeerState) -> bool:
+        """Whether the place beside a pass to come, where it waits for the combine, is off that one's way."""
+        if task <= peer.task:
+            return True
+        line = GuidanceLine(way.points.tolist(), "path")
+        at = line.length - way.beside + AHEAD
+        there = Place(*line.point(at), line.heading(at))
+        between = self._calls.between(peer.task, task)
+        return not self._clearance.comes_by(here, there, self._outline, peer, between)
+
+    def _may_set_out(self, task: int, peer: PeerState, *, is_clear: bool) -> bool:
+        """To a pass to come: where it waits off the combine's way; to the next one it may wait on its way,
+        but not behind a turn that swings out.
+        """
+        if task <= peer.task:
+            return True
+        if self._calls.between(peer.task, task):
+            return is_clear
+        return not swings_out(self._p.passes[peer.task])
 
     def _drives(self, now: float, here: Place, peer: PeerState, inputs: Inputs) -> float:
         """Along the way that was found; on the line beside the pass it catches up."""
@@ -219,31 +256,35 @@ class Shuttle(KeepsState):
         if withdrawn or (self._goal == "truck" and self._is_taken(drives=True)):
             self._phase, self._task = Phase.WAITS, -1
             return 0.0
-        if self._goal == "combine" and self._is_lost(peer):
+        if self._goal == "combine" and (self._is_lost(peer) or self._is_called_elsewhere(peer, speed)):
             self._phase, self._is_free = Phase.WAITS, True
             return 0.0
         if self._goal == "combine" and self._is_in_line(peer, station):
             self._phase, self._since = Phase.BESIDE, inf
             return 0.0
-        in_lane = self._way >= self._lane
-        until = min(self._lane, line.length)
-        free = inf if in_lane else self._clearance.way(here, line, self._way, until, peer, speed)
+        in_lane, is_early = self._way >= self._lane, peer.task < self._task
+        until = line.length if in_lane else min(self._lane, line.length)
+        free, to_next = inf, is_early and not self._is_clear
+        if to_next or not in_lane:
+            free = self._clearance.way(here, line, self._way, until, peer, speed, to_next=to_next)
+        keep = KEEP_STRAIGHT if in_lane else KEEP
         for said in self._combines.values():
             if said is not peer:
-                free = min(free, self._clearance.way(here, line, self._way, line.length, said, speed))
+                way = self._clearance.way(here, line, self._way, line.length, said, speed, keep=keep)
+                free = min(free, way)
         free = min(free, free_of(self._others, here, line, self._way, speed))
         if peer.age > SILENT and (in_lane or not self._clearance.is_in_way(here, peer)):
             return 0.0
         if self._is_blocked(now, free, speed):
             self._phase = Phase.WAITS
             return 0.0
-        if in_lane and peer.task < self._task:
+        if in_lane and is_early:
             free = min(free, max(self._lane + AHEAD - self._way, 0.0))
         slow = self._slow(line, speed)
         if abs(nearest.left) > OFF and not in_lane:
             slow = min(slow, SLOWLY)
         wanted = min(self._p.speed_kmh * KMH, slow, sqrt(2.0 * BRAKE * max(min(left, free), 0.0)))
-        if in_lane and peer.task >= self._task:
+        if in_lane and not is_early:
             behind = station.ahead if station.is_active else 0.0
             return float(min(wanted, max(peer.speed + CATCH_UP * behind, 0.0)))
         return wanted if in_lane or free <= 0.5 else max(wanted, 0.3)
@@ -264,6 +305,15 @@ class Shuttle(KeepsState):
             return True
         return near_end and (
             not peer.may_unload if self._phase == Phase.BESIDE else peer.phase != Phase.STANDS
+        )
+
+    def _is_called_elsewhere(self, peer: PeerState, speed: float) -> bool:
+        """While it waits for a combine to come to a pass: that or another one stands, and wants to unload."""
+        if peer.task >= self._task or speed > MOVES:
+            return False
+        return any(
+            stands(said) and (said is peer or not self._calls.is_served(said, self._others))
+            for said in self._combines.values()
         )
 
     def _is_in_line(self, peer: PeerState, station: Wanted) -> bool:

@@ -3,14 +3,16 @@
 A* over places and directions: from each it goes on straight or in an arc of the least radius, and from each
 the shortest way of arcs and straights (Dubins) to the goal is tried; after Dolgov et al. 2010
 (doi:10.1177/0278364909359210), without their smoothing. What is left is estimated by the way of a point
-around the crop. A goal that no step backward leads away from is not looked for.
+around the crop. Where too many places are looked at, as on a large field, all is searched again with more
+weight on what is left (weighted A*, Pohl 1970, doi:10.1016/0004-3702(70)90007-X). A goal that no step
+backward leads away from is not looked for.
 """
 
 from heapq import heappop, heappush
 from math import cos, fsum, hypot, inf, pi, sin
 from typing import NamedTuple
 
-from swath.control.job.cells import LOOK, Cells, Way
+from swath.control.job.cells import LOOK, Cells, Remaining, Way
 from swath.control.job.dubins import Place, shortest
 from swath.control.job.ground import Ground, Mask
 
@@ -19,6 +21,7 @@ BINS = 24  # directions
 MOST = 40_000  # places looked at before it gives up
 SHOT = 60.0  # the direct way is tried within this distance [m]
 NEARLY = 1.1  # a way is taken that is at most so much longer than any other can be
+GREEDY = 1.5  # weight of what is left, where MOST places are not enough
 MORE = 300  # places that are looked at for a better one, once there is a way
 AWAY, NEAR = 40.0, 6.0  # m from a goal, and nearer to it than the start is, that steps backward have to lead
 ASKED = 3000  # places that are looked at for that
@@ -79,16 +82,26 @@ class Search:
         goals = [goal for goal in goals if self._is_reached(cells, goal, start)]
         if not goals:
             return None
-        remaining, steps = cells.remaining_to(goals[0]), Steps(start.heading, self._radius)
+        remaining = cells.remaining_to(goals[0])
+        way, is_whole = self._searched(cells, remaining, start, goals, 1.0)
+        if way is None and not is_whole:
+            way, _ = self._searched(cells, remaining, start, goals, GREEDY)
+        return way
+
+    def _searched(
+        self, cells: Cells, remaining: Remaining, start: Place, goals: list[Place], weight: float
+    ) -> tuple[Way | None, bool]:
+        """A way, and whether all was looked at. weight: of what is left to the goal; > 1: sooner a way"""
+        steps = Steps(start.heading, self._radius)
         best: Way | None = None
         least, more = inf, MORE
         came: list[tuple[int, str]] = []
         done: set[tuple[int, int, int]] = set()
-        queue = [(remaining.at(start.x, start.y), 0, start.x, start.y, 0, 0.0, -1, "")]
+        queue = [(weight * remaining.at(start.x, start.y), 0, start.x, start.y, 0, 0.0, -1, "")]
         count = 0
         while queue and count < MOST:
             whole, _, x, y, turns, cost, parent, word = heappop(queue)
-            if least <= NEARLY * whole or more == 0:
+            if least <= NEARLY * whole or more == 0 or (best is not None and weight > 1.0):
                 break
             more -= best is not None
             key, following = self._key(x, y, steps, turns)
@@ -109,8 +122,8 @@ class Search:
                 if rest < inf:
                     count += 1
                     spent = cost + step.cost
-                    heappush(queue, (spent + rest, count, *to, step.turns, spent, own, step.word))
-        return best
+                    heappush(queue, (spent + weight * rest, count, *to, step.turns, spent, own, step.word))
+        return best, not queue
 
     def _is_reached(self, cells: Cells, goal: Place, start: Place) -> bool:
         """Whether steps backward from a goal lead away from it, or nearly to the start."""

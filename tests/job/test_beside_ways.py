@@ -1,0 +1,239 @@
+"""Carts and combines at the level with sensors: who waits, who drives off, who is called."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from swath.control.job.calls import Calls
+from swath.control.job.clothoid import bends_of
+from swath.control.job.dubins import Place
+from swath.control.job.ground import Ground
+from swath.control.job.passes import Pass, swings_out
+from swath.control.job.right_of_way import Clearance, own_outline
+from swath.control.job.ways import Search
+from swath.control.steer.guidance_line import GuidanceLine, along_bends
+from swath.control.steer.path import Segment
+from swath.machine.machine_sheet import load_machine
+from swath.signals import PeerState, Phase
+from swath.tools.fleet.order import rules_of, ways_of
+from swath.tools.fleet.waits import at_pass_ends
+from tests.job.test_whole_field import NORTH, Bench
+
+CART = load_machine("tractor-grain-cart")
+HEADER = {"header_width": 12.2, "header_front": 4.0, "header_left": 0.0}
+BODY = {"body_width": 3.4, "body_rear": -5.0, "body_front": 4.0}
+TO_THE_LEFT = (  # back on the other side of a cart that stands beside
+    Pass(((0.0, 0.0), (0.0, 100.0)), turn=(Segment(40.0, np.pi / 40.0),)),
+    Pass(((-25.5, 100.0), (-25.5, 0.0))),
+)
+
+
+def combine(own, at, phase, *, task=0, remaining=np.nan, speed=2.0, **told):
+    """The message of a combine whose axle is at a place, as a cart hears it: x, y, heading of both."""
+    c, s = np.cos(own.heading), np.sin(own.heading)
+    dx, dy = at.x - own.x, at.y - own.y
+    x, y = c * dx + s * dy, c * dy - s * dx
+    return PeerState(
+        0, True, 0.1, x, y, at.heading - own.heading, speed, 0.0, phase=phase, task=task, remaining=remaining,
+        **HEADER, **BODY, **told,
+    )  # fmt: skip
+
+
+NORTHWARD = 0.5 * np.pi
+
+
+@pytest.mark.parametrize(("passes", "x", "y", "is_in_way"), [
+    (NORTH, -8.7, 80.0, False),  # beside the pass, where it broke off; the turn is to the right
+    (NORTH, 6.0, 106.0, True),  # in the turn
+    (NORTH, 12.7, 60.0, True),  # on the next pass
+    (NORTH, 40.0, 60.0, False),
+    (TO_THE_LEFT, -8.7, 106.0, True),
+])  # fmt: skip
+def test_a_cart_that_has_nothing_to_do_knows_that_it_is_in_the_way(passes, x, y, is_in_way):
+    own = Place(x, y, NORTHWARD)
+    said = combine(own, Place(0.0, 78.0, NORTHWARD), Phase.CUTS, remaining=18.0)
+    assert Clearance(passes).is_soon_in_way(own, own_outline(CART), said) is is_in_way
+
+
+def test_a_cart_near_to_a_combine_that_stands_in_its_turn_is_in_the_way():
+    own = Place(-20.0, 95.0, NORTHWARD)
+    moves, stands = (combine(own, Place(0.0, 100.0, 1.0), Phase.TURNS, speed=v) for v in (1.5, 0.0))
+    clearance, outline = Clearance(NORTH), own_outline(CART)
+    assert not clearance.is_soon_in_way(own, outline, moves)
+    assert clearance.is_soon_in_way(own, outline, stands)
+
+
+def test_a_cart_that_waits_for_the_next_pass_keeps_all_of_the_way_there_free():
+    """Along the line beside the next pass, which leads over the present one: as far as the combine comes."""
+    passes = (Pass(((0.0, 0.0), (0.0, 100.0))), Pass(((11.9, 100.0), (11.9, 0.0))))
+    own, line = Place(3.0, 130.0, -NORTHWARD), GuidanceLine([(3.0, 130.0), (3.0, 0.0)])
+    said = combine(own, Place(0.0, 20.0, NORTHWARD), Phase.CUTS, remaining=76.0)
+    clearance = Clearance(passes)
+    assert clearance.way(own, line, 0.0, 130.0, said, 4.0) == np.inf  # the next 30 m of it are free
+    free = clearance.way(own, line, 0.0, 130.0, said, 4.0, to_next=True)
+    assert 0.0 <= free < 30.0
+
+
+def test_a_combine_stops_in_its_turn_before_a_cart():
+    """And goes on when that is gone; one that is beside does not stop it."""
+    bench = Bench(NORTH)
+    for north in np.arange(1.0, 100.2, 0.5):
+        bench.step(north, 0.2)
+    assert bench.step(100.5, 0.2).phase == Phase.TURNS
+    stopped = bench.step(100.6, 0.2, peer=(11.0, -4.0))
+    assert (stopped.phase, stopped.speed) == (Phase.TURNS, 0.0)
+    assert bench.step(100.6, 0.2, peer=(0.0, 9.0)).speed > 1.0
+    assert bench.step(100.6, 0.2, peer=(60.0, 0.0)).speed > 1.0
+
+
+def test_before_passes_without_a_cart_it_unloads_standing():
+    """Where the tank would be full in them by what this pass has brought: it waits at its end for a cart."""
+    blind = (NORTH[0], replace(NORTH[1], cart_beside=False))
+    for passes, level, stands in ((blind, 0.6, True), (blind, 0.4, False), (NORTH, 0.6, False)):
+        bench = Bench((*passes, NORTH[0]), call_percent=90.0)
+        for north in np.arange(1.0, 100.2, 0.5):
+            bench.step(north, level * north / 100.0)
+        job = bench.step(100.35, level)
+        assert (job.phase == Phase.STANDS) is stands
+        assert job.may_unload is stands
+        assert job.calls or not stands
+        if stands:
+            assert bench.step(100.35, 0.3, flow=92.0).phase == Phase.STANDS  # it fits, but grain flows
+            phases = [bench.step(100.35, 0.3).phase for _ in range(20)]
+            assert phases[-1] == Phase.TURNS
+
+
+def test_a_cart_is_called_so_that_it_comes_to_the_last_pass_in_which_it_can_pour():
+    """What is left of this pass, the next one beside which a cart can be, and those after it without one."""
+    first, then = (replace(work, cart_beside=False) for work in NORTH)
+    for passes, brings, calls in (
+        ((first, NORTH[1], NORTH[0]), 0.4, False),  # 0.24 + 0.16 + 0.4 at the end of the second
+        ((first, NORTH[1], NORTH[0]), 0.7, True),
+        ((first, NORTH[1], first, NORTH[1]), 0.4, True),
+        ((NORTH[0], NORTH[1]), 0.7, False),  # in this one
+        ((NORTH[0], then, NORTH[0]), 0.7, True),
+    ):
+        bench = Bench(passes, call_percent=95.0)
+        for north in np.arange(1.0, 60.2, 0.5):
+            job = bench.step(north, brings * north / 100.0)
+        assert bool(job.calls) is calls
+
+
+def test_beside_the_boundary_a_cart_is_poured_into_standing_only():
+    bench = Bench((Pass(((0.0, 0.0), (0.0, 100.0)), cart_beside=False, cart_standing=True), NORTH[1]))
+    assert not bench.step(40.0, 0.5).may_unload
+    full = bench.step(41.0, 0.98)
+    assert (full.phase, full.may_unload) == (Phase.STANDS, True)
+    assert bench.step(41.0, 0.5, flow=92.0).phase == Phase.STANDS  # until the pipe is dry
+    assert bench.step(41.0, 0.3).phase == Phase.CUTS
+    assert bench.part.end_reason(0) == ""
+
+
+def test_on_the_straights_of_a_long_way_it_drives_as_in_transport():
+    far = Pass(((0.0, 0.0), (0.0, 100.0)), turn=(Segment(20.0), Segment(11.0, np.pi / 11.0), Segment(250.0)))
+    near = replace(far, turn=(Segment(20.0), Segment(11.0, np.pi / 11.0), Segment(30.0)))
+    for work, fastest in ((far, 12.0), (near, 7.0)):
+        bench = Bench((work, NORTH[1]))
+        for north in np.arange(1.0, 100.2, 0.5):
+            bench.step(north, 0.0, peer=(-300.0, 0.0))
+        speeds = [
+            bench.step(north, 0.0, peer=(-300.0, 0.0)).speed * 3.6 for north in np.arange(100.5, 124.0, 0.5)
+        ]
+        assert speeds[0] == pytest.approx(fastest)
+        assert speeds[-1] == pytest.approx(7.0)  # into the bend
+        assert all(a >= b for a, b in pairwise(speeds))
+
+
+CORNER = (
+    Pass(((0.0, 0.0), (0.0, 100.0))),
+    Pass(((5.0, 100.0), (90.0, 100.0))),
+    Pass(((50.0, 0.0), (50.0, 90.0)), combine=1),
+)
+
+
+def test_who_stands_for_it_is_served_first():
+    calls = Calls(CORNER, 15.0)
+    said = combine(Place(0.0, 0.0, 0.0), Place(60.0, 0.0, 0.0), Phase.CUTS, remaining=50.0, calls=True)
+    both = {0: said, 1: replace(said, task=2)}
+    assert calls.longest(10.0, both, [])[0] == 0
+    both[1] = replace(both[1], phase=int(Phase.STANDS), may_unload=True)
+    assert calls.longest(12.0, both, []) == (1, 2.0)
+
+
+@pytest.mark.parametrize(("passes", "x", "y", "comes"), [
+    (NORTH, 12.7 + 8.7 + 0.7, 85.0, False),  # beside the next pass
+    (NORTH, 3.0, 85.0, True),  # beside the next pass back on the left of this one: it is cut now
+    (CORNER, 30.0, 108.7, False),
+    (CORNER, 4.0, 102.0, True),
+])  # fmt: skip
+def test_where_a_cart_waits_for_the_next_pass_the_combine_does_not_come_by(passes, x, y, comes):
+    here, there = Place(-30.0, 20.0, NORTHWARD), Place(x, y, -NORTHWARD)
+    said = combine(here, Place(0.0, 40.0, NORTHWARD), Phase.CUTS, remaining=56.0)
+    assert Clearance(passes).comes_by(here, there, own_outline(CART), said) is comes
+
+
+def test_a_turn_that_swings_out():
+    loop = replace(CORNER[0], turn=(Segment(10.0), Segment(44.0, 1.5 * np.pi / 44.0)))
+    assert swings_out(loop)
+    assert not swings_out(NORTH[0])
+
+
+def test_a_cart_sets_out_for_one_of_the_next_two_passes():
+    """In which it can be poured into driving; else for the next one, where it can stand."""
+    own = Place(-30.0, 60.0, NORTHWARD)
+    turns = combine(own, Place(0.0, 100.0, NORTHWARD), Phase.TURNS)
+    blind, standing = (replace(NORTH[1], cart_beside=False, cart_standing=v) for v in (False, True))
+    for passes, task in (
+        (NORTH, 1), ((NORTH[0], blind, NORTH[0]), 2), ((NORTH[0], standing, NORTH[0]), 2),
+        ((NORTH[0], standing, blind), 1), ((NORTH[0], blind, blind, NORTH[0]), -1),
+    ):  # fmt: skip
+        assert Calls(passes, 15.0).next_task(turns) == task
+    assert Calls((*NORTH, *NORTH), 15.0).between(0, 3) == [1, 2]
+
+
+def test_a_place_that_an_earlier_pass_leads_over_is_not_free():
+    passes = (*NORTH, Pass(((24.0, 0.0), (24.0, 100.0))))
+    here, there = Place(-30.0, 20.0, NORTHWARD), Place(24.0 - 8.7, 20.0, NORTHWARD)
+    said = combine(here, Place(0.0, 40.0, NORTHWARD), Phase.CUTS, remaining=56.0)
+    clearance, outline = Clearance(passes), own_outline(CART)
+    assert not clearance.comes_by(here, there, outline, said)
+    assert clearance.comes_by(here, there, outline, said, [1])
+
+
+def test_waits_on_a_long_way_are_moved_to_the_end_of_the_pass():
+    """Where both come to their ends then, too, and not where each would wait for the other one for good."""
+    long, back = Pass(((0.0, 0.0), (0.0, 60.0))), Pass(((300.0, 60.0), (300.0, 0.0)))
+    other = Pass(((150.0, 110.0), (150.0, -40.0)), combine=1)
+    combines = [_Combine(load_machine("combine-5m")) for _ in range(2)]
+    ways = ways_of((long, other, back), combines, [4.0, 4.0], [20.0, 20.0])
+    rules = rules_of(ways, combines)
+    length = ways.routes[0][0].length
+    waits = [r for r in rules[0] if r["task"] == 0 and r["way_m"] > length]
+    assert waits or rules[1]
+    rule = {"task": 0, "way_m": length + 100.0, "other": 1, "other_m": 30.0}
+    moved = at_pass_ends([[rule], []], ways)
+    assert moved == [[{**rule, "way_m": round(length - 0.5, 3)}], []]
+    # the other one waits for it to come beyond that end: it stays
+    answer = {"task": 1, "way_m": 10.0, "other": 0, "other_m": length + 50.0}
+    assert at_pass_ends([[rule], [answer]], ways) == [[rule], [answer]]
+
+
+class _Combine:
+    def __init__(self, sheet):
+        self.sheet, self.turn_speed = sheet, 1.94
+
+
+def test_a_long_way_along_a_field_is_found():
+    """600 m against directions that steps of the search do not have: with more weight on what is left."""
+    ground = Ground([(0.0, 0.0), (590.0, 27.0), (546.0, 182.0), (0.0, 182.0)])
+    for line in (((0.0, 5.9), (590.0, 33.0)), ((5.9, 0.0), (5.9, 182.0)), ((0.0, 176.0), (546.0, 176.0))):
+        ground.cut(line, 12.2)
+    search = Search(ground, ground.clear_of(2.0), ground.clear_of(1.2), 9.0)
+    start, goal = Place(505.3, -14.99, -0.0353), Place(-2.35, 141.96, NORTHWARD)
+    way = search.way(start, [goal])
+    points = np.array(along_bends(*start, bends_of(way, 9.0)))
+    assert points[-1] == pytest.approx(goal[:2], abs=1e-6)
+    assert not any(ground.is_in(ground.crop, *point) for point in points.tolist())
+    assert np.hypot(*np.diff(points, axis=0).T).sum() < 900.0
