@@ -14,11 +14,12 @@ from swath.core.errors import InputError
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
 from swath.signals import HeapState, JobState, PeerState, Phase, UnloadState
-from swath.tools.fleet import echelon
-from swath.tools.fleet.scenario import passes_of, scenario_of, told_passes
+from swath.tools.fleet import echelon, lands, order
+from swath.tools.fleet.scenario import passes_of, scenario_of, shared_out, told_passes
 from swath.tools.fleet.whole import share_uncut
 from tests.job.cheap import CheapRun
 from tests.job.jobs import job_file
+from tests.job.layouts import layout_file
 
 LAG = 25.0
 COMBINES = "combine_0", "combine_1"
@@ -128,36 +129,40 @@ def test_two_combines_and_two_carts_until_the_field_is_empty():
 
 def members_of(file):
     fleet = fleet_of(file)
-    passes = told_passes(passes_of(plan_of(file, fleet, None), fleet.combines, file))
-    return passes, fleet.combines, echelon.members(passes, fleet.combines, file)
+    plan, by = shared_out(file, plan_of(file, fleet, None), fleet)
+    passes = told_passes(passes_of(plan, by, fleet.combines, file))
+    if file.team.together == "echelon":
+        return passes, fleet.combines, echelon.members(passes, fleet.combines, file)
+    return passes, fleet.combines, lands.members(passes, fleet.combines)
 
 
 def driven(passes, combines, team, lag, rng, *, obey=True):
-    """Both ways driven in steps of 0.5 m with stops at random, by what each hears of the other one: least
-    distance of their outlines [m]; None where both stand for good.
+    """All ways driven in steps of 0.5 m with stops at random, by what each hears of the others: least
+    distance of their outlines [m]; None where all stand for good.
     """
     units, places, rules = [], [], []
+    numbers = range(len(combines))
     for number, member in enumerate(team):
-        outs = echelon.run_outs(2)
-        routes = echelon._routes(passes, number, combines[number], outs[number])
-        made = echelon._samples(routes, passes, combines[number], member.start, 0.3)
+        routes = order._routes(passes, number, combines[number], member.run_out)
+        made = order._samples(routes, passes, combines[number], member.start, 0.3)
         units.append((routes, made))
-        places.append(echelon._bodies(made.place, combines[number], shapely))
+        places.append(order._bodies(made.place, combines[number], shapely))
         rules.append([GivesWay(**rule) for rule in member.job["gives_way"] if obey])
-    minds = [Abreast(passes, n, lag if obey else -1e3, rules[n]) for n in range(2)]
-    at, least, idle = [0, 0], np.inf, 0
-    stops = [0, 0]
-    while any(at[n] < len(units[n][1].way) - 1 for n in range(2)):
+    minds = [Abreast(passes, n, lag if obey or lag is None else -1e3, rules[n]) for n in numbers]
+    at, least, idle = [0 for _ in numbers], np.inf, 0
+    stops = [0 for _ in numbers]
+    while any(at[n] < len(units[n][1].way) - 1 for n in numbers):
         moved = False
-        heard = [told(units[n][1], at[n], passes) for n in range(2)]
-        for n in range(2):
+        heard = [told(units[n][1], at[n], passes) for n in numbers]
+        for n in numbers:
             routes, made = units[n]
             if at[n] == len(made.way) - 1:
                 continue
             stops[n] = stops[n] - 1 if stops[n] > 0 else int(rng.integers(20, 150)) * (rng.random() < 0.02)
             task, index = int(made.task[at[n]]), sorted(routes).index(made.task[at[n]])
             route = routes[task]
-            free = minds[n].free(index, made.way[at[n]], route.length + route.turn, [heard[1 - n]])
+            others = [heard[k] for k in numbers if k != n]
+            free = minds[n].free(index, made.way[at[n]], route.length + route.turn, others)
             moved |= stops[n] > 0
             if stops[n] == 0 and free > 0.3:
                 at[n] += 1
@@ -165,7 +170,11 @@ def driven(passes, combines, team, lag, rng, *, obey=True):
         idle = 0 if moved else idle + 1
         if idle > 2:
             return None
-        least = min(least, shapely.distance(places[0][at[0]], places[1][at[1]]))
+        for n in numbers:
+            for k in range(n):
+                (ax, ay), (bx, by) = units[n][1].place[at[n], :2], units[k][1].place[at[k], :2]
+                if abs(ax - bx) + abs(ay - by) < 40.0:
+                    least = min(least, shapely.distance(places[n][at[n]], places[k][at[k]]))
     return least
 
 
@@ -190,6 +199,18 @@ def test_the_order_at_the_turns_neither_lets_them_touch_nor_stand_for_good(north
     assert None not in least
     assert min(least) > 0.5
     assert min(driven(passes, combines, team, lag, rng, obey=False) for _ in range(4)) == 0.0
+
+
+@pytest.mark.parametrize("seed", [1, 2, 9])
+def test_the_order_of_combines_with_lands_of_their_own(seed):
+    """Layouts with two and three combines, likewise."""
+    file = layout_file(seed, 1)
+    passes, combines, team = members_of(file)
+    rng = np.random.default_rng(3)
+    least = [driven(passes, combines, team, None, rng) for _ in range(2)]
+    assert None not in least
+    assert min(least) > 0.3
+    assert min(driven(passes, combines, team, None, rng, obey=False) for _ in range(2)) == 0.0
 
 
 def message(task, come, phase=Phase.CUTS):
@@ -223,9 +244,7 @@ def test_a_call_without_a_way_is_put_back():
 
 
 @pytest.mark.parametrize(("file", "said"), [
-    (file_of(1, 28.5, team={"together": "own_lands"}), "echelon"),
     (file_of(1, 28.5, lag=15.0), "lag_m"),
-    (file_of(1, 18.0), "last pass"),
     (file_of(1, 40.0, plan={"headland_rounds": 1}), "opening rounds"),
 ])  # fmt: skip
 def test_what_two_combines_cannot_do_is_refused(file, said):

@@ -19,7 +19,7 @@ class Passes:
 
     Own lands: the sides of the opening rounds, then each combine keeps to the land that it has begun, and
     takes another that nobody has; when there is none it helps in the longest one, from its end, where it is
-    there before those who work it.
+    there before those who work it. taken: pass and number of the combine, in the order of taking
     """
 
     def __init__(self, plan: FieldPlan, combines: Sequence[CombineState], together: str) -> None:
@@ -31,6 +31,7 @@ class Passes:
             if p.kind != "headland":
                 self._lands.setdefault(p.land, deque()).append(i)
         self._own: dict[int, int] = {}
+        self.taken: list[tuple[int, int]] = []
         self._row = deque(range(len(plan.passes)))
         self._ground: CutGround | None = None
         if together != "echelon" and len(combines) > 1:
@@ -58,6 +59,8 @@ class Passes:
         pass follows from what is cut when it is taken.
         """
         index = self._next(combine)
+        if index is not None:
+            self.taken.append((index, combine.number))
         if index is not None and self._ground is not None:
             task = self._all[index]
             self._all[index] = replace(task, cart_beside=self._ground.is_free_beside(task))

@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from swath.job.combine_ways import axle_pose
+from swath.job.combine_ways import axle_pose, is_far
 from swath.job.machines import Combine
 from swath.job.path import Piece, Pose
 from swath.job.plan import PlannedPass
@@ -11,19 +11,30 @@ from swath.job.turns import TurnLimits, clothoid
 
 GENTLE = 0.6  # of the steering's rate in a turn, the rest is for coming back to the path
 STRAIGHT = 3.0  # m on the line of the next pass before its begin
+ABREAST = 4.0  # radii before that, where a way leaves the line along the pass
 
 
 def turn_between(p: PlannedPass, then: PlannedPass, combine: Combine) -> list[Piece]:
     """Pieces of the fixed axle's way from the end of a pass to the start of the next.
 
-    Round a corner of an opening round it is a loop to the outside.
+    Round a corner of an opening round it is a loop to the outside. A pass that starts far along the next one
+    is reached as at the other levels: along it first, then across.
     """
     here, there = axle_at(p.end, combine), axle_at(then.start, combine, STRAIGHT)
     limits = replace(combine.limits, sharpness=GENTLE * combine.limits.sharpness)
     angle = math.remainder(there.heading - here.heading, 2.0 * math.pi)
-    if then.is_corner and math.radians(20.0) < abs(angle) < math.radians(150.0):
+    far = is_far(p.end, then.start)
+    if then.is_corner and not far and math.radians(20.0) < abs(angle) < math.radians(150.0):
         return loop(here, there, angle, limits)
-    return [*clothoid.plan(here, there, limits), Piece(0.0, 0.0, STRAIGHT)]
+    c, s = math.cos(there.heading), math.sin(there.heading)
+    along, room = (there.x - here.x) * c + (there.y - here.y) * s, ABREAST * limits.radius
+    first: list[Piece] = []
+    if far and abs(along) > room:
+        way = along - room if along > 0.0 else along
+        course = there.heading if along > 0.0 else there.heading + math.pi
+        goal = Pose(here.x + way * c, here.y + way * s, course)
+        first, here = clothoid.plan(here, goal, limits), goal
+    return [*first, *clothoid.plan(here, there, limits), Piece(0.0, 0.0, STRAIGHT)]
 
 
 def axle_at(knife: Pose, combine: Combine, back: float = 0.0) -> Pose:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.control.job.passes import Pass
+from swath.control.job.passes import RUN_OUT, Pass
 from swath.control.steer.path import Segment
 from swath.core.errors import InputError
 from swath.core.units import KMH
@@ -17,9 +17,10 @@ from swath.job.machines import Cart, Combine, Fleet
 from swath.job.path import Pose
 from swath.job.plan import FieldPlan, shapely_here
 from swath.machine.machine_sheet import open_machine
+from swath.tools.fleet import echelon, lands
 from swath.tools.fleet.combine_turns import axle_at, turn_between
-from swath.tools.fleet.echelon import RUN_UP, assigned, members
-from swath.tools.fleet.waiting import waiting_places
+from swath.tools.fleet.order import RUN_UP, Member
+from swath.tools.fleet.waiting import axle_ways, waiting_places
 
 GRAIN_PER_STEM = 0.0018  # kg, wheat: 500 stems/m2 are 9 t/ha
 FAR = 80.0  # m, as in the other levels: a way beyond it is no turn
@@ -32,8 +33,10 @@ RECEIVER: dict[str, Any] = {
 """Two antennas, so that a machine that stands knows where it looks."""
 LEAST_STRAY = 0.2  # m beside the plan, up to which the edge leads; else as far as passes overlap
 RADIO: dict[str, Any] = {"level": "radio", "rate_hz": 10, "delay_ms": 100}
-MOST_CARTS = MOST_COMBINES = 2
-TOLD = "line_m", "cart_beside", "combine"  # of a pass, to a cart
+RANGE = 500.0  # m, of the radio without setting it
+BEYOND = 100.0  # m that it reaches farther than the field is long
+MOST = 3  # combines, carts
+TOLD = "line_m", "cart_beside", "cart_standing", "combine", "turn"  # of a pass, to a cart
 OFF_FIELD = 12.0  # m from the field, that headers and turns need beside it
 LANDS = 0.5  # m, that the stream lands beyond the mouth of the pipe
 
@@ -41,29 +44,31 @@ LANDS = 0.5  # m, that the stream lands beyond the mouth of the pipe
 def scenario_of(file: FleetFile, plan: FieldPlan, fleet: Fleet, base: Path | None = None) -> dict[str, Any]:
     """The scenario as plain data. InputError for what this level cannot do."""
     _check(file, plan, fleet)
-    carts, combine = fleet.carts, fleet.combines[0]
-    passes = passes_of(plan, fleet.combines, file)
-    _check_last(passes)
-    team = members(told_passes(passes), fleet.combines, file) if len(fleet.combines) > 1 else []
+    carts, combines, combine = fleet.carts, fleet.combines, fleet.combines[0]
+    plan, by = shared_out(file, plan, fleet)
+    passes = passes_of(plan, by, combines, file)
+    team = _team(told_passes(passes), combines, file)
     machines = {}
-    for i, own in enumerate(fleet.combines):
+    for i, own in enumerate(combines):
         made = _combine(file, own, carts, passes, plan, base)
-        if team:
-            made["start"] = _start(axle_at(plan.passes[i].start, own, team[i].start))
+        if len(team) > 1:
+            made["start"] = _start(axle_at(plan.passes[by.index(i)].start, own, team[i].start))
             made["job"] |= team[i].job
-            made[f"peer_link_{len(carts)}"] = {**RADIO, "peer": fleet.combines[1 - i].name}
+            others = [c.name for c in combines if c is not own]
+            made |= {f"peer_link_{n}": {**RADIO, "peer": c} for n, c in enumerate(others, len(carts))}
         machines[own.name] = made
     truck = _truck(file, plan)
-    several = len(carts) > 1
-    places = waiting_places(plan, combine, truck, len(carts), len(fleet.combines)) if several else []
+    ways = [axle_ways(plan, by, i, own, team[i].run_out) for i, own in enumerate(combines)]
+    places = waiting_places(plan, ways, truck, len(carts)) if len(carts) > 1 else []
     for number, cart in enumerate(carts):
         made = _cart(file, combine, cart, passes, plan, base)
         if places:
             made |= {"start": _start(_facing(plan, *places[number]))} | _links(carts, cart)
             made["job"] |= {"number": number, "wait_m": _rounded(places[number])}
-        for i, other in enumerate(fleet.combines[1:], len(carts)):
+        for i, other in enumerate(combines[1:], len(carts)):
             made[f"peer_link_{i}"] = {**RADIO, "peer": other.name}
         machines[cart.name] = made
+    _reach(machines, plan)
     ring = [_rounded(point) for point in plan.boundary[::-1].tolist()]
     way = math.fsum(p.length for p in plan.passes) + FAR * len(plan.passes)
     return {
@@ -89,29 +94,48 @@ def scenario_of(file: FleetFile, plan: FieldPlan, fleet: Fleet, base: Path | Non
     }  # fmt: skip
 
 
+def _reach(machines: dict[str, Any], plan: FieldPlan) -> None:
+    """The radio of all machines reaches from one end of the field to the other."""
+    needed = math.hypot(*np.ptp(plan.boundary, axis=0).tolist()) + BEYOND
+    links = [v for made in machines.values() for k, v in made.items() if k.startswith("peer_link")]
+    for link in links if needed > RANGE else ():
+        link["range_m"] = math.ceil(needed)
+
+
 def _check(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> None:
-    for key, found, most in (("combines", fleet.combines, MOST_COMBINES), ("carts", fleet.carts, MOST_CARTS)):
-        if len(found) > most:
-            raise InputError(key, len(found), f"expected {most} at most at the level with sensors")
+    for key, found in (("combines", fleet.combines), ("carts", fleet.carts)):
+        if len(found) > MOST:
+            raise InputError(key, len(found), f"expected {MOST} at most at the level with sensors")
     if plan.holes:
         raise InputError("field", None, "expected a field without holes at the level with sensors")
     if file.unload.mode != "on_the_go":
         raise InputError("unload.mode", file.unload.mode, "expected on_the_go at the level with sensors")
 
 
-def _check_last(passes: list[dict[str, Any]]) -> None:
-    """A combine gives its last grain beside its last pass."""
-    last = {row.get("combine", 0): row for row in passes}
-    if not all(row["cart_beside"] for row in last.values()):
-        told = (
-            "expected a last pass of every combine beside which a cart can drive, at the level with sensors"
-        )
-        raise InputError("plan", None, told)
+def shared_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> tuple[FieldPlan, list[int]]:
+    """The plan with its passes in the order in which they are cut, and the number of the combine of each."""
+    if len(fleet.combines) > 1 and file.team.together != "echelon":
+        return lands.shared_out(file, plan, fleet)
+    return plan, echelon.assigned(plan, len(fleet.combines))
 
 
-def passes_of(plan: FieldPlan, combines: Sequence[Combine], file: FleetFile) -> list[dict[str, Any]]:
-    """Passes with the turns behind them, to the next one of the same combine."""
-    rows, by = [], assigned(plan, len(combines))
+def _team(passes: Sequence[Pass], combines: Sequence[Combine], file: FleetFile) -> list[Member]:
+    """Start and settings of each of the combines."""
+    if len(combines) == 1:
+        return [Member(RUN_UP, {}, RUN_OUT)]
+    if file.team.together == "echelon":
+        return echelon.members(passes, combines, file)
+    return lands.members(passes, combines)
+
+
+def passes_of(
+    plan: FieldPlan, by: Sequence[int], combines: Sequence[Combine], file: FleetFile
+) -> list[dict[str, Any]]:
+    """Passes with the turns behind them, to the next one of the same combine. by: number of that of each
+
+    Beside the last pass of a combine a cart can stand at least: it gives its last grain there.
+    """
+    rows = []
     for i, p in enumerate(plan.passes):
         combine = combines[by[i]]
         grain = p.area * file.field.yield_t_ha / 10.0 / p.length
@@ -120,9 +144,12 @@ def passes_of(plan: FieldPlan, combines: Sequence[Combine], file: FleetFile) -> 
             "cart_beside": bool(p.cart_beside),
             "speed_kmh": round(combine.speed_in(grain) / KMH, 4),
         }
+        then = next((k for k in range(i + 1, len(by)) if by[k] == by[i]), None)
+        is_outside = p.kind == "headland" and p.round_index == 0 and file.plan.headland == "clockwise"
+        if not p.cart_beside and (is_outside or then is None):
+            row["cart_standing"] = True
         if by[i]:
             row["combine"] = by[i]
-        then = next((k for k in range(i + 1, len(by)) if by[k] == by[i]), None)
         if then is not None:
             row["turn"] = [
                 {"length_m": q.length, "curvature_per_m": q.first, "to_per_m": q.last}
@@ -139,6 +166,7 @@ def told_passes(rows: list[dict[str, Any]]) -> list[Pass]:
         Pass(
             tuple((x, y) for x, y in row["line_m"]), row["cart_beside"], row["speed_kmh"],
             tuple(Segment(**segment) for segment in row.get("turn", [])), row.get("combine", 0),
+            row.get("cart_standing", False),
         )
         for row in rows
     ]  # fmt: skip
@@ -166,6 +194,7 @@ def _combine(
         "job": {
             "level": "harvest",
             "turn_speed_kmh": settings.turn_speed_kmh,
+            "transport_speed_kmh": settings.transport_speed_kmh,
             "turn_radius_m": settings.turn_radius_m,
             "call_percent": settings.call_percent,
             "finish_s": file.unload.finish_s,

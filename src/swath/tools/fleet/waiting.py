@@ -1,6 +1,7 @@
 """Where several carts wait: beside the truck, off the field and off the ways of the combine."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from swath.job.path import path_of
 from swath.job.plan import FieldPlan, shapely_here
 from swath.signals import F64
 from swath.tools.fleet.combine_turns import axle_at, turn_between
-from swath.tools.fleet.echelon import assigned, run_outs
 
 Point = tuple[float, float]
 OFF_WAYS = 20.0  # m from a combine's axle on its way: its header, and a cart whichever way it stands
@@ -20,10 +20,8 @@ FARTHEST = 26.0  # m beyond the field's bounds: so far carts look for ways
 AROUND, STEP, TURN = 90.0, 4.0, 15.0  # m about the truck that are looked at; m, deg between two places
 
 
-def waiting_places(
-    plan: FieldPlan, combine: Combine, truck: Point, count: int, abreast: int = 1
-) -> list[Point]:
-    """Places [m] for a count of carts, the nearest to the truck first. abreast: combines in echelon
+def waiting_places(plan: FieldPlan, ways: Sequence[F64], truck: Point, count: int) -> list[Point]:
+    """Places [m] for a count of carts, the nearest to the truck first. ways: of the combines, as `axle_ways`
 
     InputError where there is no room.
     """
@@ -32,16 +30,15 @@ def waiting_places(
     (west, south), (east, north) = plan.boundary.min(axis=0), plan.boundary.max(axis=0)
     bounds = shapely.box(west - FARTHEST, south - FARTHEST, east + FARTHEST, north + FARTHEST)
     free = bounds.difference(field.buffer(BESIDE))
-    for number in range(abreast):
-        ways = shapely.LineString(axle_ways(plan, combine, number, abreast))
-        free = free.difference(ways.buffer(OFF_WAYS))
+    for way in ways:
+        free = free.difference(shapely.LineString(way).buffer(OFF_WAYS))
     found: list[Point] = []
     for place in _around(truck):
         apart = min(math.dist(place, other) for other in (truck, *found))
         if len(found) < count and apart >= APART and free.contains(shapely.Point(place)):
             found.append(place)
     if len(found) < count:
-        told = f"expected room beside the field, {OFF_WAYS:g} m off the combine's ways, for {count} carts"
+        told = f"expected room beside the field, {OFF_WAYS:g} m off the combines' ways, for {count} carts"
         raise InputError("truck", list(truck), told)
     return found
 
@@ -53,14 +50,12 @@ def _around(truck: Point) -> list[Point]:
     return [(truck[0] + r * math.cos(a), truck[1] + r * math.sin(a)) for r in away for a in angles]
 
 
-def axle_ways(plan: FieldPlan, combine: Combine, number: int = 0, abreast: int = 1) -> F64:
-    """Points (n, 2) [m] of the fixed axle's way through all its passes and turns, and on behind the last one.
-
-    number: of the combine; abreast: how many there are in echelon
+def axle_ways(plan: FieldPlan, by: Sequence[int], number: int, combine: Combine, run_out: float) -> F64:
+    """Points (n, 2) [m] of the fixed axle's way of a combine through all its passes and turns, and on behind
+    the last one [m]. by: number of the combine of each pass
     """
     parts = []
-    own = [p for p, by in zip(plan.passes, assigned(plan, abreast), strict=True) if by == number]
-    run_out = run_outs(abreast)[number]
+    own = [p for p, of in zip(plan.passes, by, strict=True) if of == number]
     for p, then in zip(own, (*own[1:], None), strict=True):
         end = axle_at(p.end, combine)
         parts.append(np.array([axle_at(p.start, combine)[:2], end[:2]]))

@@ -30,7 +30,7 @@ from swath.signals import (
     Signal,
     UnloadState,
 )
-from swath.tools.fleet.scenario import scenario_of
+from swath.tools.fleet.scenario import scenario_of, shared_out
 
 STATES = {
     Phase.WAITS: "wait", Phase.CUTS: "cut", Phase.TURNS: "turn", Phase.STANDS: "wait",
@@ -163,6 +163,7 @@ def with_sensors(
     plan = plan_of(file, fleet, base)
     text = scenario_text(file, plan, fleet, base)
     scenario: Scenario = parse_scenario(text, base=base or Path.cwd(), sets=list(sets))
+    plan, _ = shared_out(file, plan, fleet)
     watch = Watch(plan)
     if out is None:
         summary = run_unrecorded(scenario, hooks=[watch])

@@ -1,0 +1,234 @@
+"""Who goes first where the ways of combines meet.
+
+All ways are sampled in steps of time as if nothing stopped anybody. Of two combines, those pairs of samples
+are no place to be at which outlines come near each other, or that the caller forbids. The shortest way from
+both begins to both ends around them, in steps of one, the other, or both, says on which side each of them is
+passed (O'Donnell and Lozano-Perez 1989, doi:10.1109/ROBOT.1989.100033, on the coordination of two paths). A
+third combine is coordinated in the same manner with the way that the first two found together. A combine then
+goes on once the others are past all that it lets go first. Such an order cannot come to a standstill: the way
+that was found stays open.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.control.job.abreast import own_passes
+from swath.control.job.passes import Pass, Route, route_of, way_along
+from swath.control.job.right_of_way import LIMITS
+from swath.core.units import KMH
+from swath.job.machines import Combine
+from swath.job.plan import shapely_here
+from swath.signals import F64
+
+RUN_UP = 4.0  # m before its first pass, where a combine starts
+APART = 1.0  # m between the outlines of two combines, at least
+STEP = 1.0  # s
+TOGETHER = 12  # samples
+NEVER = 1_000_000  # steps
+MOST = 3000  # samples of a way; more of them are farther apart
+NO_ORDER = "expected passes on which the combines can keep clear of each other"
+Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+Rule = dict[str, float]
+
+
+class Member(NamedTuple):
+    """A combine of several. start, run_out: how far before its first pass it begins, and drives on behind its
+    last one [m]; job: its settings
+    """
+
+    start: float
+    job: dict[str, Any]
+    run_out: float
+
+
+class Samples(NamedTuple):
+    """Of a way. task: number of the pass; way: along it and the turn behind it [m]; place: x, y, heading"""
+
+    task: Indices
+    way: F64
+    place: F64
+
+
+Forbidden = Callable[[int, Samples, int, Samples], Mask]
+
+
+class Ways(NamedTuple):
+    """Of all combines. routes: along the passes of each and the turns behind them; step: of samples [s]"""
+
+    routes: list[dict[int, Route]]
+    samples: list[Samples]
+    step: float
+
+
+def ways_of(
+    passes: Sequence[Pass], combines: Sequence[Combine], starts: Sequence[float], outs: Sequence[float]
+) -> Ways:
+    """The ways of all combines. starts, outs: how far before its first pass each begins, and drives on behind
+    its last one [m]
+    """
+    routes = [_routes(passes, i, combines[i], outs[i]) for i in range(len(combines))]
+    step = STEP * max(1.0, *(_time(w, passes, c) / MOST for w, c in zip(routes, combines, strict=True)))
+    made = [_samples(routes[i], passes, combines[i], starts[i], step) for i in range(len(combines))]
+    return Ways(routes, made, step)
+
+
+def rules_of(
+    made_ways: Ways, combines: Sequence[Combine], forbidden: Forbidden | None = None
+) -> list[list[Rule]] | None:
+    """`gives_way` of each combine; None where there is no such order. forbidden: of two combines and their
+    samples, which pairs (n, m) of these are no place to be for another reason: the second waits there.
+    """
+    numbers, ways = range(len(combines)), made_ways.samples
+    near = {(i, k): _near(ways[i], ways[k], (combines[i], combines[k])) for k in numbers for i in range(k)}
+    late = {
+        (i, k): forbidden(i, ways[i], k, ways[k]) if forbidden else np.zeros_like(mask)
+        for (i, k), mask in near.items()
+    }
+    joint: Indices = np.arange(len(ways[0].way))[:, None]
+    for k in numbers[1:]:
+        blocked = np.zeros((len(joint), len(ways[k].way)), dtype=bool)
+        for i in range(k):
+            blocked |= _widened(near[i, k] | late[i, k])[joint[:, i]]
+        blocked[0, 0] = blocked[-1, -1] = False  # where they begin and end is as it is
+        found = _way_through(blocked)
+        if found is None:
+            return None
+        joint = np.column_stack([joint[found[:, 0]], found[:, 1]])
+    made: list[list[Rule]] = [[] for _ in numbers]
+    for (i, k), mask in near.items():
+        low, high = _range_of(joint[:, i], joint[:, k])
+        after = np.arange(mask.shape[1])[None, :]
+        goes_first = mask & ~late[i, k] & (after > high[:, None])  # samples of the second that wait
+        goes_second = mask & (after < low[:, None])
+        reached = np.searchsorted(high, np.arange(mask.shape[1]))  # of the first, when the second comes there
+        made[i] += _rules(goes_second.T, low, ways[k], ways[i])
+        made[k] += _rules(goes_first, reached, ways[i], ways[k])
+    return made
+
+
+def _widened(mask: Mask) -> Mask:
+    """With the samples around: who waits for another one may wait until that has gone on."""
+    wide, made = np.pad(mask, 1), np.zeros_like(mask)
+    for i in range(3):
+        for k in range(3):
+            made |= wide[i : i + len(mask), k : k + mask.shape[1]]
+    return made
+
+
+def _range_of(first: Indices, second: Indices) -> tuple[Indices, Indices]:
+    """Least and greatest sample of the second at each of the first, on a way through for both."""
+    begins = np.flatnonzero(np.diff(first, prepend=-1))
+    ends = np.append(begins[1:], len(first)) - 1
+    return second[begins], second[ends]
+
+
+def _routes(passes: Sequence[Pass], number: int, combine: Combine, run_out: float) -> dict[int, Route]:
+    own = own_passes(passes, number)
+    mine, sheet = [passes[i] for i in own], combine.sheet
+    return {i: route_of(mine, k, sheet.knife_x, LIMITS, sheet.header_y, run_out) for k, i in enumerate(own)}
+
+
+def _time(routes: dict[int, Route], passes: Sequence[Pass], combine: Combine) -> float:
+    """Of the whole way [s]."""
+    return sum(
+        r.length / (passes[i].speed_kmh * KMH) + r.turn / combine.turn_speed for i, r in routes.items()
+    )
+
+
+def _samples(
+    routes: dict[int, Route], passes: Sequence[Pass], combine: Combine, start: float, step: float
+) -> Samples:
+    rows = []
+    way, last = -start, max(routes)
+    for i, route in routes.items():
+        end = route.length + (route.turn if i != last else way_along(route.points) - route.length - 1.0)
+        while way < end:
+            x, y = route.line.point(way)
+            rows.append((i, way, x, y, route.line.heading(way)))
+            way += step * (passes[i].speed_kmh * KMH if way < route.length else combine.turn_speed)
+        way -= end
+    table = np.array(rows)
+    return Samples(table[:, 0].astype(np.int64), table[:, 1], table[:, 2:])
+
+
+def _near(first: Samples, second: Samples, combines: Sequence[Combine]) -> Mask:
+    """Which pairs of samples are nearer than APART."""
+    shapely = shapely_here()
+    bodies = [_bodies(s.place, c, shapely) for s, c in zip((first, second), combines, strict=True)]
+    reach = 2.0 * max(float(np.abs(np.array(c.sheet.outline)).max()) for c in combines) * 1.5 + APART
+    near = np.zeros((len(first.way), len(second.way)), dtype=bool)
+    for i, (x, y, _) in enumerate(first.place.tolist()):
+        close = np.flatnonzero(np.hypot(second.place[:, 0] - x, second.place[:, 1] - y) < reach)
+        if len(close):
+            near[i, close] = shapely.distance(bodies[0][i], bodies[1][close]) < APART
+    return near
+
+
+def _bodies(place: F64, combine: Combine, shapely: Any) -> Any:
+    """Chassis and header at each place."""
+    made = []
+    for x, y, heading in place.tolist():
+        c, s = np.cos(heading), np.sin(heading)
+        boxes = [shapely.box(rear, right, front, left) for rear, front, right, left in combine.sheet.outline]
+        made.append(shapely.affinity.affine_transform(shapely.union_all(boxes), [c, -s, s, c, x, y]))
+    return np.array(made, dtype=object)
+
+
+def _way_through(blocked: Mask) -> Indices | None:
+    """The shortest way through, on which both drive whenever they can: pairs of samples (n, 2), each at most
+    one on from the one before; None where there is none.
+    """
+    rows, columns = blocked.shape
+    left = _steps_left(blocked)
+    if left[0, 0] >= NEVER:
+        return None
+    found = [(0, 0)]
+    while found[-1] != (rows - 1, columns - 1):
+        i, j = found[-1]
+        found.append(min(((i + 1, j + 1), (i + 1, j), (i, j + 1)), key=lambda to: left[to]))
+    return np.array(found)
+
+
+def _steps_left(blocked: Mask) -> NDArray[np.int32]:
+    """Steps from every pair of samples to the last one, with a row and a column of NEVER beyond that."""
+    rows, columns = blocked.shape
+    left = np.full((rows + 1, columns + 1), NEVER, dtype=np.int32)
+    at = np.arange(columns, dtype=np.int32)
+    for i in range(rows - 1, -1, -1):
+        best = np.minimum(left[i + 1, :-1], left[i + 1, 1:]) + 1
+        if i == rows - 1:
+            best[-1] = 0
+        ends = np.flatnonzero(np.diff(np.concatenate([[True], blocked[i], [True]]).astype(np.int8)))
+        for first, end in zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True):
+            free = slice(first, end)  # along it the second drives alone
+            reached = np.minimum.accumulate((best[free] + at[free])[::-1])[::-1] - at[free]
+            left[i, free] = np.minimum(reached, NEVER)
+    return left
+
+
+def _rules(before: Mask, reached: NDArray[np.int64], other: Samples, own: Samples) -> list[dict[str, float]]:
+    """Of a machine that waits. before: rows of the other one, columns of its own: what the other one is past
+    first; reached: row of the other one on the way through, when the own one comes to a column
+
+    Where the way through allows it a rule says at once what the next TOGETHER samples want.
+    """
+    rows, columns = before.shape
+    least = np.where(before.any(axis=0), rows - 1 - before[::-1].argmax(axis=0), -1)
+    rules, met = [], -1
+    for j in range(columns):
+        if least[j] <= met:
+            continue
+        soon = least[j : j + TOGETHER]
+        met = int(soon[soon < reached[j]].max())
+        k, past = max(j - 1, 0), min(met + 1, rows - 1)
+        rules.append(
+            {
+                "task": int(own.task[k]), "way_m": round(float(own.way[k]), 3),
+                "other": int(other.task[past]), "other_m": round(float(other.way[past]), 3),
+            }
+        )  # fmt: skip
+    return rules
