@@ -1,10 +1,12 @@
 """A whole field: the rows of docs/fleet.md, with the numbers that come out now.
 
-SWATH_DATA=... python benchmarks/harvest.py [--driven [FIRST LAST]]
+SWATH_DATA=... python benchmarks/harvest.py [--driven [FIRST LAST] | --sensors LAYOUT:CARTS ...]
 
 --driven: bundled jobs, or layouts from a number to another: hours by events and by driven machines, whether
 both rank the numbers of carts alike, seconds for which bodies of driven machines are over each other, and
 standoffs that were not solved.
+--sensors: layouts with a number of carts at the level with sensors, the edge known and machines kinematic:
+hours against events, seconds of computing, contacts, the crop that is left. Some minutes each.
 """
 
 import math
@@ -15,15 +17,18 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.job import measured_turns as turns
+from tests.job.cheap import CheapRun, cheap_sets
 from tests.job.jobs import finished, job_file
 from tests.job.layouts import CARTS, both_levels, layout, layout_file, same_ranking
 from tests.job.test_events import gain_of
 from tests.job.test_plan import LOG
 
+from swath.core.schedule import NS
 from swath.job.fleet import FleetFile, read_fleet
 from swath.job.recorded import predict, read_day
 from swath.job.turns import limits_of
 from swath.job.work import work_off
+from swath.tools.fleet.whole import share_uncut
 
 
 def say(case: str, found: str, expected: str) -> None:
@@ -123,7 +128,28 @@ def driven(first: int = 0, last: int = -1) -> None:
         print(f"{name}: {ranks}", flush=True)
 
 
+def with_sensors(jobs: list[str]) -> None:
+    """Events against machines with radio, receivers, grain streams and heaps that know the crop edge."""
+    print(f"{'layout:carts':14s}  events  sensors     %  computing  contacts  least clearance   left   end")
+    for job in jobs:
+        file = layout_file(*map(int, job.split(":")))
+        cheap, began = finished(file).time, time.process_time()
+        run = CheapRun(file, sets=cheap_sets(file.combines, file.carts, broken_off=25))
+        took, left = time.process_time() - began, share_uncut(run.world.field, run.plan)
+        found = [run.evaluation.metrics(name) for name in run.world.machines]
+        contacts = max(m["contact_count"] for m in found)
+        least = min(m["least_clearance_m"] for m in found)
+        seconds = run.world.graph.t / NS
+        print(
+            f"{job:14s} {cheap:7.0f} {seconds:8.0f} {100 * (seconds / cheap - 1):+5.1f} {took:8.0f} s"
+            f" {contacts:9.0f} {least:14.2f} m {100 * left:6.3f} %  {run.world.graph.ended}", flush=True,
+        )  # fmt: skip
+
+
 if __name__ == "__main__":
+    if sys.argv[1:2] == ["--sensors"]:
+        with_sensors(sys.argv[2:])
+        sys.exit()
     if sys.argv[1:2] == ["--driven"]:
         driven(*map(int, sys.argv[2:4]))
         sys.exit()
