@@ -45,7 +45,7 @@ NORTHWARD = 0.5 * np.pi
 
 
 @pytest.mark.parametrize(("passes", "x", "y", "is_in_way"), [
-    (NORTH, -8.7, 80.0, False),  # beside the pass, where it broke off; the turn is to the right
+    (NORTH, -8.2, 84.0, False),  # beside the pass, where it broke off; the turn is to the right
     (NORTH, 6.0, 106.0, True),  # in the turn
     (NORTH, 12.7, 60.0, True),  # on the next pass
     (NORTH, 40.0, 60.0, False),

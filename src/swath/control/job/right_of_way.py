@@ -280,9 +280,11 @@ class Clearance:
         return outline_of(said).least(places, here.x, here.y, KEEP) < KEEP
 
     def is_soon_in_way(self, here: Place, own: Outline, said: PeerState) -> bool:
-        """Whether a machine with an outline stands in the way of the combine, FAR_ON of it, or near to one
-        that stands in its turn.
+        """Whether a machine with an outline stands in the way of the combine behind its pass, up to FAR_ON,
+        or near to one that stands in its turn.
         """
         if said.phase == Phase.TURNS and said.speed < STILL and hypot(said.x, said.y) < FORE:
             return True
-        return is_swept(outline_of(said), self._ways.ahead(here, said, FAR_ON), own, [here], CLEARLY)
+        places = self._ways.ahead(here, said, FAR_ON)
+        in_pass = ceil(said.remaining / EVERY) if said.remaining > 0.0 else 0
+        return is_swept(outline_of(said), [places[0], *places[1 + in_pass :]], own, [here], CLEARLY)
