@@ -201,7 +201,7 @@ def test_the_order_at_the_turns_neither_lets_them_touch_nor_stand_for_good(north
     assert min(driven(passes, combines, team, lag, rng, obey=False) for _ in range(4)) == 0.0
 
 
-@pytest.mark.parametrize("seed", [1, 2, 9])
+@pytest.mark.parametrize("seed", [1, 9])
 def test_the_order_of_combines_with_lands_of_their_own(seed):
     """Layouts with two and three combines, likewise."""
     file = layout_file(seed, 1)
