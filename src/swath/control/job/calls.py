@@ -10,7 +10,7 @@ from swath.control.job.passes import Pass
 from swath.core.component import KeepsState
 from swath.signals import PeerState, Phase
 
-SOON = 2  # passes after the present one, for which it sets out
+FORESIGHT = 2  # passes after the present one, for which it sets out
 APART = 45.0  # m from a combine that cuts, from where on it sets out for a pass to come
 CLEAR = 16.0  # m from a combine that turns, likewise; and from one that drives, before it sets out elsewhere
 LEAST = 15.0  # m of a pass beside the combine, for which it sets out
@@ -87,11 +87,11 @@ class Calls(KeepsState):
 
     def next_task(self, peer: PeerState) -> int:
         """The combine's pass, where enough is left of it or it stands; else, once the combine has left its
-        place, the first of those SOON in which a cart can be poured into driving, or the next; -1 = none.
+        place, the first of the next FORESIGHT in which a cart can take grain driving, or the next; -1 = none.
         """
         passes, least = self._passes, self.break_off(peer.task) + LEAST
         own = self._own[passes[peer.task].combine]
-        then = own[own.index(peer.task) + 1 :][:SOON]
+        then = own[own.index(peer.task) + 1 :][:FORESIGHT]
         found = next((i for i in then if passes[i].cart_beside), -1)
         stands = peer.phase == Phase.STANDS
         is_here = passes[peer.task].cart_beside or (passes[peer.task].cart_standing and (stands or found < 0))

@@ -9,6 +9,7 @@ from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.control.cooperate.peer_track import OTHER_PORTS
 from swath.control.job.abreast import Abreast, GivesWay, own_passes
+from swath.control.job.calls import FORESIGHT
 from swath.control.job.dubins import Place
 from swath.control.job.ground import beside
 from swath.control.job.heard import SILENT, STOPS, AllHeard
@@ -47,7 +48,7 @@ LONG, STRAIGHT = 120.0, 2e-3  # m, from which a way is no turn; 1/m, less than w
 BEYOND, FAR = 10.0, 100.0  # m behind the turn, that have to be free, too, of carts that stand; not farther
 # on: these make room for what comes within the next 120 m
 STOPS_IN = 14.0  # m of the way that have to be free while it turns
-SOON, SHORTLY = 6, 2  # s, for which another machine is taken to drive straight on; passes to come
+SOON, SHORTLY = 6, 2  # s, for which another machine is taken to drive straight on; likewise in a turn
 BESIDE = 16.0  # m, nearer than which a cart stands beside it
 PASSES = 0.4  # m from a cart beside it, that it drives on past behind its last pass
 CAN_BE = 15.0  # m about a place where a silent machine may stand, that a turn takes
@@ -201,7 +202,7 @@ class Harvest(KeepsState):
         self._unloads = has_cart and self._is_too_full(load, left)
         wants = level >= p.call_percent * PERCENT or ((self._calls or to_last) and level > EMPTY)
         wants |= self._unloads or self._tank.wants_cart(load, self._index, left)
-        if work.cart_standing and not any(w.cart_beside for w in self._passes[self._index + 1 :][:SHORTLY]):
+        if work.cart_standing and not any(w.cart_beside for w in self._passes[self._index + 1 :][:FORESIGHT]):
             wants &= self._stands or self._tank.is_full_before_cart(load, self._index, left)
         self._calls = has_cart and wants
         leaves = self._phase == Phase.TURNS or (not self._calls and self._dry_for > RUNS_OUT)
@@ -288,7 +289,7 @@ class Harvest(KeepsState):
     def _comes_near(self, here: Place, carts: list[PeerState]) -> bool:
         """Whether a cart that is heard is in the next metres of the turn that it drives."""
         heard = [cart for cart in carts if cart.is_heard and cart.age <= SILENT]
-        return any(self._is_in_way(here, cart, SWEPT, STOPS_IN) for cart in heard)
+        return any(self._is_in_way(here, cart, turns=True) for cart in heard)
 
     def _is_too_full(self, load: MachineLoad, left: float) -> bool:
         """At the end of a pass beside which a cart can stand: whether it unloads there before it goes on."""
@@ -304,12 +305,14 @@ class Harvest(KeepsState):
         here = self._through_turn(end)[0]
         return not any(cart.is_heard and self._sweeps(end, cart, [place_of(here, cart)]) for cart in carts)
 
-    def _is_in_way(self, here: Place, said: PeerState, clear: float, reach: float = AHEAD) -> bool:
+    def _is_in_way(self, here: Place, said: PeerState, clear: float = SWEPT, *, turns: bool = False) -> bool:
+        """Whether a cart is in its way, in the turn that it drives or is to begin. clear: of it [m]"""
         away = hypot(said.x, said.y)
         if said.age > SILENT:
             return away < STOPS + CAN_BE
-        stands, soon = said.speed < 0.3, SOON if reach == AHEAD else SHORTLY
-        if stands and reach == AHEAD and not self._is_last:
+        reach, soon = (STOPS_IN, SHORTLY) if turns else (AHEAD, SOON)
+        stands = said.speed < 0.3
+        if stands and not turns and not self._is_last:
             route = self._route()
             reach = min(max(reach, route.length + route.turn + BEYOND - self._way), FAR)
         if away > NEAR + reach - AHEAD:
