@@ -1,7 +1,7 @@
 """How full a combine's tank will be, by what its passes have brought per metre."""
 
 from collections.abc import Sequence
-from math import inf, isfinite, nan
+from math import fsum, inf, isfinite, nan
 
 from swath.control.job.passes import Pass, way_along
 from swath.core.component import KeepsState
@@ -50,7 +50,7 @@ class TankForecast(KeepsState):
             first += 1
         if first >= len(self._passes):
             return False
-        way = max(left, 0.0) + sum(self._lengths[index + 1 : first + 1])
+        way = max(left, 0.0) + fsum(self._lengths[index + 1 : first + 1])
         return self._more(load, way + self._blind(first + 1)) > self._full
 
     def is_full_before_cart(self, load: MachineLoad, index: int, left: float) -> bool:
