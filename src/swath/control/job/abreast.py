@@ -85,8 +85,7 @@ class Abreast:
 
     def _until(self, task: int, told: Mapping[int, PeerState]) -> float:
         """How far along a pass it may go for the one ahead [m]."""
-        lead = None if self._lag is None else leader_of(self._passes, task)
-        if lead is None or self._lag is None:
+        if self._lag is None or (lead := leader_of(self._passes, task)) is None:
             return inf
         ahead, said = self._passes[lead], told.get(self._passes[lead].combine)
         if said is None or said.task < lead:

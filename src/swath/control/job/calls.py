@@ -22,7 +22,7 @@ def combines_of(heard: Mapping[str, PeerState]) -> dict[int, PeerState]:
     return {PORTS.index(name): said for name, said in heard.items() if isfinite(said.header_width)}
 
 
-def stands(said: PeerState) -> bool:
+def stands_for_cart(said: PeerState) -> bool:
     """Whether a combine stands and wants to unload there."""
     return said.phase == Phase.STANDS and said.calls and said.may_unload
 
@@ -63,7 +63,7 @@ class Calls(KeepsState):
 
         def rank(number: int) -> tuple[bool, bool, float, int]:
             since = self._since[number]
-            return since == inf, not stands(combines[number]), since, number
+            return since == inf, not stands_for_cart(combines[number]), since, number
 
         first = min(combines, key=rank)
         since = self._since[first]

@@ -14,7 +14,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.control.cooperate.peer_track import OTHER_PORTS
-from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, stands
+from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, stands_for_cart
 from swath.control.job.cart_ways import BEGIN, MOVES, STRAIGHT, CartWays, Way
 from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_taken, others_of
 from swath.control.job.dubins import Place
@@ -312,7 +312,7 @@ class Shuttle(KeepsState):
         if peer.task >= self._task or speed > MOVES:
             return False
         return any(
-            stands(said) and (said is peer or not self._calls.is_served(said, self._others))
+            stands_for_cart(said) and (said is peer or not self._calls.is_served(said, self._others))
             for said in self._combines.values()
         )
 

@@ -1,4 +1,4 @@
-"""The scenario of a job: its field, a combine and a cart with their sensors, passes and turns as planned."""
+"""The scenario of a job: its field, combines and carts with their sensors, passes and turns as planned."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Where combines wait for each other: at the end of a pass rather than on a long way, in nobody's way."""
+"""Where combines wait for each other: at the end of a pass, not on a long way where carts have to come by."""
 
 from bisect import bisect_left
 from collections.abc import Sequence
