@@ -133,7 +133,7 @@ def test_beside_the_boundary_a_cart_is_poured_into_standing_only():
 
 def test_on_the_straights_of_a_long_way_it_drives_as_in_transport():
     far = Pass(((0.0, 0.0), (0.0, 100.0)), turn=(Segment(20.0), Segment(11.0, np.pi / 11.0), Segment(250.0)))
-    near = replace(far, turn=(Segment(20.0), Segment(11.0, np.pi / 11.0), Segment(30.0)))
+    near = replace(far, turn=(Segment(20.0), Segment(11.0, np.pi / 11.0), Segment(10.0)))
     for work, fastest in ((far, 12.0), (near, 7.0)):
         bench = Bench((work, NORTH[1]))
         for north in np.arange(1.0, 100.2, 0.5):

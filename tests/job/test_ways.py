@@ -91,13 +91,19 @@ def test_the_way_left_leads_around_the_crop():
     assert left.at(30.0, 20.0) == np.inf
 
 
-def said(speed, phase):
-    return PeerState(0, True, 0.1, 40.0, 5.0, 0.0, speed, 0.0, phase=phase, task=0, remaining=20.0)
+def said(speed, phase, remaining):
+    return PeerState(0, True, 0.1, 40.0, 5.0, 0.0, speed, 0.0, phase=phase, task=0, remaining=remaining)
 
 
-@pytest.mark.parametrize(("speed", "phase", "looks"), [(1.5, Phase.CUTS, 1), (0.0, Phase.STANDS, 2)])
-def test_with_nothing_else_in_the_way_a_failing_search_is_not_repeated(speed, phase, looks, monkeypatch):
-    """Nearer to a combine that stands it looks once more; one that drives is waited for."""
+@pytest.mark.parametrize(("speed", "phase", "remaining", "looks"), [
+    (1.5, Phase.CUTS, 40.0, 1), (0.0, Phase.STANDS, 20.0, 2), (1.5, Phase.CUTS, 20.0, 2),
+])  # fmt: skip
+def test_with_nothing_else_in_the_way_a_failing_search_is_not_repeated(
+    speed, phase, remaining, looks, monkeypatch
+):
+    """Nearer to a combine that stands, or may soon at the end of its pass, it looks once more; one that drives
+    is waited for.
+    """
     count = []
 
     class Failing:
@@ -109,5 +115,5 @@ def test_with_nothing_else_in_the_way_a_failing_search_is_not_repeated(speed, ph
 
     monkeypatch.setattr(cart_ways, "Search", Failing)
     made = CartWays([Pass(((6.0, 0.0), (6.0, 40.0)))], FIELD, 12.0, 8.2, 9.0)
-    assert made.to_place(Place(0.0, 0.0, 0.0), (-15.0, -15.0), said(speed, phase)) is None
+    assert made.to_place(Place(0.0, 0.0, 0.0), (-15.0, -15.0), said(speed, phase, remaining)) is None
     assert len(count) == looks

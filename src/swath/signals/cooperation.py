@@ -112,12 +112,14 @@ class PeerState(Signal, about=About()):
     impact_x: Annotated[float, Quantity("m", "where its stream comes down, ahead", nan="no pipe")] = _NAN
     impact_y: Annotated[float, Quantity("m", "leftward", nan="no pipe")] = _NAN
     tank_level: Annotated[float, Quantity("", "of its tank, 0..1", nan="no tank")] = _NAN
+    tank_grain: Annotated[float, Quantity("kg", "in its tank", nan="no tank")] = _NAN
     is_pouring: Annotated[bool, Quantity("", "grain leaves its pipe")] = False
     is_full: Annotated[bool, Quantity("", "it takes no grain now")] = False
     phase: Annotated[int, Quantity("", "what it does, as in JobState; -1 = no job")] = -1
     task: Annotated[int, Quantity("", "number of its pass; -1 = none")] = -1
     remaining: Annotated[float, Quantity("m", "to the end of its pass", nan="in no pass")] = _NAN
     come: Annotated[float, Quantity("m", "along its pass and the turn behind it", nan="in no pass")] = _NAN
+    to_come: Annotated[float, Quantity("kg", "that it will hand over still", nan="not told")] = _NAN
     may_unload: Annotated[bool, Quantity("", "a cart may drive beside it")] = False
     calls: Annotated[bool, Quantity("", "it wants a cart")] = False
     body_front: Annotated[float, Quantity("m", "of its chassis, ahead of its origin", nan="not told")] = _NAN

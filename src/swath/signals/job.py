@@ -42,6 +42,10 @@ class JobState(Signal, about=About()):
     calls: Annotated[bool, Quantity("", "a cart is wanted", column="job_calls")] = False
     empties: Annotated[bool, Quantity("", "the box is emptied into the truck")] = False
     come: Annotated[float, Quantity("m", "along its pass and the turn behind it", nan="in no pass")] = _NAN
+    to_come: Annotated[
+        float,
+        Quantity("kg", "in the tank and, forecast, on its last two passes", nan="before those"),
+    ] = _NAN
     serves: Annotated[
         int, Quantity("", "machine that it works with: 0 = that of `peer_link`, 1 = of `peer_link_1`")
     ] = 0

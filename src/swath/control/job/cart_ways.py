@@ -12,7 +12,7 @@ from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, Point, beside
 from swath.control.job.passes import Pass, way_along
-from swath.control.job.right_of_way import KEEP, outline_of, place_of
+from swath.control.job.right_of_way import FORE, KEEP, CombineWays, outline_of, place_of
 from swath.control.job.ways import Search
 from swath.control.steer.guidance_line import along_bends
 from swath.signals import F64, PeerState, Phase
@@ -54,6 +54,7 @@ class CartWays:
     ) -> None:
         self._passes, self._boundary, self._places = passes, boundary, places
         self._header, self._left, self._radius = header, left, radius
+        self._ways = CombineWays(passes)
         self._uncut: Ground | None = None  # made when it is asked for
 
     def to_place(
@@ -108,16 +109,20 @@ class CartWays:
     ) -> Way | None:
         """Through the first places, to the goal, and through the rest; None where there is none now.
 
-        About a combine that stands its trailer has room to cut corners, where there is such a way.
+        Where there is such a way, it keeps off the way that a combine which stands in its turn has before
+        it, and about one that stands its trailer has room to cut corners.
         """
         ground = self._ground(combines)
         start = first[-1] if first else here
-        looked = None
-        for keep in (KEEP + CUTS_IN, KEEP):
-            discs = [disc for combine in combines for disc in _discs(here, start, combine, keep)]
-            if discs == looked:  # the same as before
-                return None
-            both, looked = [*discs, *taken], discs
+        looked: list[list[Disc]] = []
+        stands = [(c, at) for c in combines for at in self._stands(here, c)]
+        waits = [disc for combine in combines for disc in self._before(here, start, combine)]
+        for more, keep in ((waits, KEEP + CUTS_IN), (waits, KEEP), ([], KEEP + CUTS_IN), ([], KEEP)):
+            discs = [disc for c, at in stands for disc in _discs(start, c, at, keep)]
+            if [*discs, *more] in looked:  # the same as before
+                continue
+            looked.append([*discs, *more])
+            both = [*looked[-1], *taken]
             masks = ground.clear_of(HALF, both), ground.clear_of(NARROW, both)
             way = Search(ground, *masks, self._radius).way(start, goals)
             if way is not None:
@@ -128,6 +133,29 @@ class CartWays:
         points = np.array([*before, *along_bends(*start, bends_of(way, self._radius)), *rest])
         last = hypot(rest[0][0] - goals[0].x, rest[0][1] - goals[0].y) if rest else 0.0
         return Way(points, last)
+
+    def _stands(self, here: Place, combine: PeerState) -> list[Place]:
+        """Where a combine stands, or may soon, at the end of its pass. Else one that moves is waited for.
+
+        here: where the own machine is
+        """
+        if combine.speed <= MOVES or combine.phase not in (Phase.CUTS, Phase.TURNS):
+            return [place_of(here, combine)]
+        if combine.phase == Phase.CUTS and combine.remaining < FORE:
+            return self._ways.ahead(here, combine, max(combine.remaining, 0.0))[-1:]
+        return []
+
+    def _before(self, here: Place, start: Place, combine: PeerState) -> list[Disc]:
+        """What a combine that stands in its turn, and is not nearer than that, drives over in the next FORE
+        metres.
+        """
+        if combine.phase != Phase.TURNS or combine.speed > MOVES:
+            return []
+        outline = outline_of(combine)
+        ahead = self._ways.ahead(here, combine, FORE)
+        if min(outline.away(at, start.x, start.y) for at in ahead) < KEEP:
+            return []
+        return [(x, y, KEEP - NARROW) for at in ahead for x, y in outline.points(at)]
 
     def _ground(self, combines: Sequence[PeerState]) -> Ground:
         """Crop as it stands now, by the passes that are done and the way in the present ones."""
@@ -157,13 +185,9 @@ class CartWays:
         return [beside(x, y, course, 0.0, self._left + aside) for x, y in ((ax, ay), (bx, by))]
 
 
-def _discs(here: Place, start: Place, combine: PeerState, keep: float) -> list[Disc]:
-    """What is left free about a combine that stands, as far as the start is from it; one that moves is waited
-    for. here: where the own machine is; keep: from the outline [m]
-    """
-    if combine.speed > MOVES and combine.phase in (Phase.CUTS, Phase.TURNS):
-        return []
-    outline, at = outline_of(combine), place_of(here, combine)
+def _discs(start: Place, combine: PeerState, at: Place, keep: float) -> list[Disc]:
+    """What is left free about a combine at a place, as far as the start is from it. keep: from its outline"""
+    outline = outline_of(combine)
     radius = max(min(outline.away(at, start.x, start.y), keep + CELL) - NARROW - 0.5 * CELL, 0.3)
     return [(x, y, radius) for x, y in outline.points(at)]
 

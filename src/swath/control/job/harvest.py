@@ -44,10 +44,11 @@ CRAWL = 0.2  # m/s, slowest towards the end of a pass
 TAKEN = 0.02  # of the tank, that a cart took before a machine with a full one goes on
 NEAR = 60.0  # m, beyond which another machine is not in the way of a turn
 AHEAD, EVERY = 45.0, 2.0  # m of the way through a turn that have to be free; between two looks
-LONG, STRAIGHT = 120.0, 2e-3  # m, from which a way is no turn; 1/m, less than which is no bend
+LONG, STRAIGHT = 80.0, 2e-3  # m, from which a way is no turn; 1/m, less than which is no bend
 BEYOND, FAR = 10.0, 100.0  # m behind the turn, that have to be free, too, of carts that stand; not farther
 # on: these make room for what comes within the next 120 m
-STOPS_IN = 14.0  # m of the way that have to be free while it turns
+STOPS_IN = 14.0  # m of the way that have to be free while it turns, and while it cuts
+BUMPS = 0.2  # m from a cart ahead of it, that it stops before in a pass: nearer than one beside it is
 SOON, SHORTLY = 6, 2  # s, for which another machine is taken to drive straight on; likewise in a turn
 BESIDE = 16.0  # m, nearer than which a cart stands beside it
 PASSES = 0.4  # m from a cart beside it, that it drives on past behind its last pass
@@ -57,7 +58,7 @@ CAN_BE = 15.0  # m about a place where a silent machine may stand, that a turn t
 @dataclass(frozen=True)
 class Params:
     """passes: of all combines, in the order of working; number: of this one
-    turn_speed_kmh: between them; transport_speed_kmh: on the straights of a way of more than 120 m;
+    turn_speed_kmh: between them; transport_speed_kmh: on the straights of a way of more than 80 m;
     turn_radius_m: of turns not given
     turn_rate_deg_s: of the steering angle in them, less than the steering can, to come back to the path
     lower_m, raise_m: way before the crop on which the header goes down, behind it on which it goes up
@@ -97,7 +98,7 @@ class Harvest(KeepsState):
 
     kept = (
         "_index", "_way", "_phase", "_calls", "_finishes", "_stands", "_unloads", "_tank", "_ended",
-        "_heard", "_silent_for", "_dry_for",
+        "_heard", "_silent_for", "_dry_for", "_to_come", "_pours_on",
     )  # fmt: skip
     inputs = (
         Port("pose", PoseEstimate),
@@ -129,9 +130,9 @@ class Harvest(KeepsState):
 
     def _forget(self) -> None:
         self._index, self._way, self._phase = 0, 0.0, Phase.WAITS
-        self._calls = self._finishes = self._stands = self._unloads = False
+        self._calls = self._finishes = self._stands = self._unloads = self._pours_on = False
         self._tank.reset()
-        self._ended, self._silent_for, self._dry_for = "", 0.0, inf
+        self._ended, self._silent_for, self._dry_for, self._to_come = "", 0.0, inf, nan
         self._heard.reset()
 
     def reset(self, stream: Stream) -> Outputs:
@@ -186,7 +187,7 @@ class Harvest(KeepsState):
         if not self._is_last and self._way > route.length + route.turn:
             self._way -= route.length + route.turn
             self._index += 1
-            self._finishes = False
+            self._finishes = self._pours_on = False
 
     def _speed(self, inputs: Inputs, here: Place, carts: list[PeerState]) -> float:
         """Wanted speed [m/s], and with it what the machine does."""
@@ -198,7 +199,8 @@ class Harvest(KeepsState):
         is_over = is_last and left <= AT_END
         to_last = is_last or (self._phase == Phase.TURNS and self._index + 2 == len(self._passes))
         if left > AT_END:
-            self._tank.update(load, self._way)
+            self._tank.update(load, self._index, self._way)
+        self._to_come = self._tank.to_come(load, self._index, left)
         self._unloads = has_cart and self._is_too_full(load, left)
         wants = level >= p.call_percent * PERCENT or ((self._calls or to_last) and level > EMPTY)
         wants |= self._unloads or self._tank.wants_cart(load, self._index, left)
@@ -211,6 +213,7 @@ class Harvest(KeepsState):
         if flow > 0.0 and 0.0 < left < p.unload_to_m and not self._finishes:
             is_soon_over = load.tank_grain / flow <= p.finish_s + left / max(speed, 0.3)
             self._finishes = is_soon_over and self._turns_clear_of(carts)
+            self._pours_on |= has_cart and not is_last and self._tank.is_too_full(load, self._index, left)
         if left > AT_END:
             holds = self._is_full(work, level, pours=flow > 0.0)
         else:
@@ -223,9 +226,11 @@ class Harvest(KeepsState):
         self._phase = Phase.CUTS if left > AT_END else Phase.TURNS
         wanted, turning = work.speed_kmh * KMH, p.turn_speed_kmh * KMH
         free = self._free()
+        if self._comes_near(here, carts, SWEPT if self._phase == Phase.TURNS else BUMPS):
+            return 0.0
         if self._phase == Phase.TURNS:
-            return 0.0 if self._comes_near(here, carts) else min(self._turn_speed(), free)
-        slower = 0.0 if self._finishes or is_last else min(turning, wanted)
+            return min(self._turn_speed(), free)
+        slower = 0.0 if self._finishes or self._pours_on or is_last else min(turning, wanted)
         return min(wanted, free, max(sqrt(slower**2 + 2.0 * BRAKE * (left - AT_END)), CRAWL))
 
     def _turn_speed(self) -> float:
@@ -286,16 +291,16 @@ class Harvest(KeepsState):
     def _is_blocked(self, here: Place, carts: list[PeerState], clear: float = SWEPT) -> bool:
         return any(cart.is_heard and self._is_in_way(here, cart, clear) for cart in carts)
 
-    def _comes_near(self, here: Place, carts: list[PeerState]) -> bool:
-        """Whether a cart that is heard is in the next metres of the turn that it drives."""
+    def _comes_near(self, here: Place, carts: list[PeerState], clear: float) -> bool:
+        """Whether a cart that is heard is in the next metres of its way. clear: of it [m]"""
         heard = [cart for cart in carts if cart.is_heard and cart.age <= SILENT]
-        return any(self._is_in_way(here, cart, turns=True) for cart in heard)
+        return any(self._is_in_way(here, cart, clear, drives=True) for cart in heard)
 
     def _is_too_full(self, load: MachineLoad, left: float) -> bool:
         """At the end of a pass beside which a cart can stand: whether it unloads there before it goes on."""
         if self._phase == Phase.TURNS or left > AT_END or self._is_last:
             return False
-        pours_on = self._unloads and self._dry_for <= RUNS_OUT
+        pours_on = (self._unloads or self._pours_on) and self._dry_for <= RUNS_OUT
         is_too_full = pours_on or self._tank.is_too_full(load, self._index)
         return self._passes[self._index].has_cart and is_too_full
 
@@ -305,14 +310,14 @@ class Harvest(KeepsState):
         here = self._through_turn(end)[0]
         return not any(cart.is_heard and self._sweeps(end, cart, [place_of(here, cart)]) for cart in carts)
 
-    def _is_in_way(self, here: Place, said: PeerState, clear: float = SWEPT, *, turns: bool = False) -> bool:
-        """Whether a cart is in its way, in the turn that it drives or is to begin. clear: of it [m]"""
+    def _is_in_way(self, here: Place, said: PeerState, clear: float = SWEPT, *, drives: bool = False) -> bool:
+        """Whether a cart is in its way, as it drives, or in the turn that it is to begin. clear: of it [m]"""
         away = hypot(said.x, said.y)
         if said.age > SILENT:
             return away < STOPS + CAN_BE
-        reach, soon = (STOPS_IN, SHORTLY) if turns else (AHEAD, SOON)
+        reach, soon = (STOPS_IN, SHORTLY) if drives else (AHEAD, SOON)
         stands = said.speed < 0.3
-        if stands and not turns and not self._is_last:
+        if stands and not drives and not self._is_last:
             route = self._route()
             reach = min(max(reach, route.length + route.turn + BEYOND - self._way), FAR)
         if away > NEAR + reach - AHEAD:
@@ -343,12 +348,12 @@ class Harvest(KeepsState):
         in_pass = left > AT_END
         edge = in_pass and way >= p.edge_from_m and left >= p.edge_to_m
         stands = self._phase == Phase.STANDS
-        goes_on = left > p.unload_to_m or self._finishes or is_last
+        goes_on = left > p.unload_to_m or self._finishes or self._pours_on or is_last
         driving = work.cart_beside and in_pass and way > 2.0 and goes_on
         may = (work.has_cart and stands) or driving
         job = JobState(
             t, int(self._phase), self._own[self._index], speed, left if in_pass or stands else nan,
-            by_edge=edge, may_unload=may, calls=self._calls, come=way,
+            by_edge=edge, may_unload=may, calls=self._calls, come=way, to_come=self._to_come,
         )  # fmt: skip
         sent = GuidancePath(t, path.x, path.y, path.number)
         return {"job": job, "path": sent, "header": HeaderCommand(t, is_down)}

@@ -26,6 +26,7 @@ class Pass:
     """line_m: middle of the header from begin to end of the crop, [x, y] each; cart_beside: a cart can drive
     on its left and take grain; speed_kmh: in it, at most; combine: number of the one that cuts it, of several
     cart_standing: a cart can drive there, but takes grain only where both stand: outside of the field
+    width_m: that is cut in it, on the average: what it brings against other passes
 
     turn: of the fixed axle, from where it is when the knife is at the end of the pass to where it is when the
     knife is at the begin of the next; none = the shortest of clothoids, arcs and straights at the turn's
@@ -38,6 +39,7 @@ class Pass:
     turn: tuple[Segment, ...] = ()
     combine: Annotated[int, Ge(0), Le(3)] = 0
     cart_standing: bool = False
+    width_m: Annotated[float, Gt(0), Le(30)] = 1.0
 
     @property
     def has_cart(self) -> bool:

@@ -28,6 +28,9 @@ LOOK, STEP = 8.0, 1.0  # m beyond the braking way; between two looks
 SHORT = 6.5  # m kept between the axle and what is in the way: a tractor reaches 4.6 m ahead of its axle
 GENTLE = 0.4  # m/s2, of braking
 STILL = 0.1  # m/s
+ROOM, ABOUT = 25.0, 30.0  # m: a cart can turn about before a combine that stands in its turn; m beyond that
+WELL = 5.0  # m from a combine's way, where a cart waits that is bent or turns off yet
+CLOSE = 40.0  # m, beyond which two machines do not touch
 DEEP = 2.0  # m from the front of a header to its back
 
 
@@ -273,6 +276,41 @@ class Clearance:
             places += self._ways.through(task, said)
         outline = outline_of(said)
         return any(outline.least(places, x, y, CLEARLY) < CLEARLY for x, y in own.points(there))
+
+    def before_standing(
+        self, here: Place, line: GuidanceLine, at: float, until: float, said: PeerState
+    ) -> float:
+        """Way [m] from `at` along a line, as far as `until`, to where a cart still has room to turn about
+        before a combine that stands in its turn; inf where none is in its way.
+        """
+        if said.phase != Phase.TURNS or said.speed >= STILL or hypot(said.x, said.y) > ROOM + ABOUT:
+            return inf
+        way = free_way(here, line, at, until, ROOM + ABOUT, outline_of(said), [place_of(here, said)])
+        return max(way + SHORT - ROOM, 0.0)
+
+    def until_near(
+        self,
+        here: Place,
+        line: GuidanceLine,
+        most: float,
+        own: Outline,
+        said: PeerState,
+        between: Sequence[int] = (),
+    ) -> float:
+        """How far along a line, `most` at most [m], a machine with an outline can drive to stand WELL off the
+        combine's way, as in `comes_by`. here: where the machine is, at the begin
+        """
+        places = self._ways.ahead(here, said)
+        for task in between:
+            places += self._ways.through(task, said)
+        outline = outline_of(said)
+        for i in range(int(most / EVERY) + 1):
+            x, y = line.point(EVERY * i)
+            close = [p for p in places if hypot(p.x - x, p.y - y) < CLOSE]
+            at = Place(x, y, line.heading(EVERY * i))
+            if close and any(outline.least(close, *q, WELL) < WELL for q in own.points(at)):
+                return EVERY * max(i - 1, 0)
+        return most
 
     def is_in_way(self, here: Place, said: PeerState) -> bool:
         """Whether it is near to the combine, or in its way."""

@@ -7,7 +7,7 @@ turn to the next pass. Where a combine will be next it drives only behind it.
 """
 
 from dataclasses import dataclass
-from math import cos, hypot, inf, isfinite, nan, sin, sqrt
+from math import cos, fsum, hypot, inf, isfinite, nan, sin, sqrt
 from typing import Annotated
 
 import numpy as np
@@ -15,12 +15,13 @@ from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.control.cooperate.peer_track import OTHER_PORTS
 from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, stands_for_cart
-from swath.control.job.cart_ways import BEGIN, MOVES, STRAIGHT, CartWays, Way
+from swath.control.job.cart_ways import MOVES, CartWays
 from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_taken, others_of
 from swath.control.job.dubins import Place
 from swath.control.job.heard import SILENT, AllHeard
-from swath.control.job.passes import Coordinate, Pass, swings_out
+from swath.control.job.passes import Coordinate, Pass
 from swath.control.job.right_of_way import KEEP, KEEP_STRAIGHT, Clearance, own_outline
+from swath.control.job.wait_ahead import AHEAD, WaitAhead
 from swath.control.steer.guidance_line import GuidanceLine
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
@@ -40,10 +41,10 @@ CATCH_UP = 0.3  # 1/s
 IN_LINE, TURNED, NEAR = 1.0, 0.2094, 4.0  # m, rad (12 deg), m: from there on it keeps the station
 FULL_FOR = 4.0  # s, that the station says full, or that nothing is poured any more, before it leaves
 HELD_FOR = 8.0  # s without grain beside a combine that stands: it cannot turn while the cart is there
-AHEAD = STRAIGHT - BEGIN + 20.0  # m along the line beside a pass, where it waits for the combine to come up
 RETRY = 5.0  # s between two looks for a way
 ARRIVED = 0.4  # m
 AT_PLACE = 6.0  # m from where it waits: it is there
+FILLS = 0.9  # of the largest heap, that it takes without running over
 BLOCKED_FOR = 4.0  # s behind a machine that stands in its way, before it looks for another one
 
 
@@ -53,8 +54,8 @@ class Params:
     to the left
     truck_m: place beside the truck; dock_s: to stand right there and to be gone again
     speed_kmh: on the field; radius_m: of its tightest turn; leave_percent: of the largest heap, from which it
-    drives to the truck; break_off_m: before the end of a pass, where it stops keeping the station; but in the
-    last one
+    drives to the truck, but not alone with room for all of the last two passes; break_off_m: before the end
+    of a pass, where it stops keeping the station; but in the last one
     of several carts - number: in their order; wait_m: where it waits; none = at the truck
     """
 
@@ -77,8 +78,8 @@ class Shuttle(KeepsState):
 
     kept = (
         "_phase", "_goal", "_task", "_points", "_number", "_way", "_lane", "_since", "_until", "_retry_at",
-        "_is_free", "_is_clear", "_looks_at", "_blocked_at", "_ended", "_poured_at", "_heard", "_calls",
-        "_served",
+        "_is_free", "_is_clear", "_drives_to", "_looks_at", "_blocked_at", "_ended", "_poured_at", "_heard",
+        "_calls", "_served",
     )  # fmt: skip
     inputs = (
         Port("pose", PoseEstimate),
@@ -102,6 +103,7 @@ class Shuttle(KeepsState):
         self._line: GuidanceLine | None = None
         self._heard, self._others = AllHeard(), list[OtherCart]()
         self._calls, self._combines = Calls(p.passes, p.break_off_m), dict[int, PeerState]()
+        self._ahead = WaitAhead(p.passes, self._outline, self._clearance, self._calls)
         self._forget()
 
     def _forget(self) -> None:
@@ -110,7 +112,7 @@ class Shuttle(KeepsState):
         self._way = self._lane = 0.0
         self._since, self._until, self._retry_at, self._poured_at = inf, -inf, -inf, -inf
         self._looks_at = -inf
-        self._is_clear = True
+        self._is_clear, self._drives_to = True, inf
         self._is_free, self._ended, self._blocked_at, self._served = True, "", inf, 0
         self._heard.reset()
         self._calls.reset()
@@ -157,7 +159,7 @@ class Shuttle(KeepsState):
             return
         is_over = all(said.phase == Phase.DONE for said in combines)
         caller, since = self._calls.longest(now, self._combines, self._others)
-        is_loaded = self._has_load(heap) or (is_over and heap.grain > 0.0)
+        is_loaded = self._leaves(heap) or (is_over and heap.grain > 0.0)
         takes = since >= LATER * self._p.number and not is_loaded and self._is_free
         self._served = caller if takes else nearest(self._combines)
         place, peer = self._p.wait_m, self._combines[self._served]
@@ -209,36 +211,17 @@ class Shuttle(KeepsState):
         else:
             place = self._p.wait_m if goal == "place" else None
             found = self._ways.to_place(here, place or self._p.truck_m, peer, discs, rest)
-        is_clear = found is None or self._is_clear_there(here, found, task, peer)
-        if found is None or not self._may_set_out(task, peer, is_clear=is_clear):
+        is_clear = found is None or self._ahead.is_clear(here, found, task, peer)
+        until = 0.0 if found is None else self._ahead.until(here, found, task, peer, is_clear=is_clear)
+        if found is None or until <= 0.0:
             self._calls.put_back(self._served, now)
             return
-        self._is_clear = is_clear
+        self._is_clear, self._drives_to = is_clear, until
         self._points, self._number, self._way = found.points, self._number + 1, 0.0
         self._line = None
         self._phase, self._goal, self._task = Phase.DRIVES, goal, task
         self._lane = self._made().length - found.beside if goal == "combine" else inf
         self._retry_at, self._blocked_at = -inf, inf
-
-    def _is_clear_there(self, here: Place, way: Way, task: int, peer: PeerState) -> bool:
-        """Whether the place beside a pass to come, where it waits for the combine, is off that one's way."""
-        if task <= peer.task:
-            return True
-        line = GuidanceLine(way.points.tolist(), "path")
-        at = line.length - way.beside + AHEAD
-        there = Place(*line.point(at), line.heading(at))
-        between = self._calls.between(peer.task, task)
-        return not self._clearance.comes_by(here, there, self._outline, peer, between)
-
-    def _may_set_out(self, task: int, peer: PeerState, *, is_clear: bool) -> bool:
-        """To a pass to come: where it waits off the combine's way; to the next one it may wait on its way,
-        but not behind a turn that swings out.
-        """
-        if task <= peer.task:
-            return True
-        if self._calls.between(peer.task, task):
-            return is_clear
-        return not swings_out(self._p.passes[peer.task])
 
     def _drives(self, now: float, here: Place, peer: PeerState, inputs: Inputs) -> float:
         """Along the way that was found; on the line beside the pass it catches up."""
@@ -248,7 +231,7 @@ class Shuttle(KeepsState):
         self._way = nearest.way
         left = line.length - self._way
         if left <= ARRIVED and self._goal != "combine":
-            empties = self._has_load(heap) or (peer.phase == Phase.DONE and heap.grain > 0.0)
+            empties = self._is_loaded(heap) or (peer.phase == Phase.DONE and heap.grain > 0.0)
             self._phase = Phase.EMPTIES if empties and self._goal == "truck" else Phase.WAITS
             self._since, self._is_free = now, True
             return 0.0
@@ -272,14 +255,15 @@ class Shuttle(KeepsState):
             if said is not peer:
                 way = self._clearance.way(here, line, self._way, line.length, said, speed, keep=keep)
                 free = min(free, way)
+            free = min(free, self._clearance.before_standing(here, line, self._way, self._lane, said))
         free = min(free, free_of(self._others, here, line, self._way, speed))
         if peer.age > SILENT and (in_lane or not self._clearance.is_in_way(here, peer)):
             return 0.0
         if self._is_blocked(now, free, speed):
             self._phase = Phase.WAITS
             return 0.0
-        if in_lane and is_early:
-            free = min(free, max(self._lane + AHEAD - self._way, 0.0))
+        if is_early:
+            free = min(free, max(min(self._lane + AHEAD, self._drives_to) - self._way, 0.0))
         slow = self._slow(line, speed)
         if abs(nearest.left) > OFF and not in_lane:
             slow = min(slow, SLOWLY)
@@ -308,11 +292,13 @@ class Shuttle(KeepsState):
         )
 
     def _is_called_elsewhere(self, peer: PeerState, speed: float) -> bool:
-        """While it waits for a combine to come to a pass: that or another one stands, and wants to unload."""
-        if peer.task >= self._task or speed > MOVES:
+        """Before a combine has come to the pass: it stands and wants to unload; while the cart waits for it,
+        another one does.
+        """
+        if peer.task >= self._task:
             return False
-        return any(
-            stands_for_cart(said) and (said is peer or not self._calls.is_served(said, self._others))
+        return stands_for_cart(peer) or any(
+            speed <= MOVES and stands_for_cart(said) and not self._calls.is_served(said, self._others)
             for said in self._combines.values()
         )
 
@@ -360,8 +346,23 @@ class Shuttle(KeepsState):
         self._points = np.array([[here.x, here.y], [here.x + 30.0 * c, here.y + 30.0 * s]])
         self._number, self._way, self._line = self._number + 1, 0.0, None
 
-    def _has_load(self, heap: HeapState) -> bool:
+    def _is_loaded(self, heap: HeapState) -> bool:
         return heap.level * 100.0 >= self._p.leave_percent
+
+    def _leaves(self, heap: HeapState) -> bool:
+        """Loaded, and without room for half the tank of one who stands for it, or, alone, for all to come."""
+        if not self._is_loaded(heap):
+            return False
+        room = (FILLS / heap.level - 1.0) * heap.grain
+        combines = self._combines.values()
+        takes = any(
+            stands_for_cart(said)
+            and room >= 0.5 * said.tank_grain
+            and not self._calls.is_served(said, self._others)
+            for said in combines
+        )
+        is_alone = self._p.wait_m is None
+        return not takes and not (is_alone and fsum(said.to_come for said in combines) <= room)
 
     def _empties(self, now: float, heap: HeapState) -> None:
         """Beside the truck, until it is empty and gone again."""

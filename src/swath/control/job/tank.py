@@ -1,4 +1,4 @@
-"""How full a combine's tank will be, by what its passes have brought per metre."""
+"""How full a combine's tank will be, by what its passes have brought for their area."""
 
 from collections.abc import Sequence
 from math import fsum, inf, isfinite, nan
@@ -14,32 +14,36 @@ EMPTY = 0.004  # of the tank
 class TankForecast(KeepsState):
     """Of a combine that cuts passes in their order. full: share of the tank at which it stands"""
 
-    kept = ("_before", "_per_metre")
+    kept = ("_before", "_yield")
 
     def __init__(self, passes: Sequence[Pass], full: float) -> None:
         self._passes, self._full = passes, full
-        self._lengths = [way_along(work.line_m) for work in passes]
+        self._areas = [way_along(work.line_m) * work.width_m for work in passes]
         self.reset()
 
     def reset(self) -> None:
         """Nothing is known."""
-        self._before, self._per_metre = nan, 0.0
+        self._before, self._yield = nan, 0.0
 
-    def update(self, load: MachineLoad, way: float) -> None:
+    def update(self, load: MachineLoad, index: int, way: float) -> None:
         """So far along a pass [m]."""
         brought = load.tank_grain + load.unloaded_grain
         if not isfinite(self._before):
             self._before = brought
         if way > LEAST:
-            self._per_metre = max(brought - self._before, 0.0) / way
+            self._yield = max(brought - self._before, 0.0) / (way * self._passes[index].width_m)
 
     def begin(self, load: MachineLoad) -> None:
         """A pass is over: what comes from now on is that of the next one."""
         self._before = load.tank_grain + load.unloaded_grain
 
-    def is_too_full(self, load: MachineLoad, index: int) -> bool:
-        """At the end of a pass: whether the tank would be full in those to come that no cart can reach."""
-        return self._more(load, self._blind(index + 1)) > self._full
+    def is_too_full(self, load: MachineLoad, index: int, left: float = 0.0) -> bool:
+        """Towards the end of a pass: whether the tank would be full in those to come that no cart can reach.
+
+        left: of the present pass [m]
+        """
+        blind = self._blind(index + 1)
+        return self._more(load, self._left(index, left) + blind if blind > 0.0 else 0.0) > self._full
 
     def wants_cart(self, load: MachineLoad, index: int, left: float) -> bool:
         """Whether the tank would be full before the second pass from now that a cart can be beside: it has to
@@ -50,29 +54,41 @@ class TankForecast(KeepsState):
             first += 1
         if first >= len(self._passes):
             return False
-        way = max(left, 0.0) + fsum(self._lengths[index + 1 : first + 1])
-        return self._more(load, way + self._blind(first + 1)) > self._full
+        area = self._left(index, left) + fsum(self._areas[index + 1 : first + 1])
+        return self._more(load, area + self._blind(first + 1)) > self._full
 
     def is_full_before_cart(self, load: MachineLoad, index: int, left: float) -> bool:
         """Whether the tank is full before it comes to a pass in which a cart can be poured into driving."""
-        way = max(left, 0.0)
-        for work, length in zip(self._passes[index + 1 :], self._lengths[index + 1 :], strict=True):
+        more = self._left(index, left)
+        for work, area in zip(self._passes[index + 1 :], self._areas[index + 1 :], strict=True):
             if work.cart_beside:
                 break
-            way += length
-        return self._more(load, way) > self._full
+            more += area
+        return self._more(load, more) > self._full
+
+    def to_come(self, load: MachineLoad, index: int, left: float) -> float:
+        """Grain in the tank and on what is left of this pass and the next, the last ones [kg]; nan before
+        those, and where it is not known.
+        """
+        if self._yield <= 0.0 or index + 2 < len(self._passes):
+            return nan
+        return load.tank_grain + self._yield * (self._left(index, left) + fsum(self._areas[index + 1 :]))
+
+    def _left(self, index: int, left: float) -> float:
+        """Area of what is left of a pass, so many metres [m2]."""
+        return max(left, 0.0) * self._passes[index].width_m
 
     def _blind(self, index: int) -> float:
-        """Length of the passes from one on, to the next beside which a cart can be [m]."""
-        way = 0.0
-        for work, length in zip(self._passes[index:], self._lengths[index:], strict=True):
+        """Area of the passes from one on, to the next beside which a cart can be [m2]."""
+        found = 0.0
+        for work, area in zip(self._passes[index:], self._areas[index:], strict=True):
             if work.has_cart:
-                return way
-            way += length
-        return way
+                return found
+            found += area
+        return found
 
-    def _more(self, load: MachineLoad, way: float) -> float:
-        """Level of the tank after so many metres."""
+    def _more(self, load: MachineLoad, area: float) -> float:
+        """Level of the tank after so many square metres."""
         if load.tank_level <= EMPTY:
             return -inf
-        return load.tank_level * (1.0 + self._per_metre * way / load.tank_grain)
+        return load.tank_level * (1.0 + self._yield * area / load.tank_grain)

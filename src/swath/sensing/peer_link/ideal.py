@@ -146,7 +146,7 @@ def _grain(inputs: Inputs) -> dict[str, Any]:
         said |= {"impact_x": unload.impact_x, "impact_y": unload.impact_y}
         said["is_pouring"] = unload.flow > POURS or unload.held > POURS
     if load is not None:
-        said["tank_level"] = load.tank_level
+        said |= {"tank_level": load.tank_level, "tank_grain": load.tank_grain}
     if station is not None:
         said["is_full"] = station.is_full
     return said
@@ -158,7 +158,7 @@ def _work(inputs: Inputs) -> dict[str, Any]:
     if job is None:
         return {}
     told = {"phase": job.phase, "task": job.task, "remaining": job.remaining, "come": job.come}
-    return {**told, "may_unload": job.may_unload, "calls": job.calls}
+    return {**told, "to_come": job.to_come, "may_unload": job.may_unload, "calls": job.calls}
 
 
 LEVEL = Level(

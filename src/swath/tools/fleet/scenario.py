@@ -143,6 +143,7 @@ def passes_of(
             "line_m": [_rounded(q) for q in p.line.tolist()],
             "cart_beside": bool(p.cart_beside),
             "speed_kmh": round(combine.speed_in(grain) / KMH, 4),
+            "width_m": round(p.area / p.length, 3),
         }
         then = next((k for k in range(i + 1, len(by)) if by[k] == by[i]), None)
         is_outside = p.kind == "headland" and p.round_index == 0 and file.plan.headland == "clockwise"

@@ -1,18 +1,17 @@
-"""Where combines wait for each other: at the end of a pass, not on a long way where carts have to come by."""
+"""Where combines wait for each other: at the end of a pass, not between passes, where carts come by."""
 
 from bisect import bisect_left
 from collections.abc import Sequence
 from math import inf
 
-from swath.control.job.harvest import LONG
 from swath.tools.fleet.order import Rule, Ways
 
-LATER = 0.02  # of their time, that all may take longer for it
+LATER = 0.1  # of their time, that all may take longer for it
 SHORT = 0.5  # m before the end of the pass
 
 
 def at_pass_ends(rules: list[list[Rule]], ways: Ways) -> list[list[Rule]]:
-    """The rules with waits on long ways moved to the end of the pass before, where all come to their ends
+    """The rules with waits between passes moved to the end of the pass before, where all come to their ends
     then, too.
     """
     made = [list(own) for own in rules]
@@ -20,7 +19,7 @@ def at_pass_ends(rules: list[list[Rule]], ways: Ways) -> list[list[Rule]]:
     for own, routes in zip(made, ways.routes, strict=True):
         for k, rule in enumerate(own):
             route = routes[int(rule["task"])]
-            if route.turn < LONG or rule["way_m"] <= route.length:
+            if rule["way_m"] <= route.length:
                 continue
             own[k] = {**rule, "way_m": round(route.length - SHORT, 3)}
             if _time(made, ways) > most:

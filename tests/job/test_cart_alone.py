@@ -1,0 +1,144 @@
+"""The job of a cart alone, by what it hears: when it leaves for the truck, and how far it sets out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from swath.control.job.calls import Calls
+from swath.control.job.cart_ways import Way
+from swath.control.job.dubins import Place
+from swath.control.job.passes import Pass
+from swath.control.job.right_of_way import ROOM, SHORT, Clearance, own_outline
+from swath.control.job.shuttle import Params, Shuttle
+from swath.control.job.wait_ahead import WaitAhead
+from swath.control.steer.guidance_line import GuidanceLine
+from swath.control.steer.path import Segment
+from swath.machine.machine_sheet import load_machine
+from swath.signals import HeapState, Odometry, Phase, PoseEstimate
+from swath.signals import Station as Wanted
+from swath.signals.setup import ControlSetup
+from tests.job.test_beside_ways import CART, NORTHWARD, combine
+from tests.job.test_whole_field import NORTH, Bench
+
+FULL = 20_000.0  # kg
+HERE = Place(-20.0, 20.0, NORTHWARD)
+AWAY = Place(12.7, 40.0, -NORTHWARD)
+
+
+class CartBench:
+    """The level alone, which stands at a place: grain in its box as told."""
+
+    def __init__(self, passes=NORTH):
+        ring = ((-6.0, 0.0), (19.0, 0.0), (19.0, 100.0), (-6.0, 100.0))
+        params = Params(passes, ring, truck_m=(-25.0, -15.0), leave_percent=60.0)
+        self.part, self.t = (
+            Shuttle(params, ControlSetup(load_machine("tractor-grain-cart"), {}, "left", 0.1)),
+            0,
+        )
+        self.part.reset(None)
+
+    def step(self, said, level):
+        pose = PoseEstimate(self.t, *HERE, 0.0, 0.0, np.eye(4) * 1e-4, 0.0)
+        heap = HeapState(self.t, level * FULL, level, 0.0, 1.0, np.zeros(3), np.zeros(3))
+        station = Wanted(self.t, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False)
+        inputs = {
+            "pose": pose, "odometry": Odometry(self.t, 0.0, 0.0, 0.0), "peer": replace(said, t=self.t),
+            "heap": heap, "station": station,
+        }  # fmt: skip
+        self.t += 100_000_000
+        return self.part.step(self.t, 100_000_000, inputs)["job"]
+
+    def ends_in(self, said, level):
+        """What it does after a second."""
+        return [self.step(said, level) for _ in range(10)][-1]
+
+
+@pytest.mark.parametrize(("to_come", "level", "leaves"), [
+    (3000.0, 0.7, False),  # 18 t fit
+    (5000.0, 0.7, True),
+    (np.nan, 0.7, True),
+    (5000.0, 0.5, False),  # not loaded
+])  # fmt: skip
+def test_a_loaded_cart_that_has_room_for_all_that_is_to_come_stays(to_come, level, leaves):
+    said = combine(HERE, AWAY, Phase.CUTS, task=1, remaining=40.0, to_come=to_come)
+    job = CartBench().ends_in(said, level)
+    assert (job.phase, job.task) == ((Phase.DRIVES if leaves else Phase.WAITS), -1)
+
+
+@pytest.mark.parametrize(("tank", "task"), [(6000.0, 1), (9000.0, -1)])
+def test_a_loaded_cart_takes_half_of_the_tank_of_one_that_stands_for_it(tank, task):
+    said = combine(
+        HERE, AWAY, Phase.STANDS, task=1, remaining=40.0, to_come=90_000.0, tank_grain=tank, calls=True,
+        may_unload=True, speed=0.0,
+    )  # fmt: skip
+    job = CartBench().ends_in(said, 0.7)
+    assert (job.phase, job.task) == (Phase.DRIVES, task)
+
+
+LOOP = (
+    Pass(((0.0, 0.0), (0.0, 100.0)), turn=(Segment(10.0), Segment(44.0, -1.5 * np.pi / 44.0), Segment(9.0))),
+    Pass(((-5.0, 105.0), (-90.0, 105.0))),
+)
+
+
+@pytest.mark.parametrize(("at", "phase", "least", "most"), [
+    (Place(0.0, 40.0, NORTHWARD), Phase.CUTS, 100.0, 140.0),  # not into the loop
+    (Place(0.0, 103.0, NORTHWARD), Phase.TURNS, 0.0, 0.0),
+])  # fmt: skip
+def test_behind_a_loop_a_cart_sets_out_as_far_as_that_is(at, phase, least, most):
+    own = own_outline(CART)
+    ahead = WaitAhead(LOOP, own, Clearance(LOOP), Calls(LOOP, 15.0))
+    here = Place(-40.0, 0.0, NORTHWARD)
+    way = Way(np.array([(-40.0, 0.0), (-40.0, 113.0), (60.0, 113.0), (60.0, 96.0), (-90.0, 96.0)]), 90.0)
+    said = combine(here, at, phase, remaining=96.0 - at.y if phase == Phase.CUTS else np.nan)
+    until = ahead.until(here, way, 1, said, is_clear=True)
+    assert least <= until <= most
+    ends = replace(LOOP[0], turn=NORTH[0].turn), LOOP[1]
+    assert (
+        WaitAhead(ends, own, Clearance(ends), Calls(ends, 15.0)).until(here, way, 1, said, is_clear=False)
+        == np.inf
+    )
+
+
+def test_a_cart_stops_where_it_can_turn_about_before_a_combine_that_stands_in_its_turn():
+    own, line = Place(0.0, 0.0, 0.0), GuidanceLine([(0.0, 0.0), (100.0, 0.0)])
+    clearance = Clearance(NORTH)
+    for speed, phase, free in (
+        (0.0, Phase.TURNS, True),
+        (1.0, Phase.TURNS, False),
+        (0.0, Phase.STANDS, False),
+    ):
+        said = combine(own, Place(50.0, 0.0, 2.0), phase, speed=speed)
+        found = clearance.before_standing(own, line, 0.0, 100.0, said)
+        assert (found < 50.0) is free
+        if free:
+            near = clearance.way(own, line, 0.0, 100.0, said, 6.0)
+            assert found == pytest.approx(near + SHORT - ROOM)
+    aside = combine(own, Place(50.0, 20.0, 0.0), Phase.TURNS, speed=0.0)
+    assert clearance.before_standing(own, line, 0.0, 100.0, aside) == np.inf
+
+
+def test_a_load_that_would_go_on_standing_is_not_broken_off():
+    """Before passes without a cart, in which the tank would get full, it pours on to the end, and there."""
+    blind = NORTH[0], replace(NORTH[1], cart_beside=False), NORTH[0]
+    for passes, goes_on in ((blind, True), (NORTH, False)):
+        bench = Bench(passes, finish_s=10.0)
+        for north in np.arange(1.0, 60.2, 0.5):
+            bench.step(north, 0.9 * north / 100.0)
+        may = [bench.step(north, 0.9, flow=92.0).may_unload for north in np.arange(60.5, 100.0, 0.5)]
+        assert may[20]
+        assert bool(may[-1]) is goes_on
+        assert (bench.step(100.35, 0.9, flow=92.0).phase == Phase.STANDS) is goes_on
+
+
+@pytest.mark.parametrize(("width", "stands"), [(6.0, False), (11.9, True)])
+def test_what_a_wider_pass_brings_is_forecast(width, stands):
+    """0.4 of the tank in a pass 6 m wide: 0.8 from there on, or 1.19."""
+    passes = (
+        replace(NORTH[0], width_m=6.0), replace(NORTH[1], cart_beside=False, width_m=width), NORTH[0],
+    )  # fmt: skip
+    bench = Bench(passes, call_percent=90.0)
+    for north in np.arange(1.0, 100.2, 0.5):
+        bench.step(north, 0.4 * north / 100.0)
+    assert (bench.step(100.35, 0.4).phase == Phase.STANDS) is stands
