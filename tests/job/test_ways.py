@@ -101,9 +101,7 @@ def said(speed, phase, remaining):
 def test_with_nothing_else_in_the_way_a_failing_search_is_not_repeated(
     speed, phase, remaining, looks, monkeypatch
 ):
-    """Nearer to a combine that stands, or may soon at the end of its pass, it looks once more; one that drives
-    is waited for.
-    """
+    """Nearer to a combine that stands, or may soon at the end of its pass, it looks once more."""
     count = []
 
     class Failing:
