@@ -55,10 +55,10 @@ class CartBench:
 
 
 @pytest.mark.parametrize(("to_come", "level", "leaves"), [
-    (3000.0, 0.7, False),  # 18 t fit
-    (5000.0, 0.7, True),
+    (700.0, 0.7, False),  # 15 t fit
+    (1100.0, 0.7, True),
     (np.nan, 0.7, True),
-    (5000.0, 0.5, False),  # not loaded
+    (9000.0, 0.5, False),  # not loaded
 ])  # fmt: skip
 def test_a_loaded_cart_that_has_room_for_all_that_is_to_come_stays(to_come, level, leaves):
     said = combine(HERE, AWAY, Phase.CUTS, task=1, remaining=40.0, to_come=to_come)
@@ -66,7 +66,7 @@ def test_a_loaded_cart_that_has_room_for_all_that_is_to_come_stays(to_come, leve
     assert (job.phase, job.task) == ((Phase.DRIVES if leaves else Phase.WAITS), -1)
 
 
-@pytest.mark.parametrize(("tank", "task"), [(6000.0, 1), (9000.0, -1)])
+@pytest.mark.parametrize(("tank", "task"), [(1900.0, 1), (2100.0, -1)])
 def test_a_loaded_cart_takes_half_of_the_tank_of_one_that_stands_for_it(tank, task):
     said = combine(
         HERE, AWAY, Phase.STANDS, task=1, remaining=40.0, to_come=90_000.0, tank_grain=tank, calls=True,

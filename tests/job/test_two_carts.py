@@ -95,10 +95,10 @@ def test_they_wait_in_places_of_their_own(run):
 def test_waiting_places_lie_off_the_ways_of_the_combine(seed):
     file = job_file(**layout(seed))
     fleet = fleet_of(file)
-    plan, by = shared_out(file, plan_of(file, fleet, None), fleet)
+    made = shared_out(file, plan_of(file, fleet, None), fleet)
     truck = file.truck.x_m, file.truck.y_m
-    ways = [axle_ways(plan, by, i, c, 20.0) for i, c in enumerate(fleet.combines)]
-    places = waiting_places(plan, ways, truck, 2)
+    ways = [axle_ways(made, i, c, 20.0) for i, c in enumerate(fleet.combines)]
+    places = waiting_places(made.plan, ways, truck, 2)
     for place in places:
         assert min(np.hypot(*(way - place).T).min() for way in ways) >= OFF_WAYS - 0.1
         assert math.dist(place, truck) >= APART
@@ -120,10 +120,10 @@ def test_a_truck_in_the_field_or_near_it_stands_farther_out(truck, stays):
 
 def test_without_room_to_wait_a_job_is_refused():
     fleet = fleet_of(JOB)
-    plan, by = shared_out(JOB, plan_of(JOB, fleet, None), fleet)
-    way = axle_ways(plan, by, 0, fleet.combines[0], 20.0)
+    made = shared_out(JOB, plan_of(JOB, fleet, None), fleet)
+    way = axle_ways(made, 0, fleet.combines[0], 20.0)
     with pytest.raises(InputError, match="room beside the field"):
-        waiting_places(plan, [way], (1000.0, 1000.0), 2)
+        waiting_places(made.plan, [way], (1000.0, 1000.0), 2)
 
 
 def said(phase, task=-1, x=50.0, y=0.0):

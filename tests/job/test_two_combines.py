@@ -129,8 +129,8 @@ def test_two_combines_and_two_carts_until_the_field_is_empty():
 
 def members_of(file):
     fleet = fleet_of(file)
-    plan, by = shared_out(file, plan_of(file, fleet, None), fleet)
-    passes = told_passes(passes_of(plan, by, fleet.combines, file))
+    made = shared_out(file, plan_of(file, fleet, None), fleet)
+    passes = told_passes(passes_of(made, fleet.combines, file))
     if file.team.together == "echelon":
         return passes, fleet.combines, echelon.members(passes, fleet.combines, file)
     return passes, fleet.combines, lands.members(passes, fleet.combines)

@@ -44,7 +44,7 @@ HELD_FOR = 8.0  # s without grain beside a combine that stands: it cannot turn w
 RETRY = 5.0  # s between two looks for a way
 ARRIVED = 0.4  # m
 AT_PLACE = 6.0  # m from where it waits: it is there
-FILLS = 0.9  # of the largest heap, that it takes without running over
+FILLS = 0.75  # of the largest heap, that it takes for sure: one spot fills 77 % (closed form)
 BLOCKED_FOR = 4.0  # s behind a machine that stands in its way, before it looks for another one
 
 

@@ -11,16 +11,21 @@ from swath.job.events import Events
 from swath.job.fleet import FleetFile
 from swath.job.machines import Combine, Fleet
 from swath.job.plan import FieldPlan
+from swath.tools.fleet.combine_turns import Shared, shared
+from swath.tools.fleet.far_ways import far_ways
 from swath.tools.fleet.order import NO_ORDER, RUN_UP, Member, rules_of, ways_of
 from swath.tools.fleet.waits import at_pass_ends
 
 
-def shared_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> tuple[FieldPlan, list[int]]:
-    """The plan with its passes in the order in which they are begun; number of the combine of each."""
+def shared_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Shared:
+    """Who cuts which pass, with far ways on ground that is cut then."""
     job = Job(file, plan, fleet, Events())
     job.run()
-    passes = tuple(job.passes[index] for index, _ in job.passes.taken)
-    return replace(plan, passes=passes), [number for _, number in job.passes.taken]
+    taken = job.passes.taken
+    plan = replace(plan, passes=tuple(job.passes[index] for index, _ in taken))
+    made = shared(plan, [number for _, number in taken], fleet.combines)
+    ends = [job.pass_times[index][1] for index, _ in taken]
+    return made._replace(turns={**made.turns, **far_ways(plan, made.by, fleet.combines, ends)})
 
 
 def members(passes: Sequence[Pass], combines: Sequence[Combine]) -> list[Member]:

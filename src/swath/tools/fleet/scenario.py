@@ -18,7 +18,7 @@ from swath.job.path import Pose
 from swath.job.plan import FieldPlan, shapely_here
 from swath.machine.machine_sheet import open_machine
 from swath.tools.fleet import echelon, lands
-from swath.tools.fleet.combine_turns import axle_at, turn_between
+from swath.tools.fleet.combine_turns import Shared, axle_at, shared
 from swath.tools.fleet.order import RUN_UP, Member
 from swath.tools.fleet.waiting import axle_ways, waiting_places
 
@@ -45,8 +45,9 @@ def scenario_of(file: FleetFile, plan: FieldPlan, fleet: Fleet, base: Path | Non
     """The scenario as plain data. InputError for what this level cannot do."""
     _check(file, plan, fleet)
     carts, combines, combine = fleet.carts, fleet.combines, fleet.combines[0]
-    plan, by = shared_out(file, plan, fleet)
-    passes = passes_of(plan, by, combines, file)
+    made_plan = shared_out(file, plan, fleet)
+    plan, by, _ = made_plan
+    passes = passes_of(made_plan, combines, file)
     team = _team(told_passes(passes), combines, file)
     machines = {}
     for i, own in enumerate(combines):
@@ -58,7 +59,7 @@ def scenario_of(file: FleetFile, plan: FieldPlan, fleet: Fleet, base: Path | Non
             made |= {f"peer_link_{n}": {**RADIO, "peer": c} for n, c in enumerate(others, len(carts))}
         machines[own.name] = made
     truck = _truck(file, plan)
-    ways = [axle_ways(plan, by, i, own, team[i].run_out) for i, own in enumerate(combines)]
+    ways = [axle_ways(made_plan, i, own, team[i].run_out) for i, own in enumerate(combines)]
     places = waiting_places(plan, ways, truck, len(carts)) if len(carts) > 1 else []
     for number, cart in enumerate(carts):
         made = _cart(file, combine, cart, passes, plan, base)
@@ -112,11 +113,11 @@ def _check(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> None:
         raise InputError("unload.mode", file.unload.mode, "expected on_the_go at the level with sensors")
 
 
-def shared_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> tuple[FieldPlan, list[int]]:
-    """The plan with its passes in the order in which they are cut, and the number of the combine of each."""
+def shared_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Shared:
+    """Which combine cuts which pass, in their order."""
     if len(fleet.combines) > 1 and file.team.together != "echelon":
         return lands.shared_out(file, plan, fleet)
-    return plan, echelon.assigned(plan, len(fleet.combines))
+    return shared(plan, echelon.assigned(plan, len(fleet.combines)), fleet.combines)
 
 
 def _team(passes: Sequence[Pass], combines: Sequence[Combine], file: FleetFile) -> list[Member]:
@@ -128,14 +129,13 @@ def _team(passes: Sequence[Pass], combines: Sequence[Combine], file: FleetFile) 
     return lands.members(passes, combines)
 
 
-def passes_of(
-    plan: FieldPlan, by: Sequence[int], combines: Sequence[Combine], file: FleetFile
-) -> list[dict[str, Any]]:
-    """Passes with the turns behind them, to the next one of the same combine. by: number of that of each
+def passes_of(of: Shared, combines: Sequence[Combine], file: FleetFile) -> list[dict[str, Any]]:
+    """Passes with the turns behind them, to the next one of the same combine.
 
     Beside the last pass of a combine a cart can stand at least: it gives its last grain there.
     """
     rows = []
+    plan, by, turns = of
     for i, p in enumerate(plan.passes):
         combine = combines[by[i]]
         grain = p.area * file.field.yield_t_ha / 10.0 / p.length
@@ -145,16 +145,15 @@ def passes_of(
             "speed_kmh": round(combine.speed_in(grain) / KMH, 4),
             "width_m": round(p.area / p.length, 3),
         }
-        then = next((k for k in range(i + 1, len(by)) if by[k] == by[i]), None)
         is_outside = p.kind == "headland" and p.round_index == 0 and file.plan.headland == "clockwise"
-        if not p.cart_beside and (is_outside or then is None):
+        if not p.cart_beside and (is_outside or i not in turns):
             row["cart_standing"] = True
         if by[i]:
             row["combine"] = by[i]
-        if then is not None:
+        if i in turns:
             row["turn"] = [
                 {"length_m": q.length, "curvature_per_m": q.first, "to_per_m": q.last}
-                for q in turn_between(p, plan.passes[then], combine)
+                for q in turns[i]
                 if q.length > 1e-6
             ]
         rows.append(row)

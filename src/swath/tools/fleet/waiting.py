@@ -10,7 +10,7 @@ from swath.job.machines import Combine
 from swath.job.path import path_of
 from swath.job.plan import FieldPlan, shapely_here
 from swath.signals import F64
-from swath.tools.fleet.combine_turns import axle_at, turn_between
+from swath.tools.fleet.combine_turns import Shared, axle_at
 
 Point = tuple[float, float]
 OFF_WAYS = 20.0  # m from a combine's axle on its way: its header, and a cart whichever way it stands
@@ -50,17 +50,18 @@ def _around(truck: Point) -> list[Point]:
     return [(truck[0] + r * math.cos(a), truck[1] + r * math.sin(a)) for r in away for a in angles]
 
 
-def axle_ways(plan: FieldPlan, by: Sequence[int], number: int, combine: Combine, run_out: float) -> F64:
+def axle_ways(of: Shared, number: int, combine: Combine, run_out: float) -> F64:
     """Points (n, 2) [m] of the fixed axle's way of a combine through all its passes and turns, and on behind
-    the last one [m]. by: number of the combine of each pass
+    the last one [m].
     """
     parts = []
-    own = [p for p, of in zip(plan.passes, by, strict=True) if of == number]
-    for p, then in zip(own, (*own[1:], None), strict=True):
+    for i, p in enumerate(of.plan.passes):
+        if of.by[i] != number:
+            continue
         end = axle_at(p.end, combine)
         parts.append(np.array([axle_at(p.start, combine)[:2], end[:2]]))
-        if then is None:
-            parts.append(np.array([axle_at(p.end, combine, -run_out)[:2]]))
+        if i in of.turns:
+            parts.append(path_of(of.turns[i], end).points)
         else:
-            parts.append(path_of(turn_between(p, then, combine), end).points)
+            parts.append(np.array([axle_at(p.end, combine, -run_out)[:2]]))
     return np.concatenate(parts)

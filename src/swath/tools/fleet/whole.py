@@ -163,7 +163,7 @@ def with_sensors(
     plan = plan_of(file, fleet, base)
     text = scenario_text(file, plan, fleet, base)
     scenario: Scenario = parse_scenario(text, base=base or Path.cwd(), sets=list(sets))
-    plan, _ = shared_out(file, plan, fleet)
+    plan = shared_out(file, plan, fleet).plan
     watch = Watch(plan)
     if out is None:
         summary = run_unrecorded(scenario, hooks=[watch])
