@@ -1,19 +1,20 @@
 """The combines that a cart hears: what is left of their work, and which of them has called first."""
 
-from collections.abc import Mapping, Sequence
-from math import hypot, inf, isfinite
+from collections.abc import Collection, Mapping, Sequence
+from math import fsum, hypot, inf, isfinite
 
 from swath.control.cooperate.peer_track import OTHERS
 from swath.control.job.abreast import own_passes
 from swath.control.job.carts import OtherCart
 from swath.control.job.passes import Pass
 from swath.core.component import KeepsState
-from swath.signals import PeerState, Phase
+from swath.signals import HeapState, PeerState, Phase
 
 FORESIGHT = 2  # passes after the present one, for which it sets out
 APART = 45.0  # m from a combine that cuts, from where on it sets out for a pass to come
 CLEAR = 16.0  # m from a combine that turns, likewise; and from one that drives, before it sets out elsewhere
 LEAST = 15.0  # m of a pass beside the combine, for which it sets out
+FILLS = 0.75  # of the largest heap, that a cart takes for sure: one spot fills 77 % (closed form)
 PORTS = ("peer", *OTHERS)
 
 
@@ -76,6 +77,19 @@ class Calls(KeepsState):
     def is_served(self, combine: PeerState, others: Sequence[OtherCart]) -> bool:
         """Whether another cart serves a combine."""
         return any(self._serves(cart, combine) for cart in others)
+
+    def has_room(
+        self, heap: HeapState, combines: Collection[PeerState], others: Sequence[OtherCart], *, is_alone: bool
+    ) -> bool:
+        """Whether a cart takes half the tank of a combine that stands for it and is not served, or, alone,
+        all that is to come.
+        """
+        if heap.level <= 0.0:
+            return True
+        room = (FILLS / heap.level - 1.0) * heap.grain
+        waits = (c for c in combines if stands_for_cart(c) and not self.is_served(c, others))
+        takes = any(room >= 0.5 * said.tank_grain for said in waits)
+        return takes or (is_alone and fsum(said.to_come for said in combines) <= room)
 
     def withdraws(self, combine: PeerState, own_number: int, others: Sequence[OtherCart]) -> bool:
         """Whether a cart before it by number took the same call at the same time."""

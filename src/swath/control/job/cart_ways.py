@@ -1,7 +1,8 @@
 """The ways of a cart on ground that is cut: to the line beside a pass, and to the truck."""
 
 from collections.abc import Sequence
-from math import atan2, cos, hypot, isfinite, pi, sin
+from dataclasses import replace
+from math import atan2, cos, hypot, isfinite, nan, pi, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -70,10 +71,10 @@ class CartWays:
         """
         goals = [Place(*place, 2.0 * pi * i / 12) for i in range(12)]
         if hypot(combine.x, combine.y) >= NEAR or combine.x > GONE_BY:
-            return self._found(here, [combine, *rest], goals, [], [], discs)
+            return self._found(here, [combine, *rest], goals, discs)
         is_beside = combine.y < -0.5 * self._left and abs(combine.x) < NEAR
         ahead = _pulled_ahead(here, ASIDE if is_beside else 0.0)
-        return self._found(here, [combine, *rest], goals, [], ahead, discs)
+        return self._found(here, [combine, *rest], goals, discs, first=ahead)
 
     def to_pass(
         self,
@@ -82,8 +83,12 @@ class CartWays:
         combine: PeerState,
         discs: Sequence[Disc] = (),
         rest: Sequence[PeerState] = (),
+        *,
+        soon: bool = False,
     ) -> Way | None:
-        """Onto the line beside a pass behind the combine, and along it. discs, rest: likewise"""
+        """Onto the line beside a pass behind the combine, and along it. discs, rest: likewise; soon: on the
+        ground as it is when the combine begins that pass
+        """
         aside = ASIDE if task > combine.task else 0.0  # its header then comes by the trailer
         (ax, ay), (bx, by) = line = self._beside(self._passes[task], aside)
         length = way_along(line)
@@ -96,23 +101,28 @@ class CartWays:
             begin = BEGIN - STRAIGHT
         goal = Place(ax + ux * begin, ay + uy * begin, course)
         beyond = bx + BEYOND * ux, by + BEYOND * uy
-        return self._found(here, [combine, *rest], [goal], [beyond], [], discs)
+        then = replace(combine, task=task, remaining=nan, phase=int(Phase.CUTS)) if soon else combine
+        ground = self._ground([then, *rest])
+        return self._found(here, [combine, *rest], [goal], discs, rest=[beyond], ground=ground)
 
     def _found(
         self,
         here: Place,
         combines: Sequence[PeerState],
         goals: list[Place],
-        rest: list[Point],
-        first: list[Place],
         taken: Sequence[Disc],
+        *,
+        first: Sequence[Place] = (),
+        rest: Sequence[Point] = (),
+        ground: Ground | None = None,
     ) -> Way | None:
-        """Through the first places, to the goal, and through the rest; None where there is none now.
+        """Through the first places, to the goal, and through the rest; None where there is none now. ground:
+        None = as it is now
 
         Where there is such a way, it keeps off the way that a combine which stands in its turn has before
         it, and about one that stands its trailer has room to cut corners.
         """
-        ground = self._ground(combines)
+        ground = self._ground(combines) if ground is None else ground
         start = first[-1] if first else here
         looked: list[list[Disc]] = []
         stands = [(c, at) for c in combines for at in self._stands(here, c)]

@@ -7,7 +7,7 @@ turn to the next pass. Where a combine will be next it drives only behind it.
 """
 
 from dataclasses import dataclass
-from math import cos, fsum, hypot, inf, isfinite, nan, sin, sqrt
+from math import cos, hypot, inf, isfinite, nan, sin, sqrt
 from typing import Annotated
 
 import numpy as np
@@ -21,7 +21,7 @@ from swath.control.job.dubins import Place
 from swath.control.job.heard import SILENT, AllHeard
 from swath.control.job.passes import Coordinate, Pass
 from swath.control.job.right_of_way import KEEP, KEEP_STRAIGHT, Clearance, own_outline
-from swath.control.job.wait_ahead import AHEAD, WaitAhead
+from swath.control.job.wait_ahead import AHEAD, Found, WaitAhead
 from swath.control.steer.guidance_line import GuidanceLine
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
@@ -42,9 +42,7 @@ IN_LINE, TURNED, NEAR = 1.0, 0.2094, 4.0  # m, rad (12 deg), m: from there on it
 FULL_FOR = 4.0  # s, that the station says full, or that nothing is poured any more, before it leaves
 HELD_FOR = 8.0  # s without grain beside a combine that stands: it cannot turn while the cart is there
 RETRY = 5.0  # s between two looks for a way
-ARRIVED = 0.4  # m
-AT_PLACE = 6.0  # m from where it waits: it is there
-FILLS = 0.75  # of the largest heap, that it takes for sure: one spot fills 77 % (closed form)
+ARRIVED, AT_PLACE = 0.4, 6.0  # m; from where it waits: it is there
 BLOCKED_FOR = 4.0  # s behind a machine that stands in its way, before it looks for another one
 
 
@@ -207,20 +205,19 @@ class Shuttle(KeepsState):
         task = self._calls.next_task(peer) if goal == "combine" else -1
         discs, rest = discs_of(self._others), [c for c in self._combines.values() if c is not peer]
         if goal == "combine":
-            found = self._ways.to_pass(here, task, peer, discs, rest)
+            found = self._ahead.found(self._ways, here, task, peer, discs, rest)
         else:
             place = self._p.wait_m if goal == "place" else None
-            found = self._ways.to_place(here, place or self._p.truck_m, peer, discs, rest)
-        is_clear = found is None or self._ahead.is_clear(here, found, task, peer)
-        until = 0.0 if found is None else self._ahead.until(here, found, task, peer, is_clear=is_clear)
-        if found is None or until <= 0.0:
+            way = self._ways.to_place(here, place or self._p.truck_m, peer, discs, rest)
+            found = None if way is None else Found(way, is_clear=True, until=inf)
+        if found is None:
             self._calls.put_back(self._served, now)
             return
-        self._is_clear, self._drives_to = is_clear, until
-        self._points, self._number, self._way = found.points, self._number + 1, 0.0
+        way, self._is_clear, self._drives_to = found
+        self._points, self._number, self._way = way.points, self._number + 1, 0.0
         self._line = None
         self._phase, self._goal, self._task = Phase.DRIVES, goal, task
-        self._lane = self._made().length - found.beside if goal == "combine" else inf
+        self._lane = self._made().length - way.beside if goal == "combine" else inf
         self._retry_at, self._blocked_at = -inf, inf
 
     def _drives(self, now: float, here: Place, peer: PeerState, inputs: Inputs) -> float:
@@ -264,6 +261,9 @@ class Shuttle(KeepsState):
             return 0.0
         if is_early:
             free = min(free, max(min(self._lane + AHEAD, self._drives_to) - self._way, 0.0))
+            if speed < MOVES and self._is_in_way_of_rest(now, here, peer):
+                self._phase, self._is_free = Phase.WAITS, False
+                return 0.0
         slow = self._slow(line, speed)
         if abs(nearest.left) > OFF and not in_lane:
             slow = min(slow, SLOWLY)
@@ -272,6 +272,14 @@ class Shuttle(KeepsState):
             behind = station.ahead if station.is_active else 0.0
             return float(min(wanted, max(peer.speed + CATCH_UP * behind, 0.0)))
         return wanted if in_lane or free <= 0.5 else max(wanted, 0.3)
+
+    def _is_in_way_of_rest(self, now: float, here: Place, peer: PeerState) -> bool:
+        """Whether it waits where another combine than its own comes soon."""
+        if now < self._looks_at:
+            return False
+        self._looks_at = now + RETRY
+        rest = [said for said in self._combines.values() if said is not peer]
+        return any(self._clearance.is_soon_in_way(here, self._outline, said) for said in rest)
 
     def _is_blocked(self, now: float, free: float, speed: float) -> bool:
         """A machine has been standing in its way for a while: it looks for another one."""
@@ -351,18 +359,10 @@ class Shuttle(KeepsState):
 
     def _leaves(self, heap: HeapState) -> bool:
         """Loaded, and without room for half the tank of one who stands for it, or, alone, for all to come."""
-        if not self._is_loaded(heap):
-            return False
-        room = (FILLS / heap.level - 1.0) * heap.grain
-        combines = self._combines.values()
-        takes = any(
-            stands_for_cart(said)
-            and room >= 0.5 * said.tank_grain
-            and not self._calls.is_served(said, self._others)
-            for said in combines
-        )
         is_alone = self._p.wait_m is None
-        return not takes and not (is_alone and fsum(said.to_come for said in combines) <= room)
+        return self._is_loaded(heap) and not self._calls.has_room(
+            heap, self._combines.values(), self._others, is_alone=is_alone
+        )
 
     def _empties(self, now: float, heap: HeapState) -> None:
         """Beside the truck, until it is empty and gone again."""

@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 from math import inf
+from typing import NamedTuple
 
 from swath.control.job.calls import Calls
-from swath.control.job.cart_ways import BEGIN, STRAIGHT, Way
+from swath.control.job.cart_ways import BEGIN, STRAIGHT, CartWays, Way
+from swath.control.job.carts import Disc
 from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass, swings_out
 from swath.control.job.right_of_way import Clearance, Outline
@@ -16,31 +18,71 @@ NEARER = 30.0  # m that it comes at least, to set out
 BEFORE = 6.0  # m before a place by which the combine comes, where it waits
 
 
+class Found(NamedTuple):
+    """is_clear: its place beside the pass is off the ways of combines; until: as `WaitAhead.until`"""
+
+    way: Way
+    is_clear: bool
+    until: float
+
+
 class WaitAhead:
     """passes: of all combines; own: outline of the cart"""
 
     def __init__(self, passes: Sequence[Pass], own: Outline, clearance: Clearance, calls: Calls) -> None:
         self._passes, self._own, self._clearance, self._calls = passes, own, clearance, calls
 
-    def is_clear(self, here: Place, way: Way, task: int, peer: PeerState) -> bool:
-        """Whether its place beside the pass is off the combine's way till then."""
+    def found(
+        self,
+        ways: CartWays,
+        here: Place,
+        task: int,
+        peer: PeerState,
+        discs: Sequence[Disc],
+        rest: Sequence[PeerState],
+    ) -> Found | None:
+        """The way to a pass, where it may set out; to one that the combine has not begun also over crop that
+        is cut before. discs, rest: as `CartWays.to_pass`
+        """
+        way = ways.to_pass(here, task, peer, discs, rest)
+        soon = way is None and task > peer.task
+        if soon and peer.phase == Phase.CUTS:
+            way = ways.to_pass(here, task, peer, discs, rest, soon=True)
+        if way is None:
+            return None
+        is_clear = not soon and self.is_clear(here, way, task, peer, rest)
+        until = self.until(here, way, task, peer, is_clear=is_clear, soon=soon)
+        return Found(way, is_clear, until) if until > 0.0 else None
+
+    def is_clear(
+        self, here: Place, way: Way, task: int, peer: PeerState, rest: Sequence[PeerState] = ()
+    ) -> bool:
+        """Whether its place beside the pass is off the combine's way till then, and off those of the rest to
+        their next passes.
+        """
         if task <= peer.task:
             return True
         line = GuidanceLine(way.points.tolist(), "path")
         at = line.length - way.beside + AHEAD
         there = Place(*line.point(at), line.heading(at))
         between = self._calls.between(peer.task, task)
-        return not self._clearance.comes_by(here, there, self._own, peer, between)
+        return not self._clearance.comes_by(here, there, self._own, peer, between) and not any(
+            self._clearance.comes_by(here, there, self._own, said) for said in rest
+        )
 
-    def until(self, here: Place, way: Way, task: int, peer: PeerState, *, is_clear: bool) -> float:
+    def until(
+        self, here: Place, way: Way, task: int, peer: PeerState, *, is_clear: bool, soon: bool = False
+    ) -> float:
         """How far it drives before the combine has begun the pass [m]; inf: to its place there, or as far as
-        it keeps clear of the combine's way; 0 = it does not set out. is_clear: that place is, by `is_clear`
+        it keeps clear of the combine's way; 0 = it does not set out. is_clear: that place is, by `is_clear`;
+        soon: crop stands on the way yet, which the combine cuts before
 
         To the next pass it may wait on the combine's way, but not behind a turn that swings out, nor set out
         while the combine is in that.
         """
         between = self._calls.between(peer.task, task)
-        if task <= peer.task or (is_clear if between else not swings_out(self._passes[peer.task])):
+        is_free = is_clear if between else not swings_out(self._passes[peer.task])
+        if task <= peer.task or (is_free and not soon):
             return inf
         if peer.phase == Phase.TURNS:
             return 0.0
