@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swath.control.job.calls import Calls
-from swath.control.job.cart_ways import Way
+from swath.control.job.cart_ways import CartWays, Way
 from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass
 from swath.control.job.right_of_way import ROOM, SHORT, Clearance, own_outline
@@ -142,3 +142,25 @@ def test_what_a_wider_pass_brings_is_forecast(width, stands):
     for north in np.arange(1.0, 100.2, 0.5):
         bench.step(north, 0.4 * north / 100.0)
     assert (bench.step(100.35, 0.4).phase == Phase.STANDS) is stands
+
+
+def test_a_cart_sets_out_over_crop_that_is_cut_before():
+    """Round a corner of a field whose west side is cut now: as far as the combine has not come by."""
+    west = Pass(((5.9, 0.0), (5.9, 100.0)), turn=LOOP[0].turn)
+    north = Pass(((20.0, 81.6), (90.0, 81.6)))
+    passes = (Pass(((8.0, 93.8), (90.0, 93.8))), west, north)
+    ring = ((0.0, 0.0), (90.0, 0.0), (90.0, 100.0), (0.0, 100.0))
+    ways = CartWays(passes, ring, 12.2, 8.2, 9.0)
+    here = Place(-12.0, -15.0, NORTHWARD)
+    said = combine(here, Place(5.9, 16.0, NORTHWARD), Phase.CUTS, task=1, remaining=80.0)
+    assert ways.to_pass(here, 2, said) is None
+    ahead = WaitAhead(passes, own_outline(CART), Clearance(passes), Calls(passes, 15.0))
+    found = ahead.found(ways, here, 2, said, [], [])
+    assert found is not None
+    x, y = GuidanceLine(found.way.points.tolist()).point(found.until)
+    assert (x < 0.0) or (y > 100.0)  # outside, before the strip that is cut now
+    assert 30.0 <= found.until < 130.0
+    # and on, once the combine has come farther
+    line, there = GuidanceLine(found.way.points.tolist()), Place(5.9, 80.0, NORTHWARD)
+    said = combine(here, there, Phase.CUTS, task=1, remaining=16.0)
+    assert ahead.further(here, line, 0.0, line.length - found.way.beside, 2, said) >= found.until

@@ -20,6 +20,7 @@ from swath.signals import F64, PeerState, Phase
 
 HALF, NARROW = 2.0, 1.2  # m, of the machine to either side, and of that about start and goal
 CUTS_IN = 1.3  # m, that a trailer runs inside of its machine's tightest bend
+LEAST = 1.5  # m about another cart, where the way begins near to it
 CELL = 0.5  # m, that a way may pass nearer than it was looked for
 COME_UP = 25.0  # m behind the combine, where it comes onto the line beside the pass
 STRAIGHT = 14.0  # m before that on the same line: the trailer is straight behind
@@ -124,6 +125,7 @@ class CartWays:
         """
         ground = self._ground(combines) if ground is None else ground
         start = first[-1] if first else here
+        close = [(x, y, _left_free(hypot(x - start.x, y - start.y), size)) for x, y, size in taken]
         looked: list[list[Disc]] = []
         stands = [(c, at) for c in combines for at in self._stands(here, c)]
         waits = [disc for combine in combines for disc in self._before(here, start, combine)]
@@ -132,7 +134,7 @@ class CartWays:
             if [*discs, *more] in looked:  # the same as before
                 continue
             looked.append([*discs, *more])
-            both = [*looked[-1], *taken]
+            both = [*looked[-1], *close]
             masks = ground.clear_of(HALF, both), ground.clear_of(NARROW, both)
             way = Search(ground, *masks, self._radius).way(start, goals)
             if way is not None:
@@ -193,6 +195,11 @@ class CartWays:
         (ax, ay), (bx, by) = of.line_m[0], of.line_m[-1]
         course = atan2(by - ay, bx - ax)
         return [beside(x, y, course, 0.0, self._left + aside) for x, y in ((ax, ay), (bx, by))]
+
+
+def _left_free(away: float, wanted: float) -> float:
+    """Radius of a disc about another cart so far away [m] from which the way can begin, LEAST at least."""
+    return max(min(wanted, away - NARROW - 0.5 * CELL), LEAST)
 
 
 def _discs(start: Place, combine: PeerState, at: Place, keep: float) -> list[Disc]:

@@ -292,24 +292,26 @@ class Clearance:
         self,
         here: Place,
         line: GuidanceLine,
+        at: float,
         most: float,
         own: Outline,
         said: PeerState,
         between: Sequence[int] = (),
     ) -> float:
-        """How far along a line, `most` at most [m], a machine with an outline can drive to stand WELL off the
-        combine's way, as in `comes_by`. here: where the machine is, at the begin
+        """How far along a line, from `at` to `most` [m], a machine with an outline can drive to stand WELL
+        off the combine's way, as in `comes_by`. here: where the machine is
         """
         places = self._ways.ahead(here, said)
         for task in between:
             places += self._ways.through(task, said)
         outline = outline_of(said)
-        for i in range(int(most / EVERY) + 1):
-            x, y = line.point(EVERY * i)
+        for i in range(int((most - at) / EVERY) + 1):
+            way = at + EVERY * i
+            x, y = line.point(way)
             close = [p for p in places if hypot(p.x - x, p.y - y) < CLOSE]
-            at = Place(x, y, line.heading(EVERY * i))
-            if close and any(outline.least(close, *q, WELL) < WELL for q in own.points(at)):
-                return EVERY * max(i - 1, 0)
+            points = own.points(Place(x, y, line.heading(way))) if close else []
+            if any(outline.least(close, *q, WELL) < WELL for q in points):
+                return way - EVERY
         return most
 
     def is_in_way(self, here: Place, said: PeerState) -> bool:

@@ -238,6 +238,7 @@ class Shuttle(KeepsState):
             return 0.0
         if self._goal == "combine" and (self._is_lost(peer) or self._is_called_elsewhere(peer, speed)):
             self._phase, self._is_free = Phase.WAITS, True
+            self._task = self._task if self._way >= self._lane else -1
             return 0.0
         if self._goal == "combine" and self._is_in_line(peer, station):
             self._phase, self._since = Phase.BESIDE, inf
@@ -261,9 +262,8 @@ class Shuttle(KeepsState):
             return 0.0
         if is_early:
             free = min(free, max(min(self._lane + AHEAD, self._drives_to) - self._way, 0.0))
-            if speed < MOVES and self._is_in_way_of_rest(now, here, peer):
-                self._phase, self._is_free = Phase.WAITS, False
-                return 0.0
+            if speed < MOVES and now >= self._looks_at:
+                self._looks_on(now, here, line, peer)
         slow = self._slow(line, speed)
         if abs(nearest.left) > OFF and not in_lane:
             slow = min(slow, SLOWLY)
@@ -273,13 +273,15 @@ class Shuttle(KeepsState):
             return float(min(wanted, max(peer.speed + CATCH_UP * behind, 0.0)))
         return wanted if in_lane or free <= 0.5 else max(wanted, 0.3)
 
-    def _is_in_way_of_rest(self, now: float, here: Place, peer: PeerState) -> bool:
-        """Whether it waits where another combine than its own comes soon."""
-        if now < self._looks_at:
-            return False
+    def _looks_on(self, now: float, here: Place, line: GuidanceLine, peer: PeerState) -> None:
+        """Where it waits for a combine to begin a pass: can it drive on, does another one come soon?"""
         self._looks_at = now + RETRY
-        rest = [said for said in self._combines.values() if said is not peer]
-        return any(self._clearance.is_soon_in_way(here, self._outline, said) for said in rest)
+        if self._drives_to < self._lane and peer.phase == Phase.CUTS:
+            further = self._ahead.further(here, line, self._way, self._lane, self._task, peer)
+            self._drives_to = max(self._drives_to, further)
+        rest = (said for said in self._combines.values() if said is not peer)
+        if any(self._clearance.is_soon_in_way(here, self._outline, said) for said in rest):
+            self._phase, self._is_free = Phase.WAITS, False
 
     def _is_blocked(self, now: float, free: float, speed: float) -> bool:
         """A machine has been standing in its way for a while: it looks for another one."""
@@ -335,10 +337,8 @@ class Shuttle(KeepsState):
         is_lost = self._is_lost(peer) and not pours_on
         idle = HELD_FOR if peer.phase == Phase.STANDS else FULL_FOR
         ends = is_lost or (is_over and now - self._poured_at > idle)
-        if station.is_full and not peer.is_pouring:
-            self._since = min(self._since, now)
-        else:
-            self._since = inf
+        is_filled = station.is_full and not peer.is_pouring
+        self._since = min(self._since, now) if is_filled else inf
         is_full = now - self._since > FULL_FOR
         if ends or is_full:
             # where the combine stands the cart is in the way of its turn, and drives off

@@ -87,6 +87,12 @@ class WaitAhead:
         if peer.phase == Phase.TURNS:
             return 0.0
         line = GuidanceLine(way.points.tolist(), "path")
-        most = line.length - way.beside
-        found = self._clearance.until_near(here, line, most, self._own, peer, between) - BEFORE
+        found = self.further(here, line, 0.0, line.length - way.beside, task, peer)
         return found if found >= NEARER else 0.0
+
+    def further(
+        self, here: Place, line: GuidanceLine, at: float, most: float, task: int, peer: PeerState
+    ) -> float:
+        """How far along its way it keeps clear of that of the combine till then, from `at` to `most` [m]."""
+        between = self._calls.between(peer.task, task)
+        return self._clearance.until_near(here, line, at, most, self._own, peer, between) - BEFORE
