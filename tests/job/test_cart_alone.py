@@ -164,3 +164,13 @@ def test_a_cart_sets_out_over_crop_that_is_cut_before():
     line, there = GuidanceLine(found.way.points.tolist()), Place(5.9, 80.0, NORTHWARD)
     said = combine(here, there, Phase.CUTS, task=1, remaining=16.0)
     assert ahead.further(here, line, 0.0, line.length - found.way.beside, 2, said) >= found.until
+
+
+def test_a_cart_in_the_way_of_a_combine_does_not_drive_into_it():
+    """Head on: it is within the next metres of the combine, and may leave them, but not nearer to it."""
+    own, line = Place(0.0, 20.0, -NORTHWARD), GuidanceLine([(0.0, 20.0), (0.0, -40.0)])
+    said = combine(own, Place(0.0, 0.0, NORTHWARD), Phase.CUTS, remaining=96.0)
+    free = Clearance(NORTH).way(own, line, 0.0, 60.0, said, 3.0)
+    assert free == pytest.approx(20.0 - 4.0 - 3.0 - SHORT, abs=1.0)  # before its header
+    away = GuidanceLine([(0.0, 20.0), (0.0, 80.0)])
+    assert Clearance(NORTH).way(own, away, 0.0, 60.0, said, 3.0) == np.inf

@@ -127,6 +127,18 @@ def test_two_combines_and_two_carts_until_the_field_is_empty():
     assert done.evaluation.metrics("field")["station_along_max_m"] < 1.0
 
 
+def test_two_combines_with_lands_of_their_own_until_the_field_is_empty():
+    """Each cuts the passes that it cuts at `events`."""
+    file = file_of(1, 38.5, east=50.0, team={"together": "own_lands"})
+    done = Run(file)
+    check_done(done, ("cart_0",))
+    assert done.served["cart_0"] == {0, 1}
+    fleet = fleet_of(file)
+    by = shared_out(file, plan_of(file, fleet, None), fleet).by
+    assert set(by) == {0, 1}
+    assert dict(done.by) == {task: {COMBINES[number]} for task, number in enumerate(by)}
+
+
 def members_of(file):
     fleet = fleet_of(file)
     made = shared_out(file, plan_of(file, fleet, None), fleet)

@@ -253,7 +253,8 @@ class Clearance:
     ) -> float:
         """Free way [m] from `at` along a line, as far as `until`, at a speed [m/s]; inf where all is free.
 
-        A machine that it is near to already does not keep it from driving on, unless it comes nearer.
+        A machine that it is near to already, or in the way of, does not keep it from driving on, unless it
+        comes nearer, to where that is, too.
         to_next: all of the combine's way to the begin of its next pass is kept free; keep: as `free_way`
         """
         reach = reach_at(speed)
@@ -263,7 +264,8 @@ class Clearance:
             return inf
         else:
             places = self._ways.places(here, said, FORE)
-        return free_way(here, line, at, until, reach, outline_of(said), places, keep)
+        both = places, [place_of(here, said)]
+        return min(free_way(here, line, at, until, reach, outline_of(said), p, keep) for p in both)
 
     def comes_by(
         self, here: Place, there: Place, own: Outline, said: PeerState, between: Sequence[int] = ()
