@@ -23,6 +23,7 @@ from tests.job.test_whole_field import NORTH, Bench
 
 CART = load_machine("tractor-grain-cart")
 HEADER = {"header_width": 12.2, "header_front": 4.0, "header_left": 0.0}
+CART_BODY = {"body_width": 2.5, "body_rear": -1.5, "body_front": 4.6}
 BODY = {"body_width": 3.4, "body_rear": -5.0, "body_front": 4.0}
 TO_THE_LEFT = (  # back on the other side of a cart that stands beside
     Pass(((0.0, 0.0), (0.0, 100.0)), turn=(Segment(40.0, np.pi / 40.0),)),
@@ -235,3 +236,20 @@ def test_a_long_way_along_a_field_is_found():
     assert points[-1] == pytest.approx(goal[:2], abs=1e-6)
     assert not any(ground.is_in(ground.crop, *point) for point in points.tolist())
     assert np.hypot(*np.diff(points, axis=0).T).sum() < 900.0
+
+
+@pytest.mark.parametrize(("x", "y", "heading", "phase", "stops"), [
+    (14.0, 2.0, 0.0, Phase.WAITS, True),
+    (13.0, -8.0, 1.8, Phase.DRIVES, True),  # across, into its way
+    (30.0, 2.0, 0.0, Phase.WAITS, False),
+    (8.0, 8.0, 0.05, Phase.DRIVES, False),  # on the line beside
+    (2.0, 7.6, 0.6, Phase.BESIDE, False),
+])  # fmt: skip
+def test_a_combine_does_not_cut_into_a_cart(x, y, heading, phase, stops):
+    bench = Bench(NORTH)
+    for north in np.arange(1.0, 40.0, 0.5):
+        bench.step(north, 0.2)
+    told = {"heading": heading, "phase": int(phase), "task": 0, **CART_BODY}
+    job = bench.step(40.0, 0.2, peer=(x, y), told=told)
+    assert job.phase == Phase.CUTS
+    assert (job.speed == 0.0) is stops

@@ -48,7 +48,8 @@ LONG, STRAIGHT = 80.0, 2e-3  # m, from which a way is no turn; 1/m, less than wh
 BEYOND, FAR = 10.0, 100.0  # m behind the turn, that have to be free, too, of carts that stand; not farther
 # on: these make room for what comes within the next 120 m
 STOPS_IN = 14.0  # m of the way that have to be free while it turns, and while it cuts
-BUMPS = 0.2  # m from a cart ahead of it, that it stops before in a pass: nearer than one beside it is
+BUMPS = 0.2  # m from a cart ahead of it, that it stops before in a pass
+ALONG = 0.5  # rad, less than which a cart beside it may be turned
 SOON, SHORTLY = 6, 2  # s, for which another machine is taken to drive straight on; likewise in a turn
 BESIDE = 16.0  # m, nearer than which a cart stands beside it
 PASSES = 0.4  # m from a cart beside it, that it drives on past behind its last pass
@@ -123,7 +124,7 @@ class Harvest(KeepsState):
         speed, rate = params.turn_speed_kmh * KMH, params.turn_rate_deg_s * DEG
         self._limits = limits_of(setup.machine.wheelbase, params.turn_radius_m, rate, speed)
         self._routes: dict[int, tuple[Route, GuidancePath]] = {}
-        self._outline = own_outline(setup.machine)
+        self._outline, self._width = own_outline(setup.machine), setup.machine.header_width
         self._heard = AllHeard()
         self._tank = TankForecast(self._passes, params.full_percent * PERCENT)
         self._forget()
@@ -226,10 +227,10 @@ class Harvest(KeepsState):
         self._phase = Phase.CUTS if left > AT_END else Phase.TURNS
         wanted, turning = work.speed_kmh * KMH, p.turn_speed_kmh * KMH
         free = self._free()
-        if self._comes_near(here, carts, SWEPT if self._phase == Phase.TURNS else BUMPS):
-            return 0.0
         if self._phase == Phase.TURNS:
-            return min(self._turn_speed(), free)
+            return 0.0 if self._comes_near(here, carts, SWEPT) else min(self._turn_speed(), free)
+        if self._comes_near(here, [cart for cart in carts if self._is_across(cart)], BUMPS):
+            return 0.0
         slower = 0.0 if self._finishes or self._pours_on or is_last else min(turning, wanted)
         return min(wanted, free, max(sqrt(slower**2 + 2.0 * BRAKE * (left - AT_END)), CRAWL))
 
@@ -295,6 +296,11 @@ class Harvest(KeepsState):
         """Whether a cart that is heard is in the next metres of its way. clear: of it [m]"""
         heard = [cart for cart in carts if cart.is_heard and cart.age <= SILENT]
         return any(self._is_in_way(here, cart, clear, drives=True) for cart in heard)
+
+    def _is_across(self, cart: PeerState) -> bool:
+        """Whether a cart does not stand or drive along beside the machine."""
+        is_aside = abs(cart.y) > 0.5 * self._width and abs(cart.heading) < ALONG
+        return cart.phase != Phase.BESIDE and not is_aside
 
     def _is_too_full(self, load: MachineLoad, left: float) -> bool:
         """At the end of a pass beside which a cart can stand: whether it unloads there before it goes on."""
