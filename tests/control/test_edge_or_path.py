@@ -43,10 +43,19 @@ def test_the_line_is_that_of_least_squares_in_the_way_that_was_driven():
         assert line.project(x[0], y[0]).left == pytest.approx(across[0] - height, abs=1e-3)
 
 
-def drive(lost, params, seconds=60.0, pose_known=lambda t: True, job=None, aside=lambda t: 0.0):
+def drive(
+    lost,
+    params,
+    seconds=60.0,
+    pose_known=lambda t: True,
+    job=None,
+    aside=lambda t: 0.0,
+    jag=lambda t: (0.0, 0.0),
+):
     """A machine without slip along an edge at y = 6.1 - 0.1 left of it; rows (t, y, led, engaged).
 
-    job: its inputs, if it has one; aside: how far left the edge is seen at a time [m]
+    job: its inputs, if it has one; aside: how far left the edge is seen at a time [m]; jag: direction [rad]
+    and curvature [1/m] that it seems to have more
     """
     setup = ControlSetup(MACHINE, {}, "left", PERIOD * 1e-9)
     law = EdgeOrPath(params, setup)
@@ -63,8 +72,9 @@ def drive(lost, params, seconds=60.0, pose_known=lambda t: True, job=None, aside
         is_lost = any(a < t * 1e-9 < b for a, b in lost)
         nan = math.nan
         offset = (5.9 + aside(t * 1e-9) - y) / math.cos(heading) - 8.0 * math.tan(heading)
-        seen = (nan, nan) if is_lost else (offset, -heading)
-        edge = CropEdge(t, *seen, 0.0, 8.0, 0.0 if is_lost else 0.9, 0.85, 0.15)
+        angled, bent = jag(t * 1e-9)
+        seen = (nan, nan) if is_lost else (offset, angled - heading)
+        edge = CropEdge(t, *seen, bent, 8.0, 0.0 if is_lost else 0.9, 0.85, 0.15)
         spread = np.diag([1e-4 if pose_known(t * 1e-9) else 9.0] * 4)
         pose = PoseEstimate(t, x + 100.0, y, heading, SPEED, rate, spread, 0.0)
         given = {"edge": edge, "odometry": Odometry(t, SPEED, rate, angle), "pose": pose}
@@ -113,6 +123,21 @@ def test_an_edge_far_beside_the_path_of_a_job_does_not_lead():
         seen = rows[rows[:, 0] > 20.0]
         assert least <= np.abs(seen[:, 1]).max() <= most
         assert seen[-1, 2] == 0.0  # the edge leads again
+
+
+def test_a_jag_of_the_edge_does_not_turn_a_machine_that_has_a_job():
+    """For 2 s it seems to bend off by 0.25 rad and to curve by 0.15 1/m; without a job that is followed."""
+    path = GuidancePath(0, np.array([90.0, 400.0]), np.zeros(2), 3)
+    job = {"job": JobState(0, Phase.CUTS, 3, SPEED, 100.0, by_edge=True), "path": path}
+    most = []
+    for given in (job, None):
+        rows = drive(
+            [], Params(), 40.0, job=given, jag=lambda t: (0.25, 0.15) if 25.0 < t < 27.0 else (0.0, 0.0)
+        )
+        most.append(np.abs(rows[rows[:, 0] > 20.0, 1]).max())
+    assert most[0] < 0.5 * most[1]
+    assert most[0] < 0.15
+    assert most[1] > 0.3
 
 
 @pytest.mark.parametrize(

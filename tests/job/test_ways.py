@@ -115,3 +115,25 @@ def test_with_nothing_else_in_the_way_a_failing_search_is_not_repeated(
     made = CartWays([Pass(((6.0, 0.0), (6.0, 40.0)))], FIELD, 12.0, 8.2, 9.0)
     assert made.to_place(Place(0.0, 0.0, 0.0), (-15.0, -15.0), said(speed, phase, remaining)) is None
     assert len(count) == looks
+
+
+def test_a_way_leads_around_what_a_combine_cuts_next():
+    """Where no crop stands: over a strip that overlaps one that was cut, to a place behind the combine."""
+    first, then = Pass(((0.0, 34.0), (60.0, 34.0))), Pass(((0.0, 24.0), (60.0, 32.0)))
+    made = CartWays([first, then], FIELD, 12.0, 8.2, 9.0)
+    here = Place(66.0, 35.0, np.pi)
+    x, y = 12.0, 25.6
+    told = {
+        "header_width": 12.0, "header_front": 4.0, "header_left": 0.0, "body_width": 3.4, "body_rear": -5.0,
+        "body_front": 4.0,
+    }  # fmt: skip
+    cuts = PeerState(
+        0, True, 0.1, here.x - x, y - here.y, np.arctan2(8.0, 60.0) - np.pi, 2.0, 0.0, phase=int(Phase.CUTS),
+        task=1, remaining=44.0, **told,
+    )  # fmt: skip
+    way = made.to_pass(here, 1, cuts)
+    assert way is not None
+    lane = way.points[:-1]
+    ahead = lane[(lane[:, 0] > 20.0) & (lane[:, 0] < 56.0)]
+    middle = 24.0 + ahead[:, 0] * 8.0 / 60.0
+    assert (ahead[:, 1] - middle).min() > 6.0 + 1.5

@@ -20,6 +20,7 @@ from swath.signals import F64, PeerState, Phase
 
 HALF, NARROW = 2.0, 1.2  # m, of the machine to either side, and of that about start and goal
 CUTS_IN = 1.3  # m, that a trailer runs inside of its machine's tightest bend
+STRIP = 2.5  # m, radius of the discs that cover what a combine cuts next
 LEAST = 1.5  # m about another cart, where the way begins near to it
 CELL = 0.5  # m, that a way may pass nearer than it was looked for
 COME_UP = 25.0  # m behind the combine, where it comes onto the line beside the pass
@@ -128,7 +129,7 @@ class CartWays:
         close = [(x, y, _left_free(hypot(x - start.x, y - start.y), size)) for x, y, size in taken]
         looked: list[list[Disc]] = []
         stands = [(c, at) for c in combines for at in self._stands(here, c)]
-        waits = [disc for combine in combines for disc in self._before(here, start, combine)]
+        waits = [disc for combine in combines for disc in self._before(here, start, combine, ground)]
         for more, keep in ((waits, KEEP + CUTS_IN), (waits, KEEP), ([], KEEP + CUTS_IN), ([], KEEP)):
             discs = [disc for c, at in stands for disc in _discs(start, c, at, keep)]
             if [*discs, *more] in looked:  # the same as before
@@ -157,17 +158,24 @@ class CartWays:
             return self._ways.ahead(here, combine, max(combine.remaining, 0.0))[-1:]
         return []
 
-    def _before(self, here: Place, start: Place, combine: PeerState) -> list[Disc]:
-        """What a combine that stands in its turn, and is not nearer than that, drives over in the next FORE
-        metres.
+    def _before(self, here: Place, start: Place, combine: PeerState, ground: Ground) -> list[Disc]:
+        """What a combine drives over where no crop stands in what is left of its pass, or, where it stands in
+        its turn, in the next FORE metres; none where the way begins near to that.
         """
-        if combine.phase != Phase.TURNS or combine.speed > MOVES:
+        cuts = combine.phase == Phase.CUTS and combine.remaining > 0.0
+        if not cuts and (combine.phase != Phase.TURNS or combine.speed > MOVES):
             return []
         outline = outline_of(combine)
-        ahead = self._ways.ahead(here, combine, FORE)
-        if min(outline.away(at, start.x, start.y) for at in ahead) < KEEP:
+        ahead = self._ways.ahead(here, combine, combine.remaining if cuts else FORE)
+        ahead = ahead[3::2] if cuts else ahead[1:]  # from before its knife on
+        if any(outline.away(at, start.x, start.y) < KEEP for at in ahead):
             return []
-        return [(x, y, KEEP - NARROW) for at in ahead for x, y in outline.points(at)]
+        if not cuts:
+            return [(x, y, KEEP - NARROW) for at in ahead for x, y in outline.points(at)]
+        half = 0.5 * self._header
+        across = np.linspace(-half + STRIP, half - STRIP, max(round(half / STRIP), 2)).tolist()
+        places = [beside(*at, 0.0, left) for at in ahead for left in across]
+        return [(x, y, STRIP + KEEP - HALF) for x, y in places if not ground.is_in(ground.crop, x, y)]
 
     def _ground(self, combines: Sequence[PeerState]) -> Ground:
         """Crop as it stands now, by the passes that are done and the way in the present ones."""

@@ -35,6 +35,7 @@ from swath.signals import (
 from swath.signals.setup import ControlSetup
 
 APART = 0.5  # between the places that are kept [m]
+ANGLE, BEND = 0.06, 0.02  # rad, 1/m: of the edge against the path of a job
 AHEAD = 2000.0  # how far the line driven last goes on [m]
 NAN = float("nan")
 
@@ -107,6 +108,8 @@ class EdgeOrPath(KeepsState):
             self._is_led = False
         if is_seen and not self._is_led and pose is not None:
             self._remember(pose)
+        if edge is not None and is_seen and job is not None:
+            inputs = {**inputs, "edge": self._along_path(edge, pose)}
         by_edge: dict[str, Any] = self._edge.step(t, dt, inputs)
         by_path: dict[str, Any] = self._path.step(t, dt, inputs)
         guidance: GuidanceState = by_path["guidance"]
@@ -129,6 +132,20 @@ class EdgeOrPath(KeepsState):
             return True
         off = self._path.beside(pose, edge.reference_x, self._edge.beside(edge))
         return off is None or abs(off) <= self._p.stray_m
+
+    def _along_path(self, edge: CropEdge, pose: PoseEstimate | None) -> CropEdge:
+        """The edge with no other direction and curvature than the path of the job has there, but for ANGLE
+        and BEND: a jag of the crop shows others, and the next pass would have a larger one.
+        """
+        if pose is None or not isfinite(pose.x):
+            return edge
+        course = self._path.course(pose, edge.reference_x, self._edge.beside(edge))
+        if course is None:
+            return edge
+        heading, curvature = course
+        angle = min(max(edge.heading, heading - ANGLE), heading + ANGLE)
+        bend = min(max(edge.curvature, curvature - BEND), curvature + BEND)
+        return replace(edge, heading=angle, curvature=bend)
 
     def _remember(self, pose: PoseEstimate) -> None:
         """A place of the way along the edge."""

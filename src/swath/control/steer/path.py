@@ -199,6 +199,17 @@ class PathSteer(KeepsState):
         x, y = pose.x + c * ahead - s * left, pose.y + s * ahead + c * left
         return self._line.project(x, y, self._way + ahead, LOST).left
 
+    def course(self, pose: PoseEstimate, ahead: float, left: float) -> tuple[float, float] | None:
+        """Direction [rad], against the machine's, and curvature [1/m] of the path beside a place ahead and
+        left of the machine [m]; None without a path.
+        """
+        if self._line is None or self._way is None:
+            return None
+        c, s = cos(pose.heading), sin(pose.heading)
+        x, y = pose.x + c * ahead - s * left, pose.y + s * ahead + c * left
+        way = self._line.project(x, y, self._way + ahead, LOST).way
+        return wrapped(self._line.heading(way) - pose.heading), self._line.curvature(way, 1.0)
+
     def lead_along(self, line: GuidanceLine) -> None:
         """Another path of the own machine, instead of that of the scenario."""
         self._line, self._way = line, None
