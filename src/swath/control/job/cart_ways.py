@@ -20,6 +20,7 @@ from swath.signals import F64, PeerState, Phase
 
 HALF, NARROW = 2.0, 1.2  # m, of the machine to either side, and of that about start and goal
 CUTS_IN = 1.3  # m, that a trailer runs inside of its machine's tightest bend
+BEGINS = 6.0  # m about the begin of a way, in which it may lead over that
 STRIP = 2.5  # m, radius of the discs that cover what a combine cuts next
 LEAST = 1.5  # m about another cart, where the way begins near to it
 CELL = 0.5  # m, that a way may pass nearer than it was looked for
@@ -159,8 +160,8 @@ class CartWays:
         return []
 
     def _before(self, here: Place, start: Place, combine: PeerState, ground: Ground) -> list[Disc]:
-        """What a combine drives over where no crop stands in what is left of its pass, or, where it stands in
-        its turn, in the next FORE metres; none where the way begins near to that.
+        """What a combine drives over where no crop stands in what is left of its pass, but where the way
+        begins; or, where it stands in its turn, in the next FORE metres, where the way does not begin there.
         """
         cuts = combine.phase == Phase.CUTS and combine.remaining > 0.0
         if not cuts and (combine.phase != Phase.TURNS or combine.speed > MOVES):
@@ -168,10 +169,10 @@ class CartWays:
         outline = outline_of(combine)
         ahead = self._ways.ahead(here, combine, combine.remaining if cuts else FORE)
         ahead = ahead[3::2] if cuts else ahead[1:]  # from before its knife on
-        if any(outline.away(at, start.x, start.y) < KEEP for at in ahead):
-            return []
         if not cuts:
-            return [(x, y, KEEP - NARROW) for at in ahead for x, y in outline.points(at)]
+            is_near = any(outline.away(at, start.x, start.y) < KEEP for at in ahead)
+            return [] if is_near else [(*p, KEEP - NARROW) for at in ahead for p in outline.points(at)]
+        ahead = [at for at in ahead if outline.away(at, start.x, start.y) > BEGINS]
         half = 0.5 * self._header
         across = np.linspace(-half + STRIP, half - STRIP, max(round(half / STRIP), 2)).tolist()
         places = [beside(*at, 0.0, left) for at in ahead for left in across]
