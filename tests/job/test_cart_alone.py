@@ -37,9 +37,10 @@ class CartBench:
             0,
         )
         self.part.reset(None)
+        self.at = HERE
 
     def step(self, said, level):
-        pose = PoseEstimate(self.t, *HERE, 0.0, 0.0, np.eye(4) * 1e-4, 0.0)
+        pose = PoseEstimate(self.t, *self.at, 0.0, 0.0, np.eye(4) * 1e-4, 0.0)
         heap = HeapState(self.t, level * FULL, level, 0.0, 1.0, np.zeros(3), np.zeros(3))
         station = Wanted(self.t, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False)
         inputs = {
@@ -174,3 +175,21 @@ def test_a_cart_in_the_way_of_a_combine_does_not_drive_into_it():
     assert free == pytest.approx(20.0 - 4.0 - 3.0 - SHORT, abs=1.0)  # before its header
     away = GuidanceLine([(0.0, 20.0), (0.0, 80.0)])
     assert Clearance(NORTH).way(own, away, 0.0, 60.0, said, 3.0) == np.inf
+
+
+@pytest.mark.parametrize(("behind", "comes_back"), [(22.0, True), (6.0, False)])
+def test_a_cart_ahead_of_a_combine_that_stands_comes_from_behind(behind, comes_back):
+    """It waited on the line beside the next pass; the combine is full at its begin, and does not come up."""
+    bench = CartBench()
+    bench.at = Place(-15.0, 60.0, NORTHWARD)
+    turns = combine(bench.at, Place(0.0, 103.0, NORTHWARD), Phase.TURNS, calls=True)
+    assert bench.ends_in(turns, 0.1).phase == Phase.DRIVES
+    bench.at = Place(21.6, 74.0, -NORTHWARD)
+    bench.part._way = bench.part._lane + 40.0
+    stands = combine(
+        bench.at, Place(12.7, 74.0 + behind, -NORTHWARD), Phase.STANDS, task=1, remaining=90.0, calls=True,
+        may_unload=True, speed=0.0,
+    )  # fmt: skip
+    number = bench.part._number
+    bench.ends_in(stands, 0.1)
+    assert (bench.part._number > number) is comes_back

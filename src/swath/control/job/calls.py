@@ -14,6 +14,7 @@ FORESIGHT = 2  # passes after the present one, for which it sets out
 APART = 45.0  # m from a combine that cuts, from where on it sets out for a pass to come
 CLEAR = 16.0  # m from a combine that turns, likewise; and from one that drives, before it sets out elsewhere
 LEAST = 15.0  # m of a pass beside the combine, for which it sets out
+BEHIND = -12.0  # m ahead of a cart: beside it a combine's axle is some 5 m behind the cart's
 FILLS = 0.75  # of the largest heap, that a cart takes for sure: one spot fills 77 % (closed form)
 PORTS = ("peer", *OTHERS)
 
@@ -26,6 +27,11 @@ def combines_of(heard: Mapping[str, PeerState]) -> dict[int, PeerState]:
 def stands_for_cart(said: PeerState) -> bool:
     """Whether a combine stands and wants to unload there."""
     return said.phase == Phase.STANDS and said.calls and said.may_unload
+
+
+def waits_behind(said: PeerState) -> bool:
+    """Whether a combine stands for a cart that is too far ahead of it on the line beside its pass."""
+    return stands_for_cart(said) and said.x < BEHIND
 
 
 def nearest(combines: Mapping[int, PeerState]) -> int:

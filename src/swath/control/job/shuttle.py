@@ -14,7 +14,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.control.cooperate.peer_track import OTHER_PORTS
-from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, stands_for_cart
+from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, stands_for_cart, waits_behind
 from swath.control.job.cart_ways import MOVES, CartWays
 from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_taken, others_of
 from swath.control.job.dubins import Place
@@ -109,8 +109,7 @@ class Shuttle(KeepsState):
         self._points = np.zeros((0, 2))
         self._way = self._lane = 0.0
         self._since, self._until, self._retry_at, self._poured_at = inf, -inf, -inf, -inf
-        self._looks_at = -inf
-        self._is_clear, self._drives_to = True, inf
+        self._is_clear, self._drives_to, self._looks_at = True, inf, -inf
         self._is_free, self._ended, self._blocked_at, self._served = True, "", inf, 0
         self._heard.reset()
         self._calls.reset()
@@ -257,7 +256,8 @@ class Shuttle(KeepsState):
         free = min(free, free_of(self._others, here, line, self._way, speed))
         if peer.age > SILENT and (in_lane or not self._clearance.is_in_way(here, peer)):
             return 0.0
-        if self._is_blocked(now, free, speed):
+        is_passed = in_lane and not is_early and speed < MOVES and waits_behind(peer)
+        if is_passed or self._is_blocked(now, free, speed):
             self._phase = Phase.WAITS
             return 0.0
         if is_early:
