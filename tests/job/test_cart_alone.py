@@ -12,7 +12,7 @@ from swath.control.job.passes import Pass
 from swath.control.job.right_of_way import ROOM, SHORT, Clearance, own_outline
 from swath.control.job.shuttle import Params, Shuttle
 from swath.control.job.wait_ahead import WaitAhead
-from swath.control.steer.guidance_line import GuidanceLine
+from swath.control.steer.guidance_line import Bend, GuidanceLine, along_bends
 from swath.control.steer.path import Segment
 from swath.machine.machine_sheet import load_machine
 from swath.signals import HeapState, Odometry, Phase, PoseEstimate
@@ -193,3 +193,22 @@ def test_a_cart_ahead_of_a_combine_that_stands_comes_from_behind(behind, comes_b
     number = bench.part._number
     bench.ends_in(stands, 0.1)
     assert (bench.part._number > number) is comes_back
+
+
+def test_a_cart_slows_down_where_arcs_to_both_sides_meet():
+    """As its steering turns from one to the other at two thirds of its rate; in an arc by 0.8 m/s2."""
+    radius, part = 9.0, CartBench().part
+    bends = [
+        Bend(30.0, 0.0, 0.0),
+        Bend(20.0, 1.0 / radius, 1.0 / radius),
+        Bend(20.0, -1.0 / radius, -1.0 / radius),
+    ]
+    line = GuidanceLine(along_bends(0.0, 0.0, 0.0, bends))
+
+    def slow(way):
+        part._way = way
+        return part._slow(line, 2.0)
+
+    assert slow(5.0) > 10.0
+    assert slow(39.0) == pytest.approx(np.sqrt(0.8 * radius), rel=0.05)
+    assert slow(50.0) < 1.3

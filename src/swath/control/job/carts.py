@@ -19,7 +19,7 @@ LATER = 1.0  # s, that a cart waits for each one before it by number to take a c
 AT_TRUCK = 12.0  # m from the truck's place: it is taken
 APART = 3.5  # m about the way of another cart, beyond the own half width
 AROUND = 3.0  # m about the outline of one that stands, likewise: where arcs to the right and to the left meet
-# a cart leaves its way by up to 2.4 m
+# a cart leaves its way by up to 1 m
 EVERY = 3.0  # m between places of a way
 BEYOND = 30.0  # m behind the end of a pass, where the line beside it ends
 SOON, NEAR = 4.0, 20.0  # s, m

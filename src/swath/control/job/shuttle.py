@@ -35,8 +35,8 @@ from swath.signals.setup import ControlSetup
 
 BRAKE = 0.4  # m/s2
 SIDEWAYS = 0.8  # m/s2, most in a bend
-OFF, SLOWLY = 0.3, 2.0  # m off its way it drives no faster than that, m/s
-STEERS = 0.26  # rad/s (15 deg/s), of the steering angle: the default of steering along a path
+OFF, SLOWLY = 0.3, 1.0  # m off its way it drives no faster than that, m/s
+STEERS = 0.16  # rad/s (9 deg/s), of the steering angle: less than steering along a path can
 CATCH_UP = 0.3  # 1/s
 IN_LINE, TURNED, NEAR = 1.0, 0.2094, 4.0  # m, rad (12 deg), m: from there on it keeps the station
 FULL_FOR = 4.0  # s, that the station says full, or that nothing is poured any more, before it leaves
