@@ -128,8 +128,9 @@ def test_two_combines_and_two_carts_until_the_field_is_empty():
 
 
 def test_two_combines_with_lands_of_their_own_until_the_field_is_empty():
-    """Each cuts the passes that it cuts at `events`. On the line beside a pass a trailer's tyres are 0.3 m off
-    the header of the 5 m combine that comes by.
+    """Each cuts the passes that it cuts at `events`.
+
+    On the line beside a pass a trailer's tyres are 0.3 m off the header of the 5 m combine that comes by.
     """
     file = file_of(1, 38.5, east=50.0, team={"together": "own_lands"})
     done = Run(file)
