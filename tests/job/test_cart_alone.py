@@ -14,7 +14,6 @@ from swath.control.job.shuttle import Params, Shuttle
 from swath.control.job.wait_ahead import WaitAhead
 from swath.control.steer.guidance_line import Bend, GuidanceLine, along_bends
 from swath.control.steer.path import Segment
-from swath.machine.machine_sheet import load_machine
 from swath.signals import HeapState, Odometry, Phase, PoseEstimate
 from swath.signals import Station as Wanted
 from swath.signals.setup import ControlSetup
@@ -32,12 +31,9 @@ class CartBench:
     def __init__(self, passes=NORTH):
         ring = ((-6.0, 0.0), (19.0, 0.0), (19.0, 100.0), (-6.0, 100.0))
         params = Params(passes, ring, truck_m=(-25.0, -15.0), leave_percent=60.0)
-        self.part, self.t = (
-            Shuttle(params, ControlSetup(load_machine("tractor-grain-cart"), {}, "left", 0.1)),
-            0,
-        )
+        self.part = Shuttle(params, ControlSetup(CART, {}, "left", 0.1))
         self.part.reset(None)
-        self.at = HERE
+        self.t, self.at = 0, HERE
 
     def step(self, said, level):
         pose = PoseEstimate(self.t, *self.at, 0.0, 0.0, np.eye(4) * 1e-4, 0.0)

@@ -119,7 +119,9 @@ class PeerState(Signal, about=About()):
     task: Annotated[int, Quantity("", "number of its pass; -1 = none")] = -1
     remaining: Annotated[float, Quantity("m", "to the end of its pass", nan="in no pass")] = _NAN
     come: Annotated[float, Quantity("m", "along its pass and the turn behind it", nan="in no pass")] = _NAN
-    to_come: Annotated[float, Quantity("kg", "that it will hand over still", nan="not told")] = _NAN
+    to_come: Annotated[
+        float, Quantity("kg", "in its tank and, forecast, on its last two passes", nan="not told")
+    ] = _NAN
     may_unload: Annotated[bool, Quantity("", "a cart may drive beside it")] = False
     calls: Annotated[bool, Quantity("", "it wants a cart")] = False
     body_front: Annotated[float, Quantity("m", "of its chassis, ahead of its origin", nan="not told")] = _NAN

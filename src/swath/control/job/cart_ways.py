@@ -20,8 +20,8 @@ from swath.signals import F64, PeerState, Phase
 
 HALF, NARROW = 2.0, 1.2  # m, of the machine to either side, and of that about start and goal
 CUTS_IN = 1.3  # m, that a trailer runs inside of its machine's tightest bend
-BEGINS = 6.0  # m about the begin of a way, in which it may lead over that
 STRIP = 2.5  # m, radius of the discs that cover what a combine cuts next
+BEGINS = 6.0  # m from its outline there, within which a way begins that may lead over that place
 LEAST = 1.5  # m about another cart, where the way begins near to it
 CELL = 0.5  # m, that a way may pass nearer than it was looked for
 COME_UP = 25.0  # m behind the combine, where it comes onto the line beside the pass
@@ -122,8 +122,8 @@ class CartWays:
         """Through the first places, to the goal, and through the rest; None where there is none now. ground:
         None = as it is now
 
-        Where there is such a way, it keeps off the way that a combine which stands in its turn has before
-        it, and about one that stands its trailer has room to cut corners.
+        Where there is such a way, it keeps off what combines drive over next (`_before`), and about one that
+        stands its trailer has room to cut corners.
         """
         ground = self._ground(combines) if ground is None else ground
         start = first[-1] if first else here

@@ -28,8 +28,9 @@ LOOK, STEP = 8.0, 1.0  # m beyond the braking way; between two looks
 SHORT = 6.5  # m kept between the axle and what is in the way: a tractor reaches 4.6 m ahead of its axle
 GENTLE = 0.4  # m/s2, of braking
 STILL = 0.1  # m/s
-ROOM, ABOUT = 25.0, 30.0  # m: a cart can turn about before a combine that stands in its turn; m beyond that
-WELL = 5.0  # m from a combine's way, where a cart waits that is bent or turns off yet
+ROOM = 25.0  # m before a combine that stands in its turn, where a cart has room to turn about
+BEYOND = 30.0  # m farther, from where on it is looked for
+WELL = 5.0  # m from a combine's way, where a cart waits whose trailer may stand bent
 CLOSE = 40.0  # m, beyond which two machines do not touch
 DEEP = 2.0  # m from the front of a header to its back
 
@@ -264,8 +265,8 @@ class Clearance:
             return inf
         else:
             places = self._ways.places(here, said, FORE)
-        both = places, [place_of(here, said)]
-        return min(free_way(here, line, at, until, reach, outline_of(said), p, keep) for p in both)
+        looks = [places, places[:1]] if len(places) > 1 else [places]  # and to where it is now
+        return min(free_way(here, line, at, until, reach, outline_of(said), p, keep) for p in looks)
 
     def comes_by(
         self, here: Place, there: Place, own: Outline, said: PeerState, between: Sequence[int] = ()
@@ -285,9 +286,9 @@ class Clearance:
         """Way [m] from `at` along a line, as far as `until`, to where a cart still has room to turn about
         before a combine that stands in its turn; inf where none is in its way.
         """
-        if said.phase != Phase.TURNS or said.speed >= STILL or hypot(said.x, said.y) > ROOM + ABOUT:
+        if said.phase != Phase.TURNS or said.speed >= STILL or hypot(said.x, said.y) > ROOM + BEYOND:
             return inf
-        way = free_way(here, line, at, until, ROOM + ABOUT, outline_of(said), [place_of(here, said)])
+        way = free_way(here, line, at, until, ROOM + BEYOND, outline_of(said), [place_of(here, said)])
         return max(way + SHORT - ROOM, 0.0)
 
     def until_near(

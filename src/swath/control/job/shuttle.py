@@ -42,7 +42,7 @@ IN_LINE, TURNED, NEAR = 1.0, 0.2094, 4.0  # m, rad (12 deg), m: from there on it
 FULL_FOR = 4.0  # s, that the station says full, or that nothing is poured any more, before it leaves
 HELD_FOR = 8.0  # s without grain beside a combine that stands: it cannot turn while the cart is there
 RETRY = 5.0  # s between two looks for a way
-ARRIVED, AT_PLACE = 0.4, 6.0  # m; from where it waits: it is there
+ARRIVED, AT_PLACE = 0.4, 6.0  # m from the end of its way; from its place
 BLOCKED_FOR = 4.0  # s behind a machine that stands in its way, before it looks for another one
 
 

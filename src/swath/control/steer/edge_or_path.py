@@ -14,8 +14,8 @@ from typing import Annotated, Any
 from annotated_types import Ge, Gt, Le
 
 from swath.control.steer.guidance_line import GuidanceLine
+from swath.control.steer.path import BesidePath, PathSteer
 from swath.control.steer.path import Params as PathParams
-from swath.control.steer.path import PathSteer
 from swath.control.steer.preview import Params as EdgeParams
 from swath.control.steer.preview import Preview
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -99,7 +99,11 @@ class EdgeOrPath(KeepsState):
         job: JobState | None = inputs.get("job")
         is_seen = edge is not None and edge.is_found
         if edge is not None and is_seen and job is not None:
-            is_seen = job.by_edge and self._is_near and self._is_planned(edge, pose)
+            is_seen = job.by_edge and self._is_near
+            path = self._path_beside(edge, pose) if is_seen else None
+            if path is not None:
+                is_seen = abs(path.left) <= self._p.stray_m
+                inputs = {**inputs, "edge": along_path(edge, path)} if is_seen else inputs
         self._lost = 0.0 if is_seen else self._lost + dt / NS
         self._found = self._found + dt / NS if is_seen else 0.0
         if not self._is_led and self._lost >= self._p.lost_s:
@@ -108,8 +112,6 @@ class EdgeOrPath(KeepsState):
             self._is_led = False
         if is_seen and not self._is_led and pose is not None:
             self._remember(pose)
-        if edge is not None and is_seen and job is not None:
-            inputs = {**inputs, "edge": self._along_path(edge, pose)}
         by_edge: dict[str, Any] = self._edge.step(t, dt, inputs)
         by_path: dict[str, Any] = self._path.step(t, dt, inputs)
         guidance: GuidanceState = by_path["guidance"]
@@ -126,26 +128,11 @@ class EdgeOrPath(KeepsState):
         self._path.was_commanded(command.curvature)
         return {"command": command, "guidance": guidance}
 
-    def _is_planned(self, edge: CropEdge, pose: PoseEstimate | None) -> bool:
-        """Whether the edge leads along the path of the job, no farther than stray_m beside it."""
+    def _path_beside(self, edge: CropEdge, pose: PoseEstimate | None) -> BesidePath | None:
+        """The path of the job where the edge leads the machine to; None without one, or where it is."""
         if pose is None or not isfinite(pose.x):
-            return True
-        off = self._path.beside(pose, edge.reference_x, self._edge.beside(edge))
-        return off is None or abs(off) <= self._p.stray_m
-
-    def _along_path(self, edge: CropEdge, pose: PoseEstimate | None) -> CropEdge:
-        """The edge with no other direction and curvature than the path of the job has there, but for ANGLE
-        and BEND: a jag of the crop shows others, and the next pass would have a larger one.
-        """
-        if pose is None or not isfinite(pose.x):
-            return edge
-        course = self._path.course(pose, edge.reference_x, self._edge.beside(edge))
-        if course is None:
-            return edge
-        heading, curvature = course
-        angle = min(max(edge.heading, heading - ANGLE), heading + ANGLE)
-        bend = min(max(edge.curvature, curvature - BEND), curvature + BEND)
-        return replace(edge, heading=angle, curvature=bend)
+            return None
+        return self._path.beside(pose, edge.reference_x, self._edge.beside(edge))
 
     def _remember(self, pose: PoseEstimate) -> None:
         """A place of the way along the edge."""
@@ -164,6 +151,15 @@ class EdgeOrPath(KeepsState):
             return False
         self._path.lead_along(line_through(places))
         return True
+
+
+def along_path(edge: CropEdge, path: BesidePath) -> CropEdge:
+    """The edge with no other direction and curvature than the path of a job has there, but for ANGLE and
+    BEND: a jag of the crop shows others, and the next pass would have a larger one.
+    """
+    angle = min(max(edge.heading, path.course - ANGLE), path.course + ANGLE)
+    bend = min(max(edge.curvature, path.curvature - BEND), path.curvature + BEND)
+    return replace(edge, heading=angle, curvature=bend)
 
 
 def line_through(places: list[tuple[float, float]]) -> GuidanceLine:

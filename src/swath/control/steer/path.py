@@ -15,7 +15,7 @@ behind. Side slip and understeer are learnt as in `preview`.
 
 from dataclasses import dataclass, field
 from math import cos, isfinite, sin, tan
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from annotated_types import Ge, Gt, Le
 
@@ -117,6 +117,16 @@ class Params:
             raise InputError("points_m", self.points_m, "expected at least two points")
 
 
+class BesidePath(NamedTuple):
+    """Of a path beside a place. left: how far to the left of it the place is [m]; course: its direction
+    against the machine's [rad]; curvature [1/m]
+    """
+
+    left: float
+    course: float
+    curvature: float
+
+
 class PathSteer(KeepsState):
     """The fixed axle is led along the path."""
 
@@ -191,24 +201,15 @@ class PathSteer(KeepsState):
         """Whether there is a path to follow."""
         return self._line is not None
 
-    def beside(self, pose: PoseEstimate, ahead: float, left: float) -> float | None:
-        """How far to the left of the path a place is, ahead and left of the machine [m]; None without one."""
+    def beside(self, pose: PoseEstimate, ahead: float, left: float) -> BesidePath | None:
+        """The path beside a place ahead and left of the machine [m]; None without one."""
         if self._line is None or self._way is None:
             return None
         c, s = cos(pose.heading), sin(pose.heading)
         x, y = pose.x + c * ahead - s * left, pose.y + s * ahead + c * left
-        return self._line.project(x, y, self._way + ahead, LOST).left
-
-    def course(self, pose: PoseEstimate, ahead: float, left: float) -> tuple[float, float] | None:
-        """Direction [rad], against the machine's, and curvature [1/m] of the path beside a place ahead and
-        left of the machine [m]; None without a path.
-        """
-        if self._line is None or self._way is None:
-            return None
-        c, s = cos(pose.heading), sin(pose.heading)
-        x, y = pose.x + c * ahead - s * left, pose.y + s * ahead + c * left
-        way = self._line.project(x, y, self._way + ahead, LOST).way
-        return wrapped(self._line.heading(way) - pose.heading), self._line.curvature(way, 1.0)
+        nearest = self._line.project(x, y, self._way + ahead, LOST)
+        course = wrapped(self._line.heading(nearest.way) - pose.heading)
+        return BesidePath(nearest.left, course, self._line.curvature(nearest.way, 1.0))
 
     def lead_along(self, line: GuidanceLine) -> None:
         """Another path of the own machine, instead of that of the scenario."""

@@ -12,7 +12,7 @@ from swath.job.combine_ways import is_far
 from swath.job.machines import Combine
 from swath.job.path import Piece
 from swath.job.plan import FieldPlan
-from swath.tools.fleet.combine_turns import STRAIGHT, axle_at, following
+from swath.tools.fleet.combine_turns import axle_at, following
 
 RADIUS = 10.0  # m, of bends that begin at once: wider than the tightest turn
 LINE_UP = 9.0  # m on the line of the next pass before its begin
@@ -41,7 +41,7 @@ def far_ways(
             if end <= ends[i]:
                 ground.cut([_point(q) for q in other.line.tolist()], width + 2.0 * OVERLAP)
         combine = combines[by[i]]
-        here, there = axle_at(p.end, combine), axle_at(then.start, combine, max(LINE_UP, STRAIGHT))
+        here, there = axle_at(p.end, combine), axle_at(then.start, combine, LINE_UP)
         half = 0.5 * combine.sheet.header_width + CLEAR
         search = Search(ground, ground.clear_of(half), ground.clear_of(NEAR), RADIUS)
         way = search.way(Place(*here), [Place(*there)])
