@@ -1,6 +1,7 @@
 """ROS 2 stays on this machine unless it is told otherwise, and brings no code into a run."""
 
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -95,3 +96,35 @@ def test_a_stranger_cannot_make_a_run_execute_a_file(domain, tmp_path):  # noqa:
     assert said.startswith("False combine.edge.level")
     assert "expected no code" in said
     assert not (tmp_path / "mark").exists()
+
+
+def test_what_a_stranger_sets_while_parameters_are_declared_is_checked(domain):  # noqa: F811
+    from rclpy.parameter import Parameter
+
+    from swath.link.ros2.middleware import close_node, open_node
+    from swath.link.ros2.parameters import RunParameters
+
+    answers = []
+
+    class Control:
+        def set(self, name, value):
+            return False, f"{name}: expected no code"
+
+    class Changes:
+        """Is asked for the values while the parameters are declared, and lets a stranger in just then."""
+
+        def values(self):
+            wanted = Parameter("combine.edge.level", value="evil.py:Edge")
+            stranger = Thread(target=lambda: answers.extend(node.set_parameters([wanted])))
+            stranger.start()
+            stranger.join()
+            return {"combine.edge.level": "truth"}
+
+    node = open_node("here", "a test", allow_undeclared_parameters=True)
+    try:
+        RunParameters(node, Control()).join(Changes())
+        refused = (False, "combine.edge.level: expected no code")
+        assert [(a.successful, a.reason) for a in answers] == [refused]
+        assert node.get_parameter("combine.edge.level").value == "truth"
+    finally:
+        close_node(node)

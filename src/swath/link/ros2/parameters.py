@@ -6,6 +6,7 @@ ros2 param set /swath obstacles.pole "{kind: post, x_m: 12, y_m: 3}"
 ros2 param delete /swath obstacles.pole
 """
 
+import threading
 from collections.abc import Mapping
 from typing import Any
 
@@ -23,7 +24,7 @@ class RunParameters:
         self._node, self._control = node, control
         self._changes: Interventions | None = None
         self._declared: set[str] = set()
-        self._is_own = False  # True while this class itself sets parameters
+        self._own = threading.local()  # is_setting: this thread declares or sets for the run itself
         node.add_on_set_parameters_callback(self._on_set)
         node.add_post_set_parameters_callback(self._after_set)
 
@@ -36,7 +37,7 @@ class RunParameters:
         from rcl_interfaces.msg import SetParametersResult
 
         ours = [p for p in parameters if p.name not in (*OWN, "use_sim_time")]
-        if self._is_own or not ours:
+        if self._is_own() or not ours:
             return SetParametersResult(successful=True)
         if len(parameters) > 1:
             return SetParametersResult(successful=False, reason="expected one parameter at a time")
@@ -47,16 +48,20 @@ class RunParameters:
 
     def _after_set(self, parameters: list[Any]) -> None:
         """A new level has other parameters: declare them."""
-        if not self._is_own and any(p.name.endswith(".level") for p in parameters):
+        if not self._is_own() and any(p.name.endswith(".level") for p in parameters):
             self._declare()
 
     def _declare(self) -> None:
         assert self._changes is not None
-        self._is_own = True
+        self._own.is_setting = True
         try:
             self._set_all(self._changes.values())
         finally:
-            self._is_own = False
+            self._own.is_setting = False
+
+    def _is_own(self) -> bool:
+        """True where this class sets parameters; what another thread asks for meanwhile is still checked."""
+        return getattr(self._own, "is_setting", False)
 
     def _set_all(self, values: Mapping[str, Any]) -> None:
         from rcl_interfaces.msg import ParameterDescriptor
