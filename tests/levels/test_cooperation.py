@@ -14,10 +14,12 @@ from swath.machine.machine_sheet import load_machine
 from swath.signals import (
     GuidancePath,
     HeapState,
+    JobState,
     MachineLoad,
     MachineState,
     Odometry,
     PeerState,
+    Phase,
     Scan,
     UnloadCommand,
     UnloadState,
@@ -189,6 +191,28 @@ def test_what_a_strategy_fills(level, limit):
 def stream_of(sd):
     far = math.sqrt(3.0) * sd
     return [(1 / 3, 0, 0), (1 / 6, far, 0), (1 / 6, -far, 0), (1 / 6, 0, far), (1 / 6, 0, -far)]
+
+
+@pytest.mark.parametrize(("phase", "task", "pours"), [
+    (Phase.BESIDE, 4, True), (Phase.WAITS, 3, False), (Phase.DRIVES, -1, False), (-1, -1, True),
+])  # fmt: skip
+def test_grain_is_for_the_cart_that_names_the_own_pass(phase, task, pours):
+    """One that waits beside, or for another combine, gets none; one without a job does."""
+    unloader = make("cooperate", "unloader", ControlSetup(COMBINE, {}, "left", 0.05))
+    unloader.reset(STREAM)
+    box = {"box_x": -5.5, "box_y": 0.0, "box_heading": 0.0, "box_length": 6.0, "box_width": 3.0}
+    on = []
+    for i in range(60):
+        t = (i + 1) * NS // 20
+        inputs = {
+            "peer": PeerState(t, True, 0.0, 5.5, 8.4, 0.0, 1.2, 0.0, 0.0, phase=phase, task=task, **box),
+            "odometry": Odometry(t, 1.2, 0.0, 0.0),
+            "load": MachineLoad(0, 5e3, *[0.0] * 7, tank_level=0.8),
+            "unload": UnloadState(0, 1.5, 0.0, 0, 0, 0, 0, 0.0, 8.4),
+            "job": JobState(t, int(Phase.CUTS), 4, 1.2, 50.0, may_unload=True),
+        }
+        on.append(unloader.step(t - NS // 20, NS // 20, inputs)["command"].is_running)
+    assert any(on) is pours
 
 
 def stops(unloader, limit):

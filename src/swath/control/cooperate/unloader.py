@@ -92,11 +92,11 @@ class Unloader(KeepsState):
         elif level <= p.stop_percent * PERCENT:
             self._wants = False
         is_heard = self._track.age <= p.silence_s
-        may_pour = is_heard and not peer.is_full and peer.box_x == peer.box_x
+        job: JobState | None = inputs.get("job")
+        may_pour = is_heard and not peer.is_full and peer.box_x == peer.box_x and _serves(peer, job)
         if may_pour:
             self._box_seen.update(inputs.get("box"), *self._track.to_own(peer.box_x, peer.box_y))
         room = self._room(peer, unload, dt / NS) if may_pour else -inf
-        job: JobState | None = inputs.get("job")
         may_swing = self._may_swing and (job is None or job.may_unload)
         self._pours = self._decide(now / NS, room) and self._wants and may_swing
         near = hypot(self._track.x, self._track.y) <= p.call_m and is_heard
@@ -158,6 +158,11 @@ class Unloader(KeepsState):
         ]
         half = 0.5 * peer.box_length, 0.5 * peer.box_width
         return min(size - max(abs(a), abs(b)) for size, a, b in zip(half, self._relative, later, strict=True))
+
+
+def _serves(peer: PeerState, job: JobState | None) -> bool:
+    """Whether a cart with a job names the pass that the own one is at: no grain for others that come by."""
+    return job is None or peer.phase < 0 or peer.task == job.task
 
 
 LEVEL = Level(
