@@ -17,7 +17,7 @@ from swath.control.steer.guidance_line import GuidanceLine, along_bends
 from swath.control.steer.path import Segment
 from swath.machine.machine_sheet import load_machine
 from swath.signals import PeerState, Phase
-from swath.tools.fleet.order import rules_of, ways_of
+from swath.tools.fleet.order import DRIVES, STANDS, _way_through, rules_of, ways_of
 from swath.tools.fleet.waits import at_pass_ends
 from tests.job.test_whole_field import NORTH, Bench
 
@@ -219,9 +219,21 @@ def test_waits_on_a_long_way_are_moved_to_the_end_of_the_pass():
     assert at_pass_ends([[rule], [answer]], ways) == [[rule], [answer]]
 
 
+def test_a_combine_that_is_to_wait_does_so_in_a_pass_before_a_turn():
+    """Where that takes no longer for both. Samples 4 to 7 of the first are between two passes."""
+    blocked = np.zeros((12, 12), dtype=bool)
+    blocked[6:9, 2:9] = True
+    plain, turning = np.full(12, DRIVES), np.where((np.arange(12) > 3) & (np.arange(12) < 8), STANDS, DRIVES)
+    for costs, allowed in ((turning, {0, 1, 2, 3}), (plain, set(range(12)))):
+        way = _way_through(blocked, (costs.astype(np.int32), plain.astype(np.int32)))
+        assert len(way) == 15  # three steps more than without the others: as few as it takes
+        assert not blocked[way[:, 0], way[:, 1]].any()
+        assert {i for (i, _), (then, _) in pairwise(way.tolist()) if then == i} <= allowed
+
+
 class _Combine:
     def __init__(self, sheet):
-        self.sheet, self.turn_speed = sheet, 1.94
+        self.sheet, self.turn_speed, self.transport = sheet, 1.94, 3.33
 
 
 def test_a_long_way_along_a_field_is_found():

@@ -6,10 +6,12 @@ import pytest
 from swath.control.job import cart_ways, ways
 from swath.control.job.cart_ways import CartWays
 from swath.control.job.cells import Cells
+from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground
 from swath.control.job.passes import Pass
 from swath.control.job.ways import Search
+from swath.control.steer.guidance_line import along_bends
 from swath.signals import PeerState, Phase
 
 FIELD = [(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0)]
@@ -137,3 +139,28 @@ def test_a_way_leads_around_what_a_combine_cuts_next():
     ahead = lane[(lane[:, 0] > 20.0) & (lane[:, 0] < 56.0)]
     middle = 24.0 + ahead[:, 0] * 8.0 / 60.0
     assert (ahead[:, 1] - middle).min() > 6.0 + 1.5
+
+
+def driven(start, way, radius=9.0):
+    """Points of a way."""
+    return np.array(along_bends(*start, bends_of(way, radius)))
+
+
+@pytest.mark.parametrize("goal", [
+    Place(225.0, 130.0, 0.0), Place(190.0, 125.0, NORTH), Place(212.0, -12.0, -NORTH), Place(95.0, 117.0, 0),
+])  # fmt: skip
+def test_a_way_that_was_found_is_straightened(goal, monkeypatch):
+    """Around crop: to the same place, no longer, over free ground, and in a few bends."""
+    ground = Ground([(0.0, 0.0), (210.0, 15.0), (200.0, 120.0), (0.0, 110.0)])
+    for line in (((0.0, 6.0), (210.0, 21.0)), ((204.0, 0.0), (194.0, 120.0)), ((0.0, 104.0), (200.0, 114.0))):
+        ground.cut(line, 12.0)
+    start, search = Place(-12.0, 20.0, 1.2), search_on(ground)
+    way = search.way(start, [goal])
+    monkeypatch.setattr(ways, "straightened", lambda cells, start, way, radius: way)
+    steps = search.way(start, [goal])
+    assert driven(start, way)[-1] == pytest.approx(goal[:2], abs=1e-6)
+    assert not any(ground.is_in(ground.clear_of(1.0), *point) for point in driven(start, way).tolist())
+    assert sum(size for _, size in way) <= sum(size for _, size in steps) + 1e-6
+    bends = [sum(word != "S" for word, _ in made) for made in (way, steps)]
+    assert bends[0] <= 6
+    assert bends[1] > 2 * bends[0]

@@ -1,5 +1,6 @@
 """The cells of a search for a way: where the middle of a machine may be, and how far it is from there."""
 
+from copy import copy
 from heapq import heappop, heappush
 from math import ceil, cos, hypot, inf, sin
 
@@ -27,6 +28,14 @@ class Cells:
         self._mask = closed
         self.columns, self.rows = closed.shape
         self.closed = closed.astype(np.uint8).tobytes()
+
+    def widened(self) -> "Cells":
+        """With the cells next to closed ones closed, too."""
+        other, wide = copy(self), np.pad(self._mask, 1)
+        for i, j in _ALL:
+            other._mask = other._mask | wide[1 + i : wide.shape[0] - 1 + i, 1 + j : wide.shape[1] - 1 + j]
+        other.closed = other._mask.astype(np.uint8).tobytes()
+        return other
 
     def is_open(self, x: float, y: float) -> bool:
         """False beyond the cells, too."""

@@ -66,3 +66,14 @@ def _turn(angle: float) -> float:
     """Angle in [0, 2 pi); what rounding leaves below a full turn is none."""
     angle %= TURN
     return 0.0 if TURN - angle < 1e-9 else angle
+
+
+def moved(at: Place, word: str, size: float, radius: float) -> Place:
+    """A place after a turn (`L`, `R`) or a straight (`S`) of a length [m]."""
+    if word == "S":
+        return Place(at.x + size * math.cos(at.heading), at.y + size * math.sin(at.heading), at.heading)
+    side = 1.0 if word == "L" else -1.0
+    angle = at.heading + side * size / radius
+    x = at.x + side * radius * (math.sin(angle) - math.sin(at.heading))
+    y = at.y - side * radius * (math.cos(angle) - math.cos(at.heading))
+    return Place(x, y, angle)

@@ -1,7 +1,7 @@
 """Job level `harvest`: pass after pass with its turns; stands with a full tank, calls a cart."""
 
 from dataclasses import dataclass
-from math import ceil, hypot, inf, isfinite, nan, sqrt
+from math import hypot, inf, isfinite, nan, sqrt
 from typing import Annotated
 
 import numpy as np
@@ -17,6 +17,7 @@ from swath.control.job.passes import RUN_OUT, Pass, Route, route_of
 from swath.control.job.right_of_way import SWEPT, is_swept, outline_of, own_outline, place_of
 from swath.control.job.tank import EMPTY, TankForecast
 from swath.control.job.turn_limits import limits_of
+from swath.control.job.turn_speed import BRAKE, EVERY, speed_between
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
@@ -36,15 +37,13 @@ from swath.signals import (
 )
 from swath.signals.setup import ControlSetup
 
-BRAKE = 0.4  # m/s2, gentler than the drive can
 RUNS_OUT = 1.5  # s without grain from the pipe: what comes late from the threshing has run out, too
 AT_END = -0.3  # m to go, at which the header is out of the crop
 AT_HOLD = 0.1  # m before where it has to wait for another combine
 CRAWL = 0.2  # m/s, slowest towards the end of a pass
 TAKEN = 0.02  # of the tank, that a cart took before a machine with a full one goes on
 NEAR = 60.0  # m, beyond which another machine is not in the way of a turn
-AHEAD, EVERY = 45.0, 2.0  # m of the way through a turn that have to be free; between two looks
-LONG, STRAIGHT = 80.0, 2e-3  # m, from which a way is no turn; 1/m, less than which is no bend
+AHEAD = 45.0  # m of the way through a turn that have to be free
 BEYOND, FAR = 10.0, 100.0  # m behind the turn, that have to be free, too, of carts that stand; not farther
 # on: these make room for what comes within the next 120 m
 STOPS_IN = 14.0  # m of the way that have to be free while it turns, and while it cuts
@@ -228,26 +227,12 @@ class Harvest(KeepsState):
         wanted, turning = work.speed_kmh * KMH, p.turn_speed_kmh * KMH
         free = self._free()
         if self._phase == Phase.TURNS:
-            return 0.0 if self._comes_near(here, carts, SWEPT) else min(self._turn_speed(), free)
+            fast = speed_between(self._route(), self._way, turning, p.transport_speed_kmh * KMH)
+            return 0.0 if self._comes_near(here, carts, SWEPT) else min(fast, free)
         if self._comes_near(here, [cart for cart in carts if self._is_across(cart)], BUMPS):
             return 0.0
         slower = 0.0 if self._finishes or self._pours_on or is_last else min(turning, wanted)
         return min(wanted, free, max(sqrt(slower**2 + 2.0 * BRAKE * (left - AT_END)), CRAWL))
-
-    def _turn_speed(self) -> float:
-        """Speed [m/s] between two passes: on the straights of a long way that of transport, from which it
-        brakes before the next bend, and before the pass.
-        """
-        turning, fastest = self._p.turn_speed_kmh * KMH, self._p.transport_speed_kmh * KMH
-        route = self._route()
-        if route.turn < LONG or fastest <= turning:
-            return turning
-        reach = (fastest**2 - turning**2) / (2.0 * BRAKE) + EVERY
-        for i in range(-1, ceil(reach / EVERY) + 1):
-            way = self._way + EVERY * i
-            if way > route.length + route.turn or abs(route.line.curvature(way, 1.0)) > STRAIGHT:
-                return min(fastest, sqrt(turning**2 + 2.0 * BRAKE * max(EVERY * (i - 1), 0.0)))
-        return fastest
 
     def _free(self) -> float:
         """Speed [m/s] from which it comes to rest where it has to wait for another combine."""

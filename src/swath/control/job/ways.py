@@ -2,19 +2,20 @@
 
 A* over places and directions: from each it goes on straight or in an arc of the least radius, and from each
 the shortest way of arcs and straights (Dubins) to the goal is tried; after Dolgov et al. 2010
-(doi:10.1177/0278364909359210), without their smoothing. What is left is estimated by the way of a point
-around the crop. Where too many places are looked at, as on a large field, all is searched again with more
-weight on what is left (weighted A*, Pohl 1970, doi:10.1016/0004-3702(70)90007-X). A goal that no step
-backward leads away from is not looked for.
+(doi:10.1177/0278364909359210); what is found is straightened instead of smoothed. What is left is estimated
+by the way of a point around the crop. Where too many places are looked at, as on a large field, all is
+searched again with more weight on what is left (weighted A*, Pohl 1970, doi:10.1016/0004-3702(70)90007-X). A
+goal that no step backward leads away from is not looked for.
 """
 
 from heapq import heappop, heappush
-from math import cos, fsum, hypot, inf, pi, sin
+from math import fsum, hypot, inf, pi
 from typing import NamedTuple
 
 from swath.control.job.cells import LOOK, Cells, Remaining, Way
-from swath.control.job.dubins import Place, shortest
+from swath.control.job.dubins import Place, moved, shortest
 from swath.control.job.ground import Ground, Mask
+from swath.control.job.straighten import straightened
 
 STEP = 3.0  # of the search [m]
 BINS = 24  # directions
@@ -86,7 +87,7 @@ class Search:
         way, is_whole = self._searched(cells, remaining, start, goals, 1.0)
         if way is None and not is_whole:
             way, _ = self._searched(cells, remaining, start, goals, GREEDY)
-        return way
+        return None if way is None else straightened(cells.widened(), start, way, self._radius)
 
     def _searched(
         self, cells: Cells, remaining: Remaining, start: Place, goals: list[Place], weight: float
@@ -167,17 +168,6 @@ class Search:
 def is_step_free(cells: Cells, x: float, y: float, step: Step) -> bool:
     """Whether all of a step from a place [m] is open."""
     return all(cells.is_open(x + dx, y + dy) for dx, dy in step.looks)
-
-
-def moved(at: Place, word: str, size: float, radius: float) -> Place:
-    """A place after a turn (`L`, `R`) or a straight (`S`) of a length [m]."""
-    if word == "S":
-        return Place(at.x + size * cos(at.heading), at.y + size * sin(at.heading), at.heading)
-    side = 1.0 if word == "L" else -1.0
-    angle = at.heading + side * size / radius
-    x = at.x + side * radius * (sin(angle) - sin(at.heading))
-    y = at.y - side * radius * (cos(angle) - cos(at.heading))
-    return Place(x, y, angle)
 
 
 def _followed(came: list[tuple[int, str]], at: int) -> Way:

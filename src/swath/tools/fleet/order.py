@@ -1,7 +1,7 @@
 """Who goes first where the ways of combines meet.
 
 All ways are sampled in steps of time as if nothing stopped anybody. Of two combines, those pairs of samples
-are no place to be at which outlines come near each other, or that the caller forbids. The shortest way from
+are no place to be at which outlines come near each other, or that the caller forbids. The cheapest way from
 both begins to both ends around them, in steps of one, the other, or both, says on which side each of them is
 passed (O'Donnell and Lozano-Perez 1989, doi:10.1109/ROBOT.1989.100033, on the coordination of two paths). A
 third combine is coordinated in the same manner with the way that the first two found together. A combine then
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from swath.control.job.abreast import own_passes
 from swath.control.job.passes import Pass, Route, route_of, way_along
 from swath.control.job.right_of_way import LIMITS
+from swath.control.job.turn_speed import speed_between
 from swath.core.units import KMH
 from swath.job.machines import Combine
 from swath.job.plan import shapely_here
@@ -27,11 +28,13 @@ RUN_UP = 4.0  # m before its first pass, where a combine starts
 APART = 1.0  # m between the outlines of two combines, at least
 STEP = 1.0  # s
 TOGETHER = 12  # samples
-NEVER = 1_000_000  # steps
+DRIVES, STANDS = 4, 6  # cost of a step, and of one for which one of them stands between two passes
+NEVER = 100_000_000  # cost
 MOST = 3000  # samples of a way; more of them are farther apart
 NO_ORDER = "expected passes on which the combines can keep clear of each other"
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+Costs = NDArray[np.int32]
 Rule = dict[str, float]
 
 
@@ -88,13 +91,15 @@ def rules_of(
         (i, k): forbidden(i, ways[i], k, ways[k]) if forbidden else np.zeros_like(mask)
         for (i, k), mask in near.items()
     }
+    costs = [_costs(way, routes) for way, routes in zip(ways, made_ways.routes, strict=True)]
     joint: Indices = np.arange(len(ways[0].way))[:, None]
     for k in numbers[1:]:
         blocked = np.zeros((len(joint), len(ways[k].way)), dtype=bool)
         for i in range(k):
             blocked |= _widened(near[i, k] | late[i, k])[joint[:, i]]
         blocked[0, 0] = blocked[-1, -1] = False  # where they begin and end is as it is
-        found = _way_through(blocked)
+        of_joint = np.max([costs[i][joint[:, i]] for i in range(k)], axis=0)
+        found = _way_through(blocked, (of_joint, costs[k]))
         if found is None:
             return None
         joint = np.column_stack([joint[found[:, 0]], found[:, 1]])
@@ -146,10 +151,13 @@ def _samples(
     way, last = -start, max(routes)
     for i, route in routes.items():
         end = route.length + (route.turn if i != last else way_along(route.points) - route.length - 1.0)
+        cutting = passes[i].speed_kmh * KMH
         while way < end:
             x, y = route.line.point(way)
             rows.append((i, way, x, y, route.line.heading(way)))
-            way += step * (passes[i].speed_kmh * KMH if way < route.length else combine.turn_speed)
+            turning = way >= route.length
+            fast = speed_between(route, way, combine.turn_speed, combine.transport) if turning else cutting
+            way += step * fast
         way -= end
     table = np.array(rows)
     return Samples(table[:, 0].astype(np.int64), table[:, 1], table[:, 2:])
@@ -178,36 +186,43 @@ def _bodies(place: F64, combine: Combine, shapely: Any) -> Any:
     return np.array(made, dtype=object)
 
 
-def _way_through(blocked: Mask) -> Indices | None:
-    """The shortest way through, on which both drive whenever they can: pairs of samples (n, 2), each at most
-    one on from the one before; None where there is none.
+def _way_through(blocked: Mask, costs: tuple[Costs, Costs]) -> Indices | None:
+    """The cheapest way through: pairs of samples (n, 2), each at most one on from the one before; None where
+    there is none. costs: of each step for which the one stands at a sample while the other one drives on
     """
     rows, columns = blocked.shape
-    left = _steps_left(blocked)
+    left = _cost_left(blocked, costs)
     if left[0, 0] >= NEVER:
         return None
     found = [(0, 0)]
     while found[-1] != (rows - 1, columns - 1):
         i, j = found[-1]
-        found.append(min(((i + 1, j + 1), (i + 1, j), (i, j + 1)), key=lambda to: left[to]))
+        steps = ((i + 1, j + 1), DRIVES), ((i + 1, j), costs[1][j]), ((i, j + 1), costs[0][i])
+        found.append(min(steps, key=lambda step: left[step[0]] + step[1])[0])
     return np.array(found)
 
 
-def _steps_left(blocked: Mask) -> NDArray[np.int32]:
-    """Steps from every pair of samples to the last one, with a row and a column of NEVER beyond that."""
+def _cost_left(blocked: Mask, costs: tuple[Costs, Costs]) -> Costs:
+    """From every pair of samples to the last one, with a row and a column of NEVER beyond that."""
     rows, columns = blocked.shape
     left = np.full((rows + 1, columns + 1), NEVER, dtype=np.int32)
     at = np.arange(columns, dtype=np.int32)
     for i in range(rows - 1, -1, -1):
-        best = np.minimum(left[i + 1, :-1], left[i + 1, 1:]) + 1
+        best = np.minimum(left[i + 1, :-1] + costs[1], left[i + 1, 1:] + DRIVES)
         if i == rows - 1:
             best[-1] = 0
         ends = np.flatnonzero(np.diff(np.concatenate([[True], blocked[i], [True]]).astype(np.int8)))
         for first, end in zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True):
-            free = slice(first, end)  # along it the second drives alone
-            reached = np.minimum.accumulate((best[free] + at[free])[::-1])[::-1] - at[free]
+            free, alone = slice(first, end), at[first:end] * costs[0][i]  # along it the second drives alone
+            reached = np.minimum.accumulate((best[free] + alone)[::-1])[::-1] - alone
             left[i, free] = np.minimum(reached, NEVER)
     return left
+
+
+def _costs(of: Samples, routes: dict[int, Route]) -> Costs:
+    """Of standing for a step at each sample: between two passes carts come by, and it is dearer."""
+    lengths = np.array([routes[int(task)].length for task in of.task])
+    return np.where(of.way > lengths, STANDS, DRIVES).astype(np.int32)
 
 
 def _rules(before: Mask, reached: NDArray[np.int64], other: Samples, own: Samples) -> list[dict[str, float]]:

@@ -6,7 +6,7 @@ from math import inf
 
 from swath.tools.fleet.order import Rule, Ways
 
-LATER = 0.1  # of their time, that all may take longer for it
+LATER = 0.02  # of their time, that all may take longer for it
 SHORT = 0.5  # m before the end of the pass
 
 
