@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from swath.control.job.bend_speed import bend_speed
 from swath.control.job.calls import Calls
 from swath.control.job.cart_ways import CartWays, Way
 from swath.control.job.dubins import Place
@@ -22,14 +23,14 @@ from tests.job.test_whole_field import NORTH, Bench
 
 FULL = 20_000.0  # kg
 HERE = Place(-20.0, 20.0, NORTHWARD)
+RING = ((-6.0, 0.0), (19.0, 0.0), (19.0, 100.0), (-6.0, 100.0))
 AWAY = Place(12.7, 40.0, -NORTHWARD)
 
 
 class CartBench:
     """The level alone, which stands at a place: grain in its box as told."""
 
-    def __init__(self, passes=NORTH):
-        ring = ((-6.0, 0.0), (19.0, 0.0), (19.0, 100.0), (-6.0, 100.0))
+    def __init__(self, passes=NORTH, ring=RING):
         params = Params(passes, ring, truck_m=(-25.0, -15.0), leave_percent=60.0)
         self.part = Shuttle(params, ControlSetup(CART, {}, "left", 0.1))
         self.part.reset(None)
@@ -193,7 +194,7 @@ def test_a_cart_ahead_of_a_combine_that_stands_comes_from_behind(behind, comes_b
 
 def test_a_cart_slows_down_where_arcs_to_both_sides_meet():
     """As its steering turns from one to the other at two thirds of its rate; in an arc by 0.8 m/s2."""
-    radius, part = 9.0, CartBench().part
+    radius = 9.0
     bends = [
         Bend(30.0, 0.0, 0.0),
         Bend(20.0, 1.0 / radius, 1.0 / radius),
@@ -202,8 +203,7 @@ def test_a_cart_slows_down_where_arcs_to_both_sides_meet():
     line = GuidanceLine(along_bends(0.0, 0.0, 0.0, bends))
 
     def slow(way):
-        part._way = way
-        return part._slow(line, 2.0)
+        return bend_speed(line, way, 2.0, CART.wheelbase)
 
     assert slow(5.0) > 10.0
     assert slow(39.0) == pytest.approx(np.sqrt(0.8 * radius), rel=0.05)

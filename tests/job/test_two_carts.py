@@ -141,6 +141,19 @@ def test_a_call_that_both_take_is_left_to_the_first():
     assert not calls.withdraws(combine, 1, [other(0, Phase.DRIVES)])
 
 
+@pytest.mark.parametrize(("phase", "task", "serves", "is_spare"), [
+    (Phase.CUTS, 3, 3, True),
+    (Phase.CUTS, 3, -1, False),  # the other one serves nobody
+    (Phase.CUTS, 2, 2, False),  # it is not its last pass
+    (Phase.DONE, 3, -1, True),
+])  # fmt: skip
+def test_a_cart_is_spare_where_another_one_serves_in_the_last_pass(phase, task, serves, is_spare):
+    calls = Calls([Pass(((0.0, 0.0), (0.0, 50.0)))] * 4, 15.0)
+    carts = [other(0, Phase.BESIDE, task=serves)]
+    assert calls.is_spare([said(phase, task=task)], carts) is is_spare
+    assert not calls.is_spare([said(phase, task=task), said(Phase.CUTS, task=1)], carts)
+
+
 def test_the_truck_is_taken_by_who_stands_there_or_set_out_for_it():
     comes = other(1, Phase.DRIVES, way=[(50.0, 0.0), (2.0, 0.0)])
     assert is_taken((0.0, 0.0), 0, [comes], drives=False)

@@ -97,6 +97,23 @@ class Calls(KeepsState):
         takes = any(room >= 0.5 * said.tank_grain for said in waits)
         return takes or (is_alone and fsum(said.to_come for said in combines) <= room)
 
+    def is_spare(self, combines: Collection[PeerState], others: Sequence[OtherCart]) -> bool:
+        """Whether every combine is done, or in its last pass with another cart."""
+        last = (self._own[self._passes[said.task].combine][-1] for said in combines)
+        return all(
+            said.phase == Phase.DONE or (said.task == task and self.is_served(said, others))
+            for said, task in zip(combines, last, strict=True)
+        )
+
+    def is_elsewhere(
+        self, peer: PeerState, combines: Collection[PeerState], others: Sequence[OtherCart], *, waits: bool
+    ) -> bool:
+        """Whether a combine that has not come to the pass a cart drives to stands and wants to unload; or,
+        while the cart waits there, another one does.
+        """
+        unserved = (said for said in combines if not self.is_served(said, others))
+        return stands_for_cart(peer) or (waits and any(stands_for_cart(said) for said in unserved))
+
     def withdraws(self, combine: PeerState, own_number: int, others: Sequence[OtherCart]) -> bool:
         """Whether a cart before it by number took the same call at the same time."""
         return any(self._serves(cart, combine) and cart.number < own_number for cart in others)

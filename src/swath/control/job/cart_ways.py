@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import atan2, cos, hypot, isfinite, nan, pi, sin
+from math import atan2, cos, hypot, inf, isfinite, nan, pi, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, Point, beside
 from swath.control.job.passes import Pass, way_along
-from swath.control.job.right_of_way import FORE, KEEP, CombineWays, outline_of, place_of
+from swath.control.job.right_of_way import EVERY, FORE, KEEP, CombineWays, outline_of, place_of
 from swath.control.job.ways import Search
 from swath.control.steer.guidance_line import along_bends
 from swath.signals import F64, PeerState, Phase
@@ -33,6 +33,7 @@ GONE_BY = 6.0  # m ahead of the own axle: a combine there has driven past
 ASIDE = 0.7  # m farther out than under the pipe, where a header and a trailer pass each other
 SHIFT = 7.0  # m of way, on which it drives out so far
 MOVES = 0.3  # m/s, faster than which a combine will be elsewhere
+FAR = 50.0  # m of its way to the next pass, that are kept clear of
 
 
 class Way(NamedTuple):
@@ -149,7 +150,8 @@ class CartWays:
         return Way(points, last)
 
     def _stands(self, here: Place, combine: PeerState) -> list[Place]:
-        """Where a combine stands, or may soon, at the end of its pass. Else one that moves is waited for.
+        """Where a combine stands, or may soon: at the end of its pass, and all along behind its last one.
+        Else one that moves is waited for.
 
         here: where the own machine is
         """
@@ -157,22 +159,28 @@ class CartWays:
             return [place_of(here, combine)]
         if combine.phase == Phase.CUTS and combine.remaining < FORE:
             return self._ways.ahead(here, combine, max(combine.remaining, 0.0))[-1:]
+        last = own_passes(self._passes, self._passes[combine.task].combine)[-1]
+        if combine.phase == Phase.TURNS and combine.task == last:
+            return self._ways.ahead(here, combine, FORE)[::3]
         return []
 
     def _before(self, here: Place, start: Place, combine: PeerState, ground: Ground) -> list[Disc]:
-        """What a combine drives over where no crop stands in what is left of its pass, but where the way
-        begins; or, where it stands in its turn, in the next FORE metres, where the way does not begin there.
+        """What a combine drives over where no crop stands in what is left of its pass, or of a far way to
+        the next, but where the way begins; or, where it stands in its turn, in the next FORE metres, unless
+        the way begins there.
         """
         cuts = combine.phase == Phase.CUTS and combine.remaining > 0.0
-        if not cuts and (combine.phase != Phase.TURNS or combine.speed > MOVES):
+        if not cuts and combine.phase != Phase.TURNS:
             return []
-        outline = outline_of(combine)
-        ahead = self._ways.ahead(here, combine, combine.remaining if cuts else FORE)
-        ahead = ahead[3::2] if cuts else ahead[1:]  # from before its knife on
-        if not cuts:
-            is_near = any(outline.away(at, start.x, start.y) < KEEP for at in ahead)
-            return [] if is_near else [(*p, KEEP - NARROW) for at in ahead for p in outline.points(at)]
-        ahead = [at for at in ahead if outline.away(at, start.x, start.y) > BEGINS]
+        outline, moves = outline_of(combine), combine.speed > MOVES
+        reach = combine.remaining if cuts else inf if moves else FORE
+        ahead = self._ways.ahead(here, combine, reach)
+        if not cuts and not moves:
+            is_near = any(outline.away(at, start.x, start.y) < KEEP for at in ahead[1:])
+            return [] if is_near else [(*p, KEEP - NARROW) for at in ahead[1:] for p in outline.points(at)]
+        if not cuts and EVERY * len(ahead) < FAR:
+            return []
+        ahead = [at for at in ahead[3::2] if outline.away(at, start.x, start.y) > BEGINS]  # from its knife on
         half = 0.5 * self._header
         across = np.linspace(-half + STRIP, half - STRIP, max(round(half / STRIP), 2)).tolist()
         places = [beside(*at, 0.0, left) for at in ahead for left in across]

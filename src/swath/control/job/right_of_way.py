@@ -139,10 +139,9 @@ class CombineWays:
 
     def places(self, own: Place, said: PeerState, reach: float) -> list[Place]:
         """Where the axle of a combine is, and will be along its way, up to a reach [m]; one that stands, or
-        lets a cart go first in its turn, stays there.
+        lets a cart go first, stays there.
         """
-        stands = said.phase == Phase.TURNS and said.speed < STILL
-        if said.phase not in (Phase.CUTS, Phase.TURNS) or stands:
+        if said.phase not in (Phase.CUTS, Phase.TURNS) or said.speed < STILL:
             return [place_of(own, said)]
         return self.ahead(own, said, reach)
 
@@ -300,9 +299,10 @@ class Clearance:
         own: Outline,
         said: PeerState,
         between: Sequence[int] = (),
+        clear: float = WELL,
     ) -> float:
-        """How far along a line, from `at` to `most` [m], a machine with an outline can drive to stand WELL
-        off the combine's way, as in `comes_by`. here: where the machine is
+        """How far along a line, from `at` to `most` [m], a machine with an outline can drive to stand `clear`
+        off the combine's way, as in `comes_by` [m]. here: where the machine is
         """
         places = self._ways.ahead(here, said)
         for task in between:
@@ -313,9 +313,13 @@ class Clearance:
             x, y = line.point(way)
             close = [p for p in places if hypot(p.x - x, p.y - y) < CLOSE]
             points = own.points(Place(x, y, line.heading(way))) if close else []
-            if any(outline.least(close, *q, WELL) < WELL for q in points):
+            if any(outline.least(close, *q, clear) < clear for q in points):
                 return way - EVERY
         return most
+
+    def way_to_next(self, here: Place, said: PeerState) -> float:
+        """Of a combine to the end of its turn, about [m]."""
+        return EVERY * (len(self._ways.ahead(here, said)) - 1)
 
     def is_in_way(self, here: Place, said: PeerState) -> bool:
         """Whether it is near to the combine, or in its way."""

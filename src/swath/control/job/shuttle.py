@@ -14,13 +14,14 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.control.cooperate.peer_track import OTHER_PORTS
-from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, stands_for_cart, waits_behind
+from swath.control.job.bend_speed import bend_speed
+from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, waits_behind
 from swath.control.job.cart_ways import MOVES, CartWays
 from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_taken, others_of
 from swath.control.job.dubins import Place
 from swath.control.job.heard import SILENT, AllHeard
 from swath.control.job.passes import Coordinate, Pass
-from swath.control.job.right_of_way import KEEP, KEEP_STRAIGHT, Clearance, own_outline
+from swath.control.job.right_of_way import KEEP, KEEP_STRAIGHT, SHORT, Clearance, own_outline
 from swath.control.job.wait_ahead import AHEAD, Found, WaitAhead
 from swath.control.steer.guidance_line import GuidanceLine
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -34,9 +35,7 @@ from swath.signals import Station as Wanted
 from swath.signals.setup import ControlSetup
 
 BRAKE = 0.4  # m/s2
-SIDEWAYS = 0.8  # m/s2, most in a bend
 OFF, SLOWLY = 0.3, 1.0  # m off its way it drives no faster than that, m/s
-STEERS = 0.16  # rad/s (9 deg/s), of the steering angle: less than steering along a path can
 CATCH_UP = 0.3  # 1/s
 IN_LINE, TURNED, NEAR = 1.0, 0.2094, 4.0  # m, rad (12 deg), m: from there on it keeps the station
 FULL_FOR = 4.0  # s, that the station says full, or that nothing is poured any more, before it leaves
@@ -96,7 +95,7 @@ class Shuttle(KeepsState):
         p = self._p = params
         places = [] if p.wait_m is None else [p.truck_m, p.wait_m]
         self._ways = CartWays(p.passes, p.boundary_m, p.header_m, p.beside_m, p.radius_m, places)
-        self._clearance, self._steers = Clearance(p.passes), STEERS / setup.machine.wheelbase
+        self._clearance, self._wheelbase = Clearance(p.passes), setup.machine.wheelbase
         self._outline = own_outline(setup.machine)
         self._line: GuidanceLine | None = None
         self._heard, self._others = AllHeard(), list[OtherCart]()
@@ -156,7 +155,7 @@ class Shuttle(KeepsState):
             return
         is_over = all(said.phase == Phase.DONE for said in combines)
         caller, since = self._calls.longest(now, self._combines, self._others)
-        is_loaded = self._leaves(heap) or (is_over and heap.grain > 0.0)
+        is_loaded = self._leaves(heap)
         takes = since >= LATER * self._p.number and not is_loaded and self._is_free
         self._served = caller if takes else nearest(self._combines)
         place, peer = self._p.wait_m, self._combines[self._served]
@@ -221,28 +220,31 @@ class Shuttle(KeepsState):
 
     def _drives(self, now: float, here: Place, peer: PeerState, inputs: Inputs) -> float:
         """Along the way that was found; on the line beside the pass it catches up."""
-        station, heap, speed = inputs["station"], inputs["heap"], max(inputs["odometry"].speed, 0.0)
+        station, heap, speed = inputs["station"], inputs["heap"], max(float(inputs["odometry"].speed), 0.0)
         line = self._made()
         nearest = line.project(here.x, here.y, self._way)
         self._way = nearest.way
         left = line.length - self._way
         if left <= ARRIVED and self._goal != "combine":
-            empties = self._is_loaded(heap) or (peer.phase == Phase.DONE and heap.grain > 0.0)
-            self._phase = Phase.EMPTIES if empties and self._goal == "truck" else Phase.WAITS
+            brings = self._is_loaded(heap) or peer.phase == Phase.DONE or self._is_spare()
+            empties = brings and heap.grain > 0.0 and self._goal == "truck"
+            self._phase = Phase.EMPTIES if empties else Phase.WAITS
             self._since, self._is_free = now, True
             return 0.0
         withdrawn = self._goal == "combine" and self._calls.withdraws(peer, self._p.number, self._others)
         if withdrawn or (self._goal == "truck" and self._is_taken(drives=True)):
             self._phase, self._task = Phase.WAITS, -1
             return 0.0
-        if self._goal == "combine" and (self._is_lost(peer) or self._is_called_elsewhere(peer, speed)):
+        others, waits, is_early = self._others, speed <= MOVES, peer.task < self._task
+        elsewhere = is_early and self._calls.is_elsewhere(peer, self._combines.values(), others, waits=waits)
+        if self._goal == "combine" and (self._is_lost(peer) or elsewhere):
             self._phase, self._is_free = Phase.WAITS, True
             self._task = self._task if self._way >= self._lane else -1
             return 0.0
         if self._goal == "combine" and self._is_in_line(peer, station):
             self._phase, self._since = Phase.BESIDE, inf
             return 0.0
-        in_lane, is_early = self._way >= self._lane, peer.task < self._task
+        in_lane = self._way >= self._lane
         until = line.length if in_lane else min(self._lane, line.length)
         free, to_next = inf, is_early and not self._is_clear
         if to_next or not in_lane:
@@ -262,9 +264,9 @@ class Shuttle(KeepsState):
             return 0.0
         if is_early:
             free = min(free, max(min(self._lane + AHEAD, self._drives_to) - self._way, 0.0))
-            if speed < MOVES and now >= self._looks_at:
-                self._looks_on(now, here, line, peer)
-        slow = self._slow(line, speed)
+            if now >= self._looks_at and self._looks_on(now, here, line, peer, speed):
+                return speed if self._phase == Phase.DRIVES else 0.0
+        slow = bend_speed(line, self._way, speed, self._wheelbase)
         if abs(nearest.left) > OFF and not in_lane:
             slow = min(slow, SLOWLY)
         wanted = min(self._p.speed_kmh * KMH, slow, sqrt(2.0 * BRAKE * max(min(left, free), 0.0)))
@@ -273,15 +275,29 @@ class Shuttle(KeepsState):
             return float(min(wanted, max(peer.speed + CATCH_UP * behind, 0.0)))
         return wanted if in_lane or free <= 0.5 else max(wanted, 0.3)
 
-    def _looks_on(self, now: float, here: Place, line: GuidanceLine, peer: PeerState) -> None:
-        """Where it waits for a combine to begin a pass: can it drive on, does another one come soon?"""
-        self._looks_at = now + RETRY
+    def _looks_on(self, now: float, here: Place, line: GuidanceLine, peer: PeerState, speed: float) -> bool:
+        """Before the combine has begun the pass: does its far way lead along the own one? Where it waits: can
+        it drive on, does another combine come soon? True where it has another way now, or none.
+        """
+        self._looks_at, number = now + RETRY, self._number
+        until = self._ahead.on_far_way(here, line, self._way, self._lane, peer)
+        if until < inf:
+            self._set_out(now, here, peer, "combine")
+            until = self._ahead.on_far_way(here, self._made(), self._way, self._lane, peer)
+            self._drives_to = min(self._drives_to, until)
+            if until < self._way + SHORT:
+                self._phase, self._task, self._is_free = Phase.WAITS, -1, False
+            if self._number != number or not self._is_free:
+                return True
+        if speed >= MOVES:
+            return False
         if self._drives_to < self._lane and peer.phase == Phase.CUTS:
             further = self._ahead.further(here, line, self._way, self._lane, self._task, peer)
             self._drives_to = max(self._drives_to, further)
         rest = (said for said in self._combines.values() if said is not peer)
         if any(self._clearance.is_soon_in_way(here, self._outline, said) for said in rest):
             self._phase, self._is_free = Phase.WAITS, False
+        return False
 
     def _is_blocked(self, now: float, free: float, speed: float) -> bool:
         """A machine has been standing in its way for a while: it looks for another one."""
@@ -301,31 +317,12 @@ class Shuttle(KeepsState):
             not peer.may_unload if self._phase == Phase.BESIDE else peer.phase != Phase.STANDS
         )
 
-    def _is_called_elsewhere(self, peer: PeerState, speed: float) -> bool:
-        """Before a combine has come to the pass: it stands and wants to unload; while the cart waits for it,
-        another one does.
-        """
-        if peer.task >= self._task:
-            return False
-        return stands_for_cart(peer) or any(
-            speed <= MOVES and stands_for_cart(said) and not self._calls.is_served(said, self._others)
-            for said in self._combines.values()
-        )
-
     def _is_in_line(self, peer: PeerState, station: Wanted) -> bool:
         is_there = peer.task == self._task and peer.may_unload and station.is_active
         return (
             is_there and self._way >= self._lane and abs(station.left) < IN_LINE
             and abs(station.heading) < TURNED and abs(station.ahead) < NEAR
         )  # fmt: skip
-
-    def _slow(self, line: GuidanceLine, speed: float) -> float:
-        """Speed [m/s] for the bends of the next metres, and for the steering to turn between them."""
-        ahead = [self._way + i for i in range(-2, int(2.0 + 2.5 * speed) + 4, 2)]
-        bends = [line.curvature(way, 1.0) for way in ahead]
-        bend = max(abs(k) for k in bends[1:-1])
-        change = max(abs(b - a) for a, b in zip(bends, bends[2:], strict=False)) / 4.0
-        return min(sqrt(SIDEWAYS / max(bend, 1e-3)), self._steers / max(change, 1e-3))
 
     def _keeps(self, now: float, here: Place, peer: PeerState, station: Wanted) -> None:
         is_over = peer.phase == Phase.DONE or (peer.phase == Phase.STANDS and not peer.calls)
@@ -357,12 +354,15 @@ class Shuttle(KeepsState):
     def _is_loaded(self, heap: HeapState) -> bool:
         return heap.level * 100.0 >= self._p.leave_percent
 
+    def _is_spare(self) -> bool:
+        return self._calls.is_spare(self._combines.values(), self._others)
+
     def _leaves(self, heap: HeapState) -> bool:
-        """Loaded, and without room for half the tank of one who stands for it, or, alone, for all to come."""
-        is_alone = self._p.wait_m is None
-        return self._is_loaded(heap) and not self._calls.has_room(
-            heap, self._combines.values(), self._others, is_alone=is_alone
-        )
+        """Nobody needs it; or loaded, without room for half a tank that waits, or, alone, for all to come."""
+        said, is_alone = self._combines.values(), self._p.wait_m is None
+        if not self._is_loaded(heap):
+            return heap.grain > 0.0 and self._is_spare()
+        return not self._calls.has_room(heap, said, self._others, is_alone=is_alone)
 
     def _empties(self, now: float, heap: HeapState) -> None:
         """Beside the truck, until it is empty and gone again."""

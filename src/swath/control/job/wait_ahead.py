@@ -5,17 +5,20 @@ from math import inf
 from typing import NamedTuple
 
 from swath.control.job.calls import Calls
-from swath.control.job.cart_ways import BEGIN, STRAIGHT, CartWays, Way
+from swath.control.job.cart_ways import BEGIN, FAR, MOVES, STRAIGHT, CartWays, Way
 from swath.control.job.carts import Disc
 from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass, swings_out
-from swath.control.job.right_of_way import Clearance, Outline
+from swath.control.job.right_of_way import SHORT, Clearance, Outline
 from swath.control.steer.guidance_line import GuidanceLine
 from swath.signals import PeerState, Phase
 
 AHEAD = STRAIGHT - BEGIN + 20.0  # m along the line beside a pass, where it waits for the combine to come up
 NEARER = 30.0  # m that it comes at least, to set out
 BEFORE = 6.0  # m before a place by which the combine comes, where it waits
+LAST = 40.0  # m before the line beside a pass, where the combine's way leads, too
+LEAVES = 25.0  # m of way, on which a cart leaves that of a combine
+BY = 2.0  # m between the outlines of both, where it drives by
 
 
 class Found(NamedTuple):
@@ -96,3 +99,20 @@ class WaitAhead:
         """How far along its way it keeps clear of that of the combine till then, from `at` to `most` [m]."""
         between = self._calls.between(peer.task, task)
         return self._clearance.until_near(here, line, at, most, self._own, peer, between) - BEFORE
+
+    def on_far_way(self, here: Place, line: GuidanceLine, at: float, lane: float, peer: PeerState) -> float:
+        """How far along its way, from `at`, a cart keeps off the far way that the combine drives to its next
+        pass [m]; inf where it does so as far as LAST before the line beside the pass, `lane` [m], or behind
+        the next LEAVES metres.
+        """
+        drives = peer.phase == Phase.TURNS and peer.speed > MOVES
+        if not drives or self._clearance.way_to_next(here, peer) < FAR:
+            return inf
+        most = lane - LAST
+        for begin in (at, at + LEAVES):
+            until = self._clearance.until_near(here, line, begin, most, self._own, peer, clear=BY)
+            if until >= most:
+                return inf
+            if until >= at + SHORT:
+                break
+        return until if begin == at else at
