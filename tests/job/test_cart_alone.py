@@ -36,20 +36,20 @@ class CartBench:
         self.part.reset(None)
         self.t, self.at = 0, HERE
 
-    def step(self, said, level):
+    def step(self, said, level, **others):
         pose = PoseEstimate(self.t, *self.at, 0.0, 0.0, np.eye(4) * 1e-4, 0.0)
         heap = HeapState(self.t, level * FULL, level, 0.0, 1.0, np.zeros(3), np.zeros(3))
         station = Wanted(self.t, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False)
         inputs = {
             "pose": pose, "odometry": Odometry(self.t, 0.0, 0.0, 0.0), "peer": replace(said, t=self.t),
-            "heap": heap, "station": station,
+            "heap": heap, "station": station, **{name: replace(o, t=self.t) for name, o in others.items()},
         }  # fmt: skip
         self.t += 100_000_000
         return self.part.step(self.t, 100_000_000, inputs)["job"]
 
-    def ends_in(self, said, level):
-        """What it does after a second."""
-        return [self.step(said, level) for _ in range(10)][-1]
+    def ends_in(self, said, level, **others):
+        """What it does after a second. others: messages of other machines, by their input"""
+        return [self.step(said, level, **others) for _ in range(10)][-1]
 
 
 @pytest.mark.parametrize(("to_come", "level", "leaves"), [

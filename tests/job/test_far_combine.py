@@ -1,5 +1,7 @@
 """Carts beside a combine that drives a far way, that stands for them, or that has cut its last pass."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from tests.job.test_beside_ways import CART, NORTHWARD, combine
 from tests.job.test_cart_alone import CartBench
 from tests.job.test_whole_field import NORTH
 
+RING_NORTH = ((-6.0, 0.0), (19.0, 0.0), (19.0, 100.0), (-6.0, 100.0))
 RING = ((10.0, 0.0), (300.0, 0.0), (300.0, 100.0), (10.0, 100.0))
 ARC = 1.0 / 6.0  # 1/m
 BACK = (  # the west side; east along the south side, back outside of it, north: axle 4 m behind the knife
@@ -101,7 +104,7 @@ def test_a_cart_in_front_of_a_combine_that_stands_for_it_drives_on():
 
 @pytest.mark.parametrize(("task", "is_taken"), [(0, False), (1, True)])
 def test_behind_its_last_pass_a_combine_may_stand_anywhere_ahead(task, is_taken):
-    ways = CartWays(NORTH, [(-6.0, 0.0), (19.0, 0.0), (19.0, 100.0), (-6.0, 100.0)], 12.2, 8.2, 9.0)
+    ways = CartWays(NORTH, RING_NORTH, 12.2, 8.2, 9.0)
     here = Place(-30.0, -20.0, 0.0)
     said = combine(here, Place(12.7, -4.0, -NORTHWARD), Phase.TURNS, task=task)
     stands = ways._stands(here, said)
@@ -109,3 +112,75 @@ def test_behind_its_last_pass_a_combine_may_stand_anywhere_ahead(task, is_taken)
     way = ways.to_place(here, (45.0, -20.0), said)
     south = way.points[(way.points[:, 0] > 6.6) & (way.points[:, 0] < 18.8), 1]
     assert bool(south.max() < -16.0 - 4.0 - 3.0) is is_taken  # its header, 20 m behind the pass
+
+
+@pytest.mark.parametrize(("away", "nearer", "free"), [
+    (2.6, 0.05, True), (2.6, 0.5, False), (2.0, 0.05, False), (2.0, 0.0, True),
+])  # fmt: skip
+def test_a_cart_beside_a_combine_may_drive_by_that_stands(away, nearer, free):
+    """Across in front of its header, nearer than it would come to it: some centimetres do not stop it."""
+    own = Place(-3.0, 4.0 + away, 0.0)
+    line = GuidanceLine([(-3.0, own.y), (3.0, own.y - nearer), (30.0, own.y + 3.0)])
+    said = combine(own, Place(0.0, 0.0, NORTHWARD), Phase.STANDS, remaining=50.0, speed=0.0)
+    assert (Clearance(NORTH).way(own, line, 0.0, 30.0, said, 0.0) == np.inf) is free
+
+
+@pytest.mark.parametrize(("x", "y", "is_found"), [
+    (-8.2, 60.0, False),  # on the line beside the pass
+    (-14.0, 60.0, True),
+    (-8.2, 140.0, True),  # behind its end
+    (-8.2, -6.0, True),  # behind the cart
+])  # fmt: skip
+def test_a_line_beside_a_pass_is_taken_by_another_cart(x, y, is_found):
+    ways = CartWays(NORTH, RING_NORTH, 12.2, 8.2, 9.0)
+    here = Place(-8.2, 15.0, NORTHWARD)
+    said = combine(here, Place(0.0, 50.0, NORTHWARD), Phase.CUTS, remaining=46.0)
+    assert (ways.to_pass(here, 0, said, [(x, y, 3.0)]) is not None) is is_found
+
+
+SIDE_BY_SIDE = (  # another combine comes south beside the first pass of NORTH, on its way to another one
+    *NORTH,
+    Pass(((-12.0, 200.0), (-12.0, 120.0)), turn=(Segment(130.0),), combine=1),
+    Pass(((-12.0, -20.0), (-12.0, -60.0)), combine=1),
+)
+
+
+def beside_the_first_pass(bench):
+    """A cart at its station beside a combine, on the line to the end of the pass."""
+    part, bench.at = bench.part, Place(-8.2, 50.0, NORTHWARD)
+    part._phase, part._task, part._goal, part._number = Phase.BESIDE, 0, "combine", 1
+    part._points = np.array([(-8.2, 20.0), (-8.2, 130.0)])
+
+
+def cart_at(own, at, phase=Phase.WAITS):
+    return replace(combine(own, at, phase, task=-1, speed=0.0), header_width=np.nan)
+
+
+@pytest.mark.parametrize(("at", "stays"), [
+    (Place(-8.2, 66.0, -NORTHWARD), False),  # in front of it
+    (Place(-20.0, 60.0, -NORTHWARD), True),
+])  # fmt: skip
+def test_beside_its_combine_a_cart_stops_before_another_one(at, stays):
+    bench = CartBench(NORTH)
+    beside_the_first_pass(bench)
+    said = combine(
+        bench.at, Place(0.0, 54.0, NORTHWARD), Phase.CUTS, remaining=42.0, calls=True, may_unload=True
+    )
+    job = bench.ends_in(said, 0.1, other_1=cart_at(bench.at, at))
+    assert (job.phase == Phase.BESIDE) is stays
+    assert job.by_station is stays
+
+
+@pytest.mark.parametrize(("speed", "pours", "y", "stays"), [
+    (0.0, False, 75.0, False), (0.0, True, 75.0, True), (2.0, False, 75.0, True), (0.0, False, 20.0, True),
+])  # fmt: skip
+def test_beside_a_combine_that_waits_a_cart_makes_room_for_another_one(speed, pours, y, stays):
+    """Which stands in its turn, before the cart, and not where that is behind it."""
+    bench = CartBench(SIDE_BY_SIDE)
+    beside_the_first_pass(bench)
+    said = combine(
+        bench.at, Place(0.0, 54.0, NORTHWARD), Phase.CUTS, remaining=42.0, calls=True, may_unload=True,
+        speed=speed, is_pouring=pours,
+    )  # fmt: skip
+    turns = combine(bench.at, Place(-12.0, y, -NORTHWARD), Phase.TURNS, task=2, speed=0.0)
+    assert (bench.ends_in(said, 0.1, other_1=turns).phase == Phase.BESIDE) is stays

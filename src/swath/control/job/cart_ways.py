@@ -34,6 +34,7 @@ ASIDE = 0.7  # m farther out than under the pipe, where a header and a trailer p
 SHIFT = 7.0  # m of way, on which it drives out so far
 MOVES = 0.3  # m/s, faster than which a combine will be elsewhere
 FAR = 50.0  # m of its way to the next pass, that are kept clear of
+SOON = 100.0  # m of the line beside a pass, on which no other cart is to be met
 
 
 class Way(NamedTuple):
@@ -105,6 +106,8 @@ class CartWays:
             begin = BEGIN - STRAIGHT
         goal = Place(ax + ux * begin, ay + uy * begin, course)
         beyond = bx + BEYOND * ux, by + BEYOND * uy
+        if _is_taken(line, beyond, begin, discs):
+            return None
         then = replace(combine, task=task, remaining=nan, phase=int(Phase.CUTS)) if soon else combine
         ground = self._ground([then, *rest])
         return self._found(here, [combine, *rest], [goal], discs, rest=[beyond], ground=ground)
@@ -212,6 +215,18 @@ class CartWays:
         (ax, ay), (bx, by) = of.line_m[0], of.line_m[-1]
         course = atan2(by - ay, bx - ax)
         return [beside(x, y, course, 0.0, self._left + aside) for x, y in ((ax, ay), (bx, by))]
+
+
+def _is_taken(line: Sequence[Point], beyond: Point, begin: float, discs: Sequence[Disc]) -> bool:
+    """Whether other carts stand or drive on the next of the line beside a pass, from `begin` on [m]."""
+    (ax, ay), (bx, by) = line[0], beyond
+    length = hypot(bx - ax, by - ay)
+    ux, uy, end = (bx - ax) / length, (by - ay) / length, min(length - BEYOND, begin + SOON)
+    return any(
+        begin - size < ux * (x - ax) + uy * (y - ay) < end + size
+        and abs(ux * (y - ay) - uy * (x - ax)) < size
+        for x, y, size in discs
+    )
 
 
 def _left_free(away: float, wanted: float) -> float:

@@ -23,7 +23,8 @@ SWEPT, NEARER = 0.8, 0.1  # m that a turn has to be clear of a machine, if it is
 # metre, and what the tyres of a trailer stand out beyond its box
 CLEARLY = 0.9  # m, likewise, of a cart that stands: more than the combine wants
 KEEP = 3.0  # m from the middle of a machine to the outline of another one
-KEEP_STRAIGHT = 2.4  # m, likewise, where the cart's way is straight
+KEEP_STRAIGHT = 2.2  # m, likewise, where the cart's way is straight
+COMES = 0.3  # m, that one which is nearer than KEEP already may come nearer
 LOOK, STEP = 8.0, 1.0  # m beyond the braking way; between two looks
 SHORT = 6.5  # m kept between the axle and what is in the way: a tractor reaches 4.6 m ahead of its axle
 GENTLE = 0.4  # m/s2, of braking
@@ -214,14 +215,16 @@ def free_way(
     keep: float = KEEP,
 ) -> float:
     """Way [m] from `at` along a line, as far as `until` and a reach, before it comes near a machine that is
-    at one of some places; inf where it does not. keep: from the own middle to the other's outline [m]
+    at one of some places; inf where it does not. keep: from the own middle to the other's outline [m]; one
+    that is nearer already may come nearer by COMES, down to KEEP_STRAIGHT
     """
     now = outline.least(places, here.x, here.y, keep)
+    least = now if now == keep else min(now, max(now - COMES, KEEP_STRAIGHT))
     for i in range(ceil(reach / STEP)):
         way = STEP * (i + 1)
         if at + way > until:
             break
-        if outline.least(places, *line.point(at + way), keep) < now:
+        if outline.least(places, *line.point(at + way), keep) < least:
             return max(way - SHORT, 0.0)
     return inf
 
@@ -278,6 +281,11 @@ class Clearance:
             places += self._ways.through(task, said)
         outline = outline_of(said)
         return any(outline.least(places, x, y, CLEARLY) < CLEARLY for x, y in own.points(there))
+
+    def holds_up(self, here: Place, own: Outline, said: PeerState) -> bool:
+        """Whether a machine with an outline is in the way of a combine that stands in its turn near it."""
+        stands = said.phase == Phase.TURNS and said.speed < STILL and hypot(said.x, said.y) < FORE
+        return stands and self.comes_by(here, here, own, said)
 
     def before_standing(
         self, here: Place, line: GuidanceLine, at: float, until: float, said: PeerState

@@ -241,7 +241,8 @@ class Shuttle(KeepsState):
             self._phase, self._is_free = Phase.WAITS, True
             self._task = self._task if self._way >= self._lane else -1
             return 0.0
-        if self._goal == "combine" and self._is_in_line(peer, station):
+        met = free_of(self._others, here, line, self._way, speed)
+        if self._goal == "combine" and met == inf and self._is_in_line(peer, station):
             self._phase, self._since = Phase.BESIDE, inf
             return 0.0
         in_lane = self._way >= self._lane
@@ -255,7 +256,7 @@ class Shuttle(KeepsState):
                 way = self._clearance.way(here, line, self._way, line.length, said, speed, keep=keep)
                 free = min(free, way)
             free = min(free, self._clearance.before_standing(here, line, self._way, self._lane, said))
-        free = min(free, free_of(self._others, here, line, self._way, speed))
+        free = min(free, met)
         if peer.age > SILENT and (in_lane or not self._clearance.is_in_way(here, peer)):
             return 0.0
         is_passed = in_lane and not is_early and speed < MOVES and waits_behind(peer)
@@ -325,31 +326,30 @@ class Shuttle(KeepsState):
         )  # fmt: skip
 
     def _keeps(self, now: float, here: Place, peer: PeerState, station: Wanted) -> None:
-        is_over = peer.phase == Phase.DONE or (peer.phase == Phase.STANDS and not peer.calls)
+        """Beside the combine: until the load or the pass is over, or another machine comes."""
         if peer.is_pouring:
             self._poured_at = now
         if peer.age > SILENT:
             return  # the station brings it aside
         pours_on = peer.is_pouring and peer.task == self._task and peer.phase != Phase.TURNS
-        is_lost = self._is_lost(peer) and not pours_on
-        idle = HELD_FOR if peer.phase == Phase.STANDS else FULL_FOR
-        ends = is_lost or (is_over and now - self._poured_at > idle)
-        is_filled = station.is_full and not peer.is_pouring
-        self._since = min(self._since, now) if is_filled else inf
+        idle = now - self._poured_at > (HELD_FOR if peer.phase == Phase.STANDS else FULL_FOR)
+        is_over = idle and (peer.phase == Phase.DONE or (peer.phase == Phase.STANDS and not peer.calls))
+        self._way = self._made().project(here.x, here.y, self._way).way
+        is_met = free_of(self._others, here, self._made(), self._way, peer.speed) < inf
+        rest = (said for said in self._combines.values() if said is not peer)
+        stops = peer.speed < MOVES and not peer.is_pouring
+        stops &= any(self._clearance.holds_up(here, self._outline, said) for said in rest)
+        ends = is_over or is_met or stops or (self._is_lost(peer) and not pours_on)
+        self._since = min(self._since, now) if station.is_full and not peer.is_pouring else inf
         is_full = now - self._since > FULL_FOR
         if ends or is_full:
-            # where the combine stands the cart is in the way of its turn, and drives off
-            self._is_free = peer.phase != Phase.STANDS and not is_full
-            self._phase = Phase.WAITS
-            self._hold(here)
-            if not self._is_free:
+            drives_off = peer.phase == Phase.STANDS or is_full  # else it is in the way of its turn
+            self._phase, self._is_free = Phase.WAITS, not (drives_off or stops)
+            c, s = 30.0 * cos(here.heading), 30.0 * sin(here.heading)  # straight on to a stop
+            self._points = np.array([[here.x, here.y], [here.x + c, here.y + s]])
+            self._number, self._way, self._line = self._number + 1, 0.0, None
+            if drives_off:
                 self._set_out(now, here, peer, "truck")
-
-    def _hold(self, here: Place) -> None:
-        """Straight on to a stop."""
-        c, s = cos(here.heading), sin(here.heading)
-        self._points = np.array([[here.x, here.y], [here.x + 30.0 * c, here.y + 30.0 * s]])
-        self._number, self._way, self._line = self._number + 1, 0.0, None
 
     def _is_loaded(self, heap: HeapState) -> bool:
         return heap.level * 100.0 >= self._p.leave_percent

@@ -177,12 +177,18 @@ def _near(first: Samples, second: Samples, combines: Sequence[Combine]) -> Mask:
 
 
 def _bodies(place: F64, combine: Combine, shapely: Any) -> Any:
-    """Chassis and header at each place."""
-    made = []
-    for x, y, heading in place.tolist():
+    """Chassis and header at each place and halfway to the next: transport goes some 3 m on in a step."""
+    boxes = [shapely.box(rear, right, front, left) for rear, front, right, left in combine.sheet.outline]
+    outline = shapely.union_all(boxes)
+
+    def at(x: float, y: float, heading: float) -> Any:
         c, s = np.cos(heading), np.sin(heading)
-        boxes = [shapely.box(rear, right, front, left) for rear, front, right, left in combine.sheet.outline]
-        made.append(shapely.affinity.affine_transform(shapely.union_all(boxes), [c, -s, s, c, x, y]))
+        return shapely.affinity.affine_transform(outline, [c, -s, s, c, x, y])
+
+    there = np.concatenate([place[1:], place[-1:]])
+    turned = np.arctan2(np.sin(there[:, 2] - place[:, 2]), np.cos(there[:, 2] - place[:, 2]))
+    halfway = np.column_stack([0.5 * (place[:, :2] + there[:, :2]), place[:, 2] + 0.5 * turned])
+    made = [shapely.union(at(*a), at(*b)) for a, b in zip(place.tolist(), halfway.tolist(), strict=True)]
     return np.array(made, dtype=object)
 
 
