@@ -184,3 +184,15 @@ def test_beside_a_combine_that_waits_a_cart_makes_room_for_another_one(speed, po
     )  # fmt: skip
     turns = combine(bench.at, Place(-12.0, y, -NORTHWARD), Phase.TURNS, task=2, speed=0.0)
     assert (bench.ends_in(said, 0.1, other_1=turns).phase == Phase.BESIDE) is stays
+
+
+def test_a_cart_that_finds_no_way_to_one_that_calls_makes_room_for_it():
+    """The combine's way back leads over where it waits, and ends where the cart would drive up."""
+    bench = CartBench(BACK, RING)
+    bench.at = Place(150.0, -8.0, 0.0)
+    bench.part._ahead.found = lambda *args: None
+    turns = combine(bench.at, Place(250.0, -6.0, WESTWARD), Phase.TURNS, task=1, calls=True, speed=3.0)
+    for _ in range(7):
+        job = bench.ends_in(turns, 0.1)
+    assert job.phase == Phase.DRIVES
+    assert bench.part._goal == "truck"

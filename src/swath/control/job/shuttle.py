@@ -159,9 +159,6 @@ class Shuttle(KeepsState):
         takes = since >= LATER * self._p.number and not is_loaded and self._is_free
         self._served = caller if takes else nearest(self._combines)
         place, peer = self._p.wait_m, self._combines[self._served]
-        if self._is_free and not takes and now >= self._looks_at:
-            self._looks_at = now + RETRY
-            self._is_free = not self._is_soon_in_way(here)
         if is_loaded and (place is None or not self._is_taken(drives=False)):
             self._set_out(now, here, peer, "truck")
         elif is_loaded or not self._is_free or (place is not None and is_over):
@@ -172,6 +169,8 @@ class Shuttle(KeepsState):
             self._set_out(now, here, peer, "combine")
         elif self._task < 0:
             self._gets_out(now, here, peer, is_over=False)
+        if self._phase == Phase.WAITS and self._is_free and now >= self._looks_at:
+            self._looks_at, self._is_free = now + RETRY, not self._is_soon_in_way(here)
 
     def _is_soon_in_way(self, here: Place) -> bool:
         """Whether it stands on the field in the way of a combine."""
@@ -263,8 +262,9 @@ class Shuttle(KeepsState):
         if is_passed or self._is_blocked(now, free, speed):
             self._phase = Phase.WAITS
             return 0.0
-        if is_early:
-            free = min(free, max(min(self._lane + AHEAD, self._drives_to) - self._way, 0.0))
+        if is_early or not in_lane:
+            most = min(self._lane + AHEAD, self._drives_to) if is_early else self._drives_to
+            free = min(free, max(most - self._way, 0.0))
             if now >= self._looks_at and self._looks_on(now, here, line, peer, speed):
                 return speed if self._phase == Phase.DRIVES else 0.0
         slow = bend_speed(line, self._way, speed, self._wheelbase)
@@ -277,21 +277,19 @@ class Shuttle(KeepsState):
         return wanted if in_lane or free <= 0.5 else max(wanted, 0.3)
 
     def _looks_on(self, now: float, here: Place, line: GuidanceLine, peer: PeerState, speed: float) -> bool:
-        """Before the combine has begun the pass: does its far way lead along the own one? Where it waits: can
-        it drive on, does another combine come soon? True where it has another way now, or none.
+        """Does a combine's far way lead along the own one? Where it waits for a combine to begin a pass: can
+        it drive on, does another one come soon? True where it has another way now, or none.
         """
-        self._looks_at, number = now + RETRY, self._number
-        until = self._ahead.on_far_way(here, line, self._way, self._lane, peer)
+        self._looks_at, number, is_early = now + RETRY, self._number, peer.task < self._task
+        until = self._ahead.on_far_ways(here, line, self._way, self._lane, self._combines)
         if until < inf:
-            self._set_out(now, here, peer, "combine")
-            until = self._ahead.on_far_way(here, self._made(), self._way, self._lane, peer)
-            self._drives_to = min(self._drives_to, until)
+            self._set_out(now, here, peer, self._goal)
+            until = self._ahead.on_far_ways(here, self._made(), self._way, self._lane, self._combines)
             if until < self._way + SHORT:
                 self._phase, self._task, self._is_free = Phase.WAITS, -1, False
-            if self._number != number or not self._is_free:
-                return True
-        if speed >= MOVES:
-            return False
+        self._drives_to = min(self._drives_to, until) if is_early else until
+        if self._number != number or self._phase != Phase.DRIVES or speed >= MOVES or not is_early:
+            return self._number != number or self._phase != Phase.DRIVES
         if self._drives_to < self._lane and peer.phase == Phase.CUTS:
             further = self._ahead.further(here, line, self._way, self._lane, self._task, peer)
             self._drives_to = max(self._drives_to, further)

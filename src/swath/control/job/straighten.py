@@ -15,7 +15,7 @@ ROUNDS = 3
 
 
 def straightened(cells: Cells, start: Place, way: Way, radius: float) -> Way:
-    """A way to the same place, no longer, with fewer bends, over open ground; of the way as it is where that
+    """A way to the same place with fewer bends, over open ground; of the way as it is where that
     would be none. radius: of bends [m]
     """
     places, between = _places(start, way, radius)

@@ -1,6 +1,6 @@
 """How far a cart drives that has set out to a pass which its combine has not begun."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import inf
 from typing import NamedTuple
 
@@ -99,6 +99,13 @@ class WaitAhead:
         """How far along its way it keeps clear of that of the combine till then, from `at` to `most` [m]."""
         between = self._calls.between(peer.task, task)
         return self._clearance.until_near(here, line, at, most, self._own, peer, between) - BEFORE
+
+    def on_far_ways(
+        self, here: Place, line: GuidanceLine, at: float, lane: float, combines: Mapping[int, PeerState]
+    ) -> float:
+        """How far along its way, from `at`, a cart keeps off the far ways of all combines [m]."""
+        end = min(lane, line.length + LAST)
+        return min(self.on_far_way(here, line, at, end, said) for said in combines.values())
 
     def on_far_way(self, here: Place, line: GuidanceLine, at: float, lane: float, peer: PeerState) -> float:
         """How far along its way, from `at`, a cart keeps off the far way that the combine drives to its next
