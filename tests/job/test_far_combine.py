@@ -188,7 +188,7 @@ def test_beside_a_combine_that_waits_a_cart_makes_room_for_another_one(speed, po
 
 def test_a_cart_that_finds_no_way_to_one_that_calls_makes_room_for_it():
     """The combine's way back leads over where it waits, and ends where the cart would drive up."""
-    bench = CartBench(BACK, RING)
+    bench = CartBench(BACK, ((0.0, 0.0), *RING[1:3], (0.0, 100.0)))  # the truck is near it
     bench.at = Place(150.0, -8.0, 0.0)
     bench.part._ahead.found = lambda *args: None
     turns = combine(bench.at, Place(250.0, -6.0, WESTWARD), Phase.TURNS, task=1, calls=True, speed=3.0)

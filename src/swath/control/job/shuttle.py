@@ -285,8 +285,10 @@ class Shuttle(KeepsState):
         if until < inf:
             self._set_out(now, here, peer, self._goal)
             until = self._ahead.on_far_ways(here, self._made(), self._way, self._lane, self._combines)
-            if until < self._way + SHORT:
-                self._phase, self._task, self._is_free = Phase.WAITS, -1, False
+            if until < self._way + SHORT:  # it is on it: on its way elsewhere it gets out
+                until = inf
+                if self._goal == "combine":
+                    self._phase, self._task, self._is_free = Phase.WAITS, -1, False
         self._drives_to = min(self._drives_to, until) if is_early else until
         if self._number != number or self._phase != Phase.DRIVES or speed >= MOVES or not is_early:
             return self._number != number or self._phase != Phase.DRIVES
