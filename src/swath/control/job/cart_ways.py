@@ -106,7 +106,7 @@ class CartWays:
             begin = BEGIN - STRAIGHT
         goal = Place(ax + ux * begin, ay + uy * begin, course)
         beyond = bx + BEYOND * ux, by + BEYOND * uy
-        if _is_taken(line, beyond, begin, discs):
+        if _is_line_taken(line, beyond, begin, discs):
             return None
         then = replace(combine, task=task, remaining=nan, phase=int(Phase.CUTS)) if soon else combine
         ground = self._ground([then, *rest])
@@ -217,7 +217,7 @@ class CartWays:
         return [beside(x, y, course, 0.0, self._left + aside) for x, y in ((ax, ay), (bx, by))]
 
 
-def _is_taken(line: Sequence[Point], beyond: Point, begin: float, discs: Sequence[Disc]) -> bool:
+def _is_line_taken(line: Sequence[Point], beyond: Point, begin: float, discs: Sequence[Disc]) -> bool:
     """Whether other carts stand or drive on the next of the line beside a pass, from `begin` on [m]."""
     (ax, ay), (bx, by) = line[0], beyond
     length = hypot(bx - ax, by - ay)

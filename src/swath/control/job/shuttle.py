@@ -277,9 +277,7 @@ class Shuttle(KeepsState):
         return wanted if in_lane or free <= 0.5 else max(wanted, 0.3)
 
     def _looks_on(self, now: float, here: Place, line: GuidanceLine, peer: PeerState, speed: float) -> bool:
-        """Does a combine's far way lead along the own one? Where it waits for a combine to begin a pass: can
-        it drive on, does another one come soon? True where it has another way now, or none.
-        """
+        """Looks for far ways of combines along its own, and where it waits; True: that is its way no more."""
         self._looks_at, number, is_early = now + RETRY, self._number, peer.task < self._task
         until = self._ahead.on_far_ways(here, line, self._way, self._lane, self._combines)
         if until < inf:
@@ -290,8 +288,9 @@ class Shuttle(KeepsState):
                 if self._goal == "combine":
                     self._phase, self._task, self._is_free = Phase.WAITS, -1, False
         self._drives_to = min(self._drives_to, until) if is_early else until
-        if self._number != number or self._phase != Phase.DRIVES or speed >= MOVES or not is_early:
-            return self._number != number or self._phase != Phase.DRIVES
+        is_over = self._number != number or self._phase != Phase.DRIVES
+        if is_over or speed >= MOVES or not is_early:
+            return is_over
         if self._drives_to < self._lane and peer.phase == Phase.CUTS:
             further = self._ahead.further(here, line, self._way, self._lane, self._task, peer)
             self._drives_to = max(self._drives_to, further)

@@ -15,8 +15,8 @@ ROUNDS = 3
 
 
 def straightened(cells: Cells, start: Place, way: Way, radius: float) -> Way:
-    """A way to the same place with fewer bends, over open ground; of the way as it is where that
-    would be none. radius: of bends [m]
+    """A way to the same place with fewer bends, over open ground; parts for which there is none stay as they
+    are. radius: of bends [m]
     """
     places, between = _places(start, way, radius)
     joints, parts = [0], []

@@ -116,10 +116,11 @@ class WaitAhead:
         if not drives or self._clearance.way_to_next(here, peer) < FAR:
             return inf
         most = lane - LAST
-        for begin in (at, at + LEAVES):
-            until = self._clearance.until_near(here, line, begin, most, self._own, peer, clear=BY)
-            if until >= most:
-                return inf
-            if until >= at + SHORT:
-                break
-        return until if begin == at else at
+
+        def until(begin: float) -> float:
+            return self._clearance.until_near(here, line, begin, most, self._own, peer, clear=BY)
+
+        free = until(at)
+        if free < at + SHORT:  # it is on that way: does it leave it?
+            return inf if until(at + LEAVES) >= most else at
+        return free if free < most else inf
