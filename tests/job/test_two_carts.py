@@ -131,7 +131,8 @@ def said(phase, task=-1, x=50.0, y=0.0):
 
 
 def other(number, phase, task=-1, at=(50.0, 0.0), way=()):
-    return OtherCart(number, said(phase, task, *at), Place(*at, 0.0), list(way))
+    path = GuidancePath(0, np.array([x for x, _ in way]), np.array([y for _, y in way]), 1)
+    return OtherCart(number, said(phase, task, *at), Place(*at, 0.0), path)
 
 
 def test_a_call_that_both_take_is_left_to_the_first():

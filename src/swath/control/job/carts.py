@@ -27,12 +27,16 @@ Disc = tuple[float, float, float]
 
 
 class OtherCart(NamedTuple):
-    """number: in the order of the carts; at: where it is; way: that it drives, from there on [m]"""
+    """number: in the order of the carts; at: where it is; path: that it tells"""
 
     number: int
     said: PeerState
     at: Place
-    way: list[Point]
+    path: GuidancePath | None
+
+    def way(self) -> list[Point]:
+        """That it drives, from there on [m]; looked for among all points of its path."""
+        return way_left(self.at, self.said, self.path)
 
 
 def others_of(
@@ -44,7 +48,7 @@ def others_of(
         if said.is_heard:
             at = place_of(here, said)
             path = inputs.get(name.replace("other", "way"))
-            found.append(OtherCart(i + (i >= own_number), said, at, way_left(at, said, path)))
+            found.append(OtherCart(i + (i >= own_number), said, at, path))
     return found
 
 
@@ -92,7 +96,7 @@ def discs_of(others: Sequence[OtherCart]) -> list[Disc]:
     found: list[Disc] = []
     for cart in others:
         found += [(x, y, AROUND) for x, y in outline_of(cart.said).points(cart.at)]
-        found += [(x, y, APART) for x, y in cart.way]
+        found += [(x, y, APART) for x, y in cart.way()]
     return found
 
 
@@ -102,8 +106,10 @@ def is_taken(truck: Point, own_number: int, others: Sequence[OtherCart], *, driv
     """
     for cart in others:
         near = hypot(cart.at.x - truck[0], cart.at.y - truck[1]) < AT_TRUCK
-        comes = bool(cart.way) and hypot(cart.way[-1][0] - truck[0], cart.way[-1][1] - truck[1]) < AT_TRUCK
-        if near or (comes and (cart.number < own_number or not drives)):
+        if near:
+            return True
+        way = cart.way() if cart.number < own_number or not drives else []
+        if way and hypot(way[-1][0] - truck[0], way[-1][1] - truck[1]) < AT_TRUCK:
             return True
     return False
 

@@ -80,24 +80,20 @@ class GuidanceLine:
         if near is not None:
             first = min(max(bisect_right(self._at, near - reach) - 1, 0), last)
             last = max(min(bisect_right(self._at, near + reach) - 1, last), first)
-        found, best = Beside(0.0, inf), inf
+        piece, along, left, best = first, 0.0, inf, inf
+        points, at, end = self._points, self._at, len(self._headings) - 1
         for i in range(first, last + 1):
-            beside, away = self._piece(i, x, y)
+            (ax, ay), (bx, by) = points[i], points[i + 1]
+            size = at[i + 1] - at[i]
+            ux, uy, dx, dy = (bx - ax) / size, (by - ay) / size, x - ax, y - ay
+            ahead = ux * dx + uy * dy
+            inside = 0.0 if ahead < 0.0 and i > 0 else size if ahead > size and i < end else ahead
+            aside = ux * dy - uy * dx
+            away = abs(aside) if inside == ahead else hypot(ahead - inside, aside)
             if away < best:
-                found, best = beside, away
-        return found
-
-    def _piece(self, i: int, x: float, y: float) -> tuple[Beside, float]:
-        (ax, ay), (bx, by) = self._points[i], self._points[i + 1]
-        size = self._at[i + 1] - self._at[i]
-        ux, uy = (bx - ax) / size, (by - ay) / size
-        along, left = ux * (x - ax) + uy * (y - ay), ux * (y - ay) - uy * (x - ax)
-        low = -inf if i == 0 else 0.0
-        high = inf if i == len(self._headings) - 1 else size
-        inside = min(max(along, low), high)
-        away = hypot(along - inside, left)
-        beside = left if inside == along else away if left >= 0.0 else -away
-        return Beside(self._at[i] + inside, beside), away
+                piece, along, best = i, inside, away
+                left = aside if inside == ahead else away if aside >= 0.0 else -away
+        return Beside(at[piece] + along, left)
 
 
 class Bend(NamedTuple):
