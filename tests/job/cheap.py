@@ -11,6 +11,7 @@ from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from swath.tools.fleet.whole import scenario_text
+from swath.tools.fleet.work_plan import work_plan
 
 
 def cheap_sets(combines, carts, broken_off=15):
@@ -39,7 +40,7 @@ class CheapRun:
     def __init__(self, file, until_s=None, state=None, sets=None):
         fleet = fleet_of(file)
         self.plan = plan_of(file, fleet, None)
-        text = scenario_text(file, self.plan, fleet, None)
+        text = scenario_text(file, work_plan(file, self.plan, fleet), fleet, None)
         sets = cheap_sets(file.combines, file.carts) if sets is None else sets
         self.world = assemble(parse_scenario(text, base=Path.cwd(), sets=sets))
         self.digest, self.evaluation, self.latest = Digest(), make_evaluation(self.world), {}

@@ -16,9 +16,10 @@ from swath.core.errors import InputError
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
 from swath.signals import GuidancePath, HeapState, JobState, MachineState, PeerState, Phase, UnloadState
-from swath.tools.fleet.scenario import scenario_of, shared_out
+from swath.tools.fleet.scenario import scenario_of
 from swath.tools.fleet.waiting import APART, OFF_WAYS, axle_ways, waiting_places
 from swath.tools.fleet.whole import share_uncut
+from swath.tools.fleet.work_plan import work_plan
 from tests.job.cheap import CheapRun
 from tests.job.jobs import job_file
 from tests.job.layouts import layout
@@ -95,7 +96,7 @@ def test_they_wait_in_places_of_their_own(run):
 def test_waiting_places_lie_off_the_ways_of_the_combine(seed):
     file = job_file(**layout(seed))
     fleet = fleet_of(file)
-    made = shared_out(file, plan_of(file, fleet, None), fleet)
+    made = work_plan(file, plan_of(file, fleet, None), fleet).shared
     truck = file.truck.x_m, file.truck.y_m
     ways = [axle_ways(made, i, c, 20.0) for i, c in enumerate(fleet.combines)]
     places = waiting_places(made.plan, ways, truck, 2)
@@ -112,7 +113,7 @@ def test_a_truck_in_the_field_or_near_it_stands_farther_out(truck, stays):
     """Where headers of opening rounds and turns do not come; as far as at the other levels."""
     file = job_file(truck=dict(zip(("x_m", "y_m"), truck, strict=True)), plan={"land_passes": 2})
     fleet = fleet_of(file)
-    cart = scenario_of(file, plan_of(file, fleet, None), fleet)["machines"]["cart_0"]
+    cart = scenario_of(file, work_plan(file, plan_of(file, fleet, None), fleet), fleet)["machines"]["cart_0"]
     place = tuple(cart["job"]["truck_m"])
     assert place == (cart["start"]["x_m"], cart["start"]["y_m"])
     assert place == pytest.approx(truck if stays else (100.0, -20.0))
@@ -120,7 +121,7 @@ def test_a_truck_in_the_field_or_near_it_stands_farther_out(truck, stays):
 
 def test_without_room_to_wait_a_job_is_refused():
     fleet = fleet_of(JOB)
-    made = shared_out(JOB, plan_of(JOB, fleet, None), fleet)
+    made = work_plan(JOB, plan_of(JOB, fleet, None), fleet).shared
     way = axle_ways(made, 0, fleet.combines[0], 20.0)
     with pytest.raises(InputError, match="room beside the field"):
         waiting_places(made.plan, [way], (1000.0, 1000.0), 2)
@@ -170,6 +171,8 @@ def test_of_a_way_to_the_combine_the_line_beside_the_pass_is_left_free():
     assert to_pass[0] == (10.0, 0.0)
     assert to_pass[-1] == (20.0, 0.0)
     assert way_left(here, said(Phase.DRIVES), path)[-1] == (90.0, 0.0)
+    told = replace(said(Phase.DRIVES), body_front=4.6)  # it stands there as far as it reaches ahead
+    assert way_left(here, told, path)[-1] == pytest.approx((94.6, 0.0))
     assert way_left(here, said(Phase.WAITS), path) == []
     beside = way_left(here, said(Phase.BESIDE, task=2), path)  # the pass ends 30 m before the line beside it
     assert beside[0] == (9.0, 0.0)

@@ -14,9 +14,9 @@ from swath.core.errors import InputError
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
 from swath.signals import HeapState, JobState, PeerState, Phase, UnloadState
-from swath.tools.fleet import echelon, lands, order
-from swath.tools.fleet.scenario import passes_of, scenario_of, shared_out, told_passes
+from swath.tools.fleet import order
 from swath.tools.fleet.whole import share_uncut
+from swath.tools.fleet.work_plan import told_passes, work_plan
 from tests.job.cheap import CheapRun
 from tests.job.jobs import job_file
 from tests.job.layouts import layout_file
@@ -134,18 +134,15 @@ def test_two_combines_with_lands_of_their_own_until_the_field_is_empty():
     check_done(done, ("cart_0",))
     assert done.served["cart_0"] == {0, 1}
     fleet = fleet_of(file)
-    by = shared_out(file, plan_of(file, fleet, None), fleet).by
+    by = work_plan(file, plan_of(file, fleet, None), fleet).shared.by
     assert set(by) == {0, 1}
     assert dict(done.by) == {task: {COMBINES[number]} for task, number in enumerate(by)}
 
 
 def members_of(file):
     fleet = fleet_of(file)
-    made = shared_out(file, plan_of(file, fleet, None), fleet)
-    passes = told_passes(passes_of(made, fleet.combines, file))
-    if file.team.together == "echelon":
-        return passes, fleet.combines, echelon.members(passes, fleet.combines, file)
-    return passes, fleet.combines, lands.members(passes, fleet.combines)
+    work = work_plan(file, plan_of(file, fleet, None), fleet)
+    return told_passes(work.rows), fleet.combines, work.team
 
 
 def driven(passes, combines, team, lag, rng, *, obey=True):
@@ -262,7 +259,7 @@ def test_a_call_without_a_way_is_put_back():
 def test_what_two_combines_cannot_do_is_refused(file, said):
     fleet = fleet_of(file)
     with pytest.raises(InputError, match=said):
-        scenario_of(file, plan_of(file, fleet, None), fleet)
+        work_plan(file, plan_of(file, fleet, None), fleet)
 
 
 def test_passes_on_which_they_cannot_keep_clear_are_refused():

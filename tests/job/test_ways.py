@@ -1,5 +1,7 @@
 """Looking for a way of a cart: what is no goal is not looked for, and nothing is looked for twice."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -139,6 +141,24 @@ def test_a_way_leads_around_what_a_combine_cuts_next():
     ahead = lane[(lane[:, 0] > 20.0) & (lane[:, 0] < 56.0)]
     middle = 24.0 + ahead[:, 0] * 8.0 / 60.0
     assert (ahead[:, 1] - middle).min() > 6.0 + 1.5
+
+
+@pytest.mark.parametrize(("task", "beside", "is_found"), [
+    (3, False, False),  # the last pass of the first combine, while the second one cuts its left neighbour
+    (5, False, True),  # that is cut
+    (3, True, True),  # it will be, by the plan
+])  # fmt: skip
+def test_to_a_last_pass_a_cart_comes_when_no_crop_stands_beside_it(task, beside, is_found):
+    """Northward, between the second combine's passes."""
+    second = Pass(((18.0, 0.0), (18.0, 40.0)), combine=1)
+    last = Pass(((30.0, 0.0), (30.0, 40.0)), cart_beside=beside, cart_standing=True)
+    rest = Pass(((42.0, 0.0), (42.0, 40.0))), Pass(((6.0, 0.0), (6.0, 40.0)), combine=1)
+    made = CartWays([rest[0], rest[0], second, last, second, rest[1]], FIELD, 12.0, 8.2, 9.0)
+    here = Place(26.0, -30.0, NORTH)
+    first = replace(said(2.0, Phase.CUTS, 20.0), x=50.0, y=-4.0, heading=0.0, task=3)
+    other = replace(said(2.0, Phase.CUTS, 30.0), x=40.0, y=8.0, heading=0.0, task=task - 1)
+    way = made.to_pass(here, 3, first, rest=[other])
+    assert (way is not None) is is_found
 
 
 def driven(start, way, radius=9.0):

@@ -41,6 +41,7 @@ from swath.signals import (
 from swath.signals.setup import ControlSetup
 from swath.tools.fleet.combine_turns import STRAIGHT, loop
 from swath.tools.fleet.whole import scenario_text, share_uncut
+from swath.tools.fleet.work_plan import work_plan
 from tests.job.jobs import job_file
 
 FIELD = [(0.0, 0.0), (42.0, 0.0), (42.0, 14.5), (0.0, 14.5)]
@@ -68,7 +69,7 @@ class Harvest:
     def __init__(self, state=None, until_s=None, sets=()):
         fleet = fleet_of(JOB)
         self.plan = plan_of(JOB, fleet, None)
-        text = scenario_text(JOB, self.plan, fleet, None)
+        text = scenario_text(JOB, work_plan(JOB, self.plan, fleet), fleet, None)
         self.world = assemble(parse_scenario(text, base=Path.cwd(), sets=[*CHEAP, *sets]))
         self.digest, self.evaluation = Digest(), make_evaluation(self.world)
         self.latest, self.rows = {}, []
@@ -380,4 +381,4 @@ def test_what_the_level_cannot_do_is_refused(change, said):
     file = job_file(**change)
     fleet = fleet_of(file)
     with pytest.raises(InputError, match=said):
-        scenario_text(file, plan_of(file, fleet, None), fleet, None)
+        scenario_text(file, work_plan(file, plan_of(file, fleet, None), fleet), fleet, None)

@@ -106,10 +106,11 @@ class CartWays:
             begin = BEGIN - STRAIGHT
         goal = Place(ax + ux * begin, ay + uy * begin, course)
         beyond = bx + BEYOND * ux, by + BEYOND * uy
-        if _is_line_taken(line, beyond, begin, discs):
-            return None
         then = replace(combine, task=task, remaining=nan, phase=int(Phase.CUTS)) if soon else combine
         ground = self._ground([then, *rest])
+        is_in_crop = not self._passes[task].cart_beside and _is_in_crop(line, begin + STRAIGHT, ground)
+        if is_in_crop or _is_line_taken(line, beyond, begin, discs):
+            return None
         return self._found(here, [combine, *rest], [goal], discs, rest=[beyond], ground=ground)
 
     def _found(
@@ -227,6 +228,14 @@ def _is_line_taken(line: Sequence[Point], beyond: Point, begin: float, discs: Se
         and abs(ux * (y - ay) - uy * (x - ax)) < size
         for x, y, size in discs
     )
+
+
+def _is_in_crop(line: Sequence[Point], begin: float, ground: Ground) -> bool:
+    """Whether crop stands on the line beside a pass, from `begin` on [m]."""
+    (ax, ay), (bx, by) = line
+    length = way_along(line)
+    ways = np.arange(max(begin, 0.0), length, EVERY) / length
+    return any(ground.is_in(ground.crop, ax + w * (bx - ax), ay + w * (by - ay)) for w in ways.tolist())
 
 
 def _left_free(away: float, wanted: float) -> float:

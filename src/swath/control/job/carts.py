@@ -5,7 +5,7 @@ the truck. Each tells the way that it drives; whoever plans a way later keeps cl
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import hypot, inf
+from math import hypot, inf, isfinite
 from typing import NamedTuple
 
 from swath.control.job.dubins import Place
@@ -54,7 +54,7 @@ def others_of(
 
 def way_left(at: Place, said: PeerState, path: GuidancePath | None) -> list[Point]:
     """What a cart still has to drive, places EVERY apart: to a combine as far as the line beside its pass,
-    beside one that line to the end of the pass.
+    beside one that line to the end of the pass, to a place as far as its front reaches there.
     """
     if path is None or len(path.x) < 2:
         return []
@@ -65,8 +65,17 @@ def way_left(at: Place, said: PeerState, path: GuidancePath | None) -> list[Poin
         return []
     if said.task >= 0:
         points = points[:-1]
+    elif isfinite(said.body_front):
+        points.append(_beyond(points, said.body_front))
     begin = min(range(len(points)), key=lambda i: hypot(points[i][0] - at.x, points[i][1] - at.y))
     return list(_thinned(points[begin:])) if begin + 1 < len(points) else []
+
+
+def _beyond(points: Sequence[Point], way: float) -> Point:
+    """Straight on behind the last of some points [m]."""
+    (ax, ay), (bx, by) = points[-2:]
+    share = way / max(hypot(bx - ax, by - ay), 1e-3)
+    return bx + share * (bx - ax), by + share * (by - ay)
 
 
 def _lane_left(at: Place, end: Point) -> list[Point]:

@@ -9,6 +9,7 @@ from swath.signals import MachineLoad
 
 LEAST = 50.0  # m of a pass, from which what it brings is known
 EMPTY = 0.004  # of the tank
+MORE = 1.1  # of what passes bring, that those may that no cart can reach: yields differ
 
 
 class TankForecast(KeepsState):
@@ -79,13 +80,13 @@ class TankForecast(KeepsState):
         return max(left, 0.0) * self._passes[index].width_m
 
     def _blind(self, index: int) -> float:
-        """Area of the passes from one on, to the next beside which a cart can be [m2]."""
+        """Area of the passes from one on, to the next beside which a cart can be, and some more [m2]."""
         found = 0.0
         for work, area in zip(self._passes[index:], self._areas[index:], strict=True):
             if work.has_cart:
-                return found
+                break
             found += area
-        return found
+        return MORE * found
 
     def _more(self, load: MachineLoad, area: float) -> float:
         """Level of the tank after so many square metres."""

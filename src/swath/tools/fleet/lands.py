@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import permutations
+from typing import NamedTuple
 
 from swath.control.job.passes import RUN_OUT, Pass
 from swath.core.errors import InputError
@@ -13,8 +14,8 @@ from swath.job.machines import Combine, Fleet
 from swath.job.plan import FieldPlan
 from swath.tools.fleet.combine_turns import Shared, shared
 from swath.tools.fleet.far_ways import far_ways
-from swath.tools.fleet.order import NO_ORDER, RUN_UP, Member, rules_of, ways_of
-from swath.tools.fleet.waits import at_pass_ends
+from swath.tools.fleet.order import RUN_UP, Member, rules_of, ways_of
+from swath.tools.fleet.waits import at_pass_ends, time_of
 
 
 def shared_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Shared:
@@ -28,8 +29,20 @@ def shared_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Shared:
     return made._replace(turns={**made.turns, **far_ways(plan, made.by, fleet.combines, ends)})
 
 
-def members(passes: Sequence[Pass], combines: Sequence[Combine]) -> list[Member]:
-    """Start and settings of each of the combines. InputError for what this level cannot do."""
+class Team(NamedTuple):
+    """members: start and settings of each combine; end: when all are done, as planned; busy: time of their
+    ways, in the mean of them [s]
+    """
+
+    members: list[Member]
+    end: float
+    busy: float
+
+
+def team_of(passes: Sequence[Pass], combines: Sequence[Combine]) -> Team | None:
+    """Who waits for whom, and how far each drives on behind its last pass. None: they cannot keep clear of
+    each other. InputError where a combine has no pass.
+    """
     missing = set(range(len(combines))) - {p.combine for p in passes}
     if missing:
         told = "expected a pass for every combine at the level with sensors"
@@ -40,8 +53,10 @@ def members(passes: Sequence[Pass], combines: Sequence[Combine]) -> list[Member]
         rules = rules_of(ways, combines)
         if rules is not None:
             waits = at_pass_ends(rules, ways)
-            return [
+            members = [
                 Member(RUN_UP, {"number": i, "run_out_m": out, "gives_way": own}, out)
                 for i, (out, own) in enumerate(zip(outs, waits, strict=True))
             ]
-    raise InputError("plan", None, NO_ORDER)
+            busy = ways.step * sum(len(way.way) for way in ways.samples) / count
+            return Team(members, time_of(waits, ways), busy)
+    return None

@@ -15,19 +15,19 @@ def at_pass_ends(rules: list[list[Rule]], ways: Ways) -> list[list[Rule]]:
     then, too.
     """
     made = [list(own) for own in rules]
-    most = (1.0 + LATER) * _time(made, ways)
+    most = (1.0 + LATER) * time_of(made, ways)
     for own, routes in zip(made, ways.routes, strict=True):
         for k, rule in enumerate(own):
             route = routes[int(rule["task"])]
             if rule["way_m"] <= route.length:
                 continue
             own[k] = {**rule, "way_m": round(route.length - SHORT, 3)}
-            if _time(made, ways) > most:
+            if time_of(made, ways) > most:
                 own[k] = rule
     return made
 
 
-def _time(rules: Sequence[Sequence[Rule]], ways: Ways) -> float:
+def time_of(rules: Sequence[Sequence[Rule]], ways: Ways) -> float:
     """When all are at their ends, if they drive whenever they may [s]; inf where they wait for each other for
     good.
     """

@@ -30,7 +30,8 @@ from swath.signals import (
     Signal,
     UnloadState,
 )
-from swath.tools.fleet.scenario import scenario_of, shared_out
+from swath.tools.fleet.scenario import scenario_of
+from swath.tools.fleet.work_plan import WorkPlan, work_plan
 
 STATES = {
     Phase.WAITS: "wait", Phase.CUTS: "cut", Phase.TURNS: "turn", Phase.STANDS: "wait",
@@ -139,7 +140,7 @@ def share_uncut(ground: Any, plan: FieldPlan) -> float:
     return standing / max(inside, 1)
 
 
-def scenario_text(file: FleetFile, plan: FieldPlan, fleet: Fleet, base: Path | None) -> str:
+def scenario_text(file: FleetFile, work: WorkPlan, fleet: Fleet, base: Path | None) -> str:
     """The scenario of a job as YAML."""
     from ruamel.yaml import YAML
 
@@ -147,7 +148,7 @@ def scenario_text(file: FleetFile, plan: FieldPlan, fleet: Fleet, base: Path | N
     writer.default_flow_style = None
     writer.representer.ignore_aliases = lambda *_: True
     text = io.StringIO()
-    writer.dump(scenario_of(file, plan, fleet, base), text)
+    writer.dump(scenario_of(file, work, fleet, base), text)
     return text.getvalue()
 
 
@@ -160,10 +161,9 @@ def with_sensors(
     SwathError where it does not end.
     """
     fleet = fleet_of(file, base)
-    plan = plan_of(file, fleet, base)
-    text = scenario_text(file, plan, fleet, base)
+    work = work_plan(file, plan_of(file, fleet, base), fleet)
+    text, plan = scenario_text(file, work, fleet, base), work.shared.plan
     scenario: Scenario = parse_scenario(text, base=base or Path.cwd(), sets=list(sets))
-    plan = shared_out(file, plan, fleet).plan
     watch = Watch(plan)
     if out is None:
         summary = run_unrecorded(scenario, hooks=[watch])

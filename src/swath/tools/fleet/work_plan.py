@@ -1,0 +1,169 @@
+"""Who cuts which pass, in which order, and who waits for whom where ways of combines meet.
+
+With lands of their own combines take the passes that they take at `events`. Which these are turns over by a
+few seconds, and whether two of them then come against each other on neighbouring passes, where one has to
+wait for the whole pass of the other one, is not asked there. So several ways of sharing out are made, from
+speeds that differ a little, and planned to the end; the one of which all are done first is driven.
+"""
+
+import random
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from swath.control.job.passes import RUN_OUT, Pass
+from swath.control.steer.path import Segment
+from swath.core.errors import InputError
+from swath.core.units import KMH
+from swath.job.fleet import FleetFile
+from swath.job.machines import Combine, Fleet
+from swath.job.plan import FieldPlan
+from swath.tools.fleet import echelon, lands
+from swath.tools.fleet.combine_turns import Shared, shared
+from swath.tools.fleet.order import NO_ORDER, RUN_UP, Member
+
+TRIES = 12  # ways of sharing out
+SPREAD = 0.12  # of the speeds, from those of the machines
+GOOD = 1.03  # of the mean time of their ways: no other way of sharing out is looked for
+ROOM = 0.95  # of a tank, for passes beside which no cart can be
+OVER = 0.05  # of a tank, more than that: it is full in a pass beside which no cart can be
+TOO_MUCH = "expected room for a cart before a tank is full ({:.0f} kg too much): another order"
+MOST = 3  # combines, carts
+
+
+class WorkPlan(NamedTuple):
+    """shared: passes in the order in which they are begun; rows: these as the scenario has them; team: start
+    and settings of each combine
+    """
+
+    shared: Shared
+    rows: list[dict[str, Any]]
+    team: list[Member]
+
+
+def work_plan(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
+    """The plan of a job with sensors. InputError for what this level cannot do."""
+    _check(file, plan, fleet)
+    combines, team = fleet.combines, [Member(RUN_UP, {}, RUN_OUT)]
+    if len(combines) > 1 and file.team.together != "echelon":
+        return _least(file, plan, fleet)
+    made = shared(plan, echelon.assigned(plan, len(combines)), combines)
+    rows = passes_of(made, combines, file)
+    if len(combines) > 1:
+        team = echelon.members(told_passes(rows), combines, file)
+    return WorkPlan(made, rows, team)
+
+
+def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
+    """With lands of their own: of several ways of sharing out the one that is over first, of those for which
+    the tanks have room.
+    """
+    found: dict[tuple[float, float], WorkPlan] = {}
+    known: list[list[dict[str, Any]]] = []
+    for tried_plan, tried in _tries(file, plan, fleet):
+        made = lands.shared_out(file, tried_plan, tried)
+        rows = passes_of(made, fleet.combines, file)
+        team = None if rows in known else lands.team_of(told_passes(rows), fleet.combines)
+        known.append(rows)
+        if team is None:
+            continue
+        over = _too_much(made, rows, fleet.combines, file.field.yield_t_ha)
+        found.setdefault((over, team.end), WorkPlan(made, rows, team.members))
+        if over <= 0.0 and team.end <= GOOD * team.busy:
+            break
+    if not found:
+        raise InputError("plan", None, NO_ORDER)
+    over, _ = least = min(found)
+    if over > OVER * min(c.tank for c in fleet.combines):
+        raise InputError("plan.order", file.plan.order, TOO_MUCH.format(over))
+    return found[least]
+
+
+def _tries(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Iterator[tuple[FieldPlan, Fleet]]:
+    """Plan and combines as they are, then with other speeds, and lands of neighbouring passes begun from the
+    other end: the second pass has the first one on its left there, or it has not.
+    """
+    yield plan, fleet
+    draw = random.Random(1)
+    for n in range(1, TRIES):
+        combines = [replace(c, speed=c.speed * (1.0 + draw.uniform(-SPREAD, SPREAD))) for c in fleet.combines]
+        passes = [
+            p.reversed() if p.kind != "headland" and file.plan.order != "lands" and n >> p.land & 1 else p
+            for p in plan.passes
+        ]
+        yield replace(plan, passes=tuple(passes)), replace(fleet, combines=tuple(combines))
+
+
+def _too_much(
+    of: Shared, rows: Sequence[dict[str, Any]], combines: Sequence[Combine], yield_t_ha: float
+) -> float:
+    """Most grain [kg] for which a tank has no room where a combine cuts several passes, one after the other,
+    beside which no cart can be.
+    """
+    most = 0.0
+    for number, combine in enumerate(combines):
+        load = 0.0
+        for p, row in zip(of.plan.passes, rows, strict=True):
+            if row.get("combine", 0) == number:
+                blind = not (row["cart_beside"] or row.get("cart_standing", False))
+                load = load + p.area * yield_t_ha / 10.0 if blind else 0.0
+                most = max(most, load - ROOM * combine.tank)
+    return most
+
+
+def passes_of(of: Shared, combines: Sequence[Combine], file: FleetFile) -> list[dict[str, Any]]:
+    """Passes with the turns behind them, to the next one of the same combine.
+
+    Beside the last pass of a combine a cart can stand at least: it gives its last grain there.
+    """
+    rows = []
+    plan, by, turns = of
+    for i, p in enumerate(plan.passes):
+        combine = combines[by[i]]
+        grain = p.area * file.field.yield_t_ha / 10.0 / p.length
+        row: dict[str, Any] = {
+            "line_m": [rounded(q) for q in p.line.tolist()],
+            "cart_beside": bool(p.cart_beside),
+            "speed_kmh": round(combine.speed_in(grain) / KMH, 4),
+            "width_m": round(p.area / p.length, 3),
+        }
+        is_outside = p.kind == "headland" and p.round_index == 0 and file.plan.headland == "clockwise"
+        if not p.cart_beside and (is_outside or i not in turns):
+            row["cart_standing"] = True
+        if by[i]:
+            row["combine"] = by[i]
+        if i in turns:
+            row["turn"] = [
+                {"length_m": q.length, "curvature_per_m": q.first, "to_per_m": q.last}
+                for q in turns[i]
+                if q.length > 1e-6
+            ]
+        rows.append(row)
+    return rows
+
+
+def told_passes(rows: list[dict[str, Any]]) -> list[Pass]:
+    """The passes as a machine is told them."""
+    return [
+        Pass(
+            tuple((x, y) for x, y in row["line_m"]), row["cart_beside"], row["speed_kmh"],
+            tuple(Segment(**segment) for segment in row.get("turn", [])), row.get("combine", 0),
+            row.get("cart_standing", False),
+        )
+        for row in rows
+    ]  # fmt: skip
+
+
+def rounded(point: Any) -> list[float]:
+    """As a scenario has it: to a micrometre."""
+    return [round(float(v), 6) for v in point]
+
+
+def _check(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> None:
+    for key, found in (("combines", fleet.combines), ("carts", fleet.carts)):
+        if len(found) > MOST:
+            raise InputError(key, len(found), f"expected {MOST} at most at the level with sensors")
+    if plan.holes:
+        raise InputError("field", None, "expected a field without holes at the level with sensors")
+    if file.unload.mode != "on_the_go":
+        raise InputError("unload.mode", file.unload.mode, "expected on_the_go at the level with sensors")

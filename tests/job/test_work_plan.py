@@ -1,0 +1,52 @@
+"""Who cuts which pass with sensors: of several ways of sharing out the one that is over first."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from swath.core.errors import InputError
+from swath.job.machines import fleet_of
+from swath.job.work import plan_of
+from swath.tools.fleet import lands
+from swath.tools.fleet.work_plan import ROOM, _too_much, passes_of, told_passes, work_plan
+from tests.job.jobs import job_file
+from tests.job.layouts import layout_file
+
+
+def test_two_combines_that_would_wait_for_whole_passes_share_out_otherwise():
+    """As at `events` they come against each other on neighbouring passes twice."""
+    file = layout_file(14, 2)
+    fleet = fleet_of(file)
+    plan = plan_of(file, fleet, None)
+    work = work_plan(file, plan, fleet)
+    first = passes_of(lands.shared_out(file, plan, fleet), fleet.combines, file)
+    chosen, as_events = (lands.team_of(told_passes(rows), fleet.combines) for rows in (work.rows, first))
+    assert as_events.end > 1.1 * as_events.busy
+    assert chosen.end < 1.03 * chosen.busy
+    assert chosen.end < 0.9 * as_events.end
+    assert [m.job["gives_way"] for m in work.team] == [m.job["gives_way"] for m in chosen.members]
+    cut = sorted(tuple(sorted(map(tuple, p.line.tolist()))) for p in work.shared.plan.passes)
+    assert cut == sorted(tuple(sorted(map(tuple, p.line.tolist()))) for p in plan.passes)
+
+
+@pytest.mark.parametrize(("beside", "owner", "kg"), [
+    ([True, False, False, True], [0, 0, 0, 0], 2000.0),
+    ([True, False, False, True], [0, 0, 1, 1], 0.0),  # shared out
+    ([False, True, False, True], [0, 0, 0, 0], 0.0),  # emptied in between
+    ([False, False, False, True], [0, 0, 0, 0], 7000.0),
+])  # fmt: skip
+def test_tanks_have_room_for_passes_beside_which_no_cart_can_be(beside, owner, kg):
+    """Four of 5 t each."""
+    rows = [{"cart_beside": b, "combine": k} for b, k in zip(beside, owner, strict=True)]
+    of = SimpleNamespace(plan=SimpleNamespace(passes=[SimpleNamespace(area=5000.0)] * 4))
+    combines = [SimpleNamespace(tank=8000.0 / ROOM)] * 2
+    assert max(_too_much(of, rows, combines, 10.0), 0.0) == pytest.approx(kg)
+
+
+def test_a_tank_that_is_full_before_a_cart_can_come_is_told_before_the_job():
+    file = job_file(combines=2, carts=1, boundary_m=[(0, 0), (600, 0), (600, 120), (0, 120)], yield_t_ha=16.0)
+    fleet = fleet_of(file)
+    small = replace(fleet, combines=tuple(replace(c, tank=0.4 * c.tank) for c in fleet.combines))
+    with pytest.raises(InputError, match="room for a cart"):
+        work_plan(file, plan_of(file, fleet, None), small)
