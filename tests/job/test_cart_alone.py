@@ -74,6 +74,20 @@ def test_a_loaded_cart_takes_half_of_the_tank_of_one_that_stands_for_it(tank, ta
     assert (job.phase, job.task) == (Phase.DRIVES, task)
 
 
+@pytest.mark.parametrize(("speed", "is_cut"), [(2.0, True), (0.0, False)])
+def test_where_a_combine_cuts_before_no_cart_waits_for_the_next_pass(speed, is_cut):
+    """Beside the next pass, back on the neighbouring strip, is the end of the present one. It is free to wait
+    there once that is cut.
+    """
+    passes = Pass(((0.0, 0.0), (0.0, 100.0))), Pass(((11.7, 100.0), (11.7, 0.0)))
+    ways = CartWays(passes, RING, 12.0, 8.2, 9.0, [(-40.0, 0.0)])
+    here, remaining = Place(-40.0, 0.0, NORTHWARD), 60.0 if is_cut else 0.0
+    said = combine(here, Place(0.0, 100.0 - remaining, NORTHWARD), Phase.CUTS, task=0, remaining=remaining)
+    said = replace(said, speed=speed, phase=int(Phase.CUTS if is_cut else Phase.TURNS))
+    assert ways.is_cut_before(Place(3.5, 80.0, -NORTHWARD), 1, said) is is_cut
+    assert not ways.is_cut_before(Place(-20.0, 80.0, -NORTHWARD), 1, said)
+
+
 LOOP = (
     Pass(((0.0, 0.0), (0.0, 100.0)), turn=(Segment(10.0), Segment(44.0, -1.5 * np.pi / 44.0), Segment(9.0))),
     Pass(((-5.0, 105.0), (-90.0, 105.0))),

@@ -138,9 +138,19 @@ def other(number, phase, task=-1, at=(50.0, 0.0), way=()):
 
 def test_a_call_that_both_take_is_left_to_the_first():
     calls, combine = Calls([Pass(((0.0, 0.0), (0.0, 50.0)))] * 4, 15.0), said(Phase.CUTS, task=1)
-    assert calls.withdraws(combine, 1, [other(0, Phase.DRIVES, task=3)])
-    assert not calls.withdraws(combine, 0, [other(1, Phase.DRIVES, task=3)])
-    assert not calls.withdraws(combine, 1, [other(0, Phase.DRIVES)])
+    here = Place(0.0, 0.0, 0.0)  # 50 m from the combine
+    as_near = {"task": 3, "at": (35.0, 40.0)}
+    assert calls.withdraws(combine, here, 1, [other(0, Phase.DRIVES, **as_near)])
+    assert not calls.withdraws(combine, here, 0, [other(1, Phase.DRIVES, **as_near)])
+    assert not calls.withdraws(combine, here, 1, [other(0, Phase.DRIVES)])
+
+
+@pytest.mark.parametrize(("x", "number", "own", "withdraws"), [(25.0, 1, 0, True), (125.0, 0, 1, False)])
+def test_a_call_that_both_take_is_left_to_the_nearer_one(x, number, own, withdraws):
+    """25 and 75 m from the combine, the own one 50 m."""
+    calls, combine = Calls([Pass(((0.0, 0.0), (0.0, 50.0)))] * 4, 15.0), said(Phase.CUTS, task=1)
+    cart = other(number, Phase.DRIVES, task=3, at=(x, 0.0))
+    assert calls.withdraws(combine, Place(0.0, 0.0, 0.0), own, [cart]) is withdraws
 
 
 @pytest.mark.parametrize(("phase", "task", "serves", "is_spare"), [

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from swath.control.job import harvest
+from swath.control.job.calls import Calls
 from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground
@@ -302,6 +303,25 @@ def test_a_load_is_not_finished_beside_a_turn_that_would_sweep_the_cart():
         for north in np.arange(1.0, 100.2, 0.5):
             job = bench.step(north, 0.15, flow=92.0, peer=(3.2, 8.2))
         assert job.may_unload is stands
+
+
+@pytest.mark.parametrize(("grain", "stands"), [(0.8, True), (0.4, False)])
+def test_before_a_pass_without_a_cart_it_tells_that_it_will_stand(grain, stands):
+    """A tank that the next pass would fill is emptied at the end of this one; a cart on its way comes on."""
+    blind = Pass(NORTH[1].line_m, cart_beside=False)
+    bench = Bench((NORTH[0], blind, Pass(((25.4, 0.0), (25.4, 100.0)))))
+    for north in range(1, 99):
+        job = bench.step(north, grain - 0.3 + 0.003 * north)
+        if 5.0 < north < 70.0:
+            assert job.may_unload  # driving, on the go
+    assert bool(job.may_unload) is stands
+    calls = Calls((NORTH[0], blind, NORTH[0]), 25.0)
+    said = PeerState(
+        0, True, 0.1, 60.0, 0.0, 0.0, 2.0, 0.0, phase=job.phase, task=0, remaining=job.remaining,
+        calls=job.calls, may_unload=job.may_unload,
+    )  # fmt: skip
+    assert calls.will_stand(said) is stands
+    assert (calls.next_task(said) == 0) is stands
 
 
 def test_the_turn_waits_for_a_cart_in_its_way():

@@ -6,7 +6,9 @@ from math import fsum, hypot, inf, isfinite
 from swath.control.cooperate.peer_track import OTHERS
 from swath.control.job.abreast import own_passes
 from swath.control.job.carts import OtherCart
+from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass
+from swath.control.job.right_of_way import place_of
 from swath.core.component import KeepsState
 from swath.signals import HeapState, PeerState, Phase
 
@@ -14,6 +16,7 @@ FORESIGHT = 2  # passes after the present one, for which it sets out
 APART = 45.0  # m from a combine that cuts, from where on it sets out for a pass to come
 CLEAR = 16.0  # m from a combine that turns, likewise; and from one that drives, before it sets out elsewhere
 LEAST = 15.0  # m of a pass beside the combine, for which it sets out
+AS_NEAR = 20.0  # m, less than that one of two carts is not nearer than the other one
 BEHIND = -12.0  # m ahead of a cart: beside it a combine's axle is some 5 m behind the cart's
 FILLS = 0.75  # of the largest heap, that a cart takes for sure: one spot fills 77 % (closed form)
 PORTS = ("peer", *OTHERS)
@@ -114,9 +117,17 @@ class Calls(KeepsState):
         unserved = (said for said in combines if not self.is_served(said, others))
         return stands_for_cart(peer) or (waits and any(stands_for_cart(said) for said in unserved))
 
-    def withdraws(self, combine: PeerState, own_number: int, others: Sequence[OtherCart]) -> bool:
-        """Whether a cart before it by number took the same call at the same time."""
-        return any(self._serves(cart, combine) and cart.number < own_number for cart in others)
+    def withdraws(self, combine: PeerState, here: Place, number: int, others: Sequence[OtherCart]) -> bool:
+        """Whether another cart took the same call at the same time, and is nearer to the combine or, as near,
+        before it by number.
+        """
+        at, away = place_of(here, combine), hypot(combine.x, combine.y)
+        for cart in others:
+            nearer = away - hypot(cart.at.x - at.x, cart.at.y - at.y)
+            is_first = nearer > AS_NEAR or (nearer >= -AS_NEAR and cart.number < number)
+            if is_first and self._serves(cart, combine):
+                return True
+        return False
 
     def _serves(self, cart: OtherCart, combine: PeerState) -> bool:
         of = self._passes[combine.task].combine
@@ -130,13 +141,18 @@ class Calls(KeepsState):
         own = self._own[passes[peer.task].combine]
         then = own[own.index(peer.task) + 1 :][:FORESIGHT]
         found = next((i for i in then if passes[i].cart_beside), -1)
-        stands = peer.phase == Phase.STANDS
+        stands = peer.phase == Phase.STANDS or self.will_stand(peer)
         is_here = passes[peer.task].cart_beside or (passes[peer.task].cart_standing and (stands or found < 0))
         if is_here and (stands or peer.remaining > least):
             return peer.task
         if hypot(peer.x, peer.y) < (CLEAR if peer.phase == Phase.TURNS else APART):
             return -1
         return then[0] if found < 0 and then and passes[then[0]].cart_standing else found
+
+    def will_stand(self, peer: PeerState) -> bool:
+        """Whether a combine that calls comes to the end of its pass and unloads there before it goes on."""
+        ends = peer.phase == Phase.CUTS and peer.remaining < self.break_off(peer.task)
+        return ends and peer.calls and peer.may_unload
 
     def between(self, task: int, then: int) -> list[int]:
         """Numbers of a combine's passes between two of them."""

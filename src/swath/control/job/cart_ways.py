@@ -113,6 +113,13 @@ class CartWays:
             return None
         return self._found(here, [combine, *rest], [goal], discs, rest=[beyond], ground=ground)
 
+    def is_cut_before(self, place: Place, task: int, combine: PeerState) -> bool:
+        """Whether crop stands at a place which a combine cuts before it begins a pass."""
+        then = replace(combine, task=task, remaining=nan, phase=int(Phase.CUTS))
+        now, later = self._ground([combine]), self._ground([then])
+        x, y, _ = place
+        return now.is_in(now.crop, x, y) and not later.is_in(later.crop, x, y)
+
     def _found(
         self,
         here: Place,

@@ -98,7 +98,7 @@ class Harvest(KeepsState):
 
     kept = (
         "_index", "_way", "_phase", "_calls", "_finishes", "_stands", "_unloads", "_tank", "_ended",
-        "_heard", "_silent_for", "_dry_for", "_to_come", "_pours_on",
+        "_heard", "_silent_for", "_dry_for", "_to_come", "_pours_on", "_will_stand",
     )  # fmt: skip
     inputs = (
         Port("pose", PoseEstimate),
@@ -131,6 +131,7 @@ class Harvest(KeepsState):
     def _forget(self) -> None:
         self._index, self._way, self._phase = 0, 0.0, Phase.WAITS
         self._calls = self._finishes = self._stands = self._unloads = self._pours_on = False
+        self._will_stand = False
         self._tank.reset()
         self._ended, self._silent_for, self._dry_for, self._to_come = "", 0.0, inf, nan
         self._heard.reset()
@@ -214,6 +215,8 @@ class Harvest(KeepsState):
             is_soon_over = load.tank_grain / flow <= p.finish_s + left / max(speed, 0.3)
             self._finishes = is_soon_over and self._turns_clear_of(carts)
             self._pours_on |= has_cart and not is_last and self._tank.is_too_full(load, self._index, left)
+        is_near_end = has_cart and not is_last and AT_END < left < p.unload_to_m
+        self._will_stand = is_near_end and work.has_cart and self._tank.is_too_full(load, self._index, left)
         if left > AT_END:
             holds = self._is_full(work, level, pours=flow > 0.0)
         else:
@@ -231,7 +234,8 @@ class Harvest(KeepsState):
             return 0.0 if self._comes_near(here, carts, SWEPT) else min(fast, free)
         if self._comes_near(here, [cart for cart in carts if self._is_across(cart)], BUMPS):
             return 0.0
-        slower = 0.0 if self._finishes or self._pours_on or is_last else min(turning, wanted)
+        goes_on = not (self._finishes or self._pours_on or self._will_stand or is_last)
+        slower = min(turning, wanted) if goes_on else 0.0
         return min(wanted, free, max(sqrt(slower**2 + 2.0 * BRAKE * (left - AT_END)), CRAWL))
 
     def _free(self) -> float:
@@ -339,7 +343,7 @@ class Harvest(KeepsState):
         in_pass = left > AT_END
         edge = in_pass and way >= p.edge_from_m and left >= p.edge_to_m
         stands = self._phase == Phase.STANDS
-        goes_on = left > p.unload_to_m or self._finishes or self._pours_on or is_last
+        goes_on = left > p.unload_to_m or self._finishes or self._pours_on or is_last or self._will_stand
         driving = work.cart_beside and in_pass and way > 2.0 and goes_on
         may = (work.has_cart and stands) or driving
         job = JobState(

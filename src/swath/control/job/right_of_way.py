@@ -334,12 +334,12 @@ class Clearance:
         places = self._ways.places(here, said, FORE)
         return outline_of(said).least(places, here.x, here.y, KEEP) < KEEP
 
-    def is_soon_in_way(self, here: Place, own: Outline, said: PeerState) -> bool:
+    def is_soon_in_way(self, here: Place, own: Outline, said: PeerState, *, in_pass: bool = False) -> bool:
         """Whether a machine with an outline stands in the way of the combine behind its pass, up to FAR_ON,
-        or near to one that stands in its turn.
+        or near to one that stands in its turn. in_pass: or in what is left of the pass
         """
         if said.phase == Phase.TURNS and said.speed < STILL and hypot(said.x, said.y) < FORE:
             return True
         places = self._ways.ahead(here, said, FAR_ON)
-        in_pass = ceil(said.remaining / EVERY) if said.remaining > 0.0 else 0
-        return is_swept(outline_of(said), [places[0], *places[1 + in_pass :]], own, [here], CLEARLY)
+        left_out = ceil(said.remaining / EVERY) if said.remaining > 0.0 and not in_pass else 0
+        return is_swept(outline_of(said), [places[0], *places[1 + left_out :]], own, [here], CLEARLY)

@@ -230,18 +230,19 @@ class Shuttle(KeepsState):
             self._phase = Phase.EMPTIES if empties else Phase.WAITS
             self._since, self._is_free = now, True
             return 0.0
-        withdrawn = self._goal == "combine" and self._calls.withdraws(peer, self._p.number, self._others)
+        to_combine = self._goal == "combine"
+        withdrawn = to_combine and self._calls.withdraws(peer, here, self._p.number, self._others)
         if withdrawn or (self._goal == "truck" and self._is_taken(drives=True)):
             self._phase, self._task = Phase.WAITS, -1
             return 0.0
         others, waits, is_early = self._others, speed <= MOVES, peer.task < self._task
         elsewhere = is_early and self._calls.is_elsewhere(peer, self._combines.values(), others, waits=waits)
-        if self._goal == "combine" and (self._is_lost(peer) or elsewhere):
+        if to_combine and (self._is_lost(peer) or elsewhere):
             self._phase, self._is_free = Phase.WAITS, True
             self._task = self._task if self._way >= self._lane else -1
             return 0.0
         met = free_of(self._others, here, line, self._way, speed)
-        if self._goal == "combine" and met == inf and self._is_in_line(peer, station):
+        if to_combine and met == inf and self._is_in_line(peer, station):
             self._phase, self._since = Phase.BESIDE, inf
             return 0.0
         in_lane = self._way >= self._lane
@@ -291,11 +292,11 @@ class Shuttle(KeepsState):
         is_over = self._number != number or self._phase != Phase.DRIVES
         if is_over or speed >= MOVES or not is_early:
             return is_over
+        rest = [said for said in self._combines.values() if said is not peer]
         if self._drives_to < self._lane and peer.phase == Phase.CUTS:
-            further = self._ahead.further(here, line, self._way, self._lane, self._task, peer)
+            further = self._ahead.further(here, line, self._way, self._lane, self._task, peer, rest)
             self._drives_to = max(self._drives_to, further)
-        rest = (said for said in self._combines.values() if said is not peer)
-        if any(self._clearance.is_soon_in_way(here, self._outline, said) for said in rest):
+        if any(self._clearance.is_soon_in_way(here, self._outline, said, in_pass=True) for said in rest):
             self._phase, self._is_free = Phase.WAITS, False
         return False
 
@@ -313,9 +314,8 @@ class Shuttle(KeepsState):
             return False
         if peer.task > self._task or peer.phase == Phase.TURNS:
             return True
-        return near_end and (
-            not peer.may_unload if self._phase == Phase.BESIDE else peer.phase != Phase.STANDS
-        )
+        stays = peer.phase == Phase.STANDS or self._calls.will_stand(peer)
+        return near_end and not (peer.may_unload if self._phase == Phase.BESIDE else stays)
 
     def _is_in_line(self, peer: PeerState, station: Wanted) -> bool:
         is_there = peer.task == self._task and peer.may_unload and station.is_active

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import NamedTuple
 
+from swath.control.job.abreast import leader_of
 from swath.control.job.calls import Calls
 from swath.control.job.cart_ways import BEGIN, FAR, MOVES, STRAIGHT, CartWays, Way
 from swath.control.job.carts import Disc
@@ -53,52 +54,77 @@ class WaitAhead:
             way = ways.to_pass(here, task, peer, discs, rest, soon=True)
         if way is None:
             return None
+        soon |= task > peer.task and ways.is_cut_before(_place(way), task, peer)
         is_clear = not soon and self.is_clear(here, way, task, peer, rest)
-        until = self.until(here, way, task, peer, is_clear=is_clear, soon=soon)
+        until = self.until(here, way, task, peer, rest, is_clear=is_clear, soon=soon)
         return Found(way, is_clear, until) if until > 0.0 else None
 
     def is_clear(
         self, here: Place, way: Way, task: int, peer: PeerState, rest: Sequence[PeerState] = ()
     ) -> bool:
-        """Whether its place beside the pass is off the combine's way till then, and off those of the rest to
-        their next passes.
+        """Whether its place beside the pass is off the combine's way till then, and off those of the rest
+        through the passes that they begin before.
         """
         if task <= peer.task:
             return True
-        line = GuidanceLine(way.points.tolist(), "path")
-        at = line.length - way.beside + AHEAD
-        there = Place(*line.point(at), line.heading(at))
+        there = _place(way)
         between = self._calls.between(peer.task, task)
-        return not self._clearance.comes_by(here, there, self._own, peer, between) and not any(
-            self._clearance.comes_by(here, there, self._own, said) for said in rest
-        )
+        ways = [(peer, between), *((said, self._before(task, said)) for said in rest)]
+        return not any(self._clearance.comes_by(here, there, self._own, said, then) for said, then in ways)
+
+    def _before(self, task: int, said: PeerState) -> list[int]:
+        """Passes of another combine, after its present one, that are begun before a pass, but the one that is
+        cut side by side with that in echelon.
+        """
+        leads = leader_of(self._passes, task)
+        return [i for i in self._calls.between(said.task, task) if i != leads] if said.task >= 0 else []
 
     def until(
-        self, here: Place, way: Way, task: int, peer: PeerState, *, is_clear: bool, soon: bool = False
+        self,
+        here: Place,
+        way: Way,
+        task: int,
+        peer: PeerState,
+        rest: Sequence[PeerState] = (),
+        *,
+        is_clear: bool,
+        soon: bool = False,
     ) -> float:
         """How far it drives before the combine has begun the pass [m]; inf: to its place there, or as far as
-        it keeps clear of the combine's way; 0 = it does not set out. is_clear: that place is, by `is_clear`;
-        soon: crop stands on the way yet, which the combine cuts before
+        it keeps clear of the ways of combines; 0 = it does not set out. is_clear: that place is, by
+        `is_clear`; soon: crop stands on the way yet, which the combine cuts before
 
         To the next pass it may wait on the combine's way, but not behind a turn that swings out, nor set out
         while the combine is in that.
         """
         between = self._calls.between(peer.task, task)
-        is_free = is_clear if between else not swings_out(self._passes[peer.task])
+        waits = between or any(self._before(task, said) for said in rest)
+        is_free = is_clear if waits else not swings_out(self._passes[peer.task])
         if task <= peer.task or (is_free and not soon):
             return inf
         if peer.phase == Phase.TURNS:
             return 0.0
         line = GuidanceLine(way.points.tolist(), "path")
-        found = self.further(here, line, 0.0, line.length - way.beside, task, peer)
+        found = self.further(here, line, 0.0, line.length - way.beside, task, peer, rest)
         return found if found >= NEARER else 0.0
 
     def further(
-        self, here: Place, line: GuidanceLine, at: float, most: float, task: int, peer: PeerState
+        self,
+        here: Place,
+        line: GuidanceLine,
+        at: float,
+        most: float,
+        task: int,
+        peer: PeerState,
+        rest: Sequence[PeerState] = (),
     ) -> float:
-        """How far along its way it keeps clear of that of the combine till then, from `at` to `most` [m]."""
-        between = self._calls.between(peer.task, task)
-        return self._clearance.until_near(here, line, at, most, self._own, peer, between) - BEFORE
+        """How far along its way it keeps clear of that of the combine till then, and of those of the rest
+        that begin a pass before, from `at` to `most` [m].
+        """
+        ways = [(peer, self._calls.between(peer.task, task))]
+        ways += [(said, then) for said in rest if (then := self._before(task, said))]
+        near = (self._clearance.until_near(here, line, at, most, self._own, *way) for way in ways)
+        return min(near) - BEFORE
 
     def on_far_ways(
         self, here: Place, line: GuidanceLine, at: float, lane: float, combines: Mapping[int, PeerState]
@@ -124,3 +150,10 @@ class WaitAhead:
         if free < at + SHORT:  # it is on that way: does it leave it?
             return inf if until(at + LEAVES) >= most else at
         return free if free < most else inf
+
+
+def _place(way: Way) -> Place:
+    """Beside the pass, where a cart waits for its combine."""
+    line = GuidanceLine(way.points.tolist(), "path")
+    at = line.length - way.beside + AHEAD
+    return Place(*line.point(at), line.heading(at))

@@ -1,0 +1,31 @@
+"""How full a combine reckons its tank to be at the end of passes that no cart can reach."""
+
+import pytest
+
+from swath.control.job.passes import Pass
+from swath.control.job.tank import TankForecast
+from swath.signals import MachineLoad
+
+LANE = Pass(((0.0, 0.0), (100.0, 0.0)), width_m=10.0)
+BLIND = Pass(((0.0, 10.0), (100.0, 10.0)), cart_beside=False, width_m=10.0)
+TANK = 9000.0  # kg
+
+
+def load(grain):
+    """At a level of the tank."""
+    nothing = dict.fromkeys(("lost_grain", "dropped_straw", "held_grain", "held_straw"), 0.0)
+    flows = {"grain_flow": 0.0, "straw_flow": 0.0}
+    return MachineLoad(0, grain, **nothing, **flows, tank_level=grain / TANK)
+
+
+@pytest.mark.parametrize(("kept", "is_too_full"), [
+    (5000.0, False),  # 8300 kg
+    (6000.0, True),  # 9300 kg
+    (5800.0, True),  # 8800 kg as it yields, 9100 kg with a tenth more
+])  # fmt: skip
+def test_before_passes_without_a_cart_a_tank_has_room_for_a_tenth_more_than_they_yield(kept, is_too_full):
+    forecast = TankForecast([LANE, BLIND, LANE], full=1.0)
+    forecast.update(load(kept - 3000.0), 0, 0.0)
+    forecast.update(load(kept), 0, 100.0)
+    forecast.begin(load(kept))
+    assert forecast.is_too_full(load(kept), 0) is is_too_full
