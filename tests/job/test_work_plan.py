@@ -8,7 +8,9 @@ import pytest
 from swath.core.errors import InputError
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
+from swath.signals import UnloadState
 from swath.tools.fleet import lands
+from swath.tools.fleet.whole import Watch, _Seen
 from swath.tools.fleet.work_plan import ROOM, _too_much, passes_of, told_passes, work_plan
 from tests.job.jobs import job_file
 from tests.job.layouts import layout_file
@@ -50,3 +52,13 @@ def test_a_tank_that_is_full_before_a_cart_can_come_is_told_before_the_job():
     small = replace(fleet, combines=tuple(replace(c, tank=0.4 * c.tank) for c in fleet.combines))
     with pytest.raises(InputError, match="room for a cart"):
         work_plan(file, plan_of(file, fleet, None), small)
+
+
+def test_what_a_combine_pours_counts_in_loads():
+    """In the report of a job with sensors, as by events."""
+    watch = Watch(None)
+    watch.machines = {"combine": _Seen()}
+    nothing = [0.0] * 6
+    for i, flow in enumerate((0.0, 90.0, 92.0, 0.0, 0.0, 90.0)):
+        watch._see("combine.unload", i, {"unload": UnloadState(i, 0.0, flow, *nothing)})
+    assert watch.machines["combine"].loads == 2

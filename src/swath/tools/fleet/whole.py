@@ -44,7 +44,9 @@ MOST_POINTS = 4_000_000
 
 @dataclass
 class _Seen:
-    """What is kept of a machine. way: points that it drove through [m]; fuel: of a tractor [kg]"""
+    """What is kept of a machine. way: points that it drove through [m]; loads: poured, of a cart brought to
+    the truck; fuel: of a tractor [kg]
+    """
 
     timeline: Timeline = field(default_factory=Timeline)
     latest: dict[type[Signal], Signal] = field(default_factory=dict)
@@ -82,6 +84,10 @@ class Watch(RunHook):
                 x, y = signal.pose.position[:2].tolist()
                 if not seen.way or math.hypot(x - seen.way[-1][0], y - seen.way[-1][1]) >= WAY_EVERY:
                     seen.way.append((x, y))
+            elif isinstance(signal, UnloadState):
+                before = seen.latest.get(UnloadState)
+                poured = isinstance(before, UnloadState) and before.flow > 0.0
+                seen.loads += signal.flow > 0.0 and not poured
             seen.latest[type(signal)] = signal
 
     def _note(self, seen: _Seen, job: JobState) -> None:
