@@ -102,6 +102,20 @@ def test_a_cart_in_front_of_a_combine_that_stands_for_it_drives_on():
         assert clearance.way(own, line, 0.0, 54.0, said, 1.0) == pytest.approx(max(free, 0.0), abs=1.0)
 
 
+@pytest.mark.parametrize("phase", [Phase.TURNS, Phase.CUTS])
+def test_behind_the_last_pass_one_of_three_combines_may_drive_on_60_m(phase):
+    """A cart beside it, both at rest, that sets out to the truck comes by farther ahead."""
+    other = Pass(((200.0, 0.0), (200.0, 40.0)), combine=1), Pass(((300.0, 0.0), (300.0, 40.0)), combine=2)
+    passes = (Pass(((0.0, 0.0), (0.0, 100.0))), *other)
+    ring = (-40.0, 0.0), (310.0, 0.0), (310.0, 100.0), (-40.0, 100.0)
+    ways = CartWays(passes, ring, 12.2, 8.2, 9.0, [(60.0, 200.0)])
+    here = Place(-8.2, 100.0, NORTHWARD)
+    said = combine(here, Place(0.0, 98.0, NORTHWARD), phase, task=0, speed=0.0, remaining=0.0)
+    way = ways.to_place(here, (60.0, 120.0), said)
+    across = way.points[(np.abs(way.points[:, 0]) < 5.0), 1]
+    assert bool(across.max() > 98.0 + 60.0 + 4.0 + 1.0) is (phase == Phase.TURNS)
+
+
 @pytest.mark.parametrize(("task", "is_taken"), [(0, False), (1, True)])
 def test_behind_its_last_pass_a_combine_may_stand_anywhere_ahead(task, is_taken):
     ways = CartWays(NORTH, RING_NORTH, 12.2, 8.2, 9.0)

@@ -12,7 +12,7 @@ from swath.control.job.carts import BEYOND, Disc
 from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, Point, beside
-from swath.control.job.passes import Pass, way_along
+from swath.control.job.passes import RUN_OUT, Pass, way_along
 from swath.control.job.right_of_way import EVERY, FORE, KEEP, CombineWays, outline_of, place_of
 from swath.control.job.ways import Search
 from swath.control.steer.guidance_line import along_bends
@@ -33,6 +33,7 @@ GONE_BY = 6.0  # m ahead of the own axle: a combine there has driven past
 ASIDE = 0.7  # m farther out than under the pipe, where a header and a trailer pass each other
 SHIFT = 7.0  # m of way, on which it drives out so far
 MOVES = 0.3  # m/s, faster than which a combine will be elsewhere
+BESIDE = 2.2  # m from the outline of one that drives straight on
 FAR = 50.0  # m of its way to the next pass, that are kept clear of
 SOON = 100.0  # m of the line beside a pass, on which no other cart is to be met
 
@@ -60,7 +61,7 @@ class CartWays:
     ) -> None:
         self._passes, self._boundary, self._places = passes, boundary, places
         self._header, self._left, self._radius = header, left, radius
-        self._ways = CombineWays(passes)
+        self._ways, self._runs_out = CombineWays(passes), RUN_OUT * len({work.combine for work in passes})
         self._uncut: Ground | None = None  # made when it is asked for
 
     def to_place(
@@ -170,25 +171,28 @@ class CartWays:
             return [place_of(here, combine)]
         if combine.phase == Phase.CUTS and combine.remaining < FORE:
             return self._ways.ahead(here, combine, max(combine.remaining, 0.0))[-1:]
+        return self._ways.ahead(here, combine, self._runs_out)[::3] if self._leaves(combine) else []
+
+    def _leaves(self, combine: PeerState) -> bool:
+        """Whether a combine drives on behind its last pass."""
         last = own_passes(self._passes, self._passes[combine.task].combine)[-1]
-        if combine.phase == Phase.TURNS and combine.task == last:
-            return self._ways.ahead(here, combine, FORE)[::3]
-        return []
+        return combine.phase == Phase.TURNS and combine.task == last
 
     def _before(self, here: Place, start: Place, combine: PeerState, ground: Ground) -> list[Disc]:
         """What a combine drives over where no crop stands in what is left of its pass, or of a far way to
-        the next, but where the way begins; or, where it stands in its turn, in the next FORE metres, unless
-        the way begins there.
+        the next, but where the way begins; or, where it stands in its turn, in the next FORE metres, or all
+        along behind its last pass, unless the way begins there.
         """
         cuts = combine.phase == Phase.CUTS and combine.remaining > 0.0
         if not cuts and combine.phase != Phase.TURNS:
             return []
-        outline, moves = outline_of(combine), combine.speed > MOVES
-        reach = combine.remaining if cuts else inf if moves else FORE
+        outline, moves, leaves = outline_of(combine), combine.speed > MOVES, self._leaves(combine)
+        reach = combine.remaining if cuts else self._runs_out if leaves else inf if moves else FORE
         ahead = self._ways.ahead(here, combine, reach)
         if not cuts and not moves:
-            is_near = any(outline.away(at, start.x, start.y) < KEEP for at in ahead[1:])
-            return [] if is_near else [(*p, KEEP - NARROW) for at in ahead[1:] for p in outline.points(at)]
+            keep = BESIDE if leaves else KEEP
+            is_near = any(outline.away(at, start.x, start.y) < keep for at in ahead[1:])
+            return [] if is_near else [(*p, keep - NARROW) for at in ahead[1:] for p in outline.points(at)]
         if not cuts and EVERY * len(ahead) < FAR:
             return []
         ahead = [at for at in ahead[3::2] if outline.away(at, start.x, start.y) > BEGINS]  # from its knife on

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from swath.control.job.abreast import own_passes
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Point, beside
-from swath.control.job.passes import Pass, Route, route_of
+from swath.control.job.passes import RUN_OUT, Pass, Route, route_of
 from swath.control.job.turn_limits import TurnLimits
 from swath.control.steer.guidance_line import GuidanceLine, wrapped
 from swath.signals import PeerState, Phase
@@ -25,8 +25,9 @@ CLEARLY = 0.9  # m, likewise, of a cart that stands: more than the combine wants
 KEEP = 3.0  # m from the middle of a machine to the outline of another one
 KEEP_STRAIGHT = 2.2  # m, likewise, where the cart's way is straight
 COMES = 0.3  # m, that one which is nearer than KEEP already may come nearer
-LOOK, STEP = 8.0, 1.0  # m beyond the braking way; between two looks
+LOOK, STEP = 12.0, 1.0  # m beyond the braking way; between two looks
 SHORT = 6.5  # m kept between the axle and what is in the way: a tractor reaches 4.6 m ahead of its axle
+TURNS_ABOUT = 5.0  # m more before a combine other than its own: from there it can still turn aside
 GENTLE = 0.4  # m/s2, of braking
 STILL = 0.1  # m/s
 ROOM = 25.0  # m before a combine that stands in its turn, where a cart has room to turn about
@@ -133,10 +134,13 @@ def place_of(own: Place, said: PeerState) -> Place:
 
 
 class CombineWays:
-    """The ways of combines through their passes, of each made when it is asked for."""
+    """The ways of combines through their passes, of each made when it is asked for. Behind its last pass each
+    of several drives on another way: the longest counts.
+    """
 
     def __init__(self, passes: Sequence[Pass]) -> None:
         self._passes, self._routes = passes, dict[int, tuple[int, Route]]()
+        self._run_out = RUN_OUT * len({work.combine for work in passes})
 
     def places(self, own: Place, said: PeerState, reach: float) -> list[Place]:
         """Where the axle of a combine is, and will be along its way, up to a reach [m]; one that stands, or
@@ -177,7 +181,8 @@ class CombineWays:
     def _made(self, task: int, said: PeerState) -> Route:
         told = (said.header_front, said.header_left) if isfinite(said.header_front) else (KNIFE, 0.0)
         own = own_passes(self._passes, self._passes[task].combine)
-        return route_of([self._passes[i] for i in own], own.index(task), told[0], LIMITS, told[1])
+        mine = [self._passes[i] for i in own]
+        return route_of(mine, own.index(task), told[0], LIMITS, told[1], self._run_out)
 
     def _way(self, route: Route, here: Place, said: PeerState) -> float:
         """How far it has come along its way [m]."""

@@ -21,7 +21,7 @@ from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_take
 from swath.control.job.dubins import Place
 from swath.control.job.heard import SILENT, AllHeard
 from swath.control.job.passes import Coordinate, Pass
-from swath.control.job.right_of_way import KEEP, KEEP_STRAIGHT, SHORT, Clearance, own_outline
+from swath.control.job.right_of_way import KEEP, KEEP_STRAIGHT, SHORT, TURNS_ABOUT, Clearance, own_outline
 from swath.control.job.wait_ahead import AHEAD, Found, WaitAhead
 from swath.control.steer.guidance_line import GuidanceLine
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -254,7 +254,7 @@ class Shuttle(KeepsState):
         for said in self._combines.values():
             if said is not peer:
                 way = self._clearance.way(here, line, self._way, line.length, said, speed, keep=keep)
-                free = min(free, way)
+                free = min(free, way if in_lane else max(way - TURNS_ABOUT, 0.0))
             free = min(free, self._clearance.before_standing(here, line, self._way, self._lane, said))
         free = min(free, met)
         if peer.age > SILENT and (in_lane or not self._clearance.is_in_way(here, peer)):
