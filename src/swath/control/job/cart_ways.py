@@ -12,8 +12,16 @@ from swath.control.job.carts import BEYOND, Disc
 from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, Point, beside
-from swath.control.job.passes import RUN_OUT, Pass, way_along
-from swath.control.job.right_of_way import EVERY, FORE, KEEP, CombineWays, outline_of, place_of
+from swath.control.job.passes import Pass, way_along
+from swath.control.job.right_of_way import (
+    EVERY,
+    FORE,
+    KEEP,
+    KEEP_STRAIGHT,
+    CombineWays,
+    outline_of,
+    place_of,
+)
 from swath.control.job.ways import Search
 from swath.control.steer.guidance_line import along_bends
 from swath.signals import F64, PeerState, Phase
@@ -33,7 +41,6 @@ GONE_BY = 6.0  # m ahead of the own axle: a combine there has driven past
 ASIDE = 0.7  # m farther out than under the pipe, where a header and a trailer pass each other
 SHIFT = 7.0  # m of way, on which it drives out so far
 MOVES = 0.3  # m/s, faster than which a combine will be elsewhere
-BESIDE = 2.2  # m from the outline of one that drives straight on
 FAR = 50.0  # m of its way to the next pass, that are kept clear of
 SOON = 100.0  # m of the line beside a pass, on which no other cart is to be met
 
@@ -61,7 +68,7 @@ class CartWays:
     ) -> None:
         self._passes, self._boundary, self._places = passes, boundary, places
         self._header, self._left, self._radius = header, left, radius
-        self._ways, self._runs_out = CombineWays(passes), RUN_OUT * len({work.combine for work in passes})
+        self._ways = CombineWays(passes)
         self._uncut: Ground | None = None  # made when it is asked for
 
     def to_place(
@@ -171,7 +178,7 @@ class CartWays:
             return [place_of(here, combine)]
         if combine.phase == Phase.CUTS and combine.remaining < FORE:
             return self._ways.ahead(here, combine, max(combine.remaining, 0.0))[-1:]
-        return self._ways.ahead(here, combine, self._runs_out)[::3] if self._leaves(combine) else []
+        return self._ways.ahead(here, combine, self._ways.run_out)[::3] if self._leaves(combine) else []
 
     def _leaves(self, combine: PeerState) -> bool:
         """Whether a combine drives on behind its last pass."""
@@ -187,10 +194,10 @@ class CartWays:
         if not cuts and combine.phase != Phase.TURNS:
             return []
         outline, moves, leaves = outline_of(combine), combine.speed > MOVES, self._leaves(combine)
-        reach = combine.remaining if cuts else self._runs_out if leaves else inf if moves else FORE
+        reach = combine.remaining if cuts else self._ways.run_out if leaves else inf if moves else FORE
         ahead = self._ways.ahead(here, combine, reach)
         if not cuts and not moves:
-            keep = BESIDE if leaves else KEEP
+            keep = KEEP_STRAIGHT if leaves else KEEP
             is_near = any(outline.away(at, start.x, start.y) < keep for at in ahead[1:])
             return [] if is_near else [(*p, keep - NARROW) for at in ahead[1:] for p in outline.points(at)]
         if not cuts and EVERY * len(ahead) < FAR:

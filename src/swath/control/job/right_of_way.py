@@ -134,13 +134,14 @@ def place_of(own: Place, said: PeerState) -> Place:
 
 
 class CombineWays:
-    """The ways of combines through their passes, of each made when it is asked for. Behind its last pass each
-    of several drives on another way: the longest counts.
+    """The ways of combines through their passes, of each made when it is asked for.
+
+    run_out: how far each drives on behind its last pass, at most [m]
     """
 
     def __init__(self, passes: Sequence[Pass]) -> None:
         self._passes, self._routes = passes, dict[int, tuple[int, Route]]()
-        self._run_out = RUN_OUT * len({work.combine for work in passes})
+        self.run_out = RUN_OUT * len({work.combine for work in passes})
 
     def places(self, own: Place, said: PeerState, reach: float) -> list[Place]:
         """Where the axle of a combine is, and will be along its way, up to a reach [m]; one that stands, or
@@ -182,7 +183,7 @@ class CombineWays:
         told = (said.header_front, said.header_left) if isfinite(said.header_front) else (KNIFE, 0.0)
         own = own_passes(self._passes, self._passes[task].combine)
         mine = [self._passes[i] for i in own]
-        return route_of(mine, own.index(task), told[0], LIMITS, told[1], self._run_out)
+        return route_of(mine, own.index(task), told[0], LIMITS, told[1], self.run_out)
 
     def _way(self, route: Route, here: Place, said: PeerState) -> float:
         """How far it has come along its way [m]."""
