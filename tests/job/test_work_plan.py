@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from swath.core.errors import InputError
+from swath.core.schedule import NS
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
 from swath.signals import UnloadState
@@ -59,6 +60,6 @@ def test_what_a_combine_pours_counts_in_loads():
     watch = Watch(None)
     watch.machines = {"combine": _Seen()}
     nothing = [0.0] * 6
-    for i, flow in enumerate((0.0, 90.0, 92.0, 0.0, 0.0, 90.0)):
-        watch._see("combine.unload", i, {"unload": UnloadState(i, 0.0, flow, *nothing)})
+    for i, flow in enumerate((0.0, 90.0, 92.0, 0.0, 90.0, 0.0, 0.0, 0.0, 90.0)):  # every 6 s
+        watch._see("combine.unload", 6 * i * NS, {"unload": UnloadState(6 * i * NS, 0.0, flow, *nothing)})
     assert watch.machines["combine"].loads == 2

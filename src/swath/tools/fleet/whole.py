@@ -38,6 +38,7 @@ STATES = {
     Phase.DRIVES: "transport", Phase.BESIDE: "wait", Phase.EMPTIES: "unload",
 }  # fmt: skip
 WAY_EVERY = 0.5  # m between two points of a way
+SAME_LOAD = 15.0  # s without grain, less than that is no other load
 FINEST = 0.1  # m between the points at which it is asked whether crop stands
 MOST_POINTS = 4_000_000
 
@@ -45,7 +46,7 @@ MOST_POINTS = 4_000_000
 @dataclass
 class _Seen:
     """What is kept of a machine. way: points that it drove through [m]; loads: poured, of a cart brought to
-    the truck; fuel: of a tractor [kg]
+    the truck; poured_at: when grain left its pipe last [s]; fuel: of a tractor [kg]
     """
 
     timeline: Timeline = field(default_factory=Timeline)
@@ -53,6 +54,7 @@ class _Seen:
     way: list[tuple[float, float]] = field(default_factory=list)
     since: float = 0.0
     loads: int = 0
+    poured_at: float = -math.inf
     fuel: float = 0.0
 
 
@@ -84,10 +86,9 @@ class Watch(RunHook):
                 x, y = signal.pose.position[:2].tolist()
                 if not seen.way or math.hypot(x - seen.way[-1][0], y - seen.way[-1][1]) >= WAY_EVERY:
                     seen.way.append((x, y))
-            elif isinstance(signal, UnloadState):
-                before = seen.latest.get(UnloadState)
-                poured = isinstance(before, UnloadState) and before.flow > 0.0
-                seen.loads += signal.flow > 0.0 and not poured
+            elif isinstance(signal, UnloadState) and signal.flow > 0.0:
+                seen.loads += t / NS > seen.poured_at + SAME_LOAD
+                seen.poured_at = t / NS
             seen.latest[type(signal)] = signal
 
     def _note(self, seen: _Seen, job: JobState) -> None:
