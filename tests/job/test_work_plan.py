@@ -33,6 +33,25 @@ def test_two_combines_that_would_wait_for_whole_passes_share_out_otherwise():
     assert cut == sorted(tuple(sorted(map(tuple, p.line.tolist()))) for p in plan.passes)
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_a_way_of_sharing_out_that_leaves_a_combine_without_a_pass_is_left_out(first, monkeypatch):
+    """first: the one as at `events` is fine."""
+    file = layout_file(14, 2)
+    fleet = fleet_of(file)
+    plan = plan_of(file, fleet, None)
+    as_events = lands.shared_out(file, plan, fleet)
+
+    def shared_out(_, __, tried):
+        return as_events if tried is fleet and first else as_events._replace(by=[0] * len(as_events.by))
+
+    monkeypatch.setattr(lands, "shared_out", shared_out)
+    if first:
+        assert work_plan(file, plan, fleet).shared == as_events
+    else:
+        with pytest.raises(InputError, match="a pass for every combine"):
+            work_plan(file, plan, fleet)
+
+
 @pytest.mark.parametrize(("beside", "owner", "kg"), [
     ([True, False, False, True], [0, 0, 0, 0], 2000.0),
     ([True, False, False, True], [0, 0, 1, 1], 0.0),  # shared out

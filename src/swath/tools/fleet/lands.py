@@ -6,7 +6,6 @@ from itertools import permutations
 from typing import NamedTuple
 
 from swath.control.job.passes import RUN_OUT, Pass
-from swath.core.errors import InputError
 from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.fleet import FleetFile
@@ -41,12 +40,8 @@ class Team(NamedTuple):
 
 def team_of(passes: Sequence[Pass], combines: Sequence[Combine]) -> Team | None:
     """Who waits for whom, and how far each drives on behind its last pass. None: they cannot keep clear of
-    each other. InputError where a combine has no pass.
+    each other.
     """
-    missing = set(range(len(combines))) - {p.combine for p in passes}
-    if missing:
-        told = "expected a pass for every combine at the level with sensors"
-        raise InputError("combines", len(combines), told)
     count = len(combines)
     for outs in permutations([RUN_OUT * (i + 1) for i in range(count)]):
         ways = ways_of(passes, combines, [RUN_UP] * count, outs)

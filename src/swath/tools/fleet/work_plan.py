@@ -28,6 +28,7 @@ GOOD = 1.03  # of the mean time of their ways: no other way of sharing out is lo
 ROOM = 0.95  # of a tank, for passes beside which no cart can be
 OVER = 0.05  # of a tank, more than that: it is full in a pass beside which no cart can be
 TOO_MUCH = "expected room for a cart before a tank is full ({:.0f} kg too much): another order"
+NO_PASS = "expected a pass for every combine at the level with sensors"
 MOST = 3  # combines, carts
 
 
@@ -62,6 +63,8 @@ def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
     known: list[list[dict[str, Any]]] = []
     for tried_plan, tried in _tries(file, plan, fleet):
         made = lands.shared_out(file, tried_plan, tried)
+        if len(set(made.by)) < len(fleet.combines):
+            continue
         rows = passes_of(made, fleet.combines, file)
         team = None if rows in known else lands.team_of(told_passes(rows), fleet.combines)
         known.append(rows)
@@ -71,6 +74,8 @@ def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
         found.setdefault((over, team.end), WorkPlan(made, rows, team.members))
         if over <= 0.0 and team.end <= GOOD * team.busy:
             break
+    if not known:
+        raise InputError("combines", len(fleet.combines), NO_PASS)
     if not found:
         raise InputError("plan", None, NO_ORDER)
     over, _ = least = min(found)
@@ -81,14 +86,16 @@ def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
 
 def _tries(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Iterator[tuple[FieldPlan, Fleet]]:
     """Plan and combines as they are, then with other speeds, and lands of neighbouring passes begun from the
-    other end: the second pass has the first one on its left there, or it has not.
+    other end: the second pass has the first one on its left there, or it has not. Not so where lands are
+    driven round and round, or the passes are those of a file.
     """
     yield plan, fleet
     draw = random.Random(1)
+    is_given = file.plan.order == "lands" or file.field.file is not None or file.field.log is not None
     for n in range(1, TRIES):
         combines = [replace(c, speed=c.speed * (1.0 + draw.uniform(-SPREAD, SPREAD))) for c in fleet.combines]
         passes = [
-            p.reversed() if p.kind != "headland" and file.plan.order != "lands" and n >> p.land & 1 else p
+            p.reversed() if p.kind != "headland" and not is_given and n >> p.land & 1 else p
             for p in plan.passes
         ]
         yield replace(plan, passes=tuple(passes)), replace(fleet, combines=tuple(combines))
