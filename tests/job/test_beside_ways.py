@@ -58,6 +58,16 @@ def test_a_cart_that_has_nothing_to_do_knows_that_it_is_in_the_way(passes, x, y,
     assert Clearance(passes).is_soon_in_way(own, own_outline(CART), said) is is_in_way
 
 
+@pytest.mark.parametrize(("x", "is_in_way"), [(0.0, True), (-9.0, False)])
+def test_a_cart_ahead_in_the_pass_of_another_combine_is_in_the_way(x, is_in_way):
+    """Not in that of its own one, where it waits to be come up to."""
+    own = Place(x, 60.0, NORTHWARD)
+    said = combine(own, Place(0.0, 0.0, NORTHWARD), Phase.CUTS, remaining=96.0)
+    clearance, outline = Clearance(NORTH), own_outline(CART)
+    assert clearance.is_soon_in_way(own, outline, said, in_pass=True) is is_in_way
+    assert not clearance.is_soon_in_way(own, outline, said)
+
+
 def test_a_cart_near_to_a_combine_that_stands_in_its_turn_is_in_the_way():
     own = Place(-20.0, 95.0, NORTHWARD)
     moves, stands = (combine(own, Place(0.0, 100.0, 1.0), Phase.TURNS, speed=v) for v in (1.5, 0.0))

@@ -178,6 +178,25 @@ def test_a_cart_sets_out_over_crop_that_is_cut_before():
     assert ahead.further(here, line, 0.0, line.length - found.way.beside, 2, said) >= found.until
 
 
+@pytest.mark.parametrize(("order", "is_clear"), [((0, 1, 2, 3), False), ((0, 2, 3, 1), True)])
+def test_no_cart_waits_where_another_combine_cuts_before(order, is_clear):
+    """Beside its pass lies one of the other combine, which begins that before, or afterwards; northward."""
+    first = Pass(((80.0, 0.0), (80.0, 100.0))), Pass(((200.0, 100.0), (200.0, 0.0)))
+    beside = Pass(((11.8, 100.0), (11.8, 0.0)), combine=1)  # comes against it
+    own = Pass(((20.0, 0.0), (20.0, 100.0)))
+    other = Pass(((300.0, 0.0), (300.0, 100.0)), combine=1)
+    kinds = {0: other, 1: beside, 2: first[0], 3: own}
+    passes = tuple(kinds[k] for k in order)
+    at = {k: passes.index(kinds[k]) for k in kinds}
+    here = Place(11.8, -40.0, NORTHWARD)
+    ahead = WaitAhead(passes, own_outline(CART), Clearance(passes), Calls(passes, 15.0))
+    way = Way(np.array([(11.8, -40.0), (11.8, -18.0), (11.8, 130.0)]), 148.0)
+    peer = combine(here, Place(80.0, 20.0, NORTHWARD), Phase.CUTS, task=at[2], remaining=76.0)
+    rest = combine(here, Place(300.0, 20.0, NORTHWARD), Phase.CUTS, task=at[0], remaining=76.0)
+    assert ahead.is_clear(here, way, at[3], peer, [rest]) is is_clear
+    assert (ahead.until(here, way, at[3], peer, [rest], is_clear=is_clear) == np.inf) is is_clear
+
+
 def test_a_cart_in_the_way_of_a_combine_does_not_drive_into_it():
     """Head on: it is within the next metres of the combine, and may leave them, but not nearer to it."""
     own, line = Place(0.0, 20.0, -NORTHWARD), GuidanceLine([(0.0, 20.0), (0.0, -40.0)])

@@ -27,7 +27,7 @@ SPREAD = 0.12  # of the speeds, from those of the machines
 GOOD = 1.03  # of the mean time of their ways: no other way of sharing out is looked for
 ROOM = 0.95  # of a tank, for passes beside which no cart can be
 OVER = 0.05  # of a tank, more than that: it is full in a pass beside which no cart can be
-TOO_MUCH = "expected room for a cart before a tank is full ({:.0f} kg too much): another order"
+TOO_MUCH = "expected room for a cart beside passes before a tank is full: {:.0f} kg too much"
 NO_PASS = "expected a pass for every combine at the level with sensors"
 MOST = 3  # combines, carts
 
@@ -91,11 +91,11 @@ def _tries(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Iterator[tuple[Fie
     """
     yield plan, fleet
     draw = random.Random(1)
-    is_given = file.plan.order == "lands" or file.field.file is not None or file.field.log is not None
+    keeps_direction = file.plan.order == "lands" or file.field.file is not None or file.field.log is not None
     for n in range(1, TRIES):
         combines = [replace(c, speed=c.speed * (1.0 + draw.uniform(-SPREAD, SPREAD))) for c in fleet.combines]
         passes = [
-            p.reversed() if p.kind != "headland" and not is_given and n >> p.land & 1 else p
+            p.reversed() if p.kind != "headland" and not keeps_direction and n >> p.land & 1 else p
             for p in plan.passes
         ]
         yield replace(plan, passes=tuple(passes)), replace(fleet, combines=tuple(combines))
