@@ -229,6 +229,18 @@ def test_waits_on_a_long_way_are_moved_to_the_end_of_the_pass():
     assert at_pass_ends([[rule], [answer]], ways) == [[rule], [answer]]
 
 
+@pytest.mark.parametrize("beside", [True, False])
+def test_a_combine_between_two_passes_keeps_off_a_cart_beside_another_one(beside):
+    """The cart reaches 5.2 m farther ahead than the header beside which it drives."""
+    up, beyond = Pass(((0.0, 0.0), (0.0, 60.0)), cart_beside=beside), 67.5
+    first, then = ((-60.0, beyond), (-40.0, beyond)), ((20.0, beyond), (40.0, beyond))
+    passes = up, Pass(first, turn=(Segment(60.0),), combine=1), Pass(then, combine=1)
+    combines = [_Combine(load_machine("combine-5m")) for _ in range(2)]
+    ways = ways_of(passes, combines, [4.0, 4.0], [2.0, 20.0])
+    assert not any(rules_of(ways, combines))
+    assert any(rules_of(ways, combines, with_carts=True)) is beside
+
+
 def test_a_combine_that_is_to_wait_does_so_in_a_pass_before_a_turn():
     """Where that takes no longer for both. Samples 4 to 7 of the first are between two passes."""
     blocked = np.zeros((12, 12), dtype=bool)
@@ -244,6 +256,7 @@ def test_a_combine_that_is_to_wait_does_so_in_a_pass_before_a_turn():
 class _Combine:
     def __init__(self, sheet):
         self.sheet, self.turn_speed, self.transport = sheet, 1.94, 3.33
+        self.pipe = sheet.pipe.y + sheet.pipe.length
 
 
 def test_a_long_way_along_a_field_is_found():

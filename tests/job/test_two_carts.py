@@ -8,10 +8,11 @@ import pytest
 
 from swath.control.job.calls import Calls
 from swath.control.job.cart_ways import CartWays
-from swath.control.job.carts import OtherCart, is_taken, way_left
+from swath.control.job.carts import OtherCart, free_of, is_taken, way_left
 from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass
 from swath.control.job.right_of_way import outline_of
+from swath.control.steer.guidance_line import GuidanceLine
 from swath.core.errors import InputError
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
@@ -174,21 +175,36 @@ def test_the_truck_is_taken_by_who_stands_there_or_set_out_for_it():
     assert not is_taken((0.0, 0.0), 0, [other(1, Phase.WAITS)], drives=False)
 
 
-def test_of_a_way_to_the_combine_the_line_beside_the_pass_is_left_free():
+def test_a_way_to_the_combine_leads_on_along_the_line_beside_the_pass():
     x, y = np.array([0.0, 10.0, 20.0, 90.0]), np.zeros(4)
     path, here = GuidancePath(0, x, y, 1), Place(9.0, 0.0, 0.0)
     to_pass = way_left(here, said(Phase.DRIVES, task=2), path)
     assert to_pass[0] == (10.0, 0.0)
-    assert to_pass[-1] == (20.0, 0.0)
+    assert to_pass[-1] == pytest.approx((60.0, 0.0))  # the pass ends 30 m before that line
+    in_lane = way_left(Place(40.0, 0.0, 0.0), said(Phase.DRIVES, task=2), path)
+    assert in_lane[0] == pytest.approx((40.0, 0.0), abs=1.5)
+    assert np.diff([x for x, _ in in_lane]).max() <= 3.0
     assert way_left(here, said(Phase.DRIVES), path)[-1] == (90.0, 0.0)
     told = replace(said(Phase.DRIVES), body_front=4.6)  # it stands there as far as it reaches ahead
     assert way_left(here, told, path)[-1] == pytest.approx((94.6, 0.0))
     assert way_left(here, said(Phase.WAITS), path) == []
-    beside = way_left(here, said(Phase.BESIDE, task=2), path)  # the pass ends 30 m before the line beside it
+    beside = way_left(here, said(Phase.BESIDE, task=2), path)
     assert beside[0] == (9.0, 0.0)
     assert beside[-1] == pytest.approx((60.0, 0.0))
     assert np.diff([x for x, _ in beside]).max() <= 3.0
     assert way_left(Place(85.0, 0.0, 0.0), said(Phase.BESIDE, task=2), path)[-1] == (85.0, 0.0)
+
+
+@pytest.mark.parametrize(("first", "own", "free"), [(0, 1, 7.0), (1, 0, math.inf)])
+def test_of_two_carts_whose_ways_cross_the_first_goes_on(first, own, free):
+    """The other one comes from the left and crosses the own way 17 m ahead. Its outline of 2 m, 3 m kept and
+    6.5 m before the own axle leave 6.5 m, looked at every metre.
+    """
+    comes = other(first, Phase.DRIVES, at=(17.0, 14.0), way=[(17.0, 14.0 - 3.0 * i) for i in range(10)])
+    comes = comes._replace(at=Place(17.0, 14.0, -0.5 * math.pi), said=replace(comes.said, speed=4.0))
+    line = GuidanceLine([(0.0, 0.0), (60.0, 0.0)], "path")
+    found = free_of([comes], Place(0.0, 0.0, 0.0), line, 0.0, 4.0, own)
+    assert found == pytest.approx(free, abs=1.0)
 
 
 def test_a_trailer_that_stands_bent_counts_where_it_is():

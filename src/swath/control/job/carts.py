@@ -5,7 +5,7 @@ the truck. Each tells the way that it drives; whoever plans a way later keeps cl
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import hypot, inf, isfinite
+from math import atan2, ceil, cos, hypot, inf, isfinite, sin
 from typing import NamedTuple
 
 from swath.control.job.dubins import Place
@@ -53,18 +53,18 @@ def others_of(
 
 
 def way_left(at: Place, said: PeerState, path: GuidancePath | None) -> list[Point]:
-    """What a cart still has to drive, places EVERY apart: to a combine as far as the line beside its pass,
-    beside one that line to the end of the pass, to a place as far as its front reaches there.
+    """What a cart still has to drive, places EVERY apart: to a combine, or beside one, as far as the line
+    beside its pass leads to the end of that; to a place as far as its front reaches there.
     """
     if path is None or len(path.x) < 2:
         return []
     points: list[Point] = list(zip(path.x.tolist(), path.y.tolist(), strict=True))
     if said.phase == Phase.BESIDE:
-        return list(_thinned(_lane_left(at, points[-1])))
+        return list(_thinned(_lane_left((at.x, at.y), points[-1])))
     if said.phase != Phase.DRIVES:
         return []
     if said.task >= 0:
-        points = points[:-1]
+        points[-1:] = _thinned(_lane_left(*points[-2:]))
     elif isfinite(said.body_front):
         points.append(_beyond(points, said.body_front))
     begin = min(range(len(points)), key=lambda i: hypot(points[i][0] - at.x, points[i][1] - at.y))
@@ -78,11 +78,11 @@ def _beyond(points: Sequence[Point], way: float) -> Point:
     return bx + share * (bx - ax), by + share * (by - ay)
 
 
-def _lane_left(at: Place, end: Point) -> list[Point]:
-    """From a cart beside its combine to the end of the pass, BEYOND before that of the line."""
-    size = hypot(end[0] - at.x, end[1] - at.y)
-    share = 1.0 - BEYOND / max(size, BEYOND)
-    return [(at.x, at.y), (at.x + share * (end[0] - at.x), at.y + share * (end[1] - at.y))]
+def _lane_left(at: Point, end: Point) -> list[Point]:
+    """From a place on the line beside a pass to the end of the pass, BEYOND before that of the line."""
+    (ax, ay), (bx, by) = at, end
+    share = 1.0 - BEYOND / max(hypot(bx - ax, by - ay), BEYOND)
+    return [at, (ax + share * (bx - ax), ay + share * (by - ay))]
 
 
 def _thinned(points: Sequence[Point]) -> Iterator[Point]:
@@ -93,7 +93,7 @@ def _thinned(points: Sequence[Point]) -> Iterator[Point]:
             away = hypot(x - last[0], y - last[1])
             if away < EVERY and (x, y) != points[-1]:
                 continue
-            for i in range(1, int(away / EVERY)):
+            for i in range(1, ceil(away / EVERY)):
                 share = i * EVERY / away
                 yield last[0] + share * (x - last[0]), last[1] + share * (y - last[1])
         last = x, y
@@ -123,16 +123,37 @@ def is_taken(truck: Point, own_number: int, others: Sequence[OtherCart], *, driv
     return False
 
 
-def free_of(others: Sequence[OtherCart], here: Place, line: GuidanceLine, at: float, speed: float) -> float:
+def free_of(
+    others: Sequence[OtherCart], here: Place, line: GuidanceLine, at: float, speed: float, own_number: int
+) -> float:
     """Way [m] from `at` along a line, at a speed [m/s], before it comes near another cart; inf where it does
-    not. One that keeps a station or comes to rest is taken to drive on for SOON.
+    not. One that keeps a station or comes to rest is taken to drive on for SOON, and one on its way, which is
+    before it by number.
     """
     free, reach = inf, reach_at(speed)
     for cart in others:
-        ahead = 0.0 if cart.said.phase == Phase.DRIVES else max(cart.said.speed, 0.0) * SOON
+        drives = cart.said.phase == Phase.DRIVES
+        ahead = 0.0 if drives and cart.number > own_number else max(cart.said.speed, 0.0) * SOON
         if hypot(cart.said.x, cart.said.y) < reach + ahead + NEAR:
-            places = [
-                Place(*beside(*cart.at, way, 0.0), cart.at.heading) for way in (0.0, 0.5 * ahead, ahead)
-            ]
+            places = _along(cart.at, cart.way(), ahead) if drives else _straight_on(cart.at, ahead)
             free = min(free, free_way(here, line, at, line.length, reach, outline_of(cart.said), places))
     return free
+
+
+def _straight_on(at: Place, way: float) -> list[Place]:
+    """Where a cart is, halfway and at the end of a way [m]."""
+    return [Place(*beside(*at, ahead, 0.0), at.heading) for ahead in (0.0, 0.5 * way, way)]
+
+
+def _along(at: Place, points: Sequence[Point], way: float) -> list[Place]:
+    """Where a cart is and will be at some points of its path, as far as a way [m]."""
+    found, come = [at], 0.0
+    for x, y in points:
+        dx, dy = x - found[-1].x, y - found[-1].y
+        if dx * cos(found[-1].heading) + dy * sin(found[-1].heading) <= 0.0:
+            continue  # the first one may be behind it
+        come += hypot(dx, dy)
+        if come > way:
+            break
+        found.append(Place(x, y, atan2(dy, dx)))
+    return found

@@ -241,7 +241,7 @@ class Shuttle(KeepsState):
             self._phase, self._is_free = Phase.WAITS, True
             self._task = self._task if self._way >= self._lane else -1
             return 0.0
-        met = free_of(self._others, here, line, self._way, speed)
+        met = free_of(self._others, here, line, self._way, speed, self._p.number)
         if to_combine and met == inf and self._is_in_line(peer, station):
             self._phase, self._since = Phase.BESIDE, inf
             return 0.0
@@ -334,11 +334,11 @@ class Shuttle(KeepsState):
         idle = now - self._poured_at > (HELD_FOR if peer.phase == Phase.STANDS else FULL_FOR)
         is_over = idle and (peer.phase == Phase.DONE or (peer.phase == Phase.STANDS and not peer.calls))
         self._way = self._made().project(here.x, here.y, self._way).way
-        is_met = free_of(self._others, here, self._made(), self._way, peer.speed) < inf
+        met = free_of(self._others, here, self._made(), self._way, peer.speed, self._p.number)
         rest = (said for said in self._combines.values() if said is not peer)
         stops = peer.speed < MOVES and not peer.is_pouring
         stops &= any(self._clearance.holds_up(here, self._outline, said) for said in rest)
-        ends = is_over or is_met or stops or (self._is_lost(peer) and not pours_on)
+        ends = is_over or met < inf or stops or (self._is_lost(peer) and not pours_on)
         self._since = min(self._since, now) if station.is_full and not peer.is_pouring else inf
         is_full = now - self._since > FULL_FOR
         if ends or is_full:

@@ -45,7 +45,7 @@ def team_of(passes: Sequence[Pass], combines: Sequence[Combine]) -> Team | None:
     count = len(combines)
     for outs in permutations([RUN_OUT * (i + 1) for i in range(count)]):
         ways = ways_of(passes, combines, [RUN_UP] * count, outs)
-        rules = rules_of(ways, combines)
+        rules = rules_of(ways, combines, with_carts=True)
         if rules is not None:
             waits = at_pass_ends(rules, ways)
             members = [

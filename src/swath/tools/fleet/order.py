@@ -27,6 +27,7 @@ from swath.signals import F64
 RUN_UP = 4.0  # m before its first pass, where a combine starts
 APART = 1.0  # m between the outlines of two combines, at least
 STEP = 1.0  # s
+CART, WIDE = 8.0, 3.0  # m of a cart beside, ahead of the combine's axle and behind it; of its width
 TOGETHER = 12  # samples
 DRIVES, STANDS = 4, 6  # cost of a step, and of one for which one of them stands between two passes
 NEVER = 100_000_000  # cost
@@ -49,11 +50,15 @@ class Member(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Of a way. task: number of the pass; way: along it and the turn behind it [m]; place: x, y, heading"""
+    """Of a way. task: number of the pass; way: along it and the turn behind it [m]; place: x, y, heading;
+    turns: behind the pass; beside: in a pass beside which carts drive
+    """
 
     task: Indices
     way: F64
     place: F64
+    turns: Mask
+    beside: Mask
 
 
 Forbidden = Callable[[int, Samples, int, Samples], Mask]
@@ -80,13 +85,22 @@ def ways_of(
 
 
 def rules_of(
-    made_ways: Ways, combines: Sequence[Combine], forbidden: Forbidden | None = None
+    made_ways: Ways,
+    combines: Sequence[Combine],
+    forbidden: Forbidden | None = None,
+    *,
+    with_carts: bool = False,
 ) -> list[list[Rule]] | None:
     """`gives_way` of each combine; None where there is no such order. forbidden: of two combines and their
-    samples, which pairs (n, m) of these are no place to be for another reason: the second waits there.
+    samples, which pairs (n, m) of these are no place to be for another reason: the second waits there;
+    with_carts: between their passes they keep off carts beside others
     """
     numbers, ways = range(len(combines)), made_ways.samples
-    near = {(i, k): _near(ways[i], ways[k], (combines[i], combines[k])) for k in numbers for i in range(k)}
+    near = {
+        (i, k): _near(ways[i], ways[k], (combines[i], combines[k]), with_carts=with_carts)
+        for k in numbers
+        for i in range(k)
+    }
     late = {
         (i, k): forbidden(i, ways[i], k, ways[k]) if forbidden else np.zeros_like(mask)
         for (i, k), mask in near.items()
@@ -154,42 +168,60 @@ def _samples(
         cutting = passes[i].speed_kmh * KMH
         while way < end:
             x, y = route.line.point(way)
-            rows.append((i, way, x, y, route.line.heading(way)))
             turning = way >= route.length
+            beside = passes[i].cart_beside and not turning
+            rows.append((i, way, x, y, route.line.heading(way), turning, beside))
             fast = speed_between(route, way, combine.turn_speed, combine.transport) if turning else cutting
             way += step * fast
         way -= end
     table = np.array(rows)
-    return Samples(table[:, 0].astype(np.int64), table[:, 1], table[:, 2:])
+    of_way, is_turn = table[:, :5], table[:, 5] > 0.0
+    return Samples(of_way[:, 0].astype(np.int64), of_way[:, 1], of_way[:, 2:], is_turn, table[:, 6] > 0.0)
 
 
-def _near(first: Samples, second: Samples, combines: Sequence[Combine]) -> Mask:
-    """Which pairs of samples are nearer than APART."""
+def _near(first: Samples, second: Samples, combines: Sequence[Combine], *, with_carts: bool) -> Mask:
+    """Which pairs of samples are nearer than APART. with_carts: or have a combine between two passes so near
+    to a cart beside the other one
+    """
     shapely = shapely_here()
-    bodies = [_bodies(s.place, c, shapely) for s, c in zip((first, second), combines, strict=True)]
+    both = list(zip((first, second), combines, strict=True))
+    bodies = [_bodies(s.place, np.array(c.sheet.outline), shapely) for s, c in both]
+    carts = [_bodies(s.place, _cart_beside(c), shapely) for s, c in both] if with_carts else []
     reach = 2.0 * max(float(np.abs(np.array(c.sheet.outline)).max()) for c in combines) * 1.5 + APART
     near = np.zeros((len(first.way), len(second.way)), dtype=bool)
     for i, (x, y, _) in enumerate(first.place.tolist()):
         close = np.flatnonzero(np.hypot(second.place[:, 0] - x, second.place[:, 1] - y) < reach)
-        if len(close):
-            near[i, close] = shapely.distance(bodies[0][i], bodies[1][close]) < APART
+        if not len(close):
+            continue
+        near[i, close] = shapely.distance(bodies[0][i], bodies[1][close]) < APART
+        if with_carts and first.beside[i]:
+            then = close[second.turns[close]]
+            near[i, then] |= shapely.distance(carts[0][i], bodies[1][then]) < APART
+        if with_carts and first.turns[i]:
+            then = close[second.beside[close]]
+            near[i, then] |= shapely.distance(bodies[0][i], carts[1][then]) < APART
     return near
 
 
-def _bodies(place: F64, combine: Combine, shapely: Any) -> Any:
-    """Chassis and header at each place and halfway to the next: transport goes some 3 m on in a step."""
-    boxes = [shapely.box(rear, right, front, left) for rear, front, right, left in combine.sheet.outline]
-    outline = shapely.union_all(boxes)
+def _cart_beside(combine: Combine) -> F64:
+    """Box (1, 4) of a cart under the pipe, as in `_bodies`."""
+    return np.array([[-CART, CART, combine.pipe - 0.5 * WIDE, combine.pipe + 0.5 * WIDE]])
 
-    def at(x: float, y: float, heading: float) -> Any:
-        c, s = np.cos(heading), np.sin(heading)
-        return shapely.affinity.affine_transform(outline, [c, -s, s, c, x, y])
 
+def _bodies(place: F64, boxes: F64, shapely: Any) -> Any:
+    """A machine at each place and halfway to the next: transport goes some 3 m on in a step.
+
+    boxes: rear, front, right, left (k, 4), from its axle [m]
+    """
     there = np.concatenate([place[1:], place[-1:]])
     turned = np.arctan2(np.sin(there[:, 2] - place[:, 2]), np.cos(there[:, 2] - place[:, 2]))
     halfway = np.column_stack([0.5 * (place[:, :2] + there[:, :2]), place[:, 2] + 0.5 * turned])
-    made = [shapely.union(at(*a), at(*b)) for a, b in zip(place.tolist(), halfway.tolist(), strict=True)]
-    return np.array(made, dtype=object)
+    both = np.stack([place, halfway], axis=1)[:, :, None, None]
+    x, y, heading = both[..., 0], both[..., 1], both[..., 2]
+    ahead, left = boxes[:, [0, 1, 1, 0]], boxes[:, [2, 2, 3, 3]]
+    c, s = np.cos(heading), np.sin(heading)
+    corners = np.stack([x + c * ahead - s * left, y + s * ahead + c * left], axis=-1)  # (n, 2, k, 4, 2)
+    return shapely.multipolygons(shapely.polygons(corners.reshape(len(place), -1, 4, 2)))
 
 
 def _way_through(blocked: Mask, costs: tuple[Costs, Costs]) -> Indices | None:
