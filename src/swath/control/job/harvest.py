@@ -312,7 +312,8 @@ class Harvest(KeepsState):
             return away < STOPS + CAN_BE
         reach, soon = (STOPS_IN, SHORTLY) if drives else (AHEAD, SOON)
         stands = said.speed < 0.3
-        if stands and not drives and not self._is_last:
+        makes_room = said.phase != Phase.BESIDE  # one beside another combine does not
+        if stands and makes_room and not drives and not self._is_last:
             route = self._route()
             reach = min(max(reach, route.length + route.turn + BEYOND - self._way), FAR)
         if away > NEAR + reach - AHEAD:
