@@ -18,6 +18,15 @@ def load(grain):
     return MachineLoad(0, grain, **nothing, **flows, tank_level=grain / TANK)
 
 
+@pytest.mark.parametrize(("kept", "is_full"), [(5900.0, False), (6100.0, True)])
+def test_a_tank_is_full_before_the_end_of_the_next_pass(kept, is_full):
+    forecast = TankForecast([LANE, LANE, LANE], full=1.0)
+    forecast.update(load(kept - 3000.0), 0, 0.0)
+    forecast.update(load(kept), 0, 100.0)
+    assert forecast.is_full_in_next(load(kept), 0, 0.0) is is_full
+    assert forecast.is_full_in_next(load(kept), 0, 10.0) is (is_full or kept > 5700.0)
+
+
 @pytest.mark.parametrize(("kept", "is_too_full"), [
     (5000.0, False),  # 8300 kg
     (6000.0, True),  # 9300 kg

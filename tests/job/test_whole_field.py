@@ -259,14 +259,14 @@ class Bench:
         self.part, self.t = harvest.Harvest(harvest.Params(passes, **params), setup), 0
         self.part.reset(None)
 
-    def step(self, north, tank, flow=0.0, peer=(-30.0, 8.0), age=0.1, told=None):
+    def step(self, north, tank, flow=0.0, peer=(-30.0, 8.0), age=0.1, told=None, others=()):
         pose = PoseEstimate(self.t, 0.0, north - 4.0, 0.5 * np.pi, 1.5, 0.0, np.eye(4) * 1e-4, 0.0)
         load = MachineLoad(self.t, tank * 9240.0, 0, 0, 0, 0, 0, 0, tank_level=tank)
         unload = UnloadState(self.t, 1.57, flow, 0.0, 0.0, 0.0, 0.0, 0.0, 8.0)
         heard = replace(PeerState(self.t, True, age, *peer, 0.0, 0.0, 0.0), **(told or {}))
         inputs = {
             "pose": pose, "odometry": Odometry(self.t, 1.5, 0.0, 0.0), "load": load, "unload": unload,
-            "peer": heard,
+            "peer": heard, **{f"other_{i + 1}": other for i, other in enumerate(others)},
         }  # fmt: skip
         self.t += 100_000_000
         return self.part.step(self.t, 100_000_000, inputs)["job"]
@@ -293,6 +293,16 @@ def test_unloading_is_not_broken_off_at_the_end_of_a_row():
     assert may[100]
     assert not may[-1]
     assert bench.step(100.35, 0.9).phase == Phase.TURNS
+
+
+@pytest.mark.parametrize(("others", "phase"), [(0, Phase.TURNS), (1, Phase.STANDS)])
+def test_with_fewer_carts_than_combines_a_tank_is_emptied_at_the_end_of_a_pass(others, phase):
+    """Where the next pass would fill it: the cart goes elsewhere then."""
+    bench, other = Bench(NORTH), PeerState(0, True, 0.1, 90.0, 90.0, 0.0, 0.0, 0.0, header_width=12.2)
+    for north in range(1, 100):  # half the tank from a pass
+        bench.step(north, 0.4 + 0.005 * north, flow=92.0 * (north > 85), others=[other] * others)
+    job = bench.step(100.35, 0.9, flow=92.0, others=[other] * others)
+    assert (job.phase, job.may_unload) == (phase, phase == Phase.STANDS)
 
 
 def test_a_load_is_not_finished_beside_a_turn_that_would_sweep_the_cart():

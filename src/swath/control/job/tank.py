@@ -46,6 +46,11 @@ class TankForecast(KeepsState):
         blind = self._blind(index + 1)
         return self._more(load, self._left(index, left) + blind if blind > 0.0 else 0.0) > self._full
 
+    def is_full_in_next(self, load: MachineLoad, index: int, left: float) -> bool:
+        """Whether the tank would be full before the end of the next pass. left: of the present one [m]"""
+        area = self._left(index, left) + fsum(self._areas[index + 1 : index + 2])
+        return self._more(load, area) > self._full
+
     def wants_cart(self, load: MachineLoad, index: int, left: float) -> bool:
         """Whether the tank would be full before the second pass from now that a cart can be beside: it has to
         be emptied in the first. left: of the present pass [m], < 0 behind it

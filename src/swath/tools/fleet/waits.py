@@ -1,7 +1,7 @@
 """Where combines wait for each other: at the end of a pass, not between passes, where carts come by."""
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import inf
 
 from swath.tools.fleet.order import Rule, Ways
@@ -27,14 +27,11 @@ def at_pass_ends(rules: list[list[Rule]], ways: Ways) -> list[list[Rule]]:
     return made
 
 
-def time_of(
-    rules: Sequence[Sequence[Rule]], ways: Ways, stands: Sequence[Mapping[int, float]] = ()
-) -> float:
+def time_of(rules: Sequence[Sequence[Rule]], ways: Ways) -> float:
     """When all are at their ends, if they drive whenever they may [s]; inf where they wait for each other for
-    good. stands: of each, how long at its samples, by their numbers [s]
+    good.
     """
-    at = [list(zip(w.task.tolist(), w.way.tolist(), strict=True)) for w in ways.samples]
-    clocks = [_clock(len(own), ways.step, stands[n] if stands else {}) for n, own in enumerate(at)]
+    step, at = ways.step, [list(zip(w.task.tolist(), w.way.tolist(), strict=True)) for w in ways.samples]
     of = {task: n for n, routes in enumerate(ways.routes) for task in routes}
     waits = [
         sorted(
@@ -46,12 +43,9 @@ def time_of(
     ]  # fmt: skip
     left: dict[tuple[int, int], float | None] = {}
 
-    def between(n: int, first: int, then: int) -> float:
-        return clocks[n][then] - clocks[n][first]
-
     def reached(n: int, sample: int) -> float:
         before = bisect_left(waits[n], (sample, -1, -1)) - 1
-        return clocks[n][sample] if before < 0 else leaves(n, before) + between(n, waits[n][before][0], sample)
+        return sample * step if before < 0 else leaves(n, before) + (sample - waits[n][before][0]) * step
 
     def leaves(n: int, k: int) -> float:
         if (n, k) in left:
@@ -59,17 +53,9 @@ def time_of(
             return inf if known is None else known  # it waits for itself
         left[n, k] = None
         sample, other, until = waits[n][k]
-        come = leaves(n, k - 1) + between(n, waits[n][k - 1][0], sample) if k else clocks[n][sample]
+        come = leaves(n, k - 1) + (sample - waits[n][k - 1][0]) * step if k else sample * step
         made = max(come, reached(other, min(until, len(at[other]) - 1)))
         left[n, k] = made
         return made
 
     return max(reached(n, len(at[n])) for n in range(len(at)))
-
-
-def _clock(count: int, step: float, stands: Mapping[int, float]) -> list[float]:
-    """When each sample of a way is reached, and its end, if nobody waits for another one [s]."""
-    times = [0.0]
-    for i in range(count):
-        times.append(times[-1] + step + stands.get(i, 0.0))
-    return times
