@@ -14,7 +14,8 @@ from swath.core.errors import InputError
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
 from swath.signals import HeapState, JobState, PeerState, Phase, UnloadState
-from swath.tools.fleet import order
+from swath.tools.fleet import order, uncut
+from swath.tools.fleet.uncut import uncut_before
 from swath.tools.fleet.whole import share_uncut
 from swath.tools.fleet.work_plan import told_passes, work_plan
 from tests.job.cheap import CheapRun
@@ -147,7 +148,8 @@ def members_of(file):
 
 def driven(passes, combines, team, lag, rng, *, obey=True):
     """All ways driven in steps of 0.5 m with stops at random, by what each hears of the others: least
-    distance of their outlines [m]; None where all stand for good.
+    distance of their outlines [m], and in how many steps one is where another one is to cut before; None
+    where all stand for good.
     """
     units, places, rules = [], [], []
     numbers = range(len(combines))
@@ -155,10 +157,12 @@ def driven(passes, combines, team, lag, rng, *, obey=True):
         routes = order._routes(passes, number, combines[number], member.run_out)
         made = order._samples(routes, passes, combines[number], member.start, 0.3)
         units.append((routes, made))
-        places.append(order._bodies(made.place, combines[number], shapely))
+        places.append(order._bodies(made.place, np.array(combines[number].sheet.outline), shapely))
         rules.append([GivesWay(**rule) for rule in member.job["gives_way"] if obey])
     minds = [Abreast(passes, n, lag if obey or lag is None else -1e3, rules[n]) for n in numbers]
-    at, least, idle = [0 for _ in numbers], np.inf, 0
+    ways = order.Ways(passes, [routes for routes, _ in units], [made for _, made in units], 0.3)
+    crop = {(k, n): uncut_before(ways, combines, k, n) for n in numbers for k in range(n)}
+    at, least, idle, over = [0 for _ in numbers], np.inf, 0, 0
     stops = [0 for _ in numbers]
     while any(at[n] < len(units[n][1].way) - 1 for n in numbers):
         moved = False
@@ -179,12 +183,13 @@ def driven(passes, combines, team, lag, rng, *, obey=True):
         idle = 0 if moved else idle + 1
         if idle > 2:
             return None
+        over += any(crop[k, n][at[k], at[n]] for k, n in crop)
         for n in numbers:
             for k in range(n):
                 (ax, ay), (bx, by) = units[n][1].place[at[n], :2], units[k][1].place[at[k], :2]
                 if abs(ax - bx) + abs(ay - by) < 40.0:
                     least = min(least, shapely.distance(places[n][at[n]], places[k][at[k]]))
-    return least
+    return float(least), over
 
 
 def told(made, at, passes):
@@ -204,22 +209,27 @@ def test_the_order_at_the_turns_neither_lets_them_touch_nor_stand_for_good(north
     """However long one of them stops, and wherever; without the rules they come over each other."""
     passes, combines, team = members_of(file_of(1, north, lag, east))
     rng = np.random.default_rng(3)
-    least = [driven(passes, combines, team, lag, rng) for _ in range(4)]
-    assert None not in least
-    assert min(least) > 0.5
-    assert min(driven(passes, combines, team, lag, rng, obey=False) for _ in range(4)) == 0.0
+    made = [driven(passes, combines, team, lag, rng) for _ in range(4)]
+    assert None not in made
+    assert min(made)[0] > 0.5
+    assert min(driven(passes, combines, team, lag, rng, obey=False) for _ in range(4))[0] == 0.0
 
 
-@pytest.mark.parametrize("seed", [1, 9])
-def test_the_order_of_combines_with_lands_of_their_own(seed):
-    """Layouts with two and three combines, likewise."""
-    file = layout_file(seed, 1)
-    passes, combines, team = members_of(file)
+@pytest.mark.parametrize(("seed", "over"), [(1, False), (5, True)])
+def test_the_order_of_combines_with_lands_of_their_own(seed, over, monkeypatch):
+    """Layouts with two and three combines, likewise; nor does one drive where another one is to cut before,
+    looked at 10 m less far ahead than it is planned.
+    """
+    passes, combines, team = members_of(layout_file(seed, 1))
+    monkeypatch.setattr(uncut, "AHEAD", uncut.AHEAD - 10.0)
     rng = np.random.default_rng(3)
-    least = [driven(passes, combines, team, None, rng) for _ in range(2)]
-    assert None not in least
-    assert min(least) > 0.3
-    assert min(driven(passes, combines, team, None, rng, obey=False) for _ in range(2)) == 0.0
+    made = [driven(passes, combines, team, None, rng) for _ in range(2)]
+    assert None not in made
+    assert min(made)[0] > 0.3
+    assert max(steps for _, steps in made) == 0
+    free = [driven(passes, combines, team, None, rng, obey=False) for _ in range(4)]
+    assert min(free)[0] == 0.0
+    assert (max(steps for _, steps in free) > 100) is over
 
 
 def message(task, come, phase=Phase.CUTS):

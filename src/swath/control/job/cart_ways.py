@@ -34,6 +34,7 @@ LEAST = 1.5  # m about another cart, where the way begins near to it
 CELL = 0.5  # m, that a way may pass nearer than it was looked for
 COME_UP = 25.0  # m behind the combine, where it comes onto the line beside the pass
 STRAIGHT = 14.0  # m before that on the same line: the trailer is straight behind
+FRONT = 4.6  # m, that a tractor reaches ahead of its axle
 BEGIN = -4.0  # m from the begin of a pass, where the line beside it begins
 PULL_AHEAD = 10.0  # m on before it turns away from a combine beside it
 NEAR = 18.0  # m from a combine, where it does so
@@ -83,6 +84,9 @@ class CartWays:
         [m]; rest: the other combines
         """
         goals = [Place(*place, 2.0 * pi * i / 12) for i in range(12)]
+        goals = [goal for goal in goals if _has_room(goal, discs)]
+        if not goals:
+            return None
         if hypot(combine.x, combine.y) >= NEAR or combine.x > GONE_BY:
             return self._found(here, [combine, *rest], goals, discs)
         is_beside = combine.y < -0.5 * self._left and abs(combine.x) < NEAR
@@ -234,6 +238,12 @@ class CartWays:
         (ax, ay), (bx, by) = of.line_m[0], of.line_m[-1]
         course = atan2(by - ay, bx - ax)
         return [beside(x, y, course, 0.0, self._left + aside) for x, y in ((ax, ay), (bx, by))]
+
+
+def _has_room(goal: Place, discs: Sequence[Disc]) -> bool:
+    """Whether a cart that stands at a place does not reach into what other carts take up."""
+    fx, fy = beside(*goal, FRONT, 0.0)
+    return not any(hypot(fx - x, fy - y) < size for x, y, size in discs)
 
 
 def _is_line_taken(line: Sequence[Point], beyond: Point, begin: float, discs: Sequence[Disc]) -> bool:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import permutations
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from swath.job.plan import FieldPlan
 from swath.tools.fleet.combine_turns import Shared, shared
 from swath.tools.fleet.far_ways import far_ways
 from swath.tools.fleet.order import RUN_UP, Member, rules_of, ways_of
+from swath.tools.fleet.uncut import uncut_before
 from swath.tools.fleet.waits import at_pass_ends, time_of
 
 
@@ -45,7 +47,7 @@ def team_of(passes: Sequence[Pass], combines: Sequence[Combine]) -> Team | None:
     count = len(combines)
     for outs in permutations([RUN_OUT * (i + 1) for i in range(count)]):
         ways = ways_of(passes, combines, [RUN_UP] * count, outs)
-        rules = rules_of(ways, combines, with_carts=True)
+        rules = rules_of(ways, combines, with_carts=True, uncut=partial(uncut_before, ways, combines))
         if rules is not None:
             waits = at_pass_ends(rules, ways)
             members = [

@@ -62,11 +62,15 @@ class Samples(NamedTuple):
 
 
 Forbidden = Callable[[int, Samples, int, Samples], Mask]
+Uncut = Callable[[int, int], Mask]
 
 
 class Ways(NamedTuple):
-    """Of all combines. routes: along the passes of each and the turns behind them; step: of samples [s]"""
+    """Of all combines. passes: of all; routes: along the passes of each and the turns behind them; step: of
+    samples [s]
+    """
 
+    passes: Sequence[Pass]
     routes: list[dict[int, Route]]
     samples: list[Samples]
     step: float
@@ -81,7 +85,7 @@ def ways_of(
     routes = [_routes(passes, i, combines[i], outs[i]) for i in range(len(combines))]
     step = STEP * max(1.0, *(_time(w, passes, c) / MOST for w, c in zip(routes, combines, strict=True)))
     made = [_samples(routes[i], passes, combines[i], starts[i], step) for i in range(len(combines))]
-    return Ways(routes, made, step)
+    return Ways(passes, routes, made, step)
 
 
 def rules_of(
@@ -90,10 +94,12 @@ def rules_of(
     forbidden: Forbidden | None = None,
     *,
     with_carts: bool = False,
+    uncut: Uncut | None = None,
 ) -> list[list[Rule]] | None:
     """`gives_way` of each combine; None where there is no such order. forbidden: of two combines and their
     samples, which pairs (n, m) of these are no place to be for another reason: the second waits there;
-    with_carts: between their passes they keep off carts beside others
+    with_carts: between their passes they keep off carts beside others; uncut: of the numbers of two combines,
+    which pairs have crop where another one is to cut before: no place to be
     """
     numbers, ways = range(len(combines)), made_ways.samples
     near = {
@@ -101,6 +107,8 @@ def rules_of(
         for k in numbers
         for i in range(k)
     }
+    if uncut is not None:
+        near = {pair: mask | uncut(*pair) for pair, mask in near.items()}
     late = {
         (i, k): forbidden(i, ways[i], k, ways[k]) if forbidden else np.zeros_like(mask)
         for (i, k), mask in near.items()

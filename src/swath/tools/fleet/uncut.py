@@ -1,0 +1,65 @@
+"""Crop that another combine is to cut before: where a cart drives beside a pass, and where passes overlap."""
+
+from collections.abc import Sequence
+from math import cos, sin
+
+import numpy as np
+
+from swath.control.job.ground import Point, beside
+from swath.control.job.passes import Pass, place_at_end, way_along
+from swath.job.machines import Combine
+from swath.tools.fleet.order import Mask, Samples, Ways
+
+BEHIND, AHEAD, EVERY = 10.0, 40.0, 5.0  # m of the line beside a combine, from its axle, that have to be cut
+EDGE = 0.1  # m within the strip of a pass
+OVERLAP = 3.0  # m of its own strip on either side, that may be another one's
+ALONG = 0.87  # cosine of the angle between two passes, which is 30 degrees: at corners they overlap anyway
+
+
+def uncut_before(ways: Ways, combines: Sequence[Combine], first: int, then: int) -> Mask:
+    """Which pairs of samples (n, m) of two combines have crop on the line beside one of them, or before its
+    header, that the other one cuts in a pass which is begun before.
+    """
+    return _uncut(ways, combines, first, then) | _uncut(ways, combines, then, first).T
+
+
+def _uncut(ways: Ways, combines: Sequence[Combine], first: int, then: int) -> Mask:
+    """Likewise, beside and before the second one."""
+    passes, mine, its = ways.passes, ways.samples[first], ways.samples[then]
+    uncut = np.zeros((len(mine.way), len(its.way)), dtype=bool)
+    earlier = [i for i, work in enumerate(passes) if work.combine == first]
+    knife, width = combines[first].sheet.knife_x, combines[first].sheet.header_width
+    for j in np.flatnonzero(~its.turns).tolist():
+        points = _places(its, j, combines[then])
+        course = float(its.place[j, 2])
+        for i in (i for i in earlier if i < its.task[j]):
+            along = abs(cos(place_at_end(passes[i].line_m).heading - course)) > ALONG
+            need = _until(passes[i], points, width) if along else None
+            if need is not None:
+                uncut[:, j] |= (mine.task < i) | ((mine.task == i) & (mine.way < need - knife))
+    return uncut
+
+
+def _places(of: Samples, j: int, combine: Combine) -> list[Point]:
+    """Points before the header of a combine, and beside it where a cart drives, a little behind it and ahead
+    of it [m].
+    """
+    x, y, heading = of.place[j].tolist()
+    middle, side = combine.sheet.header_y, 0.5 * combine.sheet.header_width - OVERLAP
+    found = [beside(x, y, heading, combine.sheet.knife_x, middle + left) for left in (-side, 0.0, side)]
+    if of.beside[j]:
+        along = np.arange(-BEHIND, AHEAD, EVERY).tolist()
+        found += [beside(x, y, heading, ahead, combine.pipe) for ahead in along]
+    return found
+
+
+def _until(work: Pass, points: Sequence[Point], width: float) -> float | None:
+    """How far along a pass the last of some points lies in its strip [m]; None where none does."""
+    (x, y), end = work.line_m[0], place_at_end(work.line_m)
+    c, s, length = cos(end.heading), sin(end.heading), way_along(work.line_m)
+    found = None
+    for px, py in points:
+        along, left = c * (px - x) + s * (py - y), c * (py - y) - s * (px - x)
+        if 0.0 <= along <= length and abs(left) < 0.5 * width - EDGE:
+            found = along if found is None else max(found, along)
+    return found
