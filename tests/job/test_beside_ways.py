@@ -18,6 +18,7 @@ from swath.control.steer.path import Segment
 from swath.machine.machine_sheet import load_machine
 from swath.signals import PeerState, Phase
 from swath.tools.fleet.order import DRIVES, STANDS, _way_through, rules_of, ways_of
+from swath.tools.fleet.uncut import uncut_before
 from swath.tools.fleet.waits import at_pass_ends
 from tests.job.test_whole_field import NORTH, Bench
 
@@ -239,6 +240,22 @@ def test_a_combine_between_two_passes_keeps_off_a_cart_beside_another_one(beside
     ways = ways_of(passes, combines, [4.0, 4.0], [2.0, 20.0])
     assert not any(rules_of(ways, combines))
     assert any(rules_of(ways, combines, with_carts=True)) is beside
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_crop_is_cut_before_where_a_cart_is_to_drive(first):
+    """By the pass on the left, as far as the cart reaches and a little more, if that is begun before."""
+    left, right = ((-4.3, 0.0), (-4.3, 100.0)), ((0.0, 0.0), (0.0, 100.0))
+    lines = (left, right) if first == 0 else (right, left)
+    passes = tuple(Pass(line, combine=int(line is right)) for line in lines)
+    combines = [_Combine(load_machine("combine-5m")) for _ in range(2)]
+    ways = ways_of(passes, combines, [4.0, 4.0], [20.0, 20.0])
+    mask, its = uncut_before(ways, combines, 0, 1), ways.samples[1]
+    j = int(np.searchsorted(its.way, 20.0))
+    cut = ways.samples[0].way[~mask[:, j]].min()  # as far as the other one's knife has come then at least
+    axle = its.way[j] - combines[1].sheet.knife_x
+    assert cut == pytest.approx(axle + 35.0 if first == 0 else -4.0, abs=2.1)  # m from sample to sample
+    assert not mask[:, its.turns].any()
 
 
 def test_a_combine_that_is_to_wait_does_so_in_a_pass_before_a_turn():

@@ -220,6 +220,22 @@ def test_a_trailer_that_stands_bent_counts_where_it_is():
     assert max(bent.away(at, x, y) for x, y in rim) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("taken", [False, True])
+def test_a_cart_that_is_to_stand_has_room_ahead(taken):
+    """East of its place another one drives by."""
+    passes = (Pass(((6.0, 0.0), (6.0, 80.0))),)
+    ways = CartWays(
+        passes, [(0.0, 0.0), (12.0, 0.0), (12.0, 80.0), (0.0, 80.0)], 12.0, 8.2, 9.0, [(50.0, 90.0)]
+    )
+    others = [(66.0, y, 3.5) for y in range(60, 100, 3)] if taken else []
+    way = ways.to_place(
+        Place(-20.0, 40.0, 0.5 * math.pi), (60.0, 80.0), said(Phase.CUTS, task=0, x=90.0), others
+    )
+    (ax, ay), (bx, by) = way.points[-2:]
+    east = (bx - ax) / math.hypot(bx - ax, by - ay)
+    assert bool(east < 0.6) is taken
+
+
 @pytest.mark.parametrize(("present", "x"), [(0, 18.0 - 8.2 - 0.7), (1, 18.0 - 8.2)])
 def test_where_the_header_comes_by_its_trailer_a_cart_waits_farther_out(present, x):
     """Ahead of the combine, on the line beside a pass to come; behind it the line leads under the pipe."""

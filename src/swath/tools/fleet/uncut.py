@@ -27,16 +27,19 @@ def _uncut(ways: Ways, combines: Sequence[Combine], first: int, then: int) -> Ma
     """Likewise, beside and before the second one."""
     passes, mine, its = ways.passes, ways.samples[first], ways.samples[then]
     uncut = np.zeros((len(mine.way), len(its.way)), dtype=bool)
-    earlier = [i for i, work in enumerate(passes) if work.combine == first]
-    knife, width = combines[first].sheet.knife_x, combines[first].sheet.header_width
-    for j in np.flatnonzero(~its.turns).tolist():
-        points = _places(its, j, combines[then])
-        course = float(its.place[j, 2])
-        for i in (i for i in earlier if i < its.task[j]):
-            along = abs(cos(place_at_end(passes[i].line_m).heading - course)) > ALONG
-            need = _until(passes[i], points, width) if along else None
+    width, x, y, heading = combines[first].sheet.header_width, *its.place.T
+    places = {j: _places(its, j, combines[then]) for j in np.flatnonzero(~its.turns).tolist()}
+    for i, work in enumerate(passes):
+        if work.combine != first:
+            continue
+        end = place_at_end(work.line_m)
+        c, s = cos(end.heading), sin(end.heading)
+        near = np.abs(c * (y - end.y) - s * (x - end.x)) < width + combines[then].pipe
+        near &= ~its.turns & (its.task > i) & (np.abs(np.cos(heading - end.heading)) > ALONG)
+        for j in np.flatnonzero(near).tolist():
+            need = _until(work, places[j], width)
             if need is not None:
-                uncut[:, j] |= (mine.task < i) | ((mine.task == i) & (mine.way < need - knife))
+                uncut[:, j] |= (mine.task < i) | ((mine.task == i) & (mine.way < need))
     return uncut
 
 
