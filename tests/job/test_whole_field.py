@@ -295,20 +295,26 @@ def test_unloading_is_not_broken_off_at_the_end_of_a_row():
     assert bench.step(100.35, 0.9).phase == Phase.TURNS
 
 
-@pytest.mark.parametrize(("others", "phase"), [(0, Phase.TURNS), (1, Phase.STANDS)])
-def test_with_fewer_carts_than_combines_a_tank_is_emptied_at_the_end_of_a_pass(others, phase):
-    """Where the next pass would fill it: the cart goes elsewhere then."""
-    bench, other = Bench(NORTH), PeerState(0, True, 0.1, 90.0, 90.0, 0.0, 0.0, 0.0, header_width=12.2)
+BULB = Segment(8.0, np.pi / 16.0), Segment(24.0, -1.5 * np.pi / 24.0)
+
+
+@pytest.mark.parametrize(("others", "turn", "phase"), [
+    (0, NORTH[0].turn, Phase.TURNS), (1, NORTH[0].turn, Phase.STANDS), (1, BULB, Phase.TURNS),
+])  # fmt: skip
+def test_with_fewer_carts_than_combines_a_tank_is_emptied_at_the_end_of_a_pass(others, turn, phase):
+    """Where the next pass would fill it: the cart goes elsewhere then. Not beside a turn that sweeps it."""
+    bench = Bench((Pass(NORTH[0].line_m, turn=turn), NORTH[1]))
+    told = {"others": [PeerState(0, True, 0.1, 90.0, 90.0, 0.0, 0.0, 0.0, header_width=12.2)] * others}
     for north in range(1, 100):  # half the tank from a pass
-        bench.step(north, 0.4 + 0.005 * north, flow=92.0 * (north > 85), others=[other] * others)
-    job = bench.step(100.35, 0.9, flow=92.0, others=[other] * others)
-    assert (job.phase, job.may_unload) == (phase, phase == Phase.STANDS)
+        job = bench.step(north, 0.4 + 0.005 * north, flow=92.0 * (north > 85), peer=(3.2, 8.2), **told)
+    assert job.may_unload is (phase == Phase.STANDS)
+    job = bench.step(100.35, 0.9, flow=92.0, **told)  # the cart has left
+    assert job.phase == phase
 
 
 def test_a_load_is_not_finished_beside_a_turn_that_would_sweep_the_cart():
     """A turn that swings out to the left first: the load is broken off before the end, and goes on later."""
-    bulb = Segment(8.0, np.pi / 16.0), Segment(24.0, -1.5 * np.pi / 24.0)
-    for turn, stands in ((NORTH[0].turn, True), (bulb, False)):
+    for turn, stands in ((NORTH[0].turn, True), (BULB, False)):
         bench = Bench((Pass(NORTH[0].line_m, turn=turn), NORTH[1]))
         for north in np.arange(1.0, 100.2, 0.5):
             job = bench.step(north, 0.15, flow=92.0, peer=(3.2, 8.2))
