@@ -215,7 +215,7 @@ def test_the_order_at_the_turns_neither_lets_them_touch_nor_stand_for_good(north
     assert min(driven(passes, combines, team, lag, rng, obey=False) for _ in range(4))[0] == 0.0
 
 
-@pytest.mark.parametrize(("seed", "over"), [(1, False), (5, True)])
+@pytest.mark.parametrize(("seed", "over"), [(1, False), (5, True), (9, False)])
 def test_the_order_of_combines_with_lands_of_their_own(seed, over, monkeypatch):
     """Layouts with two and three combines, likewise; nor does one drive where another one is to cut before,
     looked at 10 m less far ahead than it is planned.

@@ -215,7 +215,8 @@ class Harvest(KeepsState):
             is_soon_over = load.tank_grain / flow <= p.finish_s + left / max(speed, 0.3)
             self._finishes = is_soon_over and self._turns_clear_of(carts)
             too_full = self._tank.is_too_full(load, self._index, left)
-            if len(carts) <= len(self._team) and self._turns_clear_of(carts):  # it will be elsewhere then
+            are_few = len(carts) < 1 + len(self._team)  # than combines: the cart will be elsewhere then
+            if are_few and self._turns_clear_of(carts):
                 too_full |= self._tank.is_full_in_next(load, self._index, left)
             self._pours_on |= has_cart and not is_last and too_full
         is_near_end = has_cart and not is_last and AT_END < left < p.unload_to_m

@@ -10,7 +10,7 @@ from swath.control.job.passes import Pass, place_at_end, way_along
 from swath.job.machines import Combine
 from swath.tools.fleet.order import Mask, Samples, Ways
 
-BEHIND, AHEAD, EVERY = 10.0, 40.0, 5.0  # m of the line beside a combine, from its axle, that have to be cut
+BEHIND, AHEAD, EVERY = 10.0, 35.0, 5.0  # m of the line beside a combine, from its axle, that have to be cut
 EDGE = 0.1  # m within the strip of a pass
 OVERLAP = 3.0  # m of its own strip on either side, that may be another one's
 ALONG = 0.87  # cosine of the angle between two passes, which is 30 degrees: at corners they overlap anyway
@@ -51,7 +51,7 @@ def _places(of: Samples, j: int, combine: Combine) -> list[Point]:
     middle, side = combine.sheet.header_y, 0.5 * combine.sheet.header_width - OVERLAP
     found = [beside(x, y, heading, combine.sheet.knife_x, middle + left) for left in (-side, 0.0, side)]
     if of.beside[j]:
-        along = np.arange(-BEHIND, AHEAD, EVERY).tolist()
+        along = np.arange(-BEHIND, AHEAD + EVERY, EVERY).tolist()
         found += [beside(x, y, heading, ahead, combine.pipe) for ahead in along]
     return found
 
