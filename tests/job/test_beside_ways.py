@@ -17,9 +17,9 @@ from swath.control.steer.guidance_line import GuidanceLine, along_bends
 from swath.control.steer.path import Segment
 from swath.machine.machine_sheet import load_machine
 from swath.signals import PeerState, Phase
-from swath.tools.fleet.order import DRIVES, STANDS, _way_through, rules_of, ways_of
+from swath.tools.fleet.order import DRIVES, STANDS, _way_through, crossings_of, ways_of
 from swath.tools.fleet.uncut import uncut_before
-from swath.tools.fleet.waits import at_pass_ends
+from swath.tools.fleet.waits import Timing, at_pass_ends
 from tests.job.test_whole_field import NORTH, Bench
 
 CART = load_machine("tractor-grain-cart")
@@ -220,14 +220,18 @@ def test_waits_on_a_long_way_are_moved_to_the_end_of_the_pass():
     other = Pass(((150.0, 110.0), (150.0, -40.0)), combine=1)
     combines = [_Combine(load_machine("combine-5m")) for _ in range(2)]
     ways = ways_of((long, other, back), combines, [4.0, 4.0], [20.0, 20.0])
-    assert any(rules_of(ways, combines))  # the ways cross
+    assert crossings_of(ways, combines)  # the ways cross
+    timing, routes = Timing(ways), {task: route for own in ways.routes for task, route in own.items()}
     length = ways.routes[0][0].length
     rule = {"task": 0, "way_m": length + 100.0, "other": 1, "other_m": 30.0}
-    moved = at_pass_ends([[rule], []], ways)
-    assert moved == [[{**rule, "way_m": round(length - 0.5, 3)}], []]
+    moved, end = at_pass_ends([{"first": [rule]}], routes, timing)
+    assert moved == [{"first": [{**rule, "wait_m": round(length - 0.5, 3)}]}]
+    assert timing.least < end < 1.02 * timing.end([timing.wait(rule)])
     # the other one waits for it to come beyond that end: it stays
     answer = {"task": 1, "way_m": 10.0, "other": 0, "other_m": length + 50.0}
-    assert at_pass_ends([[rule], [answer]], ways) == [[rule], [answer]]
+    both = [{"first": [rule]}, {"first": [answer]}]
+    assert at_pass_ends(both, routes, timing)[0] == both
+    assert timing.end([timing.wait({**rule, "wait_m": length}), timing.wait(answer)]) == np.inf
 
 
 @pytest.mark.parametrize("beside", [True, False])
@@ -238,8 +242,8 @@ def test_a_combine_between_two_passes_keeps_off_a_cart_beside_another_one(beside
     passes = up, Pass(first, turn=(Segment(60.0),), combine=1), Pass(then, combine=1)
     combines = [_Combine(load_machine("combine-5m")) for _ in range(2)]
     ways = ways_of(passes, combines, [4.0, 4.0], [2.0, 20.0])
-    assert not any(rules_of(ways, combines))
-    assert any(rules_of(ways, combines, with_carts=True)) is beside
+    assert not crossings_of(ways, combines)
+    assert bool(crossings_of(ways, combines, with_carts=True)) is beside
 
 
 @pytest.mark.parametrize("first", [0, 1])

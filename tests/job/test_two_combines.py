@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 import shapely
 
-from swath.control.job.abreast import Abreast, GivesWay, begins_ahead, leader_of
+from swath.control.job import crossings
+from swath.control.job.abreast import Abreast, begins_ahead, leader_of
 from swath.control.job.calls import Calls
+from swath.control.job.crossings import Crossing, Crossings, GivesWay
 from swath.control.job.passes import Pass
 from swath.core.errors import InputError
 from swath.job.machines import fleet_of
@@ -24,6 +26,8 @@ from tests.job.layouts import layout_file
 
 LAG = 25.0
 COMBINES = "combine_0", "combine_1"
+STEP = 0.3  # s
+SHORT, LONG = (0.006, 150), (0.0008, 800)  # stops: how often in a step, of how many steps at most
 SAVED_AT, AGAIN_TO = 75.0, 110.0  # s, grain flows; the cart leaves, and both combines turn
 
 
@@ -146,42 +150,49 @@ def members_of(file):
     return told_passes(work.rows), fleet.combines, work.team
 
 
-def driven(passes, combines, team, lag, rng, *, obey=True):
-    """All ways driven in steps of 0.5 m with stops at random, by what each hears of the others: least
-    distance of their outlines [m], and in how many steps one is where another one is to cut before; None
-    where all stand for good.
+def driven(passes, combines, team, lag, rng, stop=SHORT, *, obey=True):
+    """All ways driven in steps of 0.3 s with stops at random, by what each hears of the others: least
+    distance of their outlines [m], in how many steps one is where another one is to cut before, for how many
+    steps they wait, and how often one lets another one go first; None where all stand for good.
     """
-    units, places, rules = [], [], []
+    units, places, minds, decide = [], [], [], []
     numbers = range(len(combines))
     for number, member in enumerate(team):
         routes = order._routes(passes, number, combines[number], member.run_out)
-        made = order._samples(routes, passes, combines[number], member.start, 0.3)
+        made = order._samples(routes, passes, combines[number], member.start, STEP)
         units.append((routes, made))
         places.append(order._bodies(made.place, np.array(combines[number].sheet.outline), shapely))
-        rules.append([GivesWay(**rule) for rule in member.job["gives_way"] if obey])
-    minds = [Abreast(passes, n, lag if obey or lag is None else -1e3, rules[n]) for n in numbers]
-    ways = order.Ways(passes, [routes for routes, _ in units], [made for _, made in units], 0.3)
+        found = [crossing_of(rules) for rules in member.job["crossings"] if obey]
+        decide.append(Crossings(passes, number, found, combines[number].turn_speed))
+        minds.append(Abreast(passes, number, lag if obey or lag is None else -1e3, decide[-1]))
+    ways = order.Ways(passes, [routes for routes, _ in units], [made for _, made in units], STEP)
     crop = {(k, n): uncut_before(ways, combines, k, n) for n in numbers for k in range(n)}
-    at, least, idle, over = [0 for _ in numbers], np.inf, 0, 0
-    stops = [0 for _ in numbers]
+    at, least, idle, over, waits, t = [0 for _ in numbers], np.inf, 0, 0, 0, 0
+    stops, lets, speeds = [0 for _ in numbers], [-1 for _ in numbers], [0.0 for _ in numbers]
     while any(at[n] < len(units[n][1].way) - 1 for n in numbers):
         moved = False
-        heard = [told(units[n][1], at[n], passes) for n in numbers]
+        heard = [told(units[n][1], at[n], passes, lets[n], speeds[n], stops[n] > 0) for n in numbers]
         for n in numbers:
             routes, made = units[n]
+            others = [heard[k] for k in numbers if k != n]
+            lets[n] = decide[n].update(t, heard[n], others)
             if at[n] == len(made.way) - 1:
                 continue
-            stops[n] = stops[n] - 1 if stops[n] > 0 else int(rng.integers(20, 150)) * (rng.random() < 0.02)
+            begins = rng.random() < stop[0]
+            stops[n] = stops[n] - 1 if stops[n] > 0 else int(rng.integers(20, stop[1])) * begins
             task, index = int(made.task[at[n]]), sorted(routes).index(made.task[at[n]])
             route = routes[task]
-            others = [heard[k] for k in numbers if k != n]
             free = minds[n].free(index, made.way[at[n]], route.length + route.turn, others)
             moved |= stops[n] > 0
-            if stops[n] == 0 and free > 0.3:
+            goes = stops[n] == 0 and free > 0.3
+            if goes:
                 at[n] += 1
                 moved = True
+            speeds[n] = min(2.0, np.sqrt(2.0 * max(free, 0.0))) if goes else 0.0
+            waits += stops[n] == 0 and not goes
+        t += round(STEP * 1e9)
         idle = 0 if moved else idle + 1
-        if idle > 2:
+        if idle > 30:
             return None
         over += any(crop[k, n][at[k], at[n]] for k, n in crop)
         for n in numbers:
@@ -189,17 +200,24 @@ def driven(passes, combines, team, lag, rng, *, obey=True):
                 (ax, ay), (bx, by) = units[n][1].place[at[n], :2], units[k][1].place[at[k], :2]
                 if abs(ax - bx) + abs(ay - by) < 40.0:
                     least = min(least, shapely.distance(places[n][at[n]], places[k][at[k]]))
-    return float(least), over
+    given = [max(times) for times in zip(*(mind._turned for mind in decide), strict=True)]
+    return float(least), over, waits, sum(given)
 
 
-def told(made, at, passes):
+def crossing_of(rules):
+    """As a machine is told it."""
+    return Crossing(*(tuple(GivesWay(**rule) for rule in rules.get(k, ())) for k in ("first", "instead")))
+
+
+def told(made, at, passes, lets=-1, speed=0.0, stands=False):
     """The message of a combine at one of its samples."""
     task, way = int(made.task[at]), float(made.way[at])
     (ax, ay), (bx, by) = passes[task].line_m
     phase = Phase.CUTS if way <= np.hypot(bx - ax, by - ay) + 0.3 else Phase.TURNS
+    phase = Phase.STANDS if stands else phase
     phase = Phase.DONE if at == len(made.way) - 1 else phase
-    nothing = [0.0] * 5
-    return PeerState(0, True, 0.1, *nothing, phase=phase, task=task, come=way)
+    nothing = [0.0] * 3
+    return PeerState(0, True, 0.1, *nothing, speed, 0.0, phase=phase, task=task, come=way, lets_first=lets)
 
 
 @pytest.mark.parametrize(
@@ -212,6 +230,7 @@ def test_the_order_at_the_turns_neither_lets_them_touch_nor_stand_for_good(north
     made = [driven(passes, combines, team, lag, rng) for _ in range(4)]
     assert None not in made
     assert min(made)[0] > 0.5
+    assert all(given == 0 for *_, given in made)  # the order in echelon stays as it is
     assert min(driven(passes, combines, team, lag, rng, obey=False) for _ in range(4))[0] == 0.0
 
 
@@ -223,13 +242,29 @@ def test_the_order_of_combines_with_lands_of_their_own(seed, over, monkeypatch):
     passes, combines, team = members_of(layout_file(seed, 1))
     monkeypatch.setattr(uncut, "AHEAD", uncut.AHEAD - 10.0)
     rng = np.random.default_rng(3)
-    made = [driven(passes, combines, team, None, rng) for _ in range(2)]
+    made = [driven(passes, combines, team, None, rng, stop) for stop in (SHORT, LONG, SHORT, LONG)]
     assert None not in made
     assert min(made)[0] > 0.3
-    assert max(steps for _, steps in made) == 0
+    assert max(steps for _, steps, *_ in made) == 0
     free = [driven(passes, combines, team, None, rng, obey=False) for _ in range(4)]
     assert min(free)[0] == 0.0
-    assert (max(steps for _, steps in free) > 100) is over
+    assert (max(steps for _, steps, *_ in free) > 100) is over
+
+
+def test_combines_that_stop_wait_less_for_each_other(monkeypatch):
+    """Since who stands lets others go first."""
+    passes, combines, team = members_of(layout_file(17, 2))
+
+    def waits():
+        draws = [np.random.default_rng(seed) for seed in (3, 4, 5)]
+        made = [driven(passes, combines, team, None, rng, LONG) for rng in draws]
+        assert None not in made
+        return [sum(row[i] for row in made) for i in (2, 3)]
+
+    steps, given = waits()
+    assert given > 3
+    monkeypatch.setattr(crossings, "EARLIER", np.inf)
+    assert waits()[0] > 1.5 * steps
 
 
 def message(task, come, phase=Phase.CUTS):
@@ -244,7 +279,8 @@ BESIDE = (
 
 
 def test_how_far_the_one_behind_may_go():
-    mind = Abreast(BESIDE, 1, 20.0, [GivesWay(1, 60.0, 2, 10.0)])
+    meeting = Crossing((GivesWay(1, 60.0, 2, 10.0),))
+    mind = Abreast(BESIDE, 1, 20.0, Crossings(BESIDE, 1, [meeting], 2.0))
     assert leader_of(BESIDE, 1) == 0
     assert leader_of(BESIDE, 2) is None
     assert begins_ahead(BESIDE[0], BESIDE[1]) == pytest.approx(-4.0)

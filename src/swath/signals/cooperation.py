@@ -122,6 +122,9 @@ class PeerState(Signal, about=About()):
     to_come: Annotated[
         float, Quantity("kg", "in its tank and, forecast, on its last two passes", nan="not told")
     ] = _NAN
+    lets_first: Annotated[
+        int, Quantity("", "crossing at which it lets another combine go first; -1 = none")
+    ] = -1
     may_unload: Annotated[bool, Quantity("", "a cart may drive beside it")] = False
     calls: Annotated[bool, Quantity("", "it wants a cart")] = False
     body_front: Annotated[float, Quantity("m", "of its chassis, ahead of its origin", nan="not told")] = _NAN

@@ -46,6 +46,9 @@ class JobState(Signal, about=About()):
         float,
         Quantity("kg", "in the tank and, forecast, on its last two passes", nan="before those"),
     ] = _NAN
+    lets_first: Annotated[
+        int, Quantity("", "crossing at which it lets another combine go first; -1 = none")
+    ] = -1
     serves: Annotated[
         int, Quantity("", "machine that it works with: 0 = that of `peer_link`, 1 = of `peer_link_1`")
     ] = 0

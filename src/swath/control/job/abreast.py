@@ -3,31 +3,15 @@ echelon stays behind the one ahead on its left.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import cos, inf, isfinite, sin
-from typing import Annotated
+from math import cos, inf, sin
 
-from annotated_types import Ge, Le
-
+from swath.control.job.crossings import Crossings
 from swath.control.job.passes import Pass, place_at_end
 from swath.control.steer.guidance_line import wrapped
 from swath.signals import PeerState, Phase
 
 SAME_WAY = 0.5  # rad, between the directions of two passes that are cut side by side
 BEFORE = 1.0  # m before the begin of a pass, where a combine waits for the one ahead
-Progress = tuple[int, float]
-
-
-@dataclass(frozen=True)
-class GivesWay:
-    """Not farther than way_m along the pass with the number `task`, and the turn behind it, before the other
-    combine has come other_m along its pass `other`, and the turn behind that
-    """
-
-    task: Annotated[int, Ge(0), Le(100_000)]
-    way_m: Annotated[float, Ge(-1e5), Le(1e5)]
-    other: Annotated[int, Ge(0), Le(100_000)]
-    other_m: Annotated[float, Ge(-1e5), Le(1e5)]
 
 
 def own_passes(passes: Sequence[Pass], combine: int) -> list[int]:
@@ -53,15 +37,11 @@ def begins_ahead(lead: Pass, then: Pass) -> float:
 
 
 class Abreast:
-    """passes: of all combines; number: of this one; lag: behind the one ahead in echelon [m]; rules: where it
-    waits
-    """
+    """passes: of all combines; number: of this one; lag: behind the one ahead in echelon [m]"""
 
-    def __init__(
-        self, passes: Sequence[Pass], number: int, lag: float | None, rules: Sequence[GivesWay]
-    ) -> None:
+    def __init__(self, passes: Sequence[Pass], number: int, lag: float | None, crossings: Crossings) -> None:
         self._passes, self._own = passes, own_passes(passes, number)
-        self._lag, self._rules = lag, rules
+        self._lag, self._crossings = lag, crossings
 
     def free(self, index: int, way: float, whole: float, said: Sequence[PeerState]) -> float:
         """Way [m] that it has before it, from so far along the index-th of its passes; inf where all is free.
@@ -69,19 +49,15 @@ class Abreast:
         whole: length of the pass and the turn behind it [m]; said: what the other combines tell
         """
         told = {self._passes[m.task].combine: m for m in said if m.is_heard and m.task >= 0}
+        next_ones = dict(zip(self._own[index : index + 2], (0.0, whole), strict=False))
         free = inf
-        for task, begin in zip(self._own[index : index + 2], (0.0, whole), strict=False):
-            for rule in self._rules:
-                if rule.task == task and not self._has_come(rule, told):
-                    free = min(free, begin + rule.way_m - way)
+        for rule in self._crossings.rules():
+            begin = next_ones.get(rule.task)
+            if begin is not None and not self._crossings.has_come(rule, told):
+                free = min(free, begin + rule.hold(self._own[index], way) - way)
+        for task, begin in next_ones.items():
             free = min(free, begin + self._until(task, told) - way)
         return free
-
-    def _has_come(self, rule: GivesWay, told: Mapping[int, PeerState]) -> bool:
-        said = told.get(self._passes[rule.other].combine)
-        if said is None:
-            return False
-        return said.phase == Phase.DONE or _progress(said) >= (rule.other, rule.other_m)
 
     def _until(self, task: int, told: Mapping[int, PeerState]) -> float:
         """How far along a pass it may go for the one ahead [m]."""
@@ -93,7 +69,3 @@ class Abreast:
         if said.task > lead or said.phase in (Phase.TURNS, Phase.DONE):
             return inf
         return max(begins_ahead(ahead, self._passes[task]) + said.come - self._lag, -BEFORE)
-
-
-def _progress(said: PeerState) -> Progress:
-    return said.task, said.come if isfinite(said.come) else -inf

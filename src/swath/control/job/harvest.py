@@ -8,8 +8,9 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.control.cooperate.peer_track import OTHER_PORTS
-from swath.control.job.abreast import Abreast, GivesWay, own_passes
+from swath.control.job.abreast import Abreast, own_passes
 from swath.control.job.calls import FORESIGHT
+from swath.control.job.crossings import NONE, Crossing, Crossings
 from swath.control.job.dubins import Place
 from swath.control.job.ground import beside
 from swath.control.job.heard import SILENT, STOPS, AllHeard
@@ -69,8 +70,8 @@ class Params:
     standing there; in the last pass it is not
     give_up_s: the run ends when it has been standing so long for a cart that is silent
     run_out_m: it drives on behind the last pass, at most
-    gives_way: where it waits for another combine, of several; lag_m: in echelon, behind the one that cuts the
-    pass before, the same way
+    crossings: where ways of several combines meet, and who goes first there; lag_m: in echelon, behind the
+    one that cuts the pass before, the same way
     """
 
     passes: Annotated[tuple[Pass, ...], MinLen(1)]
@@ -90,7 +91,7 @@ class Params:
     run_out_m: Annotated[float, Ge(5), Le(200)] = RUN_OUT
     number: Annotated[int, Ge(0), Le(3)] = 0
     lag_m: Annotated[float, Ge(5), Le(500)] | None = None
-    gives_way: tuple[GivesWay, ...] = ()
+    crossings: tuple[Crossing, ...] = ()
 
 
 class Harvest(KeepsState):
@@ -98,7 +99,8 @@ class Harvest(KeepsState):
 
     kept = (
         "_index", "_way", "_phase", "_calls", "_finishes", "_stands", "_unloads", "_tank", "_ended",
-        "_heard", "_silent_for", "_dry_for", "_to_come", "_pours_on", "_will_stand",
+        "_heard", "_silent_for", "_dry_for", "_to_come", "_pours_on", "_will_stand", "_crossings",
+        "_lets_first",
     )  # fmt: skip
     inputs = (
         Port("pose", PoseEstimate),
@@ -118,9 +120,10 @@ class Harvest(KeepsState):
         if not self._own:
             raise InputError("number", params.number, "expected the number of a combine that has passes")
         self._passes = [params.passes[i] for i in self._own]
-        self._abreast = Abreast(params.passes, params.number, params.lag_m, params.gives_way)
-        self._team: list[PeerState] = []
         speed, rate = params.turn_speed_kmh * KMH, params.turn_rate_deg_s * DEG
+        self._crossings = Crossings(params.passes, params.number, params.crossings, speed)
+        self._abreast = Abreast(params.passes, params.number, params.lag_m, self._crossings)
+        self._team: list[PeerState] = []
         self._limits = limits_of(setup.machine.wheelbase, params.turn_radius_m, rate, speed)
         self._routes: dict[int, tuple[Route, GuidancePath]] = {}
         self._outline, self._width = own_outline(setup.machine), setup.machine.header_width
@@ -135,6 +138,8 @@ class Harvest(KeepsState):
         self._tank.reset()
         self._ended, self._silent_for, self._dry_for, self._to_come = "", 0.0, inf, nan
         self._heard.reset()
+        self._crossings.reset()
+        self._lets_first = NONE
 
     def reset(self, stream: Stream) -> Outputs:
         """Before the first pass."""
@@ -154,6 +159,8 @@ class Harvest(KeepsState):
         unload: UnloadState | None = inputs.get("unload")
         pours = unload is not None and unload.flow > 0.0
         self._dry_for = 0.0 if pours else self._dry_for + dt / NS
+        own = self._progress(t, inputs["odometry"].speed)
+        self._lets_first = self._crossings.update(t + dt, own, self._team)
         speed = self._speed(inputs, here, carts)
         self._note_silence(carts, dt / NS)
         return self._out(t + dt, speed, self._way)
@@ -164,6 +171,11 @@ class Harvest(KeepsState):
         self._silent_for = self._silent_for + h if is_silent else 0.0
         if self._silent_for > self._p.give_up_s:
             self._ended = f"stands in pass {self._own[self._index]} and hears nothing of the cart"
+
+    def _progress(self, t: int, speed: float) -> PeerState:
+        """What it tells of itself to those that it works with, as they hear it."""
+        task, way = self._own[self._index], self._way
+        return PeerState(t, True, 0.0, 0.0, 0.0, 0.0, speed, 0.0, phase=self._phase, task=task, come=way)
 
     @property
     def _is_last(self) -> bool:
@@ -354,6 +366,7 @@ class Harvest(KeepsState):
         job = JobState(
             t, int(self._phase), self._own[self._index], speed, left if in_pass or stands else nan,
             by_edge=edge, may_unload=may, calls=self._calls, come=way, to_come=self._to_come,
+            lets_first=self._lets_first,
         )  # fmt: skip
         sent = GuidancePath(t, path.x, path.y, path.number)
         return {"job": job, "path": sent, "header": HeaderCommand(t, is_down)}

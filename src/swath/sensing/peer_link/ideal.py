@@ -158,7 +158,8 @@ def _work(inputs: Inputs) -> dict[str, Any]:
     if job is None:
         return {}
     told = {"phase": job.phase, "task": job.task, "remaining": job.remaining, "come": job.come}
-    return {**told, "to_come": job.to_come, "may_unload": job.may_unload, "calls": job.calls}
+    told |= {"to_come": job.to_come, "may_unload": job.may_unload, "calls": job.calls}
+    return told | {"lets_first": job.lets_first}
 
 
 LEVEL = Level(

@@ -11,7 +11,7 @@ from swath.core.errors import InputError
 from swath.job.fleet import FleetFile
 from swath.job.machines import Combine
 from swath.job.plan import FieldPlan
-from swath.tools.fleet.order import NO_ORDER, RUN_UP, Mask, Member, Rule, Samples, rules_of, ways_of
+from swath.tools.fleet.order import NO_ORDER, RUN_UP, Mask, Meeting, Member, Samples, crossings_of, ways_of
 
 LEAST_LAG = 22.0  # m: the tractor beside the second one stays behind the first where that stands
 BEHIND = 12.0  # m, that the second one begins behind the first
@@ -37,26 +37,26 @@ def members(passes: Sequence[Pass], combines: Sequence[Combine], file: FleetFile
     lag, outs = file.team.lag_m, run_outs(2)
     behind = RUN_UP + BEHIND - begins_ahead(passes[0], passes[1])
     starts = [RUN_UP, max(behind, RUN_UP)]
-    rules = order_of(passes, combines, lag, starts)
-    if rules is None:
+    crossings = order_of(passes, combines, lag, starts)
+    if crossings is None:
         raise InputError("plan", None, NO_ORDER)
     return [
-        Member(start, {"number": i, "lag_m": lag, "run_out_m": out, "gives_way": own}, out)
-        for i, (start, out, own) in enumerate(zip(starts, outs, rules, strict=True))
+        Member(start, {"number": i, "lag_m": lag, "run_out_m": out, "crossings": crossings}, out)
+        for i, (start, out) in enumerate(zip(starts, outs, strict=True))
     ]
 
 
 def order_of(
     passes: Sequence[Pass], combines: Sequence[Combine], lag: float, starts: Sequence[float]
-) -> list[list[Rule]] | None:
-    """`gives_way` of each of two combines, None where there is no such order. lag: of the second [m]; starts:
+) -> list[Meeting] | None:
+    """`crossings` of two combines, None where there is no such order. lag: of the second [m]; starts:
     how far before its first pass each begins [m].
     """
 
     def late(_: int, first: Samples, __: int, second: Samples) -> Mask:
         return _late(first, second, passes, lag)
 
-    return rules_of(ways_of(passes, combines, starts, run_outs(2)), combines, late)
+    return crossings_of(ways_of(passes, combines, starts, run_outs(2)), combines, late)
 
 
 def _check(passes: Sequence[Pass], combines: Sequence[Combine], file: FleetFile) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import permutations
+from math import inf
 from typing import NamedTuple
 
 from swath.control.job.passes import RUN_OUT, Pass
@@ -14,9 +15,9 @@ from swath.job.machines import Combine, Fleet
 from swath.job.plan import FieldPlan
 from swath.tools.fleet.combine_turns import Shared, shared
 from swath.tools.fleet.far_ways import far_ways
-from swath.tools.fleet.order import RUN_UP, Member, rules_of, ways_of
+from swath.tools.fleet.order import RUN_UP, Member, crossings_of, ways_of
 from swath.tools.fleet.uncut import uncut_before
-from swath.tools.fleet.waits import at_pass_ends, time_of
+from swath.tools.fleet.waits import Timing, at_pass_ends
 
 
 def shared_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Shared:
@@ -31,13 +32,13 @@ def shared_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Shared:
 
 
 class Team(NamedTuple):
-    """members: start and settings of each combine; end: when all are done, as planned; busy: time of their
-    ways, in the mean of them [s]
+    """members: start and settings of each combine; end: when all are done, with stops now and then; least: if
+    none waited for another one and all had ways of equal length [s]
     """
 
     members: list[Member]
     end: float
-    busy: float
+    least: float
 
 
 def team_of(passes: Sequence[Pass], combines: Sequence[Combine]) -> Team | None:
@@ -47,13 +48,14 @@ def team_of(passes: Sequence[Pass], combines: Sequence[Combine]) -> Team | None:
     count = len(combines)
     for outs in permutations([RUN_OUT * (i + 1) for i in range(count)]):
         ways = ways_of(passes, combines, [RUN_UP] * count, outs)
-        rules = rules_of(ways, combines, with_carts=True, uncut=partial(uncut_before, ways, combines))
-        if rules is not None:
-            waits = at_pass_ends(rules, ways)
+        found = crossings_of(ways, combines, with_carts=True, uncut=partial(uncut_before, ways, combines))
+        if found is not None:
+            timing = Timing(ways)
+            routes = {task: route for own in ways.routes for task, route in own.items()}
+            waits, end = at_pass_ends(found, routes, timing)
             members = [
-                Member(RUN_UP, {"number": i, "run_out_m": out, "gives_way": own}, out)
-                for i, (out, own) in enumerate(zip(outs, waits, strict=True))
+                Member(RUN_UP, {"number": i, "run_out_m": out, "crossings": waits}, out)
+                for i, out in enumerate(outs)
             ]
-            busy = ways.step * sum(len(way.way) for way in ways.samples) / count
-            return Team(members, time_of(waits, ways), busy)
+            return Team(members, end, timing.least) if end < inf else None
     return None

@@ -6,7 +6,8 @@ both begins to both ends around them, in steps of one, the other, or both, says 
 passed (O'Donnell and Lozano-Perez 1989, doi:10.1109/ROBOT.1989.100033, on the coordination of two paths). A
 third combine is coordinated in the same manner with the way that the first two found together. A combine then
 goes on once the others are past all that it lets go first. Such an order cannot come to a standstill: the way
-that was found stays open.
+that was found stays open. Each region of pairs that is no place to be is a crossing, which is passed on one
+side or on the other.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,6 +30,7 @@ APART = 1.0  # m between the outlines of two combines, at least
 STEP = 1.0  # s
 CART, WIDE = 8.0, 3.0  # m of a cart beside, ahead of the combine's axle and behind it; of its width
 TOGETHER = 12  # samples
+SHORT_OF = 0.15  # of the way between two samples: who is so near to one has come there
 DRIVES, STANDS = 4, 6  # cost of a step, and of one for which one of them stands between two passes
 NEVER = 100_000_000  # cost
 MOST = 3000  # samples of a way; more of them are farther apart
@@ -37,6 +39,7 @@ Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 Costs = NDArray[np.int32]
 Rule = dict[str, float]
+Meeting = dict[str, list[Rule]]
 
 
 class Member(NamedTuple):
@@ -88,16 +91,17 @@ def ways_of(
     return Ways(passes, routes, made, step)
 
 
-def rules_of(
+def crossings_of(
     made_ways: Ways,
     combines: Sequence[Combine],
     forbidden: Forbidden | None = None,
     *,
     with_carts: bool = False,
     uncut: Uncut | None = None,
-) -> list[list[Rule]] | None:
-    """`gives_way` of each combine; None where there is no such order. forbidden: of two combines and their
-    samples, which pairs (n, m) of these are no place to be for another reason: the second waits there;
+) -> list[Meeting] | None:
+    """`crossings` of all combines; None where there is no order. forbidden: of two combines and their
+    samples, which pairs (n, m) of these are no place to be for another reason: the second waits there, and
+    the order cannot be another one;
     with_carts: between their passes they keep off carts beside others; uncut: of the numbers of two combines,
     which pairs have crop where another one is to cut before: no place to be
     """
@@ -125,15 +129,44 @@ def rules_of(
         if found is None:
             return None
         joint = np.column_stack([joint[found[:, 0]], found[:, 1]])
-    made: list[list[Rule]] = [[] for _ in numbers]
+    made: list[Meeting] = []
     for (i, k), mask in near.items():
-        low, high = _range_of(joint[:, i], joint[:, k])
-        after = np.arange(mask.shape[1])[None, :]
-        goes_first = mask & ~late[i, k] & (after > high[:, None])  # samples of the second that wait
-        goes_second = mask & (after < low[:, None])
-        reached = np.searchsorted(high, np.arange(mask.shape[1]))  # of the first, when the second comes there
-        made[i] += _rules(goes_second.T, low, ways[k], ways[i])
-        made[k] += _rules(goes_first, reached, ways[i], ways[k])
+        through = _range_of(joint[:, i], joint[:, k])
+        made += _meetings(mask & ~late[i, k], through, ways[i], ways[k], fixed=forbidden is not None)
+    return made
+
+
+def _meetings(
+    mask: Mask, through: tuple[Indices, Indices], first: Samples, second: Samples, *, fixed: bool
+) -> list[Meeting]:
+    """The regions of a mask, each with the rules of who waits there. through: `_range_of` the way through;
+    fixed: the other one never goes first
+    """
+    shapely_here()  # scipy comes with it
+    from scipy import ndimage
+
+    made: list[Meeting] = []
+    labels, _ = ndimage.label(mask, np.ones((3, 3)))
+    for number, place in enumerate(ndimage.find_objects(labels), 1):
+        part, (rows, columns) = labels[place] == number, place
+        after = np.arange(columns.start, columns.stop)[None, :]
+        low, high = (side[rows][:, None] for side in through)
+        sides = part & (after > high), part & (after < low)  # the first goes first, and the second
+        is_first = bool(sides[0].sum() > sides[1].sum())
+        if not sides[0].any() and not sides[1].any():
+            continue
+        if is_first:
+            waits = _rules(sides[0], place, first, second, np.searchsorted(through[1], after[0]))
+        else:
+            waits = _rules(sides[1].T, place[::-1], second, first, through[0][rows])
+        meeting = {"first": waits}
+        # who is in it at first goes first, and who ends in it last
+        ends = 0 in (rows.start, columns.start) or rows.stop == len(mask)
+        ends |= columns.stop == mask.shape[1]
+        if not fixed and not ends and (sides[0] | sides[1] == part).all():
+            turned = (part.T, place[::-1], second, first) if is_first else (part, place, first, second)
+            meeting["instead"] = _rules(*turned)
+        made.append(meeting)
     return made
 
 
@@ -271,25 +304,33 @@ def _costs(of: Samples, routes: dict[int, Route]) -> Costs:
     return np.where(of.way > lengths, STANDS, DRIVES).astype(np.int32)
 
 
-def _rules(before: Mask, reached: NDArray[np.int64], other: Samples, own: Samples) -> list[dict[str, float]]:
-    """Of a machine that waits. before: rows of the other one, columns of its own: what the other one is past
-    first; reached: row of the other one on the way through, when the own one comes to a column
+def _rules(
+    before: Mask, place: tuple[slice, slice], other: Samples, own: Samples, reached: Indices | None = None
+) -> list[Rule]:
+    """Of a machine that waits. before: rows of the other one, columns of its own, at a place among all: what
+    the other one is past first; reached: row of the other one on the way through, when the own one comes to a
+    column
 
     Where the way through allows it a rule says at once what the next TOGETHER samples want.
     """
-    rows, columns = before.shape
-    least = np.where(before.any(axis=0), rows - 1 - before[::-1].argmax(axis=0), -1)
+    rows, columns = place
+    least = np.where(before.any(axis=0), rows.stop - 1 - before[::-1].argmax(axis=0), -1)
     rules, met = [], -1
-    for j in range(columns):
+    for j in range(len(least)):
         if least[j] <= met:
             continue
         soon = least[j : j + TOGETHER]
-        met = int(soon[soon < reached[j]].max())
-        k, past = max(j - 1, 0), min(met + 1, rows - 1)
+        if reached is not None:  # both may go on at once there: neither waits for the other one to be past
+            soon = soon[(soon < reached[j] - 1) | (soon <= least[j])]
+        met = int(soon.max())
+        k, past = max(columns.start + j - 1, 0), min(met + 1, len(other.way) - 1)
+        until = float(other.way[past])
+        if past > met and other.task[past] == other.task[met]:  # it may have to wait at the sample itself
+            until -= SHORT_OF * (until - float(other.way[met]))
         rules.append(
             {
                 "task": int(own.task[k]), "way_m": round(float(own.way[k]), 3),
-                "other": int(other.task[past]), "other_m": round(float(other.way[past]), 3),
+                "other": int(other.task[past]), "other_m": round(until, 3),
             }
         )  # fmt: skip
     return rules

@@ -3,7 +3,8 @@
 With lands of their own combines take the passes that they take at `events`. Which these are turns over by a
 few seconds, and whether two of them then come against each other on neighbouring passes, where one has to
 wait for the whole pass of the other one, is not asked there. So several ways of sharing out are made, from
-speeds that differ a little, and planned to the end; the one of which all are done first is driven.
+speeds that differ a little, and planned to the end; the one of which all are done first, if they stop now and
+then as they do for carts, is driven.
 """
 
 import random
@@ -24,7 +25,7 @@ from swath.tools.fleet.order import NO_ORDER, RUN_UP, Member
 
 TRIES = 12  # ways of sharing out
 SPREAD = 0.12  # of the speeds, from those of the machines
-GOOD = 1.03  # of the mean time of their ways: no other way of sharing out is looked for
+GOOD = 1.03  # of the time without waits and with equal ways: no other way of sharing out is looked for
 ROOM = 0.95  # of a tank, for passes beside which no cart can be
 OVER = 0.05  # of a tank, more than that: it is full in a pass beside which no cart can be
 TOO_MUCH = "expected room for a cart beside passes before a tank is full: {:.0f} kg too much"
@@ -72,7 +73,7 @@ def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
             continue
         over = _too_much(made, rows, fleet.combines, file.field.yield_t_ha)
         found.setdefault((over, team.end), WorkPlan(made, rows, team.members))
-        if over <= 0.0 and team.end <= GOOD * team.busy:
+        if over <= 0.0 and team.end <= GOOD * team.least:
             break
     if not known:
         raise InputError("combines", len(fleet.combines), NO_PASS)
