@@ -1,10 +1,10 @@
 """Where ways of combines meet: who goes first there, as planned, or since the other one let it.
 
-The order is a planned one. A combine that stands, for a cart, holds up all that wait for it. So whoever is to
-go first at a crossing and has not come to it lets the one that waits there go first, if all are done earlier
-for it, by what all have told; that one may do the same then. It must not bring them to wait for each other for
-good: that is known from the times at which all are done, which are infinite then. Only one combine may do that
-in a slot of time, and the others hear of it before the next slot.
+The order is a planned one. A combine that stands, for a cart, holds up all that wait for it. So whoever is
+to go first at a crossing and has not come to it lets the one that waits there go first, if all are done
+earlier for it, by what all have told; that one may do the same then. It must not bring them to wait for
+each other for good: that is known from the times at which all are done, which are infinite then. Only one
+combine may do that in a slot of time, and the others hear of it before the next slot.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
