@@ -1,4 +1,4 @@
-"""The combines that a cart hears: what is left of their work, and which of them has called first."""
+"""The combines that a cart hears: what is left of their work, and which of them is served next."""
 
 from collections.abc import Collection, Mapping, Sequence
 from math import fsum, hypot, inf, isfinite
@@ -7,7 +7,7 @@ from swath.control.cooperate.peer_track import OTHERS
 from swath.control.job.abreast import own_passes
 from swath.control.job.carts import OtherCart
 from swath.control.job.dubins import Place
-from swath.control.job.passes import Pass
+from swath.control.job.passes import Pass, way_along
 from swath.control.job.right_of_way import place_of
 from swath.core.component import KeepsState
 from swath.signals import HeapState, PeerState, Phase
@@ -19,6 +19,8 @@ LEAST = 15.0  # m of a pass beside the combine, for which it sets out
 AS_NEAR = 20.0  # m, less than that one of two carts is not nearer than the other one
 BEHIND = -12.0  # m ahead of a cart: beside it a combine's axle is some 5 m behind the cart's
 FILLS = 0.75  # of the largest heap, that a cart takes for sure: one spot fills 77 % (closed form)
+SPEED = 2.0  # m/s of a combine at work
+AGAIN = 30.0  # s, for which a combine to which there is no way goes last
 PORTS = ("peer", *OTHERS)
 
 
@@ -45,12 +47,18 @@ def nearest(combines: Mapping[int, PeerState]) -> int:
 class Calls(KeepsState):
     """passes: of all combines; break_off: before the end of a pass [m]; but in a combine's last one"""
 
-    kept = ("_since",)
+    kept = ("_since", "_put")
 
     def __init__(self, passes: Sequence[Pass], break_off: float) -> None:
         self._passes, self._break_off = passes, break_off
         self._own = {work.combine: own_passes(passes, work.combine) for work in passes}
+        self._rest = [0.0 for _ in passes]  # of the work behind each pass [m]
+        for own in self._own.values():
+            for task, then in zip(own[-2::-1], own[:0:-1], strict=True):
+                turn = fsum(segment.length_m for segment in passes[task].turn)
+                self._rest[task] = self._rest[then] + way_along(passes[then].line_m) + turn
         self._since: dict[int, float] = {}
+        self._put: dict[int, float] = {}  # when there was no way to a combine
 
     @property
     def combines(self) -> int:
@@ -59,29 +67,37 @@ class Calls(KeepsState):
 
     def reset(self) -> None:
         """Nobody calls."""
-        self._since = {}
+        self._since, self._put = {}, {}
 
     def longest(
         self, now: float, combines: Mapping[int, PeerState], others: Sequence[OtherCart]
     ) -> tuple[int, float]:
         """Number of the combine that has called for the longest, of those that stand for it if any does, and
-        for how long [s]; -1, -inf = none.
+        for how long [s]; -1, -inf = none. One that has more work left than others has called for as much
+        longer as it will work longer: who stood for long is done last, and all are done then.
         """
         for number, said in combines.items():
             is_open = said.calls and not self.is_served(said, others) and self.next_task(said) >= 0
             self._since[number] = min(self._since.get(number, inf), now) if is_open else inf
 
         def rank(number: int) -> tuple[bool, bool, float, int]:
-            since = self._since[number]
-            return since == inf, not stands_for_cart(combines[number]), since, number
+            since, said = self._since[number], combines[number]
+            if now > self._put.get(number, -inf) + AGAIN:
+                since -= self._left(said) / SPEED
+            return since == inf, not stands_for_cart(said), since, number
 
         first = min(combines, key=rank)
         since = self._since[first]
         return (first, now - since) if since < inf else (-1, -inf)
 
+    def _left(self, said: PeerState) -> float:
+        """Of a combine's work [m]."""
+        remaining = said.remaining if isfinite(said.remaining) else 0.0
+        return remaining + self._rest[said.task] if said.task >= 0 else 0.0
+
     def put_back(self, number: int, now: float) -> None:
         """There is no way to a combine now: who else calls goes before it."""
-        self._since[number] = now
+        self._since[number] = self._put[number] = now
 
     def is_served(self, combine: PeerState, others: Sequence[OtherCart]) -> bool:
         """Whether another cart serves a combine."""

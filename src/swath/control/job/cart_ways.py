@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath.control.job.abreast import own_passes
-from swath.control.job.carts import BEYOND, Disc
+from swath.control.job.carts import AROUND, BEYOND, Disc
 from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, Point, beside
@@ -31,6 +31,7 @@ CUTS_IN = 1.3  # m, that a trailer runs inside of its machine's tightest bend
 STRIP = 2.5  # m, radius of the discs that cover what a combine cuts next
 BEGINS = 6.0  # m from its outline there, within which a way begins that may lead over that place
 LEAST = 1.5  # m about another cart, where the way begins near to it
+LESS = 1.0  # m nearer to carts that stand, where there is no way else
 CELL = 0.5  # m, that a way may pass nearer than it was looked for
 COME_UP = 25.0  # m behind the combine, where it comes onto the line beside the pass
 STRAIGHT = 14.0  # m before that on the same line: the trailer is straight behind
@@ -147,20 +148,23 @@ class CartWays:
         None = as it is now
 
         Where there is such a way, it keeps off what combines drive over next (`_before`), and about one that
-        stands its trailer has room to cut corners.
+        stands its trailer has room to cut corners. Where there is none else, it goes by carts that stand
+        LESS nearer.
         """
         ground = self._ground(combines) if ground is None else ground
         start = first[-1] if first else here
-        close = [(x, y, _left_free(hypot(x - start.x, y - start.y), size)) for x, y, size in taken]
         looked: list[list[Disc]] = []
         stands = [(c, at) for c in combines for at in self._stands(here, c)]
         waits = [disc for combine in combines for disc in self._before(here, start, combine, ground)]
-        for more, keep in ((waits, KEEP + CUTS_IN), (waits, KEEP), ([], KEEP + CUTS_IN), ([], KEEP)):
+        for more, keep, less in (
+            (waits, KEEP + CUTS_IN, 0.0), (waits, KEEP, 0.0), ([], KEEP + CUTS_IN, 0.0), ([], KEEP, 0.0),
+            ([], KEEP, LESS),
+        ):  # fmt: skip
             discs = [disc for c, at in stands for disc in _discs(start, c, at, keep)]
-            if [*discs, *more] in looked:  # the same as before
+            both = [*discs, *more, *_close(start, taken, less)]
+            if both in looked:  # the same as before
                 continue
-            looked.append([*discs, *more])
-            both = [*looked[-1], *close]
+            looked.append(both)
             masks = ground.clear_of(HALF, both), ground.clear_of(NARROW, both)
             way = Search(ground, *masks, self._radius).way(start, goals)
             if way is not None:
@@ -264,6 +268,15 @@ def _is_in_crop(line: Sequence[Point], begin: float, ground: Ground) -> bool:
     length = way_along(line)
     ways = np.arange(max(begin, 0.0), length, EVERY) / length
     return any(ground.is_in(ground.crop, ax + w * (bx - ax), ay + w * (by - ay)) for w in ways.tolist())
+
+
+def _close(start: Place, taken: Sequence[Disc], less: float) -> list[Disc]:
+    """What other carts take up, as far as the start is from it; less [m] of that about those that stand."""
+    found = []
+    for x, y, size in taken:
+        wanted = size - less if size == AROUND else size
+        found.append((x, y, _left_free(hypot(x - start.x, y - start.y), wanted)))
+    return found
 
 
 def _left_free(away: float, wanted: float) -> float:

@@ -243,7 +243,7 @@ class Shuttle(KeepsState):
             return 0.0
         met = free_of(self._others, here, line, self._way, speed, self._p.number)
         if to_combine and met == inf and self._is_in_line(peer, station):
-            self._phase, self._since = Phase.BESIDE, inf
+            self._phase, self._since, self._poured_at = Phase.BESIDE, inf, now
             return 0.0
         in_lane = self._way >= self._lane
         until = line.length if in_lane else min(self._lane, line.length)
@@ -336,7 +336,7 @@ class Shuttle(KeepsState):
         self._way = self._made().project(here.x, here.y, self._way).way
         met = free_of(self._others, here, self._made(), self._way, peer.speed, self._p.number)
         rest = (said for said in self._combines.values() if said is not peer)
-        stops = peer.speed < MOVES and not peer.is_pouring
+        stops = peer.speed < MOVES and now - self._poured_at > HELD_FOR
         stops &= any(self._clearance.holds_up(here, self._outline, said) for said in rest)
         ends = is_over or met < inf or stops or (self._is_lost(peer) and not pours_on)
         self._since = min(self._since, now) if station.is_full and not peer.is_pouring else inf

@@ -27,6 +27,8 @@ from swath.signals import F64
 
 RUN_UP = 4.0  # m before its first pass, where a combine starts
 APART = 1.0  # m between the outlines of two combines, at least
+LEAVES = 15.0, 30.0  # m before and behind the end of a pass, where a cart leaves
+EXIT = 0.0, 30.0  # m ahead of that end, along which it does
 STEP = 1.0  # s
 CART, WIDE = 8.0, 3.0  # m of a cart beside, ahead of the combine's axle and behind it; of its width
 TOGETHER = 12  # samples
@@ -54,7 +56,8 @@ class Member(NamedTuple):
 
 class Samples(NamedTuple):
     """Of a way. task: number of the pass; way: along it and the turn behind it [m]; place: x, y, heading;
-    turns: behind the pass; beside: in a pass beside which carts drive
+    turns: behind the pass; beside: in a pass beside which carts drive; leaves: about the end of a pass, where
+    a cart that was beside drives straight on; end: place at the end of the pass
     """
 
     task: Indices
@@ -62,6 +65,8 @@ class Samples(NamedTuple):
     place: F64
     turns: Mask
     beside: Mask
+    leaves: Mask
+    end: F64
 
 
 Forbidden = Callable[[int, Samples, int, Samples], Mask]
@@ -206,28 +211,30 @@ def _samples(
     way, last = -start, max(routes)
     for i, route in routes.items():
         end = route.length + (route.turn if i != last else way_along(route.points) - route.length - 1.0)
+        at_end = (*route.line.point(route.length), route.line.heading(route.length - 1.0))
         cutting = passes[i].speed_kmh * KMH
         while way < end:
             x, y = route.line.point(way)
             turning = way >= route.length
             beside = passes[i].cart_beside and not turning
-            rows.append((i, way, x, y, route.line.heading(way), turning, beside))
+            leaves = passes[i].has_cart and -LEAVES[0] < way - route.length < LEAVES[1]
+            rows.append((i, way, x, y, route.line.heading(way), turning, beside, leaves, *at_end))
             fast = speed_between(route, way, combine.turn_speed, combine.transport) if turning else cutting
             way += step * fast
         way -= end
     table = np.array(rows)
-    of_way, is_turn = table[:, :5], table[:, 5] > 0.0
-    return Samples(of_way[:, 0].astype(np.int64), of_way[:, 1], of_way[:, 2:], is_turn, table[:, 6] > 0.0)
+    of_way, (turns, beside, leaves), ends = table[:, :5], table[:, 5:8].T > 0.0, table[:, 8:]
+    return Samples(of_way[:, 0].astype(np.int64), of_way[:, 1], of_way[:, 2:], turns, beside, leaves, ends)
 
 
 def _near(first: Samples, second: Samples, combines: Sequence[Combine], *, with_carts: bool) -> Mask:
     """Which pairs of samples are nearer than APART. with_carts: or have a combine between two passes so near
-    to a cart beside the other one
+    to a cart beside the other one, or one where a cart leaves the other one straight on
     """
     shapely = shapely_here()
     both = list(zip((first, second), combines, strict=True))
     bodies = [_bodies(s.place, np.array(c.sheet.outline), shapely) for s, c in both]
-    carts = [_bodies(s.place, _cart_beside(c), shapely) for s, c in both] if with_carts else []
+    carts = [_bodies(s.place, _beside(c, -CART, CART), shapely) for s, c in both] if with_carts else []
     reach = 2.0 * max(float(np.abs(np.array(c.sheet.outline)).max()) for c in combines) * 1.5 + APART
     near = np.zeros((len(first.way), len(second.way)), dtype=bool)
     for i, (x, y, _) in enumerate(first.place.tolist()):
@@ -241,12 +248,18 @@ def _near(first: Samples, second: Samples, combines: Sequence[Combine], *, with_
         if with_carts and first.turns[i]:
             then = close[second.beside[close]]
             near[i, then] |= shapely.distance(bodies[0][i], carts[1][then]) < APART
+    if with_carts:
+        for (s, c), other, mask in zip(both, bodies[::-1], (near, near.T), strict=True):
+            for task in np.unique(s.task[s.leaves]):
+                rows = np.flatnonzero(s.leaves & (s.task == task))
+                ahead = _bodies(s.end[rows[:1]], _beside(c, *EXIT), shapely)[0]
+                mask[rows] |= shapely.distance(ahead, other) < APART
     return near
 
 
-def _cart_beside(combine: Combine) -> F64:
-    """Box (1, 4) of a cart under the pipe, as in `_bodies`."""
-    return np.array([[-CART, CART, combine.pipe - 0.5 * WIDE, combine.pipe + 0.5 * WIDE]])
+def _beside(combine: Combine, rear: float, front: float) -> F64:
+    """Box (1, 4) under the pipe, as wide as a cart, as in `_bodies`."""
+    return np.array([[rear, front, combine.pipe - 0.5 * WIDE, combine.pipe + 0.5 * WIDE]])
 
 
 def _bodies(place: F64, boxes: F64, shapely: Any) -> Any:
