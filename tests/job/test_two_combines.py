@@ -254,7 +254,7 @@ def test_the_order_of_combines_with_lands_of_their_own(seed, over, monkeypatch):
 
 def test_combines_that_stop_wait_less_for_each_other(monkeypatch):
     """Since who stands lets others go first; here where they may wait in their turns, too."""
-    passes, combines, team = members_of(layout_file(19, 2))
+    passes, combines, team = members_of(layout_file(19, 1))
     for rules in (rules for found in team[0].job["crossings"] for rules in found.values()):
         for rule in rules:
             rule.pop("wait_m", None)
