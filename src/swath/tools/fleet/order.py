@@ -156,22 +156,21 @@ def _meetings(
         part, (rows, columns) = labels[place] == number, place
         after = np.arange(columns.start, columns.stop)[None, :]
         low, high = (side[rows][:, None] for side in through)
-        sides = part & (after > high), part & (after < low)  # the first goes first, and the second
-        is_first = bool(sides[0].sum() > sides[1].sum())
-        if not sides[0].any() and not sides[1].any():
-            continue
-        if is_first:
-            waits = _rules(sides[0], place, first, second, np.searchsorted(through[1], after[0]))
-        else:
-            waits = _rules(sides[1].T, place[::-1], second, first, through[0][rows])
-        meeting = {"first": waits}
+        is_first, is_second = part & (after > high), part & (after < low)  # who goes first
+        meeting = {
+            "first": [
+                *_rules(is_first, place, first, second, np.searchsorted(through[1], after[0])),
+                *_rules(is_second.T, place[::-1], second, first, through[0][rows]),
+            ]
+        }
         # who is in it at first goes first, and who ends in it last
-        ends = 0 in (rows.start, columns.start) or rows.stop == len(mask)
-        ends |= columns.stop == mask.shape[1]
-        if not fixed and not ends and (sides[0] | sides[1] == part).all():
-            turned = (part.T, place[::-1], second, first) if is_first else (part, place, first, second)
-            meeting["instead"] = _rules(*turned)
-        made.append(meeting)
+        ends = 0 in (rows.start, columns.start) or rows.stop == len(mask) or columns.stop == mask.shape[1]
+        if not fixed and not ends and (part == is_first).all():
+            meeting["instead"] = _rules(part.T, place[::-1], second, first)
+        elif not fixed and not ends and (part == is_second).all():
+            meeting["instead"] = _rules(part, place, first, second)
+        if meeting["first"]:
+            made.append(meeting)
     return made
 
 
