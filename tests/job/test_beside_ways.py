@@ -246,6 +246,19 @@ def test_a_combine_between_two_passes_keeps_off_a_cart_beside_another_one(beside
     assert bool(crossings_of(ways, combines, with_carts=True)) is beside
 
 
+@pytest.mark.parametrize(("beyond", "standing", "meet"), [
+    (80.0, True, True), (80.0, False, False), (100.0, True, False)
+])  # fmt: skip
+def test_a_combine_keeps_off_the_line_on_which_a_cart_leaves_another_one(beyond, standing, meet):
+    """30 m ahead of the end of a pass; in a pass of its own, too."""
+    up = Pass(((0.0, 0.0), (0.0, 60.0)), cart_beside=False, cart_standing=standing)
+    passes = up, Pass(((-60.0, beyond), (60.0, beyond)), combine=1, cart_beside=False)
+    combines = [_Combine(load_machine("combine-5m")) for _ in range(2)]
+    ways = ways_of(passes, combines, [4.0, 4.0], [2.0, 20.0])
+    assert not crossings_of(ways, combines)
+    assert bool(crossings_of(ways, combines, with_carts=True)) is meet
+
+
 @pytest.mark.parametrize("first", [0, 1])
 def test_crop_is_cut_before_where_a_cart_is_to_drive(first):
     """By the pass on the left, as far as the cart reaches and a little more, if that is begun before."""

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from swath.control.job.calls import Calls
-from swath.control.job.cart_ways import CartWays
-from swath.control.job.carts import OtherCart, free_of, is_taken, way_left
+from swath.control.job.cart_ways import LESS, CartWays, _close
+from swath.control.job.carts import AROUND, OtherCart, free_of, is_taken, way_left
 from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass
 from swath.control.job.right_of_way import outline_of
@@ -244,3 +244,11 @@ def test_where_the_header_comes_by_its_trailer_a_cart_waits_farther_out(present,
     combine = said(Phase.TURNS, task=present, x=90.0)
     way = ways.to_pass(Place(10.0, -25.0, 0.5 * math.pi), 1, combine)
     assert way.points[-2:, 0] == pytest.approx([x, x])
+
+
+def test_carts_that_stand_are_passed_nearer_where_there_is_no_other_way():
+    """Not the ways that they drive; and from near by only as far as the cart is from them."""
+    taken = [(20.0, 0.0, AROUND), (30.0, 0.0, 3.5), (4.0, 0.0, AROUND)]
+    start = Place(0.0, 0.0, 0.0)
+    assert [size for *_, size in _close(start, taken, 0.0)] == [AROUND, 3.5, pytest.approx(2.55)]
+    assert [size for *_, size in _close(start, taken, LESS)] == [AROUND - LESS, 3.5, AROUND - LESS]
