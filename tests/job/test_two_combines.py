@@ -237,8 +237,7 @@ def test_the_order_at_the_turns_neither_lets_them_touch_nor_stand_for_good(north
 @pytest.mark.parametrize(("seed", "over"), [(5, True), (19, False)])
 def test_the_order_of_combines_with_lands_of_their_own(seed, over, monkeypatch):
     """Layouts with three combines, likewise; nor does one drive where another one is to cut before, looked at
-    10 m less far ahead than it is planned. With long stops they wait less since who stands lets others go
-    first.
+    10 m less far ahead than it is planned.
     """
     passes, combines, team = members_of(layout_file(seed, 1))
     monkeypatch.setattr(uncut, "AHEAD", uncut.AHEAD - 10.0)

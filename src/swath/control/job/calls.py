@@ -55,8 +55,8 @@ class Calls(KeepsState):
         self._rest = [0.0 for _ in passes]  # of the work behind each pass [m]
         for own in self._own.values():
             for task, then in zip(own[-2::-1], own[:0:-1], strict=True):
-                turn = fsum(segment.length_m for segment in passes[task].turn)
-                self._rest[task] = self._rest[then] + way_along(passes[then].line_m) + turn
+                then_on = self._rest[then] + way_along(passes[then].line_m)
+                self._rest[task] = then_on + passes[task].turn_length
         self._since: dict[int, float] = {}
         self._put: dict[int, float] = {}  # when there was no way to a combine
 

@@ -140,7 +140,7 @@ class Crossings(KeepsState):
         self._begins, self._whole = [0.0 for _ in passes], [0.0 for _ in range(self._count)]
         for i, work in enumerate(passes):
             self._begins[i] = self._whole[work.combine]
-            turn = fsum(segment.length_m for segment in work.turn) or BEYOND
+            turn = work.turn_length or BEYOND
             self._whole[work.combine] += self._lengths[i] / (work.speed_kmh * KMH) + turn / speed
         self.reset()
 

@@ -42,6 +42,11 @@ class Pass:
     width_m: Annotated[float, Gt(0), Le(30)] = 1.0
 
     @property
+    def turn_length(self) -> float:
+        """Of the turn that is given [m]."""
+        return fsum(segment.length_m for segment in self.turn)
+
+    @property
     def has_cart(self) -> bool:
         """Whether a cart can come beside."""
         return self.cart_beside or self.cart_standing

@@ -57,5 +57,6 @@ def team_of(passes: Sequence[Pass], combines: Sequence[Combine]) -> Team | None:
                 Member(RUN_UP, {"number": i, "run_out_m": out, "crossings": waits}, out)
                 for i, out in enumerate(outs)
             ]
-            return Team(members, end, timing.least) if end < inf else None
+            if end < inf:
+                return Team(members, end, timing.least)
     return None
