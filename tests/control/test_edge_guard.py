@@ -1,5 +1,6 @@
 """How fast a speed law lets the machine drive by what it sees of the edge."""
 
+import random
 from dataclasses import replace
 from math import nan
 
@@ -49,6 +50,15 @@ def test_the_machine_stands_before_five_metres_are_driven_blind(edge):
     assert speed < 0.05
     assert 3.5 < driven < 5.0
     assert "no crop edge seen for 4." in guard.reason
+
+
+def test_noise_of_the_odometry_of_a_machine_at_rest_is_no_travel():
+    """Ten minutes before crop without an edge, while it waits."""
+    guard, draw = EdgeGuard(Guard()), random.Random(1)
+    for _ in range(6000):
+        guard.limit(0.0, LOST, Odometry(0, draw.gauss(0.0, 0.01), 0.0, 0.0), STEP)
+    assert guard.reason == ""
+    assert guard.blind == 0.0
 
 
 def test_an_edge_seen_again_lets_it_go_on():

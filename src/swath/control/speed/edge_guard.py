@@ -15,7 +15,7 @@ from swath.signals import CropEdge, Odometry
 
 BRAKE = 0.5  # m/s2, gentler than the drive can
 LAG = 0.25  # s from a wanted speed to the way driven
-STANDING = 0.05  # m/s
+STANDING = 0.05  # m/s, below that the odometry of a machine at rest is noise
 UNSURE = 0.6  # share of `sure` at which the speed is down to `slow_kmh`
 BEND_M = 1.0  # m of travel over which the bend of the edge is averaged
 
@@ -71,7 +71,7 @@ class EdgeGuard(KeepsState):
         if edge is None or p.when_lost == "ignore":
             return wanted
         speed = abs(odometry.speed) if odometry is not None and isfinite(odometry.speed) else wanted
-        travel = speed * dt / NS
+        travel = speed * dt / NS if speed >= STANDING else 0.0
         is_ahead = edge.is_found and not edge.seen_to < edge.reference_x
         self.blind = 0.0 if is_ahead else self.blind + travel
         bend = abs(edge.curvature) if edge.is_found and isfinite(edge.curvature) else 0.0
