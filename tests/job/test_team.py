@@ -53,6 +53,20 @@ def test_lands_are_those_to_which_ways_are_shortest_together_whoever_asks_first(
     )
 
 
+def test_passes_that_are_shared_out_before_are_cut_as_told():
+    """By whom, and in which order."""
+    file = job_file(2, 1, plan={"headland_rounds": 1, "land_passes": 4})
+    fleet = fleet_of(file)
+    plan = plan_of(file, fleet, None)
+    by = [int(i % 3 == 0) for i in range(len(plan.passes))]
+    job = Job(file, plan, fleet, Events(), by)
+    job.run()
+    assert sorted(job.passes.taken) == list(enumerate(by))
+    for n in range(2):
+        own = [i for i, number in job.passes.taken if number == n]
+        assert own == sorted(own)
+
+
 @pytest.mark.parametrize("order", list(permutations(range(3))))
 def test_sides_of_a_round_are_shared_out_whoever_asks_first(order):
     job = job_of(3, 1)

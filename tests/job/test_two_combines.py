@@ -252,11 +252,8 @@ def test_the_order_of_combines_with_lands_of_their_own(seed, over, monkeypatch):
 
 
 def test_combines_that_stop_wait_less_for_each_other(monkeypatch):
-    """Since who stands lets others go first; here where they may wait in their turns, too."""
-    passes, combines, team = members_of(layout_file(19, 1))
-    for rules in (rules for found in team[0].job["crossings"] for rules in found.values()):
-        for rule in rules:
-            rule.pop("wait_m", None)
+    """Since who stands lets others go first."""
+    passes, combines, team = members_of(layout_file(19, 2))
 
     def waits():
         draws = [np.random.default_rng(seed) for seed in range(3)]
@@ -265,9 +262,9 @@ def test_combines_that_stop_wait_less_for_each_other(monkeypatch):
         return [sum(row[i] for row in made) for i in (2, 3)]
 
     steps, given = waits()
-    assert given > 3
+    assert given > 0
     monkeypatch.setattr(crossings, "EARLIER", np.inf)
-    assert waits()[0] > 1.08 * steps
+    assert waits()[0] > 1.2 * steps
 
 
 def message(task, come, phase=Phase.CUTS):

@@ -21,10 +21,12 @@ def test_two_combines_that_would_wait_for_whole_passes_share_out_otherwise():
     """As at `events` they come against each other on neighbouring passes twice."""
     file = layout_file(14, 2)
     fleet = fleet_of(file)
-    plan = plan_of(file, fleet, None)
+    plan, combines = plan_of(file, fleet, None), fleet.combines
     work = work_plan(file, plan, fleet)
-    first = passes_of(lands.shared_out(file, plan, fleet), fleet.combines, file)
-    chosen, as_events = (lands.team_of(told_passes(rows), fleet.combines) for rows in (work.rows, first))
+    first = lands.shared_out(file, plan, fleet)
+    rows = [passes_of(made, combines, file) for made in (work.shared, first)]
+    stops = [lands.stops_of(file, made, fleet) for made in (work.shared, first)]
+    chosen, as_events = (lands.team_of(told_passes(r), combines, s) for r, s in zip(rows, stops, strict=True))
     assert as_events.end > 1.12 * as_events.least
     assert chosen.end < 1.07 * chosen.least
     assert chosen.end < 0.9 * as_events.end

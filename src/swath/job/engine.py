@@ -6,6 +6,7 @@ a pass is its ground times the yield over its length.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,16 +44,23 @@ ABREASTS = (4.0, 2.0, 6.0, 9.0, 13.0)  # radii, as `way_to_pass`: the first that
 
 class Job:
     """A field being worked off. time [s]; room: in the trucks that wait [kg]; ways: of combines between
-    passes, points (n, 2) [m] each.
+    passes, points (n, 2) [m] each. by: number of the combine that cuts each pass, if that is known before
     """
 
-    def __init__(self, file: FleetFile, plan: FieldPlan, fleet: Fleet, motion: Motion) -> None:
+    def __init__(
+        self,
+        file: FleetFile,
+        plan: FieldPlan,
+        fleet: Fleet,
+        motion: Motion,
+        by: Sequence[int] | None = None,
+    ) -> None:
         self.file, self.plan, self.fleet, self.motion = file, plan, fleet, motion
         self.grain_per_m2 = file.field.yield_t_ha / 10.0
         self.truck = Pose(file.truck.x_m, file.truck.y_m, 0.0)
         first = plan.passes[0].start
         self.combines = [CombineState(c, i, first, c.start) for i, c in enumerate(fleet.combines)]
-        self.passes = Passes(plan, self.combines, file.team.together)
+        self.passes = Passes(plan, self.combines, file.team.together, by)
         self.places = [place_at_truck(self.truck, plan.boundary, i) for i in range(len(fleet.carts))]
         self.carts = [CartState(c, p) for c, p in zip(fleet.carts, self.places, strict=True)]
         self.time, self.moves = 0.0, 0

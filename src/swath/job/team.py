@@ -20,10 +20,22 @@ class Passes:
     Own lands: the sides of the opening rounds, then each combine keeps to the land that it has begun, and
     takes another that nobody has; when there is none it helps in the longest one, from its end, where it is
     there before those who work it. taken: pass and number of the combine, in the order of taking
+
+    by: number of the combine that cuts each pass, in the order of the plan; none = as above
     """
 
-    def __init__(self, plan: FieldPlan, combines: Sequence[CombineState], together: str) -> None:
+    def __init__(
+        self,
+        plan: FieldPlan,
+        combines: Sequence[CombineState],
+        together: str,
+        by: Sequence[int] | None = None,
+    ) -> None:
         self.together, self._combines = together, combines
+        self._shared_out: dict[int, deque[int]] | None = None
+        if by is not None:
+            numbers = {c.number for c in combines}
+            self._shared_out = {k: deque(i for i, own in enumerate(by) if own == k) for k in numbers}
         self._all = list(plan.passes)
         self._headland = deque(i for i, p in enumerate(plan.passes) if p.kind == "headland")
         self._lands: dict[int, deque[int]] = {}
@@ -43,6 +55,8 @@ class Passes:
 
     def left(self) -> int:
         """Passes not yet handed out."""
+        if self._shared_out is not None:
+            return sum(len(own) for own in self._shared_out.values())
         if self.together == "echelon":
             return len(self._row)
         return len(self._headland) + sum(len(q) for q in self._lands.values())
@@ -67,6 +81,9 @@ class Passes:
         return index
 
     def _next(self, combine: CombineState) -> int | None:
+        if self._shared_out is not None:
+            own = self._shared_out[combine.number]
+            return own.popleft() if own else None
         if self.together == "echelon":
             return self._row.popleft() if self._row else None
         if self._headland:

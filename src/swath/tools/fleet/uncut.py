@@ -8,7 +8,7 @@ import numpy as np
 from swath.control.job.ground import Point, beside
 from swath.control.job.passes import Pass, place_at_end, way_along
 from swath.job.machines import Combine
-from swath.tools.fleet.order import Mask, Samples, Ways
+from swath.tools.fleet.order import WIDE, Mask, Samples, Ways
 
 BEHIND, AHEAD, EVERY = 10.0, 35.0, 5.0  # m of the line beside a combine, from its axle, that have to be cut
 EDGE = 0.1  # m within the strip of a pass
@@ -52,7 +52,8 @@ def _places(of: Samples, j: int, combine: Combine) -> list[Point]:
     found = [beside(x, y, heading, combine.sheet.knife_x, middle + left) for left in (-side, 0.0, side)]
     if of.beside[j]:
         along = np.arange(-BEHIND, AHEAD + EVERY, EVERY).tolist()
-        found += [beside(x, y, heading, ahead, combine.pipe) for ahead in along]
+        wheels = [combine.pipe + left for left in (-0.5 * WIDE, 0.0, 0.5 * WIDE)]
+        found += [beside(x, y, heading, ahead, left) for ahead in along for left in wheels]
     return found
 
 

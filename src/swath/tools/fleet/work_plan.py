@@ -3,8 +3,8 @@
 With lands of their own combines take the passes that they take at `events`. Which these are turns over by a
 few seconds, and whether two of them then come against each other on neighbouring passes, where one has to
 wait for the whole pass of the other one, is not asked there. So several ways of sharing out are made, from
-speeds that differ a little, and planned to the end; the one of which all are done first, if they stop now and
-then as they do for carts, is driven.
+speeds that differ a little, and planned to the end; the one of which all are done first, if they stop about
+where they stand for carts at `events`, is driven.
 """
 
 import random
@@ -67,8 +67,10 @@ def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
         if len(set(made.by)) < len(fleet.combines):
             continue
         rows = passes_of(made, fleet.combines, file)
-        team = None if rows in known else lands.team_of(told_passes(rows), fleet.combines)
+        if rows in known:
+            continue
         known.append(rows)
+        team = lands.team_of(told_passes(rows), fleet.combines, lands.stops_of(file, made, fleet))
         if team is None:
             continue
         over = _too_much(made, rows, fleet.combines, file.field.yield_t_ha)
