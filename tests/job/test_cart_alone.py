@@ -113,13 +113,14 @@ def test_behind_a_loop_a_cart_sets_out_as_far_as_that_is(at, phase, least, most)
     )
 
 
-def test_a_cart_stops_where_it_can_turn_about_before_a_combine_that_stands_in_its_turn():
+def test_a_cart_stops_where_it_can_turn_about_before_a_combine_that_stands():
     own, line = Place(0.0, 0.0, 0.0), GuidanceLine([(0.0, 0.0), (100.0, 0.0)])
     clearance = Clearance(NORTH)
     for speed, phase, free in (
         (0.0, Phase.TURNS, True),
         (1.0, Phase.TURNS, False),
-        (0.0, Phase.STANDS, False),
+        (0.0, Phase.STANDS, True),
+        (0.0, Phase.CUTS, False),
     ):
         said = combine(own, Place(50.0, 0.0, 2.0), phase, speed=speed)
         found = clearance.before_standing(own, line, 0.0, 100.0, said)

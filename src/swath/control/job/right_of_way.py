@@ -297,9 +297,10 @@ class Clearance:
         self, here: Place, line: GuidanceLine, at: float, until: float, said: PeerState
     ) -> float:
         """Way [m] from `at` along a line, as far as `until`, to where a cart still has room to turn about
-        before a combine that stands in its turn; inf where none is in its way.
+        before a combine that stands in its turn or for a cart; inf where none is in its way.
         """
-        if said.phase != Phase.TURNS or said.speed >= STILL or hypot(said.x, said.y) > ROOM + BEYOND:
+        stands = said.phase in (Phase.TURNS, Phase.STANDS) and said.speed < STILL
+        if not stands or hypot(said.x, said.y) > ROOM + BEYOND:
             return inf
         way = free_way(here, line, at, until, ROOM + BEYOND, outline_of(said), [place_of(here, said)])
         return max(way + SHORT - ROOM, 0.0)
