@@ -261,12 +261,12 @@ def read_tracks(path: Path) -> dict[str, np.ndarray]:
     """Columns of a tracks.parquet as arrays, `machine` as strings. InputError for another or newer file."""
     import pyarrow.parquet as pq
 
-    with readable("tracks", "a tracks.parquet", path), pq.ParquetFile(path) as file:
+    with readable("tracks", "a tracks.parquet", path), pq.ParquetFile(path, pre_buffer=False) as file:
         about = file.metadata
         if about.num_rows * about.num_columns > MOST_VALUES + VALUES_PER_BYTE * path.stat().st_size:
             size = f"{about.num_rows} x {about.num_columns}"
             raise InputError("tracks", size, "expected fewer values in a file of its size", file=path)
-        table = file.read()
+        table = file.read(use_threads=False)  # no threads of Arrow that a run would end with
         check_format((table.schema.metadata or {}).get(b"format", b"").decode(), TRACKS, path)
         return {name: table.column(name).to_numpy() for name in table.column_names}
 
