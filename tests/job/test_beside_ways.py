@@ -261,11 +261,16 @@ def test_a_combine_keeps_off_the_line_on_which_a_cart_leaves_another_one(beyond,
 
 
 @pytest.mark.parametrize("first", [0, 1])
-def test_crop_is_cut_before_where_a_cart_is_to_drive(first):
-    """By the pass on the left, as far as the cart reaches and a little more, if that is begun before."""
+@pytest.mark.parametrize("drives", [True, False])
+def test_crop_is_cut_before_where_a_cart_is_to_come(first, drives):
+    """By the pass on the left, as far as the cart reaches and a little more, if that is begun before.
+
+    drives: beside the combine; else only while that stands
+    """
     left, right = ((-4.3, 0.0), (-4.3, 100.0)), ((0.0, 0.0), (0.0, 100.0))
     lines = (left, right) if first == 0 else (right, left)
-    passes = tuple(Pass(line, combine=int(line is right)) for line in lines)
+    told = {"cart_beside": drives, "cart_standing": not drives}
+    passes = tuple(Pass(line, combine=int(line is right), **told) for line in lines)
     combines = [_Combine(load_machine("combine-5m")) for _ in range(2)]
     ways = ways_of(passes, combines, [4.0, 4.0], [20.0, 20.0])
     mask, its = uncut_before(ways, combines, 0, 1), ways.samples[1]

@@ -1,4 +1,4 @@
-"""Crop that another combine is to cut before: where a cart drives beside a pass, and where passes overlap."""
+"""Crop that another combine is to cut before: where a cart comes beside a pass, and where passes overlap."""
 
 from collections.abc import Sequence
 from math import cos, sin
@@ -28,7 +28,10 @@ def _uncut(ways: Ways, combines: Sequence[Combine], first: int, then: int) -> Ma
     passes, mine, its = ways.passes, ways.samples[first], ways.samples[then]
     uncut = np.zeros((len(mine.way), len(its.way)), dtype=bool)
     width, x, y, heading = combines[first].sheet.header_width, *its.place.T
-    places = {j: _places(its, j, combines[then]) for j in np.flatnonzero(~its.turns).tolist()}
+    places = {
+        j: _places(its, j, combines[then], has_cart=passes[its.task[j]].has_cart)
+        for j in np.flatnonzero(~its.turns).tolist()
+    }
     for i, work in enumerate(passes):
         if work.combine != first:
             continue
@@ -43,14 +46,14 @@ def _uncut(ways: Ways, combines: Sequence[Combine], first: int, then: int) -> Ma
     return uncut
 
 
-def _places(of: Samples, j: int, combine: Combine) -> list[Point]:
-    """Points before the header of a combine, and beside it where a cart drives, a little behind it and ahead
-    of it [m].
+def _places(of: Samples, j: int, combine: Combine, *, has_cart: bool) -> list[Point]:
+    """Points before the header of a combine, and beside it where a cart drives, or comes while it stands, a
+    little behind it and ahead of it [m].
     """
     x, y, heading = of.place[j].tolist()
     middle, side = combine.sheet.header_y, 0.5 * combine.sheet.header_width - OVERLAP
     found = [beside(x, y, heading, combine.sheet.knife_x, middle + left) for left in (-side, 0.0, side)]
-    if of.beside[j]:
+    if has_cart:
         along = np.arange(-BEHIND, AHEAD + EVERY, EVERY).tolist()
         wheels = [combine.pipe + left for left in (-0.5 * WIDE, 0.0, 0.5 * WIDE)]
         found += [beside(x, y, heading, ahead, left) for ahead in along for left in wheels]
