@@ -221,7 +221,7 @@ def test_waits_on_a_long_way_are_moved_to_the_end_of_the_pass():
     combines = [_Combine(load_machine("combine-5m")) for _ in range(2)]
     ways = ways_of((long, other, back), combines, [4.0, 4.0], [20.0, 20.0])
     assert crossings_of(ways, combines)  # the ways cross
-    timing = Timing(ways, [[(0.2, 60.0), (0.9, 30.0)], [(0.5, 90.0)]])
+    timing = Timing(ways)
     routes = {task: route for own in ways.routes for task, route in own.items()}
     length = ways.routes[0][0].length
     rule = {"task": 0, "way_m": length + 100.0, "other": 1, "other_m": 30.0}
@@ -293,21 +293,6 @@ def test_crop_is_cut_before_where_the_wheels_of_a_cart_are(apart, is_free):
     ways = ways_of(passes, combines, [4.0, 4.0], [20.0, 20.0])
     mask = uncut_before(ways, combines, 0, 1)
     assert not mask.any() if is_free else mask.any()
-
-
-def test_stops_for_carts_are_drawn_about_where_they_are_known():
-    """On the mean as long as known, all of a combine without any at once at its end."""
-    combines = [_Combine(load_machine("combine-5m")) for _ in range(2)]
-    passes = Pass(((0.0, 0.0), (0.0, 500.0))), Pass(((200.0, 0.0), (200.0, 500.0)), combine=1)
-    ways = ways_of(passes, combines, [4.0, 4.0], [20.0, 20.0])
-    whole = Timing(ways, [[], []]).end([])
-    assert whole == pytest.approx(Timing(ways, [[], []]).least, rel=0.01)
-    stops = [[(0.1 * i, 50.0) for i in range(1, 9)], []]
-    timing = Timing(ways, stops)
-    assert timing.end([]) == pytest.approx(whole + 400.0, rel=0.1)
-    assert timing.least == pytest.approx(whole + 200.0, rel=0.1)
-    wait = timing.wait({"task": 1, "way_m": 400.0, "other": 0, "other_m": 480.0})
-    assert timing.end([wait]) > timing.end([]) + 10.0
 
 
 def test_a_combine_that_is_to_wait_does_so_in_a_pass_before_a_turn():

@@ -236,20 +236,6 @@ def test_spans_join_and_leave_no_gap():
     assert line.time("cut") == 2.0
 
 
-def test_stops_of_a_combine_are_told_by_what_it_has_driven():
-    """Those behind its last pass until its tank is empty; that it is done then is none."""
-    from swath.job.timeline import Timeline
-
-    line = Timeline()
-    spans = ("cut", 100), ("wait", 20), ("unload", 30), ("turn", 10), ("cut", 40), ("unload", 5), ("wait", 70)
-    now = 0.0
-    for state, time in spans:
-        line.add(state, now, now + time)
-        now += time
-    assert line.stops() == [(100.0, 50.0), (150.0, 5.0)]
-    assert Timeline().stops() == []
-
-
 def test_in_the_last_pass_a_cart_is_called_at_once():
     """A tank that would not be full before the end is emptied on the go."""
     field = [(0.0, 0.0), (600.0, 0.0), (600.0, 36.0), (0.0, 36.0)]

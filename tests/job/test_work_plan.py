@@ -13,7 +13,7 @@ from swath.signals import UnloadState
 from swath.tools.fleet import lands
 from swath.tools.fleet.whole import Watch, _Seen
 from swath.tools.fleet.work_plan import ROOM, _too_much, passes_of, told_passes, work_plan
-from tests.job.jobs import job_file
+from tests.job.jobs import finished, job_file
 from tests.job.layouts import layout_file
 
 
@@ -27,8 +27,7 @@ def test_two_combines_that_would_wait_for_whole_passes_share_out_otherwise():
     work = work_plan(file, plan, fleet)
     first = lands.shared_out(file, plan, fleet)
     rows = [passes_of(made, combines, file) for made in (work.shared, first)]
-    stops = [lands.stops_of(file, made, fleet) for made in (work.shared, first)]
-    chosen, as_events = (lands.team_of(told_passes(r), combines, s) for r, s in zip(rows, stops, strict=True))
+    chosen, as_events = (lands.team_of(told_passes(r), combines) for r in rows)
     assert as_events is None
     assert chosen.end < 1.07 * chosen.least
     assert work.team == chosen.members
@@ -37,21 +36,27 @@ def test_two_combines_that_would_wait_for_whole_passes_share_out_otherwise():
 
 
 def test_the_way_of_sharing_out_that_is_over_first_is_driven(monkeypatch):
-    """Of those that have an order, with the stops for carts of each."""
-    file, asked, ends = layout_file(4, 2), [], [None, 950.0, 900.0, None, 920.0]
+    """Of those that have an order: by events, with what combines wait for each other."""
+    file, asked, hours = layout_file(4, 2), [], []
+    fleet, hours_of = fleet_of(file), lands.hours_of
 
-    def team_of(passes, combines, stops):
-        assert len(stops) == len(combines)
-        assert all(0.0 <= share <= 1.0 + 1e-9 and time > 0.0 for own in stops for share, time in own)
+    def team_of(passes, combines):
         asked.append(passes)
-        end = ends[len(asked) - 1] if len(asked) <= len(ends) else 1000.0
-        return end and lands.Team([], end, 500.0)
+        n = len(asked)
+        return None if n == 2 else lands.Team([], 2000.0, 500.0 if n == 1 else 10.0 * (n % 4), 1000.0)
+
+    def noted(*of):
+        hours.append(
+            (hours_of(*of) + (500.0 if len(asked) == 1 else 10.0 * (len(asked) % 4)), len(asked) - 1)
+        )
+        return hours_of(*of)
 
     monkeypatch.setattr(lands, "team_of", team_of)
-    fleet = fleet_of(file)
+    monkeypatch.setattr(lands, "hours_of", noted)
     work = work_plan(file, plan_of(file, fleet, None), fleet)
-    assert len(asked) > 3
-    assert told_passes(work.rows) == asked[2]
+    assert len(hours) > 3
+    assert told_passes(work.rows) == asked[min(hours)[1]]
+    assert abs(hours[0][0] - 500.0 - finished(file).time) < 1.0  # the first is that of `events`
 
 
 @pytest.mark.parametrize("first", [True, False])

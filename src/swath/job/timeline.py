@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 
 STATES = ("cut", "turn", "unload", "wait", "transport", "load")
 """load: a cart beside a combine that pours; unload: a combine standing to pour, or a cart at the truck."""
-STANDS = ("unload", "wait")  # of a combine that does not drive
 
 
 @dataclass(frozen=True)
@@ -37,20 +36,6 @@ class Timeline:
     def time(self, state: str) -> float:
         """Time in a state [s]."""
         return math.fsum(s.end - s.start for s in self.spans if s.state == state)
-
-    def stops(self) -> list[tuple[float, float]]:
-        """Of a combine until it has poured its last grain: after so much driving, for how long [s]."""
-        found, driven, stood = [], 0.0, 0.0
-        last = max((s.end for s in self.spans if s.state != "wait"), default=0.0)
-        for span in (s for s in self.spans if s.end <= last):
-            time = span.end - span.start
-            if span.state in STANDS:
-                stood += time
-                continue
-            if stood > 0.0:
-                found.append((driven, stood))
-            driven, stood = driven + time, 0.0
-        return [*found, (driven, stood)] if stood > 0.0 else found
 
     @property
     def end(self) -> float:

@@ -1,10 +1,10 @@
 """Combines with lands of their own: which passes each cuts, as they come to it when machines go by events."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import permutations
+from math import inf
 from typing import NamedTuple
 
 from swath.control.job.passes import RUN_OUT, Pass
@@ -13,12 +13,11 @@ from swath.job.events import Events
 from swath.job.fleet import FleetFile
 from swath.job.machines import Combine, Fleet
 from swath.job.plan import FieldPlan
-from swath.job.timeline import STANDS
 from swath.tools.fleet.combine_turns import Shared, shared
 from swath.tools.fleet.far_ways import far_ways
 from swath.tools.fleet.order import RUN_UP, Member, crossings_of, ways_of
 from swath.tools.fleet.uncut import uncut_before
-from swath.tools.fleet.waits import Stops, Timing, at_pass_ends
+from swath.tools.fleet.waits import Timing, at_pass_ends
 
 
 def shared_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Shared:
@@ -33,44 +32,39 @@ def shared_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Shared:
 
 
 class Team(NamedTuple):
-    """members: start and settings of each combine; end: when all are done, with stops for carts; least: if
-    none waited for another one and all had ways of equal length [s]
+    """members: start and settings of each combine; end: when all are done, with stops now and then; waits:
+    for each other, of that; least: if none waited for another one and all had ways of equal length [s]
     """
 
     members: list[Member]
     end: float
+    waits: float
     least: float
 
 
-def stops_of(file: FleetFile, of: Shared, fleet: Fleet) -> Stops:
-    """For how long each combine stands for carts, and after which share of its way, when machines go by
-    events and each combine cuts its own passes.
-    """
+def hours_of(file: FleetFile, of: Shared, fleet: Fleet) -> float:
+    """When the field is empty by events, if each cuts its own passes and waits for no other one [s]."""
     job = Job(file, of.plan, fleet, Events(), of.by)
     job.run()
-    found = []
-    for combine in job.combines:
-        driven = math.fsum(s.end - s.start for s in combine.timeline.spans if s.state not in STANDS)
-        found.append([(after / driven, time) for after, time in combine.timeline.stops()])
-    return found
+    return job.time
 
 
-def team_of(passes: Sequence[Pass], combines: Sequence[Combine], stops: Stops) -> Team | None:
-    """Who waits for whom, and how far each drives on behind its last pass, by the stops of each for carts.
-    None: they cannot keep clear of each other.
+def team_of(passes: Sequence[Pass], combines: Sequence[Combine]) -> Team | None:
+    """Who waits for whom, and how far each drives on behind its last pass. None: they cannot keep clear of
+    each other.
     """
     count = len(combines)
     for outs in permutations([RUN_OUT * (i + 1) for i in range(count)]):
         ways = ways_of(passes, combines, [RUN_UP] * count, outs)
         found = crossings_of(ways, combines, with_carts=True, uncut=partial(uncut_before, ways, combines))
         if found is not None:
-            timing = Timing(ways, stops)
+            timing = Timing(ways)
             routes = {task: route for own in ways.routes for task, route in own.items()}
             waits, end = at_pass_ends(found, routes, timing)
             members = [
                 Member(RUN_UP, {"number": i, "run_out_m": out, "crossings": waits}, out)
                 for i, out in enumerate(outs)
             ]
-            if end < math.inf:
-                return Team(members, end, timing.least)
+            if end < inf:
+                return Team(members, end, end - timing.end([]), timing.least)
     return None

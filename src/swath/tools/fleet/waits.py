@@ -11,28 +11,24 @@ from swath.tools.fleet.order import SHORT_OF, Meeting, Rule, Ways
 LATER = 0.02  # of their time, that all may take longer for it
 SHORT = 0.5  # m before the end of the pass
 DRAWS = 8  # of stops
-SHIFTED, LONGER = 100.0, 2.0  # s, by which a stop comes sooner or later, at most; and how often as long it is
-Stops = Sequence[Sequence[tuple[float, float]]]
+OFTEN, LONGEST = 500.0, 200.0  # s between two stops of a combine, in the mean, and of a stop, at most
 
 
 class Timing:
-    """When all are at their ends, if each stops now and then for a cart: the mean of some draws.
+    """When all are at their ends, if each stops now and then, as for a cart: the mean of some draws.
 
-    stops: of each, after which share of its way, and for how long [s], as far as that is known: a draw has
-    each of them sooner or later, and shorter or longer
-    least: when they are, if nobody waited for another one, and all took equally long [s]
+    least: if nobody waited for another one, and their ways were equally long [s]
     """
 
-    def __init__(self, ways: Ways, stops: Stops) -> None:
+    def __init__(self, ways: Ways) -> None:
         self._step = ways.step
         self._at = [list(zip(w.task.tolist(), w.way.tolist(), strict=True)) for w in ways.samples]
         self._of = {task: n for n, routes in enumerate(ways.routes) for task in routes}
         self._whole = [len(own) * ways.step for own in self._at]
         draw = random.Random(1)
-        known = list(zip(stops, self._whole, strict=True))
-        self._stops = [[_drawn(draw, own, whole) for own, whole in known] for _ in range(DRAWS)]
-        stood = [stop.until for drawn in self._stops for own in drawn for stop in own]
-        self.least = (sum(self._whole) + sum(stood) / DRAWS) / len(self._whole)
+        self._stops = [[_stops(draw, whole) for whole in self._whole] for _ in range(DRAWS)]
+        stood = [max(sum(stop.until for stop in own) for own in stops) for stops in self._stops]
+        self.least = sum(self._whole) / len(self._whole) + sum(stood) / DRAWS
 
     def wait(self, rule: Rule) -> tuple[int, Wait]:
         """Of a rule: who waits, and how."""
@@ -53,12 +49,12 @@ class Timing:
         return sum(found) / DRAWS
 
 
-def _drawn(draw: random.Random, stops: Sequence[tuple[float, float]], whole: float) -> list[Wait]:
-    """Stops of a combine on a way of so many seconds."""
-    found = []
-    for share, time in stops:
-        at = min(max(share * whole + draw.uniform(-SHIFTED, SHIFTED), 0.0), whole)
-        found.append(Wait(at, NONE, time * draw.uniform(0.0, LONGER)))
+def _stops(draw: random.Random, whole: float) -> list[Wait]:
+    """Of a combine on a way of so many seconds."""
+    found, at = [], draw.expovariate(1.0 / OFTEN)
+    while at < whole:
+        found.append(Wait(at, NONE, draw.uniform(0.0, LONGEST)))
+        at += draw.expovariate(1.0 / OFTEN)
     return found
 
 

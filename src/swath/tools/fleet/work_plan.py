@@ -3,8 +3,8 @@
 With lands of their own combines take the passes that they take at `events`. Which these are turns over by a
 few seconds, and whether two of them then come against each other on neighbouring passes, where one has to
 wait for the whole pass of the other one, is not asked there. So several ways of sharing out are made, from
-speeds that differ a little, and planned to the end; the one of which all are done first, if they stop about
-where they stand for carts at `events`, is driven.
+speeds that differ a little, and planned to the end. Driven is the one that is over first by events, with what
+combines wait for each other if they stop now and then, as they do for carts.
 """
 
 import random
@@ -70,11 +70,12 @@ def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
         if rows in known:
             continue
         known.append(rows)
-        team = lands.team_of(told_passes(rows), fleet.combines, lands.stops_of(file, made, fleet))
+        team = lands.team_of(told_passes(rows), fleet.combines)
         if team is None:
             continue
         over = _too_much(made, rows, fleet.combines, file.field.yield_t_ha)
-        found.setdefault((over, team.end), WorkPlan(made, rows, team.members))
+        hours = lands.hours_of(file, made, fleet) + team.waits
+        found.setdefault((over, hours), WorkPlan(made, rows, team.members))
         if over <= 0.0 and team.end <= GOOD * team.least:
             break
     if not known:
