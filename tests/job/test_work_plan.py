@@ -18,8 +18,8 @@ from tests.job.layouts import layout_file
 
 
 def test_two_combines_that_would_wait_for_whole_passes_share_out_otherwise():
-    """As at `events` they come against each other on neighbouring passes twice; and at the end each would
-    have to be first, so that the other one has its crop cut where a cart comes to it.
+    """As at `events` they come against each other on neighbouring passes twice, and there is no order in
+    which crop is always cut before where a cart comes beside them.
     """
     file = layout_file(14, 2)
     fleet = fleet_of(file)
@@ -37,26 +37,25 @@ def test_two_combines_that_would_wait_for_whole_passes_share_out_otherwise():
 
 def test_the_way_of_sharing_out_that_is_over_first_is_driven(monkeypatch):
     """Of those that have an order: by events, with what combines wait for each other."""
-    file, asked, hours = layout_file(4, 2), [], []
+    file, asked, hours = layout_file(4, 2), [], {}
     fleet, hours_of = fleet_of(file), lands.hours_of
+    waits = [500.0, None, *(10.0 * (n % 4) for n in range(20))]  # the second one has no order
 
     def team_of(passes, combines):
         asked.append(passes)
-        n = len(asked)
-        return None if n == 2 else lands.Team([], 2000.0, 500.0 if n == 1 else 10.0 * (n % 4), 1000.0)
+        waited = waits[len(asked) - 1]
+        return None if waited is None else lands.Team([], 2000.0, waited, 1000.0)
 
     def noted(*of):
-        hours.append(
-            (hours_of(*of) + (500.0 if len(asked) == 1 else 10.0 * (len(asked) % 4)), len(asked) - 1)
-        )
-        return hours_of(*of)
+        hours[len(asked) - 1] = hours_of(*of)
+        return hours[len(asked) - 1]
 
     monkeypatch.setattr(lands, "team_of", team_of)
     monkeypatch.setattr(lands, "hours_of", noted)
     work = work_plan(file, plan_of(file, fleet, None), fleet)
     assert len(hours) > 3
-    assert told_passes(work.rows) == asked[min(hours)[1]]
-    assert abs(hours[0][0] - 500.0 - finished(file).time) < 1.0  # the first is that of `events`
+    assert told_passes(work.rows) == asked[min(hours, key=lambda n: hours[n] + waits[n])]
+    assert hours[0] == pytest.approx(finished(file).time, abs=1.0)  # the first is that of `events`
 
 
 @pytest.mark.parametrize("first", [True, False])

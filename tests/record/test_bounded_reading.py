@@ -2,16 +2,22 @@
 
 import bz2
 import struct
+import subprocess
+import sys
 import tracemalloc
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError
 from swath.record.container import Container
+from swath.record.formats import TRACKS
 from swath.record.read.feed import WAITING, Demux
 from swath.record.read.files import open_log
 from swath.record.read.mcap_log import BROKEN
@@ -236,3 +242,20 @@ def test_a_reader_far_behind_goes_through_the_recording_by_itself():
     assert next(rare, None) is None
     assert passes == [("/often", "/rare"), ("/often",)]
     demux.close()
+
+
+def test_reading_tracks_leaves_no_threads(tmp_path):
+    """A run ends soon after that."""
+    if not Path("/proc/self/task").is_dir():
+        pytest.skip("counts threads as Linux tells them")
+    pq.write_table(pa.table({"t_s": [0.0]}, metadata={"format": TRACKS}), tmp_path / "tracks.parquet")
+    code = (
+        "import os, pathlib, sys, pyarrow.parquet\n"
+        "from swath.record.tracks import read_tracks\n"
+        "count = lambda: len(os.listdir('/proc/self/task'))\n"
+        "before = count()\n"
+        "assert read_tracks(pathlib.Path(sys.argv[1])).keys() == {'t_s'}\n"
+        "print(count() - before)\n"
+    )
+    made = [sys.executable, "-c", code, str(tmp_path / "tracks.parquet")]
+    assert subprocess.run(made, capture_output=True, text=True, check=True).stdout.strip() == "0"

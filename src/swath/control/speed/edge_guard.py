@@ -15,7 +15,7 @@ from swath.signals import CropEdge, Odometry
 
 BRAKE = 0.5  # m/s2, gentler than the drive can
 LAG = 0.25  # s from a wanted speed to the way driven
-STANDING = 0.05  # m/s, below that the odometry of a machine at rest is noise
+STANDING = 0.05  # m/s, below that it is noise of the odometry at rest (0.02 m/s with level `error`)
 UNSURE = 0.6  # share of `sure` at which the speed is down to `slow_kmh`
 BEND_M = 1.0  # m of travel over which the bend of the edge is averaged
 
