@@ -143,6 +143,21 @@ def test_beside_the_boundary_a_cart_is_poured_into_standing_only():
     assert bench.part.end_reason(0) == ""
 
 
+@pytest.mark.parametrize("most", [0.5, 0.98])
+def test_what_is_left_behind_the_last_pass_goes_into_a_cart(most):
+    """Where a cart comes only while it stands, too: also if it has stood there full before."""
+    bench = Bench((Pass(((0.0, 0.0), (0.0, 100.0)), cart_beside=False, cart_standing=True),))
+    bench.step(40.0, most)
+    assert bench.step(41.0, 0.1).phase == Phase.CUTS
+    for north in np.arange(42.0, 100.6, 0.5):
+        job = bench.step(north, 0.2)
+    assert (job.phase, job.calls, job.may_unload) == (Phase.STANDS, True, True)
+    for _ in range(20):
+        job = bench.step(100.4, 0.0)
+    assert not job.calls
+    assert job.phase != Phase.STANDS
+
+
 def test_on_the_straights_of_a_long_way_it_drives_as_in_transport():
     far = Pass(((0.0, 0.0), (0.0, 100.0)), turn=(Segment(20.0), Segment(11.0, np.pi / 11.0), Segment(250.0)))
     near = replace(far, turn=(Segment(20.0), Segment(11.0, np.pi / 11.0), Segment(10.0)))

@@ -244,6 +244,18 @@ class Pages:
         return np.where(known, self.table[row.clip(0, ny - 1), column.clip(0, nx - 1)], -1).astype(np.int64)
 
 
+def different_pages(i: NDArray[np.int64], j: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """The different pairs of two arrays (n,) of indices, sorted. Neighbours in it are mostly equal: of those
+    one is sorted.
+    """
+    if not i.size:
+        return []
+    low, count = int(j.min()), int(j.max() - j.min()) + 1
+    code = i * count + (j - low)
+    first = np.concatenate([[True], code[1:] != code[:-1]])
+    return [(int(c // count), int(c % count) + low) for c in np.unique(code[first])]
+
+
 @dataclass(frozen=True, eq=False)
 class SolidMesh:
     """The surface of a thing, in a frame of its own whose origin is the middle of its box.

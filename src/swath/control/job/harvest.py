@@ -217,7 +217,8 @@ class Harvest(KeepsState):
         self._unloads = has_cart and self._is_too_full(load, left)
         wants = level >= p.call_percent * PERCENT or ((self._calls or to_last) and level > EMPTY)
         wants |= self._unloads or self._tank.wants_cart(load, self._index, left)
-        if work.cart_standing and not any(w.cart_beside for w in self._passes[self._index + 1 :][:FORESIGHT]):
+        then = self._passes[self._index + 1 :][:FORESIGHT]
+        if work.cart_standing and then and not any(w.cart_beside for w in then):
             wants &= self._stands or self._tank.is_full_before_cart(load, self._index, left)
         self._calls = has_cart and wants
         leaves = self._phase == Phase.TURNS or (not self._calls and self._dry_for > RUNS_OUT)
