@@ -6,7 +6,8 @@ SWATH_DATA=... python benchmarks/harvest.py [--driven [FIRST LAST] | --sensors L
 both rank the numbers of carts alike, seconds for which bodies of driven machines are over each other, and
 standoffs that were not solved.
 --sensors: layouts with a number of carts at the level with sensors, the edge known and machines kinematic:
-hours against events, seconds of computing, contacts, the crop that is left. Some minutes each.
+hours against events, seconds of computing, contacts, the crop that is left, the grain that is not at the
+truck. Some minutes each.
 """
 
 import math
@@ -28,6 +29,7 @@ from swath.job.fleet import FleetFile, read_fleet
 from swath.job.recorded import predict, read_day
 from swath.job.turns import limits_of
 from swath.job.work import work_off
+from swath.signals import HeapState, MachineLoad
 from swath.tools.fleet.whole import share_uncut
 
 
@@ -130,7 +132,8 @@ def driven(first: int = 0, last: int = -1) -> None:
 
 def with_sensors(jobs: list[str]) -> None:
     """Events against machines with radio, receivers, grain streams and heaps that know the crop edge."""
-    print(f"{'layout:carts':14s}  events  sensors     %  computing  contacts  least clearance   left   end")
+    heads = "computing  contacts  least clearance   left  not brought   end"
+    print(f"{'layout:carts':14s}  events  sensors     %  {heads}")
     for job in jobs:
         file = layout_file(*map(int, job.split(":")))
         cheap, began = finished(file).time, time.process_time()
@@ -139,10 +142,13 @@ def with_sensors(jobs: list[str]) -> None:
         found = [run.evaluation.metrics(name) for name in run.world.machines]
         contacts = max(m["contact_count"] for m in found)
         least = min(m["least_clearance_m"] for m in found)
+        kept = sum(run.of(c, MachineLoad).tank_grain for c in file.combines)
+        kept += sum(run.of(c, HeapState).grain for c in file.carts)
         seconds = run.world.graph.t / NS
         print(
             f"{job:14s} {cheap:7.0f} {seconds:8.0f} {100 * (seconds / cheap - 1):+5.1f} {took:8.0f} s"
-            f" {contacts:9.0f} {least:14.2f} m {100 * left:6.3f} %  {run.world.graph.ended}", flush=True,
+            f" {contacts:9.0f} {least:14.2f} m {100 * left:6.3f} % {kept:9.0f} kg  {run.world.graph.ended}",
+            flush=True,
         )  # fmt: skip
 
 

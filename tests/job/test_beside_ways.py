@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from swath.control.job import harvest
 from swath.control.job.calls import Calls
 from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
@@ -117,8 +118,9 @@ def test_before_passes_without_a_cart_it_unloads_standing():
             assert phases[-1] == Phase.TURNS
 
 
-def test_a_cart_is_called_so_that_it_comes_to_the_last_pass_in_which_it_can_pour():
+def test_a_cart_is_called_so_that_it_comes_to_the_last_pass_in_which_it_can_pour(monkeypatch):
     """What is left of this pass, the next one beside which a cart can be, and those after it without one."""
+    monkeypatch.setattr(harvest, "CALLS_AHEAD", 0.0)
     first, then = (replace(work, cart_beside=False) for work in NORTH)
     for passes, brings, calls in (
         ((first, NORTH[1], NORTH[0]), 0.4, False),  # 0.24 + 0.16 + 0.4 at the end of the second
@@ -131,6 +133,30 @@ def test_a_cart_is_called_so_that_it_comes_to_the_last_pass_in_which_it_can_pour
         for north in np.arange(1.0, 60.2, 0.5):
             job = bench.step(north, brings * north / 100.0)
         assert bool(job.calls) is calls
+
+
+@pytest.mark.parametrize(("passes", "brings", "stands_in"), [
+    ((*NORTH, *NORTH), 0.8, 41.8),  # full: 40 m, a turn of 20 m, 21 % of the next pass
+    ((NORTH[0], replace(NORTH[1], cart_beside=False), *NORTH), 0.6, 20.6),  # at its end, before one without
+    ((*NORTH, *NORTH, *NORTH), 0.2, 239.2),  # full in the fifth pass
+])  # fmt: skip
+def test_a_cart_is_called_before_the_combine_stands_for_it(passes, brings, stands_in):
+    bench = Bench(passes, call_percent=95.0)
+    for north in np.arange(1.0, 60.2, 0.5):
+        job = bench.step(north, brings * north / 100.0)
+    assert job.stands_in == pytest.approx(stands_in, abs=4.0)
+    assert bool(job.calls) is (stands_in < harvest.CALLS_AHEAD)
+
+
+def test_a_combine_whose_cart_has_left_does_not_call_before_its_tank_fills_up():
+    bench = Bench((*NORTH, *NORTH, *NORTH), call_percent=60.0)
+    beside = {"phase": Phase.BESIDE, "task": 0}
+    for north in np.arange(1.0, 60.2, 0.5):
+        job = bench.step(north, 0.002 * north)
+    assert not job.calls
+    assert bench.step(60.5, 0.61).calls
+    assert bench.step(61.0, 0.1, told=beside).calls  # until its tank is empty
+    assert not bench.step(61.5, 0.1, told={**beside, "task": -1}).calls
 
 
 def test_beside_the_boundary_a_cart_is_poured_into_standing_only():
@@ -184,9 +210,30 @@ def test_who_stands_for_it_is_served_first():
     calls = Calls(CORNER, 15.0)
     said = combine(Place(0.0, 0.0, 0.0), Place(60.0, 0.0, 0.0), Phase.CUTS, remaining=50.0, calls=True)
     both = {0: said, 1: replace(said, task=2)}
-    assert calls.longest(10.0, both, [])[0] == 0
+    assert calls.neediest(10.0, both, [])[0] == 0
     both[1] = replace(both[1], phase=int(Phase.STANDS), may_unload=True)
-    assert calls.longest(12.0, both, []) == (1, 2.0)
+    assert calls.neediest(12.0, both, []) == (1, 2.0)
+
+
+@pytest.mark.parametrize(("stand_in", "more", "first"), [
+    ((200.0, 100.0), 0.0, 1),  # the second would stand for 100 s, if it was not first
+    ((100.0, 200.0), 0.0, 0),
+    ((100.0, 200.0), 400.0, 0),  # the second can wait, though it has more to do
+    ((140.0, 200.0), 400.0, 0),
+    ((30.0, 30.0), 400.0, 1),  # both would stand: who has 200 s more to do does not
+    ((np.nan, 200.0), 0.0, 1),  # the first one's tank does not fill up
+])  # fmt: skip
+def test_who_is_served_first(stand_in, more, first):
+    """By when all are done, from when each would stand and what it has still to do."""
+    there = Pass(((50.0, 0.0), (50.0, 100.0)), combine=1), Pass(((60.0, 0.0), (60.0, more)), combine=1)
+    here = Pass(((0.0, 0.0), (0.0, 100.0))), Pass(((10.0, 0.0), (10.0, 0.01)))
+    calls = Calls([here[0], there[0], here[1], there[1]], 15.0)
+    own = Place(0.0, 0.0, 0.0)
+    both = {
+        k: combine(own, Place(90.0, 0.0, 0.0), Phase.CUTS, task=k, remaining=90.0, calls=True, stands_in=s)
+        for k, s in enumerate(stand_in)
+    }
+    assert calls.neediest(10.0, both, [])[0] == first
 
 
 @pytest.mark.parametrize(("passes", "x", "y", "comes"), [
@@ -294,6 +341,20 @@ def test_crop_is_cut_before_where_a_cart_is_to_come(first, drives):
     axle = its.way[j] - combines[1].sheet.knife_x
     assert cut == pytest.approx(axle + 35.0 if first == 0 else -4.0, abs=2.1)  # m from sample to sample
     assert not mask[:, its.turns].any()
+
+
+@pytest.mark.parametrize("standing", [True, False])
+def test_beside_the_end_of_a_last_pass_crop_is_cut_whenever_that_is_begun(standing):
+    """Of another combine: there it stands until a cart has come."""
+    last = Pass(((0.0, 0.0), (0.0, 100.0)), combine=1, cart_beside=False, cart_standing=standing)
+    passes = last, Pass(((-4.3, 0.0), (-4.3, 100.0)))
+    combines = [_Combine(load_machine("combine-5m")) for _ in range(2)]
+    ways = ways_of(passes, combines, [4.0, 4.0], [20.0, 20.0])
+    mask, its = uncut_before(ways, combines, 0, 1), ways.samples[1]
+    before, end = (int(np.searchsorted(its.way, way)) for way in (50.0, 93.0))
+    assert not mask[:, before].any()
+    assert bool(mask[:, end].any()) is standing
+    assert not standing or ways.samples[0].way[~mask[:, end]].min() > 90.0
 
 
 @pytest.mark.parametrize(("apart", "is_free"), [(0.9, False), (1.7, True)])

@@ -293,24 +293,12 @@ def test_how_far_the_one_behind_may_go():
 def test_a_call_without_a_way_is_put_back():
     calls = Calls(BESIDE, 15.0)
     combines = {k: replace(message(k, 10.0), remaining=50.0) for k in (0, 1)}
-    assert calls.longest(10.0, combines, [])[0] == 0
+    assert calls.neediest(10.0, combines, [])[0] == 0
     calls.put_back(0, 12.0)
-    assert calls.longest(12.0, combines, []) == (1, 2.0)
-    assert calls.longest(41.0, combines, [])[0] == 1
-    assert calls.longest(43.0, combines, []) == (0, 31.0)  # it has another pass to come
-
-
-def test_who_has_more_work_left_is_served_first():
-    """As if it had called for as much longer, but not before one that stands."""
-    calls = Calls(BESIDE, 15.0)
-    combines = {k: replace(message(k, 10.0), remaining=50.0) for k in (0, 1)}
-    calls.longest(0.0, {**combines, 0: replace(combines[0], calls=False)}, [])
-    assert calls.longest(30.0, combines, []) == (0, 0.0)  # 80 m and a turn more, 40 s
-    calls.reset()
-    calls.longest(0.0, {**combines, 0: replace(combines[0], calls=False)}, [])
-    assert calls.longest(50.0, combines, []) == (1, 50.0)
-    stands = replace(combines[1], phase=Phase.STANDS, may_unload=True)
-    assert calls.longest(50.0, {**combines, 1: stands}, []) == (1, 50.0)
+    assert calls.neediest(12.0, combines, []) == (1, 2.0)
+    assert calls.neediest(41.0, combines, [])[0] == 1
+    calls.put_back(1, 43.0)
+    assert calls.neediest(43.0, combines, []) == (0, 31.0)
 
 
 @pytest.mark.parametrize(("file", "said"), [

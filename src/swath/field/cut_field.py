@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.field.cut_result import TILE_CELLS, Corner, Cut, StemIndex
+from swath.field.cut_result import TILE_CELLS, Corner, Cut, StemIndex, cells_inside
+from swath.field.memory_layout import PAGE_CUT_CELLS
 from swath.field.pages import PageStore
 from swath.kernels import filled, member_array, repeatable, start_warp
 
@@ -53,11 +54,20 @@ class Cutter:
         return self._cut_rows(len(corners), *self._take(corners), code)
 
     def standing_cells(self, corners: list[Corner]) -> int | None:
-        """Number of cells of a convex polygon, as of `cut`, on which crop stands; None where not all pages
-        are in memory, or for too many corners.
+        """Number of cells of a convex polygon, as of `cut`, on which crop stands; None for too many corners,
+        or more pages than there can be in memory.
         """
         if len(corners) > CORNERS_MAX:
             return None
+        count = self._counted(corners)
+        if count is None:
+            u, v = cells_inside(np.array(corners))
+            self.store.need_at(u // PAGE_CUT_CELLS, v // PAGE_CUT_CELLS)
+            count = self._counted(corners)
+        return count
+
+    def _counted(self, corners: list[Corner]) -> int | None:
+        """As `standing_cells`; None where not all pages are in memory."""
         pack_into("3i", self._ask_bytes, 0, len(corners), *self._take(corners))
         self._refresh()
         self._count.launch()

@@ -20,7 +20,7 @@ from swath.field.footprint import Block, Footprint
 from swath.field.grain import GrainPiles
 from swath.field.height_bounds import update_tops
 from swath.field.initial_edges import Edges, check_edges, named_edges
-from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary, different_pages
+from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.pages import KeptPages, PageStore
 from swath.field.recount import recount_pages
 from swath.field.stored_changes import Change, Key
@@ -168,12 +168,8 @@ class Field:
 
     def standing_area(self, polygon: Any) -> float:
         """Area of standing crop within a convex polygon (n, 2) [m2]."""
-        corners = self._corners(polygon)
-        if (count := self._cutter.standing_cells(corners)) is None:
-            u, v = cells_inside(np.array(corners))
-            self._slots(u // PAGE_CUT_CELLS, v // PAGE_CUT_CELLS)
-            if (count := self._cutter.standing_cells(corners)) is None:
-                count = int(np.count_nonzero(self._stands(u, v)))
+        if (count := self._cutter.standing_cells(corners := self._corners(polygon))) is None:
+            count = int(np.count_nonzero(self._stands(*cells_inside(np.array(corners)))))
         return count * self.maker.cell**2
 
     def _corners(self, polygon: Any) -> list[Corner]:
@@ -303,7 +299,7 @@ class Field:
         slot = self.pages.slots_at(i, j)
         if (slot >= 0).all():
             return slot
-        self.store.need(different_pages(i.ravel(), j.ravel()))
+        self.store.need_at(i.ravel(), j.ravel())
         return self.pages.slots_at(i, j)
 
     def _nodes(self, first_i: float, last_i: float, first_j: float, last_j: float) -> Block:

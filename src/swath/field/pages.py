@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, PAGE_TILES, Pages
+from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, PAGE_TILES, Pages, different_pages
 from swath.field.stored_changes import Change, Key, StoredChanges
 
 Codes = int | NDArray[np.uint8]
@@ -101,6 +101,10 @@ class PageStore:
         self.finish(self, missing)
         self.pages.revision += 1
         self._around = keys
+
+    def need_at(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> None:
+        """Bring the pages of some indices (n,) into memory."""
+        self.need(different_pages(i, j))
 
     def prepare(self) -> bool:
         """Make room, or one neighbour of the pages needed last, in advance; False where there is all of it.

@@ -122,6 +122,9 @@ class PeerState(Signal, about=About()):
     to_come: Annotated[
         float, Quantity("kg", "in its tank and, forecast, on its last two passes", nan="not told")
     ] = _NAN
+    stands_in: Annotated[
+        float, Quantity("s", "forecast, until it stands for a cart if none comes before", nan="not told")
+    ] = _NAN
     lets_first: Annotated[
         int, Quantity("", "crossing at which it lets another combine go first; -1 = none")
     ] = -1

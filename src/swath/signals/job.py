@@ -46,6 +46,9 @@ class JobState(Signal, about=About()):
         float,
         Quantity("kg", "in the tank and, forecast, on its last two passes", nan="before those"),
     ] = _NAN
+    stands_in: Annotated[
+        float, Quantity("s", "forecast, until it stands for a cart if none comes before", nan="not known")
+    ] = _NAN
     lets_first: Annotated[
         int, Quantity("", "crossing at which it lets another combine go first; -1 = none")
     ] = -1

@@ -1,6 +1,7 @@
 """The combines that a cart hears: what is left of their work, and which of them is served next."""
 
 from collections.abc import Collection, Mapping, Sequence
+from itertools import permutations
 from math import fsum, hypot, inf, isfinite
 
 from swath.control.cooperate.peer_track import OTHERS
@@ -20,6 +21,7 @@ AS_NEAR = 20.0  # m, less than that one of two carts is not nearer than the othe
 BEHIND = -12.0  # m ahead of a cart: beside it a combine's axle is some 5 m behind the cart's
 FILLS = 0.75  # of the largest heap, that a cart takes for sure: one spot fills 77 % (closed form)
 SPEED = 2.0  # m/s of a combine at work
+CART_SPEED, SERVES, BETWEEN = 3.0, 120.0, 60.0  # m/s straight to a combine; s beside one, and to the next
 AGAIN = 30.0  # s, for which a combine to which there is no way goes last
 PORTS = ("peer", *OTHERS)
 
@@ -69,26 +71,42 @@ class Calls(KeepsState):
         """Nobody calls."""
         self._since, self._put = {}, {}
 
-    def longest(
+    def neediest(
         self, now: float, combines: Mapping[int, PeerState], others: Sequence[OtherCart]
     ) -> tuple[int, float]:
-        """Number of the combine that has called for the longest, of those that stand for it if any does, and
-        for how long [s]; -1, -inf = none. One that has more work left than others has called for as much
-        longer as it will work longer: who stood for long is done last, and all are done then.
+        """Number of the combine to serve first, of those that call and no other cart serves, and for how long
+        it has called [s]; -1, -inf = none. Of the orders in which one cart can serve them that by which all
+        are done first, from what each has still to do and how long it would stand, and who stands least.
         """
         for number, said in combines.items():
             is_open = said.calls and not self.is_served(said, others) and self.next_task(said) >= 0
             self._since[number] = min(self._since.get(number, inf), now) if is_open else inf
+        calling = [number for number, since in self._since.items() if since < inf]
+        fresh = [number for number in calling if now > self._put.get(number, -inf) + AGAIN]
+        if not calling:
+            return -1, -inf
+        left = {number: self._left(said) / SPEED for number, said in combines.items()}
 
-        def rank(number: int) -> tuple[bool, bool, float, int]:
-            since, said = self._since[number], combines[number]
-            if now > self._put.get(number, -inf) + AGAIN:
-                since -= self._left(said) / SPEED
-            return since == inf, not stands_for_cart(said), since, number
+        def cost(order: tuple[int, ...]) -> tuple[float, float, int]:
+            stands, over = self._stands(order, combines), dict(left)
+            for number, time in zip(order, stands, strict=True):
+                over[number] += time
+            return max(over.values()) + fsum(stands) / len(over), self._since[order[0]], order[0]
 
-        first = min(combines, key=rank)
-        since = self._since[first]
-        return (first, now - since) if since < inf else (-1, -inf)
+        first = min(permutations(fresh or calling), key=cost)[0]
+        return first, now - self._since[first]
+
+    def _stands(self, order: Sequence[int], combines: Mapping[int, PeerState]) -> list[float]:
+        """How long each combine stands for a cart if one cart serves them in an order [s]."""
+        found: list[float] = []
+        time = 0.0
+        for number in order:
+            said = combines[number]
+            time += BETWEEN if found else hypot(said.x, said.y) / CART_SPEED
+            until = 0.0 if stands_for_cart(said) else said.stands_in
+            found.append(max(time - until, 0.0) if isfinite(until) else 0.0)
+            time += SERVES
+        return found
 
     def _left(self, said: PeerState) -> float:
         """Of a combine's work [m]."""
@@ -164,6 +182,16 @@ class Calls(KeepsState):
         if hypot(peer.x, peer.y) < (CLEAR if peer.phase == Phase.TURNS else APART):
             return -1
         return then[0] if found < 0 and then and passes[then[0]].cart_standing else found
+
+    def is_lost(self, peer: PeerState, task: int, *, is_beside: bool) -> bool:
+        """Whether a combine has left the pass that a cart drives to, or is beside, or soon will."""
+        if peer.task < task:
+            return False
+        if peer.task > task or peer.phase == Phase.TURNS:
+            return True
+        near_end = peer.remaining < self.break_off(peer.task)
+        stays = peer.phase == Phase.STANDS or self.will_stand(peer)
+        return near_end and not (peer.may_unload if is_beside else stays)
 
     def will_stand(self, peer: PeerState) -> bool:
         """Whether a combine that calls comes to the end of its pass and unloads there before it goes on."""

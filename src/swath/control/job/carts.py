@@ -13,7 +13,7 @@ from swath.control.job.ground import Point, beside
 from swath.control.job.right_of_way import free_way, outline_of, place_of, reach_at
 from swath.control.steer.guidance_line import GuidanceLine
 from swath.core.component import Inputs
-from swath.signals import GuidancePath, PeerState, Phase
+from swath.signals import GuidancePath, PeerState, Phase, Station
 
 LATER = 1.0  # s, that a cart waits for each one before it by number to take a call
 AT_TRUCK = 12.0  # m from the truck's place: it is taken
@@ -23,6 +23,7 @@ AROUND = 3.0  # m about the outline of one that stands, likewise: where arcs to 
 EVERY = 3.0  # m between places of a way
 BEYOND = 30.0  # m behind the end of a pass, where the line beside it ends
 SOON, NEAR = 4.0, 20.0  # s, m
+IN_LINE, TURNED, IN_PLACE = 1.0, 0.2094, 4.0  # m, rad (12 deg), m: from there on it keeps the station
 Disc = tuple[float, float, float]
 
 
@@ -107,6 +108,12 @@ def discs_of(others: Sequence[OtherCart]) -> list[Disc]:
         found += [(x, y, AROUND) for x, y in outline_of(cart.said).points(cart.at)]
         found += [(x, y, APART) for x, y in cart.way()]
     return found
+
+
+def is_in_line(station: Station) -> bool:
+    """Whether a cart is so near to its station that it can keep it from now on."""
+    aside, ahead = abs(station.left) < IN_LINE, abs(station.ahead) < IN_PLACE
+    return station.is_active and aside and ahead and abs(station.heading) < TURNED
 
 
 def is_taken(truck: Point, own_number: int, others: Sequence[OtherCart], *, drives: bool) -> bool:

@@ -48,6 +48,7 @@ AHEAD = 45.0  # m of the way through a turn that have to be free
 BEYOND, FAR = 10.0, 100.0  # m behind the turn, that have to be free, too, of carts that stand; not farther
 # on: these make room for what comes within the next 120 m
 STOPS_IN = 14.0  # m of the way that have to be free while it turns, and while it cuts
+CALLS_AHEAD = 150.0  # s before it has to stand for a cart, in which that comes
 BUMPS = 0.2  # m from a cart ahead of it, that it stops before in a pass
 ALONG = 0.5  # rad, less than which a cart beside it may be turned
 SOON, SHORTLY = 6, 2  # s, for which another machine is taken to drive straight on; likewise in a turn
@@ -99,8 +100,8 @@ class Harvest(KeepsState):
 
     kept = (
         "_index", "_way", "_phase", "_calls", "_finishes", "_stands", "_unloads", "_tank", "_ended",
-        "_heard", "_silent_for", "_dry_for", "_to_come", "_pours_on", "_will_stand", "_crossings",
-        "_lets_first",
+        "_heard", "_silent_for", "_dry_for", "_to_come", "_stands_in", "_pours_on", "_will_stand",
+        "_crossings", "_lets_first",
     )  # fmt: skip
     inputs = (
         Port("pose", PoseEstimate),
@@ -136,7 +137,7 @@ class Harvest(KeepsState):
         self._calls = self._finishes = self._stands = self._unloads = self._pours_on = False
         self._will_stand = False
         self._tank.reset()
-        self._ended, self._silent_for, self._dry_for, self._to_come = "", 0.0, inf, nan
+        self._ended, self._silent_for, self._dry_for, self._to_come, self._stands_in = "", 0.0, inf, nan, nan
         self._heard.reset()
         self._crossings.reset()
         self._lets_first = NONE
@@ -214,12 +215,15 @@ class Harvest(KeepsState):
         if left > AT_END:
             self._tank.update(load, self._index, self._way)
         self._to_come = self._tank.to_come(load, self._index, left)
+        self._stands_in = self._tank.stands_in(load, self._index, left, p.turn_speed_kmh * KMH)
         self._unloads = has_cart and self._is_too_full(load, left)
-        wants = level >= p.call_percent * PERCENT or ((self._calls or to_last) and level > EMPTY)
+        goes_on = (self._calls and self._is_served(carts)) or to_last
+        wants = level >= p.call_percent * PERCENT or (goes_on and level > EMPTY)
         wants |= self._unloads or self._tank.wants_cart(load, self._index, left)
         then = self._passes[self._index + 1 :][:FORESIGHT]
         if work.cart_standing and then and not any(w.cart_beside for w in then):
             wants &= self._stands or self._tank.is_full_before_cart(load, self._index, left)
+        wants |= level > EMPTY and self._stands_in < CALLS_AHEAD
         self._calls = has_cart and wants
         leaves = self._phase == Phase.TURNS or (not self._calls and self._dry_for > RUNS_OUT)
         if self._phase == Phase.DONE or (is_over and leaves):
@@ -254,6 +258,10 @@ class Harvest(KeepsState):
         goes_on = not (self._finishes or self._pours_on or self._will_stand or is_last)
         slower = min(turning, wanted) if goes_on else 0.0
         return min(wanted, free, max(sqrt(slower**2 + 2.0 * BRAKE * (left - AT_END)), CRAWL))
+
+    def _is_served(self, carts: list[PeerState]) -> bool:
+        """Whether a cart is at one of its passes, or on its way there; one that has no job may be."""
+        return any(cart.phase < 0 or cart.task in self._own for cart in carts)
 
     def _free(self) -> float:
         """Speed [m/s] from which it comes to rest where it has to wait for another combine."""
@@ -367,7 +375,7 @@ class Harvest(KeepsState):
         job = JobState(
             t, int(self._phase), self._own[self._index], speed, left if in_pass or stands else nan,
             by_edge=edge, may_unload=may, calls=self._calls, come=way, to_come=self._to_come,
-            lets_first=self._lets_first,
+            stands_in=self._stands_in, lets_first=self._lets_first,
         )  # fmt: skip
         sent = GuidancePath(t, path.x, path.y, path.number)
         return {"job": job, "path": sent, "header": HeaderCommand(t, is_down)}

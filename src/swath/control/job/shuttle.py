@@ -17,7 +17,7 @@ from swath.control.cooperate.peer_track import OTHER_PORTS
 from swath.control.job.bend_speed import bend_speed
 from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, waits_behind
 from swath.control.job.cart_ways import MOVES, CartWays
-from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_taken, others_of
+from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_in_line, is_taken, others_of
 from swath.control.job.dubins import Place
 from swath.control.job.heard import SILENT, AllHeard
 from swath.control.job.passes import Coordinate, Pass
@@ -37,7 +37,6 @@ from swath.signals.setup import ControlSetup
 BRAKE = 0.4  # m/s2
 OFF, SLOWLY = 0.3, 1.0  # m off its way it drives no faster than that, m/s
 CATCH_UP = 0.3  # 1/s
-IN_LINE, TURNED, NEAR = 1.0, 0.2094, 4.0  # m, rad (12 deg), m: from there on it keeps the station
 FULL_FOR = 4.0  # s, that the station says full, or that nothing is poured any more, before it leaves
 HELD_FOR = 8.0  # s without grain beside a combine that stands: it cannot turn while the cart is there
 RETRY = 5.0  # s between two looks for a way
@@ -154,7 +153,7 @@ class Shuttle(KeepsState):
         if any(said.age > SILENT for said in combines):
             return
         is_over = all(said.phase == Phase.DONE for said in combines)
-        caller, since = self._calls.longest(now, self._combines, self._others)
+        caller, since = self._calls.neediest(now, self._combines, self._others)
         is_loaded = self._leaves(heap)
         takes = since >= LATER * self._p.number and not is_loaded and self._is_free
         self._served = caller if takes else nearest(self._combines)
@@ -225,7 +224,7 @@ class Shuttle(KeepsState):
         self._way = nearest.way
         left = line.length - self._way
         if left <= ARRIVED and self._goal != "combine":
-            brings = self._is_loaded(heap) or peer.phase == Phase.DONE or self._is_spare()
+            brings = self._brings(heap) or peer.phase == Phase.DONE
             empties = brings and heap.grain > 0.0 and self._goal == "truck"
             self._phase = Phase.EMPTIES if empties else Phase.WAITS
             self._since, self._is_free = now, True
@@ -237,7 +236,7 @@ class Shuttle(KeepsState):
             return 0.0
         others, waits, is_early = self._others, speed <= MOVES, peer.task < self._task
         elsewhere = is_early and self._calls.is_elsewhere(peer, self._combines.values(), others, waits=waits)
-        if to_combine and (self._is_lost(peer) or elsewhere):
+        if to_combine and (self._calls.is_lost(peer, self._task, is_beside=False) or elsewhere):
             self._phase, self._is_free = Phase.WAITS, True
             self._task = self._task if self._way >= self._lane else -1
             return 0.0
@@ -266,7 +265,7 @@ class Shuttle(KeepsState):
         if is_early or not in_lane:
             most = min(self._lane + AHEAD, self._drives_to) if is_early else self._drives_to
             free = min(free, max(most - self._way, 0.0))
-            if now >= self._looks_at and self._looks_on(now, here, line, peer, speed):
+            if now >= self._looks_at and self._looks_on(now, here, line, peer, inputs):
                 return speed if self._phase == Phase.DRIVES else 0.0
         slow = bend_speed(line, self._way, speed, self._wheelbase)
         if abs(nearest.left) > OFF and not in_lane:
@@ -277,9 +276,22 @@ class Shuttle(KeepsState):
             return float(min(wanted, max(peer.speed + CATCH_UP * behind, 0.0)))
         return wanted if in_lane or free <= 0.5 else max(wanted, 0.3)
 
-    def _looks_on(self, now: float, here: Place, line: GuidanceLine, peer: PeerState, speed: float) -> bool:
-        """Looks for far ways of combines along its own, and where it waits; True: that is its way no more."""
+    def _takes_call(self, now: float, here: Place, heap: HeapState) -> bool:
+        """On its way to where it waits, not to bring grain: whether it sets out to a combine that calls."""
+        if self._goal == "combine" or self._brings(heap):
+            return False
+        served, (caller, since) = self._served, self._calls.neediest(now, self._combines, self._others)
+        if since >= LATER * self._p.number:
+            self._served = caller
+            self._set_out(now, here, self._combines[caller], "combine")
+            self._served = caller if self._goal == "combine" else served
+        return self._goal == "combine"
+
+    def _looks_on(self, now: float, here: Place, line: GuidanceLine, peer: PeerState, inputs: Inputs) -> bool:
+        """Looks for calls, far ways of combines, and where it waits; True: its way is another one now."""
         self._looks_at, number, is_early = now + RETRY, self._number, peer.task < self._task
+        if self._takes_call(now, here, inputs["heap"]):
+            return True
         until = self._ahead.on_far_ways(here, line, self._way, self._lane, self._combines)
         if until < inf:
             self._set_out(now, here, peer, self._goal)
@@ -290,7 +302,7 @@ class Shuttle(KeepsState):
                     self._phase, self._task, self._is_free = Phase.WAITS, -1, False
         self._drives_to = min(self._drives_to, until) if is_early else until
         is_over = self._number != number or self._phase != Phase.DRIVES
-        if is_over or speed >= MOVES or not is_early:
+        if is_over or inputs["odometry"].speed >= MOVES or not is_early:
             return is_over
         rest = [said for said in self._combines.values() if said is not peer]
         if self._drives_to < self._lane and peer.phase == Phase.CUTS:
@@ -307,22 +319,9 @@ class Shuttle(KeepsState):
         self._blocked_at = min(self._blocked_at, now)
         return now - self._blocked_at > BLOCKED_FOR
 
-    def _is_lost(self, peer: PeerState) -> bool:
-        """The combine has left the pass that the cart drives to, or soon will."""
-        near_end = peer.remaining < self._calls.break_off(peer.task)
-        if peer.task < self._task:
-            return False
-        if peer.task > self._task or peer.phase == Phase.TURNS:
-            return True
-        stays = peer.phase == Phase.STANDS or self._calls.will_stand(peer)
-        return near_end and not (peer.may_unload if self._phase == Phase.BESIDE else stays)
-
     def _is_in_line(self, peer: PeerState, station: Wanted) -> bool:
-        is_there = peer.task == self._task and peer.may_unload and station.is_active
-        return (
-            is_there and self._way >= self._lane and abs(station.left) < IN_LINE
-            and abs(station.heading) < TURNED and abs(station.ahead) < NEAR
-        )  # fmt: skip
+        is_there = peer.task == self._task and peer.may_unload and self._way >= self._lane
+        return is_there and is_in_line(station)
 
     def _keeps(self, now: float, here: Place, peer: PeerState, station: Wanted) -> None:
         """Beside the combine: until the load or the pass is over, or another machine comes."""
@@ -338,7 +337,8 @@ class Shuttle(KeepsState):
         rest = (said for said in self._combines.values() if said is not peer)
         stops = peer.speed < MOVES and now - self._poured_at > HELD_FOR
         stops &= any(self._clearance.holds_up(here, self._outline, said) for said in rest)
-        ends = is_over or met < inf or stops or (self._is_lost(peer) and not pours_on)
+        is_lost = self._calls.is_lost(peer, self._task, is_beside=True)
+        ends = is_over or met < inf or stops or (is_lost and not pours_on)
         self._since = min(self._since, now) if station.is_full and not peer.is_pouring else inf
         is_full = now - self._since > FULL_FOR
         if ends or is_full:
@@ -350,17 +350,18 @@ class Shuttle(KeepsState):
             if drives_off:
                 self._set_out(now, here, peer, "truck")
 
+    def _brings(self, heap: HeapState) -> bool:
+        """Whether it is loaded, or nobody needs it any more."""
+        return self._is_loaded(heap) or self._calls.is_spare(self._combines.values(), self._others)
+
     def _is_loaded(self, heap: HeapState) -> bool:
         return heap.level * 100.0 >= self._p.leave_percent
-
-    def _is_spare(self) -> bool:
-        return self._calls.is_spare(self._combines.values(), self._others)
 
     def _leaves(self, heap: HeapState) -> bool:
         """Nobody needs it; or loaded, without room for half a tank that waits, or, alone, for all to come."""
         said, is_alone = self._combines.values(), self._p.wait_m is None
         if not self._is_loaded(heap):
-            return heap.grain > 0.0 and self._is_spare()
+            return heap.grain > 0.0 and self._brings(heap)
         return not self._calls.has_room(heap, said, self._others, is_alone=is_alone)
 
     def _empties(self, now: float, heap: HeapState) -> None:

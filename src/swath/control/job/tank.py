@@ -5,6 +5,7 @@ from math import fsum, inf, isfinite, nan
 
 from swath.control.job.passes import Pass, way_along
 from swath.core.component import KeepsState
+from swath.core.units import KMH
 from swath.signals import MachineLoad
 
 LEAST = 50.0  # m of a pass, from which what it brings is known
@@ -15,22 +16,25 @@ MORE = 1.1  # of what passes bring, that those may that no cart can reach: yield
 class TankForecast(KeepsState):
     """Of a combine that cuts passes in their order. full: share of the tank at which it stands"""
 
-    kept = ("_before", "_yield")
+    kept = ("_before", "_yield", "_capacity")
 
     def __init__(self, passes: Sequence[Pass], full: float) -> None:
         self._passes, self._full = passes, full
-        self._areas = [way_along(work.line_m) * work.width_m for work in passes]
+        self._lengths = [way_along(work.line_m) for work in passes]
+        self._areas = [way * work.width_m for way, work in zip(self._lengths, passes, strict=True)]
         self.reset()
 
     def reset(self) -> None:
         """Nothing is known."""
-        self._before, self._yield = nan, 0.0
+        self._before, self._yield, self._capacity = nan, 0.0, nan
 
     def update(self, load: MachineLoad, index: int, way: float) -> None:
         """So far along a pass [m]."""
         brought = load.tank_grain + load.unloaded_grain
         if not isfinite(self._before):
             self._before = brought
+        if load.tank_level > EMPTY:
+            self._capacity = load.tank_grain / load.tank_level
         if way > LEAST:
             self._yield = max(brought - self._before, 0.0) / (way * self._passes[index].width_m)
 
@@ -79,6 +83,27 @@ class TankForecast(KeepsState):
         if self._yield <= 0.0 or index + 2 < len(self._passes):
             return nan
         return load.tank_grain + self._yield * (self._left(index, left) + fsum(self._areas[index + 1 :]))
+
+    def stands_in(self, load: MachineLoad, index: int, left: float, turning: float) -> float:
+        """When it stands for a cart if none comes before [s]: full, at the end of a pass behind which it
+        would be full where no cart can be, or behind its last one; nan where it is not known. left: of the
+        present pass [m], < 0 behind it; turning: speed between passes [m/s]
+        """
+        if not isfinite(self._capacity) or self._yield <= 0.0:
+            return nan
+        level, time, per_m2 = load.tank_level, 0.0, self._yield / self._capacity
+        for k in range(index, len(self._passes)):
+            work, is_now = self._passes[k], k == index
+            brings = per_m2 * (self._left(index, left) if is_now else self._areas[k])
+            takes = (max(left, 0.0) if is_now else self._lengths[k]) / (work.speed_kmh * KMH)
+            if level + brings > self._full:
+                return time + max(self._full - level, 0.0) / brings * takes
+            level, time, blind = level + brings, time + takes, self._blind(k + 1)
+            may_stand = work.has_cart and not (is_now and left < 0.0)
+            if may_stand and blind > 0.0 and level + per_m2 * blind > self._full:
+                return time
+            time += max(work.turn_length + (min(left, 0.0) if is_now else 0.0), 0.0) / turning
+        return time
 
     def _left(self, index: int, left: float) -> float:
         """Area of what is left of a pass, so many metres [m2]."""

@@ -159,7 +159,7 @@ def _work(inputs: Inputs) -> dict[str, Any]:
         return {}
     told = {"phase": job.phase, "task": job.task, "remaining": job.remaining, "come": job.come}
     told |= {"to_come": job.to_come, "may_unload": job.may_unload, "calls": job.calls}
-    return told | {"lets_first": job.lets_first}
+    return told | {"stands_in": job.stands_in, "lets_first": job.lets_first}
 
 
 LEVEL = Level(

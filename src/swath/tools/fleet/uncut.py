@@ -13,12 +13,14 @@ from swath.tools.fleet.order import WIDE, Mask, Samples, Ways
 BEHIND, AHEAD, EVERY = 10.0, 35.0, 5.0  # m of the line beside a combine, from its axle, that have to be cut
 EDGE = 0.1  # m within the strip of a pass
 OVERLAP = 3.0  # m of its own strip on either side, that may be another one's
+LAST = 15.0  # m before the end of a combine's last pass, from where on a cart has to be able to come
 ALONG = 0.87  # cosine of the angle between two passes, which is 30 degrees: at corners they overlap anyway
 
 
 def uncut_before(ways: Ways, combines: Sequence[Combine], first: int, then: int) -> Mask:
     """Which pairs of samples (n, m) of two combines have crop on the line beside one of them, or before its
-    header, that the other one cuts in a pass which is begun before.
+    header, that the other one cuts in a pass which is begun before; behind a last pass, in any: there it
+    stands until a cart has come.
     """
     return _uncut(ways, combines, first, then) | _uncut(ways, combines, then, first).T
 
@@ -32,13 +34,15 @@ def _uncut(ways: Ways, combines: Sequence[Combine], first: int, then: int) -> Ma
         j: _places(its, j, combines[then], has_cart=passes[its.task[j]].has_cart)
         for j in np.flatnonzero(~its.turns).tolist()
     }
+    last = max(ways.routes[then])
+    ends = (its.task == last) & (its.way > ways.routes[then][last].length - LAST) & passes[last].cart_standing
     for i, work in enumerate(passes):
         if work.combine != first:
             continue
         end = place_at_end(work.line_m)
         c, s = cos(end.heading), sin(end.heading)
         near = np.abs(c * (y - end.y) - s * (x - end.x)) < width + combines[then].pipe
-        near &= ~its.turns & (its.task > i) & (np.abs(np.cos(heading - end.heading)) > ALONG)
+        near &= ~its.turns & ((its.task > i) | ends) & (np.abs(np.cos(heading - end.heading)) > ALONG)
         for j in np.flatnonzero(near).tolist():
             need = _until(work, places[j], width)
             if need is not None:

@@ -208,9 +208,18 @@ def _notes(watch: Watch, summary: dict[str, Any]) -> list[str]:
     told = [f"{100.0 * watch.uncut:.3f} % of the area is uncut"]
     contacts = [int(summary["machines"][name].get("contact_count", 0)) for name in watch.machines]
     told.append(f"{max(contacts, default=0)} contacts")
+    kept = math.fsum(_grain_on(seen) for seen in watch.machines.values())
+    told.append(f"{kept:.0f} kg of grain are not at the truck")
     if "spill_share" in summary["field"]:
         told.append(f"{100.0 * summary['field']['spill_share']:.3f} % of the grain handed over is spilled")
     return told
+
+
+def _grain_on(seen: _Seen) -> float:
+    """What a machine holds in its tank or box [kg]."""
+    load, heap = seen.latest.get(MachineLoad), seen.latest.get(HeapState)
+    held = float(heap.grain) if isinstance(heap, HeapState) else 0.0
+    return held + (float(load.tank_grain) if isinstance(load, MachineLoad) else 0.0)
 
 
 def _machine(name: str, seen: _Seen) -> MachineResult:
