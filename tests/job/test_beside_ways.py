@@ -159,6 +159,28 @@ def test_a_combine_whose_cart_has_left_does_not_call_before_its_tank_fills_up():
     assert not bench.step(61.5, 0.1, told={**beside, "task": -1}).calls
 
 
+@pytest.mark.parametrize(("level", "calls"), [(0.03, True), (0.01, False)])
+def test_driving_a_combine_needs_its_cart_no_more_with_an_empty_tank(level, calls):
+    """Standing until the last of it is in the cart."""
+    bench, beside = Bench((*NORTH, *NORTH, *NORTH), call_percent=60.0), {"phase": Phase.BESIDE, "task": 0}
+    for north in np.arange(1.0, 60.2, 0.5):
+        bench.step(north, 0.61, told=beside)
+    assert bench.step(61.0, level, told=beside).calls == calls
+    bench.step(61.5, 0.98, told=beside)
+    assert bench.step(61.5, 0.97, told=beside, flow=92.0).phase == Phase.STANDS
+    assert bench.step(61.5, level, told=beside, flow=92.0).calls
+
+
+@pytest.mark.parametrize(("brings", "stands"), [(0.8, True), (0.3, False)])
+def test_a_combine_tells_before_the_end_of_a_pass_that_it_will_stand_there(brings, stands):
+    """Beside the boundary, too, where no grain is poured before it stands: a cart on its way comes on."""
+    edge = Pass(((0.0, 0.0), (0.0, 100.0)), cart_beside=False, cart_standing=True, turn=NORTH[0].turn)
+    bench = Bench((edge, replace(NORTH[1], cart_beside=False), NORTH[0]))
+    may = [bench.step(north, brings * north / 100.0).may_unload for north in np.arange(1.0, 99.2, 0.5)]
+    assert not any(may[:140])
+    assert bool(may[-1]) is stands
+
+
 def test_beside_the_boundary_a_cart_is_poured_into_standing_only():
     bench = Bench((Pass(((0.0, 0.0), (0.0, 100.0)), cart_beside=False, cart_standing=True), NORTH[1]))
     assert not bench.step(40.0, 0.5).may_unload

@@ -30,8 +30,8 @@ AWAY = Place(12.7, 40.0, -NORTHWARD)
 class CartBench:
     """The level alone, which stands at a place: grain in its box as told."""
 
-    def __init__(self, passes=NORTH, ring=RING):
-        params = Params(passes, ring, truck_m=(-25.0, -15.0), leave_percent=60.0)
+    def __init__(self, passes=NORTH, ring=RING, **more):
+        params = Params(passes, ring, truck_m=(-25.0, -15.0), leave_percent=60.0, **more)
         self.part = Shuttle(params, ControlSetup(CART, {}, "left", 0.1))
         self.part.reset(None)
         self.t, self.at = 0, HERE
@@ -72,6 +72,46 @@ def test_a_loaded_cart_takes_half_of_the_tank_of_one_that_stands_for_it(tank, ta
     )  # fmt: skip
     job = CartBench().ends_in(said, 0.7)
     assert (job.phase, job.task) == (Phase.DRIVES, task)
+
+
+@pytest.mark.parametrize(
+    ("fills", "tank", "task"), [(75.0, 2100.0, -1), (90.0, 7900.0, 1), (90.0, 8100.0, -1)]
+)
+def test_how_much_a_loaded_cart_takes_for_sure(fills, tank, task):
+    said = combine(
+        HERE, AWAY, Phase.STANDS, task=1, remaining=40.0, to_come=90_000.0, tank_grain=tank, calls=True,
+        may_unload=True, speed=0.0,
+    )  # fmt: skip
+    assert CartBench(fill_percent=fills).ends_in(said, 0.7).task == task
+
+
+@pytest.mark.parametrize(("level", "calls", "task"), [(0.0, True, 1), (0.0, False, -1), (0.65, True, -1)])
+def test_a_cart_takes_a_call_on_its_way_to_where_it_waits(level, calls, task):
+    """Not with a load that it brings."""
+    bench = CartBench(wait_m=(-40.0, -20.0))
+    said = combine(HERE, AWAY, Phase.CUTS, task=1, remaining=80.0, stands_in=100.0, may_unload=True)
+    assert (bench.ends_in(said, level).phase, bench.ends_in(said, level).task) == (Phase.DRIVES, -1)
+    said = replace(said, calls=calls)
+    jobs = [bench.step(said, level) for _ in range(60)]
+    assert (jobs[-1].phase, jobs[-1].task) == (Phase.DRIVES, task)
+
+
+@pytest.mark.parametrize(("calls", "others", "stays"), [
+    (False, True, False), (False, False, True), (True, True, True)
+])  # fmt: skip
+def test_a_cart_leaves_one_that_needs_it_no_more_for_one_that_calls(calls, others, stays):
+    passes = (
+        *NORTH,
+        Pass(((200.0, 0.0), (200.0, 100.0)), combine=1),
+        Pass(((212.0, 100.0), (212.0, 0.0)), combine=1),
+    )
+    bench, there = CartBench(passes), Place(HERE.x + 8.2, HERE.y, NORTHWARD)
+    lane = np.array([HERE[:2], (HERE.x, 130.0)])
+    bench.part.load({**bench.part.save(), "phase": Phase.BESIDE, "task": 0, "points": lane})
+    said = combine(HERE, there, Phase.CUTS, remaining=80.0, calls=calls, may_unload=True)
+    other = combine(HERE, Place(200.0, 20.0, NORTHWARD), Phase.CUTS, task=2, remaining=80.0, calls=others)
+    job = bench.step(said, 0.2, other_1=replace(other, may_unload=True, stands_in=50.0))
+    assert (job.phase == Phase.BESIDE) is stays
 
 
 @pytest.mark.parametrize(("speed", "is_cut"), [(2.0, True), (0.0, False)])

@@ -19,7 +19,6 @@ CLEAR = 16.0  # m from a combine that turns, likewise; and from one that drives,
 LEAST = 15.0  # m of a pass beside the combine, for which it sets out
 AS_NEAR = 20.0  # m, less than that one of two carts is not nearer than the other one
 BEHIND = -12.0  # m ahead of a cart: beside it a combine's axle is some 5 m behind the cart's
-FILLS = 0.75  # of the largest heap, that a cart takes for sure: one spot fills 77 % (closed form)
 SPEED = 2.0  # m/s of a combine at work
 CART_SPEED, SERVES, BETWEEN = 3.0, 120.0, 60.0  # m/s straight to a combine; s beside one, and to the next
 AGAIN = 30.0  # s, for which a combine to which there is no way goes last
@@ -47,12 +46,14 @@ def nearest(combines: Mapping[int, PeerState]) -> int:
 
 
 class Calls(KeepsState):
-    """passes: of all combines; break_off: before the end of a pass [m]; but in a combine's last one"""
+    """passes: of all combines; break_off: before the end of a pass [m], but in a combine's last one; fills:
+    of the largest heap, that a cart takes for sure
+    """
 
     kept = ("_since", "_put")
 
-    def __init__(self, passes: Sequence[Pass], break_off: float) -> None:
-        self._passes, self._break_off = passes, break_off
+    def __init__(self, passes: Sequence[Pass], break_off: float, fills: float = 0.75) -> None:
+        self._passes, self._break_off, self._fills = passes, break_off, fills
         self._own = {work.combine: own_passes(passes, work.combine) for work in passes}
         self._rest = [0.0 for _ in passes]  # of the work behind each pass [m]
         for own in self._own.values():
@@ -129,7 +130,7 @@ class Calls(KeepsState):
         """
         if heap.level <= 0.0:
             return True
-        room = (FILLS / heap.level - 1.0) * heap.grain
+        room = (self._fills / heap.level - 1.0) * heap.grain
         waits = (c for c in combines if stands_for_cart(c) and not self.is_served(c, others))
         takes = any(room >= 0.5 * said.tank_grain for said in waits)
         return takes or (is_alone and fsum(said.to_come for said in combines) <= room)

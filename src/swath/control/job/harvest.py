@@ -48,6 +48,7 @@ AHEAD = 45.0  # m of the way through a turn that have to be free
 BEYOND, FAR = 10.0, 100.0  # m behind the turn, that have to be free, too, of carts that stand; not farther
 # on: these make room for what comes within the next 120 m
 STOPS_IN = 14.0  # m of the way that have to be free while it turns, and while it cuts
+LOW = 0.02  # of the tank: driving it needs its cart no more
 CALLS_AHEAD = 150.0  # s before it has to stand for a cart, in which that comes
 BUMPS = 0.2  # m from a cart ahead of it, that it stops before in a pass
 ALONG = 0.5  # rad, less than which a cart beside it may be turned
@@ -218,7 +219,8 @@ class Harvest(KeepsState):
         self._stands_in = self._tank.stands_in(load, self._index, left, p.turn_speed_kmh * KMH)
         self._unloads = has_cart and self._is_too_full(load, left)
         goes_on = (self._calls and self._is_served(carts)) or to_last
-        wants = level >= p.call_percent * PERCENT or (goes_on and level > EMPTY)
+        least = EMPTY if to_last or self._phase == Phase.STANDS else LOW
+        wants = level >= p.call_percent * PERCENT or (goes_on and level > least)
         wants |= self._unloads or self._tank.wants_cart(load, self._index, left)
         then = self._passes[self._index + 1 :][:FORESIGHT]
         if work.cart_standing and then and not any(w.cart_beside for w in then):
@@ -371,7 +373,7 @@ class Harvest(KeepsState):
         stands = self._phase == Phase.STANDS
         goes_on = left > p.unload_to_m or self._finishes or self._pours_on or is_last or self._will_stand
         driving = work.cart_beside and in_pass and way > 2.0 and goes_on
-        may = (work.has_cart and stands) or driving
+        may = (work.has_cart and (stands or self._will_stand)) or driving
         job = JobState(
             t, int(self._phase), self._own[self._index], speed, left if in_pass or stands else nan,
             by_edge=edge, may_unload=may, calls=self._calls, come=way, to_come=self._to_come,

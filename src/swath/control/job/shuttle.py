@@ -29,7 +29,7 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.units import KMH
+from swath.core.units import KMH, PERCENT
 from swath.signals import GuidancePath, HeapState, JobState, Odometry, PeerState, Phase, PoseEstimate
 from swath.signals import Station as Wanted
 from swath.signals.setup import ControlSetup
@@ -50,8 +50,8 @@ class Params:
     to the left
     truck_m: place beside the truck; dock_s: to stand right there and to be gone again
     speed_kmh: on the field; radius_m: of its tightest turn; leave_percent: of the largest heap, from which it
-    drives to the truck, but not alone with room for all of the last two passes; break_off_m: before the end
-    of a pass, where it stops keeping the station; but in the last one
+    drives to the truck, but not alone with room for all of the last two passes; fill_percent: that it takes
+    for sure (one spot fills 77); break_off_m: before the end of a pass but the last, where its station ends
     of several carts - number: in their order; wait_m: where it waits; none = at the truck
     """
 
@@ -64,6 +64,7 @@ class Params:
     speed_kmh: Annotated[float, Gt(0), Le(40)] = 15.0
     radius_m: Annotated[float, Gt(3), Le(50)] = 9.0
     leave_percent: Annotated[float, Gt(0), Le(100)] = 60.0
+    fill_percent: Annotated[float, Gt(0), Le(100)] = 75.0
     break_off_m: Annotated[float, Ge(0), Le(200)] = 25.0
     number: Annotated[int, Ge(0), Le(3)] = 0
     wait_m: tuple[Coordinate, Coordinate] | None = None
@@ -97,8 +98,8 @@ class Shuttle(KeepsState):
         self._clearance, self._wheelbase = Clearance(p.passes), setup.machine.wheelbase
         self._outline = own_outline(setup.machine)
         self._line: GuidanceLine | None = None
-        self._heard, self._others = AllHeard(), list[OtherCart]()
-        self._calls, self._combines = Calls(p.passes, p.break_off_m), dict[int, PeerState]()
+        self._heard, self._others, self._combines = AllHeard(), list[OtherCart](), dict[int, PeerState]()
+        self._calls = Calls(p.passes, p.break_off_m, p.fill_percent * PERCENT)
         self._ahead = WaitAhead(p.passes, self._outline, self._clearance, self._calls)
         self._forget()
 
@@ -241,7 +242,8 @@ class Shuttle(KeepsState):
             self._task = self._task if self._way >= self._lane else -1
             return 0.0
         met = free_of(self._others, here, line, self._way, speed, self._p.number)
-        if to_combine and met == inf and self._is_in_line(peer, station):
+        is_there = peer.task == self._task and peer.may_unload and self._way >= self._lane
+        if to_combine and met == inf and is_there and is_in_line(station):
             self._phase, self._since, self._poured_at = Phase.BESIDE, inf, now
             return 0.0
         in_lane = self._way >= self._lane
@@ -319,10 +321,6 @@ class Shuttle(KeepsState):
         self._blocked_at = min(self._blocked_at, now)
         return now - self._blocked_at > BLOCKED_FOR
 
-    def _is_in_line(self, peer: PeerState, station: Wanted) -> bool:
-        is_there = peer.task == self._task and peer.may_unload and self._way >= self._lane
-        return is_there and is_in_line(station)
-
     def _keeps(self, now: float, here: Place, peer: PeerState, station: Wanted) -> None:
         """Beside the combine: until the load or the pass is over, or another machine comes."""
         if peer.is_pouring:
@@ -334,10 +332,12 @@ class Shuttle(KeepsState):
         is_over = idle and (peer.phase == Phase.DONE or (peer.phase == Phase.STANDS and not peer.calls))
         self._way = self._made().project(here.x, here.y, self._way).way
         met = free_of(self._others, here, self._made(), self._way, peer.speed, self._p.number)
-        rest = (said for said in self._combines.values() if said is not peer)
+        rest = [said for said in self._combines.values() if said is not peer]
         stops = peer.speed < MOVES and now - self._poured_at > HELD_FOR
         stops &= any(self._clearance.holds_up(here, self._outline, said) for said in rest)
         is_lost = self._calls.is_lost(peer, self._task, is_beside=True)
+        caller, _ = self._calls.neediest(now, self._combines, self._others)
+        is_over |= peer.phase == Phase.CUTS and not peer.calls and caller >= 0
         ends = is_over or met < inf or stops or (is_lost and not pours_on)
         self._since = min(self._since, now) if station.is_full and not peer.is_pouring else inf
         is_full = now - self._since > FULL_FOR

@@ -179,6 +179,7 @@ def _cart(
             "dock_s": file.truck.dock_s,
             "speed_kmh": settings.speed_kmh,
             "leave_percent": settings.leave_percent * settings.fill_percent / 100.0,
+            "fill_percent": 0.95 * settings.fill_percent,  # a place is left a little before it is full
         },
         "steer": "station_or_path",
         "speed": "job",
