@@ -1,5 +1,8 @@
 """How full a combine reckons its tank to be at the end of passes that no cart can reach."""
 
+import math
+from dataclasses import replace
+
 import pytest
 
 from swath.control.job.passes import Pass
@@ -38,3 +41,23 @@ def test_before_passes_without_a_cart_a_tank_has_room_for_a_tenth_more_than_they
     forecast.update(load(kept), 0, 100.0)
     forecast.begin(load(kept))
     assert forecast.is_too_full(load(kept), 0) is is_too_full
+
+
+@pytest.mark.parametrize(("kept", "left", "expected"), [
+    (6000.0, 0.0, 100.0),  # at the end of the next pass, of 3000 kg in 100 s
+    (6000.0, 50.0, 100.0),  # half of it in this pass
+    (9000.0, -5.0, 0.0),  # it is full, in its turn
+    (7500.0, -5.0, 50.0),
+])  # fmt: skip
+def test_when_a_combine_stands_for_a_cart(kept, left, expected):
+    slowly = replace(LANE, speed_kmh=3.6)
+    forecast = TankForecast([slowly, slowly, slowly], full=1.0)
+    forecast.update(load(kept - 3000.0), 0, 0.0)
+    forecast.update(load(kept), 0, 100.0)
+    assert forecast.stands_in(load(kept), 0, left, 2.0) == pytest.approx(expected)
+
+
+def test_nobody_knows_when_a_combine_stands_before_its_pass_has_brought_anything():
+    forecast = TankForecast([LANE, LANE], full=1.0)
+    forecast.update(load(0.0), 0, 10.0)
+    assert math.isnan(forecast.stands_in(load(0.0), 0, 90.0, 2.0))

@@ -96,8 +96,10 @@ class TankForecast(KeepsState):
             work, is_now = self._passes[k], k == index
             brings = per_m2 * (self._left(index, left) if is_now else self._areas[k])
             takes = (max(left, 0.0) if is_now else self._lengths[k]) / (work.speed_kmh * KMH)
+            if level >= self._full:
+                return time
             if level + brings > self._full:
-                return time + max(self._full - level, 0.0) / brings * takes
+                return time + (self._full - level) / brings * takes
             level, time, blind = level + brings, time + takes, self._blind(k + 1)
             may_stand = work.has_cart and not (is_now and left < 0.0)
             if may_stand and blind > 0.0 and level + per_m2 * blind > self._full:
