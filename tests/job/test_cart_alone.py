@@ -96,6 +96,28 @@ def test_a_cart_takes_a_call_on_its_way_to_where_it_waits(level, calls, task):
     assert (jobs[-1].phase, jobs[-1].task) == (Phase.DRIVES, task)
 
 
+@pytest.mark.parametrize(("remaining", "drives"), [(80.0, True), (4.0, False)])
+def test_a_cart_ahead_of_its_combine_does_not_drive_through_the_turn_of_that(remaining, drives):
+    """On the line beside the next pass, to a place that is clear of that turn; 112 m north, southward."""
+    bench, at = CartBench(), Place(6.0, 112.0, -NORTHWARD)
+    bench.at = at
+    lane = np.array([(6.0, 113.0), (6.0, 0.0)])
+    kept = {
+        "phase": Phase.DRIVES,
+        "goal": "combine",
+        "task": 1,
+        "points": lane,
+        "lane": 0.0,
+        "is_clear": True,
+    }
+    bench.part.load({**bench.part.save(), **kept})
+    there = Place(0.0, 100.0 - 4.0 - remaining, NORTHWARD)
+    said = combine(at, there, Phase.CUTS, remaining=remaining, calls=True, may_unload=True)
+    job = bench.step(said, 0.2)
+    assert job.phase == Phase.DRIVES
+    assert (job.speed > 1.0) is drives
+
+
 @pytest.mark.parametrize(("calls", "others", "stays"), [
     (False, True, False), (False, False, True), (True, True, True)
 ])  # fmt: skip

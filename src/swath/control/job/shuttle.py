@@ -249,7 +249,7 @@ class Shuttle(KeepsState):
         in_lane = self._way >= self._lane
         until = line.length if in_lane else min(self._lane, line.length)
         free, to_next = inf, is_early and not self._is_clear
-        if to_next or not in_lane:
+        if is_early or not in_lane:
             free = self._clearance.way(here, line, self._way, until, peer, speed, to_next=to_next)
         keep = KEEP_STRAIGHT if in_lane else KEEP
         for said in self._combines.values():
@@ -261,8 +261,9 @@ class Shuttle(KeepsState):
         if peer.age > SILENT and (in_lane or not self._clearance.is_in_way(here, peer)):
             return 0.0
         is_passed = in_lane and not is_early and speed < MOVES and waits_behind(peer)
-        if is_passed or self._is_blocked(now, free, speed):
-            self._phase = Phase.WAITS
+        stays = in_lane and (to_next or not is_early)
+        if is_passed or self._is_blocked(now, free, speed, stays=stays):
+            self._phase, self._is_free = Phase.WAITS, stays or not self._is_soon_in_way(here)
             return 0.0
         if is_early or not in_lane:
             most = min(self._lane + AHEAD, self._drives_to) if is_early else self._drives_to
@@ -314,11 +315,10 @@ class Shuttle(KeepsState):
             self._phase, self._is_free = Phase.WAITS, False
         return False
 
-    def _is_blocked(self, now: float, free: float, speed: float) -> bool:
-        """A machine has been standing in its way for a while: it looks for another one."""
-        if free > 1.0 or speed > MOVES or self._way >= self._lane:
-            self._blocked_at = inf
-        self._blocked_at = min(self._blocked_at, now)
+    def _is_blocked(self, now: float, free: float, speed: float, *, stays: bool) -> bool:
+        """A machine has been standing in its way for a while: it looks for another one, unless it stays."""
+        goes_on = stays or free > 1.0 or speed > MOVES
+        self._blocked_at = inf if goes_on else min(self._blocked_at, now)
         return now - self._blocked_at > BLOCKED_FOR
 
     def _keeps(self, now: float, here: Place, peer: PeerState, station: Wanted) -> None:
