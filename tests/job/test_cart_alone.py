@@ -118,6 +118,21 @@ def test_a_cart_ahead_of_its_combine_does_not_drive_through_the_turn_of_that(rem
     assert (job.speed > 1.0) is drives
 
 
+@pytest.mark.parametrize(("flows", "stays"), [(True, True), (False, False)])
+def test_a_cart_whose_box_is_not_below_the_pipe_comes_up_anew(flows, stays):
+    """To a combine that stands for it and cannot pour: it drives off, and takes the call on its way."""
+    bench, there = CartBench(), Place(HERE.x + 8.2, HERE.y, NORTHWARD)
+    lane = np.array([HERE[:2], (HERE.x, 130.0)])
+    bench.part.load({**bench.part.save(), "phase": Phase.BESIDE, "task": 0, "points": lane})
+    told = {"calls": True, "may_unload": True, "speed": 0.0, "remaining": 80.0}
+    said = combine(HERE, there, Phase.STANDS, is_pouring=True, **told)
+    bench.step(said, 0.2)
+    said = replace(said, is_pouring=flows)
+    jobs = [bench.step(said, 0.2) for _ in range(295)]
+    assert {job.phase for job in jobs} == {Phase.BESIDE}
+    assert (bench.ends_in(said, 0.2).phase == Phase.BESIDE) is stays
+
+
 @pytest.mark.parametrize(("calls", "others", "stays"), [
     (False, True, False), (False, False, True), (True, True, True)
 ])  # fmt: skip

@@ -39,6 +39,7 @@ OFF, SLOWLY = 0.3, 1.0  # m off its way it drives no faster than that, m/s
 CATCH_UP = 0.3  # 1/s
 FULL_FOR = 4.0  # s, that the station says full, or that nothing is poured any more, before it leaves
 HELD_FOR = 8.0  # s without grain beside a combine that stands: it cannot turn while the cart is there
+MISSED_FOR = 30.0  # s likewise, while that calls: its box is not below the pipe, and it comes up anew
 RETRY = 5.0  # s between two looks for a way
 ARRIVED, AT_PLACE = 0.4, 6.0  # m from the end of its way; from its place
 BLOCKED_FOR = 4.0  # s behind a machine that stands in its way, before it looks for another one
@@ -146,8 +147,6 @@ class Shuttle(KeepsState):
         if self._phase == Phase.DONE and all(cart.said.phase == Phase.DONE for cart in self._others):
             self._ended = "the field is empty, and its grain at the truck"
         return self._out(t + dt, speed)
-
-    # what it decides
 
     def _waits(self, now: float, here: Place, heap: HeapState) -> None:
         combines = self._combines.values()
@@ -323,7 +322,7 @@ class Shuttle(KeepsState):
 
     def _keeps(self, now: float, here: Place, peer: PeerState, station: Wanted) -> None:
         """Beside the combine: until the load or the pass is over, or another machine comes."""
-        if peer.is_pouring:
+        if peer.is_pouring or peer.speed >= MOVES:
             self._poured_at = now
         if peer.age > SILENT:
             return  # the station brings it aside
@@ -338,7 +337,8 @@ class Shuttle(KeepsState):
         is_lost = self._calls.is_lost(peer, self._task, is_beside=True)
         caller, _ = self._calls.neediest(now, self._combines, self._others)
         is_over |= peer.phase == Phase.CUTS and not peer.calls and caller >= 0
-        ends = is_over or met < inf or stops or (is_lost and not pours_on)
+        is_missed = peer.phase == Phase.STANDS and now - self._poured_at > MISSED_FOR
+        ends = is_over or is_missed or met < inf or stops or (is_lost and not pours_on)
         self._since = min(self._since, now) if station.is_full and not peer.is_pouring else inf
         is_full = now - self._since > FULL_FOR
         if ends or is_full:
