@@ -7,7 +7,7 @@ from swath.core.errors import InputError
 from swath.field.cut_result import Cut
 from swath.field.edge import GapParams, StraightEdge, TeethParams
 from swath.field.height_bounds import update_tops
-from swath.field.memory_layout import MIRROR_X, MIRROR_Y
+from swath.field.memory_layout import MIRROR_X, MIRROR_Y, different_pages
 from swath.field.stand import maps, uniform
 from tests.field.made_field import CROP, library, made_field, rectangle
 
@@ -319,3 +319,10 @@ def test_a_cut_polygon_has_few_corners():
     with pytest.raises(InputError, match="polygon = 80: expected at most 64 corners"):
         field.cut(circle, 0.1)
     assert field.cut(circle[::2], 0.1).area == pytest.approx(np.pi, rel=0.01)
+
+
+def test_the_pages_of_some_cells_are_each_named_once():
+    i = np.array([3, 3, -2, -2, 3, -2])
+    j = np.array([-7, -7, 4, 5, -7, 4])
+    assert different_pages(i, j) == [(-2, 4), (-2, 5), (3, -7)]
+    assert different_pages(i[:0], j[:0]) == []

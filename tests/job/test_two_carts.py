@@ -16,7 +16,16 @@ from swath.control.steer.guidance_line import GuidanceLine
 from swath.core.errors import InputError
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
-from swath.signals import GuidancePath, HeapState, JobState, MachineState, PeerState, Phase, UnloadState
+from swath.signals import (
+    GuidancePath,
+    HeapState,
+    JobState,
+    MachineLoad,
+    MachineState,
+    PeerState,
+    Phase,
+    UnloadState,
+)
 from swath.tools.fleet.scenario import scenario_of
 from swath.tools.fleet.waiting import APART, OFF_WAYS, axle_ways, waiting_places
 from swath.tools.fleet.whole import share_uncut
@@ -64,6 +73,7 @@ def test_the_field_gets_empty_and_both_carts_bring_grain(run):
     heaps = [run.latest[cart, HeapState] for cart in CARTS]
     assert all(heap.emptied > 100.0 for heap in heaps)
     assert sum(heap.grain for heap in heaps) == pytest.approx(0.0, abs=1e-6)
+    assert run.latest["combine_0", MachineLoad].tank_level < 0.005
     metrics = run.evaluation.metrics("field")
     assert metrics["mass_balance_error"] < 1e-9
     assert metrics["spill_share"] <= 1e-3

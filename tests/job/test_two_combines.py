@@ -15,7 +15,7 @@ from swath.control.job.passes import Pass
 from swath.core.errors import InputError
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
-from swath.signals import HeapState, JobState, PeerState, Phase, UnloadState
+from swath.signals import HeapState, JobState, MachineLoad, PeerState, Phase, UnloadState
 from swath.tools.fleet import order, uncut
 from swath.tools.fleet.uncut import uncut_before
 from swath.tools.fleet.whole import share_uncut
@@ -84,6 +84,7 @@ def check_done(done, carts, least=0.45):
     assert "the field is empty" in done.world.graph.ended
     assert share_uncut(done.world.field, done.plan) < 1e-3
     heaps = [done.of(cart, HeapState) for cart in carts]
+    assert all(done.of(combine, MachineLoad).tank_level < 0.005 for combine in COMBINES)
     assert sum(heap.grain for heap in heaps) == pytest.approx(0.0, abs=1e-6)
     assert sum(heap.emptied for heap in heaps) > 0.95 * done.plan.area * 0.8
     metrics = done.evaluation.metrics("field")

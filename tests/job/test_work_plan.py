@@ -3,15 +3,16 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
-from swath.signals import UnloadState
+from swath.signals import HeapState, MachineLoad, UnloadState
 from swath.tools.fleet import lands
-from swath.tools.fleet.whole import Watch, _Seen
+from swath.tools.fleet.whole import Watch, _notes, _Seen
 from swath.tools.fleet.work_plan import ROOM, _too_much, passes_of, told_passes, work_plan
 from tests.job.jobs import finished, job_file
 from tests.job.layouts import layout_file
@@ -107,3 +108,14 @@ def test_what_a_combine_pours_counts_in_loads():
     for i, flow in enumerate((0.0, 90.0, 92.0, 0.0, 90.0, 0.0, 0.0, 0.0, 90.0)):  # every 6 s
         watch._see("combine.unload", 6 * i * NS, {"unload": UnloadState(6 * i * NS, 0.0, flow, *nothing)})
     assert watch.machines["combine"].loads == 2
+
+
+def test_a_result_tells_what_is_not_at_the_truck():
+    """In a tank, and in a box."""
+    watch = Watch(None)
+    load, none = MachineLoad(0, 2099.0, *[0.0] * 6), np.zeros(3)
+    heap = HeapState(0, 401.0, 0.02, 0.0, 1.0, none, none)
+    watch.machines = {"combine": _Seen(), "cart": _Seen()}
+    watch.machines["combine"].latest[MachineLoad], watch.machines["cart"].latest[HeapState] = load, heap
+    told = _notes(watch, {"machines": {"combine": {}, "cart": {}}, "field": {}})
+    assert "2500 kg of grain are not at the truck" in told

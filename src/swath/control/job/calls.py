@@ -20,7 +20,7 @@ LEAST = 15.0  # m of a pass beside the combine, for which it sets out
 AS_NEAR = 20.0  # m, less than that one of two carts is not nearer than the other one
 BEHIND = -12.0  # m ahead of a cart: beside it a combine's axle is some 5 m behind the cart's
 SPEED = 2.0  # m/s of a combine at work
-CART_SPEED, SERVES, BETWEEN = 3.0, 120.0, 60.0  # m/s straight to a combine; s beside one, and to the next
+CART_SPEED, SERVES, BETWEEN = 3.0, 120.0, 60.0  # m/s straight there; s beside, to the next: estimates
 AGAIN = 30.0  # s, for which a combine to which there is no way goes last
 PORTS = ("peer", *OTHERS)
 

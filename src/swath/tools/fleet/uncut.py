@@ -19,8 +19,8 @@ ALONG = 0.87  # cosine of the angle between two passes, which is 30 degrees: at 
 
 def uncut_before(ways: Ways, combines: Sequence[Combine], first: int, then: int) -> Mask:
     """Which pairs of samples (n, m) of two combines have crop on the line beside one of them, or before its
-    header, that the other one cuts in a pass which is begun before; behind a last pass, in any: there it
-    stands until a cart has come.
+    header, that the other one cuts in a pass which is begun before; at the end of a last pass, in any: it
+    stands there until a cart has come.
     """
     return _uncut(ways, combines, first, then) | _uncut(ways, combines, then, first).T
 
