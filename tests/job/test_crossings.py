@@ -139,12 +139,34 @@ def test_who_was_let_first_and_stands_lets_the_other_one_go_again():
     (says(0, 20.0, 0.0, Phase.STANDS), says(1, 49.8, 0.0), 3 * S),  # the other one's slot
     (says(0, 140.0, 0.0, Phase.STANDS), says(1, 49.8, 0.0), 0),  # it is there already
     (says(0, 96.0), says(1, 49.8, 0.0), 0),  # it cannot come to rest before it
-    (says(0, 90.0), says(1, 49.8, 0.0), 0),  # it is through sooner
 ])  # fmt: skip
 def test_where_nobody_is_let_first(own, other, t):
     first = Crossings(passes(), 0, ONE, SPEED)
     assert first.update(t, own, [other]) == NONE
     assert next(first.rules()) == ONE[0].first[0]
+
+
+@pytest.mark.parametrize(("come", "until", "told"), [
+    (90.0, 120.0, NONE),
+    (60.0, 120.0, 0),
+])  # fmt: skip
+def test_who_is_through_sooner_lets_nobody_go_first(come, until, told):
+    meeting = (meets(50.0, until, 100.0, 90.0),)
+    assert Crossings(passes(), 0, meeting, SPEED).update(0, says(0, come), [says(1, 49.8, 0.0)]) == told
+
+
+@pytest.mark.parametrize(("come", "speed", "may"), [
+    (199.8, 0.0, True),  # it stands a little behind the end of its pass, as machines do
+    (200.4, 0.0, True),
+    (199.8, 1.0, False),  # it cannot come to rest there
+    (201.0, 2.0, True),  # past that it waits at the crossing
+    (234.5, 2.0, False),
+])  # fmt: skip
+def test_one_that_is_past_the_end_of_its_pass_lets_the_other_one_go_first_too(come, speed, may):
+    """To wait at the end of the pass, or, past that, in its turn."""
+    meeting = (Crossing((GivesWay(1, 50.0, 2, 40.0),), (GivesWay(0, 235.0, 1, 90.0, 199.5),)),)
+    made = Crossings(passes(), 0, meeting, SPEED).update(0, says(0, come, speed), [says(1, 49.8, 0.0)])
+    assert (made == 0) is may
 
 
 def test_nobody_is_let_first_where_it_must_not():

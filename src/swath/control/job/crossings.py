@@ -120,8 +120,9 @@ def done_at(
     return [comes(n, whole[n]) if gone[n] == len(waits[n]) else inf for n in numbers]
 
 
-def _waits_at(rule: GivesWay) -> float:
-    return rule.way_m if rule.wait_m is None else rule.wait_m
+def _cost(ends: Sequence[float]) -> float:
+    """When the last one is done, and all in the mean, together [s]."""
+    return max(ends) + fsum(ends) / len(ends)
 
 
 class Crossings(KeepsState):
@@ -194,11 +195,11 @@ class Crossings(KeepsState):
     def _let_first(self, told: Mapping[int, PeerState]) -> None:
         """One combine, where it waits, and at crossings after that: where all are done earliest for it."""
         waits = [k for k in range(len(self._crossings)) if self._may(k, told) and self._is_waited_at(k, told)]
-        best, then = fsum(self._ends(told)) - EARLIER if waits else -inf, list[int]()
+        best, then = _cost(self._ends(told)) - EARLIER if waits else -inf, list[int]()
         for chain in (chain for k in waits for chain in self._chains(k, told)):
-            ends = fsum(self._ends(told, chain))
-            if ends < best:
-                best, then = ends, chain
+            cost = _cost(self._ends(told, chain))
+            if cost < best:
+                best, then = cost, chain
         for k in then:
             self._turned[k] += 1
         self._told += [k for k in then if k not in self._told]
@@ -224,9 +225,14 @@ class Crossings(KeepsState):
         instead, own = self._rules(k, turned=True), told[self._number]
         if not instead or self._passes[instead[0].task].combine != self._number or own.phase == Phase.DONE:
             return False
-        braking = SURE + own.speed**2 if own.speed > STILL else -SHORT
-        stop = own.task, own.come + braking
-        return all(stop <= (rule.task, _waits_at(rule)) for rule in instead)
+        return all(self._can_wait(own, rule) for rule in instead)
+
+    def _can_wait(self, own: PeerState, rule: GivesWay) -> bool:
+        """Whether it comes to rest before where it has to wait, or stands there already."""
+        place = rule.hold(own.task, own.come)
+        past = SHORT if place == rule.way_m else PAST
+        braking = SURE + own.speed**2 if own.speed > STILL else -past
+        return (own.task, own.come + braking) <= (rule.task, place)
 
     def _is_waited_at(self, k: int, told: Mapping[int, PeerState]) -> bool:
         return any(self._waits(rule, told) for rule in self._rules(k))
