@@ -319,3 +319,13 @@ def test_a_cart_slows_down_where_arcs_to_both_sides_meet():
     assert slow(5.0) > 10.0
     assert slow(39.0) == pytest.approx(np.sqrt(0.8 * radius), rel=0.05)
     assert slow(50.0) < 1.3
+
+
+@pytest.mark.parametrize("ahead", [-4.0, 0.0, 2.0])
+@pytest.mark.parametrize("phase", [Phase.CUTS, Phase.STANDS])
+def test_a_cart_leaves_a_combine_that_stands_beside_it(ahead, phase):
+    """Straight on past its header, also one that waits in its pass for another combine."""
+    there = Place(HERE.x + 8.2, HERE.y + ahead, NORTHWARD)
+    said = combine(HERE, there, phase, speed=0.0, remaining=80.0, to_come=90_000.0)
+    said = replace(said, header_width=12.3, tank_grain=100.0)
+    assert CartBench().ends_in(said, 0.95).speed > 0.5

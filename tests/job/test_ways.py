@@ -184,3 +184,19 @@ def test_a_way_that_was_found_is_straightened(goal, monkeypatch):
     bends = [sum(word != "S" for word, _ in made) for made in (way, steps)]
     assert bends[0] <= 6
     assert bends[1] > 2 * bends[0]
+
+
+@pytest.mark.parametrize(("speed", "straight"), [(0.0, True), (2.0, False)])
+def test_from_beside_a_combine_that_stands_a_cart_drives_straight_on_first(speed, straight):
+    """To the pass of another one, past the header: its trailer would cut the corner about that."""
+    passes = [Pass(((18.0, 0.0), (18.0, 40.0))), Pass(((42.0, 0.0), (42.0, 40.0)), combine=1)]
+    made = CartWays(passes, FIELD, 12.0, 8.2, 9.0)
+    here = Place(9.8, 46.0, NORTH)
+    told = {"header_width": 12.0, "header_front": 4.0, "header_left": 0.0, "heading": 0.0}
+    stood = replace(said(speed, Phase.STANDS, 0.0), x=-4.0, y=-8.2, **told)
+    other = replace(said(2.0, Phase.CUTS, 30.0), x=-36.0, y=-32.2, task=1, **told)
+    way = made.to_pass(here, 1, other, rest=[stood])
+    assert way is not None
+    begin = way.points[:11] - here[:2]
+    aside = np.interp([7.0, 10.0], begin[:, 1], begin[:, 0])
+    assert np.allclose(aside, -0.7, atol=0.02) is straight

@@ -39,6 +39,7 @@ FRONT = 4.6  # m, that a tractor reaches ahead of its axle
 BEGIN = -4.0  # m from the begin of a pass, where the line beside it begins
 PULL_AHEAD = 10.0  # m on before it turns away from a combine beside it
 NEAR = 18.0  # m from a combine, where it does so
+ALONG = 0.5  # rad, less than which one that stands beside it may be turned
 GONE_BY = 6.0  # m ahead of the own axle: a combine there has driven past
 ASIDE = 0.7  # m farther out than under the pipe, where a header and a trailer pass each other
 SHIFT = 7.0  # m of way, on which it drives out so far
@@ -88,10 +89,7 @@ class CartWays:
         goals = [goal for goal in goals if _has_room(goal, discs)]
         if not goals:
             return None
-        if hypot(combine.x, combine.y) >= NEAR or combine.x > GONE_BY:
-            return self._found(here, [combine, *rest], goals, discs)
-        is_beside = combine.y < -0.5 * self._left and abs(combine.x) < NEAR
-        ahead = _pulled_ahead(here, ASIDE if is_beside else 0.0)
+        ahead = self._ahead_of(here, combine)
         return self._found(here, [combine, *rest], goals, discs, first=ahead)
 
     def to_pass(
@@ -124,7 +122,18 @@ class CartWays:
         is_in_crop = not self._passes[task].cart_beside and _is_in_crop(line, begin + STRAIGHT, ground)
         if is_in_crop or _is_line_taken(line, beyond, begin, discs):
             return None
-        return self._found(here, [combine, *rest], [goal], discs, rest=[beyond], ground=ground)
+        stand = [c for c in rest if c.speed <= MOVES and self._is_beside(c) and abs(c.heading) < ALONG]
+        ahead = self._ahead_of(here, stand[0]) if stand else []
+        return self._found(here, [combine, *rest], [goal], discs, first=ahead, rest=[beyond], ground=ground)
+
+    def _is_beside(self, combine: PeerState) -> bool:
+        return combine.y < -0.5 * self._left and hypot(combine.x, combine.y) < NEAR
+
+    def _ahead_of(self, here: Place, combine: PeerState) -> list[Place]:
+        """Straight on, from a combine that is near and has not driven past; from beside it farther out."""
+        if hypot(combine.x, combine.y) >= NEAR or combine.x > GONE_BY:
+            return []
+        return _pulled_ahead(here, ASIDE if self._is_beside(combine) else 0.0)
 
     def is_cut_before(self, place: Place, task: int, combine: PeerState) -> bool:
         """Whether crop stands at a place which a combine cuts before it begins a pass."""

@@ -294,15 +294,23 @@ class Clearance:
         return stands and self.comes_by(here, here, own, said)
 
     def before_standing(
-        self, here: Place, line: GuidanceLine, at: float, until: float, said: PeerState
+        self,
+        here: Place,
+        line: GuidanceLine,
+        at: float,
+        until: float,
+        said: PeerState,
+        keep: float = KEEP,
     ) -> float:
         """Way [m] from `at` along a line, as far as `until`, to where a cart still has room to turn about
-        before a combine that stands in its turn or for a cart; inf where none is in its way.
+        before a combine that stands in its turn or for a cart; inf where none is in its way. keep: as
+        `free_way`
         """
         stands = said.phase in (Phase.TURNS, Phase.STANDS) and said.speed < STILL
         if not stands or hypot(said.x, said.y) > ROOM + BEYOND:
             return inf
-        way = free_way(here, line, at, until, ROOM + BEYOND, outline_of(said), [place_of(here, said)])
+        places = [place_of(here, said)]
+        way = free_way(here, line, at, until, ROOM + BEYOND, outline_of(said), places, keep)
         return max(way + SHORT - ROOM, 0.0)
 
     def until_near(

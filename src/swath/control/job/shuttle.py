@@ -19,9 +19,10 @@ from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, waits_be
 from swath.control.job.cart_ways import MOVES, CartWays
 from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_in_line, is_taken, others_of
 from swath.control.job.dubins import Place
+from swath.control.job.free_ahead import free_ahead
 from swath.control.job.heard import SILENT, AllHeard
 from swath.control.job.passes import Coordinate, Pass
-from swath.control.job.right_of_way import KEEP, KEEP_STRAIGHT, SHORT, TURNS_ABOUT, Clearance, own_outline
+from swath.control.job.right_of_way import SHORT, Clearance, own_outline
 from swath.control.job.wait_ahead import AHEAD, Found, WaitAhead
 from swath.control.steer.guidance_line import GuidanceLine
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -245,17 +246,12 @@ class Shuttle(KeepsState):
         if to_combine and met == inf and is_there and is_in_line(station):
             self._phase, self._since, self._poured_at = Phase.BESIDE, inf, now
             return 0.0
-        in_lane = self._way >= self._lane
-        until = line.length if in_lane else min(self._lane, line.length)
-        free, to_next = inf, is_early and not self._is_clear
-        if is_early or not in_lane:
-            free = self._clearance.way(here, line, self._way, until, peer, speed, to_next=to_next)
-        keep = KEEP_STRAIGHT if in_lane else KEEP
-        for said in self._combines.values():
-            if said is not peer:
-                way = self._clearance.way(here, line, self._way, line.length, said, speed, keep=keep)
-                free = min(free, way if in_lane else max(way - TURNS_ABOUT, 0.0))
-            free = min(free, self._clearance.before_standing(here, line, self._way, self._lane, said))
+        in_lane, to_next = self._way >= self._lane, is_early and not self._is_clear
+        rest = [said for said in self._combines.values() if said is not peer]
+        free = free_ahead(
+            self._clearance, here, line, self._way, self._lane, speed, peer, rest,
+            is_early=is_early, to_next=to_next,
+        )  # fmt: skip
         free = min(free, met)
         if peer.age > SILENT and (in_lane or not self._clearance.is_in_way(here, peer)):
             return 0.0
