@@ -101,6 +101,21 @@ def test_a_combine_stops_in_its_turn_before_a_cart():
     assert bench.step(100.6, 0.2, peer=(60.0, 0.0)).speed > 1.0
 
 
+@pytest.mark.parametrize(("speed", "away", "goes"), [
+    (0.0, 36.0, False), (0.0, 50.0, True), (1.5, 36.0, True), (1.5, 16.0, False),
+])  # fmt: skip
+def test_a_combine_sets_off_in_its_turn_when_no_cart_comes_by_soon(speed, away, goes):
+    """One at 4 m/s, across ahead of it, which lets a combine that stands be."""
+    bench = Bench(NORTH)
+    for north in np.arange(1.0, 100.2, 0.5):
+        bench.step(north, 0.2)
+    assert bench.step(100.5, 0.2).phase == Phase.TURNS
+    across = {"speed": 4.0, "heading": 0.5 * np.pi, "phase": int(Phase.DRIVES), **CART_BODY}
+    job = bench.step(100.6, 0.2, peer=(8.0, 4.0 - away), told=across, speed=speed)
+    assert job.phase == Phase.TURNS
+    assert (job.speed > 0.0) is goes
+
+
 def test_before_passes_without_a_cart_it_unloads_standing():
     """Where the tank would be full in them by what this pass has brought: it waits at its end for a cart."""
     blind = (NORTH[0], replace(NORTH[1], cart_beside=False))

@@ -259,13 +259,13 @@ class Bench:
         self.part, self.t = harvest.Harvest(harvest.Params(passes, **params), setup), 0
         self.part.reset(None)
 
-    def step(self, north, tank, flow=0.0, peer=(-30.0, 8.0), age=0.1, told=None, others=()):
+    def step(self, north, tank, flow=0.0, peer=(-30.0, 8.0), age=0.1, told=None, others=(), speed=1.5):
         pose = PoseEstimate(self.t, 0.0, north - 4.0, 0.5 * np.pi, 1.5, 0.0, np.eye(4) * 1e-4, 0.0)
         load = MachineLoad(self.t, tank * 9240.0, 0, 0, 0, 0, 0, 0, tank_level=tank)
         unload = UnloadState(self.t, 1.57, flow, 0.0, 0.0, 0.0, 0.0, 0.0, 8.0)
         heard = replace(PeerState(self.t, True, age, *peer, 0.0, 0.0, 0.0), **(told or {}))
         inputs = {
-            "pose": pose, "odometry": Odometry(self.t, 1.5, 0.0, 0.0), "load": load, "unload": unload,
+            "pose": pose, "odometry": Odometry(self.t, speed, 0.0, 0.0), "load": load, "unload": unload,
             "peer": heard, **{f"other_{i + 1}": other for i, other in enumerate(others)},
         }  # fmt: skip
         self.t += 100_000_000

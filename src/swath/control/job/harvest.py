@@ -10,15 +10,15 @@ from annotated_types import Ge, Gt, Le, MinLen
 from swath.control.cooperate.peer_track import OTHER_PORTS
 from swath.control.job.abreast import Abreast, own_passes
 from swath.control.job.calls import FORESIGHT
+from swath.control.job.carts_in_way import CartsInWay
 from swath.control.job.crossings import NONE, Crossing, Crossings
 from swath.control.job.dubins import Place
-from swath.control.job.ground import beside
-from swath.control.job.heard import SILENT, STOPS, AllHeard
+from swath.control.job.heard import SILENT, AllHeard
 from swath.control.job.passes import RUN_OUT, Pass, Route, route_of
-from swath.control.job.right_of_way import SWEPT, is_swept, outline_of, own_outline, place_of
+from swath.control.job.right_of_way import SWEPT
 from swath.control.job.tank import EMPTY, TankForecast
 from swath.control.job.turn_limits import limits_of
-from swath.control.job.turn_speed import BRAKE, EVERY, speed_between
+from swath.control.job.turn_speed import BRAKE, speed_between
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
@@ -43,19 +43,10 @@ AT_END = -0.3  # m to go, at which the header is out of the crop
 AT_HOLD = 0.1  # m before where it has to wait for another combine
 CRAWL = 0.2  # m/s, slowest towards the end of a pass
 TAKEN = 0.02  # of the tank, that a cart took before a machine with a full one goes on
-NEAR = 60.0  # m, beyond which another machine is not in the way of a turn
-AHEAD = 45.0  # m of the way through a turn that have to be free
-BEYOND, FAR = 10.0, 100.0  # m behind the turn, that have to be free, too, of carts that stand; not farther
-# on: these make room for what comes within the next 120 m
-STOPS_IN = 14.0  # m of the way that have to be free while it turns, and while it cuts
 LOW = 0.02  # of the tank: driving it needs its cart no more
 CALLS_AHEAD = 150.0  # s before it has to stand for a cart, in which that comes
-BUMPS = 0.2  # m from a cart ahead of it, that it stops before in a pass
-ALONG = 0.5  # rad, less than which a cart beside it may be turned
-SOON, SHORTLY = 6, 2  # s, for which another machine is taken to drive straight on; likewise in a turn
 BESIDE = 16.0  # m, nearer than which a cart stands beside it
 PASSES = 0.4  # m from a cart beside it, that it drives on past behind its last pass
-CAN_BE = 15.0  # m about a place where a silent machine may stand, that a turn takes
 
 
 @dataclass(frozen=True)
@@ -128,7 +119,7 @@ class Harvest(KeepsState):
         self._team: list[PeerState] = []
         self._limits = limits_of(setup.machine.wheelbase, params.turn_radius_m, rate, speed)
         self._routes: dict[int, tuple[Route, GuidancePath]] = {}
-        self._outline, self._width = own_outline(setup.machine), setup.machine.header_width
+        self._in_way = CartsInWay(setup.machine)
         self._heard = AllHeard()
         self._tank = TankForecast(self._passes, params.full_percent * PERCENT)
         self._forget()
@@ -231,11 +222,12 @@ class Harvest(KeepsState):
         if self._phase == Phase.DONE or (is_over and leaves):
             return self._leaves(left, here, carts)
         if flow > 0.0 and 0.0 < left < p.unload_to_m and not self._finishes:
+            in_peace = self._in_way.leaves_in_peace(self._route(), self._route().length - AT_END, carts)
             is_soon_over = load.tank_grain / flow <= p.finish_s + left / max(speed, 0.3)
-            self._finishes = is_soon_over and self._turns_clear_of(carts)
+            self._finishes = is_soon_over and in_peace
             too_full = self._tank.is_too_full(load, self._index, left)
             are_few = len(carts) < 1 + len(self._team)  # than combines: the cart will be elsewhere then
-            if are_few and self._turns_clear_of(carts):
+            if are_few and in_peace:
                 too_full |= self._tank.is_full_in_next(load, self._index, left)
             self._pours_on |= has_cart and not is_last and too_full
         is_near_end = has_cart and not is_last and AT_END < left < p.unload_to_m
@@ -254,8 +246,9 @@ class Harvest(KeepsState):
         free = self._free()
         if self._phase == Phase.TURNS:
             fast = speed_between(self._route(), self._way, turning, p.transport_speed_kmh * KMH)
-            return 0.0 if self._comes_near(here, carts, SWEPT) else min(fast, free)
-        if self._comes_near(here, [cart for cart in carts if self._is_across(cart)], BUMPS):
+            stops = self._in_way.stops_turn(self._route(), self._way, here, carts, speed)
+            return 0.0 if stops else min(fast, free)
+        if self._in_way.stops_cutting(self._route(), self._way, here, carts):
             return 0.0
         goes_on = not (self._finishes or self._pours_on or self._will_stand or is_last)
         slower = min(turning, wanted) if goes_on else 0.0
@@ -306,17 +299,8 @@ class Harvest(KeepsState):
         return finishes or self._unloads or self._is_blocked(here, carts)
 
     def _is_blocked(self, here: Place, carts: list[PeerState], clear: float = SWEPT) -> bool:
-        return any(cart.is_heard and self._is_in_way(here, cart, clear) for cart in carts)
-
-    def _comes_near(self, here: Place, carts: list[PeerState], clear: float) -> bool:
-        """Whether a cart that is heard is in the next metres of its way. clear: of it [m]"""
-        heard = [cart for cart in carts if cart.is_heard and cart.age <= SILENT]
-        return any(self._is_in_way(here, cart, clear, drives=True) for cart in heard)
-
-    def _is_across(self, cart: PeerState) -> bool:
-        """Whether a cart does not stand or drive along beside the machine."""
-        is_aside = abs(cart.y) > 0.5 * self._width and abs(cart.heading) < ALONG
-        return cart.phase != Phase.BESIDE and not is_aside
+        route, is_last = self._route(), self._is_last
+        return self._in_way.is_blocked(route, self._way, here, carts, is_last=is_last, clear=clear)
 
     def _is_too_full(self, load: MachineLoad, left: float) -> bool:
         """At the end of a pass beside which a cart can stand: whether it unloads there before it goes on."""
@@ -325,41 +309,6 @@ class Harvest(KeepsState):
         pours_on = (self._unloads or self._pours_on) and self._dry_for <= RUNS_OUT
         is_too_full = pours_on or self._tank.is_too_full(load, self._index)
         return self._passes[self._index].has_cart and is_too_full
-
-    def _turns_clear_of(self, carts: list[PeerState]) -> bool:
-        """Whether the turn behind the pass leaves carts in peace that stand beside the machine as now."""
-        end = self._route().length - AT_END
-        here = self._through_turn(end)[0]
-        return not any(cart.is_heard and self._sweeps(end, cart, [place_of(here, cart)]) for cart in carts)
-
-    def _is_in_way(self, here: Place, said: PeerState, clear: float = SWEPT, *, drives: bool = False) -> bool:
-        """Whether a cart is in its way, as it drives, or in the turn that it is to begin. clear: of it [m]"""
-        away = hypot(said.x, said.y)
-        if said.age > SILENT:
-            return away < STOPS + CAN_BE
-        reach, soon = (STOPS_IN, SHORTLY) if drives else (AHEAD, SOON)
-        stands = said.speed < 0.3
-        makes_room = said.phase != Phase.BESIDE  # one beside another combine does not
-        if stands and makes_room and not drives and not self._is_last:
-            route = self._route()
-            reach = min(max(reach, route.length + route.turn + BEYOND - self._way), FAR)
-        if away > NEAR + reach - AHEAD:
-            return False
-        at = place_of(here, said)
-        ahead = [0.0] if stands else [said.speed * i for i in range(soon)]
-        places = [Place(*beside(*at, way, 0.0), at.heading) for way in ahead]
-        return self._sweeps(self._way, said, places, clear, reach)
-
-    def _sweeps(
-        self, way: float, said: PeerState, places: list[Place], clear: float = SWEPT, reach: float = AHEAD
-    ) -> bool:
-        return is_swept(self._outline, self._through_turn(way, reach), outline_of(said), places, clear)
-
-    def _through_turn(self, way: float, reach: float = AHEAD) -> list[Place]:
-        """Places of the next metres, as far as a reach, from so far along the way [m]."""
-        line = self._route().line
-        ways = [way + EVERY * i for i in range(round(reach / EVERY) + 1)]
-        return [Place(*line.point(w), line.heading(w)) for w in ways]
 
     def _out(self, t: int, speed: float, way: float) -> Outputs:
         p, (route, path), work = self._p, self._made(), self._passes[self._index]
