@@ -198,21 +198,34 @@ def stream_of(sd):
 ])  # fmt: skip
 def test_grain_is_for_the_cart_that_names_the_own_pass(phase, task, pours):
     """One that waits beside, or for another combine, gets none; one without a job does."""
-    unloader = make("cooperate", "unloader", ControlSetup(COMBINE, {}, "left", 0.05))
+    assert pours_beside({"phase": phase, "task": task}, 0.8, Phase.CUTS) is pours
+
+
+@pytest.mark.parametrize(("level", "phase", "pours"), [
+    (0.008, Phase.CUTS, False), (0.011, Phase.CUTS, True), (0.008, Phase.STANDS, True),
+    (0.0009, Phase.STANDS, False),
+])  # fmt: skip
+def test_a_combine_that_stands_for_a_cart_gives_it_all_it_has(level, phase, pours):
+    """Else it would call for good, with less in its tank than it begins to pour from."""
+    assert pours_beside({"phase": Phase.BESIDE, "task": 4}, level, phase) is pours
+
+
+def pours_beside(told, level, phase):
+    unloader = make("cooperate", "unloader", ControlSetup(COMBINE, {}, "left", 0.05), start_percent=1.0)
     unloader.reset(STREAM)
     box = {"box_x": -5.5, "box_y": 0.0, "box_heading": 0.0, "box_length": 6.0, "box_width": 3.0}
     on = []
     for i in range(60):
         t = (i + 1) * NS // 20
         inputs = {
-            "peer": PeerState(t, True, 0.0, 5.5, 8.4, 0.0, 1.2, 0.0, 0.0, phase=phase, task=task, **box),
+            "peer": PeerState(t, True, 0.0, 5.5, 8.4, 0.0, 1.2, 0.0, 0.0, **told, **box),
             "odometry": Odometry(t, 1.2, 0.0, 0.0),
-            "load": MachineLoad(0, 5e3, *[0.0] * 7, tank_level=0.8),
+            "load": MachineLoad(0, 5e3, *[0.0] * 7, tank_level=level),
             "unload": UnloadState(0, 1.5, 0.0, 0, 0, 0, 0, 0.0, 8.4),
-            "job": JobState(t, int(Phase.CUTS), 4, 1.2, 50.0, may_unload=True),
+            "job": JobState(t, int(phase), 4, 1.2, 50.0, may_unload=True, calls=True),
         }
         on.append(unloader.step(t - NS // 20, NS // 20, inputs)["command"].is_running)
-    assert any(on) is pours
+    return any(on)
 
 
 def stops(unloader, limit):

@@ -31,7 +31,8 @@ FOLD_AFTER = 4.0  # the pipe swings back so long after the last grain [s]
 
 @dataclass(frozen=True)
 class Params:
-    """start_percent, stop_percent: levels of the tank between which it wants to unload
+    """start_percent, stop_percent: levels of the tank between which it wants to unload; standing for a cart,
+    above stop_percent
     call_m: distance of the cart at which the pipe swings out; margin_m: from the stream to the rim, along and
     across, to go on; to begin it is twice that, for steady_s; silence_s: without a message for so long the
     auger stops; over_crop: whether the pipe may swing out over standing crop
@@ -87,12 +88,13 @@ class Unloader(KeepsState):
         now, p = t + dt, self._p
         peer, load, unload = self._follow(now, dt, inputs), inputs["load"], inputs["unload"]
         level = load.tank_level
-        if level >= p.start_percent * PERCENT:
+        job: JobState | None = inputs.get("job")
+        stands = job is not None and job.phase == Phase.STANDS and job.calls
+        if level >= p.start_percent * PERCENT or (stands and level > p.stop_percent * PERCENT):
             self._wants = True
         elif level <= p.stop_percent * PERCENT:
             self._wants = False
         is_heard = self._track.age <= p.silence_s
-        job: JobState | None = inputs.get("job")
         may_pour = is_heard and not peer.is_full and peer.box_x == peer.box_x and _serves(peer, job)
         if may_pour:
             self._box_seen.update(inputs.get("box"), *self._track.to_own(peer.box_x, peer.box_y))
