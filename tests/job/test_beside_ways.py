@@ -273,6 +273,23 @@ def test_who_is_served_first(stand_in, more, first):
     assert calls.neediest(10.0, both, [])[0] == first
 
 
+@pytest.mark.parametrize(("away", "speed", "stand_in", "first"), [
+    (10.0, 2.0, (30.0, 200.0), -1),  # its cart waits until it has driven off
+    (10.0, 0.0, (30.0, 200.0), 1),  # it waits in its turn for another combine
+    (20.0, 2.0, (30.0, 200.0), 0),
+    (10.0, 2.0, (300.0, 20.0), 1),  # the other one needs a cart sooner
+])  # fmt: skip
+def test_a_cart_waits_for_a_combine_that_drives_off(away, speed, stand_in, first):
+    """In its turn it is beside it still, and sets out when that is 16 m away: not to another one."""
+    other = Pass(((50.0, 0.0), (50.0, 100.0)), combine=1)
+    calls = Calls([NORTH[0], other, NORTH[1]], 15.0)
+    own = Place(0.0, 0.0, 0.0)
+    here, there = Place(away, 0.0, 0.0), Place(90.0, 0.0, 0.0)
+    turns = combine(own, here, Phase.TURNS, task=0, speed=speed, calls=True, stands_in=stand_in[0])
+    cuts = combine(own, there, Phase.CUTS, task=1, remaining=90.0, calls=True, stands_in=stand_in[1])
+    assert calls.neediest(10.0, {0: turns, 1: cuts}, [])[0] == first
+
+
 @pytest.mark.parametrize(("passes", "x", "y", "comes"), [
     (NORTH, 12.7 + 8.7 + 0.7, 85.0, False),  # beside the next pass
     (NORTH, 3.0, 85.0, True),  # beside the next pass back on the left of this one: it is cut now

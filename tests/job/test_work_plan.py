@@ -53,6 +53,8 @@ def test_the_way_of_sharing_out_that_is_over_first_is_driven(monkeypatch):
 
     monkeypatch.setattr(lands, "team_of", team_of)
     monkeypatch.setattr(lands, "hours_of", noted)
+    monkeypatch.setattr(lands, "CUTS", 0.0)
+    monkeypatch.setattr(lands, "CARTS", 0.0)
     work = work_plan(file, plan_of(file, fleet, None), fleet)
     assert len(hours) > 3
     assert told_passes(work.rows) == asked[min(hours, key=lambda n: hours[n] + waits[n])]
@@ -76,6 +78,26 @@ def test_a_way_of_sharing_out_that_leaves_a_combine_without_a_pass_is_left_out(f
     else:
         with pytest.raises(InputError, match="a pass for every combine"):
             work_plan(file, plan, fleet)
+
+
+def test_hours_are_the_mean_of_draws_of_speeds(monkeypatch):
+    """Not those of one run, which a few seconds make longer or shorter by several percent."""
+    file = layout_file(4, 2)
+    fleet = fleet_of(file)
+    made, times = lands.shared_out(file, plan_of(file, fleet, None), fleet), []
+
+    class Noted(lands.Job):
+        def run(self):
+            super().run()
+            times.append(self.time)
+
+    monkeypatch.setattr(lands, "Job", Noted)
+    mean = lands.hours_of(file, made, fleet)
+    assert mean == lands.hours_of(file, made, fleet)
+    drawn = times[: lands.DRAWS]
+    assert mean == pytest.approx(np.mean(drawn))
+    assert len(set(drawn)) == lands.DRAWS
+    assert np.ptp(drawn) < 0.1 * mean
 
 
 @pytest.mark.parametrize(("beside", "owner", "kg"), [

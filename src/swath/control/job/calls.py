@@ -21,6 +21,8 @@ AS_NEAR = 20.0  # m, less than that one of two carts is not nearer than the othe
 BEHIND = -12.0  # m ahead of a cart: beside it a combine's axle is some 5 m behind the cart's
 SPEED = 2.0  # m/s of a combine at work
 CART_SPEED, SERVES, BETWEEN = 3.0, 120.0, 60.0  # m/s straight there; s beside, to the next: estimates
+LEAVES = 0.3  # m/s, faster than which a combine drives off
+NOBODY = -1, -inf
 AGAIN = 30.0  # s, for which a combine to which there is no way goes last
 PORTS = ("peer", *OTHERS)
 
@@ -76,16 +78,17 @@ class Calls(KeepsState):
         self, now: float, combines: Mapping[int, PeerState], others: Sequence[OtherCart]
     ) -> tuple[int, float]:
         """Number of the combine to serve first, of those that call and no other cart serves, and for how long
-        it has called [s]; -1, -inf = none. Of the orders in which one cart can serve them that by which all
-        are done first, from what each has still to do and how long it would stand, and who stands least.
+        it has called [s]; NOBODY = none, or one that is near and drives off: a cart waits for that. Of the
+        orders in which one cart can serve them that by which all are done first, from what each has still to
+        do and how long it would stand, and who stands least.
         """
         for number, said in combines.items():
-            is_open = said.calls and not self.is_served(said, others) and self.next_task(said) >= 0
+            is_open = said.calls and not self.is_served(said, others) and self._is_open(said)
             self._since[number] = min(self._since.get(number, inf), now) if is_open else inf
         calling = [number for number, since in self._since.items() if since < inf]
         fresh = [number for number in calling if now > self._put.get(number, -inf) + AGAIN]
         if not calling:
-            return -1, -inf
+            return NOBODY
         left = {number: self._left(said) / SPEED for number, said in combines.items()}
 
         def cost(order: tuple[int, ...]) -> tuple[float, float, int]:
@@ -95,7 +98,13 @@ class Calls(KeepsState):
             return max(over.values()) + fsum(stands) / len(over), self._since[order[0]], order[0]
 
         first = min(permutations(fresh or calling), key=cost)[0]
+        if self.next_task(combines[first]) < 0:
+            return NOBODY
         return first, now - self._since[first]
+
+    def _is_open(self, said: PeerState) -> bool:
+        """Whether a cart can set out to a combine, now or as soon as that has driven off."""
+        return (self.next_task(said) if said.speed <= LEAVES else self._task_of(said)) >= 0
 
     def _stands(self, order: Sequence[int], combines: Mapping[int, PeerState]) -> list[float]:
         """How long each combine stands for a cart if one cart serves them in an order [s]."""
@@ -172,6 +181,12 @@ class Calls(KeepsState):
         """The combine's pass, where enough is left of it or it stands; else, once the combine has left its
         place, the first of the next FORESIGHT in which a cart can take grain driving, or the next; -1 = none.
         """
+        task = self._task_of(peer)
+        near = CLEAR if peer.phase == Phase.TURNS else APART
+        return -1 if task != peer.task and hypot(peer.x, peer.y) < near else task
+
+    def _task_of(self, peer: PeerState) -> int:
+        """As `next_task`, wherever the combine is."""
         passes, least = self._passes, self.break_off(peer.task) + LEAST
         own = self._own[passes[peer.task].combine]
         then = own[own.index(peer.task) + 1 :][:FORESIGHT]
@@ -180,8 +195,6 @@ class Calls(KeepsState):
         is_here = passes[peer.task].cart_beside or (passes[peer.task].cart_standing and (stands or found < 0))
         if is_here and (stands or peer.remaining > least):
             return peer.task
-        if hypot(peer.x, peer.y) < (CLEAR if peer.phase == Phase.TURNS else APART):
-            return -1
         return then[0] if found < 0 and then and passes[then[0]].cart_standing else found
 
     def is_lost(self, peer: PeerState, task: int, *, is_beside: bool) -> bool:
