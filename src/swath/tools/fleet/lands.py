@@ -48,8 +48,9 @@ class Team(NamedTuple):
 
 
 def hours_of(file: FleetFile, of: Shared, fleet: Fleet) -> float:
-    """When the field is empty by events, if each cuts its own passes and waits for no other one: the mean of
-    some draws of speeds, since a few seconds send another cart [s].
+    """When the field is empty by events, if each cuts its own passes, waits for no other one, and stands for
+    carts as long as each other one: the mean of some draws of speeds, since a few seconds send another cart
+    [s]. How long all stand together is much the same with sensors, which of them does is not.
     """
     draw, found = random.Random(1), []
     for _ in range(DRAWS):
@@ -58,7 +59,11 @@ def hours_of(file: FleetFile, of: Shared, fleet: Fleet) -> float:
         drawn = replace(fleet, combines=tuple(combines), carts=tuple(carts))
         job = Job(file, of.plan, drawn, Events(), of.by)
         job.run()
-        found.append(job.time)
+        lines = [c.timeline for c in job.combines]
+        stands = [line.time("wait") + line.time("unload") for line in lines]
+        works = max(line.end - stood for line, stood in zip(lines, stands, strict=True))
+        last = job.time - max(line.end for line in lines)
+        found.append(works + math.fsum(stands) / len(stands) + last)
     return math.fsum(found) / DRAWS
 
 
