@@ -41,6 +41,7 @@ PULL_AHEAD = 10.0  # m on before it turns away from a combine beside it
 NEAR = 18.0  # m from a combine, where it does so
 ALONG = 0.5  # rad, less than which one that stands beside it may be turned
 GONE_BY = 6.0  # m ahead of the own axle: a combine there has driven past
+COMES_IN = 35.0  # m behind the combine, from where on it comes in from a line farther out
 ASIDE = 0.7  # m farther out than under the pipe, where a header and a trailer pass each other
 SHIFT = 7.0  # m of way, on which it drives out so far
 MOVES = 0.3  # m/s, faster than which a combine will be elsewhere
@@ -125,6 +126,21 @@ class CartWays:
         stand = [c for c in rest if c.speed <= MOVES and self._is_beside(c) and abs(c.heading) < ALONG]
         ahead = self._ahead_of(here, stand[0]) if stand else []
         return self._found(here, [combine, *rest], [goal], discs, first=ahead, rest=[beyond], ground=ground)
+
+    def onto_line(self, here: Place, task: int, combine: PeerState) -> Way | None:
+        """From the line farther out onto that beside a pass in which the combine is now, ahead of it; None =
+        it is on that, or too near.
+        """
+        (ax, ay), (bx, by) = line = self._beside(self._passes[task], 0.0)
+        course, length = atan2(by - ay, bx - ax), way_along(line)
+        c, s = cos(course), sin(course)
+        come, left = c * (here.x - ax) + s * (here.y - ay), c * (here.y - ay) - s * (here.x - ax)
+        is_aside = 0.5 * ASIDE < left < 2.0 * ASIDE
+        if not is_aside or combine.x < COMES_IN or come + COME_UP > length:
+            return None
+        there = ax + c * (come + COME_UP), ay + s * (come + COME_UP)
+        points = np.array([here[:2], there, (bx + BEYOND * c, by + BEYOND * s)])
+        return Way(points, way_along(points.tolist()))
 
     def _is_beside(self, combine: PeerState) -> bool:
         return combine.y < -0.5 * self._left and hypot(combine.x, combine.y) < NEAR

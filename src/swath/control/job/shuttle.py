@@ -16,7 +16,7 @@ from annotated_types import Ge, Gt, Le, MinLen
 from swath.control.cooperate.peer_track import OTHER_PORTS
 from swath.control.job.bend_speed import bend_speed
 from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, waits_behind
-from swath.control.job.cart_ways import MOVES, CartWays
+from swath.control.job.cart_ways import MOVES, CartWays, Way
 from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_in_line, is_taken, others_of
 from swath.control.job.dubins import Place
 from swath.control.job.free_ahead import free_ahead
@@ -211,11 +211,13 @@ class Shuttle(KeepsState):
             self._calls.put_back(self._served, now)
             return
         way, self._is_clear, self._drives_to = found
-        self._points, self._number, self._way = way.points, self._number + 1, 0.0
-        self._line = None
         self._phase, self._goal, self._task = Phase.DRIVES, goal, task
-        self._lane = self._made().length - way.beside if goal == "combine" else inf
+        self._takes(way)
         self._retry_at, self._blocked_at = -inf, inf
+
+    def _takes(self, way: Way) -> None:
+        self._points, self._number, self._way, self._line = way.points, self._number + 1, 0.0, None
+        self._lane = self._made().length - way.beside if self._goal == "combine" else inf
 
     def _drives(self, now: float, here: Place, peer: PeerState, inputs: Inputs) -> float:
         """Along the way that was found; on the line beside the pass it catches up."""
@@ -247,6 +249,9 @@ class Shuttle(KeepsState):
             self._phase, self._since, self._poured_at = Phase.BESIDE, inf, now
             return 0.0
         in_lane, to_next = self._way >= self._lane, is_early and not self._is_clear
+        if in_lane and not is_early and (way := self._ways.onto_line(here, self._task, peer)):
+            self._takes(way)
+            return speed
         rest = [said for said in self._combines.values() if said is not peer]
         free = free_ahead(
             self._clearance, here, line, self._way, self._lane, speed, peer, rest,
@@ -312,8 +317,7 @@ class Shuttle(KeepsState):
 
     def _is_blocked(self, now: float, free: float, speed: float, *, stays: bool) -> bool:
         """A machine has been standing in its way for a while: it looks for another one, unless it stays."""
-        goes_on = stays or free > 1.0 or speed > MOVES
-        self._blocked_at = inf if goes_on else min(self._blocked_at, now)
+        self._blocked_at = inf if stays or free > 1.0 or speed > MOVES else min(self._blocked_at, now)
         return now - self._blocked_at > BLOCKED_FOR
 
     def _keeps(self, now: float, here: Place, peer: PeerState, station: Wanted) -> None:
