@@ -28,7 +28,7 @@ AWAY = Place(12.7, 40.0, -NORTHWARD)
 
 
 class CartBench:
-    """The level alone, which stands at a place: grain in its box as told."""
+    """The level alone, which stands at a place: grain in its box as told; spot: where that is full."""
 
     def __init__(self, passes=NORTH, ring=RING, **more):
         params = Params(passes, ring, truck_m=(-25.0, -15.0), leave_percent=60.0, **more)
@@ -36,10 +36,11 @@ class CartBench:
         self.part.reset(None)
         self.t, self.at = 0, HERE
 
-    def step(self, said, level, **others):
+    def step(self, said, level, spot=None, **others):
         pose = PoseEstimate(self.t, *self.at, 0.0, 0.0, np.eye(4) * 1e-4, 0.0)
         heap = HeapState(self.t, level * FULL, level, 0.0, 1.0, np.zeros(3), np.zeros(3))
-        station = Wanted(self.t, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False)
+        is_full = spot is not None
+        station = Wanted(self.t, is_full, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, spot or 0.0, is_full)
         inputs = {
             "pose": pose, "odometry": Odometry(self.t, 0.0, 0.0, 0.0), "peer": replace(said, t=self.t),
             "heap": heap, "station": station, **{name: replace(o, t=self.t) for name, o in others.items()},
@@ -329,3 +330,15 @@ def test_a_cart_leaves_a_combine_that_stands_beside_it(ahead, phase):
     said = combine(HERE, there, phase, speed=0.0, remaining=80.0, to_come=90_000.0)
     said = replace(said, header_width=12.3, tank_grain=100.0)
     assert CartBench().ends_in(said, 0.95).speed > 0.5
+
+
+@pytest.mark.parametrize(("moves", "stays"), [(0.1, True), (0.0, False)])
+def test_a_cart_is_full_when_it_moves_on_to_no_other_place(moves, stays):
+    """With room farther back in its box it stays, though no grain flows until that is below the pipe."""
+    bench, there = CartBench(), Place(HERE.x + 8.2, HERE.y, NORTHWARD)
+    lane = np.array([HERE[:2], (HERE.x, 130.0)])
+    bench.part.load({**bench.part.save(), "phase": Phase.BESIDE, "task": 0, "points": lane})
+    said = combine(HERE, there, Phase.CUTS, calls=True, may_unload=True, speed=2.0, remaining=80.0)
+    jobs = [bench.step(said, 0.7, 2.0 - moves * 0.1 * i) for i in range(60)]
+    assert jobs[30].phase == Phase.BESIDE
+    assert (jobs[-1].phase == Phase.BESIDE) is stays

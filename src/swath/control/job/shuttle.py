@@ -78,7 +78,7 @@ class Shuttle(KeepsState):
     kept = (
         "_phase", "_goal", "_task", "_points", "_number", "_way", "_lane", "_since", "_until", "_retry_at",
         "_is_free", "_is_clear", "_drives_to", "_looks_at", "_blocked_at", "_ended", "_poured_at", "_heard",
-        "_calls", "_served",
+        "_calls", "_served", "_spot",
     )  # fmt: skip
     inputs = (
         Port("pose", PoseEstimate),
@@ -111,7 +111,7 @@ class Shuttle(KeepsState):
         self._way = self._lane = 0.0
         self._since, self._until, self._retry_at, self._poured_at = inf, -inf, -inf, -inf
         self._is_clear, self._drives_to, self._looks_at = True, inf, -inf
-        self._is_free, self._ended, self._blocked_at, self._served = True, "", inf, 0
+        self._is_free, self._ended, self._blocked_at, self._served, self._spot = True, "", inf, 0, nan
         self._heard.reset()
         self._calls.reset()
 
@@ -339,7 +339,9 @@ class Shuttle(KeepsState):
         is_over |= peer.phase == Phase.CUTS and not peer.calls and caller >= 0
         is_missed = peer.phase == Phase.STANDS and now - self._poured_at > MISSED_FOR
         ends = is_over or is_missed or met < inf or stops or (is_lost and not pours_on)
-        self._since = min(self._since, now) if station.is_full and not peer.is_pouring else inf
+        moves_on = peer.is_pouring or station.spot != self._spot  # to a place with room
+        self._since = min(self._since, now) if station.is_full and not moves_on else inf
+        self._spot = station.spot
         is_full = now - self._since > FULL_FOR
         if ends or is_full:
             drives_off = peer.phase == Phase.STANDS or is_full  # else it is in the way of its turn
@@ -352,15 +354,13 @@ class Shuttle(KeepsState):
 
     def _brings(self, heap: HeapState) -> bool:
         """Whether it is loaded, or nobody needs it any more."""
-        return self._is_loaded(heap) or self._calls.is_spare(self._combines.values(), self._others)
-
-    def _is_loaded(self, heap: HeapState) -> bool:
-        return heap.level * 100.0 >= self._p.leave_percent
+        is_loaded = heap.level * 100.0 >= self._p.leave_percent
+        return is_loaded or self._calls.is_spare(self._combines.values(), self._others)
 
     def _leaves(self, heap: HeapState) -> bool:
         """Nobody needs it; or loaded, without room for half a tank that waits, or, alone, for all to come."""
         said, is_alone = self._combines.values(), self._p.wait_m is None
-        if not self._is_loaded(heap):
+        if heap.level * 100.0 < self._p.leave_percent:
             return heap.grain > 0.0 and self._brings(heap)
         return not self._calls.has_room(heap, said, self._others, is_alone=is_alone)
 
