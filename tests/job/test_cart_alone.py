@@ -342,3 +342,27 @@ def test_a_cart_is_full_when_it_moves_on_to_no_other_place(moves, stays):
     jobs = [bench.step(said, 0.7, 2.0 - moves * 0.1 * i) for i in range(60)]
     assert jobs[30].phase == Phase.BESIDE
     assert (jobs[-1].phase == Phase.BESIDE) is stays
+
+
+def test_behind_a_combine_that_stands_it_comes_onto_the_line_of_the_pipe():
+    """From the line farther out, on which it had set out; it stops before what is there as on that."""
+    bench, at = CartBench(), Place(-8.9, 20.0, NORTHWARD)
+    bench.at = at
+    lane = np.array([at[:2], (at.x, 130.0)])
+    kept = {
+        "phase": Phase.DRIVES,
+        "goal": "combine",
+        "task": 0,
+        "points": lane,
+        "lane": 0.0,
+        "is_clear": True,
+    }
+    bench.part.load({**bench.part.save(), **kept})
+    said = combine(
+        at, Place(0.0, 90.0, NORTHWARD), Phase.STANDS, calls=True, may_unload=True, speed=0.0, remaining=6.0
+    )
+    jobs = [bench.step(said, 0.2) for _ in range(3)]
+    assert {job.phase for job in jobs} == {Phase.DRIVES}
+    saved = bench.part.save()
+    assert saved["points"][1:, 0] == pytest.approx(-8.2)
+    assert saved["number"] == 1

@@ -203,15 +203,17 @@ def test_from_beside_a_combine_that_stands_a_cart_drives_straight_on_first(speed
 
 
 @pytest.mark.parametrize(("left", "ahead", "comes_in"), [
-    (8.9, 60.0, True), (8.3, 60.0, False), (8.9, 30.0, False), (8.9, 90.0, False),
+    (8.9, 60.0, True), (8.2, 60.0, False), (8.9, 30.0, False), (8.9, 90.0, False),
 ])  # fmt: skip
 def test_behind_a_combine_in_its_pass_a_cart_comes_in_from_farther_out(left, ahead, comes_in):
-    """A combine that stands is poured from off the middle of the box else, until one wall has no room."""
+    """Once: a combine that stands is poured from off the middle of the box else, until one wall is full."""
     made = CartWays([Pass(((18.0, 0.0), (18.0, 100.0)))], FIELD, 12.0, 8.2, 9.0)
     here = Place(18.0 - left, 99.0 - ahead if ahead < 80.0 else 85.0, NORTH)
-    way = made.onto_line(here, 0, replace(said(0.0, Phase.STANDS, 0.0), x=ahead, y=-left))
+    stands = replace(said(0.0, Phase.STANDS, 0.0), x=ahead, y=-left)
+    way = made.onto_line(here, np.array([here[:2], (here.x, 130.0)]), 0, stands)
     assert (way is not None) is comes_in
     if way is not None:
         assert way.points[0] == pytest.approx(here[:2])
         assert way.points[1:, 0] == pytest.approx(18.0 - 8.2)
         assert way.beside == pytest.approx(np.hypot(*np.diff(way.points, axis=0).T).sum())
+        assert made.onto_line(here, way.points, 0, stands) is None

@@ -127,20 +127,20 @@ class CartWays:
         ahead = self._ahead_of(here, stand[0]) if stand else []
         return self._found(here, [combine, *rest], [goal], discs, first=ahead, rest=[beyond], ground=ground)
 
-    def onto_line(self, here: Place, task: int, combine: PeerState) -> Way | None:
-        """From the line farther out onto that beside a pass in which the combine is now, ahead of it; None =
-        it is on that, or too near.
+    def onto_line(self, here: Place, points: F64, task: int, combine: PeerState) -> Way | None:
+        """From a way (n, 2) farther out [m] onto the line beside a pass in which the combine is now, ahead of
+        it; None = it leads there, or the combine is too near.
         """
         (ax, ay), (bx, by) = line = self._beside(self._passes[task], 0.0)
         course, length = atan2(by - ay, bx - ax), way_along(line)
         c, s = cos(course), sin(course)
-        come, left = c * (here.x - ax) + s * (here.y - ay), c * (here.y - ay) - s * (here.x - ax)
-        is_aside = 0.5 * ASIDE < left < 2.0 * ASIDE
-        if not is_aside or combine.x < COMES_IN or come + COME_UP > length:
+        come, out = c * (here.x - ax) + s * (here.y - ay) + COME_UP, c * (points[-1, 1] - ay)
+        is_aside = out - s * (points[-1, 0] - ax) > 0.5 * ASIDE
+        if not is_aside or combine.x < COMES_IN or come > length:
             return None
-        there = ax + c * (come + COME_UP), ay + s * (come + COME_UP)
-        points = np.array([here[:2], there, (bx + BEYOND * c, by + BEYOND * s)])
-        return Way(points, way_along(points.tolist()))
+        beyond = bx + BEYOND * c, by + BEYOND * s
+        made = np.array([here[:2], (ax + c * come, ay + s * come), beyond])
+        return Way(made, way_along(made.tolist()))
 
     def _is_beside(self, combine: PeerState) -> bool:
         return combine.y < -0.5 * self._left and hypot(combine.x, combine.y) < NEAR

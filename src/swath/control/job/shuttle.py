@@ -249,9 +249,9 @@ class Shuttle(KeepsState):
             self._phase, self._since, self._poured_at = Phase.BESIDE, inf, now
             return 0.0
         in_lane, to_next = self._way >= self._lane, is_early and not self._is_clear
-        if in_lane and not is_early and (way := self._ways.onto_line(here, self._task, peer)):
+        if in_lane and not is_early and (way := self._ways.onto_line(here, self._points, self._task, peer)):
             self._takes(way)
-            return speed
+            line = self._made()
         rest = [said for said in self._combines.values() if said is not peer]
         free = free_ahead(
             self._clearance, here, line, self._way, self._lane, speed, peer, rest,
