@@ -290,6 +290,19 @@ def test_a_cart_waits_for_a_combine_that_drives_off(away, speed, stand_in, first
     assert calls.neediest(10.0, {0: turns, 1: cuts}, [])[0] == first
 
 
+@pytest.mark.parametrize(("remaining", "first"), [(60.0, 1), (20.0, -1)])
+def test_a_combine_that_goes_on_in_a_pass_without_a_cart_is_not_waited_for(remaining, first):
+    """On a small field all are near; at the end of the pass it will soon be elsewhere."""
+    blind, other = replace(NORTH[0], cart_beside=False), Pass(((50.0, 0.0), (50.0, 100.0)), combine=1)
+    calls, own = Calls([blind, other, NORTH[1]], 15.0), Place(0.0, 0.0, 0.0)
+    there = Place(30.0, 0.0, 0.0), Place(90.0, 0.0, 0.0)
+    both = {
+        k: combine(own, there[k], Phase.CUTS, task=k, remaining=left, calls=True, stands_in=stands_in)
+        for k, (left, stands_in) in enumerate([(remaining, 30.0), (90.0, 200.0)])
+    }
+    assert calls.neediest(10.0, both, [])[0] == first
+
+
 @pytest.mark.parametrize(("passes", "x", "y", "comes"), [
     (NORTH, 12.7 + 8.7 + 0.7, 85.0, False),  # beside the next pass
     (NORTH, 3.0, 85.0, True),  # beside the next pass back on the left of this one: it is cut now

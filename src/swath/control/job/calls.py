@@ -103,8 +103,9 @@ class Calls(KeepsState):
         return first, now - self._since[first]
 
     def _is_open(self, said: PeerState) -> bool:
-        """Whether a cart can set out to a combine, now or as soon as that has driven off."""
-        return (self.next_task(said) if said.speed <= LEAVES else self._task_of(said)) >= 0
+        """Whether a cart can set out to a combine, now or once that has driven off to its next pass."""
+        ends = said.phase == Phase.TURNS or said.remaining < self.break_off(said.task) + LEAST
+        return (self._task_of(said) if ends and said.speed > LEAVES else self.next_task(said)) >= 0
 
     def _stands(self, order: Sequence[int], combines: Mapping[int, PeerState]) -> list[float]:
         """How long each combine stands for a cart if one cart serves them in an order [s]."""
