@@ -47,9 +47,10 @@ def test_the_way_of_sharing_out_that_is_over_first_is_driven(monkeypatch):
         waited = waits[len(asked) - 1]
         return None if waited is None else lands.Team([], 2000.0, waited, 1000.0)
 
-    def noted(*of):
-        hours[len(asked) - 1] = hours_of(*of)
-        return hours[len(asked) - 1]
+    def noted(file, of, fleet):
+        index = asked.index(told_passes(passes_of(of, fleet.combines, file)))
+        hours[index] = hours_of(file, of, fleet)
+        return hours[index]
 
     monkeypatch.setattr(lands, "team_of", team_of)
     monkeypatch.setattr(lands, "hours_of", noted)

@@ -14,6 +14,7 @@ from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, Point, beside
 from swath.control.job.passes import Pass, way_along
 from swath.control.job.right_of_way import (
+    ALONG,
     EVERY,
     FORE,
     KEEP,
@@ -39,7 +40,6 @@ FRONT = 4.6  # m, that a tractor reaches ahead of its axle
 BEGIN = -4.0  # m from the begin of a pass, where the line beside it begins
 PULL_AHEAD = 10.0  # m on before it turns away from a combine beside it
 NEAR = 18.0  # m from a combine, where it does so
-ALONG = 0.5  # rad, less than which one that stands beside it may be turned
 GONE_BY = 6.0  # m ahead of the own axle: a combine there has driven past
 COMES_IN = 35.0  # m behind the combine, from where on it comes in from a line farther out
 ASIDE = 0.7  # m farther out than under the pipe, where a header and a trailer pass each other

@@ -7,7 +7,7 @@ from swath.control.job.dubins import Place
 from swath.control.job.ground import beside
 from swath.control.job.heard import SILENT, STOPS
 from swath.control.job.passes import Route
-from swath.control.job.right_of_way import SWEPT, is_swept, outline_of, own_outline, place_of
+from swath.control.job.right_of_way import ALONG, SWEPT, is_swept, outline_of, own_outline, place_of
 from swath.control.job.turn_speed import EVERY
 from swath.signals import PeerState, Phase
 from swath.signals.setup import MachineGeometry
@@ -18,7 +18,6 @@ BEYOND, FAR = 10.0, 100.0  # m behind the turn, that have to be free, too, of ca
 # on: these make room for what comes within the next 120 m
 STOPS_IN = 14.0  # m of the way that have to be free while it turns, and while it cuts
 BUMPS = 0.2  # m from a cart ahead of it, that it stops before in a pass
-ALONG = 0.5  # rad, less than which a cart beside it may be turned
 SOON, SHORTLY = 6, 2  # s, for which another machine is taken to drive straight on, and for one that turns: a
 # combine that sets off again comes before a cart that cannot stop any more
 CAN_BE = 15.0  # m about a place where a silent machine may stand, that a turn takes

@@ -222,13 +222,14 @@ class Harvest(KeepsState):
         if self._phase == Phase.DONE or (is_over and leaves):
             return self._leaves(left, here, carts)
         if flow > 0.0 and 0.0 < left < p.unload_to_m and not self._finishes:
-            in_peace = self._in_way.leaves_in_peace(self._route(), self._route().length - AT_END, carts)
             is_soon_over = load.tank_grain / flow <= p.finish_s + left / max(speed, 0.3)
-            self._finishes = is_soon_over and in_peace
-            too_full = self._tank.is_too_full(load, self._index, left)
             are_few = len(carts) < 1 + len(self._team)  # than combines: the cart will be elsewhere then
-            if are_few and in_peace:
-                too_full |= self._tank.is_full_in_next(load, self._index, left)
+            fills_next = are_few and self._tank.is_full_in_next(load, self._index, left)
+            route = self._route()
+            in_peace = is_soon_over or fills_next
+            in_peace = in_peace and self._in_way.leaves_in_peace(route, route.length - AT_END, carts)
+            self._finishes = is_soon_over and in_peace
+            too_full = self._tank.is_too_full(load, self._index, left) or (fills_next and in_peace)
             self._pours_on |= has_cart and not is_last and too_full
         is_near_end = has_cart and not is_last and AT_END < left < p.unload_to_m
         self._will_stand = is_near_end and work.has_cart and self._tank.is_too_full(load, self._index, left)

@@ -14,6 +14,7 @@ from swath.signals import PeerState, Phase
 from swath.signals.setup import MachineGeometry
 
 EVERY = 2.0  # m along its way, at which its outline is looked at
+ALONG = 0.5  # rad, less than which one beside another machine may be turned
 SAME_WAY = pi / 3.0  # rad, of its heading from that of its way, where it is looked for in a turn
 LIMITS = TurnLimits(7.0, 0.1)  # of turns that the plan does not give
 KNIFE = 4.0  # m ahead of the axle, where no message tells it

@@ -60,7 +60,7 @@ def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
     """With lands of their own: of several ways of sharing out the one that is over first, of those for which
     the tanks have room.
     """
-    found: dict[tuple[float, float], WorkPlan] = {}
+    found: list[tuple[float, float, WorkPlan]] = []
     known: list[list[dict[str, Any]]] = []
     for tried_plan, tried in _tries(file, plan, fleet):
         made = lands.shared_out(file, tried_plan, tried)
@@ -74,18 +74,19 @@ def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
         if team is None:
             continue
         over = _too_much(made, rows, fleet.combines, file.field.yield_t_ha)
-        hours = lands.hours_of(file, made, fleet) + team.waits
-        found.setdefault((over, hours), WorkPlan(made, rows, team.members))
+        found.append((over, team.waits, WorkPlan(made, rows, team.members)))
         if over <= 0.0 and team.end <= GOOD * team.least:
             break
     if not known:
         raise InputError("combines", len(fleet.combines), NO_PASS)
     if not found:
         raise InputError("plan", None, NO_ORDER)
-    over, _ = least = min(found)
-    if over > OVER * min(c.tank for c in fleet.combines):
-        raise InputError("plan.order", file.plan.order, TOO_MUCH.format(over))
-    return found[least]
+    least = min(over for over, _, _ in found)
+    if least > OVER * min(c.tank for c in fleet.combines):
+        raise InputError("plan.order", file.plan.order, TOO_MUCH.format(least))
+    fits = [(waits, work) for over, waits, work in found if over == least]
+    hours = [lands.hours_of(file, work.shared, fleet) + waits for waits, work in fits]
+    return fits[hours.index(min(hours))][1]
 
 
 def _tries(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Iterator[tuple[FieldPlan, Fleet]]:
