@@ -6,8 +6,8 @@ SWATH_DATA=... python benchmarks/harvest.py [--driven [FIRST LAST] | --sensors L
 both rank the numbers of carts alike, seconds for which bodies of driven machines are over each other, and
 standoffs that were not solved.
 --sensors: layouts with a number of carts at the level with sensors, the edge known and machines kinematic:
-hours against events, seconds of computing, contacts, the crop that is left, the grain that is not at the
-truck. Some minutes each.
+hours until the last grain is at the truck against events, seconds of computing, contacts, the crop that is
+left, the grain that is not at the truck. Some minutes each.
 """
 
 import math
@@ -24,7 +24,6 @@ from tests.job.layouts import CARTS, both_levels, layout, layout_file, same_rank
 from tests.job.test_events import gain_of
 from tests.job.test_plan import LOG
 
-from swath.core.schedule import NS
 from swath.job.fleet import FleetFile, read_fleet
 from swath.job.recorded import predict, read_day
 from swath.job.turns import limits_of
@@ -144,7 +143,7 @@ def with_sensors(jobs: list[str]) -> None:
         least = min(m["least_clearance_m"] for m in found)
         kept = sum(run.of(c, MachineLoad).tank_grain for c in file.combines)
         kept += sum(run.of(c, HeapState).grain for c in file.carts)
-        seconds = run.world.graph.t / NS
+        seconds = run.brought_at
         print(
             f"{job:14s} {cheap:7.0f} {seconds:8.0f} {100 * (seconds / cheap - 1):+5.1f} {took:8.0f} s"
             f" {contacts:9.0f} {least:14.2f} m {100 * left:6.3f} % {kept:9.0f} kg  {run.world.graph.ended}",

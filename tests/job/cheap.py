@@ -3,6 +3,7 @@
 import pickle
 from pathlib import Path
 
+from swath.core.schedule import NS
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
 from swath.record.digest import Digest
@@ -10,6 +11,7 @@ from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
+from swath.signals import HeapState
 from swath.tools.fleet.whole import scenario_text
 from swath.tools.fleet.work_plan import work_plan
 
@@ -35,7 +37,9 @@ def cheap_sets(combines, carts, broken_off=15):
 
 
 class CheapRun:
-    """A job run until it ends, or until a time. latest: signals by machine and kind"""
+    """A job run until it ends, or until a time. latest: signals by machine and kind; brought_at: when the
+    last grain left a box at the truck [s]
+    """
 
     def __init__(self, file, until_s=None, state=None, sets=None):
         fleet = fleet_of(file)
@@ -44,6 +48,7 @@ class CheapRun:
         sets = cheap_sets(file.combines, file.carts) if sets is None else sets
         self.world = assemble(parse_scenario(text, base=Path.cwd(), sets=sets))
         self.digest, self.evaluation, self.latest = Digest(), make_evaluation(self.world), {}
+        self.brought_at = 0.0
         if state is not None:
             self.world.load(state["world"])
             self.digest.load(state["digest"])
@@ -62,6 +67,9 @@ class CheapRun:
     def _keep(self, slot, t, outputs):
         machine = slot.partition(".")[0]
         for signal in outputs.values():
+            before = self.latest.get((machine, type(signal)), signal)
+            if isinstance(signal, HeapState) and signal.emptied > before.emptied:
+                self.brought_at = signal.t / NS
             self.latest[machine, type(signal)] = signal
         self.see(slot, t)
 

@@ -141,6 +141,18 @@ def test_what_a_combine_pours_counts_in_loads():
     assert watch.machines["combine"].loads == 2
 
 
+def test_a_job_is_over_with_the_last_grain_at_the_truck():
+    """As at the other levels, not once the cart has driven away from there."""
+    watch, none = Watch(None), np.zeros(3)
+    watch.machines = {"first": _Seen(), "second": _Seen()}
+    emptied = {"first": [0.0, 0.0, 300.0, 900.0, 900.0], "second": [0.0, 250.0, 250.0, 250.0, 250.0]}
+    for i in range(5):
+        for name in watch.machines:
+            heap = HeapState(10 * i * NS, 0.0, 0.0, 0.0, 0.0, none, none, emptied=emptied[name][i])
+            watch._see(f"{name}.heap", 10 * i * NS, {"heap": heap})
+    assert watch.brought_at == 30.0
+
+
 def test_a_result_tells_what_is_not_at_the_truck():
     """In a tank, and in a box."""
     watch = Watch(None)

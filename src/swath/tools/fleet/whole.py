@@ -59,13 +59,15 @@ class _Seen:
 
 
 class Watch(RunHook):
-    """Goes along: who does what when, and what stands in the end."""
+    """Goes along: who does what when, and what stands in the end. brought_at: when the last grain left a box
+    at the truck [s], as at the other levels the end of the job; its cart still drives away then
+    """
 
     def __init__(self, plan: FieldPlan) -> None:
         self.plan = plan
         self.machines: dict[str, _Seen] = {}
         self.pass_times: dict[int, tuple[float, float]] = {}
-        self.uncut, self.ended, self.duration, self.contacts = math.nan, "", 0.0, 0
+        self.uncut, self.ended, self.duration, self.brought_at = math.nan, "", 0.0, 0.0
 
     def begin(self, run: ActiveRun) -> None:
         """Listen."""
@@ -89,6 +91,8 @@ class Watch(RunHook):
             elif isinstance(signal, UnloadState) and signal.flow > 0.0:
                 seen.loads += t / NS > seen.poured_at + SAME_LOAD
                 seen.poured_at = t / NS
+            elif isinstance(signal, HeapState) and signal.emptied > _emptied(seen):
+                self.brought_at = signal.t / NS
             seen.latest[type(signal)] = signal
 
     def _note(self, seen: _Seen, job: JobState) -> None:
@@ -192,12 +196,10 @@ def _result(
     harvest = max(end for _, end in watch.pass_times.values())
     grain = file.field.yield_t_ha / 10.0 * plan.width
     possible = math.fsum(c.speed_in(grain) * c.sheet.header_width for c in fleet.combines)
-    emptied = math.fsum(
-        s.emptied for m in watch.machines.values() if isinstance(s := m.latest.get(HeapState), HeapState)
-    )
+    emptied = math.fsum(_emptied(seen) for seen in watch.machines.values())
     notes = (*plan.notes, *_notes(watch, summary))
     return JobResult(
-        "sensors", file, plan, machines, watch.duration, harvest, area, emptied,
+        "sensors", file, plan, machines, max(watch.brought_at, harvest), harvest, area, emptied,
         mass_error=float(summary["field"]["mass_balance_error"]),
         field_efficiency=area / (possible * harvest), pass_times=watch.pass_times,
         ways=tuple(np.array(m.way) for m in watch.machines.values()), notes=notes,
@@ -215,6 +217,12 @@ def _notes(watch: Watch, summary: dict[str, Any]) -> list[str]:
     return told
 
 
+def _emptied(seen: _Seen) -> float:
+    """What a cart has brought to the truck [kg]."""
+    heap = seen.latest.get(HeapState)
+    return float(heap.emptied) if isinstance(heap, HeapState) else 0.0
+
+
 def _grain_on(seen: _Seen) -> float:
     """What a machine holds in its tank or box [kg]."""
     load, heap = seen.latest.get(MachineLoad), seen.latest.get(HeapState)
@@ -223,12 +231,11 @@ def _grain_on(seen: _Seen) -> float:
 
 
 def _machine(name: str, seen: _Seen) -> MachineResult:
-    state, load, heap = (seen.latest.get(k) for k in (MachineState, MachineLoad, HeapState))
+    state, load = (seen.latest.get(k) for k in (MachineState, MachineLoad))
     engine = seen.latest.get(EngineState)
     way = float(state.distance) if isinstance(state, MachineState) else 0.0
     if isinstance(load, MachineLoad):
         fuel = float(engine.fuel_used) if isinstance(engine, EngineState) else 0.0
         grain = float(load.unloaded_grain)
         return MachineResult(name, "combine", seen.timeline, way, fuel, grain, seen.loads)
-    grain = float(heap.emptied) if isinstance(heap, HeapState) else 0.0
-    return MachineResult(name, "cart", seen.timeline, way, seen.fuel, grain, seen.loads)
+    return MachineResult(name, "cart", seen.timeline, way, seen.fuel, _emptied(seen), seen.loads)
