@@ -8,17 +8,19 @@ import pytest
 
 from swath.control.job import harvest
 from swath.control.job.calls import Calls
+from swath.control.job.cart_ways import ASIDE
 from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground
 from swath.control.job.passes import Pass, swings_out
-from swath.control.job.right_of_way import Clearance, own_outline
+from swath.control.job.right_of_way import KEEP_STRAIGHT, Clearance, own_outline
 from swath.control.job.ways import Search
 from swath.control.steer.guidance_line import GuidanceLine, along_bends
 from swath.control.steer.path import Segment
 from swath.machine.machine_sheet import load_machine
 from swath.signals import PeerState, Phase
-from swath.tools.fleet.order import DRIVES, STANDS, _way_through, crossings_of, ways_of
+from swath.tools.fleet import order
+from swath.tools.fleet.order import DRIVES, LANDS, STANDS, WIDE, _way_through, crossings_of, ways_of
 from swath.tools.fleet.uncut import uncut_before
 from swath.tools.fleet.waits import Timing, at_pass_ends
 from tests.job.test_whole_field import NORTH, Bench
@@ -376,6 +378,32 @@ def test_a_combine_between_two_passes_keeps_off_a_cart_beside_another_one(beside
     assert bool(crossings_of(ways, combines, with_carts=True)) is beside
 
 
+@pytest.mark.parametrize("room", [0.5, 1.0, 1.5, 2.0, 2.3, 2.4, 2.7, 3.0])
+def test_a_cart_comes_by_a_combine_that_stands_between_two_passes_where_the_plan_lets_it(room):
+    """Along the pass of another one, also on the line farther out. room: from the middle of the cart there to
+    the header [m]
+    """
+    combines = [_Combine(load_machine("combine-5m")) for _ in range(2)]
+    sheet, line = combines[0].sheet, combines[0].pipe + LANDS + ASIDE
+    x = -(line + room + 0.5 * sheet.header_width)
+    turn = (Segment(300.0),)
+    passes = (
+        Pass(((0.0, 0.0), (0.0, 100.0))),
+        Pass(((x, 240.0), (x, 220.0)), turn=turn, combine=1), Pass(((x, -80.0), (x, -100.0)), combine=1),
+    )  # fmt: skip
+    ways = ways_of(passes, combines, [4.0, 4.0], [20.0, 20.0])
+    assert crossings_of(ways, combines) == []
+    lets = crossings_of(ways, combines, with_carts=True) == []
+    here = Place(-line, 20.0, NORTHWARD)
+    said = combine(here, Place(x, 40.0, -NORTHWARD), Phase.TURNS, task=1, speed=0.0)
+    said = replace(said, header_width=sheet.header_width)
+    straight = GuidanceLine([(-line, 0.0), (-line, 100.0)])
+    free = Clearance(passes).way(here, straight, 20.0, 100.0, said, 3.0, keep=KEEP_STRAIGHT)
+    assert free == np.inf or not lets
+    assert (free < np.inf) is (room < KEEP_STRAIGHT)
+    assert lets is (room > 0.5 * WIDE + order.APART)
+
+
 @pytest.mark.parametrize(("beyond", "standing", "meet"), [
     (80.0, True, True), (80.0, False, False), (100.0, True, False)
 ])  # fmt: skip
@@ -428,7 +456,7 @@ def test_beside_the_end_of_a_last_pass_crop_is_cut_whenever_that_is_begun(standi
 def test_crop_is_cut_before_where_the_wheels_of_a_cart_are(apart, is_free):
     """Not on the line along its middle alone: the strip of the other pass begins `apart` left of that."""
     combines = [_Combine(load_machine("combine-5m")) for _ in range(2)]
-    x = -(combines[1].pipe + apart + 0.5 * combines[0].sheet.header_width)
+    x = -(combines[1].pipe + LANDS + apart + 0.5 * combines[0].sheet.header_width)
     passes = (
         Pass(((x, 0.0), (x, 100.0))),
         Pass(((0.0, 0.0), (0.0, 100.0)), combine=1),

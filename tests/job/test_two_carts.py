@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from swath.control.job import carts
 from swath.control.job.calls import Calls
 from swath.control.job.cart_ways import LESS, CartWays, _close
-from swath.control.job.carts import AROUND, OtherCart, free_of, is_taken, way_left
+from swath.control.job.carts import AROUND, WAITS, OtherCart, discs_of, free_of, is_taken, way_left
 from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass
 from swath.control.job.right_of_way import outline_of
@@ -262,3 +263,26 @@ def test_carts_that_stand_are_passed_nearer_where_there_is_no_other_way():
     start = Place(0.0, 0.0, 0.0)
     assert [size for *_, size in _close(start, taken, 0.0)] == [AROUND, 3.5, pytest.approx(2.55)]
     assert [size for *_, size in _close(start, taken, LESS)] == [AROUND - LESS, 3.5, AROUND - LESS]
+
+
+@pytest.mark.parametrize(("size", "gets_out"), [(carts.APART, False), (WAITS, True)])
+def test_a_cart_gets_out_of_the_way_over_that_of_one_which_stands(size, gets_out):
+    """To a place, where there is no other way; it does not set out to a combine so."""
+    passes = (Pass(((6.0, 0.0), (6.0, 80.0))),)
+    ways = CartWays(passes, [(0.0, 0.0), (12.0, 0.0), (12.0, 80.0), (0.0, 80.0)], 12.0, 8.2, 9.0)
+    here, peer = Place(-15.0, 60.0, 0.5 * math.pi), said(Phase.CUTS, task=0, x=90.0)
+    across = [(float(x), -5.0, size) for x in range(-60, 70, 3)]
+    assert ways.to_place(here, (6.0, -20.0), peer) is not None
+    assert (ways.to_place(here, (6.0, -20.0), peer, across) is not None) is gets_out
+    beyond, near = Place(-20.0, -20.0, 0.0), replace(peer, x=30.0, y=30.0)
+    assert ways.to_pass(beyond, 0, near) is not None
+    assert ways.to_pass(beyond, 0, near, across) is None
+
+
+@pytest.mark.parametrize(("speed", "size"), [(0.0, WAITS), (2.0, carts.APART)])
+def test_the_way_of_a_cart_is_told_from_that_of_one_which_stands(speed, size):
+    path = GuidancePath(0, np.array([0.0, 40.0]), np.zeros(2))
+    at = Place(0.0, 0.0, 0.0)
+    cart = OtherCart(1, replace(said(Phase.DRIVES, task=-1), speed=speed), at, path)
+    sizes = [disc[2] for disc in discs_of([cart])]
+    assert set(sizes) == {AROUND, size}

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath.control.job.abreast import own_passes
-from swath.control.job.carts import AROUND, BEYOND, Disc
+from swath.control.job.carts import AROUND, BEYOND, WAITS, Disc
 from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, Point, beside
@@ -174,19 +174,21 @@ class CartWays:
 
         Where there is such a way, it keeps off what combines drive over next (`_before`), and about one that
         stands its trailer has room to cut corners. Where there is none else, it goes by carts that stand
-        LESS nearer.
+        LESS nearer, to a place then also over their ways: one in the way of a combine for which another one
+        waits has to get out.
         """
         ground = self._ground(combines) if ground is None else ground
         start = first[-1] if first else here
         looked: list[list[Disc]] = []
         stands = [(c, at) for c in combines for at in self._stands(here, c)]
         waits = [disc for combine in combines for disc in self._before(here, start, combine, ground)]
-        for more, keep, less in (
-            (waits, KEEP + CUTS_IN, 0.0), (waits, KEEP, 0.0), ([], KEEP + CUTS_IN, 0.0), ([], KEEP, 0.0),
-            ([], KEEP, LESS),
+        bodies = taken if rest else [disc for disc in taken if disc[2] != WAITS]
+        for more, keep, carts, less in (
+            (waits, KEEP + CUTS_IN, taken, 0.0), (waits, KEEP, taken, 0.0), ([], KEEP + CUTS_IN, taken, 0.0),
+            ([], KEEP, taken, 0.0), ([], KEEP, taken, LESS), ([], KEEP, bodies, LESS),
         ):  # fmt: skip
             discs = [disc for c, at in stands for disc in _discs(start, c, at, keep)]
-            both = [*discs, *more, *_close(start, taken, less)]
+            both = [*discs, *more, *_close(start, carts, less)]
             if both in looked:  # the same as before
                 continue
             looked.append(both)

@@ -17,12 +17,13 @@ from swath.signals import GuidancePath, PeerState, Phase, Station
 
 LATER = 1.0  # s, that a cart waits for each one before it by number to take a call
 AT_TRUCK = 12.0  # m from the truck's place: it is taken
-APART = 3.5  # m about the way of another cart, beyond the own half width
+APART, WAITS = 3.5, 3.4  # m about the way of another cart, beyond the own half width; of one that stands
 AROUND = 3.0  # m about the outline of one that stands, likewise: where arcs to the right and to the left meet
 # a cart leaves its way by up to 1 m
 EVERY = 3.0  # m between places of a way
 BEYOND = 30.0  # m behind the end of a pass, where the line beside it ends
 SOON, NEAR = 4.0, 20.0  # s, m
+STANDS = 0.1  # m/s
 IN_LINE, TURNED, IN_PLACE = 1.0, 0.2094, 4.0  # m, rad (12 deg), m: from there on it keeps the station
 Disc = tuple[float, float, float]
 
@@ -102,11 +103,13 @@ def _thinned(points: Sequence[Point]) -> Iterator[Point]:
 
 
 def discs_of(others: Sequence[OtherCart]) -> list[Disc]:
-    """Circles (x, y, radius) that a way has to keep clear of."""
+    """Circles (x, y, radius) that a way has to keep clear of: of radius AROUND about carts, APART about ways
+    that they drive, WAITS about ways on which they stand.
+    """
     found: list[Disc] = []
     for cart in others:
         found += [(x, y, AROUND) for x, y in outline_of(cart.said).points(cart.at)]
-        found += [(x, y, APART) for x, y in cart.way()]
+        found += [(x, y, WAITS if cart.said.speed < STANDS else APART) for x, y in cart.way()]
     return found
 
 

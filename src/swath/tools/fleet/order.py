@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.control.job.abreast import own_passes
+from swath.control.job.cart_ways import ASIDE
 from swath.control.job.passes import Pass, Route, route_of, way_along
 from swath.control.job.right_of_way import LIMITS
 from swath.control.job.turn_speed import speed_between
@@ -31,6 +32,7 @@ LEAVES = 15.0, 30.0  # m before and behind the end of a pass, where a cart leave
 EXIT = 0.0, 30.0  # m ahead of that end, along which it does
 STEP = 1.0  # s
 CART, WIDE = 8.0, 3.0  # m of a cart beside, ahead of the combine's axle and behind it; of its width
+LANDS = 0.5  # m beyond the mouth of the pipe, where grain comes down: the middle of a cart
 TOGETHER = 12  # samples
 SHORT_OF = 0.15  # of the way between two samples: who is so near to one has come there
 DRIVES, STANDS = 4, 6  # cost of a step, and of one for which one of them stands between two passes
@@ -257,8 +259,9 @@ def _near(first: Samples, second: Samples, combines: Sequence[Combine], *, with_
 
 
 def _beside(combine: Combine, rear: float, front: float) -> F64:
-    """Box (1, 4) under the pipe, as wide as a cart, as in `_bodies`."""
-    return np.array([[rear, front, combine.pipe - 0.5 * WIDE, combine.pipe + 0.5 * WIDE]])
+    """Box (1, 4) where a cart drives, as in `_bodies`: on the line of the pipe, or coming up farther out."""
+    line = combine.pipe + LANDS
+    return np.array([[rear, front, line - 0.5 * WIDE, line + ASIDE + 0.5 * WIDE]])
 
 
 def _bodies(place: F64, boxes: F64, shapely: Any) -> Any:

@@ -14,7 +14,7 @@ from swath.job.path import Pose
 from swath.job.plan import FieldPlan, shapely_here
 from swath.machine.machine_sheet import open_machine
 from swath.tools.fleet.combine_turns import axle_at
-from swath.tools.fleet.order import RUN_UP
+from swath.tools.fleet.order import LANDS, RUN_UP
 from swath.tools.fleet.waiting import axle_ways, waiting_places
 from swath.tools.fleet.work_plan import WorkPlan, rounded
 
@@ -33,7 +33,6 @@ RANGE = 500.0  # m, of the radio without setting it
 BEYOND = 100.0  # m that it reaches farther than the field is long
 TOLD = "line_m", "cart_beside", "cart_standing", "combine", "turn"  # of a pass, to a cart
 OFF_FIELD = 12.0  # m from the field, that headers and turns need beside it
-LANDS = 0.5  # m, that the stream lands beyond the mouth of the pipe
 
 
 def scenario_of(file: FleetFile, work: WorkPlan, fleet: Fleet, base: Path | None = None) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 from swath.control.job.ground import Point, beside
 from swath.control.job.passes import Pass, place_at_end, way_along
 from swath.job.machines import Combine
-from swath.tools.fleet.order import WIDE, Mask, Samples, Ways
+from swath.tools.fleet.order import LANDS, WIDE, Mask, Samples, Ways
 
 BEHIND, AHEAD, EVERY = 10.0, 35.0, 5.0  # m of the line beside a combine, from its axle, that have to be cut
 EDGE = 0.1  # m within the strip of a pass
@@ -41,7 +41,7 @@ def _uncut(ways: Ways, combines: Sequence[Combine], first: int, then: int) -> Ma
             continue
         end = place_at_end(work.line_m)
         c, s = cos(end.heading), sin(end.heading)
-        near = np.abs(c * (y - end.y) - s * (x - end.x)) < width + combines[then].pipe
+        near = np.abs(c * (y - end.y) - s * (x - end.x)) < width + combines[then].pipe + LANDS
         near &= ~its.turns & ((its.task > i) | ends) & (np.abs(np.cos(heading - end.heading)) > ALONG)
         for j in np.flatnonzero(near).tolist():
             need = _until(work, places[j], width)
@@ -59,7 +59,7 @@ def _places(of: Samples, j: int, combine: Combine, *, has_cart: bool) -> list[Po
     found = [beside(x, y, heading, combine.sheet.knife_x, middle + left) for left in (-side, 0.0, side)]
     if has_cart:
         along = np.arange(-BEHIND, AHEAD + EVERY, EVERY).tolist()
-        wheels = [combine.pipe + left for left in (-0.5 * WIDE, 0.0, 0.5 * WIDE)]
+        wheels = [combine.pipe + LANDS + left for left in (-0.5 * WIDE, 0.0, 0.5 * WIDE)]
         found += [beside(x, y, heading, ahead, left) for ahead in along for left in wheels]
     return found
 
