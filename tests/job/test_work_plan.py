@@ -1,5 +1,6 @@
 """Who cuts which pass with sensors: of several ways of sharing out the one that is over first."""
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -7,10 +8,11 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
+from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
-from swath.signals import HeapState, MachineLoad, UnloadState
+from swath.signals import HeapState, JobState, MachineLoad, MachineState, Phase, UnloadState
 from swath.tools.fleet import lands
 from swath.tools.fleet.whole import Watch, _notes, _Seen
 from swath.tools.fleet.work_plan import ROOM, _too_much, passes_of, told_passes, work_plan
@@ -151,6 +153,22 @@ def test_a_job_is_over_with_the_last_grain_at_the_truck():
             heap = HeapState(10 * i * NS, 0.0, 0.0, 0.0, 0.0, none, none, emptied=emptied[name][i])
             watch._see(f"{name}.heap", 10 * i * NS, {"heap": heap})
     assert watch.brought_at == 30.0
+
+
+@pytest.mark.parametrize(
+    ("speed", "flow", "ends"), [(0.02, 0.0, True), (1.0, 0.0, False), (0.0, 90.0, False)]
+)
+def test_a_job_in_which_nothing_moves_any_more_ends_with_where_each_stands(speed, flow, ends):
+    watch = Watch(None)
+    watch._world = SimpleNamespace(graph=SimpleNamespace(ended=""))
+    watch.machines = {"combine": _Seen()}
+    state = MachineState(0, Pose.from_euler((12.0, 3.5, 0.0)), speed, 0.0, 0.0, 0.0, 0.0)
+    for i in range(0, 1300, 10):
+        pipe = UnloadState(i * NS, 0.0, flow, *[0.0] * 6)
+        job = JobState(i * NS, Phase.TURNS, 7, 0.0, math.nan)
+        watch._see("combine.x", i * NS, {"state": state, "job": job, "pipe": pipe})
+    told = "nothing moves for 1200 s: combine turns (pass 7) at 12.0, 3.5 m"
+    assert watch._world.graph.ended == (told if ends else "")
 
 
 def test_a_result_tells_what_is_not_at_the_truck():

@@ -41,6 +41,11 @@ WAY_EVERY = 0.5  # m between two points of a way
 SAME_LOAD = 15.0  # s without grain, less than that is no other load
 FINEST = 0.1  # m between the points at which it is asked whether crop stands
 MOST_POINTS = 4_000_000
+MOVES = 0.1  # m/s
+STILL_FOR = (
+    1200.0  # s, for which no machine moves and no grain flows: the job does not go on; longer than one
+)
+# that hears nothing stands before it gives up
 
 
 @dataclass
@@ -61,6 +66,7 @@ class _Seen:
 class Watch(RunHook):
     """Goes along: who does what when, and what stands in the end. brought_at: when the last grain left a box
     at the truck [s], as at the other levels the end of the job; its cart still drives away then
+    Ends a run in which nothing moves any more, with where each machine stands.
     """
 
     def __init__(self, plan: FieldPlan) -> None:
@@ -68,6 +74,7 @@ class Watch(RunHook):
         self.machines: dict[str, _Seen] = {}
         self.pass_times: dict[int, tuple[float, float]] = {}
         self.uncut, self.ended, self.duration, self.brought_at = math.nan, "", 0.0, 0.0
+        self._moved_at = 0.0
 
     def begin(self, run: ActiveRun) -> None:
         """Listen."""
@@ -88,12 +95,27 @@ class Watch(RunHook):
                 x, y = signal.pose.position[:2].tolist()
                 if not seen.way or math.hypot(x - seen.way[-1][0], y - seen.way[-1][1]) >= WAY_EVERY:
                     seen.way.append((x, y))
+                self._moved_at = t / NS if abs(signal.speed) > MOVES else self._moved_at
             elif isinstance(signal, UnloadState) and signal.flow > 0.0:
+                self._moved_at = t / NS
                 seen.loads += t / NS > seen.poured_at + SAME_LOAD
                 seen.poured_at = t / NS
             elif isinstance(signal, HeapState) and signal.emptied > _emptied(seen):
-                self.brought_at = signal.t / NS
+                self.brought_at = self._moved_at = signal.t / NS
             seen.latest[type(signal)] = signal
+        if t / NS - self._moved_at > STILL_FOR and not self._world.graph.ended:
+            self._world.graph.ended = self._stuck()
+
+    def _stuck(self) -> str:
+        """Where each machine stands that has been told."""
+        told = []
+        for name, seen in self.machines.items():
+            job, state = seen.latest.get(JobState), seen.latest.get(MachineState)
+            if isinstance(job, JobState) and isinstance(state, MachineState):
+                x, y = state.pose.position[:2].tolist()
+                task = f" (pass {job.task})" if job.task >= 0 else ""
+                told.append(f"{name} {Phase(job.phase).name.lower()}{task} at {x:.1f}, {y:.1f} m")
+        return f"nothing moves for {STILL_FOR:.0f} s: {'; '.join(told)}"
 
     def _note(self, seen: _Seen, job: JobState) -> None:
         """What a machine did since its last sample."""
