@@ -42,10 +42,8 @@ SAME_LOAD = 15.0  # s without grain, less than that is no other load
 FINEST = 0.1  # m between the points at which it is asked whether crop stands
 MOST_POINTS = 4_000_000
 MOVES = 0.1  # m/s
-STILL_FOR = (
-    1200.0  # s, for which no machine moves and no grain flows: the job does not go on; longer than one
-)
-# that hears nothing stands before it gives up
+STILL_FOR = 1200.0  # s without a machine that moves or grain that flows: the job does not go on; more than
+# `give_up_s` of one that hears nothing
 
 
 @dataclass
