@@ -247,9 +247,13 @@ def test_the_order_of_combines_with_lands_of_their_own(seed, monkeypatch):
     assert None not in made
     assert min(made)[0] > 0.3
     assert max(steps for _, steps, *_ in made) == 0
-    free = [driven(passes, combines, team, None, rng, obey=False) for _ in range(4)]
-    assert min(free)[0] == 0.0
-    assert max(steps for _, steps, *_ in free) > 100
+    touched = crossed = False
+    for _ in range(12):
+        least, steps, *_ = driven(passes, combines, team, None, rng, LONG, obey=False)
+        touched, crossed = touched or least == 0.0, crossed or steps > 100
+        if touched and crossed:
+            return
+    pytest.fail(f"without the rules: touched {touched}, drove where another one is to cut before {crossed}")
 
 
 def test_combines_that_stop_wait_less_for_each_other(monkeypatch):

@@ -51,12 +51,11 @@ class Abreast:
         told = {self._passes[m.task].combine: m for m in said if m.is_heard and m.task >= 0}
         next_ones = dict(zip(self._own[index : index + 2], (0.0, whole), strict=False))
         free = inf
-        for rule in self._crossings.rules():
-            begin = next_ones.get(rule.task)
-            if begin is not None and not self._crossings.has_come(rule, told):
-                free = min(free, begin + rule.hold(self._own[index], way) - way)
         for task, begin in next_ones.items():
             free = min(free, begin + self._until(task, told) - way)
+            for rule in self._crossings.rules(task):
+                if not self._crossings.has_come(rule, told):
+                    free = min(free, begin + rule.hold(self._own[index], way) - way)
         return free
 
     def _until(self, task: int, told: Mapping[int, PeerState]) -> float:

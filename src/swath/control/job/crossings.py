@@ -143,6 +143,11 @@ class Crossings(KeepsState):
             self._begins[i] = self._whole[work.combine]
             turn = work.turn_length or BEYOND
             self._whole[work.combine] += self._lengths[i] / (work.speed_kmh * KMH) + turn / speed
+        self._on: dict[int, list[tuple[int, int, GivesWay]]] = {}  # by pass: crossing, whether turned, rule
+        for k, crossing in enumerate(crossings):
+            for is_turned, rules in enumerate((crossing.first, crossing.instead)):
+                for rule in rules:
+                    self._on.setdefault(rule.task, []).append((k, is_turned, rule))
         self.reset()
 
     def reset(self) -> None:
@@ -151,10 +156,11 @@ class Crossings(KeepsState):
         self._told: list[int] = []  # numbers of those at which this one did so, while it is told
         self._slot = NONE
 
-    def rules(self) -> Iterator[GivesWay]:
-        """That hold now, of all combines."""
-        for k in range(len(self._crossings)):
-            yield from self._rules(k)
+    def rules(self, task: int) -> Iterator[GivesWay]:
+        """That hold now along a pass."""
+        for k, is_turned, rule in self._on.get(task, ()):
+            if self._turned[k] % 2 == is_turned:
+                yield rule
 
     def update(self, t: int, own: PeerState, others: Sequence[PeerState]) -> int:
         """Listens to the others, and lets one of them go first. own: what this one tells. Returns what it
