@@ -256,6 +256,29 @@ def test_the_order_of_combines_with_lands_of_their_own(seed, monkeypatch):
     pytest.fail(f"without the rules: touched {touched}, drove where another one is to cut before {crossed}")
 
 
+def test_where_combines_and_carts_beside_them_are_near_each_other():
+    """As found from the distance of each pair, where no cart leaves."""
+    passes, combines, team = members_of(file_of(1, 38.5, east=50.0, team={"together": "own_lands"}))
+    ways = order.ways_of(passes, combines, [m.start for m in team], [m.run_out for m in team])
+    first, second = ways.samples
+    outlines = [np.array(c.sheet.outline) for c in combines]
+    boxes = [order._beside(c, -order.CART, order.CART) for c in combines]
+    body, cart = (
+        [order._bodies(s.place, shape, shapely) for s, shape in zip(ways.samples, shapes, strict=True)]
+        for shapes in (outlines, boxes)
+    )
+
+    def is_near(a, b):
+        return shapely.distance(a[:, None], b[None, :]) < order.APART
+
+    beside = first.beside[:, None] & second.turns & is_near(cart[0], body[1])
+    beside |= first.turns[:, None] & second.beside & is_near(body[0], cart[1])
+    asked = ~(first.leaves[:, None] | second.leaves)
+    found = order._near(first, second, combines, with_carts=True)
+    assert (found == (is_near(*body) | beside))[asked].all()
+    assert (beside & ~is_near(*body))[asked].sum() > 50
+
+
 def test_combines_that_stop_wait_less_for_each_other(monkeypatch):
     """Since who stands lets others go first."""
     passes, combines, team = members_of(layout_file(19, 2))

@@ -7,6 +7,7 @@ each other for good: that is known from the times at which all are done, which a
 combine may do that in a slot of time, and the others hear of it before the next slot.
 """
 
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import fsum, inf, isfinite
@@ -95,7 +96,7 @@ def done_at(
     def comes(n: int, at: float) -> float:
         if at <= now[n]:
             return 0.0
-        k = next(i for i in range(len(places[n]) - 1, -1, -1) if places[n][i] < at)
+        k = bisect_left(places[n], at) - 1
         return times[n][k] + at - places[n][k]
 
     moved = True

@@ -235,27 +235,27 @@ def _near(first: Samples, second: Samples, combines: Sequence[Combine], *, with_
     shapely = shapely_here()
     both = list(zip((first, second), combines, strict=True))
     bodies = [_bodies(s.place, np.array(c.sheet.outline), shapely) for s, c in both]
-    carts = [_bodies(s.place, _beside(c, -CART, CART), shapely) for s, c in both] if with_carts else []
-    reach = 2.0 * max(float(np.abs(np.array(c.sheet.outline)).max()) for c in combines) * 1.5 + APART
+    trees = [shapely.STRtree(shapes) for shapes in bodies]
     near = np.zeros((len(first.way), len(second.way)), dtype=bool)
-    for i, (x, y, _) in enumerate(first.place.tolist()):
-        close = np.flatnonzero(np.hypot(second.place[:, 0] - x, second.place[:, 1] - y) < reach)
-        if not len(close):
-            continue
-        near[i, close] = shapely.distance(bodies[0][i], bodies[1][close]) < APART
-        if with_carts and first.beside[i]:
-            then = close[second.turns[close]]
-            near[i, then] |= shapely.distance(carts[0][i], bodies[1][then]) < APART
-        if with_carts and first.turns[i]:
-            then = close[second.beside[close]]
-            near[i, then] |= shapely.distance(bodies[0][i], carts[1][then]) < APART
+    rows, columns = _within(trees[1], bodies[0])
+    near[rows, columns] = True
     if with_carts:
-        for (s, c), other, mask in zip(both, bodies[::-1], (near, near.T), strict=True):
+        for (s, c), tree, its, mask in zip(both, trees[::-1], (second, first), (near, near.T), strict=True):
+            beside = np.flatnonzero(s.beside)
+            rows, columns = _within(tree, _bodies(s.place, _beside(c, -CART, CART), shapely)[beside])
+            turns = its.turns[columns]
+            mask[beside[rows[turns]], columns[turns]] = True
             for task in np.unique(s.task[s.leaves]):
-                rows = np.flatnonzero(s.leaves & (s.task == task))
-                ahead = _bodies(s.end[rows[:1]], _beside(c, *EXIT), shapely)[0]
-                mask[rows] |= shapely.distance(ahead, other) < APART
+                leaves = np.flatnonzero(s.leaves & (s.task == task))
+                ahead = _bodies(s.end[leaves[:1]], _beside(c, *EXIT), shapely)
+                mask[np.ix_(leaves, _within(tree, ahead)[1])] = True
     return near
+
+
+def _within(tree: Any, shapes: Any) -> Indices:
+    """Numbers (2, n) of the pairs of shapes, and of those of a tree, that are nearer than APART."""
+    found: Indices = tree.query(shapes, predicate="dwithin", distance=APART)
+    return found
 
 
 def _beside(combine: Combine, rear: float, front: float) -> F64:

@@ -1,14 +1,15 @@
 """Crop that another combine is to cut before: where a cart comes beside a pass, and where passes overlap."""
 
 from collections.abc import Sequence
-from math import cos, sin
+from itertools import product
+from math import cos, inf, sin
 
 import numpy as np
 
-from swath.control.job.ground import Point, beside
 from swath.control.job.passes import Pass, place_at_end, way_along
 from swath.job.machines import Combine
-from swath.tools.fleet.order import LANDS, WIDE, Mask, Samples, Ways
+from swath.signals import F64
+from swath.tools.fleet.order import LANDS, WIDE, Mask, Ways
 
 BEHIND, AHEAD, EVERY = 10.0, 35.0, 5.0  # m of the line beside a combine, from its axle, that have to be cut
 EDGE = 0.1  # m within the strip of a pass
@@ -29,11 +30,8 @@ def _uncut(ways: Ways, combines: Sequence[Combine], first: int, then: int) -> Ma
     """Likewise, beside and before the second one."""
     passes, mine, its = ways.passes, ways.samples[first], ways.samples[then]
     uncut = np.zeros((len(mine.way), len(its.way)), dtype=bool)
-    width, x, y, heading = combines[first].sheet.header_width, *its.place.T
-    places = {
-        j: _places(its, j, combines[then], has_cart=passes[its.task[j]].has_cart)
-        for j in np.flatnonzero(~its.turns).tolist()
-    }
+    width, points = combines[first].sheet.header_width, _points(ways, combines, then)
+    x, y, heading = its.place.T
     last = max(ways.routes[then])
     ends = (its.task == last) & (its.way > ways.routes[then][last].length - LAST) & passes[last].cart_standing
     for i, work in enumerate(passes):
@@ -43,34 +41,37 @@ def _uncut(ways: Ways, combines: Sequence[Combine], first: int, then: int) -> Ma
         c, s = cos(end.heading), sin(end.heading)
         near = np.abs(c * (y - end.y) - s * (x - end.x)) < width + combines[then].pipe + LANDS
         near &= ~its.turns & ((its.task > i) | ends) & (np.abs(np.cos(heading - end.heading)) > ALONG)
-        for j in np.flatnonzero(near).tolist():
-            need = _until(work, places[j], width)
-            if need is not None:
-                uncut[:, j] |= (mine.task < i) | ((mine.task == i) & (mine.way < need))
+        columns = np.flatnonzero(near)
+        until = _until(work, points[columns], width)
+        columns, until = columns[until >= 0.0], until[until >= 0.0]
+        before, cuts = (mine.task < i)[:, None], (mine.task == i)[:, None]
+        uncut[:, columns] |= before | (cuts & (mine.way[:, None] < until))
     return uncut
 
 
-def _places(of: Samples, j: int, combine: Combine, *, has_cart: bool) -> list[Point]:
-    """Points before the header of a combine, and beside it where a cart drives, or comes while it stands, a
-    little behind it and ahead of it [m].
+def _points(ways: Ways, combines: Sequence[Combine], number: int) -> F64:
+    """Points (n, k, 2) before the header of a combine at each of its samples, and beside it where a cart
+    drives, or comes while it stands, a little behind it and ahead of it [m]; NaN there where no cart comes
     """
-    x, y, heading = of.place[j].tolist()
+    combine, of = combines[number], ways.samples[number]
     middle, side = combine.sheet.header_y, 0.5 * combine.sheet.header_width - OVERLAP
-    found = [beside(x, y, heading, combine.sheet.knife_x, middle + left) for left in (-side, 0.0, side)]
-    if has_cart:
-        along = np.arange(-BEHIND, AHEAD + EVERY, EVERY).tolist()
-        wheels = [combine.pipe + LANDS + left for left in (-0.5 * WIDE, 0.0, 0.5 * WIDE)]
-        found += [beside(x, y, heading, ahead, left) for ahead in along for left in wheels]
-    return found
+    before = [(combine.sheet.knife_x, middle + left) for left in (-side, 0.0, side)]
+    wheels = [combine.pipe + LANDS + left for left in (-0.5 * WIDE, 0.0, 0.5 * WIDE)]
+    ahead, left = np.array([*before, *product(np.arange(-BEHIND, AHEAD + EVERY, EVERY), wheels)]).T
+    x, y, heading = of.place.T[:, :, None]
+    c, s = np.cos(heading), np.sin(heading)
+    points = np.stack([x + c * ahead - s * left, y + s * ahead + c * left], axis=-1)
+    has_cart = np.array([work.has_cart for work in ways.passes])[of.task]
+    points[~has_cart, len(before) :] = np.nan
+    return points
 
 
-def _until(work: Pass, points: Sequence[Point], width: float) -> float | None:
-    """How far along a pass the last of some points lies in its strip [m]; None where none does."""
+def _until(work: Pass, points: F64, width: float) -> F64:
+    """How far along a pass the last of some points (n, k, 2) lies in its strip [m], (n,); -inf: none does."""
     (x, y), end = work.line_m[0], place_at_end(work.line_m)
     c, s, length = cos(end.heading), sin(end.heading), way_along(work.line_m)
-    found = None
-    for px, py in points:
-        along, left = c * (px - x) + s * (py - y), c * (py - y) - s * (px - x)
-        if 0.0 <= along <= length and abs(left) < 0.5 * width - EDGE:
-            found = along if found is None else max(found, along)
-    return found
+    along = c * (points[..., 0] - x) + s * (points[..., 1] - y)
+    left = c * (points[..., 1] - y) - s * (points[..., 0] - x)
+    is_inside = (along >= 0.0) & (along <= length) & (np.abs(left) < 0.5 * width - EDGE)
+    until: F64 = np.max(np.where(is_inside, along, -inf), axis=1)
+    return until
