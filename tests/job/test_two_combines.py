@@ -235,12 +235,12 @@ def test_the_order_at_the_turns_neither_lets_them_touch_nor_stand_for_good(north
     assert min(driven(passes, combines, team, lag, rng, obey=False) for _ in range(4))[0] == 0.0
 
 
-@pytest.mark.parametrize("seed", [5, 19])
-def test_the_order_of_combines_with_lands_of_their_own(seed, monkeypatch):
+@pytest.mark.parametrize(("seed", "carts"), [(5, 1), (20, 2)])
+def test_the_order_of_combines_with_lands_of_their_own(seed, carts, monkeypatch):
     """Layouts with three combines, likewise; nor does one drive where another one is to cut before, looked at
     10 m less far ahead than it is planned.
     """
-    passes, combines, team = members_of(layout_file(seed, 1))
+    passes, combines, team = members_of(layout_file(seed, carts))
     monkeypatch.setattr(uncut, "AHEAD", uncut.AHEAD - 10.0)
     rng = np.random.default_rng(3)
     made = [driven(passes, combines, team, None, rng, stop) for stop in (SHORT, LONG, SHORT, LONG)]
@@ -274,7 +274,8 @@ def test_where_combines_and_carts_beside_them_are_near_each_other():
     beside = first.beside[:, None] & second.turns & is_near(cart[0], body[1])
     beside |= first.turns[:, None] & second.beside & is_near(body[0], cart[1])
     asked = ~(first.leaves[:, None] | second.leaves)
-    found = order._near(first, second, combines, with_carts=True)
+    shapes = [order._shapes(way, combine) for way, combine in zip(ways.samples, combines, strict=True)]
+    found = order._near(ways.samples, shapes, with_carts=True)
     assert (found == (is_near(*body) | beside))[asked].all()
     assert (beside & ~is_near(*body))[asked].sum() > 50
 

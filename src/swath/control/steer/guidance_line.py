@@ -6,6 +6,7 @@ points on a curve give its tangent and its mean curvature. Beyond both ends it g
 
 from bisect import bisect_right
 from collections.abc import Sequence
+from functools import cached_property
 from itertools import pairwise
 from math import atan2, ceil, cos, fsum, hypot, inf, pi, sin, tan
 from typing import NamedTuple
@@ -27,7 +28,7 @@ class Beside(NamedTuple):
 class GuidanceLine:
     """points: (n, 2) [m], n >= 2. InputError where fewer differ.
 
-    length [m]; sharpest_bend: largest sudden change of the curvature [1/m]
+    length [m]
     """
 
     def __init__(self, points: Sequence[Sequence[float]], key: str = "points_m") -> None:
@@ -46,7 +47,13 @@ class GuidanceLine:
         self._headings = headings
         self._middles = [0.5 * (a + b) for a, b in pairwise(self._at)]
         self.length = self._at[-1]
-        self.sharpest_bend = self._sharpest(SHARP)
+
+    @cached_property
+    def sharpest_bend(self) -> float:
+        """Largest difference of the curvature over twice a way of SHARP [1/m]."""
+        count = ceil(self.length / SHARP) + 1
+        here = [self.curvature(SHARP * i, SHARP) for i in range(count)]
+        return max((abs(b - a) for a, b in zip(here, here[2:], strict=False)), default=0.0)
 
     def heading(self, way: float) -> float:
         """Direction at a way along it [rad], without jumps by a full turn."""
@@ -67,12 +74,6 @@ class GuidanceLine:
     def curvature(self, way: float, reach: float) -> float:
         """Mean from `reach` before to `reach` behind a way along it [1/m]."""
         return (self.heading(way + reach) - self.heading(way - reach)) / (2.0 * reach)
-
-    def _sharpest(self, reach: float) -> float:
-        """Largest difference of the curvature over twice a way of `reach` [1/m]."""
-        count = ceil(self.length / reach) + 1
-        here = [self.curvature(reach * i, reach) for i in range(count)]
-        return max((abs(b - a) for a, b in zip(here, here[2:], strict=False)), default=0.0)
 
     def project(self, x: float, y: float, near: float | None = None, reach: float = 8.0) -> Beside:
         """The nearest point; of those within `reach` of the way `near`, where that is given [m]."""

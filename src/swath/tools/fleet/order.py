@@ -71,6 +71,19 @@ class Samples(NamedTuple):
     end: F64
 
 
+class Shapes(NamedTuple):
+    """Of a combine at its samples. bodies: its outline, and a tree of them; beside: samples in a pass beside
+    which carts drive, and the ground of these carts; exits: samples about the end of a pass, and the ground
+    along which a cart leaves it
+    """
+
+    bodies: Any
+    tree: Any
+    beside: Indices
+    carts: Any
+    exits: list[tuple[Indices, Any]]
+
+
 Forbidden = Callable[[int, Samples, int, Samples], Mask]
 Uncut = Callable[[int, int], Mask]
 
@@ -113,8 +126,9 @@ def crossings_of(
     which pairs have crop where another one is to cut before: no place to be
     """
     numbers, ways = range(len(combines)), made_ways.samples
+    shapes = [_shapes(way, combine) for way, combine in zip(ways, combines, strict=True)]
     near = {
-        (i, k): _near(ways[i], ways[k], (combines[i], combines[k]), with_carts=with_carts)
+        (i, k): _near((ways[i], ways[k]), (shapes[i], shapes[k]), with_carts=with_carts)
         for k in numbers
         for i in range(k)
     }
@@ -228,33 +242,38 @@ def _samples(
     return Samples(of_way[:, 0].astype(np.int64), of_way[:, 1], of_way[:, 2:], turns, beside, leaves, ends)
 
 
-def _near(first: Samples, second: Samples, combines: Sequence[Combine], *, with_carts: bool) -> Mask:
-    """Which pairs of samples are nearer than APART. with_carts: or have a combine between two passes so near
-    to a cart beside the other one, or one where a cart leaves the other one straight on
+def _shapes(of: Samples, combine: Combine) -> Shapes:
+    shapely, boxes = shapely_here(), np.array(combine.sheet.outline)
+    bodies = _bodies(of.place, boxes, shapely)
+    beside = np.flatnonzero(of.beside)
+    carts = _bodies(of.place, _beside(combine, -CART, CART), shapely)[beside]
+    exits = []
+    for task in np.unique(of.task[of.leaves]):
+        rows = np.flatnonzero(of.leaves & (of.task == task))
+        exits.append((rows, _bodies(of.end[rows[:1]], _beside(combine, *EXIT), shapely)))
+    return Shapes(bodies, shapely.STRtree(bodies), beside, carts, exits)
+
+
+def _near(ways: Sequence[Samples], shapes: Sequence[Shapes], *, with_carts: bool) -> Mask:
+    """Which pairs of samples of two combines are nearer than APART. with_carts: or have a combine between two
+    passes so near to a cart beside the other one, or one where a cart leaves the other one straight on
     """
-    shapely = shapely_here()
-    both = list(zip((first, second), combines, strict=True))
-    bodies = [_bodies(s.place, np.array(c.sheet.outline), shapely) for s, c in both]
-    trees = [shapely.STRtree(shapes) for shapes in bodies]
-    near = np.zeros((len(first.way), len(second.way)), dtype=bool)
-    rows, columns = _within(trees[1], bodies[0])
+    near = np.zeros((len(ways[0].way), len(ways[1].way)), dtype=bool)
+    rows, columns = _within(shapes[1], shapes[0].bodies)
     near[rows, columns] = True
     if with_carts:
-        for (s, c), tree, its, mask in zip(both, trees[::-1], (second, first), (near, near.T), strict=True):
-            beside = np.flatnonzero(s.beside)
-            rows, columns = _within(tree, _bodies(s.place, _beside(c, -CART, CART), shapely)[beside])
-            turns = its.turns[columns]
-            mask[beside[rows[turns]], columns[turns]] = True
-            for task in np.unique(s.task[s.leaves]):
-                leaves = np.flatnonzero(s.leaves & (s.task == task))
-                ahead = _bodies(s.end[leaves[:1]], _beside(c, *EXIT), shapely)
-                mask[np.ix_(leaves, _within(tree, ahead)[1])] = True
+        for own, other, of, mask in zip(shapes, shapes[::-1], ways[::-1], (near, near.T), strict=True):
+            rows, columns = _within(other, own.carts)
+            turns = of.turns[columns]
+            mask[own.beside[rows[turns]], columns[turns]] = True
+            for leaves, ahead in own.exits:
+                mask[np.ix_(leaves, _within(other, ahead)[1])] = True
     return near
 
 
-def _within(tree: Any, shapes: Any) -> Indices:
-    """Numbers (2, n) of the pairs of shapes, and of those of a tree, that are nearer than APART."""
-    found: Indices = tree.query(shapes, predicate="dwithin", distance=APART)
+def _within(of: Shapes, shapes: Any) -> Indices:
+    """Numbers (2, n) of the pairs of shapes, and of samples of a combine, that are nearer than APART."""
+    found: Indices = of.tree.query(shapes, predicate="dwithin", distance=APART)
     return found
 
 
