@@ -167,7 +167,11 @@ class Search:
 
 def is_step_free(cells: Cells, x: float, y: float, step: Step) -> bool:
     """Whether all of a step from a place [m] is open."""
-    return all(cells.is_open(x + dx, y + dy) for dx, dy in step.looks)
+    is_open = cells.is_open
+    for dx, dy in step.looks:  # noqa: SIM110 - in the innermost loop of a search
+        if not is_open(x + dx, y + dy):
+            return False
+    return True
 
 
 def _followed(came: list[tuple[int, str]], at: int) -> Way:
