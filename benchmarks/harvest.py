@@ -1,16 +1,19 @@
 """A whole field: the rows of docs/fleet.md, with the numbers that come out now.
 
-SWATH_DATA=... python benchmarks/harvest.py [--driven [FIRST LAST] | --sensors LAYOUT:CARTS ...]
+SWATH_DATA=... python benchmarks/harvest.py
+    [--driven [FIRST LAST] | --spread PERCENT FIRST LAST | --sensors LAYOUT:CARTS[:SEED] ...]
 
 --driven: bundled jobs, or layouts from a number to another: hours by events and by driven machines, whether
 both rank the numbers of carts alike, seconds for which bodies of driven machines are over each other, and
 standoffs that were not solved.
+--spread: hours by events of layouts from a number to another, with speeds of machines up to so much off.
 --sensors: layouts with a number of carts at the level with sensors, the edge known and machines kinematic:
 hours until the last grain is at the truck against events, seconds of computing, contacts, the crop that is
 left, the grain that is not at the truck. Some minutes each.
 """
 
 import math
+import statistics
 import sys
 import time
 from pathlib import Path
@@ -25,9 +28,11 @@ from tests.job.test_events import gain_of
 from tests.job.test_plan import LOG
 
 from swath.job.fleet import FleetFile, read_fleet
+from swath.job.machines import fleet_of
 from swath.job.recorded import predict, read_day
+from swath.job.spread import DRAWS, spread_of
 from swath.job.turns import limits_of
-from swath.job.work import work_off
+from swath.job.work import plan_of, work_off
 from swath.signals import HeapState, MachineLoad
 from swath.tools.fleet.whole import share_uncut
 
@@ -129,14 +134,32 @@ def driven(first: int = 0, last: int = -1) -> None:
         print(f"{name}: {ranks}", flush=True)
 
 
+def spreads(percent: float, first: int, last: int) -> None:
+    """Hours by events where speeds of machines are up to so many percent off, of layouts."""
+    print(f"{'layout:carts':14s}  events   least    mean    most  standard deviation, of {DRAWS} draws")
+    for seed in range(first, last + 1):
+        for carts in CARTS:
+            file = layout_file(seed, carts)
+            fleet, time = fleet_of(file), finished(file).time
+            found = spread_of(file, plan_of(file, fleet, None), fleet, percent)
+            least, most = min(found.durations), max(found.durations)
+            off = 100.0 * statistics.pstdev(found.durations) / found.mean
+            print(
+                f"{seed}:{carts:<12d} {time:7.0f} {least:7.0f} {found.mean:7.0f} {most:7.0f} {off:5.1f} %",
+                flush=True,
+            )
+
+
 def with_sensors(jobs: list[str]) -> None:
     """Events against machines with radio, receivers, grain streams and heaps that know the crop edge."""
     heads = "computing  contacts  least clearance   left  not brought   end"
     print(f"{'layout:carts':14s}  events  sensors     %  {heads}")
     for job in jobs:
-        file = layout_file(*map(int, job.split(":")))
+        seed, carts, *of_run = map(int, job.split(":"))
+        file = layout_file(seed, carts)
         cheap, began = finished(file).time, time.process_time()
-        run = CheapRun(file, sets=cheap_sets(file.combines, file.carts, broken_off=25))
+        sets = cheap_sets(file.combines, file.carts, broken_off=25)
+        run = CheapRun(file, sets=[*sets, *(f"seed={n}" for n in of_run)])
         took, left = time.process_time() - began, share_uncut(run.world.field, run.plan)
         found = [run.evaluation.metrics(name) for name in run.world.machines]
         contacts = max(m["contact_count"] for m in found)
@@ -154,6 +177,9 @@ def with_sensors(jobs: list[str]) -> None:
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--sensors"]:
         with_sensors(sys.argv[2:])
+        sys.exit()
+    if sys.argv[1:2] == ["--spread"]:
+        spreads(float(sys.argv[2]), *map(int, sys.argv[3:5]))
         sys.exit()
     if sys.argv[1:2] == ["--driven"]:
         driven(*map(int, sys.argv[2:4]))

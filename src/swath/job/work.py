@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from swath.job.plan import FieldPlan
 from swath.job.plan_files import plan_from_file
 from swath.job.recorded import read_day, recorded_plan
 from swath.job.saved import digest_of
+from swath.job.spread import Spread
 from swath.job.standoff import Standoff
 from swath.job.swept import SweptGround, swept_ground, track_along
 from swath.job.timeline import STATES, Timeline
@@ -56,7 +58,7 @@ class JobResult:
     allows in the time that they took, without turns, unloading and waiting
     contacts: of all pairs of driven machines; standoffs: of driven machines, and who made room
     ground: that their knives went over, and swept: that passes driven exactly would; digest: see
-    `saved.digest_of`
+    `saved.digest_of`; spread: of the duration, where it was asked for
     """
 
     level: str
@@ -77,6 +79,7 @@ class JobResult:
     digest: str = ""
     ground: SweptGround | None = None
     planned: SweptGround | None = None
+    spread: Spread | None = None
 
     @property
     def litres_per_ha(self) -> float:
@@ -158,7 +161,7 @@ def result_of(job: Job, level: str) -> JobResult:
     )  # fmt: skip
 
 
-def _swept(job: Job) -> dict[str, SweptGround]:
+def _swept(job: Job) -> dict[str, Any]:
     """Ground of the driven knives and of the planned ones; nothing where none was driven."""
     if not isinstance(job.motion, Kinematic):
         return {}

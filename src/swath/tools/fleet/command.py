@@ -17,6 +17,10 @@ def add(parsers: Any) -> None:
     run.add_argument("--out", type=Path, metavar="DIR", help="write report.html, picture and results.json")
     add_sets(run, "change one key")
     run.add_argument("--level", default="events", metavar="L", help="events (default), kinematic or sensors")
+    run.add_argument(
+        "--spread", type=float, metavar="PERCENT",
+        help="at events: drive it 24 times more, speeds of machines up to so much off, and say its hours",
+    )  # fmt: skip
     run.set_defaults(run=run_job)
     jobs = verbs.add_parser("list", help="list the bundled jobs")
     jobs.set_defaults(run=run_list)
@@ -37,6 +41,7 @@ _DESCRIPTION = (
 
 def run_job(args: argparse.Namespace) -> int:
     """Run a job, print its tables, write its report."""
+    from swath.core.errors import InputError
     from swath.job.fleet import base_of, read_fleet
     from swath.terminal.tables import table, wide_console
     from swath.tools.fleet.page import (
@@ -51,6 +56,8 @@ def run_job(args: argparse.Namespace) -> int:
     file, document = read_fleet(args.job, tuple(args.sets))
     if args.out is not None:
         check_target(args.out)
+    if args.spread is not None and args.level != "events":
+        raise InputError("--spread", args.spread, f"expected the level events, not {args.level}")
     result = _result(file, base_of(document), args)
     table(f"{file.name}: {file.summary}", ("", "", ""), result_rows(result))
     head, rows = machine_rows(result)
@@ -74,11 +81,27 @@ def _result(file: Any, base: Path | None, args: argparse.Namespace) -> Any:
     """At one of the levels; with sensors the run has its own folder."""
     from swath.job.work import work_off
 
+    if args.spread is not None:
+        return _with_spread(file, base, args.spread)
     if args.level != "sensors":
         return work_off(file, base, args.level)
     from swath.tools.fleet.whole import with_sensors
 
     return with_sensors(file, base, None if args.out is None else args.out / "run")[0]
+
+
+def _with_spread(file: Any, base: Path | None, percent: float) -> Any:
+    from dataclasses import replace
+
+    from swath.job.machines import fleet_of
+    from swath.job.spread import DRAWS, spread_of
+    from swath.job.work import plan_of, work_off
+    from swath.terminal.progress import steps
+
+    fleet = fleet_of(file, base)
+    with steps(DRAWS) as told:
+        spread = spread_of(file, plan_of(file, fleet, base), fleet, percent, told)
+    return replace(work_off(file, base), spread=spread)
 
 
 def run_list(args: argparse.Namespace) -> int:

@@ -15,6 +15,7 @@ from swath.job.events import Events
 from swath.job.fleet import FleetFile
 from swath.job.machines import Combine, Fleet
 from swath.job.plan import FieldPlan
+from swath.job.spread import drawn
 from swath.tools.fleet.combine_turns import Shared, shared
 from swath.tools.fleet.far_ways import far_ways
 from swath.tools.fleet.order import RUN_UP, Member, crossings_of, ways_of
@@ -54,10 +55,7 @@ def hours_of(file: FleetFile, of: Shared, fleet: Fleet) -> float:
     """
     draw, found = random.Random(1), []
     for _ in range(DRAWS):
-        combines = [replace(c, speed=c.speed * (1.0 + draw.uniform(-CUTS, CUTS))) for c in fleet.combines]
-        carts = [replace(c, speed=c.speed * (1.0 + draw.uniform(-CARTS, CARTS))) for c in fleet.carts]
-        drawn = replace(fleet, combines=tuple(combines), carts=tuple(carts))
-        job = Job(file, of.plan, drawn, Events(), of.by)
+        job = Job(file, of.plan, drawn(fleet, draw, CUTS, CARTS), Events(), of.by)
         job.run()
         lines = [c.timeline for c in job.combines]
         stands = [line.time("wait") + line.time("unload") for line in lines]

@@ -29,6 +29,7 @@ def result_rows(r: JobResult) -> list[tuple[str, str, str]]:
     left = 100.0 * max(r.plan.area_left, 0.0) / r.plan.area
     rows = [
         ("until the last grain is at the truck", f"{r.duration / 3600.0:.2f}", "h"),
+        *_spread_rows(r),
         ("until the last pass is cut", f"{r.harvest_time / 3600.0:.2f}", "h"),
         ("field", f"{r.area / 1e4:.2f}", "ha"),
         ("passes that are cut", f"{cut} of {passes}", ""),
@@ -47,6 +48,15 @@ def result_rows(r: JobResult) -> list[tuple[str, str, str]]:
     if r.digest:
         rows.append(("digest", r.digest[:16], ""))
     return rows
+
+
+def _spread_rows(r: JobResult) -> list[tuple[str, str, str]]:
+    """What the duration is where speeds differ."""
+    if r.spread is None:
+        return []
+    made = [seconds / 3600.0 for seconds in r.spread.durations]
+    value = f"{min(made):.3f} to {max(made):.3f}, mean {r.spread.mean / 3600.0:.3f}"
+    return [(f"the same with speeds up to {r.spread.percent:g} % off", value, "h")]
 
 
 def _ground_rows(r: JobResult) -> list[tuple[str, str, str]]:
@@ -125,6 +135,9 @@ def to_dict(r: JobResult) -> dict[str, Any]:
         "name": r.file.name,
         "level": r.level,
         "duration_s": r.duration,
+        **({} if r.spread is None else {
+            "spread": {"percent": r.spread.percent, "duration_s": list(r.spread.durations)}
+        }),
         "harvest_time_s": r.harvest_time,
         "area_m2": r.area,
         "grain_kg": r.grain,
