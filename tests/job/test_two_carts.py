@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from shapely import LineString, Point
 
 from swath.control.job import carts
 from swath.control.job.calls import Calls
@@ -33,7 +34,7 @@ from swath.tools.fleet.whole import share_uncut
 from swath.tools.fleet.work_plan import work_plan
 from tests.job.cheap import CheapRun
 from tests.job.jobs import job_file
-from tests.job.layouts import layout
+from tests.job.layouts import layout, layout_file
 
 FIELD = [(0.0, 0.0), (50.0, 0.0), (50.0, 19.5), (0.0, 19.5)]
 JOB = job_file(
@@ -129,6 +130,26 @@ def test_a_truck_in_the_field_or_near_it_stands_farther_out(truck, stays):
     place = tuple(cart["job"]["truck_m"])
     assert place == (cart["start"]["x_m"], cart["start"]["y_m"])
     assert place == pytest.approx(truck if stays else (100.0, -20.0))
+
+
+@pytest.mark.parametrize("carts", [1, 2])
+def test_a_truck_near_the_ways_of_combines_stands_off_them(carts):
+    """A cart at it stopped a combine in its turn, and had no way past it to the other one: for good."""
+    file = layout_file(14, carts)
+    at = file.truck.x_m, file.truck.y_m
+    fleet = fleet_of(file)
+    work = work_plan(file, plan_of(file, fleet, None), fleet)
+    ways = [axle_ways(work.shared, i, c, 20.0) for i, c in enumerate(fleet.combines)]
+
+    def off_ways(place):
+        return min(LineString(way).distance(Point(place)) for way in ways)
+
+    assert off_ways(at) < OFF_WAYS - 2.0
+    made = scenario_of(file, work, fleet)["machines"]
+    places = [made[f"cart_{n}"]["job"]["truck_m"] for n in range(carts)]
+    assert places == [places[0]] * carts
+    assert OFF_WAYS - 0.1 <= off_ways(places[0]) < OFF_WAYS + 0.1
+    assert math.dist(places[0], at) < 20.0
 
 
 def test_without_room_to_wait_a_job_is_refused():

@@ -131,6 +131,7 @@ def shapely_here() -> Any:
     try:
         import shapely
         import shapely.affinity
+        import shapely.ops
     except ImportError as error:
         raise MissingExtra("geo", "plans of fields") from error
     return shapely

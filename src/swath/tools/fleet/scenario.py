@@ -13,9 +13,10 @@ from swath.job.machines import Cart, Combine, Fleet
 from swath.job.path import Pose
 from swath.job.plan import FieldPlan, shapely_here
 from swath.machine.machine_sheet import open_machine
+from swath.signals import F64
 from swath.tools.fleet.combine_turns import axle_at
 from swath.tools.fleet.order import LANDS, RUN_UP
-from swath.tools.fleet.waiting import axle_ways, waiting_places
+from swath.tools.fleet.waiting import axle_ways, truck_place, waiting_places
 from swath.tools.fleet.work_plan import WorkPlan, rounded
 
 GRAIN_PER_STEM = 0.0018  # kg, wheat: 500 stems/m2 are 9 t/ha
@@ -48,11 +49,11 @@ def scenario_of(file: FleetFile, work: WorkPlan, fleet: Fleet, base: Path | None
             others = [c.name for c in combines if c is not own]
             made |= {f"peer_link_{n}": {**RADIO, "peer": c} for n, c in enumerate(others, len(carts))}
         machines[own.name] = made
-    truck = _truck(file, plan)
     ways = [axle_ways(work.shared, i, own, team[i].run_out) for i, own in enumerate(combines)]
+    truck = _truck(file, plan, ways)
     places = waiting_places(plan, ways, truck, len(carts)) if len(carts) > 1 else []
     for number, cart in enumerate(carts):
-        made = _cart(file, combine, cart, passes, plan, base)
+        made = _cart(file, combine, cart, passes, plan, truck, base)
         if places:
             made |= {"start": _start(_facing(plan, *places[number]))} | _links(carts, cart)
             made["job"] |= {"number": number, "wait_m": rounded(places[number])}
@@ -154,10 +155,10 @@ def _cart(
     cart: Cart,
     passes: list[dict[str, Any]],
     plan: FieldPlan,
+    truck: tuple[float, float],
     base: Path | None,
 ) -> dict[str, Any]:
-    settings = file.carts[cart.name]
-    x, y = _truck(file, plan)
+    settings, (x, y) = file.carts[cart.name], truck
     return {
         "machine": _named(settings.machine, base),
         "peer": combine.name,
@@ -185,12 +186,15 @@ def _cart(
     }
 
 
-def _truck(file: FleetFile, plan: FieldPlan) -> tuple[float, float]:
-    """Where carts are emptied [m]: a place in the field or near it is moved out, as at the other levels."""
+def _truck(file: FleetFile, plan: FieldPlan, ways: Sequence[F64]) -> tuple[float, float]:
+    """Where carts are emptied [m]: a place in the field or near it is moved out, as at the other levels; one
+    near the ways of combines is moved off them: a cart that stands there would stop them.
+    """
     x, y = file.truck.x_m, file.truck.y_m
     shapely = shapely_here()
     if shapely.Polygon(plan.boundary).distance(shapely.Point(x, y)) < OFF_FIELD:
         x, y, _ = place_at_truck(Pose(x, y, 0.0), plan.boundary, 0)
+    x, y = truck_place(plan, ways, (x, y), OFF_FIELD)
     return round(x, 6), round(y, 6)
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -25,14 +26,10 @@ def waiting_places(plan: FieldPlan, ways: Sequence[F64], truck: Point, count: in
 
     InputError where there is no room.
     """
-    shapely = shapely_here()
-    field = shapely.Polygon(plan.boundary)
+    shapely, found = shapely_here(), list[Point]()
     (west, south), (east, north) = plan.boundary.min(axis=0), plan.boundary.max(axis=0)
     bounds = shapely.box(west - FARTHEST, south - FARTHEST, east + FARTHEST, north + FARTHEST)
-    free = bounds.difference(field.buffer(BESIDE))
-    for way in ways:
-        free = free.difference(shapely.LineString(way).buffer(OFF_WAYS))
-    found: list[Point] = []
+    free = _off_ways(bounds, plan, ways, BESIDE)
     for place in _around(truck):
         apart = min(math.dist(place, other) for other in (truck, *found))
         if len(found) < count and apart >= APART and free.contains(shapely.Point(place)):
@@ -41,6 +38,25 @@ def waiting_places(plan: FieldPlan, ways: Sequence[F64], truck: Point, count: in
         told = f"expected room beside the field, {OFF_WAYS:g} m off the combines' ways, for {count} carts"
         raise InputError("truck", list(truck), told)
     return found
+
+
+def truck_place(plan: FieldPlan, ways: Sequence[F64], truck: Point, off: float) -> Point:
+    """Where carts are emptied [m]: the place nearest to the truck that is so far off the field [m] and
+    OFF_WAYS off the ways of the combines, as `axle_ways`.
+    """
+    shapely = shapely_here()
+    at = shapely.Point(truck)
+    nearest, _ = shapely.ops.nearest_points(_off_ways(at.buffer(AROUND), plan, ways, off), at)
+    return float(nearest.x), float(nearest.y)
+
+
+def _off_ways(ground: Any, plan: FieldPlan, ways: Sequence[F64], off: float) -> Any:
+    """What of a ground is off the field [m], and OFF_WAYS off the ways."""
+    shapely = shapely_here()
+    free = ground.difference(shapely.Polygon(plan.boundary).buffer(off))
+    for way in ways:
+        free = free.difference(shapely.LineString(way).buffer(OFF_WAYS))
+    return free
 
 
 def _around(truck: Point) -> list[Point]:
