@@ -1,4 +1,4 @@
-"""A whole field: the rows of docs/fleet.md, with the numbers that come out now.
+"""A whole field: the rows of docs/fleet*.md, with the numbers that come out now.
 
 SWATH_DATA=... python benchmarks/harvest.py
     [--driven [FIRST LAST] | --spread PERCENT FIRST LAST | --sensors LAYOUT:CARTS[:SEED] ...]

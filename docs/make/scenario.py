@@ -73,18 +73,18 @@ def reference(catalogue: Catalogue = CATALOGUE) -> str:
 
     example = find_sheet("scenarios", "straight").read_text(encoding="utf-8")
     parts = [HEADER.format(example=example)]
-    parts.append(_section("## Top level", Head))
+    parts.append(section("## Top level", Head))
     parts.append(
         "Every other key than `name`, `summary`, `seed`, `run`, `realtime`, `field`, `evaluators` and\n"
         "`expect` is a machine.\n"
     )
-    parts.append(_section("## run", Run))
-    parts.append(_section("## realtime", RealTime, REALTIME))
+    parts.append(section("## run", Run))
+    parts.append(section("## realtime", RealTime, REALTIME))
     parts.append(_field(catalogue))
     parts.append(_machine(catalogue))
     parts.append(EVALUATORS)
     metrics = ", ".join(f"`{name}`" for name in catalogue.judged().metrics)
-    parts.append(_section("## expect", Limit, EXPECT.format(metrics=metrics)))
+    parts.append(section("## expect", Limit, EXPECT.format(metrics=metrics)))
     return "\n".join(parts).rstrip() + "\n"
 
 
@@ -112,14 +112,14 @@ def _part(kind: Any) -> str:
     for choice in choices:
         target = defs[choice["$ref"].rpartition("/")[2]] if "$ref" in choice else choice
         tag = next((p["const"] for p in target.get("properties", {}).values() if "const" in p), None)
-        made.append((f"`{tag}`\n\n" if tag and len(choices) > 1 else "") + _table(rows_of(target, defs, "")))
+        made.append((f"`{tag}`\n\n" if tag and len(choices) > 1 else "") + table(rows_of(target, defs, "")))
     return "\n".join(made)
 
 
 def _machine(catalogue: Catalogue) -> str:
-    parts = [_section("## A machine", MachineCommon, "The key is its name; there may be several.\n")]
-    parts.append(_section("### start, on the edge", StartAlongEdge))
-    parts.append(_section("### start, anywhere", StartPose))
+    parts = [section("## A machine", MachineCommon, "The key is its name; there may be several.\n")]
+    parts.append(section("### start, on the edge", StartAlongEdge))
+    parts.append(section("### start, anywhere", StartPose))
     slots = "".join(
         f"| `{s.name}`{', `' + s.name + '_NAME`' if s.is_plural else ''} | `{s.level}` "
         f"| {s.rate_hz:g} | {_wires(s.wires)} | {_types_with(s.name, catalogue)} |\n"
@@ -131,7 +131,7 @@ def _machine(catalogue: Catalogue) -> str:
         "| slot | default level | rate [Hz] | inputs come from | unasked in |\n"
         f"|---|---|---|---|---|\n{slots}"
     )
-    parts.append(_section("### Every slot", SlotCommon))
+    parts.append(section("### Every slot", SlotCommon))
     parts += [_levels(catalogue, slot.name, f"### {slot.name}") for slot in catalogue.slots]
     if links := catalogue.registry.links():
         parts.append("### Somebody else's part\nLevels that any slot of a machine may have.\n")
@@ -155,18 +155,18 @@ def _levels(catalogue: Catalogue, kind: str, title: str) -> str:
 def _level(catalogue: Catalogue, kind: str, name: str, title: str) -> str:
     level = catalogue.registry.get(kind, name)
     rows = parameter_rows(level.params)
-    return f"`{title}`: {level.summary}\n" + ("\n" + _table(rows) if rows else "")
+    return f"`{title}`: {level.summary}\n" + ("\n" + table(rows) if rows else "")
 
 
-def _section(title: str, kind: Any, text: str = "") -> str:
+def section(title: str, kind: Any, text: str = "") -> str:
     return (
-        f"{title}\n{text}\n{_table(parameter_rows(kind))}"
+        f"{title}\n{text}\n{table(parameter_rows(kind))}"
         if text
-        else f"{title}\n\n{_table(parameter_rows(kind))}"
+        else f"{title}\n\n{table(parameter_rows(kind))}"
     )
 
 
-def _table(rows: list[Row]) -> str:
+def table(rows: list[Row]) -> str:
     lines = ["| key | value | default | meaning |", "|---|---|---|---|"]
     for key, value, default, meaning in rows:
         cells = (f"`{key}`", value, f"`{default}`" if default else "", meaning)

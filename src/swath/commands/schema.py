@@ -1,13 +1,17 @@
-"""`swath schema`: JSON Schema of scenario files, for editors."""
+"""`swath schema`: JSON Schema of scenario and job files, for editors."""
 
 import argparse
+import json
 from pathlib import Path
 from typing import Any
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("schema", help="JSON Schema of scenario files, for editors")
+    parser = parsers.add_parser("schema", help="JSON Schema of scenario and job files, for editors")
+    parser.add_argument(
+        "of", nargs="?", choices=("scenario", "job"), default="scenario", help="kind of file (default: scenario)"
+    )
     parser.add_argument("--out", type=Path, metavar="F", help="file to write (default: print it)")
     parser.set_defaults(run=run)
 
@@ -15,22 +19,21 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print or write it."""
     if args.out is None:
-        print(schema_text(), end="")
+        print(schema_text(args.of), end="")
     else:
         args.out.parent.mkdir(parents=True, exist_ok=True)
-        write_schema(args.out)
+        write_schema(args.out, args.of)
     return 0
 
 
-def write_schema(path: Path) -> None:
-    """Write the JSON Schema of scenario files."""
-    path.write_text(schema_text(), encoding="utf-8")
+def write_schema(path: Path, of: str = "scenario") -> None:
+    """Write the JSON Schema of scenario files, or of job files."""
+    path.write_text(schema_text(of), encoding="utf-8")
 
 
-def schema_text() -> str:
-    """The JSON Schema of scenario files."""
-    import json
-
+def schema_text(of: str = "scenario") -> str:
+    """The JSON Schema of scenario files, or of job files."""
     from swath.scenario.schema import scenario_schema
+    from swath.tools.fleet.schema import job_schema
 
-    return json.dumps(scenario_schema(), indent=1) + "\n"
+    return json.dumps(job_schema() if of == "job" else scenario_schema(), indent=1) + "\n"

@@ -25,8 +25,9 @@ Metre = Annotated[float, Ge(-1e6), Le(1e6)]
 
 @dataclass(frozen=True)
 class FieldSettings:
-    """One of: boundary_m, points [x, y]; file: a plan of others (GeoJSON, ISOXML) or the outline of a field;
-    log: a yield log, whose recorded passes are driven. yield_t_ha: grain, even over the field
+    """One of the first three. boundary_m: points [x, y], east and north; file: a plan of others (GeoJSON,
+    ISOXML) or the outline of a field; log: a yield log, whose recorded passes are driven; yield_t_ha: grain,
+    even over the field
     """
 
     boundary_m: Annotated[list[tuple[Metre, Metre]], MinLen(3)] | None = None
@@ -37,9 +38,9 @@ class FieldSettings:
 
 @dataclass(frozen=True)
 class CombineSettings:
-    """speed_kmh: fastest in the crop; grain_kg_s: most that it threshes (default: the data sheet's nominal
-    flow); turn_speed_kmh, turn_radius_m: in turns; transport_speed_kmh: on longer ways; call_percent: of the
-    tank, at which a cart is called; tank_start_percent: at the start
+    """machine: its data sheet; speed_kmh: fastest in the crop; grain_kg_s: most that it threshes (default: the
+    data sheet's nominal flow); turn_speed_kmh, turn_radius_m: in turns; transport_speed_kmh: on longer ways;
+    call_percent: of the tank, at which a cart is called; tank_start_percent: at the start
     """
 
     machine: str = "lexion-700"
@@ -54,9 +55,10 @@ class CombineSettings:
 
 @dataclass(frozen=True)
 class CartSettings:
-    """speed_kmh: on the field; unload_l_s: into the truck; leave_percent: of its box, from which it drives to
-    the truck after a load, unless it has room for all that is still to come; fill_percent: of the largest
-    heap, at which it is full; align_s: beside the combine until pipe, cart and trailer are in line
+    """machine: its data sheet; speed_kmh: on the field; unload_l_s: into the truck; leave_percent: of its box,
+    from which it drives to the truck after a load, unless it has room for all that is still to come;
+    fill_percent: of the largest heap, at which it is full; align_s: beside the combine until pipe, cart and
+    trailer are in line
     """
 
     machine: str = "tractor-grain-cart"
@@ -87,9 +89,9 @@ class UnloadSettings:
     """mode: `on_the_go` while cutting; `standing` where the tank is full; `at_headland` at the end of a pass.
 
     at_row_end: what happens to a load that the end of the pass cuts short: `finish` standing there when no
-    more than finish_s are left, or where no cart may drive beside the next pass, `resume` in a later pass;
-    pocket_s: until a cart can stand beside a combine that has standing crop on its left; ramps_s: of the
-    auger's flow, as time lost
+    more than `finish_s` are left, or where no cart may drive beside the next pass, `resume` in a later pass;
+    finish_s: longest that it is finished for; pocket_s: until a cart can stand beside a combine that has
+    standing crop on its left; ramps_s: of the auger's flow, as time lost
     """
 
     mode: Literal["on_the_go", "standing", "at_headland"] = "on_the_go"
@@ -101,8 +103,8 @@ class UnloadSettings:
 
 @dataclass(frozen=True)
 class TeamSettings:
-    """together: `own_lands`, each combine takes the next pass of its own land; `echelon`, side by side, each
-    lag_m behind the one ahead
+    """together: `own_lands`, each combine takes the next pass of its own land; `echelon`, side by side;
+    lag_m: in echelon, of each behind the one ahead
     """
 
     together: Literal["own_lands", "echelon"] = "own_lands"
@@ -111,7 +113,9 @@ class TeamSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class FleetFile:
-    """A job as written."""
+    """A job as written. format: `swath fleet 1`; name, summary: of the job, on its page; field, combines,
+    carts, truck, plan, unload, team: see there
+    """
 
     format: str
     field: FieldSettings

@@ -26,7 +26,8 @@ class PlanSettings:
     """headland_rounds: opening rounds; headland: direction in which they are driven, clockwise keeps the crop
     on the right; direction_deg: of the passes, counter-clockwise from east (default: along the longest side);
     overlap_m: of neighbouring passes; order: of the passes inside: `adjacent` one after the other, `lands`
-    round and round in lands of `land_passes`, `skip` with one left out, for the way back
+    round and round in lands of `land_passes`, `skip` with one left out, for the way back; land_passes: of
+    each land
     """
 
     headland_rounds: Annotated[int, Ge(0), Le(12)] = 2

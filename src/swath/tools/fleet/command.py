@@ -22,7 +22,8 @@ def add(parsers: Any) -> None:
         help="at events: drive it 24 times more, speeds of machines up to so much off, and say its hours",
     )  # fmt: skip
     run.set_defaults(run=run_job)
-    jobs = verbs.add_parser("list", help="list the bundled jobs")
+    jobs = verbs.add_parser("list", help="list the bundled jobs; print one")
+    jobs.add_argument("name", nargs="?", metavar="NAME", help="print this job, to make your own of it")
     jobs.set_defaults(run=run_list)
     day = verbs.add_parser("day", help="a recorded day, predicted from its first hour")
     day.add_argument("log", type=Path, metavar="LOG", help="yield log (CSV, shapefile, ISOXML)")
@@ -105,11 +106,14 @@ def _with_spread(file: Any, base: Path | None, percent: float) -> Any:
 
 
 def run_list(args: argparse.Namespace) -> int:
-    """List the bundled jobs."""
-    from swath.documents.data_sheets import sheet_names
+    """Print a bundled job as it is, or name and summary of all."""
+    from swath.documents.data_sheets import find_sheet, sheet_names
     from swath.job.fleet import read_fleet
     from swath.terminal.tables import paragraphs
 
+    if args.name is not None:
+        print(find_sheet("jobs", args.name).read_text(encoding="utf-8"), end="")
+        return 0
     paragraphs([(name, read_fleet(name)[0].summary) for name in sheet_names("jobs")])
     return 0
 

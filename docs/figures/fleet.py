@@ -1,0 +1,15 @@
+"""Makes the figure of docs/fleet.md: `python docs/figures/fleet.py` in the repository root."""
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+from swath.job.engine import finished
+from swath.job.fleet import read_fleet
+from swath.tools.fleet.picture import draw
+
+if __name__ == "__main__":
+    fig = draw(finished(read_fleet("echelon")[0]))
+    fig.savefig(Path(__file__).parent / "fleet.png", dpi=90)

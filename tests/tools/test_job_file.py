@@ -1,0 +1,85 @@
+"""The reference and the JSON Schema of job files: up to date, and of one mind with the reader."""
+
+import json
+
+import jsonschema
+import pytest
+from docs.make.fleet import PAGE, reference
+
+from swath.commands.main import main
+from swath.documents.data_sheets import find_sheet
+from swath.documents.yaml_document import parse
+from swath.job.fleet import read_fleet
+from swath.tools.fleet.schema import job_schema
+
+JOBS = sorted(path.stem for path in find_sheet("jobs", "echelon").parent.glob("*.yaml"))
+GOOD = find_sheet("jobs", "echelon").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def validator():
+    jsonschema.Draft202012Validator.check_schema(job_schema())
+    return jsonschema.Draft202012Validator(job_schema())
+
+
+def test_the_reference_is_made_from_the_classes_as_they_are():
+    assert PAGE.read_text(encoding="utf-8") == reference(), "run: python -m docs.make.fleet"
+
+
+def test_every_key_of_the_reference_says_what_it_means():
+    rows = [line.split(" | ") for line in reference().splitlines() if line.startswith("| `")]
+    assert len(rows) > 35
+    assert [row[0] for row in rows if row[3].strip(" |") == ""] == []
+
+
+def test_a_bundled_job_is_printed_to_make_ones_own_of_it(capsys, tmp_path):
+    assert main(["fleet", "list", "echelon"]) == 0
+    printed = capsys.readouterr().out
+    assert printed == GOOD
+    (tmp_path / "mine.yaml").write_text(printed)
+    assert read_fleet(str(tmp_path / "mine.yaml"))[0] == read_fleet("echelon")[0]
+    assert main(["fleet", "list", "echelons"]) == 2
+    assert "did you mean 'echelon'" in capsys.readouterr().err
+
+
+def test_the_schema_is_written_where_the_first_line_of_a_job_says(tmp_path):
+    assert all(
+        find_sheet("jobs", name).read_text().startswith("# yaml-language-server: $schema=job.schema.json\n")
+        for name in JOBS
+    )
+    assert main(["schema", "job", "--out", str(tmp_path / "job.schema.json")]) == 0
+    assert json.loads((tmp_path / "job.schema.json").read_text()) == job_schema()
+
+
+@pytest.mark.parametrize("name", JOBS)
+def test_accepts_the_bundled_jobs(validator, name):
+    data = parse(find_sheet("jobs", name).read_text(encoding="utf-8")).data
+    assert [error.message for error in validator.iter_errors(data)] == []
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "value"),
+    [
+        ("team", "together", "echelons"),
+        ("team", "lag_m", 4),
+        ("plan", "overlap", 0.3),
+        ("truck", "x_m", "east"),
+        ("unload", "mode", "driving"),
+    ],
+)
+def test_refuses_what_the_reader_refuses(validator, section, key, value):
+    data = parse(GOOD).data
+    data[section] = {**data.get(section, {}), key: value}
+    assert len(list(validator.iter_errors(data))) == 1
+
+
+def test_refuses_a_key_that_a_combine_does_not_have(validator):
+    data = parse(GOOD).data
+    name = next(iter(data["combines"]))
+    data["combines"][name]["speed_mph"] = 4
+    assert list(validator.iter_errors(data))
+
+
+def test_units_are_in_the_descriptions(validator):
+    carts = validator.schema["$defs"]["job.CartSettings"]["properties"]
+    assert carts["speed_kmh"]["description"] == "on the field [km/h]"
