@@ -6,10 +6,10 @@ import matplotlib
 
 matplotlib.use("Agg")
 
-from swath.job.engine import finished
 from swath.job.fleet import read_fleet
+from swath.job.work import work_off
 from swath.tools.fleet.picture import draw
 
 if __name__ == "__main__":
-    fig = draw(finished(read_fleet("echelon")[0]))
+    fig = draw(work_off(read_fleet("echelon")[0]))
     fig.savefig(Path(__file__).parent / "fleet.png", dpi=90)

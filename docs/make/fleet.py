@@ -6,6 +6,7 @@ python -m docs.make.fleet     writes it anew
 from pathlib import Path
 
 from docs.make.scenario import section, table
+
 from swath.documents.data_sheets import find_sheet
 from swath.job.fleet import (
     CartSettings,

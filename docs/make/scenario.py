@@ -159,6 +159,7 @@ def _level(catalogue: Catalogue, kind: str, name: str, title: str) -> str:
 
 
 def section(title: str, kind: Any, text: str = "") -> str:
+    """A heading with the table of the parameters of a dataclass."""
     return (
         f"{title}\n{text}\n{table(parameter_rows(kind))}"
         if text
@@ -167,6 +168,7 @@ def section(title: str, kind: Any, text: str = "") -> str:
 
 
 def table(rows: list[Row]) -> str:
+    """Rows of keys, ranges, defaults and meanings in Markdown."""
     lines = ["| key | value | default | meaning |", "|---|---|---|---|"]
     for key, value, default, meaning in rows:
         cells = (f"`{key}`", value, f"`{default}`" if default else "", meaning)

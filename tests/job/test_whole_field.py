@@ -144,7 +144,7 @@ def test_machines_never_touch(run):
 
 
 def test_it_takes_as_long_as_the_cheaper_levels_say(run):
-    """Three passes of 42 m, two turns and a start from rest: 6.5 % longer; a larger field: docs/fleet-sensors.md."""
+    """Three passes of 42 m, two turns and a start from rest: 6.5 % longer."""
     done, _ = run
     cutting = column(done, "t")[column(done, "phase") == Phase.CUTS].max()
     for level in ("events", "kinematic"):

@@ -10,7 +10,7 @@ def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("schema", help="JSON Schema of scenario and job files, for editors")
     parser.add_argument(
-        "of", nargs="?", choices=("scenario", "job"), default="scenario", help="kind of file (default: scenario)"
+        "of", nargs="?", choices=("scenario", "job"), default="scenario", help="of which files (scenario)"
     )
     parser.add_argument("--out", type=Path, metavar="F", help="file to write (default: print it)")
     parser.set_defaults(run=run)

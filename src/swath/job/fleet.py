@@ -38,9 +38,9 @@ class FieldSettings:
 
 @dataclass(frozen=True)
 class CombineSettings:
-    """machine: its data sheet; speed_kmh: fastest in the crop; grain_kg_s: most that it threshes (default: the
-    data sheet's nominal flow); turn_speed_kmh, turn_radius_m: in turns; transport_speed_kmh: on longer ways;
-    call_percent: of the tank, at which a cart is called; tank_start_percent: at the start
+    """machine: its data sheet; speed_kmh: fastest in the crop; grain_kg_s: most that it threshes (default:
+    the data sheet's nominal flow); turn_speed_kmh, turn_radius_m: in turns; transport_speed_kmh: on longer
+    ways; call_percent: of the tank, at which a cart is called; tank_start_percent: at the start
     """
 
     machine: str = "lexion-700"
@@ -55,8 +55,8 @@ class CombineSettings:
 
 @dataclass(frozen=True)
 class CartSettings:
-    """machine: its data sheet; speed_kmh: on the field; unload_l_s: into the truck; leave_percent: of its box,
-    from which it drives to the truck after a load, unless it has room for all that is still to come;
+    """machine: its data sheet; speed_kmh: on the field; unload_l_s: into the truck; leave_percent: of its
+    box, from which it drives to the truck after a load, unless it has room for all that is still to come;
     fill_percent: of the largest heap, at which it is full; align_s: beside the combine until pipe, cart and
     trailer are in line
     """
