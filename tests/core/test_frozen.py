@@ -6,7 +6,7 @@ from dataclasses import FrozenInstanceError, asdict, field, fields, replace
 
 import pytest
 
-from swath.core.frozen import frozen
+from swath.core.frozen import changed, frozen
 from swath.signals import MachineLoad, SpeedCommand
 
 
@@ -41,6 +41,17 @@ def test_cannot_be_changed_or_made_wrongly():
             Point(*wrong)
     with pytest.raises(TypeError, match="z"):
         Point(1, 2.0, z=3.0)
+
+
+def test_changed_is_replace_and_refuses_other_names():
+    a = Point(1, 3.0)
+    b = changed(a, x=4.0, t=2)
+    assert (type(b), b, a) == (Point, replace(a, x=4.0, t=2), Point(1, 3.0))
+    with pytest.raises(TypeError, match="z"):
+        changed(a, z=3.0)
+    a.__dict__["length"] = 5.0  # as a cached property that x = 4.0 would make wrong
+    with pytest.raises(TypeError, match="Point"):
+        changed(a, x=4.0)
 
 
 def test_samples_are_such():

@@ -16,6 +16,10 @@ def test_normals_are_those_of_the_stream_in_any_order():
         for shape in (3, (2, 2, 3), 1):  # an odd number leaves half a block in the generator
             expected = stream.at(counter).standard_normal(shape)
             assert normals.at(counter, shape).tobytes() == expected.tobytes()
+        draw = stream.at(counter)
+        draw.standard_normal(2)
+        normals.at(counter, 2)
+        assert normals.then_uniform() == draw.random()
 
 
 def test_stream_depends_on_seed_name_and_counter_only():

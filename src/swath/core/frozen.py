@@ -32,3 +32,16 @@ def frozen(cls: type[T]) -> type[T]:
     quick.__qualname__, quick.__module__ = f"{cls.__qualname__}.__init__", cls.__module__
     made.__init__ = quick  # type: ignore[method-assign]
     return made
+
+
+def changed(of: T, **values: Any) -> T:
+    """As `dataclasses.replace`, of a class by `frozen`, in a quarter of the time. TypeError for a name that
+    is none of its fields, and where it holds more than these.
+    """
+    made: T = object.__new__(type(of))
+    held = made.__dict__
+    held.update(of.__dict__)
+    held.update(values)
+    if len(held) != len(type(of).__match_args__):  # type: ignore[attr-defined]
+        raise TypeError(f"{type(of).__name__}: expected names of its fields, not {sorted(values)}")
+    return made

@@ -72,6 +72,10 @@ class Normals:
         self._philox.state = self._state
         return self._generator.standard_normal(shape)
 
+    def then_uniform(self) -> float:
+        """The number of [0, 1) that `stream.at(counter)` draws after those that were drawn last."""
+        return float(self._generator.random())
+
     def into(self, counter: int, place: np.ndarray) -> None:
         """The same numbers into an array that is there, of its shape."""
         self._counter[3] = counter

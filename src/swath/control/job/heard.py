@@ -4,11 +4,11 @@ Both sides of a link know what the other one does in silence: a cart stops, with
 last; a combine cuts on to the end of its pass, or until its tank is full.
 """
 
-from dataclasses import replace
 from math import isfinite
 
 from swath.control.cooperate.peer_track import OTHERS, PeerTrack
 from swath.core.component import Inputs, KeepsState
+from swath.core.frozen import changed
 from swath.signals import Odometry, PeerState
 
 SILENT = 3.0  # s without a message, from which on nothing is known of a machine but that
@@ -32,13 +32,13 @@ class Heard(KeepsState):
         if not said.is_heard:
             return said
         if not isfinite(said.acceleration):
-            said = replace(said, acceleration=0.0)
+            said = changed(said, acceleration=0.0)
         track = self._track
         if track.age > SILENT:
             track.speed = track.yaw_rate = track.acceleration = 0.0
         track.update(t, dt, said, own)
         x, y, heading, speed = track.x, track.y, track.heading, track.speed
-        return replace(said, t=t, age=track.age, x=x, y=y, heading=heading, speed=speed)
+        return changed(said, t=t, age=track.age, x=x, y=y, heading=heading, speed=speed)
 
 
 class AllHeard(KeepsState):

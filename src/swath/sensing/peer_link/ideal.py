@@ -1,6 +1,6 @@
 """Peer link level `ideal`: what the other machine knows of itself, at once and without error."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import atan2, cos, nan, sin
 from typing import Any, ClassVar, Protocol
 
@@ -62,7 +62,7 @@ class IdealLink(KeepsState):
     def __init__(self, params: TellsWay, setup: SiteSetup) -> None:
         if setup.peer is None:
             raise InputError("peer", None, "expected the key `peer` of the machine: the one that it hears")
-        self._peer = setup.peer
+        self._peer, self._body = setup.peer, _body(setup.peer)
         way = (Port("way", GuidancePath),) if params.way else ()
         self.outputs = (Port("peer", PeerState), *way)
 
@@ -92,12 +92,11 @@ class IdealLink(KeepsState):
             .tolist()
         )
         heading = peer.pose.euler()[2] + peer.yaw_rate * age - own.pose.euler()[2]
-        said = PeerState(
+        parts: dict[str, Any] = self._body | self._box(inputs) | _grain(inputs) | _work(inputs)
+        return PeerState(
             t, True, (t - own.t) / NS, x, y, atan2(sin(heading), cos(heading)), peer.speed, peer.yaw_rate,
-            self._acceleration(peer),
+            self._acceleration(peer), **parts,
         )  # fmt: skip
-        parts: dict[str, Any] = _body(self._peer) | self._box(inputs) | _grain(inputs) | _work(inputs)
-        return replace(said, **parts)
 
     def _acceleration(self, peer: MachineState) -> float:
         if self._last is None:

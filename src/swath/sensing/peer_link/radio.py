@@ -4,14 +4,15 @@ The rate of the slot (`rate_hz`) is that of the messages.
 """
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import exp, hypot, sqrt
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Inputs, Outputs
-from swath.core.random import Stream
+from swath.core.frozen import changed
+from swath.core.random import Normals, Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
@@ -52,22 +53,21 @@ class RadioLink(IdealLink):
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing under way."""
-        self._stream = stream
+        self._normals = Normals(stream)
         self._queue: deque[tuple[int, PeerState, GuidancePath | None]] = deque()
         self._newest: PeerState | None = None
         self._path: GuidancePath | None = None
         sd = self._p.position_sd_cm * 0.01
-        ex, ey = stream.at(0).standard_normal(2).tolist()
+        ex, ey = self._normals.at(0, 2).tolist()
         self._error = (sd * ex, sd * ey)
         return super().reset(stream)
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Send the message of now, if it gets through, and hand over the newest that has arrived."""
         now = t + dt
-        draw = self._stream.at(now)
-        ex, ey = draw.standard_normal(2).tolist()
+        ex, ey = self._normals.at(now, 2).tolist()
         message = self._with_error(self.message(now, inputs), ex, ey)
-        if self._gets_through(now, message, float(draw.random())):
+        if self._gets_through(now, message, self._normals.then_uniform()):
             path = inputs.get("peer_path") if self._p.way else None
             self._queue.append((now + round(self._p.delay_ms * 1e6), message, path))
         while self._queue and self._queue[0][0] <= now:
@@ -75,7 +75,7 @@ class RadioLink(IdealLink):
         if self._newest is None:
             return self._told(silence(now), None)
         age = self._newest.age + (now - self._newest.t) / NS
-        return self._told(replace(self._newest, t=now, age=age), self._path)
+        return self._told(changed(self._newest, t=now, age=age), self._path)
 
     def _gets_through(self, now: int, message: PeerState, draw: float) -> bool:
         p, lost = self._p, draw * 100.0 < self._p.loss_percent
@@ -89,7 +89,7 @@ class RadioLink(IdealLink):
         fresh = p.position_sd_cm * 0.01 * sqrt(1.0 - keep * keep)
         ex, ey = keep * self._error[0] + fresh * dx, keep * self._error[1] + fresh * dy
         self._error = ex, ey
-        return replace(message, x=message.x + ex + p.ahead_error_m, y=message.y + ey + p.left_error_m)
+        return changed(message, x=message.x + ex + p.ahead_error_m, y=message.y + ey + p.left_error_m)
 
 
 LEVEL = Level(
