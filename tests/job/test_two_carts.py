@@ -239,6 +239,18 @@ def test_of_two_carts_whose_ways_cross_the_first_goes_on(first, own, free):
     assert found == pytest.approx(free, abs=1.0)
 
 
+def test_a_cart_that_comes_by_a_little_off_its_way_is_not_taken_to_turn():
+    """Northward, 10 m beside one that drives south: a point of its way lies abreast of it, 0.1 m off."""
+    box = {"box_x": -5.5, "box_y": 0.0, "box_length": 6.0, "box_width": 3.0, "box_heading": 0.0}
+    way = [(10.1, 16.02), *((10.1, 16.0 + 3.0 * i) for i in range(1, 10))]
+    comes = other(0, Phase.DRIVES, at=(10.0, 16.0), way=way)
+    comes = comes._replace(
+        at=Place(10.0, 16.0, 0.5 * math.pi), said=replace(comes.said, speed=4.2, x=16.0, y=10.0, **box)
+    )
+    line, here = GuidanceLine([(0.0, 32.0), (0.0, -30.0)], "path"), Place(0.0, 32.0, -0.5 * math.pi)
+    assert free_of([comes], here, line, 0.0, 2.0, 2) == math.inf
+
+
 def test_a_trailer_that_stands_bent_counts_where_it_is():
     at, box = Place(0.0, 0.0, 0.0), {"box_x": -7.0, "box_y": -2.0, "box_length": 6.0, "box_width": 3.0}
     bent = outline_of(

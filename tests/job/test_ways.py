@@ -217,3 +217,21 @@ def test_behind_a_combine_in_its_pass_a_cart_comes_in_from_farther_out(left, ahe
         assert way.points[1:, 0] == pytest.approx(18.0 - 8.2)
         assert way.beside == pytest.approx(np.hypot(*np.diff(way.points, axis=0).T).sum())
         assert made.onto_line(here, way.points, 0, stands) is None
+
+
+@pytest.mark.parametrize(("behind", "aside", "turned", "is_straight"), [
+    (43.0, 0.4, 0.03, True), (20.0, -0.4, 0.0, True), (43.0, 1.5, 0.0, False), (43.0, 0.0, 0.5, False),
+])  # fmt: skip
+def test_on_the_line_beside_the_pass_a_cart_drives_straight_on(behind, aside, turned, is_straight):
+    """One that has stopped there, too near behind the combine to come onto the line anew."""
+    made = CartWays([Pass(((18.0, 0.0), (18.0, 200.0)), cart_beside=True)], FIELD, 12.0, 8.2, 9.0)
+    here = Place(18.0 - 8.2 - aside, 120.0 - behind, NORTH + turned)
+    c, s = np.cos(turned), np.sin(turned)
+    right = 8.2 + aside
+    stands = replace(said(0.0, Phase.STANDS, 80.0), x=c * behind - s * right, y=-c * right - s * behind)
+    way = made.to_pass(here, 0, stands)
+    assert (way is not None and len(way.points) == 3) is is_straight
+    if is_straight:
+        assert way.points[0] == pytest.approx(here[:2])
+        assert way.points[1:, 0] == pytest.approx(18.0 - 8.2)
+        assert way.points[1, 1] == pytest.approx(here.y + 7.0, abs=0.5)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath.control.job.abreast import own_passes
-from swath.control.job.carts import AROUND, BEYOND, WAITS, Disc
+from swath.control.job.carts import AROUND, BEYOND, IN_LINE, TURNED, WAITS, Disc
 from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, Point, beside
@@ -24,7 +24,7 @@ from swath.control.job.right_of_way import (
     place_of,
 )
 from swath.control.job.ways import Search
-from swath.control.steer.guidance_line import along_bends
+from swath.control.steer.guidance_line import along_bends, wrapped
 from swath.signals import F64, PeerState, Phase
 
 HALF, NARROW = 2.0, 1.2  # m, of the machine to either side, and of that about start and goal
@@ -123,9 +123,25 @@ class CartWays:
         is_in_crop = not self._passes[task].cart_beside and _is_in_crop(line, begin + STRAIGHT, ground)
         if is_in_crop or _is_line_taken(line, beyond, begin, discs):
             return None
+        if task == combine.task and (on := self._along_line(here, line, beyond, come)) is not None:
+            return on
         stand = [c for c in rest if c.speed <= MOVES and self._is_beside(c) and abs(c.heading) < ALONG]
         ahead = self._ahead_of(here, stand[0]) if stand else []
         return self._found(here, [combine, *rest], [goal], discs, first=ahead, rest=[beyond], ground=ground)
+
+    def _along_line(self, here: Place, line: Sequence[Point], beyond: Point, come: float) -> Way | None:
+        """Straight on, of a cart that is on the line beside a pass already, too near behind the combine, that
+        has come so far [m], for a way that comes onto it; None where it is not.
+        """
+        (ax, ay), (bx, by) = line
+        course = atan2(by - ay, bx - ax)
+        c, s = cos(course), sin(course)
+        at, aside = c * (here.x - ax) + s * (here.y - ay), c * (here.y - ay) - s * (here.x - ax)
+        is_near = come - COME_UP - 2.0 * STRAIGHT < at < come - SHIFT
+        if not is_near or abs(aside) > IN_LINE or abs(wrapped(here.heading - course)) > TURNED:
+            return None
+        onto = ax + c * (at + SHIFT), ay + s * (at + SHIFT)
+        return Way(np.array([here[:2], onto, beyond]), hypot(beyond[0] - onto[0], beyond[1] - onto[1]))
 
     def onto_line(self, here: Place, points: F64, task: int, combine: PeerState) -> Way | None:
         """From a way (n, 2) farther out [m] onto the line beside a pass in which the combine is now, ahead of

@@ -156,12 +156,15 @@ def _straight_on(at: Place, way: float) -> list[Place]:
 
 
 def _along(at: Place, points: Sequence[Point], way: float) -> list[Place]:
-    """Where a cart is and will be at some points of its path, as far as a way [m]."""
+    """Where a cart is and will be at some points of its path, as far as a way [m].
+
+    It is never just on its path: a point abreast of it does not tell where it heads for.
+    """
     found, come = [at], 0.0
     for x, y in points:
         dx, dy = x - found[-1].x, y - found[-1].y
-        if dx * cos(found[-1].heading) + dy * sin(found[-1].heading) <= 0.0:
-            continue  # the first one may be behind it
+        if dx * cos(found[-1].heading) + dy * sin(found[-1].heading) < 0.5 * EVERY:
+            continue
         come += hypot(dx, dy)
         if come > way:
             break
