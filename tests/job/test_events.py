@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError, SwathError
-from swath.job import events
+from swath.job import engine, events
 from swath.job.fleet import read_fleet
 from swath.job.path import polyline
 from swath.job.ride import Ride
@@ -236,8 +236,9 @@ def test_spans_join_and_leave_no_gap():
     assert line.time("cut") == 2.0
 
 
-def test_in_the_last_pass_a_cart_is_called_at_once():
+def test_in_the_last_pass_a_cart_is_called_at_once(monkeypatch):
     """A tank that would not be full before the end is emptied on the go."""
+    monkeypatch.setattr(engine, "is_needed_soon", lambda job, c: False)
     field = [(0.0, 0.0), (600.0, 0.0), (600.0, 36.0), (0.0, 36.0)]
     job = finished(job_file(boundary_m=field, plan={"headland_rounds": 0}, combine={"call_percent": 100.0}))
     full, last = job.combines[0].loads

@@ -16,6 +16,7 @@ from swath.job import pouring
 from swath.job.cart_ways import RUN_UP, WayBeside, beside, place_at_truck, way_beside, way_into_lane
 from swath.job.combine_ways import behind_first, way_to_pass
 from swath.job.fleet import FleetFile
+from swath.job.foresight import is_needed_soon
 from swath.job.grain import leaves, move_grain
 from swath.job.machines import Fleet
 from swath.job.motion import Motion
@@ -317,8 +318,9 @@ class Job:
 
     def _wants(self, c: CombineState) -> bool:
         ends = c.phase == "stand" or (c.phase in ("way", "cut") and self.passes.left() == 0)
-        full = c.tank >= c.spec.call or (ends and c.tank > DONE)
-        return full and not c.called and c.phase != "done"
+        if c.called or c.phase == "done":
+            return False
+        return c.tank >= c.spec.call or (ends and c.tank > DONE) or is_needed_soon(self, c)
 
     def _need(self, pair: tuple[CartState, CombineState]) -> tuple[float, int, str]:
         """Time that a cart needs to a combine and that this has until its tank is full, < 0 where it stands
