@@ -6,6 +6,7 @@ from pathlib import Path
 from swath.core.schedule import NS
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
+from swath.judge.catalogue import EvaluatorCatalogue
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
@@ -37,18 +38,19 @@ def cheap_sets(combines, carts, broken_off=15):
 
 
 class CheapRun:
-    """A job run until it ends, or until a time. latest: signals by machine and kind; brought_at: when the
-    last grain left a box at the truck [s]
+    """A job run until it ends, or until a time. evaluators: classes, none = all; latest: signals by machine
+    and kind; brought_at: when the last grain left a box at the truck [s]
     """
 
-    def __init__(self, file, until_s=None, state=None, sets=None):
+    def __init__(self, file, until_s=None, state=None, sets=None, evaluators=()):
         fleet = fleet_of(file)
         self.plan = plan_of(file, fleet, None)
         text = scenario_text(file, work_plan(file, self.plan, fleet), fleet, None)
         sets = cheap_sets(file.combines, file.carts) if sets is None else sets
         self.world = assemble(parse_scenario(text, base=Path.cwd(), sets=sets))
-        self.digest, self.evaluation, self.latest = Digest(), make_evaluation(self.world), {}
-        self.brought_at = 0.0
+        catalogue = EvaluatorCatalogue(evaluators) if evaluators else None
+        self.digest, self.evaluation = Digest(), make_evaluation(self.world, catalogue)
+        self.latest, self.brought_at = {}, 0.0
         if state is not None:
             self.world.load(state["world"])
             self.digest.load(state["digest"])

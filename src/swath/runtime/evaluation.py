@@ -1,13 +1,13 @@
 """The evaluators of a world."""
 
-from swath.judge.catalogue import load_evaluators
+from swath.judge.catalogue import EvaluatorCatalogue, load_evaluators
 from swath.judge.evaluation import Evaluation
 from swath.judge.evaluator import SETTLING_M, EvaluatorSetup
 from swath.runtime.world import World
 
 
-def make_evaluation(world: World) -> Evaluation:
-    """All evaluators of a scenario with its limits: an observer for `drive`."""
+def make_evaluation(world: World, catalogue: EvaluatorCatalogue | None = None) -> Evaluation:
+    """All evaluators of a scenario with its limits, or some without: an observer for `drive`."""
     machines = {name: machine.recorded() for name, machine in world.machines.items()}
     setups = {
         name: EvaluatorSetup(
@@ -22,6 +22,7 @@ def make_evaluation(world: World) -> Evaluation:
         )
         for name, machine in world.machines.items()
     }
-    made = Evaluation(load_evaluators(world.scenario.evaluators), setups, world.scenario.expect)
+    expect = world.scenario.expect if catalogue is None else ()
+    made = Evaluation(catalogue or load_evaluators(world.scenario.evaluators), setups, expect)
     made.is_trial = world.scenario.run.distance_m <= SETTLING_M
     return made
