@@ -53,6 +53,11 @@ class Antenna(KeepsState):
         while len(self._states) > 2 and self._states[1].t <= last:
             del self._states[0]
 
+    def machine_at(self, t: int) -> tuple[F64, F64]:
+        """World position [m], (3,), and rotation, (3, 3), of its machine at t [ns]."""
+        position, rotation = poses_at(self._states, np.array([t], dtype=float))
+        return position[0], rotation[0]
+
     def at(self, t: int) -> tuple[F64, F64]:
         """World position [m] and mean velocity over the `WINDOW` before t [m/s], (3,) each.
 

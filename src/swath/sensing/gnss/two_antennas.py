@@ -5,6 +5,7 @@ from math import atan2, cos, hypot, sin, sqrt
 
 from swath.core.component import KeepsState
 from swath.core.errors import InputError
+from swath.core.portable import product
 from swath.sensing.gnss.antenna import Antenna, Place
 from swath.signals import MachineState
 
@@ -17,7 +18,7 @@ class TwoAntennas(KeepsState):
     Level machine; where it leans, the direction of the baseline over ground counts, as receivers report it.
     """
 
-    kept = ("_first", "_second")
+    kept = ("_first",)
 
     def __init__(self, first: Place, second: Place, noise: float, reach: int) -> None:
         dx, dy = second.x_m - first.x_m, second.y_m - first.y_m
@@ -27,20 +28,19 @@ class TwoAntennas(KeepsState):
             raise InputError("second_antenna", f"({second.x_m:g}, {second.y_m:g})", expected)
         self.sd = noise * sqrt(2.0) / self.baseline
         self._fitted = atan2(dy, dx)
-        self._first, self._second = Antenna(first, reach), Antenna(second, reach)
+        self._first, self._second = Antenna(first, reach), Antenna(second).mounting.position
 
     def reset(self) -> None:
         """Forget where they were."""
         self._first.reset()
-        self._second.reset()
 
     def take(self, states: Sequence[MachineState]) -> None:
         """New states, oldest first."""
         self._first.take(states)
-        self._second.take(states)
 
     def heading(self, t: int, draw: float) -> float:
         """Measured heading at t [rad]. draw: a standard normal number"""
-        a, b = self._first.at(t)[0], self._second.at(t)[0]
+        at, rotation = self._first.machine_at(t)
+        a, b = (at + product(rotation, own) for own in (self._first.mounting.position, self._second))
         angle = atan2(float(b[1] - a[1]), float(b[0] - a[0])) - self._fitted + self.sd * draw
         return atan2(sin(angle), cos(angle))
