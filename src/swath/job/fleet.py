@@ -40,7 +40,8 @@ class FieldSettings:
 class CombineSettings:
     """machine: its data sheet; speed_kmh: fastest in the crop; grain_kg_s: most that it threshes (default:
     the data sheet's nominal flow); turn_speed_kmh, turn_radius_m: in turns; transport_speed_kmh: on longer
-    ways; call_percent: of the tank, at which a cart is called; tank_start_percent: at the start
+    ways; call_percent: of the tank, at which a cart is called, or before, where it would be full in passes
+    beside which no cart may drive; tank_start_percent: at the start
     """
 
     machine: str = "lexion-700"
