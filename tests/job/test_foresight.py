@@ -1,5 +1,6 @@
 """A cart is called before passes beside which none can drive, where the tank would be full in them."""
 
+from collections import deque
 from types import SimpleNamespace
 
 import pytest
@@ -61,8 +62,17 @@ def test_combines_stand_less_where_every_other_pass_has_crop_on_its_left(monkeyp
     assert seen.time < 0.95 * blind.time
 
 
-def test_in_echelon_every_second_pass_is_its_own():
-    job = finished(job_file(2, 2, team={"together": "echelon"}))
-    assert job.passes.coming(job.combines[0]) == []
-    job.passes._row.extend([5, 6, 7, 8])
-    assert job.passes.coming(job.combines[1]) == [5, 7]
+def test_what_comes_is_known_as_far_as_no_other_one_decides_on_it():
+    alone, echelon, lands = (
+        finished(job_file(n, 1, team={"together": how})).passes
+        for n, how in ((1, "own_lands"), (2, "echelon"), (2, "own_lands"))
+    )
+    for passes in (alone, echelon, lands):
+        passes._row.extend([4, 5])
+        passes._lands = {0: deque([7, 8]), 1: deque([9])}
+        passes._own = {0: 1, 1: 0}
+    assert alone.coming(alone._combines[0]) == [9, 7, 8]  # the land that it has begun, then the rest
+    assert echelon.coming(echelon._combines[0]) == []
+    assert lands.coming(lands._combines[1]) == [7, 8]
+    lands._headland.append(0)
+    assert lands.coming(lands._combines[1]) == []

@@ -62,13 +62,15 @@ class Passes:
         return len(self._headland) + sum(len(q) for q in self._lands.values())
 
     def coming(self, combine: CombineState) -> list[int]:
-        """Passes that a combine will take, in this order, as far as nobody else decides on them."""
+        """Passes that a combine will take, in this order, as far as that does not turn on when others are
+        done: in echelon, and in the opening rounds of several combines, it does.
+        """
         if self._shared_out is not None:
             return list(self._shared_out[combine.number])
-        if self.together == "echelon":
-            return list(self._row)[:: len(self._combines)]
         if len(self._combines) > 1:
-            return [] if self._headland else list(self._lands.get(self._own.get(combine.number, -1), ()))
+            if self.together == "echelon" or self._headland:
+                return []
+            return list(self._lands.get(self._own.get(combine.number, -1), ()))
         own = self._own.get(combine.number)
         lands = sorted(self._lands, key=lambda land: land != own)
         return [*self._headland, *(i for land in lands for i in self._lands[land])]
