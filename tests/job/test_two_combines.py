@@ -333,6 +333,21 @@ def test_a_call_without_a_way_is_put_back():
     assert calls.neediest(43.0, combines, []) == (0, 31.0)
 
 
+@pytest.mark.parametrize(
+    ("waits", "stands", "goes"), [(True, True, True), (False, True, False), (True, False, False)]
+)
+def test_a_cart_that_waits_for_one_leaves_it_for_one_that_stands(waits, stands, goes):
+    """And does not set out to the first one again at once, though that is done last and so goes first."""
+    calls = Calls(BESIDE, 15.0)
+    phase = Phase.STANDS if stands else Phase.CUTS
+    combines = {k: replace(message(k, 10.0), remaining=50.0, may_unload=True) for k in (0, 1)}
+    combines[0] = replace(combines[0], remaining=500.0, stands_in=0.0)
+    combines[1] = replace(combines[1], phase=phase)
+    assert calls.neediest(10.0, combines, [])[0] == 0
+    assert calls.is_elsewhere(12.0, 0, combines, [], waits=waits) is goes
+    assert calls.neediest(12.0, combines, [])[0] == int(goes)
+
+
 @pytest.mark.parametrize(("file", "said"), [
     (file_of(1, 28.5, lag=15.0), "lag_m"),
     (file_of(1, 40.0, plan={"headland_rounds": 1}), "opening rounds"),

@@ -154,13 +154,24 @@ class Calls(KeepsState):
         )
 
     def is_elsewhere(
-        self, peer: PeerState, combines: Collection[PeerState], others: Sequence[OtherCart], *, waits: bool
+        self,
+        now: float,
+        number: int,
+        combines: Mapping[int, PeerState],
+        others: Sequence[OtherCart],
+        *,
+        waits: bool,
     ) -> bool:
-        """Whether a combine that has not come to the pass a cart drives to stands and wants to unload; or,
-        while the cart waits there, another one does.
+        """Whether the combine with a number, which has not come to the pass a cart drives to, stands and
+        wants to unload; or, while the cart waits there, another one does, which then goes before it.
         """
-        unserved = (said for said in combines if not self.is_served(said, others))
-        return stands_for_cart(peer) or (waits and any(stands_for_cart(said) for said in unserved))
+        if stands_for_cart(combines[number]):
+            return True
+        unserved = (said for said in combines.values() if not self.is_served(said, others))
+        if not waits or not any(stands_for_cart(said) for said in unserved):
+            return False
+        self.put_back(number, now)
+        return True
 
     def withdraws(self, combine: PeerState, here: Place, number: int, others: Sequence[OtherCart]) -> bool:
         """Whether another cart took the same call at the same time, and is nearer to the combine or, as near,

@@ -237,8 +237,8 @@ class Shuttle(KeepsState):
         if withdrawn or (self._goal == "truck" and self._is_taken(drives=True)):
             self._phase, self._task = Phase.WAITS, -1
             return 0.0
-        others, waits, is_early = self._others, speed <= MOVES, peer.task < self._task
-        elsewhere = is_early and self._calls.is_elsewhere(peer, self._combines.values(), others, waits=waits)
+        heard, waits, is_early = (self._combines, self._others), speed <= MOVES, peer.task < self._task
+        elsewhere = is_early and self._calls.is_elsewhere(now, self._served, *heard, waits=waits)
         if to_combine and (self._calls.is_lost(peer, self._task, is_beside=False) or elsewhere):
             self._phase, self._is_free = Phase.WAITS, True
             self._task = self._task if self._way >= self._lane else -1
