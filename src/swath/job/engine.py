@@ -318,9 +318,8 @@ class Job:
 
     def _wants(self, c: CombineState) -> bool:
         ends = c.phase == "stand" or (c.phase in ("way", "cut") and self.passes.left() == 0)
-        if c.called or c.phase == "done":
-            return False
-        return c.tank >= c.spec.call or (ends and c.tank > DONE) or is_needed_soon(self, c)
+        may = not c.called and c.phase != "done"
+        return may and (c.tank >= c.spec.call or (ends and c.tank > DONE) or is_needed_soon(self, c))
 
     def _need(self, pair: tuple[CartState, CombineState]) -> tuple[float, int, str]:
         """Time that a cart needs to a combine and that this has until its tank is full, < 0 where it stands
