@@ -344,7 +344,7 @@ def test_a_cart_that_waits_for_one_leaves_it_for_one_that_stands(waits, stands, 
     combines[0] = replace(combines[0], remaining=500.0, stands_in=0.0)
     combines[1] = replace(combines[1], phase=phase)
     assert calls.neediest(10.0, combines, [])[0] == 0
-    assert calls.is_elsewhere(12.0, 0, combines, [], waits=waits) is goes
+    assert calls.turns_to_standing(12.0, 0, combines, [], waits=waits) is goes
     assert calls.neediest(12.0, combines, [])[0] == int(goes)
 
 

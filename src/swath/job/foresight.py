@@ -3,10 +3,8 @@
 from collections.abc import Iterator
 from typing import Any
 
+from swath.control.job.tank import EMPTY, MORE
 from swath.job.states import DONE, CombineState
-
-MORE = 1.1  # of what passes bring, that those may that no cart can reach: yields differ
-EMPTY = 0.004  # of the tank, up to which nothing is there to be poured
 
 
 def is_needed_soon(job: Any, c: CombineState) -> bool:

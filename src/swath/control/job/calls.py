@@ -153,7 +153,7 @@ class Calls(KeepsState):
             for said, task in zip(combines, last, strict=True)
         )
 
-    def is_elsewhere(
+    def turns_to_standing(
         self,
         now: float,
         number: int,
@@ -162,8 +162,9 @@ class Calls(KeepsState):
         *,
         waits: bool,
     ) -> bool:
-        """Whether the combine with a number, which has not come to the pass a cart drives to, stands and
-        wants to unload; or, while the cart waits there, another one does, which then goes before it.
+        """Whether a cart gives up its way to a pass for a combine that stands and wants to unload: the one
+        with a number, which has not come to that pass, or, while the cart waits there, another one. That one
+        then goes before the one with the number.
         """
         if stands_for_cart(combines[number]):
             return True

@@ -238,7 +238,7 @@ class Shuttle(KeepsState):
             self._phase, self._task = Phase.WAITS, -1
             return 0.0
         heard, waits, is_early = (self._combines, self._others), speed <= MOVES, peer.task < self._task
-        elsewhere = is_early and self._calls.is_elsewhere(now, self._served, *heard, waits=waits)
+        elsewhere = is_early and self._calls.turns_to_standing(now, self._served, *heard, waits=waits)
         if to_combine and (self._calls.is_lost(peer, self._task, is_beside=False) or elsewhere):
             self._phase, self._is_free = Phase.WAITS, True
             self._task = self._task if self._way >= self._lane else -1
