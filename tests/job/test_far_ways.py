@@ -33,7 +33,7 @@ def test_far_ways_lead_around_standing_crop(seed):
     """And the shortest ways along headland and passes do not."""
     file = layout_file(seed, 1)
     fleet = fleet_of(file)
-    made = lands.shared_out(file, plan_of(file, fleet, None), fleet)
+    made = lands.with_turns(lands.taken_by_events(file, plan_of(file, fleet, None), fleet), fleet.combines)
     job = Job(file, plan_of(file, fleet, None), fleet, Events())
     job.run()
     ends = [job.pass_times[index][1] for index, _ in job.passes.taken]

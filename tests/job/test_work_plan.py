@@ -14,10 +14,24 @@ from swath.job.machines import fleet_of
 from swath.job.work import plan_of
 from swath.signals import HeapState, JobState, MachineLoad, MachineState, Phase, UnloadState
 from swath.tools.fleet import lands
+from swath.tools.fleet import work_plan as work_plan_of
 from swath.tools.fleet.whole import Watch, _notes, _Seen
-from swath.tools.fleet.work_plan import ROOM, _too_much, passes_of, told_passes, work_plan
+from swath.tools.fleet.work_plan import (
+    MOST_TRIES,
+    ROOM,
+    TRIES,
+    _too_much,
+    passes_of,
+    told_passes,
+    work_plan,
+)
 from tests.job.jobs import finished, job_file
 from tests.job.layouts import layout_file
+
+
+def shared_out(file, plan, fleet):
+    """As at `events`."""
+    return lands.with_turns(lands.taken_by_events(file, plan, fleet), fleet.combines)
 
 
 def test_two_combines_that_would_wait_for_whole_passes_share_out_otherwise():
@@ -28,7 +42,7 @@ def test_two_combines_that_would_wait_for_whole_passes_share_out_otherwise():
     fleet = fleet_of(file)
     plan, combines = plan_of(file, fleet, None), fleet.combines
     work = work_plan(file, plan, fleet)
-    first = lands.shared_out(file, plan, fleet)
+    first = shared_out(file, plan, fleet)
     rows = [passes_of(made, combines, file) for made in (work.shared, first)]
     chosen, as_events = (lands.team_of(told_passes(r), combines) for r in rows)
     assert as_events is None
@@ -70,14 +84,14 @@ def test_a_way_of_sharing_out_that_leaves_a_combine_without_a_pass_is_left_out(f
     file = layout_file(4, 2)
     fleet = fleet_of(file)
     plan = plan_of(file, fleet, None)
-    as_events = lands.shared_out(file, plan, fleet)
+    as_events = lands.taken_by_events(file, plan, fleet)
 
-    def shared_out(_, __, tried):
+    def taken(_, __, tried):
         return as_events if tried is fleet and first else as_events._replace(by=[0] * len(as_events.by))
 
-    monkeypatch.setattr(lands, "shared_out", shared_out)
+    monkeypatch.setattr(lands, "taken_by_events", taken)
     if first:
-        assert work_plan(file, plan, fleet).shared == as_events
+        assert work_plan(file, plan, fleet).shared == lands.with_turns(as_events, fleet.combines)
     else:
         with pytest.raises(InputError, match="a pass for every combine"):
             work_plan(file, plan, fleet)
@@ -87,7 +101,7 @@ def test_hours_are_the_mean_of_draws_of_speeds(monkeypatch):
     """Not those of one run, which a few seconds make longer or shorter by several percent."""
     file = layout_file(4, 2)
     fleet = fleet_of(file)
-    made, jobs = lands.shared_out(file, plan_of(file, fleet, None), fleet), []
+    made, jobs = shared_out(file, plan_of(file, fleet, None), fleet), []
 
     class Noted(lands.Job):
         def run(self):
@@ -119,10 +133,10 @@ def evenly(job):
 ])  # fmt: skip
 def test_tanks_have_room_for_passes_beside_which_no_cart_can_be(beside, owner, kg):
     """Four of 5 t each."""
-    rows = [{"cart_beside": b, "combine": k} for b, k in zip(beside, owner, strict=True)]
-    of = SimpleNamespace(plan=SimpleNamespace(passes=[SimpleNamespace(area=5000.0)] * 4))
+    passes = [SimpleNamespace(area=5000.0, cart_beside=b) for b in beside]
+    of = SimpleNamespace(plan=SimpleNamespace(passes=passes), by=owner)
     combines = [SimpleNamespace(tank=8000.0 / ROOM)] * 2
-    assert max(_too_much(of, rows, combines, 10.0), 0.0) == pytest.approx(kg)
+    assert max(_too_much(of, [False] * 4, combines, 10.0), 0.0) == pytest.approx(kg)
 
 
 def test_a_tank_that_is_full_before_a_cart_can_come_is_told_before_the_job():
@@ -131,6 +145,28 @@ def test_a_tank_that_is_full_before_a_cart_can_come_is_told_before_the_job():
     small = replace(fleet, combines=tuple(replace(c, tank=0.4 * c.tank) for c in fleet.combines))
     with pytest.raises(InputError, match="room for a cart"):
         work_plan(file, plan_of(file, fleet, None), small)
+
+
+@pytest.mark.parametrize("fits_from", [TRIES + 4, MOST_TRIES])
+def test_more_ways_of_sharing_out_are_made_as_long_as_no_tank_has_room(fits_from, monkeypatch):
+    """One more than asked for fits, or none."""
+    file, asked = layout_file(4, 2), []
+    fleet = fleet_of(file)
+
+    def too_much(*of):
+        asked.append(of)
+        return 0.0 if len(asked) > fits_from else 1e4
+
+    monkeypatch.setattr(work_plan_of, "_too_much", too_much)
+    monkeypatch.setattr(lands, "team_of", lambda *_: lands.Team([], 1000.0, 0.0, 1000.0))
+    if fits_from < MOST_TRIES:
+        work = work_plan(file, plan_of(file, fleet, None), fleet)
+        assert work.shared.by == asked[-1][0].by
+        assert len(asked) == fits_from + 1
+    else:
+        with pytest.raises(InputError, match="10000 kg too much"):
+            work_plan(file, plan_of(file, fleet, None), fleet)
+        assert len(asked) == MOST_TRIES
 
 
 def test_what_a_combine_pours_counts_in_loads():

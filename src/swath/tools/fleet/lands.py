@@ -26,15 +26,29 @@ DRAWS = 8  # of speeds
 CUTS, CARTS = 0.03, 0.1  # of the speed of combines, and of carts, that it may differ by
 
 
-def shared_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Shared:
-    """Who cuts which pass, with far ways on ground that is cut then."""
+class Taken(NamedTuple):
+    """plan: passes in the order in which they are begun; by: number of the combine of each; ends: when each
+    is cut [s]
+    """
+
+    plan: FieldPlan
+    by: list[int]
+    ends: list[float]
+
+
+def taken_by_events(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Taken:
+    """Who cuts which pass, as combines come to them."""
     job = Job(file, plan, fleet, Events())
     job.run()
-    taken = job.passes.taken
-    plan = replace(plan, passes=tuple(job.passes[index] for index, _ in taken))
-    made = shared(plan, [number for _, number in taken], fleet.combines)
-    ends = [job.pass_times[index][1] for index, _ in taken]
-    return made._replace(turns={**made.turns, **far_ways(plan, made.by, fleet.combines, ends)})
+    indices, by = zip(*job.passes.taken, strict=True)
+    passes = tuple(job.passes[index] for index in indices)
+    return Taken(replace(plan, passes=passes), list(by), [job.pass_times[index][1] for index in indices])
+
+
+def with_turns(of: Taken, combines: Sequence[Combine]) -> Shared:
+    """With far ways on ground that is cut then."""
+    made = shared(of.plan, of.by, combines)
+    return made._replace(turns={**made.turns, **far_ways(of.plan, of.by, combines, of.ends)})
 
 
 class Team(NamedTuple):

@@ -10,6 +10,7 @@ combines wait for each other if they stop now and then, as they do for carts.
 import random
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from math import inf
 from typing import Any, NamedTuple
 
 from swath.control.job.passes import RUN_OUT, Pass
@@ -23,7 +24,7 @@ from swath.tools.fleet import echelon, lands
 from swath.tools.fleet.combine_turns import Shared, shared
 from swath.tools.fleet.order import NO_ORDER, RUN_UP, Member
 
-TRIES = 12  # ways of sharing out
+TRIES, MOST_TRIES = 12, 48  # ways of sharing out; as many at most as long as none can be driven
 SPREAD = 0.12  # of the speeds, from those of the machines
 GOOD = 1.03  # of the time without waits and with equal ways: no other way of sharing out is looked for
 ROOM = 0.95  # of a tank, for passes beside which no cart can be
@@ -62,28 +63,37 @@ def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
     """
     found: list[tuple[float, float, WorkPlan]] = []
     known: list[list[dict[str, Any]]] = []
-    for tried_plan, tried in _tries(file, plan, fleet):
-        made = lands.shared_out(file, tried_plan, tried)
-        if len(set(made.by)) < len(fleet.combines):
+    combines, all_cut = fleet.combines, False
+    most, refused = OVER * min(c.tank for c in fleet.combines), inf
+    for n, (tried_plan, tried) in enumerate(_tries(file, plan, fleet)):
+        if n >= TRIES and found:
+            break
+        taken = lands.taken_by_events(file, tried_plan, tried)
+        if len(set(taken.by)) < len(combines):
             continue
-        rows = passes_of(made, fleet.combines, file)
+        all_cut = True
+        over = _too_much(taken, _may_stand(taken.plan, taken.by, file), combines, file.field.yield_t_ha)
+        if over > most:
+            refused = min(refused, over)
+            continue
+        made = lands.with_turns(taken, tried.combines)
+        rows = passes_of(made, combines, file)
         if rows in known:
             continue
         known.append(rows)
-        team = lands.team_of(told_passes(rows), fleet.combines)
+        team = lands.team_of(told_passes(rows), combines)
         if team is None:
             continue
-        over = _too_much(made, rows, fleet.combines, file.field.yield_t_ha)
         found.append((over, team.waits, WorkPlan(made, rows, team.members)))
         if over <= 0.0 and team.end <= GOOD * team.least:
             break
-    if not known:
-        raise InputError("combines", len(fleet.combines), NO_PASS)
+    if not all_cut:
+        raise InputError("combines", len(combines), NO_PASS)
+    if not found and refused < inf:
+        raise InputError("plan.order", file.plan.order, TOO_MUCH.format(refused))
     if not found:
         raise InputError("plan", None, NO_ORDER)
     least = min(over for over, _, _ in found)
-    if least > OVER * min(c.tank for c in fleet.combines):
-        raise InputError("plan.order", file.plan.order, TOO_MUCH.format(least))
     fits = [(waits, work) for over, waits, work in found if over == least]
     hours = [lands.hours_of(file, work.shared, fleet) + waits for waits, work in fits]
     return fits[hours.index(min(hours))][1]
@@ -97,7 +107,7 @@ def _tries(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Iterator[tuple[Fie
     yield plan, fleet
     draw = random.Random(1)
     keeps_direction = file.plan.order == "lands" or file.field.file is not None or file.field.log is not None
-    for n in range(1, TRIES):
+    for n in range(1, MOST_TRIES):
         combines = [replace(c, speed=c.speed * (1.0 + draw.uniform(-SPREAD, SPREAD))) for c in fleet.combines]
         passes = [
             p.reversed() if p.kind != "headland" and not keeps_direction and n >> p.land & 1 else p
@@ -107,7 +117,7 @@ def _tries(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Iterator[tuple[Fie
 
 
 def _too_much(
-    of: Shared, rows: Sequence[dict[str, Any]], combines: Sequence[Combine], yield_t_ha: float
+    of: lands.Taken, stand: Sequence[bool], combines: Sequence[Combine], yield_t_ha: float
 ) -> float:
     """Most grain [kg] for which a tank has no room where a combine cuts several passes, one after the other,
     beside which no cart can be.
@@ -115,21 +125,32 @@ def _too_much(
     most = 0.0
     for number, combine in enumerate(combines):
         load = 0.0
-        for p, row in zip(of.plan.passes, rows, strict=True):
-            if row.get("combine", 0) == number:
-                blind = not (row["cart_beside"] or row.get("cart_standing", False))
+        for p, by, stands in zip(of.plan.passes, of.by, stand, strict=True):
+            if by == number:
+                blind = not (p.cart_beside or stands)
                 load = load + p.area * yield_t_ha / 10.0 if blind else 0.0
                 most = max(most, load - ROOM * combine.tank)
     return most
 
 
-def passes_of(of: Shared, combines: Sequence[Combine], file: FleetFile) -> list[dict[str, Any]]:
-    """Passes with the turns behind them, to the next one of the same combine.
-
-    Beside the last pass of a combine a cart can stand at least: it gives its last grain there.
+def _may_stand(plan: FieldPlan, by: Sequence[int], file: FleetFile) -> list[bool]:
+    """Whether a cart can stand beside each pass beside which none can drive: those of the outermost round, if
+    cut clockwise, and the last one of a combine, which gives its last grain there.
     """
+    lasts = {number: i for i, number in enumerate(by)}
+    clockwise = file.plan.headland == "clockwise"
+    return [
+        not p.cart_beside
+        and ((p.kind == "headland" and p.round_index == 0 and clockwise) or lasts[by[i]] == i)
+        for i, p in enumerate(plan.passes)
+    ]
+
+
+def passes_of(of: Shared, combines: Sequence[Combine], file: FleetFile) -> list[dict[str, Any]]:
+    """Passes with the turns behind them, to the next one of the same combine."""
     rows = []
     plan, by, turns = of
+    stand = _may_stand(plan, by, file)
     for i, p in enumerate(plan.passes):
         combine = combines[by[i]]
         grain = p.area * file.field.yield_t_ha / 10.0 / p.length
@@ -139,8 +160,7 @@ def passes_of(of: Shared, combines: Sequence[Combine], file: FleetFile) -> list[
             "speed_kmh": round(combine.speed_in(grain) / KMH, 4),
             "width_m": round(p.area / p.length, 3),
         }
-        is_outside = p.kind == "headland" and p.round_index == 0 and file.plan.headland == "clockwise"
-        if not p.cart_beside and (is_outside or i not in turns):
+        if stand[i]:
             row["cart_standing"] = True
         if by[i]:
             row["combine"] = by[i]
