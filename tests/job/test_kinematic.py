@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import shapely
 
-from swath.job.cart_ways import place_at_truck
 from swath.job.fleet import read_fleet
 from swath.job.kinematic import Kinematic
 from swath.job.path import Pose
 from swath.job.swept import swept_ground
+from swath.job.truck_ways import place_at_truck
 from swath.job.work import work_off
 from tests.job.jobs import finished, job_file
 from tests.job.layouts import CARTS, both_levels, layout_file, same_ranking

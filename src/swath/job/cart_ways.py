@@ -1,12 +1,14 @@
 """Ways of a cart over headland and passes, and how fast they are driven: the same for all levels.
 
-A way leads along the goal's course to abreast of it and then across, corners rounded by shortest turns. It is
+A way leads along the goal's course to abreast of it and then across, corners rounded by shortest turns, or
+straight there where that is shorter and leads over cut ground. It is
 driven as fast as the sideways acceleration in its bends allows, with the drive's acceleration and
 deceleration: the speed profile of a point mass, forwards and backwards over the path (Bobrow 1985,
 doi:10.1177/027836498500400301).
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -24,16 +26,16 @@ BRAKE = 0.5  # m/s2, with a load
 LANDS = 0.5  # m, that the stream lands beyond the mouth of the pipe
 RUN_UP = 12.0  # m before a pass, from where a cart drives straight along it
 ASIDE = 15.0  # m beside its line, from where a cart can follow a combine
-LANE = 7.0  # m between the places of carts at the truck
-OUT = 20.0  # m from the field to the first of them
 AT_TRUCK = 3.0  # m beside its place at the truck: a cart still stands there
 STRAIGHT_OUT = 20.0  # m that it drives straight from there, past the truck, or from beside a combine
-STRAIGHT_IN = 20.0  # m before its place at the truck, from where a cart drives straight
 BAND = 2.4  # m to both sides of a cart's middle, where nothing is to come by
 SWATH, BY = 18.0, 1.5  # m right and left of the line beside a combine, where no cart comes against it
 OVER = 25.0  # m of way, in which it moves over to there
 JOIN = 30.0  # m of a pass that are cut, from where a cart near its line turns onto it
 TRIES = (-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0, 32.0)  # m from abreast of it, and before its place: joins
+FARTHER = 25.0  # m between those of a cart that comes straight over cut ground
+LOOKED_AT = 2.0  # m between its points that are held against crop
+SAVES = 10.0  # m of way, at least, by which that is shorter
 LEAST = 8.0  # m before its place beside the combine, that it joins the line at the latest
 AHEAD = 40.0  # m ahead of a combine, where a cart on its line waits for it
 KEEP = 2.0  # m from the bodies of its combine to the middle of a cart
@@ -93,12 +95,14 @@ class WayBeside(NamedTuple):
 def way_beside(
     here: Pose, at: CombineState, cart: Cart, truck: Pose, *,
     run_up: float = RUN_UP, direct: bool = False, leaves: bool = False,
+    is_free: Callable[[Path], bool] | None = None,
 ) -> WayBeside:  # fmt: skip
     """To the start of a combine's pass, along it on its left and beyond.
 
     A cart that is beside the pass already follows the combine; where that has no pass any more: to where it
     stands. truck: its place there, from where it drives straight on first; run_up: before the pass, straight
-    [m]; direct: there in one turn; leaves: another combine, beside which it drives straight on first
+    [m]; direct: there in one turn; leaves: another combine, beside which it drives straight on first;
+    is_free: whether a way leads over cut ground; straight there, if shorter
     """
     is_there = math.hypot(here.x - truck.x, here.y - truck.y) <= AT_TRUCK
     out = STRAIGHT_OUT if is_there or leaves else out_of_turn(here, at, cart)
@@ -117,12 +121,15 @@ def way_beside(
     if _follows(here, first, at, cart):
         path, onto = _onto_line(here, first, points, _place_on(at, cart))
     elif (join := _nearer(here, first, at, cart)) is not None:
-        path, onto = _way_in(here, join, points, straight=True)
+        path, onto = way_in(here, join, points, straight=True)
     else:
-        path, onto = _way_in(
+        path, onto = way_in(
             here, first, points, straight=direct or (is_behind and abs(across) < 2.0 * RADIUS)
         )
-    path = _straight_first(begin, out, path)
+        if is_free is not None:
+            join = _straight_there(here, first, at, cart, onto, is_free)
+            path, onto = (path, onto) if join is None else way_in(here, join, points, straight=True)
+    path = straight_first(begin, out, path)
     length = float(np.hypot(*np.diff(beside_it, axis=0).T).sum())
     begins = path.length - BEYOND - length - box_offset(combine) + box_behind(cart)
     return WayBeside(path, begins, length, out + onto)
@@ -148,7 +155,7 @@ def out_of_turn(here: Pose, at: CombineState, cart: Cart) -> float:
     return max(0.0, float(swept.max()) + cart.length_behind) if len(swept) else 0.0
 
 
-def _straight_first(here: Pose, out: float, way: Path) -> Path:
+def straight_first(here: Pose, out: float, way: Path) -> Path:
     """A way that begins so far [m] straight ahead, from here on."""
     return joined([polyline(np.array([here[:2], ahead_of(here, out)[:2]])), way]) if out > 0.0 else way
 
@@ -181,13 +188,13 @@ def _onto_line(here: Pose, first: Pose, points: Array, place: float) -> tuple[Pa
         join = max(along + min(max(place - along, least), ONTO), 0.0)
         if join < way - 1.0:
             there = Pose(float(start[0] + join * c), float(start[1] + join * s), math.atan2(s, c))
-            return _way_in(here, there, points[i:], straight=True)
+            return way_in(here, there, points[i:], straight=True)
         start, place = point, place - way
     path = rounded([(float(start[0]), float(start[1]))], here)
     return path, path.length
 
 
-def _way_in(here: Pose, first: Pose, points: Array, *, straight: bool = False) -> tuple[Path, float]:
+def way_in(here: Pose, first: Pose, points: Array, *, straight: bool = False) -> tuple[Path, float]:
     """Over passes and headland to a place in its direction, and from there along points; the way to there.
 
     straight: by a shortest turn; else along the place's direction to abreast of it first
@@ -271,6 +278,30 @@ def _nearer(here: Pose, first: Pose, at: CombineState, cart: Cart) -> Pose | Non
     return min(ways)[1] if ways else None
 
 
+def _straight_there(
+    here: Pose, first: Pose, at: CombineState, cart: Cart, onto: float, is_free: Callable[[Path], bool]
+) -> Pose | None:
+    """Where a cart joins the line beside a pass in one turn over cut ground, clear of its combine, and is at
+    its place sooner than by a way that begins the line after so far [m]; None: nowhere.
+    """
+    goal, joins = 0.0, [0.0]
+    if at.task is not None and at.phase in ("cut", "stand"):
+        goal, done = _place_on(at, cart), at.task.length - at.left
+        if len(at.task.line) == 2 and done >= JOIN:
+            joins += [goal - LEAST - d * FARTHER for d in range(math.ceil((goal - LEAST) / FARTHER))]
+    limits = TurnLimits(RADIUS, 1.0)
+    poses = [ahead_of(first, join) for join in joins]
+    turns = [dubins.plan(here, pose, limits) for pose in poses]
+    ways = [math.fsum(p.length for p in t) + goal - join for t, join in zip(turns, joins, strict=True)]
+    for i in sorted(range(len(joins)), key=lambda i: (ways[i], i)):
+        if ways[i] > onto + goal - SAVES:
+            return None
+        way = path_of(turns[i], here, LOOKED_AT)
+        if (joins[i] == 0.0 or _is_off(way, at)) and is_free(way):
+            return poses[i]
+    return None
+
+
 def _is_off(way: Path, at: CombineState) -> bool:
     """Whether a cart's way leads clear of its combine where that is now."""
     assert at.task is not None
@@ -282,43 +313,6 @@ def _is_off(way: Path, at: CombineState) -> bool:
     header = (np.abs(ahead) < 2.0 * KEEP) & (left < 0.5 * sheet.header_width + KEEP)
     body = (ahead < KEEP) & (ahead > rear - sheet.knife_x - KEEP) & (left < half + KEEP)
     return not bool((header | body).any())
-
-
-def way_into_lane(here: Pose, place: Pose, *, is_beside: bool = False) -> Path:
-    """Over passes and headland to a place at the truck, straight in from the nearer side.
-
-    is_beside: beside a combine, from where it drives straight on first, to wait there until that is past
-    """
-    out = STRAIGHT_OUT if is_beside else 0.0
-    begin, here = here, ahead_of(here, out)
-    c, s = math.cos(place.heading), math.sin(place.heading)
-    ahead = (here.x - place.x) * c + (here.y - place.y) * s
-    if ahead > 0.0:
-        place = Pose(place.x, place.y, place.heading + math.pi)
-        c, s = -c, -s
-    first = Pose(place.x - STRAIGHT_IN * c, place.y - STRAIGHT_IN * s, place.heading)
-    return _straight_first(begin, out, _way_in(here, first, np.array([place[:2]]))[0])
-
-
-def place_at_truck(truck: Pose, boundary: Array, number: int) -> Pose:
-    """Where a cart stands at the truck: lanes along the nearest side of the field, side by side outward.
-
-    The first is where the truck is said to be, at least OUT from the field: the truck stands on its field's
-    side, and combines turn beyond the boundary.
-    """
-    ends = np.roll(boundary, -1, axis=0)
-    step = ends - boundary
-    share = ((truck.x - boundary[:, 0]) * step[:, 0] + (truck.y - boundary[:, 1]) * step[:, 1]) / (
-        step**2
-    ).sum(1)
-    near = boundary + np.clip(share, 0.0, 1.0)[:, None] * step
-    side = int(np.hypot(near[:, 0] - truck.x, near[:, 1] - truck.y).argmin())
-    course = math.atan2(float(step[side, 1]), float(step[side, 0]))
-    normal = math.sin(course), -math.cos(course)  # a ring is counter-clockwise: outward is on the right
-    corner = boundary[side].tolist()
-    first = (truck.x - corner[0]) * normal[0] + (truck.y - corner[1]) * normal[1]
-    out = number * LANE + max(OUT - first, 0.0)
-    return Pose(truck.x + out * normal[0], truck.y + out * normal[1], course)
 
 
 def speed_limits(path: Path, cart: Cart) -> Array:

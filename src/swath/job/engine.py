@@ -13,34 +13,30 @@ from numpy.typing import NDArray
 
 from swath.core.errors import SwathError
 from swath.job import pouring
-from swath.job.cart_ways import RUN_UP, WayBeside, beside, place_at_truck, way_beside, way_into_lane
-from swath.job.combine_ways import behind_first, way_to_pass
+from swath.job.cart_ways import beside
+from swath.job.combine_ways import behind_first
 from swath.job.fleet import FleetFile
 from swath.job.foresight import is_needed_soon
 from swath.job.grain import leaves, move_grain
 from swath.job.machines import Fleet
 from swath.job.motion import Motion
-from swath.job.path import Path, Pose
+from swath.job.path import Pose
 from swath.job.plan import FieldPlan
 from swath.job.states import (
-    BESIDE,
     DONE,
     CartState,
     CombineState,
     at,
     cart_state,
-    is_beside,
     same_way,
     way_between,
 )
 from swath.job.team import Passes
-from swath.job.truck import is_clear
+from swath.job.truck_ways import place_at_truck
 
 Array = NDArray[np.float64]
 LONGEST = 400.0 * 3600.0  # s
 MOST_MOVES = 20_000_000
-VARIANTS = tuple((share * RUN_UP, direct) for direct in (False, True) for share in (1.0, 2.0, 3.0, 0.5))
-ABREASTS = (4.0, 2.0, 6.0, 9.0, 13.0)  # radii, as `way_to_pass`: the first that leads clear of the truck
 
 
 class Job:
@@ -111,37 +107,6 @@ class Job:
     def place_at_truck(self, cart: CartState) -> Pose:
         """Where a cart stands to be emptied."""
         return self.places[self.carts.index(cart)]
-
-    def way_to_truck(self, cart: CartState, here: Pose) -> Path:
-        """Of a cart from a place; beside a combine straight on first, to wait there until that is past."""
-        near = any(way_between(here, at(c)) <= BESIDE for c in self.combines)
-        return way_into_lane(here, self.place_at_truck(cart), is_beside=near)
-
-    def way_to_combine(self, cart: CartState, here: Pose) -> WayBeside:
-        """Of a cart from a place, as `way_beside`; from the truck straight out of its lane first. Of some
-        ways the first that leads clear of the truck.
-        """
-        assert cart.combine is not None
-        combine, place = cart.combine, self.place_at_truck(cart)
-        found = None
-        leaves_one = is_beside(here, [at(c) for c in self.combines if c is not combine])
-        for run_up, direct in VARIANTS:
-            way = way_beside(here, combine, cart.spec, place, run_up=run_up, direct=direct, leaves=leaves_one)
-            found = found or way
-            if is_clear(way.path, self.places[0], self.fleet.truck):
-                return way
-        assert found is not None
-        return found
-
-    def way_to_pass(self, combine: CombineState, here: Pose) -> Path:
-        """Of a combine from where its fixed axle is; of some ways the first that leads clear of the truck."""
-        assert combine.task is not None
-        spec, keep = combine.spec, 0.5 * combine.spec.sheet.header_width + combine.spec.sheet.knife_x
-        ways = (way_to_pass(spec, here, combine.task.start, abreast) for abreast in ABREASTS)
-        first = next(ways)
-        if not self.places or is_clear(first, self.places[0], self.fleet.truck, keep):
-            return first
-        return next((w for w in ways if is_clear(w, self.places[0], self.fleet.truck, keep)), first)
 
     def leader_of(self, combine: CombineState) -> CombineState | None:
         """The combine on the pass before in the same direction, in echelon; None where nobody is there."""

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from swath.job import ways
 from swath.job.cart_ways import (
     IN_PLACE,
     NEAR,
@@ -72,7 +73,7 @@ class Events:
             self._corners.add(spec.name)
             return
         far = is_far(combine.place, task.start)
-        path = job.way_to_pass(combine, axle_pose(combine.place, spec.sheet.knife_x))
+        path = ways.way_to_pass(job, combine, axle_pose(combine.place, spec.sheet.knife_x))
         lost = _lost(FAR_LOSES if far else TURN_LOSES, job, combine)
         ride = Ride(path, combine_limits(spec, path, far=far), spec.sheet, combine.speed, lost)
         self._ways[spec.name] = _Way(ride)
@@ -95,7 +96,7 @@ class Events:
     def cart_to_combine(self, job: Job, cart: CartState) -> None:
         """To the start of the combine's pass, and after it."""
         assert cart.combine is not None
-        path, base, length, _ = job.way_to_combine(cart, self._place(cart))
+        path, base, length, _ = ways.way_to_combine(job, cart, self._place(cart))
         before = self._ways.get(cart.spec.name)
         lost = _lost(CART_LOSES, job, cart.combine) if before is None else before.ride.lost
         self._ways[cart.spec.name] = _Way(self._on(path, cart, lost), base, length)
@@ -103,7 +104,7 @@ class Events:
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
         """Over passes and headland."""
-        path = job.way_to_truck(cart, self._place(cart))
+        path = ways.way_to_truck(job, cart, self._place(cart))
         self._ways[cart.spec.name] = _Way(self._on(path, cart, _lost(BACK_LOSES, job)))
         cart.place, cart.left = path.end, path.length
 

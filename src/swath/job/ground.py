@@ -1,5 +1,6 @@
-"""Which ground is cut while several combines work a field, each at its own place of the plan."""
+"""Which ground is cut while combines work a field, each at its own place of the plan."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -37,6 +38,24 @@ class CutGround:
         across = np.abs(away[:, :, 1] * ahead[:, 0] - away[:, :, 0] * ahead[:, 1])
         on = (along >= 0.0) & (along <= self._length[self._is_cut]) & (across <= self._half)
         return bool(on.any(axis=1).mean() >= FREE_SHARE)
+
+    def is_clear(self, points: Array, keep: float, begun: Sequence[tuple[int, Array]] = ()) -> bool:
+        """Whether all points, (n, 2) [m], are so far from standing crop [m]. begun: passes that are being
+        cut, and the line (n, 2) [m] of what is left of each
+        """
+        stands = ~(self._is_cut | np.isin(self._of, [index for index, _ in begun]))
+        lefts = [(*a, *b) for _, line in begun for a, b in pairwise(line.tolist()) if a != b]
+        begins, length, ahead = self._from[stands], self._length[stands], self._ahead[stands]
+        if lefts:
+            rest = np.array(lefts)
+            way = rest[:, 2:] - rest[:, :2]
+            size = np.hypot(way[:, 0], way[:, 1])
+            begins = np.concatenate([begins, rest[:, :2]])
+            length, ahead = np.concatenate([length, size]), np.concatenate([ahead, way / size[:, None]])
+        dx, dy = (points[:, None, :] - begins).transpose(2, 0, 1)
+        along, across = dx * ahead[:, 0] + dy * ahead[:, 1], dy * ahead[:, 0] - dx * ahead[:, 1]
+        on = (along >= -keep) & (along <= length + keep) & (np.abs(across) <= self._half + keep)
+        return not bool(on.any())
 
     def _left_of(self, a: Array, b: Array) -> Array:
         """Places beside a piece of a pass, (n, 2) [m]."""

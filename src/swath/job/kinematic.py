@@ -9,7 +9,7 @@ standing, and the machine is set on the next side.
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.job import truck
+from swath.job import truck, ways
 from swath.job.cart_ways import (
     IN_PLACE,
     NEAR,
@@ -83,7 +83,7 @@ class Kinematic:
         combine.state = "transport" if far else "turn"
         combine.pace = spec.transport if far else spec.turn_speed
         combine.place = knife_pose(driver.machine, knife)
-        path = job.way_to_pass(combine, driver.machine.pose)
+        path = ways.way_to_pass(job, combine, driver.machine.pose)
         driver.take(path, MARGIN / spec.limits.radius, combine_limits(spec, path, far=far).tolist())
         combine.left = path.length
         job.ways.append(path.points)
@@ -126,13 +126,13 @@ class Kinematic:
     def cart_to_combine(self, job: Job, cart: CartState) -> None:
         """Over the headland to the start of the pass, and along it on its left."""
         assert cart.combine is not None
-        way = self._beside[cart.spec.name] = job.way_to_combine(cart, self._cart(cart).machine.pose)
+        way = self._beside[cart.spec.name] = ways.way_to_combine(job, cart, self._cart(cart).machine.pose)
         self._set_out(cart, way.path)
         cart.left = max(abs(self._gap(cart, cart.combine)), IN_PLACE)
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
         """Back over pass and headland."""
-        path = job.way_to_truck(cart, self._cart(cart).machine.pose)
+        path = ways.way_to_truck(job, cart, self._cart(cart).machine.pose)
         self._set_out(cart, path)
         cart.left, cart.place = path.length, path.end
 
@@ -200,10 +200,10 @@ class Kinematic:
     def _way_from(self, job: Job, m: CombineState | CartState, pose: Pose) -> Path | None:
         """The way that a machine would drive from a place; None for one that has nothing to do."""
         if isinstance(m, CombineState):
-            return job.way_to_pass(m, pose) if m.phase == "way" else None
+            return ways.way_to_pass(job, m, pose) if m.phase == "way" else None
         if m.phase in ("to_combine", "beside"):
-            return job.way_to_combine(m, pose).path
-        return job.way_to_truck(m, pose) if m.phase == "to_truck" else None
+            return ways.way_to_combine(job, m, pose).path
+        return ways.way_to_truck(job, m, pose) if m.phase == "to_truck" else None
 
     def _is_making_room(self, job: Job, m: CombineState | CartState, driver: Driver) -> bool:
         """One step of a manoeuvre; behind it on along the own way. False without one."""

@@ -19,7 +19,8 @@ class Passes:
 
     Own lands: the sides of the opening rounds, then each combine keeps to the land that it has begun, and
     takes another that nobody has; when there is none it helps in the longest one, from its end, where it is
-    there before those who work it. taken: pass and number of the combine, in the order of taking
+    there before those who work it. taken: pass and number of the combine, in the order of taking;
+    ground: that is cut
 
     by: number of the combine that cuts each pass, in the order of the plan; none = as above
     """
@@ -45,10 +46,9 @@ class Passes:
         self._own: dict[int, int] = {}
         self.taken: list[tuple[int, int]] = []
         self._row = deque(range(len(plan.passes)))
-        self._ground: CutGround | None = None
-        if together != "echelon" and len(combines) > 1:
-            spec = combines[0].spec
-            self._ground = CutGround(plan.passes, spec.sheet.header_width, spec.pipe)
+        spec = combines[0].spec
+        self.ground = CutGround(plan.passes, spec.sheet.header_width, spec.pipe)
+        self._is_order_open = together != "echelon" and len(combines) > 1
 
     def __getitem__(self, index: int) -> PlannedPass:
         return self._all[index]
@@ -77,8 +77,7 @@ class Passes:
 
     def done(self, index: int) -> None:
         """A pass is cut."""
-        if self._ground is not None:
-            self._ground.cut(index)
+        self.ground.cut(index)
 
     def take(self, combine: CombineState) -> int | None:
         """Index of the next pass of a combine; None where there is no more for it.
@@ -89,9 +88,9 @@ class Passes:
         index = self._next(combine)
         if index is not None:
             self.taken.append((index, combine.number))
-        if index is not None and self._ground is not None:
+        if index is not None and self._is_order_open:
             task = self._all[index]
-            self._all[index] = replace(task, cart_beside=self._ground.is_free_beside(task))
+            self._all[index] = replace(task, cart_beside=self.ground.is_free_beside(task))
         return index
 
     def _next(self, combine: CombineState) -> int | None:
@@ -114,7 +113,7 @@ class Passes:
         """Of the outermost round that is left: the next side; with several combines they share them out."""
         now = self._all[self._headland[0]].round_index
         sides = [i for i in self._headland if self._all[i].round_index == now]
-        side = sides[0] if self._ground is None else self._shared(combine, self._combines, sides)
+        side = self._shared(combine, self._combines, sides) if self._is_order_open else sides[0]
         self._headland.remove(side)
         return side
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from swath.job.cart_ways import place_at_truck
 from swath.job.fleet import FleetFile
 from swath.job.machines import Cart, Combine, Fleet
 from swath.job.path import Pose
 from swath.job.plan import FieldPlan, shapely_here
+from swath.job.truck_ways import place_at_truck
 from swath.machine.machine_sheet import open_machine
 from swath.signals import F64
 from swath.tools.fleet.combine_turns import axle_at
