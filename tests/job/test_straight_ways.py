@@ -123,6 +123,22 @@ def test_to_the_truck_from_the_side_that_is_nearer(x, course):
     assert (way.end.x, way.end.y, math.sin(way.end.heading)) == pytest.approx((0.0, -20.0, 0.0), abs=0.05)
 
 
+def test_a_cart_turns_about_to_the_left_where_crop_stands_on_its_right():
+    """Beside a combine, the truck on the combine's side: not across in front of that."""
+    here, place = Pose(0.0, 0.0, math.pi), Pose(60.0, 200.0, 0.0)
+    before = way_into_lane(here, place, is_beside=True)
+    crop = shapely.box(-200.0, 5.0, -3.0, 11.0)
+
+    def is_free(way):
+        return shapely.distance(shapely.LineString(way.points), crop) > KEEP
+
+    way = way_into_lane(here, place, is_beside=True, is_free=is_free)
+    assert not is_free(before)
+    assert is_free(way)
+    assert (way.end.x, way.end.y) == pytest.approx((60.0, 200.0), abs=0.05)
+    assert way.at(20.0)[:2] == pytest.approx((-20.0, 0.0), abs=1e-6)
+
+
 @pytest.mark.parametrize("seed", [3, 5])
 def test_ways_that_lead_straight_cross_no_crop_in_a_whole_job(seed, monkeypatch):
     """Held against what is cut then, by shapely; and the job is over sooner."""

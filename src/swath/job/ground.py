@@ -44,14 +44,22 @@ class CutGround:
         cut, and the line (n, 2) [m] of what is left of each
         """
         stands = ~(self._is_cut | np.isin(self._of, [index for index, _ in begun]))
-        lefts = [(*a, *b) for _, line in begun for a, b in pairwise(line.tolist()) if a != b]
-        begins, length, ahead = self._from[stands], self._length[stands], self._ahead[stands]
-        if lefts:
-            rest = np.array(lefts)
-            way = rest[:, 2:] - rest[:, :2]
-            size = np.hypot(way[:, 0], way[:, 1])
-            begins = np.concatenate([begins, rest[:, :2]])
-            length, ahead = np.concatenate([length, size]), np.concatenate([ahead, way / size[:, None]])
+        strips = self._from[stands], self._ahead[stands], self._length[stands]
+        return self.is_off([line for _, line in begun], points, keep) and self._is_off(strips, points, keep)
+
+    def is_off(self, lines: Sequence[Array], points: Array, keep: float) -> bool:
+        """Whether all points, (n, 2), are so far from the strips along some lines, (n, 2) each [m]."""
+        pieces = [(a, b) for line in lines for a, b in pairwise(line.tolist()) if a != b]
+        if not pieces:
+            return True
+        ends = np.array(pieces)
+        way = ends[:, 1] - ends[:, 0]
+        length = np.hypot(way[:, 0], way[:, 1])
+        return self._is_off((ends[:, 0], way / length[:, None], length), points, keep)
+
+    def _is_off(self, strips: tuple[Array, Array, Array], points: Array, keep: float) -> bool:
+        """strips: where they begin, their directions, (n, 2) each, and lengths, (n,) [m]"""
+        begins, ahead, length = strips
         dx, dy = (points[:, None, :] - begins).transpose(2, 0, 1)
         along, across = dx * ahead[:, 0] + dy * ahead[:, 1], dy * ahead[:, 0] - dx * ahead[:, 1]
         on = (along >= -keep) & (along <= length + keep) & (np.abs(across) <= self._half + keep)

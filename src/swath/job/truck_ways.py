@@ -1,13 +1,13 @@
 """Where carts stand at the truck, and their ways there."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.job.cart_ways import LOOKED_AT, RADIUS, SAVES, STRAIGHT_OUT, straight_first, way_in
-from swath.job.path import Path, Pose, ahead_of, joined, path_of, polyline
+from swath.job.cart_ways import RADIUS, STRAIGHT_OUT, straight_first, way_in
+from swath.job.path import Path, Piece, Pose, ahead_of, joined, path_of, polyline
 from swath.job.turns import TurnLimits, dubins
 
 Array = NDArray[np.float64]
@@ -17,34 +17,40 @@ STRAIGHT_IN = 20.0  # m before its place at the truck, from where a cart drives 
 
 
 def way_into_lane(
-    here: Pose, place: Pose, *, is_beside: bool = False, is_free: Callable[[Path], bool] | None = None
-) -> Path:
-    """Over passes and headland to a place at the truck, straight in from the nearer side; from either side
-    where that is shorter in one turn over cut ground.
+    here: Pose, place: Pose, *,
+    is_beside: bool = False,
+    is_free: Callable[[Path], bool] | None = None,
+    is_off: Callable[[Path], bool] = lambda _: True,
+) -> Path:  # fmt: skip
+    """Over passes and headland to a place at the truck, straight in from the nearer side, or the shortest of
+    that and of ways in one turn, or turned about first, from both sides, that lead over cut ground.
 
     is_beside: beside a combine, from where it drives straight on first, to wait there until that is past;
-    is_free: whether a way leads over cut ground and clear of the truck
+    is_free: whether a way leads over cut ground and clear of the truck; is_off: where none does, whether it
+    does not lead before the combine that the cart is beside
     """
     out = STRAIGHT_OUT if is_beside else 0.0
     begin, here = here, ahead_of(here, out)
     c, s = math.cos(place.heading), math.sin(place.heading)
     ahead = (here.x - place.x) * c + (here.y - place.y) * s
     other = Pose(place.x, place.y, place.heading + math.pi)
-    near = other if ahead > 0.0 else place
+    near, far = (other, place) if ahead > 0.0 else (place, other)
     way = way_in(here, ahead_of(near, -STRAIGHT_IN), np.array([near[:2]]))[0]
     if is_free is not None:
-        turns = [
-            (dubins.plan(here, ahead_of(goal, -STRAIGHT_IN), TurnLimits(RADIUS, 1.0)), goal)
-            for goal in (near, place if near is other else other)
-        ]
-        for turn, goal in sorted(turns, key=lambda turn: math.fsum(p.length for p in turn[0])):
-            if math.fsum(p.length for p in turn) + STRAIGHT_IN > way.length - SAVES:
-                break
-            if is_free(path_of(turn, here, LOOKED_AT)):
-                there = path_of(turn, here, 0.5)
-                way = joined([there, polyline(np.array([there.end[:2], goal[:2]]), 0.5)])
-                break
+        ways = [straight for goal in (near, far) for straight in _straight(here, goal)]
+        ways.sort(key=lambda w: w.length)
+        free = (w for w in sorted([way, *ways], key=lambda w: w.length) if is_free(w))
+        way = next(free, None) or next((w for w in [way, *ways] if is_off(w)), way)
     return straight_first(begin, out, way)
+
+
+def _straight(here: Pose, goal: Pose) -> Iterator[Path]:
+    """Into a place from STRAIGHT_IN before it in one turn, and once turned about to the left."""
+    limits, first = TurnLimits(RADIUS, 1.0), ahead_of(goal, -STRAIGHT_IN)
+    line = polyline(np.array([first[:2], goal[:2]]), 0.5)
+    about = path_of([Piece(1.0 / RADIUS, 1.0 / RADIUS, math.pi * RADIUS)], here, 0.5)
+    yield joined([path_of(dubins.plan(here, first, limits), here, 0.5), line])
+    yield joined([about, path_of(dubins.plan(about.end, first, limits), about.end, 0.5), line])
 
 
 def place_at_truck(truck: Pose, boundary: Array, number: int) -> Pose:

@@ -2,12 +2,14 @@
 shorter.
 """
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from swath.job.cart_ways import RUN_UP, WayBeside, way_beside
+from swath.job.cart_ways import LOOKED_AT, RUN_UP, WayBeside, way_beside
 from swath.job.combine_ways import way_to_pass as way_of_combine
 from swath.job.path import Path, Pose
 from swath.job.plan import shapely_here
@@ -15,18 +17,26 @@ from swath.job.states import BESIDE, DONE, CartState, CombineState, at, is_besid
 from swath.job.truck import is_clear
 from swath.job.truck_ways import way_into_lane
 
+Array = NDArray[np.float64]
 VARIANTS = tuple((share * RUN_UP, direct) for direct in (False, True) for share in (1.0, 2.0, 3.0, 0.5))
 ABREASTS = (4.0, 2.0, 6.0, 9.0, 13.0)  # radii, as `way_of_combine`: the first that leads clear of the truck
-CROP = 2.0  # m from standing crop to the middle of a cart
+CROP = 1.5  # m from standing crop to the middle of a cart
 AT_TRUCK = 80.0  # m from its place there, where a cart may be farther outside the field
 OUTSIDE = 20.0  # m beyond the boundary, where combines turn, too
 
 
 def way_to_truck(job: Any, cart: CartState, here: Pose) -> Path:
     """Of a cart from a place; beside a combine straight on first, to wait there until that is past."""
-    near = any(way_between(here, at(c)) <= BESIDE for c in job.combines)
+    near = [c for c in job.combines if way_between(here, at(c)) <= BESIDE]
     place = job.place_at_truck(cart)
-    return way_into_lane(here, place, is_beside=near, is_free=partial(is_free, job, place))
+    lines = [_rest(c) for c in _cutting(near)]
+
+    def is_off(way: Path) -> bool:
+        return bool(job.passes.ground.is_off(lines, _looked_at(way), 0.0))
+
+    return way_into_lane(
+        here, place, is_beside=bool(near), is_free=partial(is_free, job, place), is_off=is_off
+    )
 
 
 def way_to_combine(job: Any, cart: CartState, here: Pose) -> WayBeside:
@@ -64,22 +74,29 @@ def is_free(job: Any, place: Pose, way: Path) -> bool:
     """Whether a cart's way leads over cut ground, far outside the field only near its place at the truck,
     and clear of the truck.
     """
-    points = way.points
+    points = _looked_at(way)
     far = points[np.hypot(*(points - place[:2]).T) > AT_TRUCK]
     shapely = shapely_here()
     field = shapely.Polygon(job.plan.boundary).buffer(OUTSIDE)
     inside = shapely.contains_xy(field, far)
     for hole in job.plan.holes:
         inside &= ~shapely.contains_xy(shapely.Polygon(hole), far)
-    cutting = [
-        c for c in job.combines if c.task is not None and c.phase in ("cut", "stand") and c.left > DONE
-    ]
-    begun = [(c.index, _rest(c)) for c in cutting]
+    begun = [(c.index, _rest(c)) for c in _cutting(job.combines)]
     return (
         bool(inside.all())
         and is_clear(way, job.places[0], job.fleet.truck)
         and job.passes.ground.is_clear(points, CROP, begun)
     )
+
+
+def _cutting(combines: Sequence[CombineState]) -> list[CombineState]:
+    return [c for c in combines if c.task and c.phase in ("cut", "stand") and c.left > DONE]
+
+
+def _looked_at(way: Path) -> Array:
+    """Points of a way, LOOKED_AT apart, (n, 2) [m]."""
+    at = np.arange(0.0, way.length + LOOKED_AT, LOOKED_AT)
+    return np.column_stack([np.interp(at, way.distance, xs) for xs in way.points.T])
 
 
 def _rest(c: CombineState) -> Any:

@@ -30,7 +30,8 @@ class CartsInWay:
     """
 
     def __init__(self, own: MachineGeometry) -> None:
-        self._outline, self._width = own_outline(own), own.header_width
+        self._outline, half = own_outline(own), 0.5 * own.header_width
+        self._strip = own.header_y - half, own.header_y + half
 
     def is_blocked(
         self,
@@ -72,8 +73,12 @@ class CartsInWay:
         return any(self._is_in_way(route, way, here, cart, clear, soon, STOPS_IN) for cart in heard)
 
     def _is_across(self, cart: PeerState) -> bool:
-        is_aside = abs(cart.y) > 0.5 * self._width and abs(cart.heading) < ALONG
-        return cart.phase != Phase.BESIDE and not is_aside
+        return cart.phase != Phase.BESIDE and not (abs(cart.heading) < ALONG and self._is_aside(cart))
+
+    def _is_aside(self, cart: PeerState) -> bool:
+        """Whether all of a cart is on one side of the strip that the header cuts."""
+        aside = [y for _, y in outline_of(cart).points(Place(cart.x, cart.y, cart.heading))]
+        return min(aside) > self._strip[1] or max(aside) < self._strip[0]
 
     def _is_in_turn(
         self, route: Route, way: float, here: Place, said: PeerState, clear: float, *, is_last: bool

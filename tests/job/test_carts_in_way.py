@@ -1,0 +1,41 @@
+"""Carts in the way of a combine that cuts."""
+
+import pytest
+
+from swath.control.job.carts_in_way import CartsInWay
+from swath.control.job.dubins import Place
+from swath.control.job.passes import Pass, route_of
+from swath.control.job.turn_limits import TurnLimits
+from swath.machine.machine_sheet import load_machine
+from swath.signals import PeerState, Phase
+
+COMBINE = load_machine("lexion-700")
+HALF = 0.5 * COMBINE.header_width
+
+
+def cart(ahead, left, heading, phase=Phase.DRIVES, speed=0.0):
+    """As a combine hears it: a tractor that stands."""
+    return PeerState(
+        0, True, 0.1, ahead, left, heading, speed, 0.0,
+        body_rear=-1.3, body_front=4.6, body_width=2.6, phase=phase,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("said", "stops"),
+    [
+        (cart(10.0, HALF + 2.5, -0.48), True),  # beside it, its front in the strip that is cut
+        (cart(10.0, HALF + 2.5, 0.0), False),  # along beside it
+        (cart(10.0, HALF + 4.5, -0.48), False),
+        (cart(10.0, -HALF - 2.5, 0.48), True),  # on the other side
+        (cart(10.0, -HALF - 2.5, -0.48), False),
+        (cart(10.0, 0.0, 0.0), True),
+        (cart(10.0, HALF + 2.5, -0.48, Phase.BESIDE), False),  # keeps its station
+        (cart(40.0, HALF + 2.5, -0.48), False),  # far ahead
+    ],
+)
+def test_a_combine_stops_before_a_cart_in_the_strip_that_it_cuts(said, stops):
+    """However little that is turned from its course, and wherever its axle is."""
+    route = route_of([Pass(((0.0, 0.0), (400.0, 0.0)))], 0, COMBINE.knife_x, TurnLimits(7.0, 0.1))
+    here = Place(*route.line.point(200.0), 0.0)
+    assert CartsInWay(COMBINE).stops_cutting(route, 200.0, here, [said]) is stops
