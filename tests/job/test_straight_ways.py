@@ -123,20 +123,20 @@ def test_to_the_truck_from_the_side_that_is_nearer(x, course):
     assert (way.end.x, way.end.y, math.sin(way.end.heading)) == pytest.approx((0.0, -20.0, 0.0), abs=0.05)
 
 
-def test_a_cart_turns_about_to_the_left_where_crop_stands_on_its_right():
-    """Beside a combine, the truck on the combine's side: not across in front of that."""
-    here, place = Pose(0.0, 0.0, math.pi), Pose(60.0, 200.0, 0.0)
+def test_a_cart_turns_about_to_the_left_where_no_way_is_over_cut_ground():
+    """Beside a combine that goes on: not across in front of that, as on layout 10 with one cart."""
+    here, place = Pose(0.0, 0.0, 3.068), Pose(20.3, -141.0, 0.013)
+    to_cut = shapely.box(-200.0, 3.0, 1.0, 15.0)
+
+    def is_off(way):
+        return shapely.distance(shapely.LineString(way.points), to_cut) > 0.0
+
     before = way_into_lane(here, place, is_beside=True)
-    crop = shapely.box(-200.0, 5.0, -3.0, 11.0)
-
-    def is_free(way):
-        return shapely.distance(shapely.LineString(way.points), crop) > KEEP
-
-    way = way_into_lane(here, place, is_beside=True, is_free=is_free)
-    assert not is_free(before)
-    assert is_free(way)
-    assert (way.end.x, way.end.y) == pytest.approx((60.0, 200.0), abs=0.05)
-    assert way.at(20.0)[:2] == pytest.approx((-20.0, 0.0), abs=1e-6)
+    way = way_into_lane(here, place, is_beside=True, is_free=lambda way: False, is_off=is_off)
+    assert not is_off(before)
+    assert is_off(way)
+    assert (way.end.x, way.end.y) == pytest.approx((20.3, -141.0), abs=0.05)
+    assert way.at(20.0)[:2] == pytest.approx((20.0 * math.cos(3.068), 20.0 * math.sin(3.068)), abs=1e-6)
 
 
 @pytest.mark.parametrize("seed", [3, 5])

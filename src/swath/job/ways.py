@@ -2,7 +2,7 @@
 shorter.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -34,9 +34,7 @@ def way_to_truck(job: Any, cart: CartState, here: Pose) -> Path:
     def is_off(way: Path) -> bool:
         return bool(job.passes.ground.is_off(lines, _looked_at(way), 0.0))
 
-    return way_into_lane(
-        here, place, is_beside=bool(near), is_free=partial(is_free, job, place), is_off=is_off
-    )
+    return way_into_lane(here, place, is_beside=bool(near), is_free=_free(job, place), is_off=is_off)
 
 
 def way_to_combine(job: Any, cart: CartState, here: Pose) -> WayBeside:
@@ -47,7 +45,7 @@ def way_to_combine(job: Any, cart: CartState, here: Pose) -> WayBeside:
     combine, place = cart.combine, job.place_at_truck(cart)
     found = None
     leaves = is_beside(here, [at(c) for c in job.combines if c is not combine])
-    free = partial(is_free, job, place)
+    free = _free(job, place)
     for run_up, direct in VARIANTS:
         way = way_beside(
             here, combine, cart.spec, place, run_up=run_up, direct=direct, leaves=leaves, is_free=free
@@ -68,6 +66,14 @@ def way_to_pass(job: Any, combine: CombineState, here: Pose) -> Path:
     if not job.places or is_clear(first, job.places[0], job.fleet.truck, keep):
         return first
     return next((w for w in ways if is_clear(w, job.places[0], job.fleet.truck, keep)), first)
+
+
+def _free(job: Any, place: Pose) -> Callable[[Path], bool] | None:
+    """`is_free`; None in echelon: behind the passes there combines turn side by side, where carts that come
+    straight hold them up.
+    """
+    in_echelon = len(job.combines) > 1 and job.file.team.together == "echelon"
+    return None if in_echelon else partial(is_free, job, place)
 
 
 def is_free(job: Any, place: Pose, way: Path) -> bool:
