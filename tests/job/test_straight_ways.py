@@ -168,7 +168,7 @@ def test_ways_that_lead_straight_cross_no_crop_in_a_whole_job(seed, monkeypatch)
     monkeypatch.setattr(ways, "is_free", is_free)
     job.run()
     assert len(taken) > 4
-    assert min(taken) > KEEP - 0.3  # between points of the way that are looked at
+    assert min(taken) > ways.CROP - 0.2  # between points of the way that are looked at
     monkeypatch.setattr(ways, "is_free", lambda *_: False)
     before = Job(file, job.plan, fleet, Events())
     before.run()

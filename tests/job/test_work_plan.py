@@ -35,8 +35,8 @@ def shared_out(file, plan, fleet):
 
 
 def test_two_combines_that_would_wait_for_whole_passes_share_out_otherwise():
-    """As at `events` they come against each other on neighbouring passes twice, and there is no order in
-    which crop is always cut before where a cart comes beside them.
+    """As at `events` there is no order in which they keep clear of each other and crop is always cut before
+    where a cart comes beside them.
     """
     file = layout_file(7, 2)
     fleet = fleet_of(file)

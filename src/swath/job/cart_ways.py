@@ -1,10 +1,9 @@
 """Ways of a cart over headland and passes, and how fast they are driven: the same for all levels.
 
 A way leads along the goal's course to abreast of it and then across, corners rounded by shortest turns, or
-straight there where that is shorter and leads over cut ground. It is
-driven as fast as the sideways acceleration in its bends allows, with the drive's acceleration and
-deceleration: the speed profile of a point mass, forwards and backwards over the path (Bobrow 1985,
-doi:10.1177/027836498500400301).
+straight there where that is shorter and leads over cut ground. It is driven as fast as the sideways
+acceleration in its bends allows, with the drive's acceleration and deceleration: the speed profile of a point
+mass, forwards and backwards over the path (Bobrow 1985, doi:10.1177/027836498500400301).
 """
 
 import math
@@ -33,9 +32,9 @@ SWATH, BY = 18.0, 1.5  # m right and left of the line beside a combine, where no
 OVER = 25.0  # m of way, in which it moves over to there
 JOIN = 30.0  # m of a pass that are cut, from where a cart near its line turns onto it
 TRIES = (-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0, 32.0)  # m from abreast of it, and before its place: joins
-FARTHER = 25.0  # m between those of a cart that comes straight over cut ground
-LOOKED_AT = 2.0  # m between its points that are held against crop
-SAVES = 10.0  # m of way, at least, by which that is shorter
+FARTHER = 25.0  # m between the joins that are tried where a cart comes straight over cut ground
+LOOKED_AT = 2.0  # m between the points of a straight way that are held against standing crop
+SAVES = 10.0  # m, at least, by which it is shorter
 LEAST = 8.0  # m before its place beside the combine, that it joins the line at the latest
 AHEAD = 40.0  # m ahead of a combine, where a cart on its line waits for it
 KEEP = 2.0  # m from the bodies of its combine to the middle of a cart

@@ -94,7 +94,7 @@ class Events:
         combine.pace = combine.spec.transport
 
     def cart_to_combine(self, job: Job, cart: CartState) -> None:
-        """To the start of the combine's pass, and after it."""
+        """To beside the combine, and after it."""
         assert cart.combine is not None
         path, base, length, _ = ways.way_to_combine(job, cart, self._place(cart))
         before = self._ways.get(cart.spec.name)

@@ -32,20 +32,15 @@ class CutGround:
     def is_free_beside(self, task: PlannedPass) -> bool:
         """True where the ground on the left of a pass, under the pipe, is cut."""
         places = np.concatenate([self._left_of(np.array(a), np.array(b)) for a, b in _pieces(task)])
-        away = places[:, None, :] - self._from[None, self._is_cut]
-        ahead = self._ahead[self._is_cut]
-        along = (away * ahead).sum(axis=2)
-        across = np.abs(away[:, :, 1] * ahead[:, 0] - away[:, :, 0] * ahead[:, 1])
-        on = (along >= 0.0) & (along <= self._length[self._is_cut]) & (across <= self._half)
-        return bool(on.any(axis=1).mean() >= FREE_SHARE)
+        return bool(self._is_on(self._strips(self._is_cut), places, 0.0).mean() >= FREE_SHARE)
 
     def is_clear(self, points: Array, keep: float, begun: Sequence[tuple[int, Array]] = ()) -> bool:
         """Whether all points, (n, 2) [m], are so far from standing crop [m]. begun: passes that are being
         cut, and the line (n, 2) [m] of what is left of each
         """
         stands = ~(self._is_cut | np.isin(self._of, [index for index, _ in begun]))
-        strips = self._from[stands], self._ahead[stands], self._length[stands]
-        return self.is_off([line for _, line in begun], points, keep) and self._is_off(strips, points, keep)
+        off = not self._is_on(self._strips(stands), points, keep).any()
+        return off and self.is_off([line for _, line in begun], points, keep)
 
     def is_off(self, lines: Sequence[Array], points: Array, keep: float) -> bool:
         """Whether all points, (n, 2), are so far from the strips along some lines, (n, 2) each [m]."""
@@ -55,15 +50,19 @@ class CutGround:
         ends = np.array(pieces)
         way = ends[:, 1] - ends[:, 0]
         length = np.hypot(way[:, 0], way[:, 1])
-        return self._is_off((ends[:, 0], way / length[:, None], length), points, keep)
+        return not self._is_on((ends[:, 0], way / length[:, None], length), points, keep).any()
 
-    def _is_off(self, strips: tuple[Array, Array, Array], points: Array, keep: float) -> bool:
-        """strips: where they begin, their directions, (n, 2) each, and lengths, (n,) [m]"""
+    def _strips(self, which: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """Of some pieces of passes: begins, directions, (n, 2) each, and lengths, (n,) [m]."""
+        return self._from[which], self._ahead[which], self._length[which]
+
+    def _is_on(self, strips: tuple[Array, Array, Array], points: Array, keep: float) -> NDArray[np.bool_]:
+        """Whether each of some points, (n, 2), is on one of some strips or so near to it [m], (n,)."""
         begins, ahead, length = strips
         dx, dy = (points[:, None, :] - begins).transpose(2, 0, 1)
         along, across = dx * ahead[:, 0] + dy * ahead[:, 1], dy * ahead[:, 0] - dx * ahead[:, 1]
         on = (along >= -keep) & (along <= length + keep) & (np.abs(across) <= self._half + keep)
-        return not bool(on.any())
+        return np.asarray(on.any(axis=1))
 
     def _left_of(self, a: Array, b: Array) -> Array:
         """Places beside a piece of a pass, (n, 2) [m]."""

@@ -124,7 +124,7 @@ class Kinematic:
         combine.left, combine.pace = path.length, combine.spec.transport
 
     def cart_to_combine(self, job: Job, cart: CartState) -> None:
-        """Over the headland to the start of the pass, and along it on its left."""
+        """To beside the combine, and along its pass on the left."""
         assert cart.combine is not None
         way = self._beside[cart.spec.name] = ways.way_to_combine(job, cart, self._cart(cart).machine.pose)
         self._set_out(cart, way.path)

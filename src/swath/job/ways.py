@@ -81,18 +81,16 @@ def is_free(job: Any, place: Pose, way: Path) -> bool:
     and clear of the truck.
     """
     points = _looked_at(way)
-    far = points[np.hypot(*(points - place[:2]).T) > AT_TRUCK]
-    shapely = shapely_here()
-    field = shapely.Polygon(job.plan.boundary).buffer(OUTSIDE)
-    inside = shapely.contains_xy(field, far)
+    begun = [(c.index, _rest(c)) for c in _cutting(job.combines)]
+    if not job.passes.ground.is_clear(points, CROP, begun):
+        return False
+    if not is_clear(way, job.places[0], job.fleet.truck):
+        return False
+    shapely, far = shapely_here(), points[np.hypot(*(points - place[:2]).T) > AT_TRUCK]
+    inside = shapely.contains_xy(shapely.Polygon(job.plan.boundary).buffer(OUTSIDE), far)
     for hole in job.plan.holes:
         inside &= ~shapely.contains_xy(shapely.Polygon(hole), far)
-    begun = [(c.index, _rest(c)) for c in _cutting(job.combines)]
-    return (
-        bool(inside.all())
-        and is_clear(way, job.places[0], job.fleet.truck)
-        and job.passes.ground.is_clear(points, CROP, begun)
-    )
+    return bool(inside.all())
 
 
 def _cutting(combines: Sequence[CombineState]) -> list[CombineState]:
@@ -105,7 +103,7 @@ def _looked_at(way: Path) -> Array:
     return np.column_stack([np.interp(at, way.distance, xs) for xs in way.points.T])
 
 
-def _rest(c: CombineState) -> Any:
+def _rest(c: CombineState) -> Array:
     """Line of what a combine has left of its pass, (n, 2) [m]."""
     assert c.task is not None
     done = c.task.length - c.left

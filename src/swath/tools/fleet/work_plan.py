@@ -89,7 +89,7 @@ def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
             break
     if not all_cut:
         raise InputError("combines", len(combines), NO_PASS)
-    if not found and refused < inf:
+    if not known:
         raise InputError("plan.order", file.plan.order, TOO_MUCH.format(refused))
     if not found:
         raise InputError("plan", None, NO_ORDER)
