@@ -12,6 +12,7 @@ from swath.job.machines import fleet_of
 from swath.job.path import Pose
 from swath.job.plan import PlannedPass
 from swath.job.states import way_between
+from swath.job.team import LEAD
 from swath.job.work import plan_of
 from tests.job.jobs import job_file
 
@@ -65,6 +66,50 @@ def test_passes_that_are_shared_out_before_are_cut_as_told():
     for n in range(2):
         own = [i for i, number in job.passes.taken if number == n]
         assert own == sorted(own)
+
+
+@pytest.mark.parametrize(("come", "follows"), [(LEAD + 1.0, True), (LEAD - 1.0, False)])
+def test_a_combine_follows_one_that_is_well_ahead_round_the_field(come, follows):
+    """It ends where that one has begun a side, the other ones left are at the other end of the field."""
+    job = job_of(2, 2)
+    ahead, behind = job.combines
+    sides = [i for i, p in enumerate(job.plan.passes) if p.kind == "headland"]
+    outer = [i for i in sides if job.plan.passes[i].round_index == 0]
+    first = outer[0]
+    (inner,) = (i for i in sides if job.passes._outside[i] == {first})
+    start = job.plan.passes[first].start
+    for index in (first, outer[-1]):
+        job.passes._headland.remove(index)
+    ends_at(job, [(start.x, start.y)] * 2)
+    ahead.task, ahead.index, ahead.phase = job.plan.passes[first], first, "cut"
+    ahead.left = ahead.task.length - come
+    assert (job.passes.take(behind) == inner) is follows
+
+
+@pytest.mark.parametrize(("combines", "rounds"), [(2, 2), (2, 3), (3, 2), (3, 3)])
+def test_no_side_is_begun_before_the_one_outside_of_it_is_cut_or_well_ahead(combines, rounds):
+    job = job_of(combines, rounds)
+    job.run()
+    fastest = max(c.speed for c in job.fleet.combines)
+    sides = [i for i, p in enumerate(job.plan.passes) if p.kind == "headland"]
+    inner = [i for i in sides if job.plan.passes[i].round_index > 0]
+    assert all(len(job.passes._outside[i]) == 1 for i in inner)
+    begun = 0
+    for i in inner:
+        (outside,) = job.passes._outside[i]
+        begin, (before, end) = job.pass_times[i][0], job.pass_times[outside]
+        assert begin >= min(end, before + LEAD / fastest)
+        begun += begin < end
+    assert begun > 0 or combines == 2
+
+
+def test_a_cart_may_drive_on_what_the_one_ahead_has_cut():
+    """Beside the second round, clockwise, under the pipe."""
+    job = job_of(3, 3)
+    job.run()
+    for i, p in enumerate(job.plan.passes):
+        if p.kind == "headland" and p.round_index > 0:
+            assert job.passes[i].cart_beside
 
 
 @pytest.mark.parametrize("order", list(permutations(range(3))))

@@ -1,6 +1,6 @@
 """Which ground is cut while combines work a field, each at its own place of the plan."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -29,10 +29,19 @@ class CutGround:
         """A pass is done."""
         self._is_cut |= self._of == index
 
-    def is_free_beside(self, task: PlannedPass) -> bool:
-        """True where the ground on the left of a pass, under the pipe, is cut."""
-        places = np.concatenate([self._left_of(np.array(a), np.array(b)) for a, b in _pieces(task)])
-        return bool(self._is_on(self._strips(self._is_cut), places, 0.0).mean() >= FREE_SHARE)
+    def is_free_beside(self, task: PlannedPass, begun: Collection[int] = ()) -> bool:
+        """True where the ground on the left of a pass, under the pipe, is cut. begun: passes that are being
+        cut ahead of it
+        """
+        cut = self._is_cut | np.isin(self._of, list(begun))
+        places = _beside(task, self._pipe)
+        return bool(self._is_on(self._strips(cut), places, 0.0).mean() >= FREE_SHARE)
+
+    def is_beside(self, task: PlannedPass, index: int) -> bool:
+        """True where a pass lies beside another one, on its left or right."""
+        strips = self._strips(self._of == index)
+        sides = (_beside(task, side * 2.0 * self._half) for side in (1.0, -1.0))
+        return any(self._is_on(strips, places, 0.0).mean() >= 0.5 for places in sides)
 
     def is_clear(self, points: Array, keep: float, begun: Sequence[tuple[int, Array]] = ()) -> bool:
         """Whether all points, (n, 2) [m], are so far from standing crop [m]. begun: passes that are being
@@ -64,13 +73,17 @@ class CutGround:
         on = (along >= -keep) & (along <= length + keep) & (np.abs(across) <= self._half + keep)
         return np.asarray(on.any(axis=1))
 
-    def _left_of(self, a: Array, b: Array) -> Array:
-        """Places beside a piece of a pass, (n, 2) [m]."""
+
+def _beside(task: PlannedPass, left: float) -> Array:
+    """Places on the left of a pass [m], (n, 2)."""
+    found = []
+    for a, b in ((np.array(a), np.array(b)) for a, b in _pieces(task)):
         way = b - a
         size = float(np.hypot(*way))
         count = max(2, round(size / SPACING))
-        left = self._pipe * np.array([-way[1], way[0]]) / size
-        return np.asarray(a + left + (np.arange(count)[:, None] + 0.5) / count * way)
+        aside = left * np.array([-way[1], way[0]]) / size
+        found.append(a + aside + (np.arange(count)[:, None] + 0.5) / count * way)
+    return np.concatenate(found)
 
 
 def _pieces(task: PlannedPass) -> list[tuple[list[float], list[float]]]:

@@ -11,6 +11,7 @@ from swath.job.plan import FieldPlan, PlannedPass
 from swath.job.states import CombineState, way_between
 
 MOST_ORDERS = 5000  # in which passes may be shared out
+LEAD = 100.0  # m that one is ahead of another that begins the side beside it. Estimate
 TURN = 20.0  # s, of a turn onto the next pass; to tell who is there first
 
 
@@ -49,6 +50,7 @@ class Passes:
         spec = combines[0].spec
         self.ground = CutGround(plan.passes, spec.sheet.header_width, spec.pipe)
         self._is_order_open = together != "echelon" and len(combines) > 1
+        self._outside = {i: self._outside_of(i) for i in self._headland} if self._is_order_open else {}
 
     def __getitem__(self, index: int) -> PlannedPass:
         return self._all[index]
@@ -90,7 +92,8 @@ class Passes:
             self.taken.append((index, combine.number))
         if index is not None and self._is_order_open:
             task = self._all[index]
-            self._all[index] = replace(task, cart_beside=self.ground.is_free_beside(task))
+            beside = self.ground.is_free_beside(task, self._outside.get(index, ()))
+            self._all[index] = replace(task, cart_beside=beside)
         return index
 
     def _next(self, combine: CombineState) -> int | None:
@@ -110,12 +113,22 @@ class Passes:
         return self._lands[land].popleft()
 
     def _side(self, combine: CombineState) -> int:
-        """Of the outermost round that is left: the next side; with several combines they share them out."""
-        now = self._all[self._headland[0]].round_index
-        sides = [i for i in self._headland if self._all[i].round_index == now]
-        side = self._shared(combine, self._combines, sides) if self._is_order_open else sides[0]
+        """The next side of the opening rounds. Several combines share out those outside of which nothing is
+        left, or another one cuts well ahead: they follow each other round the field.
+        """
+        side = self._headland[0]
+        if self._is_order_open:
+            closed = {*self._headland, *(i for c in self._combines if c is not combine for i in _begins(c))}
+            free = [i for i in self._headland if not self._outside[i] & closed]
+            side = self._shared(combine, self._combines, free or [side])
         self._headland.remove(side)
         return side
+
+    def _outside_of(self, index: int) -> set[int]:
+        """Sides of the next round outside that lie beside one of an opening round."""
+        task = self._all[index]
+        outside = (i for i in self._headland if self._all[i].round_index == task.round_index - 1)
+        return {i for i in outside if self.ground.is_beside(task, i)}
 
     def _free_land(self, combine: CombineState) -> int | None:
         """A land that nobody has begun; those who have none yet share out the next ones."""
@@ -171,3 +184,10 @@ class Passes:
         """True where one who works a land comes to its last pass within a time [s]."""
         own = [c for c in self._combines if c is not helper and self._own.get(c.number) == land]
         return any(c.phase == "cut" and c.left / max(c.pace, 0.1) + TURN < time for c in own)
+
+
+def _begins(c: CombineState) -> list[int]:
+    """Passes that a combine drives to, or whose first LEAD it cuts."""
+    on_way = c.phase in ("way", "hold")
+    is_at_begin = c.phase == "cut" and c.task is not None and c.task.length - c.left < LEAD
+    return [c.taken, *([c.index] if on_way or is_at_begin else [])]
