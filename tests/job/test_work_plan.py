@@ -38,7 +38,7 @@ def test_two_combines_that_would_wait_for_whole_passes_share_out_otherwise():
     """As at `events` there is no order in which they keep clear of each other and crop is always cut before
     where a cart comes beside them.
     """
-    file = layout_file(7, 2)
+    file = layout_file(7, 1)
     fleet = fleet_of(file)
     plan, combines = plan_of(file, fleet, None), fleet.combines
     work = work_plan(file, plan, fleet)

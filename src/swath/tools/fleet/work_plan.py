@@ -27,6 +27,7 @@ from swath.tools.fleet.order import NO_ORDER, RUN_UP, Member
 TRIES, MOST_TRIES = 12, 48  # ways of sharing out; as many at most as long as none can be driven
 SPREAD = 0.12  # of the speeds, from those of the machines
 GOOD = 1.03  # of the time without waits and with equal ways: no other way of sharing out is looked for
+ENDLESS = 1e9  # kg
 ROOM = 0.95  # of a tank, for passes beside which no cart can be
 OVER = 0.05  # of a tank, more than that: it is full in a pass beside which no cart can be
 TOO_MUCH = "expected room for a cart beside passes before a tank is full: {:.0f} kg too much"
@@ -100,20 +101,29 @@ def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
 
 
 def _tries(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Iterator[tuple[FieldPlan, Fleet]]:
-    """Plan and combines as they are, then with other speeds, and lands of neighbouring passes begun from the
-    other end: the second pass has the first one on its left there, or it has not. Not so where lands are
-    driven round and round, or the passes are those of a file.
+    """Plan and combines as they are, then with other speeds, every other time with tanks that never fill: who
+    stands for carts comes to other passes than planned; and lands of neighbouring passes begun from the other
+    end: the second pass has the first one on its left there, or it has not. Not so where lands are driven
+    round and round, or the passes are those of a file.
     """
     yield plan, fleet
     draw = random.Random(1)
     keeps_direction = file.plan.order == "lands" or file.field.file is not None or file.field.log is not None
     for n in range(1, MOST_TRIES):
-        combines = [replace(c, speed=c.speed * (1.0 + draw.uniform(-SPREAD, SPREAD))) for c in fleet.combines]
+        combines = [
+            _varied(c, 0.0 if n == 1 else draw.uniform(-SPREAD, SPREAD), n % 2 == 1) for c in fleet.combines
+        ]
         passes = [
             p.reversed() if p.kind != "headland" and not keeps_direction and n >> p.land & 1 else p
             for p in plan.passes
         ]
         yield replace(plan, passes=tuple(passes)), replace(fleet, combines=tuple(combines))
+
+
+def _varied(combine: Combine, faster: float, never_full: bool) -> Combine:
+    """A combine that is faster by a share."""
+    tank, call = (ENDLESS, ENDLESS) if never_full else (combine.tank, combine.call)
+    return replace(combine, speed=combine.speed * (1.0 + faster), tank=tank, call=call)
 
 
 def _too_much(
