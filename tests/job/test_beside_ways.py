@@ -336,6 +336,20 @@ def test_a_cart_sets_out_for_one_of_the_next_two_passes():
     assert Calls((*NORTH, *NORTH), 15.0).between(0, 3) == [1, 2]
 
 
+@pytest.mark.parametrize(("away", "remaining", "speed", "task"), [
+    (60.0, 130.0, 2.0, 0), (60.0, 100.0, 2.0, 1),  # behind it
+    (60.0, 100.0, 1.0, 0), (60.0, 31.0, 0.0, 0),
+    (-60.0, 180.0, 2.0, 0), (-60.0, 160.0, 2.0, 1),  # ahead
+])  # fmt: skip
+def test_a_cart_that_would_come_too_late_sets_out_for_the_next_pass(away, remaining, speed, task):
+    """It drives 3 m/s, and needs 20 s more to come up, from ahead 50 s; 30 m of the pass are left then."""
+    long = tuple(Pass(((x, 0.0), (x, 300.0))) for x in (0.0, 8.7))
+    own = Place(0.0, 300.0 - remaining - away, NORTHWARD)
+    said = combine(own, Place(0.0, 300.0 - remaining, NORTHWARD), Phase.CUTS, remaining=remaining)
+    assert Calls(long, 15.0).next_task(replace(said, speed=speed)) == task
+    assert Calls(long[:1], 15.0).next_task(replace(said, speed=speed)) == 0  # there is no other one
+
+
 def test_a_place_that_an_earlier_pass_leads_over_is_not_free():
     passes = (*NORTH, Pass(((24.0, 0.0), (24.0, 100.0))))
     here, there = Place(-30.0, 20.0, NORTHWARD), Place(24.0 - 8.7, 20.0, NORTHWARD)

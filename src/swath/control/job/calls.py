@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from itertools import permutations
-from math import fsum, hypot, inf, isfinite
+from math import cos, fsum, hypot, inf, isfinite, sin
 
 from swath.control.cooperate.peer_track import OTHERS
 from swath.control.job.abreast import own_passes
@@ -17,6 +17,7 @@ FORESIGHT = 2  # passes after the present one, for which it sets out
 APART = 45.0  # m from a combine that cuts, from where on it sets out for a pass to come
 CLEAR = 16.0  # m from a combine that turns, likewise; and from one that drives, before it sets out elsewhere
 LEAST = 15.0  # m of a pass beside the combine, for which it sets out
+JOINS, TURNS = 20.0, 50.0  # s, to come up beside a combine that drives on; from ahead of it. Estimates
 AS_NEAR = 20.0  # m, less than that one of two carts is not nearer than the other one
 BEHIND = -12.0  # m ahead of a cart: beside it a combine's axle is some 5 m behind the cart's
 SPEED = 2.0  # m/s of a combine at work
@@ -191,8 +192,9 @@ class Calls(KeepsState):
         return cart.said.task >= 0 and self._passes[cart.said.task].combine == of
 
     def next_task(self, peer: PeerState) -> int:
-        """The combine's pass, where enough is left of it or it stands; else, once the combine has left its
-        place, the first of the next FORESIGHT in which a cart can take grain driving, or the next; -1 = none.
+        """The combine's pass, where enough is left of it when a cart can be there, or it stands; else, once
+        the combine has left its place, the first of the next FORESIGHT in which a cart can take grain
+        driving, or the next; -1 = none.
         """
         task = self._task_of(peer)
         near = CLEAR if peer.phase == Phase.TURNS else APART
@@ -206,7 +208,8 @@ class Calls(KeepsState):
         found = next((i for i in then if passes[i].cart_beside), -1)
         stands = peer.phase == Phase.STANDS or self.will_stand(peer)
         is_here = passes[peer.task].cart_beside or (passes[peer.task].cart_standing and (stands or found < 0))
-        if is_here and (stands or peer.remaining > least):
+        way = peer.speed * _time_to_join(peer) if found >= 0 else 0.0
+        if is_here and (stands or peer.remaining > least + way):
             return peer.task
         return then[0] if found < 0 and then and passes[then[0]].cart_standing else found
 
@@ -232,3 +235,9 @@ class Calls(KeepsState):
     def break_off(self, task: int) -> float:
         """Before the end of a pass [m]; behind its last one a combine stands and does not turn."""
         return -inf if task == self._own[self._passes[task].combine][-1] else self._break_off
+
+
+def _time_to_join(peer: PeerState) -> float:
+    """Until a cart is beside a combine that drives on [s]: one that is ahead of it turns about behind it."""
+    is_ahead = peer.x * cos(peer.heading) + peer.y * sin(peer.heading) < 0.0
+    return hypot(peer.x, peer.y) / CART_SPEED + (TURNS if is_ahead else JOINS)
