@@ -55,6 +55,7 @@ class CartBench:
 
 @pytest.mark.parametrize(("to_come", "level", "leaves"), [
     (700.0, 0.7, False),  # 15 t fit
+    (0.0, 0.7, True),  # all is cut
     (1100.0, 0.7, True),
     (np.nan, 0.7, True),
     (9000.0, 0.5, False),  # not loaded
@@ -274,6 +275,22 @@ def test_no_cart_waits_where_another_combine_cuts_before(order, is_clear):
     rest = combine(here, Place(300.0, 20.0, NORTHWARD), Phase.CUTS, task=at[0], remaining=76.0)
     assert ahead.is_clear(here, way, at[3], peer, [rest]) is is_clear
     assert (ahead.until(here, way, at[3], peer, [rest], is_clear=is_clear) == np.inf) is is_clear
+
+
+@pytest.mark.parametrize(("task", "at", "is_clear"), [
+    (0, Place(80.0, 20.0, NORTHWARD), False), (2, Place(12.0, 60.0, NORTHWARD), True),
+])  # fmt: skip
+def test_beside_a_pass_in_echelon_a_cart_waits_for_the_one_ahead_to_cut_there(task, at, is_clear):
+    """Beside it the first combine cuts the same way, in the pass to come or in its present one; northward."""
+    passes = tuple(
+        Pass(((x, 0.0), (x, 100.0)), combine=i % 2) for i, x in enumerate((80.0, 92.0, 11.8, 20.0))
+    )
+    here = Place(11.8, -40.0, NORTHWARD)
+    ahead = WaitAhead(passes, own_outline(CART), Clearance(passes), Calls(passes, 15.0))
+    way = Way(np.array([(11.8, -40.0), (11.8, -18.0), (11.8, 130.0)]), 148.0)
+    peer = combine(here, Place(92.0, 20.0, NORTHWARD), Phase.CUTS, task=1, remaining=76.0)
+    first = combine(here, at, Phase.CUTS, task=task, remaining=96.0 - at.y)
+    assert ahead.is_clear(here, way, 3, peer, [first]) is is_clear
 
 
 def test_a_cart_in_the_way_of_a_combine_does_not_drive_into_it():

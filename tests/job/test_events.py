@@ -249,14 +249,14 @@ def test_in_the_last_pass_a_cart_is_called_at_once(monkeypatch):
 
 @pytest.mark.parametrize("combines", [1, 2, 3])
 def test_a_way_takes_longer_the_more_others_are_at_work(monkeypatch, combines):
-    """The first turn that is no corner, or the first far way."""
+    """Half of the turns that are no corners and of far ways by that, others by what it waits then, too."""
     file, lines = job_file(combines, 1, yield_t_ha=1.0), []
     for loses in ((0.7, 2.2), (0.0, 0.0)):
         monkeypatch.setattr(events, "TURN_LOSES", loses)
         monkeypatch.setattr(events, "FAR_LOSES", loses)
         lines.append([s.end - s.start for s in finished(file).combines[0].timeline.spans])
-    longer = next(a - b for a, b in zip(*lines, strict=False) if abs(a - b) > 1e-3)
-    assert longer == pytest.approx(0.7 + 2.2 * (combines - 1), abs=1e-6)
+    longer = [a - b for a, b in zip(*lines, strict=False) if abs(a - b) > 1e-3]
+    assert np.median(longer) == pytest.approx(0.7 + 2.2 * (combines - 1), abs=1e-3)
 
 
 def test_time_that_is_lost_first_is_all_that_a_ride_takes_longer():

@@ -152,6 +152,18 @@ def test_a_line_beside_a_pass_is_taken_by_another_cart(x, y, is_found):
     assert (ways.to_pass(here, 0, said, [(x, y, 3.0)]) is not None) is is_found
 
 
+@pytest.mark.parametrize(("x", "phase", "line"), [
+    (-0.5, Phase.CUTS, -8.7), (-0.5, Phase.STANDS, -8.7), (0.5, Phase.CUTS, -8.2), (-0.5, Phase.TURNS, -8.2),
+])  # fmt: skip
+def test_the_line_beside_a_pass_is_that_beside_the_combine_where_it_follows_the_edge(x, phase, line):
+    """Left of its pass, towards the cart."""
+    ways = CartWays(NORTH, RING_NORTH, 12.2, 8.2, 9.0)
+    here = Place(-8.2, 15.0, NORTHWARD)
+    said = combine(here, Place(x, 50.0, NORTHWARD), phase, remaining=46.0)
+    points = ways.to_pass(here, 0, said).points
+    assert points[-2:, 0] == pytest.approx(line)
+
+
 SIDE_BY_SIDE = (  # another combine comes south beside the first pass of NORTH, on its way to another one
     *NORTH,
     Pass(((-12.0, 200.0), (-12.0, 120.0)), turn=(Segment(130.0),), combine=1),
@@ -198,6 +210,46 @@ def test_beside_a_combine_that_waits_a_cart_makes_room_for_another_one(speed, po
     )  # fmt: skip
     turns = combine(bench.at, Place(-12.0, y, -NORTHWARD), Phase.TURNS, task=2, speed=0.0)
     assert (bench.ends_in(said, 0.1, other_1=turns).phase == Phase.BESIDE) is stays
+
+
+@pytest.mark.parametrize(("phase", "stays"), [(Phase.TURNS, False), (Phase.CUTS, True)])
+def test_on_the_line_beside_a_pass_a_cart_makes_room_for_one_that_stands_in_its_turn(phase, stays):
+    """Before it on that line: the combine that it drives to stands for it, and neither of the others goes."""
+    bench = CartBench(SIDE_BY_SIDE)
+    beside_the_first_pass(bench)
+    part = bench.part
+    part._phase, part._goal, part._retry_at = Phase.DRIVES, "combine", -np.inf
+    part._lane, part._drives_to, part._way = 10.0, np.inf, 30.0
+    stands = combine(
+        bench.at, Place(0.0, 94.0, NORTHWARD), Phase.STANDS, remaining=2.0, calls=True, may_unload=True,
+        speed=0.0,
+    )  # fmt: skip
+    other = combine(bench.at, Place(-12.0, 75.0, -NORTHWARD), phase, task=2, remaining=40.0, speed=0.0)
+    goals = set()
+    for _ in range(40):
+        bench.ends_in(stands, 0.1, other_1=other)
+        goals.add(part._goal)
+    assert (goals == {"combine"}) is stays
+
+
+ROUND_ABOUT = (  # west, then in a turn to the right across the way that a cart comes up
+    Pass(((200.0, 29.0), (23.6, 29.0)), turn=(Segment(4.0), Segment(20.0, -np.pi / 40.0), Segment(50.0))),
+    Pass(((15.0, 100.0), (15.0, 200.0))),
+)
+
+
+@pytest.mark.parametrize(("x", "passes_by"), [(27.9, False), (30.0, True)])
+def test_before_a_combine_that_stands_a_cart_keeps_off_its_turn_where_it_cannot_drive_by(x, passes_by):
+    """The corner of the header, 4 m ahead of the axle, comes near to the cart's line, or not so far; in the
+    turn all of it does.
+    """
+    own, line = Place(21.0, 5.0, NORTHWARD), GuidanceLine([(21.0, 5.0), (21.0, 200.0)])
+    turns = combine(own, Place(x, 29.0, WESTWARD), Phase.TURNS, speed=0.0)
+    done = replace(turns, phase=int(Phase.DONE))  # it does not drive on
+    before, corner = (Clearance(ROUND_ABOUT).way(own, line, 0.0, 200.0, s, 3.0) for s in (turns, done))
+    assert before == corner == np.inf or not passes_by
+    assert before < corner - 1.0 or passes_by
+    assert corner < np.inf or passes_by
 
 
 def test_a_cart_that_finds_no_way_to_one_that_calls_makes_room_for_it():

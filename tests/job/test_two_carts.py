@@ -135,7 +135,7 @@ def test_a_truck_in_the_field_or_near_it_stands_farther_out(truck, stays):
 @pytest.mark.parametrize("carts", [1, 2])
 def test_a_truck_near_the_ways_of_combines_stands_off_them(carts):
     """A cart at it stopped a combine in its turn, and had no way past it to the other one: for good."""
-    file = layout_file(14, carts)
+    file = layout_file(7, carts)
     at = file.truck.x_m, file.truck.y_m
     fleet = fleet_of(file)
     work = work_plan(file, plan_of(file, fleet, None), fleet)

@@ -348,6 +348,29 @@ def test_the_turn_waits_for_a_cart_in_its_way():
     assert bench.step(100.35, 0.2, peer=(5.0, 8.5)).phase == Phase.TURNS  # beside it, on the other side
 
 
+@pytest.mark.parametrize(("ahead", "stops"), [(-2.0, True), (-10.0, False)])
+def test_it_comes_to_the_end_of_a_pass_at_rest_where_a_cart_is_in_the_way_of_its_turn(ahead, stops):
+    """Else it has begun its turn before it stands, and its header sticks out to a cart beside it."""
+    bench = Bench((Pass(NORTH[0].line_m, turn=BULB), NORTH[1]))
+    for north in np.arange(1.0, 99.9, 0.25):
+        job = bench.step(north, 0.2, peer=(100.35 + ahead - north, 8.3))
+    assert job.phase == Phase.CUTS
+    assert (job.speed < 1.0) is stops
+    assert (bench.step(100.35, 0.2, peer=(ahead, 8.3)).phase == Phase.STANDS) is stops
+
+
+def test_a_combine_that_stands_for_an_hour_gives_the_job_up(monkeypatch):
+    monkeypatch.setattr(harvest, "TOO_LONG", 5.0)
+    bench = Bench(NORTH)
+    for _ in range(49):
+        bench.step(50.0, 0.99, speed=0.0)
+    assert not bench.part.end_reason(0)
+    bench.step(50.0, 0.5, speed=1.0)  # it drives on
+    for _ in range(52):
+        bench.step(50.0, 0.99, speed=0.0)
+    assert "for an hour" in bench.part.end_reason(0)
+
+
 def test_the_turn_waits_for_a_machine_that_is_silent_and_may_be_near():
     """Within 40 m of where it was heard last; it ends the run when that lasts."""
     bench = Bench(NORTH, give_up_s=5.0)

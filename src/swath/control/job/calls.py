@@ -144,7 +144,7 @@ class Calls(KeepsState):
         room = (self._fills / heap.level - 1.0) * heap.grain
         waits = (c for c in combines if stands_for_cart(c) and not self.is_served(c, others))
         takes = any(room >= 0.5 * said.tank_grain for said in waits)
-        return takes or (is_alone and fsum(said.to_come for said in combines) <= room)
+        return takes or (is_alone and 0.0 < fsum(said.to_come for said in combines) <= room)
 
     def is_spare(self, combines: Collection[PeerState], others: Sequence[OtherCart]) -> bool:
         """Whether every combine is done, or in its last pass with another cart."""

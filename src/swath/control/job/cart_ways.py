@@ -106,7 +106,9 @@ class CartWays:
         """Onto the line beside a pass behind the combine, and along it. discs, rest: likewise; soon: on the
         ground as it is when the combine begins that pass
         """
-        aside = ASIDE if task > combine.task else 0.0  # its header then comes by the trailer
+        aside = (
+            ASIDE if task > combine.task else self._leans(here, combine)
+        )  # its header comes by the trailer
         (ax, ay), (bx, by) = line = self._beside(self._passes[task], aside)
         length = way_along(line)
         course = atan2(by - ay, bx - ax)
@@ -147,7 +149,7 @@ class CartWays:
         """From a way (n, 2) farther out [m] onto the line beside a pass in which the combine is now, ahead of
         it; None = it leads there, or the combine is too near.
         """
-        (ax, ay), (bx, by) = line = self._beside(self._passes[task], 0.0)
+        (ax, ay), (bx, by) = line = self._beside(self._passes[task], self._leans(here, combine))
         course, length = atan2(by - ay, bx - ax), way_along(line)
         c, s = cos(course), sin(course)
         come, out = c * (here.x - ax) + s * (here.y - ay) + COME_UP, c * (points[-1, 1] - ay)
@@ -157,6 +159,18 @@ class CartWays:
         beyond = bx + BEYOND * c, by + BEYOND * s
         made = np.array([here[:2], (ax + c * come, ay + s * come), beyond])
         return Way(made, way_along(made.tolist()))
+
+    def _leans(self, here: Place, combine: PeerState) -> float:
+        """How far left of its pass a combine drives, towards the cart's line, at most ASIDE [m]: it follows
+        the edge.
+        """
+        (ax, ay), (bx, by) = self._passes[combine.task].line_m[0], self._passes[combine.task].line_m[-1]
+        course, at = atan2(by - ay, bx - ax), place_of(here, combine)
+        if combine.phase not in (Phase.CUTS, Phase.STANDS) or abs(wrapped(at.heading - course)) > ALONG:
+            return 0.0
+        header = combine.header_left if isfinite(combine.header_left) else 0.0
+        left = cos(course) * (at.y - ay) - sin(course) * (at.x - ax) + header
+        return min(max(left, 0.0), ASIDE)
 
     def _is_beside(self, combine: PeerState) -> bool:
         return combine.y < -0.5 * self._left and hypot(combine.x, combine.y) < NEAR

@@ -40,7 +40,10 @@ from swath.signals.setup import ControlSetup
 
 RUNS_OUT = 1.5  # s without grain from the pipe: what comes late from the threshing has run out, too
 AT_END = -0.3  # m to go, at which the header is out of the crop
+LOOKS = 9.0  # m to go, from where on it looks whether carts leave its turn free: else it had begun it
 AT_HOLD = 0.1  # m before where it has to wait for another combine
+STILL, TOO_LONG = 0.05, 3600.0  # m/s, s: standing for so long it gives the job up
+GENTLE = 0.25  # m/s2, to a stop there: of a machine that follows late and was in its turn else
 CRAWL = 0.2  # m/s, slowest towards the end of a pass
 TAKEN = 0.02  # of the tank, that a cart took before a machine with a full one goes on
 LOW = 0.02  # of the tank: driving it needs its cart no more
@@ -61,7 +64,8 @@ class Params:
     full_percent: of the tank, at which the machine stands
     unload_to_m: before the end of a pass, where a load is broken off that would take longer than finish_s
     standing there; in the last pass it is not
-    give_up_s: the run ends when it has been standing so long for a cart that is silent
+    give_up_s: the run ends when it has been standing so long for a cart that is silent, or an hour for any
+    reason
     run_out_m: it drives on behind the last pass, at most
     crossings: where ways of several combines meet, and who goes first there; lag_m: in echelon, behind the
     one that cuts the pass before, the same way
@@ -93,7 +97,7 @@ class Harvest(KeepsState):
     kept = (
         "_index", "_way", "_phase", "_calls", "_finishes", "_stands", "_unloads", "_tank", "_ended",
         "_heard", "_silent_for", "_dry_for", "_to_come", "_stands_in", "_pours_on", "_will_stand",
-        "_crossings", "_lets_first",
+        "_crossings", "_lets_first", "_stood_for",
     )  # fmt: skip
     inputs = (
         Port("pose", PoseEstimate),
@@ -130,6 +134,7 @@ class Harvest(KeepsState):
         self._will_stand = False
         self._tank.reset()
         self._ended, self._silent_for, self._dry_for, self._to_come, self._stands_in = "", 0.0, inf, nan, nan
+        self._stood_for = 0.0
         self._heard.reset()
         self._crossings.reset()
         self._lets_first = NONE
@@ -155,15 +160,19 @@ class Harvest(KeepsState):
         own = self._progress(t, inputs["odometry"].speed)
         self._lets_first = self._crossings.update(t + dt, own, self._team)
         speed = self._speed(inputs, here, carts)
-        self._note_silence(carts, dt / NS)
+        self._note_standing(carts, inputs["odometry"].speed, dt / NS)
         return self._out(t + dt, speed, self._way)
 
-    def _note_silence(self, carts: list[PeerState], h: float) -> None:
-        """How long it has been standing without a message."""
+    def _note_standing(self, carts: list[PeerState], speed: float, h: float) -> None:
+        """How long it has been standing, and that without a message."""
         is_silent = self._phase == Phase.STANDS and any(cart.age > SILENT for cart in carts)
         self._silent_for = self._silent_for + h if is_silent else 0.0
+        self._stood_for = self._stood_for + h if speed < STILL and self._phase != Phase.DONE else 0.0
+        task = self._own[self._index]
         if self._silent_for > self._p.give_up_s:
-            self._ended = f"stands in pass {self._own[self._index]} and hears nothing of the cart"
+            self._ended = f"stands in pass {task} and hears nothing of the cart"
+        elif self._stood_for > TOO_LONG:
+            self._ended = f"has been standing in pass {task} or its turn for an hour"
 
     def _progress(self, t: int, speed: float) -> PeerState:
         """What it tells of itself to those that it works with, as they hear it."""
@@ -252,8 +261,9 @@ class Harvest(KeepsState):
         if self._in_way.stops_cutting(self._route(), self._way, here, carts):
             return 0.0
         goes_on = not (self._finishes or self._pours_on or self._will_stand or is_last)
-        slower = min(turning, wanted) if goes_on else 0.0
-        return min(wanted, free, max(sqrt(slower**2 + 2.0 * BRAKE * (left - AT_END)), CRAWL))
+        goes_on = goes_on and not (left < LOOKS and self._is_blocked(here, carts))
+        slower, brake = (min(turning, wanted), BRAKE) if goes_on else (0.0, GENTLE)
+        return min(wanted, free, max(sqrt(slower**2 + 2.0 * brake * (left - AT_END)), CRAWL))
 
     def _is_served(self, carts: list[PeerState]) -> bool:
         """Whether a cart is at one of its passes, or on its way there; one that has no job may be."""

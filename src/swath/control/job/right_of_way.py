@@ -264,7 +264,8 @@ class Clearance:
         """Free way [m] from `at` along a line, as far as `until`, at a speed [m/s]; inf where all is free.
 
         A machine that it is near to already, or in the way of, does not keep it from driving on, unless it
-        comes nearer, to where that is, too.
+        comes nearer, to where that is, too. By a combine that stands it drives where there is room; where
+        there is none, it keeps off the next of that one's way.
         to_next: all of the combine's way to the begin of its next pass is kept free; keep: as `free_way`
         """
         reach = reach_at(speed)
@@ -275,7 +276,12 @@ class Clearance:
         else:
             places = self._ways.places(here, said, FORE)
         looks = [places, places[:1]] if len(places) > 1 else [places]  # and to where it is now
-        return min(free_way(here, line, at, until, reach, outline_of(said), p, keep) for p in looks)
+        outline = outline_of(said)
+        free = min(free_way(here, line, at, until, reach, outline, p, keep) for p in looks)
+        if free == inf or len(places) > 1 or said.phase not in (Phase.CUTS, Phase.TURNS):
+            return free
+        ahead = self._ways.ahead(here, said, FORE)  # it does not come by there: it waits off that, too
+        return min(free, free_way(here, line, at, until, reach, outline, ahead, keep))
 
     def comes_by(
         self, here: Place, there: Place, own: Outline, said: PeerState, between: Sequence[int] = ()
@@ -289,10 +295,10 @@ class Clearance:
         outline = outline_of(said)
         return any(outline.least(places, x, y, CLEARLY) < CLEARLY for x, y in own.points(there))
 
-    def holds_up(self, here: Place, own: Outline, said: PeerState) -> bool:
+    def holds_up(self, here: Place, own: Outline, combines: Sequence[PeerState]) -> bool:
         """Whether a machine with an outline is in the way of a combine that stands in its turn near it."""
-        stands = said.phase == Phase.TURNS and said.speed < STILL and hypot(said.x, said.y) < FORE
-        return stands and self.comes_by(here, here, own, said)
+        near = (said for said in combines if said.phase == Phase.TURNS and said.speed < STILL)
+        return any(self.comes_by(here, here, own, c) for c in near if hypot(c.x, c.y) < FORE)
 
     def before_standing(
         self,

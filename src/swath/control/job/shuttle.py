@@ -261,8 +261,9 @@ class Shuttle(KeepsState):
         if peer.age > SILENT and (in_lane or not self._clearance.is_in_way(here, peer)):
             return 0.0
         is_passed = in_lane and not is_early and speed < MOVES and waits_behind(peer)
-        stays = in_lane and (to_next or not is_early)
-        if is_passed or self._is_blocked(now, free, speed, stays=stays):
+        holds_up = self._clearance.holds_up(here, self._outline, rest)
+        stays = in_lane and (to_next or not is_early) and not holds_up
+        if is_passed or self._is_blocked(now, 0.0 if holds_up else free, speed, stays=stays):
             self._phase, self._is_free = Phase.WAITS, stays or not self._is_soon_in_way(here)
             return 0.0
         if is_early or not in_lane:
@@ -271,8 +272,7 @@ class Shuttle(KeepsState):
             if now >= self._looks_at and self._looks_on(now, here, line, peer, inputs):
                 return speed if self._phase == Phase.DRIVES else 0.0
         slow = bend_speed(line, self._way, speed, self._wheelbase)
-        if abs(nearest.left) > OFF and not in_lane:
-            slow = min(slow, SLOWLY)
+        slow = min(slow, SLOWLY) if abs(nearest.left) > OFF and not in_lane else slow
         wanted = min(self._p.speed_kmh * KMH, slow, sqrt(2.0 * BRAKE * max(min(left, free), 0.0)))
         if in_lane and not is_early:
             behind = station.ahead if station.is_active else 0.0
@@ -333,7 +333,7 @@ class Shuttle(KeepsState):
         met = free_of(self._others, here, self._made(), self._way, peer.speed, self._p.number)
         rest = [said for said in self._combines.values() if said is not peer]
         stops = peer.speed < MOVES and now - self._poured_at > HELD_FOR
-        stops &= any(self._clearance.holds_up(here, self._outline, said) for said in rest)
+        stops &= self._clearance.holds_up(here, self._outline, rest)
         is_lost = self._calls.is_lost(peer, self._task, is_beside=True)
         caller, _ = self._calls.neediest(now, self._combines, self._others)
         is_over |= peer.phase == Phase.CUTS and not peer.calls and caller >= 0

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import NamedTuple
 
-from swath.control.job.abreast import leader_of
 from swath.control.job.calls import Calls
 from swath.control.job.cart_ways import BEGIN, FAR, MOVES, STRAIGHT, CartWays, Way
 from swath.control.job.carts import Disc
@@ -73,11 +72,8 @@ class WaitAhead:
         return not any(self._clearance.comes_by(here, there, self._own, said, then) for said, then in ways)
 
     def _before(self, task: int, said: PeerState) -> list[int]:
-        """Passes of another combine, after its present one, that are begun before a pass, but the one that is
-        cut side by side with that in echelon.
-        """
-        leads = leader_of(self._passes, task)
-        return [i for i in self._calls.between(said.task, task) if i != leads] if said.task >= 0 else []
+        """Passes of another combine, after its present one, that are begun before a pass."""
+        return self._calls.between(said.task, task) if said.task >= 0 else []
 
     def until(
         self,
