@@ -275,6 +275,24 @@ def test_who_is_served_first(stand_in, more, first):
     assert calls.neediest(10.0, both, [])[0] == first
 
 
+@pytest.mark.parametrize(("turn", "stand_in", "alone", "first"), [
+    (180.0, 400.0, 0, 1), (20.0, 400.0, 0, 0),  # on the way to the next pass, in which a cart can be beside
+    (500.0, 400.0, -1, 1),  # later
+    (500.0, 40.0, 0, 0),  # it stands before that
+])  # fmt: skip
+def test_a_cart_serves_another_one_before_it_would_wait_for_the_next_pass(turn, stand_in, alone, first):
+    """Though the first one is as near, has called longer, and would stand before the other one."""
+    blind = replace(NORTH[0], cart_beside=False, cart_standing=True, turn=(Segment(turn),))
+    other = Pass(((50.0, 0.0), (50.0, 300.0)), combine=1)
+    calls, own = Calls([blind, other, NORTH[1]], 15.0), Place(0.0, 0.0, 0.0)
+    said = [
+        combine(own, Place(60.0, 0.0, 0.0), Phase.CUTS, task=k, remaining=left, calls=True, stands_in=s)
+        for k, (left, s) in enumerate([(90.0, stand_in), (250.0, 300.0)])
+    ]
+    assert calls.neediest(10.0, {0: said[0]}, [])[0] == alone
+    assert calls.neediest(12.0, dict(enumerate(said)), [])[0] == first
+
+
 @pytest.mark.parametrize(("away", "speed", "stand_in", "first"), [
     (10.0, 2.0, (30.0, 200.0), -1),  # its cart waits until it has driven off
     (10.0, 0.0, (30.0, 200.0), 1),  # it waits in its turn for another combine

@@ -55,7 +55,6 @@ class CartBench:
 
 @pytest.mark.parametrize(("to_come", "level", "leaves"), [
     (700.0, 0.7, False),  # 15 t fit
-    (0.0, 0.7, True),  # all is cut
     (1100.0, 0.7, True),
     (np.nan, 0.7, True),
     (9000.0, 0.5, False),  # not loaded
@@ -64,6 +63,15 @@ def test_a_loaded_cart_that_has_room_for_all_that_is_to_come_stays(to_come, leve
     said = combine(HERE, AWAY, Phase.CUTS, task=1, remaining=40.0, to_come=to_come)
     job = CartBench().ends_in(said, level)
     assert (job.phase, job.task) == ((Phase.DRIVES if leaves else Phase.WAITS), -1)
+
+
+@pytest.mark.parametrize("level", [0.1, 0.7])
+def test_when_all_is_cut_a_cart_brings_what_it_has(level):
+    """Though a combine that is done keeps some grammes."""
+    said = combine(HERE, AWAY, Phase.DONE, task=1, to_come=1e-3, speed=0.0)
+    bench = CartBench()
+    assert bench.ends_in(said, level).phase == Phase.DRIVES
+    assert bench.part._goal == "truck"
 
 
 @pytest.mark.parametrize(("tank", "task"), [(1900.0, 1), (2100.0, -1)])

@@ -18,6 +18,7 @@ APART = 45.0  # m from a combine that cuts, from where on it sets out for a pass
 CLEAR = 16.0  # m from a combine that turns, likewise; and from one that drives, before it sets out elsewhere
 LEAST = 15.0  # m of a pass beside the combine, for which it sets out
 JOINS, TURNS = 20.0, 50.0  # s, to come up beside a combine that drives on; from ahead of it. Estimates
+EARLY = 120.0  # s before a pass begins, that a cart would be there: it waits whether another combine calls
 AS_NEAR = 20.0  # m, less than that one of two carts is not nearer than the other one
 BEHIND = -12.0  # m ahead of a cart: beside it a combine's axle is some 5 m behind the cart's
 SPEED = 2.0  # m/s of a combine at work
@@ -79,14 +80,17 @@ class Calls(KeepsState):
         self, now: float, combines: Mapping[int, PeerState], others: Sequence[OtherCart]
     ) -> tuple[int, float]:
         """Number of the combine to serve first, of those that call and no other cart serves, and for how long
-        it has called [s]; NOBODY = none, or one that is near and drives off: a cart waits for that. Of the
+        it has called [s]; NOBODY = none, or one that is near and drives off: a cart waits for that, or one
+        that comes to a pass with a cart in EARLY at the earliest. Of the
         orders in which one cart can serve them that by which all are done first, from what each has still to
-        do and how long it would stand, and who stands least.
+        do and how long it would stand, and who stands least. A combine that comes to a pass with a cart later
+        is served from then on.
         """
         for number, said in combines.items():
             is_open = said.calls and not self.is_served(said, others) and self._is_open(said)
             self._since[number] = min(self._since.get(number, inf), now) if is_open else inf
         calling = [number for number, since in self._since.items() if since < inf]
+        calling = [number for number in calling if not self._is_early(combines[number])]
         fresh = [number for number in calling if now > self._put.get(number, -inf) + AGAIN]
         if not calling:
             return NOBODY
@@ -115,10 +119,29 @@ class Calls(KeepsState):
         for number in order:
             said = combines[number]
             time += BETWEEN if found else hypot(said.x, said.y) / CART_SPEED
+            time = max(time, self._begins_in(said))
             until = 0.0 if stands_for_cart(said) else said.stands_in
             found.append(max(time - until, 0.0) if isfinite(until) else 0.0)
             time += SERVES
         return found
+
+    def _is_early(self, said: PeerState) -> bool:
+        """Whether one of several combines is to be served so late that no cart has to set out yet."""
+        return self.combines > 1 and self._begins_in(said) > hypot(said.x, said.y) / CART_SPEED + EARLY
+
+    def _begins_in(self, said: PeerState) -> float:
+        """When a cart can take grain of a combine: from the begin of the pass for which it sets out, or from
+        when that stands [s].
+        """
+        task = self._task_of(said)
+        if task <= said.task or stands_for_cart(said):
+            return 0.0
+        now = self._passes[said.task]
+        turn = way_along(now.line_m) + now.turn_length - said.come if isfinite(said.come) else 0.0
+        left = said.remaining + now.turn_length if isfinite(said.remaining) else max(turn, 0.0)
+        behind = self._rest[said.task] - now.turn_length  # behind the turn
+        way = left + behind - self._rest[task] - way_along(self._passes[task].line_m)
+        return min(way / SPEED, said.stands_in if isfinite(said.stands_in) else inf)
 
     def _left(self, said: PeerState) -> float:
         """Of a combine's work [m]."""
@@ -144,7 +167,7 @@ class Calls(KeepsState):
         room = (self._fills / heap.level - 1.0) * heap.grain
         waits = (c for c in combines if stands_for_cart(c) and not self.is_served(c, others))
         takes = any(room >= 0.5 * said.tank_grain for said in waits)
-        return takes or (is_alone and 0.0 < fsum(said.to_come for said in combines) <= room)
+        return takes or (is_alone and fsum(said.to_come for said in combines) <= room)
 
     def is_spare(self, combines: Collection[PeerState], others: Sequence[OtherCart]) -> bool:
         """Whether every combine is done, or in its last pass with another cart."""

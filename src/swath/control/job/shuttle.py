@@ -354,15 +354,16 @@ class Shuttle(KeepsState):
 
     def _brings(self, heap: HeapState) -> bool:
         """Whether it is loaded, or nobody needs it any more."""
-        is_loaded = heap.level * 100.0 >= self._p.leave_percent
-        return is_loaded or self._calls.is_spare(self._combines.values(), self._others)
+        spare = self._calls.is_spare(self._combines.values(), self._others)
+        return spare or heap.level * 100.0 >= self._p.leave_percent
 
     def _leaves(self, heap: HeapState) -> bool:
         """Nobody needs it; or loaded, without room for half a tank that waits, or, alone, for all to come."""
-        said, is_alone = self._combines.values(), self._p.wait_m is None
-        if heap.level * 100.0 < self._p.leave_percent:
-            return heap.grain > 0.0 and self._brings(heap)
-        return not self._calls.has_room(heap, said, self._others, is_alone=is_alone)
+        said, others, is_alone = self._combines.values(), self._others, self._p.wait_m is None
+        is_spare = self._calls.is_spare(said, others)
+        if is_spare or heap.level * 100.0 < self._p.leave_percent:
+            return is_spare and heap.grain > 0.0
+        return not self._calls.has_room(heap, said, others, is_alone=is_alone)
 
     def _empties(self, now: float, heap: HeapState) -> None:
         """Beside the truck, until it is empty and gone again."""
@@ -383,8 +384,7 @@ class Shuttle(KeepsState):
             empties=self._phase == Phase.EMPTIES and t / NS - self._since >= 0.5 * self._p.dock_s,
             serves=self._served,
         )  # fmt: skip
-        x, y = self._points.T
-        return {"job": job, "path": GuidancePath(t, x, y, self._number)}
+        return {"job": job, "path": GuidancePath(t, self._points[:, 0], self._points[:, 1], self._number)}
 
     def end_reason(self, t: int) -> str:
         """Why the run ends: all is done."""
