@@ -312,6 +312,17 @@ def test_with_fewer_carts_than_combines_a_tank_is_emptied_at_the_end_of_a_pass(o
     assert job.phase == phase
 
 
+@pytest.mark.parametrize(("level", "phase"), [(0.55, Phase.STANDS), (0.4, Phase.TURNS)])
+def test_with_fewer_carts_than_combines_half_a_tank_is_emptied_though_the_next_pass_does_not_fill_it(
+    level, phase
+):
+    bench = Bench(NORTH)
+    told = {"others": [PeerState(0, True, 0.1, 90.0, 90.0, 0.0, 0.0, 0.0, header_width=12.2)]}
+    for north in range(1, 100):
+        bench.step(north, level + 0.0005 * north, flow=92.0 * (north > 85), peer=(3.2, 8.2), **told)
+    assert bench.step(100.35, level, flow=92.0, **told).phase == phase
+
+
 def test_a_load_is_not_finished_beside_a_turn_that_would_sweep_the_cart():
     """A turn that swings out to the left first: the load is broken off before the end, and goes on later."""
     for turn, stands in ((NORTH[0].turn, True), (BULB, False)):

@@ -45,6 +45,7 @@ AT_HOLD = 0.1  # m before where it has to wait for another combine
 STILL, TOO_LONG = 0.05, 3600.0  # m/s, s: standing for so long it gives the job up
 GENTLE = 0.25  # m/s2, to a stop there: of a machine that follows late and was in its turn else
 CRAWL = 0.2  # m/s, slowest towards the end of a pass
+HALF = 0.5  # of the tank, from where on it is emptied at the end of a pass where carts are few
 TAKEN = 0.02  # of the tank, that a cart took before a machine with a full one goes on
 LOW = 0.02  # of the tank: driving it needs its cart no more
 CALLS_AHEAD = 150.0  # s before it has to stand for a cart, in which that comes
@@ -233,12 +234,13 @@ class Harvest(KeepsState):
         if flow > 0.0 and 0.0 < left < p.unload_to_m and not self._finishes:
             is_soon_over = load.tank_grain / flow <= p.finish_s + left / max(speed, 0.3)
             are_few = len(carts) < 1 + len(self._team)  # than combines: the cart will be elsewhere then
-            fills_next = are_few and self._tank.is_full_in_next(load, self._index, left)
+            fills_next = self._tank.is_full_in_next(load, self._index, left)
+            empties = are_few and (level >= HALF or fills_next)
             route = self._route()
-            in_peace = is_soon_over or fills_next
+            in_peace = is_soon_over or empties
             in_peace = in_peace and self._in_way.leaves_in_peace(route, route.length - AT_END, carts)
             self._finishes = is_soon_over and in_peace
-            too_full = self._tank.is_too_full(load, self._index, left) or (fills_next and in_peace)
+            too_full = self._tank.is_too_full(load, self._index, left) or (empties and in_peace)
             self._pours_on |= has_cart and not is_last and too_full
         is_near_end = has_cart and not is_last and AT_END < left < p.unload_to_m
         self._will_stand = is_near_end and work.has_cart and self._tank.is_too_full(load, self._index, left)
