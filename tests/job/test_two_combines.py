@@ -322,15 +322,30 @@ def test_how_far_the_one_behind_may_go():
     assert mind.free(0, -9.0, 100.0, []) == pytest.approx(8.0)  # nothing heard: not into the pass
 
 
-def test_a_call_without_a_way_is_put_back():
+def test_a_call_without_a_way_goes_after_one_that_needs_a_cart_as_much():
     calls = Calls(BESIDE, 15.0)
     combines = {k: replace(message(k, 10.0), remaining=50.0) for k in (0, 1)}
     assert calls.neediest(10.0, combines, [])[0] == 0
-    calls.put_back(0, 12.0)
+    calls.no_way(0, 12.0)
     assert calls.neediest(12.0, combines, []) == (1, 2.0)
     assert calls.neediest(41.0, combines, [])[0] == 1
-    calls.put_back(1, 43.0)
+    calls.no_way(1, 43.0)
     assert calls.neediest(43.0, combines, []) == (0, 31.0)
+
+
+@pytest.mark.parametrize(("tried", "first"), [(20.0, 0), (300.0, 0), (320.0, 1)])
+def test_a_cart_looks_on_for_a_way_to_a_combine_that_needs_it_before_another_one(tried, first):
+    """As long again as there was none: then the other one, 500 m away, would be served before, too."""
+    calls = Calls(BESIDE, 15.0)
+    combines = {
+        k: replace(message(k, 10.0), remaining=50.0, stands_in=s) for k, s in enumerate((100.0, 2000.0))
+    }
+    combines[1] = replace(combines[1], x=500.0)
+    for now in np.arange(0.0, tried, 5.0):
+        assert calls.neediest(now, combines, [])[0] == 0
+        calls.no_way(0, now)
+    assert calls.neediest(tried, combines, [])[0] == first
+    assert calls.neediest(tried + 40.0, combines, [])[0] == 0  # it has not looked any more
 
 
 @pytest.mark.parametrize(

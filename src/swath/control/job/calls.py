@@ -25,7 +25,7 @@ SPEED = 2.0  # m/s of a combine at work
 CART_SPEED, SERVES, BETWEEN = 3.0, 120.0, 60.0  # m/s straight there; s beside, to the next: estimates
 LEAVES = 0.3  # m/s, faster than which a combine drives off
 NOBODY = -1, -inf
-AGAIN = 30.0  # s, for which a combine to which there is no way goes last
+AGAIN = 30.0  # s, for which a combine that was put back goes last
 PORTS = ("peer", *OTHERS)
 
 
@@ -54,7 +54,7 @@ class Calls(KeepsState):
     of the largest heap, that a cart takes for sure
     """
 
-    kept = ("_since", "_put")
+    kept = ("_since", "_put", "_no_way")
 
     def __init__(self, passes: Sequence[Pass], break_off: float, fills: float = 0.75) -> None:
         self._passes, self._break_off, self._fills = passes, break_off, fills
@@ -65,7 +65,8 @@ class Calls(KeepsState):
                 then_on = self._rest[then] + way_along(passes[then].line_m)
                 self._rest[task] = then_on + passes[task].turn_length
         self._since: dict[int, float] = {}
-        self._put: dict[int, float] = {}  # when there was no way to a combine
+        self._put: dict[int, float] = {}  # when a combine was put back
+        self._no_way: dict[int, tuple[float, float]] = {}  # since when there is no way to one, as last looked
 
     @property
     def combines(self) -> int:
@@ -74,7 +75,7 @@ class Calls(KeepsState):
 
     def reset(self) -> None:
         """Nobody calls."""
-        self._since, self._put = {}, {}
+        self._since, self._put, self._no_way = {}, {}, {}
 
     def neediest(
         self, now: float, combines: Mapping[int, PeerState], others: Sequence[OtherCart]
@@ -97,7 +98,7 @@ class Calls(KeepsState):
         left = {number: self._left(said) / SPEED for number, said in combines.items()}
 
         def cost(order: tuple[int, ...]) -> tuple[float, float, int]:
-            stands, over = self._stands(order, combines), dict(left)
+            stands, over = self._stands(now, order, combines), dict(left)
             for number, time in zip(order, stands, strict=True):
                 over[number] += time
             return max(over.values()) + fsum(stands) / len(over), self._since[order[0]], order[0]
@@ -112,14 +113,14 @@ class Calls(KeepsState):
         ends = said.phase == Phase.TURNS or said.remaining < self.break_off(said.task) + LEAST
         return (self._task_of(said) if ends and said.speed > LEAVES else self.next_task(said)) >= 0
 
-    def _stands(self, order: Sequence[int], combines: Mapping[int, PeerState]) -> list[float]:
+    def _stands(self, now: float, order: Sequence[int], combines: Mapping[int, PeerState]) -> list[float]:
         """How long each combine stands for a cart if one cart serves them in an order [s]."""
         found: list[float] = []
         time = 0.0
         for number in order:
             said = combines[number]
             time += BETWEEN if found else hypot(said.x, said.y) / CART_SPEED
-            time = max(time, self._begins_in(said))
+            time = max(time, self._begins_in(said), self._way_in(number, now))
             until = 0.0 if stands_for_cart(said) else said.stands_in
             found.append(max(time - until, 0.0) if isfinite(until) else 0.0)
             time += SERVES
@@ -148,8 +149,19 @@ class Calls(KeepsState):
         remaining = said.remaining if isfinite(said.remaining) else 0.0
         return remaining + self._rest[said.task] if said.task >= 0 else 0.0
 
-    def put_back(self, number: int, now: float) -> None:
-        """There is no way to a combine now: who else calls goes before it."""
+    def no_way(self, number: int, now: float) -> None:
+        """There is no way to a combine now: who else needs a cart as much goes before it."""
+        since, last = self._no_way.get(number, (now, now))
+        self._no_way[number] = since if now <= last + AGAIN else now, now
+        self._since[number] = now
+
+    def _way_in(self, number: int, now: float) -> float:
+        """Until there may be a way to a combine again [s]: as long as there was none, and AGAIN more."""
+        since, last = self._no_way.get(number, (-inf, -inf))
+        return now - since + AGAIN if now <= last + AGAIN else 0.0
+
+    def _put_back(self, number: int, now: float) -> None:
+        """Who else calls goes before a combine."""
         self._since[number] = self._put[number] = now
 
     def is_served(self, combine: PeerState, others: Sequence[OtherCart]) -> bool:
@@ -195,7 +207,7 @@ class Calls(KeepsState):
         unserved = (said for said in combines.values() if not self.is_served(said, others))
         if not waits or not any(stands_for_cart(said) for said in unserved):
             return False
-        self.put_back(number, now)
+        self._put_back(number, now)
         return True
 
     def withdraws(self, combine: PeerState, here: Place, number: int, others: Sequence[OtherCart]) -> bool:

@@ -208,7 +208,7 @@ class Shuttle(KeepsState):
             way = self._ways.to_place(here, place or self._p.truck_m, peer, discs, rest)
             found = None if way is None else Found(way, is_clear=True, until=inf)
         if found is None:
-            self._calls.put_back(self._served, now)
+            self._calls.no_way(self._served, now)
             return
         way, self._is_clear, self._drives_to = found
         self._phase, self._goal, self._task = Phase.DRIVES, goal, task
