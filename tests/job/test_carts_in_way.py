@@ -1,11 +1,13 @@
 """Carts in the way of a combine that cuts."""
 
+import numpy as np
 import pytest
 
 from swath.control.job.carts_in_way import CartsInWay
 from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass, route_of
 from swath.control.job.turn_limits import TurnLimits
+from swath.control.steer.path import Segment
 from swath.machine.machine_sheet import load_machine
 from swath.signals import PeerState, Phase
 
@@ -39,3 +41,15 @@ def test_a_combine_stops_before_a_cart_in_the_strip_that_it_cuts(said, stops):
     route = route_of([Pass(((0.0, 0.0), (400.0, 0.0)))], 0, COMBINE.knife_x, TurnLimits(7.0, 0.1))
     here = Place(*route.line.point(200.0), 0.0)
     assert CartsInWay(COMBINE).stops_cutting(route, 200.0, here, [said]) is stops
+
+
+@pytest.mark.parametrize(("speed", "blocks"), [(0.0, True), (0.7, True), (3.0, False)])
+def test_a_combine_does_not_begin_a_turn_that_leads_back_over_a_cart_that_sets_off(speed, blocks):
+    """Behind 45 m of the turn; one that drives off will be gone."""
+    turn = (Segment(30.0), Segment(22.0, np.pi / 22.0), Segment(30.0))
+    passes = [Pass(((0.0, 0.0), (100.0, 0.0)), turn=turn), Pass(((100.0, 14.0), (0.0, 14.0)))]
+    route = route_of(passes, 0, COMBINE.knife_x, TurnLimits(7.0, 0.1))
+    here = Place(*route.line.point(route.length), 0.0)
+    said = cart(6.0, 12.0, 0.0, speed=speed)  # on the way back
+    in_way = CartsInWay(COMBINE)
+    assert in_way.is_blocked(route, route.length, here, [said], is_last=False) is blocks

@@ -21,6 +21,7 @@ BUMPS = 0.2  # m from a cart ahead of it, that it stops before in a pass
 SOON, SHORTLY = 6, 2  # s, for which another machine is taken to drive straight on, and for one that turns: a
 # combine that sets off again comes before a cart that cannot stop any more
 CAN_BE = 15.0  # m about a place where a silent machine may stand, that a turn takes
+SETS_OFF = 1.5  # m/s, slower than which a cart may stop again, in the way of all of a turn
 STANDS, RESTS = 0.3, 0.1  # m/s, slower than which another machine stands, and the own one
 
 
@@ -87,7 +88,7 @@ class CartsInWay:
             return hypot(said.x, said.y) < STOPS + CAN_BE
         reach = AHEAD
         makes_room = said.phase != Phase.BESIDE  # one beside another combine does not
-        if said.speed < STANDS and makes_room and not is_last:
+        if said.speed < SETS_OFF and makes_room and not is_last:
             reach = min(max(reach, route.length + route.turn + BEYOND - way), FAR)
         return self._is_in_way(route, way, here, said, clear, SOON, reach)
 
