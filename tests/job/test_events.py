@@ -256,7 +256,7 @@ def test_a_way_takes_longer_the_more_others_are_at_work(monkeypatch, combines):
         monkeypatch.setattr(events, "FAR_LOSES", loses)
         lines.append([s.end - s.start for s in finished(file).combines[0].timeline.spans])
     longer = [a - b for a, b in zip(*lines, strict=False) if abs(a - b) > 1e-3]
-    assert np.median(longer) == pytest.approx(0.7 + 2.2 * (combines - 1), abs=1e-3)
+    assert np.median(longer) == pytest.approx(0.7 + 2.2 * (combines - 1), abs=1e-6)
 
 
 def test_time_that_is_lost_first_is_all_that_a_ride_takes_longer():

@@ -97,6 +97,7 @@ def test_numbers_of_carts_rank_the_same(layout):
     made = [both_levels(layout_file(layout, n)) for n in CARTS]
     cheap, dear, touched, unsolved = zip(*made, strict=True)
     assert same_ranking(cheap, dear)
-    assert dear == pytest.approx(cheap, rel=0.06)
+    assert dear[0] == pytest.approx(cheap[0], rel=0.06)
+    assert dear[1:] == pytest.approx(cheap[1:], rel=0.05)
     assert all(seconds == 0.0 for pairs in touched for seconds in pairs.values())
     assert unsolved == (0, 0, 0)

@@ -244,7 +244,7 @@ def test_the_order_of_combines_with_lands_of_their_own(seed, carts, monkeypatch)
     passes, combines, team = members_of(layout_file(seed, carts))
     monkeypatch.setattr(uncut, "AHEAD", uncut.AHEAD - 10.0)
     rng = np.random.default_rng(3)
-    made = [driven(passes, combines, team, None, rng, stop) for stop in (SHORT, LONG)]
+    made = [driven(passes, combines, team, None, rng, stop) for stop in (SHORT, LONG, SHORT, LONG)]
     assert None not in made
     assert min(made)[0] > 0.3
     assert max(steps for _, steps, *_ in made) == 0

@@ -370,6 +370,18 @@ def test_it_comes_to_the_end_of_a_pass_at_rest_where_a_cart_is_in_the_way_of_its
     assert (bench.step(100.35, 0.2, peer=(ahead, 8.3)).phase == Phase.STANDS) is stops
 
 
+def test_a_machine_that_follows_late_comes_to_rest_at_the_end_of_a_pass():
+    """1.2 s behind the wanted speed; where a cart blocks its turn."""
+    bench, north, speed = Bench((Pass(NORTH[0].line_m, turn=BULB), NORTH[1])), 60.0, 1.5
+    for _ in range(600):
+        job = bench.step(north, 0.2, peer=(100.0 - north, 8.3), speed=speed)
+        speed += (job.speed - speed) / 12.0
+        north += 0.1 * speed
+    assert job.phase == Phase.STANDS
+    assert speed < 1e-3
+    assert 100.3 <= north < 101.2  # braking as between passes 101.4
+
+
 def test_a_combine_that_stands_for_an_hour_gives_the_job_up(monkeypatch):
     monkeypatch.setattr(harvest, "TOO_LONG", 5.0)
     bench = Bench(NORTH)

@@ -18,7 +18,7 @@ APART = 45.0  # m from a combine that cuts, from where on it sets out for a pass
 CLEAR = 16.0  # m from a combine that turns, likewise; and from one that drives, before it sets out elsewhere
 LEAST = 15.0  # m of a pass beside the combine, for which it sets out
 JOINS, TURNS = 20.0, 50.0  # s, to come up beside a combine that drives on; from ahead of it. Estimates
-EARLY = 120.0  # s before a pass begins, that a cart would be there: it waits whether another combine calls
+EARLY = 120.0  # s, longer than which a cart would wait for one of several combines: it does not set out yet
 AS_NEAR = 20.0  # m, less than that one of two carts is not nearer than the other one
 BEHIND = -12.0  # m ahead of a cart: beside it a combine's axle is some 5 m behind the cart's
 SPEED = 2.0  # m/s of a combine at work
@@ -81,24 +81,25 @@ class Calls(KeepsState):
         self, now: float, combines: Mapping[int, PeerState], others: Sequence[OtherCart]
     ) -> tuple[int, float]:
         """Number of the combine to serve first, of those that call and no other cart serves, and for how long
-        it has called [s]; NOBODY = none, or one that is near and drives off: a cart waits for that, or one
-        that comes to a pass with a cart in EARLY at the earliest. Of the
-        orders in which one cart can serve them that by which all are done first, from what each has still to
-        do and how long it would stand, and who stands least. A combine that comes to a pass with a cart later
-        is served from then on.
+        it has called [s]. NOBODY = none, or one for which a cart would wait longer than EARLY, or one that is
+        near and drives off: that is waited for.
+
+        Of the orders in which one cart can serve them that by which all are done first, and who stands least,
+        from what each has still to do, when it can be served and how long it would stand until then.
         """
         for number, said in combines.items():
             is_open = said.calls and not self.is_served(said, others) and self._is_open(said)
             self._since[number] = min(self._since.get(number, inf), now) if is_open else inf
-        calling = [number for number, since in self._since.items() if since < inf]
-        calling = [number for number in calling if not self._is_early(combines[number])]
+        begins = {n: self._begins_in(combines[n]) for n, since in self._since.items() if since < inf}
+        calling = [number for number, time in begins.items() if not self._is_early(combines[number], time)]
         fresh = [number for number in calling if now > self._put.get(number, -inf) + AGAIN]
         if not calling:
             return NOBODY
         left = {number: self._left(said) / SPEED for number, said in combines.items()}
+        ready = {number: max(begins[number], self._way_in(number, now)) for number in calling}
 
         def cost(order: tuple[int, ...]) -> tuple[float, float, int]:
-            stands, over = self._stands(now, order, combines), dict(left)
+            stands, over = self._stands(order, combines, ready), dict(left)
             for number, time in zip(order, stands, strict=True):
                 over[number] += time
             return max(over.values()) + fsum(stands) / len(over), self._since[order[0]], order[0]
@@ -113,22 +114,26 @@ class Calls(KeepsState):
         ends = said.phase == Phase.TURNS or said.remaining < self.break_off(said.task) + LEAST
         return (self._task_of(said) if ends and said.speed > LEAVES else self.next_task(said)) >= 0
 
-    def _stands(self, now: float, order: Sequence[int], combines: Mapping[int, PeerState]) -> list[float]:
-        """How long each combine stands for a cart if one cart serves them in an order [s]."""
+    def _stands(
+        self, order: Sequence[int], combines: Mapping[int, PeerState], ready: Mapping[int, float]
+    ) -> list[float]:
+        """How long each combine stands for a cart if one cart serves them in an order [s]. ready: from when
+        on each can be served [s]
+        """
         found: list[float] = []
         time = 0.0
         for number in order:
             said = combines[number]
             time += BETWEEN if found else hypot(said.x, said.y) / CART_SPEED
-            time = max(time, self._begins_in(said), self._way_in(number, now))
+            time = max(time, ready[number])
             until = 0.0 if stands_for_cart(said) else said.stands_in
             found.append(max(time - until, 0.0) if isfinite(until) else 0.0)
             time += SERVES
         return found
 
-    def _is_early(self, said: PeerState) -> bool:
-        """Whether one of several combines is to be served so late that no cart has to set out yet."""
-        return self.combines > 1 and self._begins_in(said) > hypot(said.x, said.y) / CART_SPEED + EARLY
+    def _is_early(self, said: PeerState, begins: float) -> bool:
+        """Whether a cart would wait longer than EARLY for one of several combines. begins: `_begins_in`"""
+        return self.combines > 1 and begins > hypot(said.x, said.y) / CART_SPEED + EARLY
 
     def _begins_in(self, said: PeerState) -> float:
         """When a cart can take grain of a combine: from the begin of the pass for which it sets out, or from
@@ -137,11 +142,12 @@ class Calls(KeepsState):
         task = self._task_of(said)
         if task <= said.task or stands_for_cart(said):
             return 0.0
-        now = self._passes[said.task]
-        turn = way_along(now.line_m) + now.turn_length - said.come if isfinite(said.come) else 0.0
-        left = said.remaining + now.turn_length if isfinite(said.remaining) else max(turn, 0.0)
-        behind = self._rest[said.task] - now.turn_length  # behind the turn
-        way = left + behind - self._rest[task] - way_along(self._passes[task].line_m)
+        turned = 0.0  # m of the turn behind its pass
+        if not isfinite(said.remaining):
+            now = self._passes[said.task]
+            come = said.come - way_along(now.line_m) if isfinite(said.come) else inf
+            turned = min(come, now.turn_length)
+        way = self._left(said) - turned - self._rest[task] - way_along(self._passes[task].line_m)
         return min(way / SPEED, said.stands_in if isfinite(said.stands_in) else inf)
 
     def _left(self, said: PeerState) -> float:

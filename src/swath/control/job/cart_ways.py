@@ -106,9 +106,8 @@ class CartWays:
         """Onto the line beside a pass behind the combine, and along it. discs, rest: likewise; soon: on the
         ground as it is when the combine begins that pass
         """
-        aside = (
-            ASIDE if task > combine.task else self._leans(here, combine)
-        )  # its header comes by the trailer
+        # the header of one that is to come drives by the trailer
+        aside = ASIDE if task > combine.task else self._leans(here, combine)
         (ax, ay), (bx, by) = line = self._beside(self._passes[task], aside)
         length = way_along(line)
         course = atan2(by - ay, bx - ax)

@@ -40,10 +40,10 @@ from swath.signals.setup import ControlSetup
 
 RUNS_OUT = 1.5  # s without grain from the pipe: what comes late from the threshing has run out, too
 AT_END = -0.3  # m to go, at which the header is out of the crop
-LOOKS = 9.0  # m to go, from where on it looks whether carts leave its turn free: else it had begun it
+LOOKS = 9.0  # m to go, from where on it looks whether carts block its turn: at rest it has not begun that
 AT_HOLD = 0.1  # m before where it has to wait for another combine
 STILL, TOO_LONG = 0.05, 3600.0  # m/s, s: standing for so long it gives the job up
-GENTLE = 0.25  # m/s2, to a stop there: of a machine that follows late and was in its turn else
+GENTLE = 0.25  # m/s2, to rest at the end of a pass: machines follow late, and one was 1 m in its turn
 CRAWL = 0.2  # m/s, slowest towards the end of a pass
 HALF = 0.5  # of the tank, from where on it is emptied at the end of a pass where carts are few
 TAKEN = 0.02  # of the tank, that a cart took before a machine with a full one goes on
@@ -234,8 +234,7 @@ class Harvest(KeepsState):
         if flow > 0.0 and 0.0 < left < p.unload_to_m and not self._finishes:
             is_soon_over = load.tank_grain / flow <= p.finish_s + left / max(speed, 0.3)
             are_few = len(carts) < 1 + len(self._team)  # than combines: the cart will be elsewhere then
-            fills_next = self._tank.is_full_in_next(load, self._index, left)
-            empties = are_few and (level >= HALF or fills_next)
+            empties = are_few and (level >= HALF or self._tank.is_full_in_next(load, self._index, left))
             route = self._route()
             in_peace = is_soon_over or empties
             in_peace = in_peace and self._in_way.leaves_in_peace(route, route.length - AT_END, carts)

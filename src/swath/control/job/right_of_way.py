@@ -280,7 +280,7 @@ class Clearance:
         free = min(free_way(here, line, at, until, reach, outline, p, keep) for p in looks)
         if free == inf or len(places) > 1 or said.phase not in (Phase.CUTS, Phase.TURNS):
             return free
-        ahead = self._ways.ahead(here, said, FORE)  # it does not come by there: it waits off that, too
+        ahead = self._ways.ahead(here, said, FORE)  # it cannot drive by: it keeps off that, too
         return min(free, free_way(here, line, at, until, reach, outline, ahead, keep))
 
     def comes_by(
