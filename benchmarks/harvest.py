@@ -1,15 +1,18 @@
 """A whole field: the rows of docs/fleet*.md, with the numbers that come out now.
 
 SWATH_DATA=... python benchmarks/harvest.py
-    [--driven [FIRST LAST] | --spread PERCENT FIRST LAST | --sensors LAYOUT:CARTS[:SEED] ...]
+    [--driven [FIRST LAST] | --shared-out FIRST LAST | --spread PERCENT FIRST LAST
+     | --sensors LAYOUT:CARTS[:SEED] ...]
 
 --driven: bundled jobs, or layouts from a number to another: hours by events and by driven machines, whether
 both rank the numbers of carts alike, seconds for which bodies of driven machines are over each other, and
 standoffs that were not solved.
+--shared-out: the same of layouts, passes shared out among combines before the job, as with sensors.
 --spread: hours by events of layouts from a number to another, with speeds of machines up to so much off.
 --sensors: layouts with a number of carts at the level with sensors, the edge known and machines kinematic:
-hours until the last grain is at the truck against events and the mean of those with speeds up to 1 % off,
-seconds of computing, contacts, the crop that is left, the grain that is not at the truck. Some minutes each.
+hours until the last grain is at the truck against events as machines come to the passes, events and
+kinematic machines if each combine cuts the same passes, seconds of computing, contacts, the crop that is
+left, the grain that is not at the truck. Some minutes each.
 """
 
 import math
@@ -111,16 +114,16 @@ PAIRS = (
 )
 
 
-def driven_row(name: str, file: FleetFile) -> tuple[float, float]:
+def driven_row(name: str, file: FleetFile, is_shared_out: bool = False) -> tuple[float, float]:
     """Events against driven machines for one job; returns the hours of both."""
-    cheap, dear, touched, unsolved = both_levels(file)
+    cheap, dear, touched, unsolved = both_levels(file, is_shared_out)
     seconds = " ".join(f"{touched.get(pair, 0.0):5.1f}" for pair in PAIRS)
     off = 100.0 * (dear / cheap - 1.0)
     print(f"{name:34s} {cheap:7.3f} {dear:7.3f} {off:+6.1f} {unsolved:9d}  {seconds}", flush=True)
     return cheap, dear
 
 
-def driven(first: int = 0, last: int = -1) -> None:
+def driven(first: int = 0, last: int = -1, *, is_shared_out: bool = False) -> None:
     """Events against driven machines: the bundled jobs, or layouts."""
     heads = ", ".join(map("-".join, PAIRS))
     print(f"{'job':34s}  events  driven      %  unsolved  seconds over each other: {heads}")
@@ -130,7 +133,7 @@ def driven(first: int = 0, last: int = -1) -> None:
         return
     for seed in range(first, last + 1):
         name = f"layout {seed}, {layout(seed)['combines']} combines"
-        pairs = [driven_row(f"{name}, {n} carts", layout_file(seed, n)) for n in CARTS]
+        pairs = [driven_row(f"{name}, {n} carts", layout_file(seed, n), is_shared_out) for n in CARTS]
         ranks = "same ranking" if same_ranking(*zip(*pairs, strict=True)) else "ANOTHER RANKING"
         print(f"{name}: {ranks}", flush=True)
 
@@ -153,13 +156,13 @@ def spreads(percent: float, first: int, last: int) -> None:
 
 def with_sensors(jobs: list[str]) -> None:
     """Events against machines with radio, receivers, grain streams and heaps that know the crop edge."""
-    heads = "computing  contacts  least clearance   left  not brought   end"
-    print(f"{'layout:carts':14s}  events  speeds 1 % off, mean  sensors     %  mean %  {heads}")
+    heads = "same passes: events  kinematic  sensors   % of these three    computing  contacts"
+    print(f"{'layout:carts':14s}  events  {heads}  least clearance   left  not brought   end")
     for job in jobs:
         seed, carts, *of_run = map(int, job.split(":"))
         file = layout_file(seed, carts)
-        fleet, cheap = fleet_of(file), finished(file).time
-        near = spread_of(file, plan_of(file, fleet, None), fleet, 1.0)
+        same, kinematic, _, _ = both_levels(file, is_shared_out=True)
+        others = finished(file).time, 3600.0 * same, 3600.0 * kinematic
         began = time.process_time()
         sets = cheap_sets(file.combines, file.carts, broken_off=25)
         run = CheapRun(file, sets=[*sets, *(f"seed={n}" for n in of_run)], evaluators=(ContactWatch,))
@@ -169,11 +172,11 @@ def with_sensors(jobs: list[str]) -> None:
         least = min(m["least_clearance_m"] for m in found)
         kept = sum(run.of(c, MachineLoad).tank_grain for c in file.combines)
         kept += sum(run.of(c, HeapState).grain for c in file.carts)
-        seconds, least_s, most_s = run.brought_at, min(near.durations), max(near.durations)
-        off, off_mean = (100.0 * (seconds / of - 1.0) for of in (cheap, near.mean))
+        seconds = run.brought_at
+        off = " ".join(f"{100.0 * (seconds / of - 1.0):+6.1f}" for of in others)
+        of_others = "{:7.0f} {:20.0f} {:10.0f}".format(*others)
         print(
-            f"{job:14s} {cheap:7.0f} {least_s:10.0f} - {most_s:.0f} {near.mean:6.0f}"
-            f" {seconds:8.0f} {off:+5.1f} {off_mean:+7.1f} {took:8.0f} s"
+            f"{job:14s} {of_others} {seconds:8.0f} {off} {took:8.0f} s"
             f" {contacts:9.0f} {least:14.2f} m {100 * left:6.3f} % {kept:9.0f} kg  {run.world.graph.ended}",
             flush=True,
         )  # fmt: skip
@@ -182,6 +185,9 @@ def with_sensors(jobs: list[str]) -> None:
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--sensors"]:
         with_sensors(sys.argv[2:])
+        sys.exit()
+    if sys.argv[1:2] == ["--shared-out"]:
+        driven(*map(int, sys.argv[2:4]), is_shared_out=True)
         sys.exit()
     if sys.argv[1:2] == ["--spread"]:
         spreads(float(sys.argv[2]), *map(int, sys.argv[3:5]))

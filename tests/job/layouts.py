@@ -3,6 +3,9 @@
 import random
 
 from swath.job.kinematic import Kinematic
+from swath.job.machines import fleet_of
+from swath.job.work import plan_of
+from swath.tools.fleet.work_plan import share_out
 from tests.job.jobs import finished, job_file
 
 CARTS = (1, 2, 3)
@@ -27,18 +30,22 @@ def layout_file(seed, carts):
     return job_file(carts=carts, combine={"call_percent": 40.0}, **layout(seed))
 
 
-def both_levels(file):
+def both_levels(file, is_shared_out=False):
     """Hours by events and by driven machines, seconds over each other by the kinds of the two, and standoffs
-    that were not solved.
+    that were not solved. is_shared_out: passes are, before the job, as with sensors
     """
-    driven = finished(file, motion=Kinematic())
+    plan = by = None
+    if is_shared_out:
+        fleet = fleet_of(file)
+        plan, by = share_out(file, plan_of(file, fleet, None), fleet)
+    driven = finished(file, plan, Kinematic(), by=by)
     kinds = {c.name: "combine" for c in driven.fleet.combines} | {c.name: "cart" for c in driven.fleet.carts}
     touched = {}
     for p in driven.motion.watch.pairs:
         pair = tuple(sorted((kinds.get(p.first, "truck"), kinds.get(p.second, "truck"))))
         touched[pair] = touched.get(pair, 0.0) + p.touched
     unsolved = sum(bool(s.driven_on) for s in driven.motion.standoffs)
-    return finished(file).time / 3600.0, driven.time / 3600.0, touched, unsolved
+    return finished(file, plan, by=by).time / 3600.0, driven.time / 3600.0, touched, unsolved
 
 
 def same_ranking(cheap, dear, tie=0.02):

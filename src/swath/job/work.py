@@ -1,6 +1,7 @@
 """A job from its file to its result, at one of its levels."""
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ from swath.job.swept import SweptGround, swept_ground, track_along
 from swath.job.timeline import STATES, Timeline
 
 Array = NDArray[np.float64]
+ShareOut = Callable[[FleetFile, FieldPlan, Fleet], tuple[FieldPlan, Sequence[int]]]
 LEVELS: dict[str, type[Events] | type[Kinematic]] = {"events": Events, "kinematic": Kinematic}
 
 
@@ -113,13 +115,21 @@ def plan_of(file: FleetFile, fleet: Fleet, base: Path | None) -> FieldPlan:
     return recorded_plan(read_day(there, lead.limits), lead.pipe)
 
 
-def work_off(file: FleetFile, base: Path | None = None, level: str = "events") -> JobResult:
-    """Run a job until the field is empty and the grain at the truck."""
-    fleet = fleet_of(file, base)
+def work_off(
+    file: FleetFile, base: Path | None = None, level: str = "events", share_out: ShareOut | None = None
+) -> JobResult:
+    """Run a job until the field is empty and the grain at the truck.
+
+    share_out: says before the job which combine cuts which pass; none: whoever is done takes the next one
+    """
+    fleet, motion = fleet_of(file, base), motion_of(level)
     plan = plan_of(file, fleet, base)
     if not plan.passes:
         raise InputError("plan", None, "expected at least one pass")
-    job = Job(file, plan, fleet, motion_of(level))
+    by = None
+    if share_out is not None:
+        plan, by = share_out(file, plan, fleet)
+    job = Job(file, plan, fleet, motion, by)
     job.run()
     return result_of(job, level)
 

@@ -21,6 +21,10 @@ def add(parsers: Any) -> None:
         "--spread", type=float, metavar="PERCENT",
         help="at events: drive it 24 times more, speeds of machines up to so much off, and say its hours",
     )  # fmt: skip
+    run.add_argument(
+        "--shared-out", action="store_true",
+        help="share passes out among combines before the job, as always at sensors",
+    )  # fmt: skip
     run.set_defaults(run=run_job)
     jobs = verbs.add_parser("list", help="list the bundled jobs; print one")
     jobs.add_argument("name", nargs="?", metavar="NAME", help="print this job, to make your own of it")
@@ -82,16 +86,23 @@ def _result(file: Any, base: Path | None, args: argparse.Namespace) -> Any:
     """At one of the levels; with sensors the run has its own folder."""
     from swath.job.work import work_off
 
+    shares = _share_out() if args.shared_out else None
     if args.spread is not None:
-        return _with_spread(file, base, args.spread)
+        return _with_spread(file, base, args.spread, shares)
     if args.level != "sensors":
-        return work_off(file, base, args.level)
+        return work_off(file, base, args.level, shares)
     from swath.tools.fleet.whole import with_sensors
 
     return with_sensors(file, base, None if args.out is None else args.out / "run")[0]
 
 
-def _with_spread(file: Any, base: Path | None, percent: float) -> Any:
+def _share_out() -> Any:
+    from swath.tools.fleet.work_plan import share_out
+
+    return share_out
+
+
+def _with_spread(file: Any, base: Path | None, percent: float, share_out: Any) -> Any:
     from dataclasses import replace
 
     from swath.job.machines import fleet_of
@@ -100,9 +111,13 @@ def _with_spread(file: Any, base: Path | None, percent: float) -> Any:
     from swath.terminal.progress import steps
 
     fleet = fleet_of(file, base)
+    plan, by = plan_of(file, fleet, base), None
+    if share_out is not None:
+        plan, by = share_out(file, plan, fleet)
     with steps(DRAWS) as told:
-        spread = spread_of(file, plan_of(file, fleet, base), fleet, percent, told)
-    return replace(work_off(file, base), spread=spread)
+        spread = spread_of(file, plan, fleet, percent, told, by)
+    known = None if by is None else lambda *_: (plan, by)
+    return replace(work_off(file, base, share_out=known), spread=spread)
 
 
 def run_list(args: argparse.Namespace) -> int:

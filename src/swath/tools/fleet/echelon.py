@@ -61,11 +61,13 @@ def order_of(
 
 def _check(passes: Sequence[Pass], combines: Sequence[Combine], file: FleetFile) -> None:
     if len(combines) > 2:
-        raise InputError("combines", len(combines), "expected 2 at most in echelon at the level with sensors")
+        raise InputError(
+            "combines", len(combines), "expected 2 at most in echelon, with sensors or --shared-out"
+        )
     if len({c.sheet.name for c in combines}) > 1:
-        raise InputError("combines", None, "expected machines of one kind at the level with sensors")
+        raise InputError("combines", None, "expected machines of one kind with sensors or --shared-out")
     if file.team.lag_m < LEAST_LAG:
-        told = f"expected {LEAST_LAG:g} at least at the level with sensors"
+        told = f"expected {LEAST_LAG:g} at least with sensors or --shared-out"
         raise InputError("team.lag_m", file.team.lag_m, told)
     if len(passes) < 2 or passes[1].combine != 1:
         told = "expected an even number of opening rounds, and a first pass for each combine"

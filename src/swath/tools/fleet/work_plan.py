@@ -31,7 +31,7 @@ ENDLESS = 1e9  # kg
 ROOM = 0.95  # of a tank, for passes beside which no cart can be
 OVER = 0.05  # of a tank, more than that: it is full in a pass beside which no cart can be
 TOO_MUCH = "expected room for a cart beside passes before a tank is full: {:.0f} kg too much"
-NO_PASS = "expected a pass for every combine at the level with sensors"
+NO_PASS = "expected a pass for every combine with sensors or --shared-out"
 MOST = 3  # combines, carts
 
 
@@ -56,6 +56,14 @@ def work_plan(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
     if len(combines) > 1:
         team = echelon.members(told_passes(rows), combines, file)
     return WorkPlan(made, rows, team)
+
+
+def share_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> tuple[FieldPlan, list[int]]:
+    """As with sensors, for the other levels: passes in the order in which they are begun, and the number of
+    the combine that cuts each. InputError as `work_plan`.
+    """
+    found = work_plan(file, plan, fleet).shared
+    return found.plan, found.by
 
 
 def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
@@ -204,8 +212,8 @@ def rounded(point: Any) -> list[float]:
 def _check(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> None:
     for key, found in (("combines", fleet.combines), ("carts", fleet.carts)):
         if len(found) > MOST:
-            raise InputError(key, len(found), f"expected {MOST} at most at the level with sensors")
+            raise InputError(key, len(found), f"expected {MOST} at most with sensors or --shared-out")
     if plan.holes:
-        raise InputError("field", None, "expected a field without holes at the level with sensors")
+        raise InputError("field", None, "expected a field without holes with sensors or --shared-out")
     if file.unload.mode != "on_the_go":
-        raise InputError("unload.mode", file.unload.mode, "expected on_the_go at the level with sensors")
+        raise InputError("unload.mode", file.unload.mode, "expected on_the_go with sensors or --shared-out")
