@@ -1,5 +1,7 @@
 """Carts in the way of a combine that cuts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,7 +42,7 @@ def test_a_combine_stops_before_a_cart_in_the_strip_that_it_cuts(said, stops):
     """However little that is turned from its course, and wherever its axle is."""
     route = route_of([Pass(((0.0, 0.0), (400.0, 0.0)))], 0, COMBINE.knife_x, TurnLimits(7.0, 0.1))
     here = Place(*route.line.point(200.0), 0.0)
-    assert CartsInWay(COMBINE).stops_cutting(route, 200.0, here, [said]) is stops
+    assert CartsInWay(COMBINE, [0]).stops_cutting(route, 200.0, here, [said]) is stops
 
 
 @pytest.mark.parametrize(("speed", "blocks"), [(0.0, True), (0.7, True), (3.0, False)])
@@ -51,5 +53,8 @@ def test_a_combine_does_not_begin_a_turn_that_leads_back_over_a_cart_that_sets_o
     route = route_of(passes, 0, COMBINE.knife_x, TurnLimits(7.0, 0.1))
     here = Place(*route.line.point(route.length), 0.0)
     said = cart(6.0, 12.0, 0.0, speed=speed)  # on the way back
-    in_way = CartsInWay(COMBINE)
+    in_way = CartsInWay(COMBINE, [0, 1])
     assert in_way.is_blocked(route, route.length, here, [said], is_last=False) is blocks
+    beside, other = (replace(said, phase=Phase.BESIDE, task=task) for task in (0, 7))
+    assert in_way.is_blocked(route, route.length, here, [beside], is_last=False) is blocks  # leaves it soon
+    assert not in_way.is_blocked(route, route.length, here, [other], is_last=False)  # beside another one

@@ -1,6 +1,6 @@
 """Carts in the way of a combine: as it drives, and in the turn that it is to begin."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from math import hypot
 
 from swath.control.job.dubins import Place
@@ -26,11 +26,12 @@ STANDS, RESTS = 0.3, 0.1  # m/s, slower than which another machine stands, and t
 
 
 class CartsInWay:
-    """own: the combine's geometry. Of the methods: way: along the route, a pass and the turn behind it [m];
+    """own: the combine's geometry; passes: numbers of its passes. Of the methods: way: along the route, a pass and the turn behind it [m];
     here: where the machine is; carts: as it hears them
     """
 
-    def __init__(self, own: MachineGeometry) -> None:
+    def __init__(self, own: MachineGeometry, passes: Collection[int]) -> None:
+        self._passes = frozenset(passes)
         self._outline, half = own_outline(own), 0.5 * own.header_width
         self._strip = own.header_y - half, own.header_y + half
 
@@ -87,7 +88,7 @@ class CartsInWay:
         if said.age > SILENT:
             return hypot(said.x, said.y) < STOPS + CAN_BE
         reach = AHEAD
-        makes_room = said.phase != Phase.BESIDE  # one beside another combine does not
+        makes_room = said.phase != Phase.BESIDE or said.task in self._passes  # not beside another combine
         if said.speed < SETS_OFF and makes_room and not is_last:
             reach = min(max(reach, route.length + route.turn + BEYOND - way), FAR)
         return self._is_in_way(route, way, here, said, clear, SOON, reach)

@@ -124,7 +124,7 @@ class Harvest(KeepsState):
         self._team: list[PeerState] = []
         self._limits = limits_of(setup.machine.wheelbase, params.turn_radius_m, rate, speed)
         self._routes: dict[int, tuple[Route, GuidancePath]] = {}
-        self._in_way = CartsInWay(setup.machine)
+        self._in_way = CartsInWay(setup.machine, self._own)
         self._heard = AllHeard()
         self._tank = TankForecast(self._passes, params.full_percent * PERCENT)
         self._forget()
