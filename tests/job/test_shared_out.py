@@ -68,6 +68,8 @@ def test_the_command_shares_out(tmp_path, capsys):
     capsys.readouterr()
     shared, taken = (json.loads((tmp_path / n / "results.json").read_text()) for n in "ab")
     assert shared["digest"] != taken["digest"]
+    assert "shared out" in " ".join(shared["notes"])
+    assert "shared out" not in " ".join(taken["notes"])
     assert shared["grain_kg"] == pytest.approx(taken["grain_kg"], rel=1e-9)
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from swath.job.swept import SweptGround, swept_ground, track_along
 from swath.job.timeline import STATES, Timeline
 
 Array = NDArray[np.float64]
+SHARED_OUT = "passes were shared out among combines before the job"
 ShareOut = Callable[[FleetFile, FieldPlan, Fleet], tuple[FieldPlan, Sequence[int]]]
 LEVELS: dict[str, type[Events] | type[Kinematic]] = {"events": Events, "kinematic": Kinematic}
 
@@ -131,7 +132,8 @@ def work_off(
         plan, by = share_out(file, plan, fleet)
     job = Job(file, plan, fleet, motion, by)
     job.run()
-    return result_of(job, level)
+    made = result_of(job, level)
+    return made if by is None else replace(made, notes=(*made.notes, SHARED_OUT))
 
 
 def motion_of(level: str) -> Motion:

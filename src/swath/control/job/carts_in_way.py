@@ -26,8 +26,8 @@ STANDS, RESTS = 0.3, 0.1  # m/s, slower than which another machine stands, and t
 
 
 class CartsInWay:
-    """own: the combine's geometry; passes: numbers of its passes. Of the methods: way: along the route, a pass and the turn behind it [m];
-    here: where the machine is; carts: as it hears them
+    """own: the combine's geometry; passes: numbers of its passes. Of the methods: way: along the route, a
+    pass and the turn behind it [m]; here: where the machine is; carts: as it hears them
     """
 
     def __init__(self, own: MachineGeometry, passes: Collection[int]) -> None:

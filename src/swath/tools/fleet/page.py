@@ -145,6 +145,7 @@ def to_dict(r: JobResult) -> dict[str, Any]:
         "field_efficiency": r.field_efficiency,
         "diesel_l_per_ha": r.litres_per_ha,
         "digest": r.digest,
+        "notes": list(r.notes),
         **{
             key: {"once_m2": g.once, "twice_m2": g.twice, "left_m2": g.left, "widest_left_m": g.widest}
             for key, g in (("swept", r.ground), ("swept_planned", r.planned)) if g is not None
