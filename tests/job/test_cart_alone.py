@@ -30,8 +30,8 @@ AWAY = Place(12.7, 40.0, -NORTHWARD)
 class CartBench:
     """The level alone, which stands at a place: grain in its box as told; spot: where that is full."""
 
-    def __init__(self, passes=NORTH, ring=RING, **more):
-        params = Params(passes, ring, truck_m=(-25.0, -15.0), leave_percent=60.0, **more)
+    def __init__(self, passes=NORTH, ring=RING, truck=(-25.0, -15.0), **more):
+        params = Params(passes, ring, truck_m=truck, leave_percent=60.0, **more)
         self.part = Shuttle(params, ControlSetup(CART, {}, "left", 0.1))
         self.part.reset(None)
         self.t, self.at = 0, HERE
@@ -72,6 +72,19 @@ def test_when_all_is_cut_a_cart_brings_what_it_has(level):
     bench = CartBench()
     assert bench.ends_in(said, level).phase == Phase.DRIVES
     assert bench.part._goal == "truck"
+
+
+def test_a_cart_that_stands_at_the_truck_turned_away_from_the_field_turns_about_there():
+    """23 m outside: the least turn leads 9 m farther."""
+    bench = CartBench(truck=(0.0, -23.0))
+    bench.at = Place(0.0, -23.0, -NORTHWARD)
+    said = combine(
+        bench.at, AWAY, Phase.STANDS, task=1, remaining=40.0, to_come=9000.0, calls=True, may_unload=True,
+        speed=0.0,
+    )  # fmt: skip
+    job = bench.ends_in(said, 0.0)
+    assert (job.phase, job.task) == (Phase.DRIVES, 1)
+    assert bench.part._points[:, 1].min() < -31.0
 
 
 @pytest.mark.parametrize(("tank", "task"), [(1900.0, 1), (2100.0, -1)])

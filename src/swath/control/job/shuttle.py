@@ -95,7 +95,7 @@ class Shuttle(KeepsState):
         if setup.machine.box is None:
             raise InputError("level", "shuttle", "expected a machine whose data sheet has a `box`")
         p = self._p = params
-        places = [] if p.wait_m is None else [p.truck_m, p.wait_m]
+        places = [p.truck_m] if p.wait_m is None else [p.truck_m, p.wait_m]
         self._ways = CartWays(p.passes, p.boundary_m, p.header_m, p.beside_m, p.radius_m, places)
         self._clearance, self._wheelbase = Clearance(p.passes), setup.machine.wheelbase
         self._outline = own_outline(setup.machine)
