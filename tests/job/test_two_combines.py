@@ -236,12 +236,20 @@ def test_the_order_at_the_turns_neither_lets_them_touch_nor_stand_for_good(north
     assert min(driven(passes, combines, team, lag, rng, obey=False) for _ in range(4))[0] == 0.0
 
 
-@pytest.mark.parametrize(("seed", "carts"), [(5, 1), (19, 2)])
-def test_the_order_of_combines_with_lands_of_their_own(seed, carts, monkeypatch):
+@pytest.fixture(scope="module")
+def blind():
+    """Layout 19, three combines, shared out as where they do not look ahead: they wait for each other."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine, "is_needed_soon", lambda job, combine: False)
+        return members_of(layout_file(19, 2))
+
+
+@pytest.mark.parametrize("seed", [5, 19])
+def test_the_order_of_combines_with_lands_of_their_own(seed, blind, monkeypatch):
     """Layouts with three combines, likewise; nor does one drive where another one is to cut before, looked at
     10 m less far ahead than it is planned.
     """
-    passes, combines, team = members_of(layout_file(seed, carts))
+    passes, combines, team = blind if seed == 19 else members_of(layout_file(seed, 1))
     monkeypatch.setattr(uncut, "AHEAD", uncut.AHEAD - 10.0)
     rng = np.random.default_rng(3)
     made = [driven(passes, combines, team, None, rng, stop) for stop in (SHORT, LONG, SHORT, LONG)]
@@ -281,11 +289,9 @@ def test_where_combines_and_carts_beside_them_are_near_each_other():
     assert (beside & ~is_near(*body))[asked].sum() > 50
 
 
-def test_combines_that_stop_wait_less_for_each_other(monkeypatch):
-    """Since who stands lets others go first. As shared out without looking ahead: there it pays."""
-    with monkeypatch.context() as blind:
-        blind.setattr(engine, "is_needed_soon", lambda job, combine: False)
-        passes, combines, team = members_of(layout_file(19, 2))
+def test_combines_that_stop_wait_less_for_each_other(blind, monkeypatch):
+    """Since who stands lets others go first."""
+    passes, combines, team = blind
 
     def waits():
         draws = [np.random.default_rng(seed) for seed in range(3)]
