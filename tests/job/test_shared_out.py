@@ -5,11 +5,13 @@ import json
 import pytest
 
 from swath.commands.main import main
+from swath.core.errors import SwathError
 from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.machines import fleet_of
 from swath.job.spread import DRAWS, spread_of
 from swath.job.work import plan_of, work_off
+from swath.tools.fleet import whole
 from swath.tools.fleet.work_plan import share_out
 from tests.job.jobs import finished
 from tests.job.layouts import both_levels, layout_file
@@ -54,6 +56,19 @@ def test_the_hours_of_speeds_that_differ_are_those_of_these_passes(told):
     assert len(found.durations) == DRAWS
     assert found.mean == pytest.approx(finished(file, plan, by=by).time, rel=0.01)
     assert found.mean > 1.05 * spread_of(file, plan_of(file, fleet, None), fleet, 0.01).mean
+
+
+def test_with_sensors_the_hours_by_events_of_the_same_passes_are_told(told, monkeypatch):
+    """One that does not end there loses nothing of the run."""
+    file, plan, by = told
+    fleet, hours = fleet_of(file), finished(file, plan, by=by).time / 3600.0
+    assert whole._by_events(file, plan, fleet, by).startswith(f"{hours:.2f} h by events")
+
+    def fails(job):
+        raise SwathError("the job does not end")
+
+    monkeypatch.setattr(Job, "run", fails)
+    assert whole._by_events(file, plan, fleet, by).endswith("the job does not end")
 
 
 def test_a_job_without_a_second_combine_is_the_same(told):

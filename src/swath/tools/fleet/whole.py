@@ -2,7 +2,7 @@
 
 import io
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -207,10 +207,17 @@ def with_sensors(
             f"the job does not end: {watch.ended or 'time is over'}, after {watch.duration:.0f} s"
         )
     made = _result(file, plan, fleet, watch, summary)
-    by_events = Job(file, plan, fleet, Events(), work.shared.by)
-    by_events.run()
-    told = f"{by_events.time / 3600.0:.2f} h by events, if each combine cuts the same passes"
-    return replace(made, notes=(*made.notes, told)), summary
+    return replace(made, notes=(*made.notes, _by_events(file, plan, fleet, work.shared.by))), summary
+
+
+def _by_events(file: FleetFile, plan: FieldPlan, fleet: Fleet, by: Sequence[int]) -> str:
+    """What the cheapest level says, for the same passes of each combine."""
+    job = Job(file, plan, fleet, Events(), by)
+    try:
+        job.run()
+    except SwathError as error:
+        return f"by events, if each combine cuts the same passes: {error}"
+    return f"{job.time / 3600.0:.2f} h by events, if each combine cuts the same passes"
 
 
 def _result(
