@@ -71,7 +71,7 @@ def test_with_sensors_the_hours_by_events_of_the_same_passes_are_told(told, monk
     assert whole._by_events(file, plan, fleet, by).endswith("the job does not end")
 
 
-def test_a_job_without_a_second_combine_is_the_same(told):
+def test_a_job_without_a_second_combine_is_the_same():
     file = layout_file(3, 1)
     assert work_off(file, share_out=share_out).duration == work_off(file).duration
 

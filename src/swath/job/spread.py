@@ -41,8 +41,8 @@ def spread_of(
     by: Sequence[int] | None = None,
 ) -> Spread:
     """Of a job by events: each combine and each cart on the field faster or slower by up to so many percent,
-    evenly distributed, in each of DRAWS draws. told: of each draw; by: number of the
-    combine that cuts each pass, if that is known before. InputError unless 0 < percent <= MOST
+    evenly distributed, in each of DRAWS draws. told: of each draw; by: number of the combine that cuts each
+    pass, if that is known before. InputError unless 0 < percent <= MOST
     """
     if not 0.0 < percent <= MOST:
         raise InputError("--spread", percent, f"expected more than 0 and at most {MOST:g} percent")

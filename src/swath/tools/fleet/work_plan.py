@@ -214,6 +214,6 @@ def _check(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> None:
         if len(found) > MOST:
             raise InputError(key, len(found), f"expected {MOST} at most with sensors or --shared-out")
     if plan.holes:
-        raise InputError("field", None, "expected a field without holes with sensors or --shared-out")
+        raise InputError("field", None, "expected a field without holes, with sensors or --shared-out")
     if file.unload.mode != "on_the_go":
-        raise InputError("unload.mode", file.unload.mode, "expected on_the_go with sensors or --shared-out")
+        raise InputError("unload.mode", file.unload.mode, "expected on_the_go, with sensors or --shared-out")
