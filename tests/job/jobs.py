@@ -40,15 +40,13 @@ def job_file(
     )
 
 
-def finished(file, plan=None, motion=None, beside=None, by=None):
-    """A job that has run. plan: instead of that of the file; beside: of all its passes, for what it tests;
-    by: number of the combine that cuts each pass.
-    """
+def finished(file, plan=None, motion=None, beside=None):
+    """A job that has run. plan: instead of that of the file; beside: of all its passes, for what it tests."""
     fleet = fleet_of(file)
     plan = plan or plan_of(file, fleet, None)
     if beside is not None:
         plan = with_beside(plan, beside)
-    job = Job(file, plan, fleet, motion or Events(), by)
+    job = Job(file, plan, fleet, motion or Events())
     job.run()
     return job
 

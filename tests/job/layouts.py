@@ -34,18 +34,18 @@ def both_levels(file, is_shared_out=False):
     """Hours by events and by driven machines, seconds over each other by the kinds of the two, and standoffs
     that were not solved. is_shared_out: passes are, before the job, as with sensors
     """
-    plan = by = None
+    plan = None
     if is_shared_out:
         fleet = fleet_of(file)
-        plan, by = share_out(file, plan_of(file, fleet, None), fleet)
-    driven = finished(file, plan, Kinematic(), by=by)
+        plan = share_out(file, plan_of(file, fleet, None), fleet)
+    driven = finished(file, plan, Kinematic())
     kinds = {c.name: "combine" for c in driven.fleet.combines} | {c.name: "cart" for c in driven.fleet.carts}
     touched = {}
     for p in driven.motion.watch.pairs:
         pair = tuple(sorted((kinds.get(p.first, "truck"), kinds.get(p.second, "truck"))))
         touched[pair] = touched.get(pair, 0.0) + p.touched
     unsolved = sum(bool(s.driven_on) for s in driven.motion.standoffs)
-    return finished(file, plan, by=by).time / 3600.0, driven.time / 3600.0, touched, unsolved
+    return finished(file, plan).time / 3600.0, driven.time / 3600.0, touched, unsolved
 
 
 def same_ranking(cheap, dear, tie=0.02):

@@ -212,6 +212,29 @@ def test_beside_a_combine_that_waits_a_cart_makes_room_for_another_one(speed, po
     assert (bench.ends_in(said, 0.1, other_1=turns).phase == Phase.BESIDE) is stays
 
 
+@pytest.mark.parametrize(("left", "calls", "dry_for", "stays"), [
+    (-1.0, False, 40.0, False),
+    (-1.0, True, 40.0, True),  # it stands for a cart
+    (5.0, False, 40.0, True),
+    (-1.0, False, 20.0, True),
+])  # fmt: skip
+def test_beside_a_combine_that_waits_a_cart_makes_room_for_one_that_cannot_begin_its_turn(
+    left, calls, dry_for, stays
+):
+    """Its own one waits until that has turned, which does not while the cart is there."""
+    bench = CartBench(SIDE_BY_SIDE)
+    beside_the_first_pass(bench)
+    bench.part._poured_at = -dry_for
+    said = combine(
+        bench.at, Place(0.0, 54.0, NORTHWARD), Phase.CUTS, remaining=42.0, calls=True, may_unload=True,
+        speed=0.0,
+    )  # fmt: skip
+    stands = combine(
+        bench.at, Place(-12.0, 75.0, -NORTHWARD), Phase.STANDS, task=2, remaining=left, calls=calls, speed=0.0
+    )
+    assert (bench.ends_in(said, 0.1, other_1=stands).phase == Phase.BESIDE) is stays
+
+
 @pytest.mark.parametrize(("phase", "stays"), [(Phase.TURNS, False), (Phase.CUTS, True)])
 def test_on_the_line_beside_a_pass_a_cart_makes_room_for_one_that_stands_in_its_turn(phase, stays):
     """Before it on that line: the combine that it drives to stands for it, and neither of the others goes."""

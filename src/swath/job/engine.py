@@ -6,7 +6,7 @@ a pass is its ground times the yield over its length.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,8 @@ from swath.job.foresight import is_needed_soon
 from swath.job.grain import leaves, move_grain
 from swath.job.machines import Fleet
 from swath.job.motion import Motion
-from swath.job.path import Pose
-from swath.job.plan import FieldPlan
+from swath.job.path import Piece, Pose
+from swath.job.plan import FieldPlan, Shared
 from swath.job.states import (
     DONE,
     CartState,
@@ -41,17 +41,21 @@ MOST_MOVES = 20_000_000
 
 class Job:
     """A field being worked off. time [s]; room: in the trucks that wait [kg]; ways: of combines between
-    passes, points (n, 2) [m] each. by: number of the combine that cuts each pass, if that is known before
+    passes, points (n, 2) [m] each. plan: shared out among combines before, or whoever is done takes the next
+    pass
     """
 
     def __init__(
         self,
         file: FleetFile,
-        plan: FieldPlan,
+        plan: FieldPlan | Shared,
         fleet: Fleet,
         motion: Motion,
-        by: Sequence[int] | None = None,
     ) -> None:
+        by: Sequence[int] | None = None
+        self.turns: Mapping[int, Sequence[Piece]] = {}
+        if isinstance(plan, Shared):
+            plan, by, self.turns = plan
         self.file, self.plan, self.fleet, self.motion = file, plan, fleet, motion
         self.grain_per_m2 = file.field.yield_t_ha / 10.0
         self.truck = Pose(file.truck.x_m, file.truck.y_m, 0.0)
@@ -217,7 +221,7 @@ class Job:
             self._stand(c, "wait")
             self._bring_cart(c)
             return
-        c.index, c.task, c.phase = index, self.passes[index], "way"
+        c.before, c.index, c.task, c.phase = c.index, index, self.passes[index], "way"
         c.state, known = "turn", len(self.ways)
         self.motion.combine_way(self, c)
         c.turn = self.ways[-1] if len(self.ways) > known else None

@@ -66,14 +66,15 @@ class Events:
         if job.time <= 0.0:
             combine.left, combine.pace = job.start_behind(combine), spec.turn_speed
             return
-        turned = corner_angle(combine.place, task)
-        if turned is not None:
+        path, turned = ways.planned_way(job, combine), corner_angle(combine.place, task)
+        if path is None and turned is not None:
             combine.left = spec.corner_path(turned)
             combine.pace = combine.left / spec.corner_time(turned)
             self._corners.add(spec.name)
             return
         far = is_far(combine.place, task.start)
-        path = ways.way_to_pass(job, combine, axle_pose(combine.place, spec.sheet.knife_x))
+        if path is None:
+            path = ways.way_to_pass(job, combine, axle_pose(combine.place, spec.sheet.knife_x))
         lost = _lost(FAR_LOSES if far else TURN_LOSES, job, combine)
         ride = Ride(path, combine_limits(spec, path, far=far), spec.sheet, combine.speed, lost)
         self._ways[spec.name] = _Way(ride)

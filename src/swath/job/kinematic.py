@@ -74,8 +74,8 @@ class Kinematic:
             self._begin(job, combine)
             return
         driver = self._drivers[name]
-        turned = corner_angle(combine.place, task)
-        if turned is not None:
+        path, turned = ways.planned_way(job, combine), corner_angle(combine.place, task)
+        if path is None and turned is not None:
             self._corners[name] = corner_of(driver, spec, turned, task.start)
             combine.left, combine.pace = spec.corner_path(turned), 0.0
             return
@@ -83,7 +83,7 @@ class Kinematic:
         combine.state = "transport" if far else "turn"
         combine.pace = spec.transport if far else spec.turn_speed
         combine.place = knife_pose(driver.machine, knife)
-        path = ways.way_to_pass(job, combine, driver.machine.pose)
+        path = path or ways.way_to_pass(job, combine, driver.machine.pose)
         driver.take(path, MARGIN / spec.limits.radius, combine_limits(spec, path, far=far).tolist())
         combine.left = path.length
         job.ways.append(path.points)

@@ -3,14 +3,15 @@ cuts.
 """
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
-from swath.job.path import Pose
+from swath.job.path import Piece, Pose
 
 Array = NDArray[np.float64]
 KINDS = ("headland", "land")
@@ -86,6 +87,17 @@ class FieldPlan:
     def area_left(self) -> float:
         """Ground that no pass cuts [m2]."""
         return self.area - math.fsum(p.area for p in self.passes)
+
+
+class Shared(NamedTuple):
+    """Passes shared out among combines before the job, in the order in which they are begun. by: number of
+    the combine of each; turns: pieces of the way of its fixed axle behind a pass, by the number of the pass,
+    to the next one of the same combine
+    """
+
+    plan: FieldPlan
+    by: Sequence[int]
+    turns: Mapping[int, Sequence[Piece]]
 
 
 def with_ground(

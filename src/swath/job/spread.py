@@ -4,7 +4,7 @@ A few seconds turn over which cart comes to which combine, and how often a cart 
 """
 
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import fsum
 
@@ -13,7 +13,7 @@ from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.fleet import FleetFile
 from swath.job.machines import Fleet
-from swath.job.plan import FieldPlan
+from swath.job.plan import FieldPlan, Shared
 
 DRAWS = 24
 MOST = 20.0  # %
@@ -34,15 +34,13 @@ class Spread:
 
 def spread_of(
     file: FleetFile,
-    plan: FieldPlan,
+    plan: FieldPlan | Shared,
     fleet: Fleet,
     percent: float,
     told: Callable[[str], None] | None = None,
-    by: Sequence[int] | None = None,
 ) -> Spread:
     """Of a job by events: each combine and each cart on the field faster or slower by up to so many percent,
-    evenly distributed, in each of DRAWS draws. told: of each draw; by: number of the combine that cuts each
-    pass, if that is known before. InputError unless 0 < percent <= MOST
+    evenly distributed, in each of DRAWS draws. told: of each draw. InputError unless 0 < percent <= MOST
     """
     if not 0.0 < percent <= MOST:
         raise InputError("--spread", percent, f"expected more than 0 and at most {MOST:g} percent")
@@ -50,7 +48,7 @@ def spread_of(
     for n in range(DRAWS):
         if told is not None:
             told(f"draw {n + 1} of {DRAWS}")
-        job = Job(file, plan, drawn(fleet, draw, percent / 100.0, percent / 100.0), Events(), by)
+        job = Job(file, plan, drawn(fleet, draw, percent / 100.0, percent / 100.0), Events())
         job.run()
         durations.append(job.time)
     return Spread(percent, tuple(durations))

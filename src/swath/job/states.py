@@ -22,7 +22,8 @@ class CombineState:
     """phase: way (to a pass), hold (until the one ahead is far enough), cut, stand, haul, back, done.
 
     left: of the way or the pass [m]; pace: wanted speed now [m/s]; tank, cut, poured [kg]; index: of the
-    pass; taken: of the next one, while it stands at the end of this one, -1 = none yet
+    pass; before: of the one before it; taken: of the next one, while it stands at the end of this one; -1 =
+    none
     timer: until pouring may begin [s]; since: when it came to stand [s]; hauling: there, pour or back,
     without carts, from way_back with `rest` of its pass left [m]; called: a cart is on its way or wanted
     turn: its way to the pass, points (n, 2) [m]; None in a corner
@@ -38,6 +39,7 @@ class CombineState:
     pace: float = 0.0
     speed: float = 0.0
     index: int = -1
+    before: int = -1
     taken: int = -1
     task: PlannedPass | None = None
     per_metre: float = 0.0

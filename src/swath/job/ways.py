@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.job.cart_ways import LOOKED_AT, RUN_UP, WayBeside, way_beside
+from swath.job.combine_ways import axle_pose
 from swath.job.combine_ways import way_to_pass as way_of_combine
-from swath.job.path import Path, Pose
+from swath.job.machines import Combine
+from swath.job.path import Path, Pose, path_of
 from swath.job.plan import shapely_here
 from swath.job.states import BESIDE, DONE, CartState, CombineState, at, is_beside, way_between
 from swath.job.truck import is_clear
@@ -60,12 +62,29 @@ def way_to_combine(job: Any, cart: CartState, here: Pose) -> WayBeside:
 def way_to_pass(job: Any, combine: CombineState, here: Pose) -> Path:
     """Of a combine from where its fixed axle is; of some ways the first that leads clear of the truck."""
     assert combine.task is not None
-    spec, keep = combine.spec, 0.5 * combine.spec.sheet.header_width + combine.spec.sheet.knife_x
+    spec, keep = combine.spec, _keep(combine.spec)
     ways = (way_of_combine(spec, here, combine.task.start, abreast) for abreast in ABREASTS)
     first = next(ways)
     if not job.places or is_clear(first, job.places[0], job.fleet.truck, keep):
         return first
     return next((w for w in ways if is_clear(w, job.places[0], job.fleet.truck, keep)), first)
+
+
+def planned_way(job: Any, combine: CombineState) -> Path | None:
+    """Of a combine from the end of a pass, where turns are planned before the job, too; None without one that
+    leads clear of the truck.
+    """
+    pieces, knife = job.turns.get(combine.before), combine.spec.sheet.knife_x
+    if pieces is None:
+        return None
+    way = path_of(pieces, axle_pose(combine.place, knife))
+    is_free = not job.places or is_clear(way, job.places[0], job.fleet.truck, _keep(combine.spec))
+    return way if is_free else None
+
+
+def _keep(combine: Combine) -> float:
+    """From the middle of the fixed axle to the farther end of the header, about [m]."""
+    return 0.5 * combine.sheet.header_width + combine.sheet.knife_x
 
 
 def _free(job: Any, place: Pose) -> Callable[[Path], bool] | None:

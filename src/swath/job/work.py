@@ -1,7 +1,7 @@
 """A job from its file to its result, at one of its levels."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from swath.job.kinematic import Kinematic
 from swath.job.lands import plan_field
 from swath.job.machines import Fleet, fleet_of
 from swath.job.motion import Motion
-from swath.job.plan import FieldPlan
+from swath.job.plan import FieldPlan, Shared
 from swath.job.plan_files import plan_from_file
 from swath.job.recorded import read_day, recorded_plan
 from swath.job.saved import digest_of
@@ -30,7 +30,7 @@ from swath.job.timeline import STATES, Timeline
 
 Array = NDArray[np.float64]
 SHARED_OUT = "passes were shared out among combines before the job"
-ShareOut = Callable[[FleetFile, FieldPlan, Fleet], tuple[FieldPlan, Sequence[int]]]
+ShareOut = Callable[[FleetFile, FieldPlan, Fleet], Shared]
 LEVELS: dict[str, type[Events] | type[Kinematic]] = {"events": Events, "kinematic": Kinematic}
 
 
@@ -127,13 +127,10 @@ def work_off(
     plan = plan_of(file, fleet, base)
     if not plan.passes:
         raise InputError("plan", None, "expected at least one pass")
-    by = None
-    if share_out is not None:
-        plan, by = share_out(file, plan, fleet)
-    job = Job(file, plan, fleet, motion, by)
+    job = Job(file, plan if share_out is None else share_out(file, plan, fleet), fleet, motion)
     job.run()
     made = result_of(job, level)
-    return made if by is None else replace(made, notes=(*made.notes, SHARED_OUT))
+    return made if share_out is None else replace(made, notes=(*made.notes, SHARED_OUT))
 
 
 def motion_of(level: str) -> Motion:

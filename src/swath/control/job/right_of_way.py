@@ -241,6 +241,11 @@ def reach_at(speed: float) -> float:
     return LOOK + speed * speed / (2.0 * GENTLE)
 
 
+def _waits_to_turn(said: PeerState) -> bool:
+    """Whether a combine stands at the end of a pass, not for a cart."""
+    return said.phase == Phase.STANDS and not said.calls and said.remaining <= 0.0
+
+
 class Clearance:
     """How far a cart can drive on its way before it comes near a combine, or into the next of the way of one
     that drives. passes: of the combine
@@ -295,9 +300,14 @@ class Clearance:
         outline = outline_of(said)
         return any(outline.least(places, x, y, CLEARLY) < CLEARLY for x, y in own.points(there))
 
-    def holds_up(self, here: Place, own: Outline, combines: Sequence[PeerState]) -> bool:
-        """Whether a machine with an outline is in the way of a combine that stands in its turn near it."""
-        near = (said for said in combines if said.phase == Phase.TURNS and said.speed < STILL)
+    def holds_up(
+        self, here: Place, own: Outline, combines: Sequence[PeerState], *, before_turn: bool = False
+    ) -> bool:
+        """Whether a machine with an outline is in the way of a combine that stands in its turn near it, or
+        before it, at the end of a pass, and wants no cart.
+        """
+        stand = (said for said in combines if said.speed < STILL)
+        near = (c for c in stand if c.phase == Phase.TURNS or (before_turn and _waits_to_turn(c)))
         return any(self.comes_by(here, here, own, c) for c in near if hypot(c.x, c.y) < FORE)
 
     def before_standing(

@@ -327,23 +327,23 @@ class Shuttle(KeepsState):
         if peer.age > SILENT:
             return  # the station brings it aside
         pours_on = peer.is_pouring and peer.task == self._task and peer.phase != Phase.TURNS
-        idle = now - self._poured_at > (HELD_FOR if peer.phase == Phase.STANDS else FULL_FOR)
+        dry = now - self._poured_at
+        idle = dry > (HELD_FOR if peer.phase == Phase.STANDS else FULL_FOR)
         is_over = idle and (peer.phase == Phase.DONE or (peer.phase == Phase.STANDS and not peer.calls))
         self._way = self._made().project(here.x, here.y, self._way).way
         met = free_of(self._others, here, self._made(), self._way, peer.speed, self._p.number)
         rest = [said for said in self._combines.values() if said is not peer]
-        stops = peer.speed < MOVES and now - self._poured_at > HELD_FOR
-        stops &= self._clearance.holds_up(here, self._outline, rest)
+        stops = peer.speed < MOVES and dry > HELD_FOR
+        stops &= self._clearance.holds_up(here, self._outline, rest, before_turn=dry > MISSED_FOR)
+        stops |= peer.phase == Phase.STANDS and dry > MISSED_FOR
         is_lost = self._calls.is_lost(peer, self._task, is_beside=True)
         caller, _ = self._calls.neediest(now, self._combines, self._others)
         is_over |= peer.phase == Phase.CUTS and not peer.calls and caller >= 0
-        is_missed = peer.phase == Phase.STANDS and now - self._poured_at > MISSED_FOR
-        ends = is_over or is_missed or met < inf or stops or (is_lost and not pours_on)
+        ends = is_over or stops or met < inf or (is_lost and not pours_on)
         moves_on = peer.is_pouring or station.spot != self._spot  # to a place with room
         self._since = min(self._since, now) if station.is_full and not moves_on else inf
         self._spot = station.spot
-        is_full = now - self._since > FULL_FOR
-        if ends or is_full:
+        if (is_full := now - self._since > FULL_FOR) or ends:
             drives_off = peer.phase == Phase.STANDS or is_full  # else it is in the way of its turn
             self._phase, self._is_free = Phase.WAITS, not (drives_off or stops)
             c, s = 30.0 * cos(here.heading), 30.0 * sin(here.heading)  # straight on to a stop

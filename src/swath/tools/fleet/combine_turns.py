@@ -1,29 +1,18 @@
 """Turns of a combine that does not reverse, and where its fixed axle is at the ends of a pass."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 from swath.job.combine_ways import axle_pose, is_far
 from swath.job.machines import Combine
 from swath.job.path import Piece, Pose
-from swath.job.plan import FieldPlan, PlannedPass
+from swath.job.plan import FieldPlan, PlannedPass, Shared
 from swath.job.turns import TurnLimits, clothoid
 
 GENTLE = 0.6  # of the steering's rate in a turn, the rest is for coming back to the path
 STRAIGHT = 3.0  # m on the line of the next pass before its begin
 ABREAST = 4.0  # radii before that, where a way leaves the line along the pass
-
-
-class Shared(NamedTuple):
-    """A plan with its passes in the order in which they are begun. by: number of the combine of each; turns:
-    behind passes, by their numbers, to the next one of the same combine
-    """
-
-    plan: FieldPlan
-    by: list[int]
-    turns: Mapping[int, list[Piece]]
 
 
 def shared(plan: FieldPlan, by: Sequence[int], combines: Sequence[Combine]) -> Shared:

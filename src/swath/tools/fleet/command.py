@@ -111,12 +111,12 @@ def _with_spread(file: Any, base: Path | None, percent: float, share_out: Any) -
     from swath.terminal.progress import steps
 
     fleet = fleet_of(file, base)
-    plan, by = plan_of(file, fleet, base), None
+    plan: Any = plan_of(file, fleet, base)
     if share_out is not None:
-        plan, by = share_out(file, plan, fleet)
+        plan = share_out(file, plan, fleet)
     with steps(DRAWS) as told:
-        spread = spread_of(file, plan, fleet, percent, told, by)
-    known = None if by is None else lambda *_: (plan, by)
+        spread = spread_of(file, plan, fleet, percent, told)
+    known = None if share_out is None else lambda *_: plan
     return replace(work_off(file, base, share_out=known), spread=spread)
 
 

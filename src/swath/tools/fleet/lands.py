@@ -14,9 +14,9 @@ from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.fleet import FleetFile
 from swath.job.machines import Combine, Fleet
-from swath.job.plan import FieldPlan
+from swath.job.plan import FieldPlan, Shared
 from swath.job.spread import drawn
-from swath.tools.fleet.combine_turns import Shared, shared
+from swath.tools.fleet.combine_turns import shared
 from swath.tools.fleet.far_ways import far_ways
 from swath.tools.fleet.order import RUN_UP, Member, crossings_of, ways_of
 from swath.tools.fleet.uncut import uncut_before
@@ -69,7 +69,7 @@ def hours_of(file: FleetFile, of: Shared, fleet: Fleet) -> float:
     """
     draw, found = random.Random(1), []
     for _ in range(DRAWS):
-        job = Job(file, of.plan, drawn(fleet, draw, CUTS, CARTS), Events(), of.by)
+        job = Job(file, of._replace(turns={}), drawn(fleet, draw, CUTS, CARTS), Events())
         job.run()
         lines = [c.timeline for c in job.combines]
         stands = [line.time("wait") + line.time("unload") for line in lines]

@@ -9,9 +9,9 @@ import numpy as np
 from swath.core.errors import InputError
 from swath.job.machines import Combine
 from swath.job.path import path_of
-from swath.job.plan import FieldPlan, shapely_here
+from swath.job.plan import FieldPlan, Shared, shapely_here
 from swath.signals import F64
-from swath.tools.fleet.combine_turns import Shared, axle_at
+from swath.tools.fleet.combine_turns import axle_at
 
 Point = tuple[float, float]
 OFF_WAYS = 20.0  # m from a combine's axle on its way: its header, and a cart whichever way it stands

@@ -2,7 +2,7 @@
 
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from swath.job.events import Events
 from swath.job.fleet import FleetFile
 from swath.job.fuel import fuel_of_tractor
 from swath.job.machines import Fleet, fleet_of
-from swath.job.plan import FieldPlan, shapely_here
+from swath.job.plan import FieldPlan, Shared, shapely_here
 from swath.job.timeline import Timeline
 from swath.job.work import JobResult, MachineResult, plan_of
 from swath.runtime.hooks import ActiveRun, RunHook
@@ -207,12 +207,12 @@ def with_sensors(
             f"the job does not end: {watch.ended or 'time is over'}, after {watch.duration:.0f} s"
         )
     made = _result(file, plan, fleet, watch, summary)
-    return replace(made, notes=(*made.notes, _by_events(file, plan, fleet, work.shared.by))), summary
+    return replace(made, notes=(*made.notes, _by_events(file, work.shared, fleet))), summary
 
 
-def _by_events(file: FleetFile, plan: FieldPlan, fleet: Fleet, by: Sequence[int]) -> str:
+def _by_events(file: FleetFile, shared: Shared, fleet: Fleet) -> str:
     """What the cheapest level says, for the same passes of each combine."""
-    job = Job(file, plan, fleet, Events(), by)
+    job = Job(file, shared, fleet, Events())
     try:
         job.run()
     except SwathError as error:

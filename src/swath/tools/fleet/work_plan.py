@@ -19,9 +19,9 @@ from swath.core.errors import InputError
 from swath.core.units import KMH
 from swath.job.fleet import FleetFile
 from swath.job.machines import Combine, Fleet
-from swath.job.plan import FieldPlan
+from swath.job.plan import FieldPlan, Shared
 from swath.tools.fleet import echelon, lands
-from swath.tools.fleet.combine_turns import Shared, shared
+from swath.tools.fleet.combine_turns import shared
 from swath.tools.fleet.order import NO_ORDER, RUN_UP, Member
 
 TRIES, MOST_TRIES = 12, 48  # ways of sharing out; as many at most as long as none can be driven
@@ -58,12 +58,9 @@ def work_plan(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
     return WorkPlan(made, rows, team)
 
 
-def share_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> tuple[FieldPlan, list[int]]:
-    """As with sensors, for the other levels: passes in the order in which they are begun, and the number of
-    the combine that cuts each. InputError as `work_plan`.
-    """
-    found = work_plan(file, plan, fleet).shared
-    return found.plan, found.by
+def share_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Shared:
+    """As with sensors, for the other levels. InputError as `work_plan`."""
+    return work_plan(file, plan, fleet).shared
 
 
 def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
