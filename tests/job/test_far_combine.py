@@ -235,6 +235,28 @@ def test_beside_a_combine_that_waits_a_cart_makes_room_for_one_that_cannot_begin
     assert (bench.ends_in(said, 0.1, other_1=stands).phase == Phase.BESIDE) is stays
 
 
+@pytest.mark.parametrize(("calls", "dry_for", "speed", "stays"), [
+    (True, 40.0, 0.0, False),
+    (False, 40.0, 0.0, True),
+    (True, 20.0, 0.0, True),
+    (True, 40.0, 1.0, True),  # its own one drives
+])  # fmt: skip
+def test_a_cart_leaves_a_combine_that_waits_for_one_that_stands_for_a_cart(calls, dry_for, speed, stays):
+    """Else both combines and the cart stand for good."""
+    bench = CartBench(SIDE_BY_SIDE)
+    beside_the_first_pass(bench)
+    bench.part._poured_at = -dry_for
+    said = combine(
+        bench.at, Place(0.0, 54.0, NORTHWARD), Phase.CUTS, remaining=42.0, calls=True, may_unload=True,
+        speed=speed,
+    )  # fmt: skip
+    stands = combine(
+        bench.at, Place(-12.0, -55.0, -NORTHWARD), Phase.STANDS, task=3, remaining=1.0, calls=calls,
+        may_unload=True, speed=0.0,
+    )  # fmt: skip
+    assert (bench.ends_in(said, 0.1, other_1=stands).phase == Phase.BESIDE) is stays
+
+
 @pytest.mark.parametrize(("phase", "stays"), [(Phase.TURNS, False), (Phase.CUTS, True)])
 def test_on_the_line_beside_a_pass_a_cart_makes_room_for_one_that_stands_in_its_turn(phase, stays):
     """Before it on that line: the combine that it drives to stands for it, and neither of the others goes."""

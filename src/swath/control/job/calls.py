@@ -216,6 +216,15 @@ class Calls(KeepsState):
         self._put_back(number, now)
         return True
 
+    def is_missed(
+        self, now: float, number: int, combines: Mapping[int, PeerState], others: Sequence[OtherCart]
+    ) -> bool:
+        """Whether a cart leaves a combine with a number, beside which it has had no grain for long: that
+        stands for it, but its box is not below the pipe; or it waits, and another one stands for a cart.
+        """
+        stands = combines[number].phase == Phase.STANDS
+        return stands or self.turns_to_standing(now, number, combines, others, waits=True)
+
     def withdraws(self, combine: PeerState, here: Place, number: int, others: Sequence[OtherCart]) -> bool:
         """Whether another cart took the same call at the same time, and is nearer to the combine or, as near,
         before it by number.

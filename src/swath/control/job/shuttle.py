@@ -40,7 +40,7 @@ OFF, SLOWLY = 0.3, 1.0  # m off its way it drives no faster than that, m/s
 CATCH_UP = 0.3  # 1/s
 FULL_FOR = 4.0  # s, that the station says full, or that nothing is poured any more, before it leaves
 HELD_FOR = 8.0  # s without grain beside a combine that stands: it cannot turn while the cart is there
-MISSED_FOR = 30.0  # s likewise, while that calls: its box is not below the pipe, and it comes up anew
+MISSED_FOR = 30.0  # s likewise, while that calls, or cuts on later: it comes up anew, or serves another one
 RETRY = 5.0  # s between two looks for a way
 ARRIVED, AT_PLACE = 0.4, 6.0  # m from the end of its way; from its place
 BLOCKED_FOR = 4.0  # s behind a machine that stands in its way, before it looks for another one
@@ -327,15 +327,14 @@ class Shuttle(KeepsState):
         if peer.age > SILENT:
             return  # the station brings it aside
         pours_on = peer.is_pouring and peer.task == self._task and peer.phase != Phase.TURNS
-        dry = now - self._poured_at
+        dry, rest = now - self._poured_at, [said for said in self._combines.values() if said is not peer]
         idle = dry > (HELD_FOR if peer.phase == Phase.STANDS else FULL_FOR)
         is_over = idle and (peer.phase == Phase.DONE or (peer.phase == Phase.STANDS and not peer.calls))
         self._way = self._made().project(here.x, here.y, self._way).way
         met = free_of(self._others, here, self._made(), self._way, peer.speed, self._p.number)
-        rest = [said for said in self._combines.values() if said is not peer]
-        stops = peer.speed < MOVES and dry > HELD_FOR
-        stops &= self._clearance.holds_up(here, self._outline, rest, before_turn=dry > MISSED_FOR)
-        stops |= peer.phase == Phase.STANDS and dry > MISSED_FOR
+        is_long = dry > MISSED_FOR
+        stops = dry > HELD_FOR and self._clearance.holds_up(here, self._outline, rest, before_turn=is_long)
+        stops |= is_long and self._calls.is_missed(now, self._served, self._combines, self._others)
         is_lost = self._calls.is_lost(peer, self._task, is_beside=True)
         caller, _ = self._calls.neediest(now, self._combines, self._others)
         is_over |= peer.phase == Phase.CUTS and not peer.calls and caller >= 0
