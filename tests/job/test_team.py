@@ -10,7 +10,7 @@ from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.machines import fleet_of
 from swath.job.path import Pose
-from swath.job.plan import PlannedPass
+from swath.job.plan import PlannedPass, Shared
 from swath.job.states import way_between
 from swath.job.team import LEAD
 from swath.job.work import plan_of
@@ -60,7 +60,7 @@ def test_passes_that_are_shared_out_before_are_cut_as_told():
     fleet = fleet_of(file)
     plan = plan_of(file, fleet, None)
     by = [int(i % 3 == 0) for i in range(len(plan.passes))]
-    job = Job(file, plan, fleet, Events(), by)
+    job = Job(file, Shared(plan, by, {}), fleet, Events())
     job.run()
     assert sorted(job.passes.taken) == list(enumerate(by))
     for n in range(2):
