@@ -235,6 +235,18 @@ def test_beside_a_combine_that_waits_a_cart_makes_room_for_one_that_cannot_begin
     assert (bench.ends_in(said, 0.1, other_1=stands).phase == Phase.BESIDE) is stays
 
 
+@pytest.mark.parametrize("y", [92.0, 95.0, 98.0, 102.0])
+def test_beside_a_combine_that_stands_a_cart_finds_a_way_to_come_up_anew(y):
+    """At 95 m the header's end is too near ahead to turn away from it there: straight on first."""
+    ways = CartWays(NORTH, RING_NORTH, 12.2, 8.2, 9.0)
+    here = Place(-8.0, y, NORTHWARD)
+    said = combine(here, Place(0.0, 97.0, NORTHWARD), Phase.STANDS, remaining=-1.0, speed=0.0)
+    points = ways.to_pass(here, 0, said).points
+    assert points[:, 1].min() < 80.0  # from behind
+    near = np.abs(points[:, 1] - 101.0) < 1.0
+    assert points[near, 0].max() < -8.2 + 0.3
+
+
 @pytest.mark.parametrize(("calls", "dry_for", "speed", "stays"), [
     (True, 40.0, 0.0, False),
     (False, 40.0, 0.0, True),

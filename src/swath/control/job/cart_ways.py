@@ -128,7 +128,17 @@ class CartWays:
             return on
         stand = [c for c in rest if c.speed <= MOVES and self._is_beside(c) and abs(c.heading) < ALONG]
         ahead = self._ahead_of(here, stand[0]) if stand else []
-        return self._found(here, [combine, *rest], [goal], discs, first=ahead, rest=[beyond], ground=ground)
+
+        def found(first: Sequence[Place]) -> Way | None:
+            return self._found(
+                here, [combine, *rest], [goal], discs, first=first, rest=[beyond], ground=ground
+            )
+
+        way = found(ahead)
+        if way is None and not ahead and combine.speed <= MOVES:  # beside it, too near to turn away
+            ahead = self._ahead_of(here, combine)
+            way = found(ahead) if ahead else None
+        return way
 
     def _along_line(self, here: Place, line: Sequence[Point], beyond: Point, come: float) -> Way | None:
         """Straight on, of a cart that is on the line beside a pass already, too near behind the combine, that
