@@ -545,3 +545,20 @@ def test_a_combine_does_not_cut_into_a_cart(x, y, heading, phase, stops):
     job = bench.step(40.0, 0.2, peer=(x, y), told=told)
     assert job.phase == Phase.CUTS
     assert (job.speed == 0.0) is stops
+
+
+@pytest.mark.parametrize(("other", "dry_for", "phase"), [
+    (Phase.CUTS, 20.0, Phase.TURNS), (Phase.CUTS, 60.0, Phase.DONE), (Phase.DONE, 20.0, Phase.DONE),
+])  # fmt: skip
+def test_before_a_combine_that_still_works_it_lets_a_cart_drive_off_and_drives_on_then(other, dry_for, phase):
+    """Where it stands the other one, on the pass beside, would come by its header."""
+    bench = Bench((*NORTH[:1], Pass(((-12.0, 0.0), (-12.0, 100.0)), combine=1)))
+    works = combine(Place(0.0, 96.0, 0.5 * np.pi), Place(-12.0, 40.0, 0.5 * np.pi), other, task=1)
+    near = (9.0, load_machine("lexion-700").header_width / 2.0 + 1.35)
+    for north in np.arange(1.0, 100.2, 0.5):
+        bench.step(north, 0.02, flow=92.0, peer=near, others=(works,))
+    for _ in range(round(10.0 * dry_for)):
+        job = bench.step(100.5, 0.0, peer=near, others=(works,), speed=0.0)
+    assert (job.phase, job.speed) == (phase, 0.0)
+    drives_on = bench.step(100.5, 0.0, peer=(-30.0, 8.0), others=(works,), speed=0.0).speed > 0.0
+    assert drives_on is (phase == Phase.TURNS)

@@ -50,6 +50,7 @@ TAKEN = 0.02  # of the tank, that a cart took before a machine with a full one g
 LOW = 0.02  # of the tank: driving it needs its cart no more
 CALLS_AHEAD = 150.0  # s before it has to stand for a cart, in which that comes
 BESIDE = 16.0  # m, nearer than which a cart stands beside it
+LETS_OFF = 40.0  # s without grain, for which it waits there for a cart that drives off
 PASSES = 0.4  # m from a cart beside it, that it drives on past behind its last pass
 
 
@@ -278,16 +279,20 @@ class Harvest(KeepsState):
 
     def _leaves(self, left: float, here: Place, carts: list[PeerState]) -> float:
         """Behind the last pass: on past a cart that stands beside it, whose trailer need not come by the
-        header then, and out of the way of a combine that still works. left: to the end of the pass [m], < 0
-        behind it
+        header then, and out of the way of a combine that still works: it lets the cart drive off first. left:
+        to the end of the pass [m], < 0 behind it
         """
         rest = self._p.run_out_m - 1.0 + left
-        near = any(cart.is_heard and hypot(cart.x, cart.y) < BESIDE for cart in carts)
-        near |= any(said.phase != Phase.DONE for said in self._team)
-        if self._phase == Phase.DONE or rest <= 0.0 or not near or self._is_blocked(here, carts, PASSES):
+        in_way = any(said.phase != Phase.DONE for said in self._team)
+        near = in_way or any(cart.is_heard and hypot(cart.x, cart.y) < BESIDE for cart in carts)
+        blocked = self._is_blocked(here, carts, PASSES)
+        waits = in_way and self._dry_for < LETS_OFF
+        if self._phase == Phase.DONE or rest <= 0.0 or not near or (blocked and not waits):
             self._phase = Phase.DONE
             return 0.0
         self._phase = Phase.TURNS
+        if blocked:
+            return 0.0
         return min(self._p.turn_speed_kmh * KMH, self._free(), max(sqrt(2.0 * BRAKE * rest), CRAWL))
 
     def _is_full(self, work: Pass, level: float, *, pours: bool) -> bool:
