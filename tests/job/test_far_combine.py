@@ -235,6 +235,23 @@ def test_beside_a_combine_that_waits_a_cart_makes_room_for_one_that_cannot_begin
     assert (bench.ends_in(said, 0.1, other_1=stands).phase == Phase.BESIDE) is stays
 
 
+@pytest.mark.parametrize(
+    ("y", "calls", "stays"), [(80.0, True, False), (80.0, False, True), (90.0, True, True)]
+)
+def test_beside_its_combine_a_cart_turns_aside_in_time_before_one_that_stands_for_a_cart(y, calls, stays):
+    """On the next pass, over which the line beside its combine leads: at its rear it could not."""
+    bench = CartBench(SIDE_BY_SIDE)
+    beside_the_first_pass(bench)
+    said = combine(
+        bench.at, Place(0.0, 54.0, NORTHWARD), Phase.CUTS, remaining=42.0, calls=True, may_unload=True
+    )
+    stands = combine(
+        bench.at, Place(-12.0, y, NORTHWARD), Phase.STANDS, task=3, remaining=1.0, calls=calls,
+        may_unload=True, speed=0.0,
+    )  # fmt: skip
+    assert (bench.ends_in(said, 0.1, other_1=stands).phase == Phase.BESIDE) is stays
+
+
 @pytest.mark.parametrize("y", [92.0, 95.0, 98.0, 102.0])
 def test_beside_a_combine_that_stands_a_cart_finds_a_way_to_come_up_anew(y):
     """At 95 m the header's end is too near ahead to turn away from it there: straight on first."""

@@ -1,6 +1,6 @@
 """Where a combine will be next, by what it says and by its passes: a cart keeps clear of it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import ceil, cos, hypot, inf, isfinite, pi, sin
 from typing import NamedTuple
 
@@ -329,6 +329,13 @@ class Clearance:
         places = [place_of(here, said)]
         way = free_way(here, line, at, until, ROOM + BEYOND, outline_of(said), places, keep)
         return max(way + SHORT - ROOM, 0.0)
+
+    def is_close(self, here: Place, line: GuidanceLine, at: float, combines: Iterable[PeerState]) -> bool:
+        """Whether a cart on a line, so far along it [m], has just room to turn about before one of some
+        combines that stand in its way.
+        """
+        ways = (self.before_standing(here, line, at, line.length, said) for said in combines)
+        return any(way <= 0.0 for way in ways)
 
     def until_near(
         self,

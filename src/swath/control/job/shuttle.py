@@ -15,7 +15,7 @@ from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.control.cooperate.peer_track import OTHER_PORTS
 from swath.control.job.bend_speed import bend_speed
-from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, waits_behind
+from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, stands_for_cart, waits_behind
 from swath.control.job.cart_ways import MOVES, CartWays, Way
 from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_in_line, is_taken, others_of
 from swath.control.job.dubins import Place
@@ -339,6 +339,7 @@ class Shuttle(KeepsState):
         caller, _ = self._calls.neediest(now, self._combines, self._others)
         is_over |= peer.phase == Phase.CUTS and not peer.calls and caller >= 0
         ends = is_over or stops or met < inf or (is_lost and not pours_on)
+        ends |= self._clearance.is_close(here, self._made(), self._way, filter(stands_for_cart, rest))
         moves_on = peer.is_pouring or station.spot != self._spot  # to a place with room
         self._since = min(self._since, now) if station.is_full and not moves_on else inf
         self._spot = station.spot
