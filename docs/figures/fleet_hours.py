@@ -30,8 +30,7 @@ def rows_of(page: str) -> list[Row]:
         if head is None:
             continue
         layout, combines, carts = head.groups()
-        events, kinematic = cells[1:3] if cells[3] == "the same" else cells[3:5]
-        hours = [_seconds(cell) for cell in (events, kinematic, cells[5])]
+        hours = [_seconds(cell) for cell in cells[3:6]]
         if hours[0] is not None:
             off = [None if h is None else 100.0 * (h / hours[0] - 1.0) for h in hours[1:]]
             found.append((f"{layout}\n{combines}", CARTS[carts], *off))
