@@ -85,6 +85,7 @@ def test_a_job_without_a_second_combine_is_the_same_but_for_its_turns():
     shared = share_out(file, plan_of(file, fleet, None), fleet)
     assert finished(file, shared._replace(turns={})).time == work_off(file).duration
     assert work_off(file, share_out=share_out).duration == finished(file, shared).time
+    assert finished(file, shared).time != work_off(file).duration
 
 
 @pytest.mark.parametrize("motion", [Events, Kinematic])

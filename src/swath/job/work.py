@@ -121,7 +121,8 @@ def work_off(
 ) -> JobResult:
     """Run a job until the field is empty and the grain at the truck.
 
-    share_out: says before the job which combine cuts which pass; none: whoever is done takes the next one
+    share_out: says before the job which combine cuts which pass, and how it turns then; none: whoever is done
+    takes the next one
     """
     fleet, motion = fleet_of(file, base), motion_of(level)
     plan = plan_of(file, fleet, base)

@@ -216,11 +216,12 @@ class Calls(KeepsState):
         self._put_back(number, now)
         return True
 
-    def is_missed(
+    def gives_up_waiting(
         self, now: float, number: int, combines: Mapping[int, PeerState], others: Sequence[OtherCart]
     ) -> bool:
         """Whether a cart leaves a combine with a number, beside which it has had no grain for long: that
-        stands for it, but its box is not below the pipe; or it waits, and another one stands for a cart.
+        stands for it, but its box is not below the pipe; or it waits, and another one stands for a cart,
+        which goes before it then.
         """
         stands = combines[number].phase == Phase.STANDS
         return stands or self.turns_to_standing(now, number, combines, others, waits=True)

@@ -285,9 +285,9 @@ class Harvest(KeepsState):
         rest = self._p.run_out_m - 1.0 + left
         in_way = any(said.phase != Phase.DONE for said in self._team)
         near = in_way or any(cart.is_heard and hypot(cart.x, cart.y) < BESIDE for cart in carts)
-        blocked = self._is_blocked(here, carts, PASSES)
-        waits = in_way and self._dry_for < LETS_OFF
-        if self._phase == Phase.DONE or rest <= 0.0 or not near or (blocked and not waits):
+        is_over = self._phase == Phase.DONE or rest <= 0.0 or not near
+        blocked = not is_over and self._is_blocked(here, carts, PASSES)
+        if is_over or (blocked and not (in_way and self._dry_for < LETS_OFF)):
             self._phase = Phase.DONE
             return 0.0
         self._phase = Phase.TURNS

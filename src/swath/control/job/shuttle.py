@@ -334,7 +334,7 @@ class Shuttle(KeepsState):
         met = free_of(self._others, here, self._made(), self._way, peer.speed, self._p.number)
         is_long = dry > MISSED_FOR
         stops = dry > HELD_FOR and self._clearance.holds_up(here, self._outline, rest, before_turn=is_long)
-        stops |= is_long and self._calls.is_missed(now, self._served, self._combines, self._others)
+        stops |= is_long and self._calls.gives_up_waiting(now, self._served, self._combines, self._others)
         is_lost = self._calls.is_lost(peer, self._task, is_beside=True)
         caller, _ = self._calls.neediest(now, self._combines, self._others)
         is_over |= peer.phase == Phase.CUTS and not peer.calls and caller >= 0
