@@ -404,3 +404,19 @@ def test_behind_a_combine_that_stands_it_comes_onto_the_line_of_the_pipe():
     saved = bench.part.save()
     assert saved["points"][1:, 0] == pytest.approx(-8.2)
     assert saved["number"] == 1
+
+
+@pytest.mark.parametrize(("around", "is_left"), [(200.0, True), (60.0, False)])
+def test_a_cart_leaves_a_long_way_around_once_there_is_a_shorter_one(around, is_left):
+    """About a combine that was in the way, and has driven on since."""
+    bench = CartBench(wait_m=(-40.0, -20.0))
+    said = combine(HERE, AWAY, Phase.CUTS, task=1, remaining=80.0, stands_in=100.0, may_unload=True)
+    assert bench.ends_in(said, 0.0).phase == Phase.DRIVES
+    part = bench.part
+    part._points = np.array([HERE[:2], (HERE.x, HERE.y + 0.5 * around), (-40.0, HERE.y + 0.5 * around),
+                             (-40.0, -20.0)])  # fmt: skip
+    part._way, part._line, part._looks_at, before = 0.0, None, -np.inf, part._points
+    for _ in range(10):
+        assert bench.step(said, 0.0).phase == Phase.DRIVES
+    assert (part._points is not before) is is_left
+    assert part._points[-1] == pytest.approx((-40.0, -20.0))

@@ -319,3 +319,41 @@ def test_the_way_of_a_cart_is_told_from_that_of_one_which_stands(speed, size):
     cart = OtherCart(1, replace(said(Phase.DRIVES, task=-1), speed=speed), at, path)
     sizes = [disc[2] for disc in discs_of([cart])]
     assert set(sizes) == {AROUND, size}
+
+
+def comes_by(to, speed=4.0):
+    """Another cart that drives north past (60, 80), from 20 m before that."""
+    path = GuidancePath(0, np.array([60.0, 60.0]), np.array([60.0, to]))
+    drives = replace(said(Phase.DRIVES, task=-1), speed=speed)
+    return OtherCart(0, drives, Place(60.0, 60.0, 0.5 * math.pi), path)
+
+
+@pytest.mark.parametrize(("to", "speed", "away", "is_left_out"), [
+    (140.0, 4.0, 60.0, True),
+    (140.0, 4.0, 30.0, False),  # it would be there before
+    (140.0, 0.0, 60.0, False),  # the other one stands
+    (80.0, 4.0, 60.0, True),
+])  # fmt: skip
+def test_about_a_place_where_others_are_past_before_a_cart_comes_they_do_not_count(
+    to, speed, away, is_left_out
+):
+    place = 60.0, 80.0
+    near = [
+        disc for disc in discs_of([comes_by(to, speed)], place, away) if math.dist(disc[:2], place) < 12.0
+    ]
+    assert bool(near) is not is_left_out
+    assert len(discs_of([comes_by(to, speed)])) == len(discs_of([comes_by(to, speed)], place, 1.0))
+
+
+def test_a_cart_finds_a_way_to_where_another_one_drives_by_before():
+    passes = (Pass(((6.0, 0.0), (6.0, 80.0))),)
+    ways = CartWays(
+        passes, [(0.0, 0.0), (12.0, 0.0), (12.0, 80.0), (0.0, 80.0)], 12.0, 8.2, 9.0, [(60.0, 80.0)]
+    )
+    here, place, peer = Place(-20.0, 40.0, 0.5 * math.pi), (60.0, 80.0), said(Phase.CUTS, task=0, x=90.0)
+    around = [
+        (60.0 + 5.0 * math.cos(a), 80.0 + 5.0 * math.sin(a)) for a in np.linspace(0.0, 6.0, 13).tolist()
+    ]
+    now = [(x, y, carts.APART) for x, y in around]
+    assert ways.to_place(here, place, peer, now) is None
+    assert ways.to_place(here, place, peer, now, past=[]).points[-1] == pytest.approx(place)

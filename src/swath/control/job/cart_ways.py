@@ -55,6 +55,11 @@ class Way(NamedTuple):
     points: F64
     beside: float
 
+    @property
+    def length(self) -> float:
+        """As far as that piece [m]."""
+        return way_along(self.points.tolist()) - self.beside
+
 
 class CartWays:
     """passes, boundary: of the field; header: width of the combines' [m]; left: of a pass, where the cart
@@ -82,16 +87,20 @@ class CartWays:
         combine: PeerState,
         discs: Sequence[Disc] = (),
         rest: Sequence[PeerState] = (),
+        past: Sequence[Disc] | None = None,
     ) -> Way | None:
         """To a place, in any direction. combine: the nearest; discs: that other carts take up (x, y, radius)
-        [m]; rest: the other combines
+        [m]; rest: the other combines; past: of the discs, those of others when it gets there, for one that
+        finds no way else
         """
         goals = [Place(*place, 2.0 * pi * i / 12) for i in range(12)]
-        goals = [goal for goal in goals if _has_room(goal, discs)]
-        if not goals:
-            return None
         ahead = self._ahead_of(here, combine)
-        return self._found(here, [combine, *rest], goals, discs, first=ahead)
+        for taken in (discs,) if past is None or len(past) == len(discs) else (discs, past):
+            free = [goal for goal in goals if _has_room(goal, taken)]
+            way = self._found(here, [combine, *rest], free, taken, first=ahead) if free else None
+            if way is not None:
+                return way
+        return None
 
     def to_pass(
         self,

@@ -21,6 +21,7 @@ APART, WAITS = 3.5, 3.4  # m about the way of another cart, beyond the own half 
 AROUND = 3.0  # m about the outline of one that stands, likewise: where arcs to the right and to the left meet
 # a cart leaves its way by up to 1 m
 EVERY = 3.0  # m between places of a way
+OVER = 15.0  # m about a place where a cart is to stand, in which others do not drive
 BEYOND = 30.0  # m behind the end of a pass, where the line beside it ends
 SOON, NEAR = 4.0, 20.0  # s, m
 STANDS = 0.1  # m/s
@@ -102,14 +103,20 @@ def _thinned(points: Sequence[Point]) -> Iterator[Point]:
         yield last
 
 
-def discs_of(others: Sequence[OtherCart]) -> list[Disc]:
+def discs_of(others: Sequence[OtherCart], place: Point | None = None, away: float = 0.0) -> list[Disc]:
     """Circles (x, y, radius) that a way has to keep clear of: of radius AROUND about carts, APART about ways
-    that they drive, WAITS about ways on which they stand.
+    that they drive, WAITS about ways on which they stand. place: so far away [m]; others are not counted
+    about it that drive by there before a cart can come
     """
     found: list[Disc] = []
     for cart in others:
         found += [(x, y, AROUND) for x, y in outline_of(cart.said).points(cart.at)]
-        found += [(x, y, WAITS if cart.said.speed < STANDS else APART) for x, y in cart.way()]
+        way = cart.way()
+        if cart.said.speed >= STANDS and place is not None:
+            near = [hypot(x - place[0], y - place[1]) < OVER for x, y in way]
+            is_past = any(near) and EVERY * max(i for i, at in enumerate(near) if at) < away
+            way = [point for point, at in zip(way, near, strict=True) if not (at and is_past)]
+        found += [(x, y, WAITS if cart.said.speed < STANDS else APART) for x, y in way]
     return found
 
 

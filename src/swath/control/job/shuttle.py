@@ -43,6 +43,7 @@ HELD_FOR = 8.0  # s without grain beside a combine that stands: it cannot turn w
 MISSED_FOR = 30.0  # s likewise, while that calls, or cuts on later: it comes up anew, or serves another one
 RETRY = 5.0  # s between two looks for a way
 ARRIVED, AT_PLACE = 0.4, 6.0  # m from the end of its way; from its place
+AROUND, SHORTER = 150.0, 75.0  # m longer than straight there: it looks for a way that is so much shorter
 BLOCKED_FOR = 4.0  # s behind a machine that stands in its way, before it looks for another one
 
 
@@ -101,7 +102,8 @@ class Shuttle(KeepsState):
         self._outline = own_outline(setup.machine)
         self._line: GuidanceLine | None = None
         self._heard, self._others, self._combines = AllHeard(), list[OtherCart](), dict[int, PeerState]()
-        self._calls = Calls(p.passes, p.break_off_m, p.fill_percent * PERCENT)
+        shares = p.fill_percent * PERCENT, p.leave_percent * PERCENT
+        self._calls = Calls(p.passes, p.break_off_m, *shares)
         self._ahead = WaitAhead(p.passes, self._outline, self._clearance, self._calls)
         self._forget()
 
@@ -155,7 +157,7 @@ class Shuttle(KeepsState):
             return
         is_over = all(said.phase == Phase.DONE for said in combines)
         caller, since = self._calls.neediest(now, self._combines, self._others)
-        is_loaded = self._leaves(heap)
+        is_loaded = self._calls.leaves(heap, self._combines, self._others, is_alone=self._p.wait_m is None)
         takes = since >= LATER * self._p.number and not is_loaded and self._is_free
         self._served = caller if takes else nearest(self._combines)
         place, peer = self._p.wait_m, self._combines[self._served]
@@ -193,7 +195,10 @@ class Shuttle(KeepsState):
     def _is_taken(self, *, drives: bool) -> bool:
         return is_taken(self._p.truck_m, self._p.number, self._others, drives=drives)
 
-    def _set_out(self, now: float, here: Place, peer: PeerState, goal: str) -> None:
+    def _set_out(self, now: float, here: Place, peer: PeerState, goal: str, most: float = inf) -> None:
+        """On a way to a combine, the truck or its place, if there is one. most: its length [m], to that pass
+        only; else it drives on
+        """
         drives = peer.phase in (Phase.CUTS, Phase.TURNS) and peer.speed > MOVES
         drives &= hypot(peer.x, peer.y) < CLEAR
         if now < self._retry_at or (drives and goal != "combine"):
@@ -204,11 +209,13 @@ class Shuttle(KeepsState):
         if goal == "combine":
             found = self._ahead.found(self._ways, here, task, peer, discs, rest)
         else:
-            place = self._p.wait_m if goal == "place" else None
-            way = self._ways.to_place(here, place or self._p.truck_m, peer, discs, rest)
+            place = (self._p.wait_m if goal == "place" else None) or self._p.truck_m
+            past = discs_of(self._others, place, hypot(place[0] - here.x, place[1] - here.y))
+            way = self._ways.to_place(here, place, peer, discs, rest, past)
             found = None if way is None else Found(way, is_clear=True, until=inf)
-        if found is None:
+        if found is None and most == inf:
             self._calls.no_way(self._served, now)
+        if found is None or found.way.length > most or (most < inf and task != self._task):
             return
         way, self._is_clear, self._drives_to = found
         self._phase, self._goal, self._task = Phase.DRIVES, goal, task
@@ -227,7 +234,7 @@ class Shuttle(KeepsState):
         self._way = nearest.way
         left = line.length - self._way
         if left <= ARRIVED and self._goal != "combine":
-            brings = self._brings(heap) or peer.phase == Phase.DONE
+            brings = self._calls.brings(heap, self._combines, self._others) or peer.phase == Phase.DONE
             empties = brings and heap.grain > 0.0 and self._goal == "truck"
             self._phase = Phase.EMPTIES if empties else Phase.WAITS
             self._since, self._is_free = now, True
@@ -281,7 +288,7 @@ class Shuttle(KeepsState):
 
     def _takes_call(self, now: float, here: Place, heap: HeapState) -> bool:
         """On its way to where it waits, not to bring grain: whether it sets out to a combine that calls."""
-        if self._goal == "combine" or self._brings(heap):
+        if self._goal == "combine" or self._calls.brings(heap, self._combines, self._others):
             return False
         served, (caller, since) = self._served, self._calls.neediest(now, self._combines, self._others)
         if since >= LATER * self._p.number:
@@ -295,6 +302,12 @@ class Shuttle(KeepsState):
         self._looks_at, number, is_early = now + RETRY, self._number, peer.task < self._task
         if self._takes_call(now, here, inputs["heap"]):
             return True
+        left, (x, y) = min(self._lane, line.length) - self._way, line.point(min(self._lane, line.length))
+        if left > hypot(x - here.x, y - here.y) + AROUND:  # about machines which have left since, perhaps
+            self._set_out(now, here, peer, self._goal, left - SHORTER)
+            self._retry_at = -inf
+            if self._number != number:
+                return True
         until = self._ahead.on_far_ways(here, line, self._way, self._lane, self._combines)
         if until < inf:
             self._set_out(now, here, peer, self._goal)
@@ -351,19 +364,6 @@ class Shuttle(KeepsState):
             self._number, self._way, self._line = self._number + 1, 0.0, None
             if drives_off:
                 self._set_out(now, here, peer, "truck")
-
-    def _brings(self, heap: HeapState) -> bool:
-        """Whether it is loaded, or nobody needs it any more."""
-        spare = self._calls.is_spare(self._combines.values(), self._others)
-        return spare or heap.level * 100.0 >= self._p.leave_percent
-
-    def _leaves(self, heap: HeapState) -> bool:
-        """Nobody needs it; or loaded, without room for half a tank that waits, or, alone, for all to come."""
-        said, others, is_alone = self._combines.values(), self._others, self._p.wait_m is None
-        is_spare = self._calls.is_spare(said, others)
-        if is_spare or heap.level * 100.0 < self._p.leave_percent:
-            return is_spare and heap.grain > 0.0
-        return not self._calls.has_room(heap, said, others, is_alone=is_alone)
 
     def _empties(self, now: float, heap: HeapState) -> None:
         """Beside the truck, until it is empty and gone again."""
