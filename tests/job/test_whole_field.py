@@ -269,7 +269,9 @@ class Bench:
             "peer": heard, **{f"other_{i + 1}": other for i, other in enumerate(others)},
         }  # fmt: skip
         self.t += 100_000_000
-        return self.part.step(self.t, 100_000_000, inputs)["job"]
+        made = self.part.step(self.t, 100_000_000, inputs)
+        self.path = made["path"]
+        return made["job"]
 
 
 NORTH = (
@@ -293,6 +295,18 @@ def test_unloading_is_not_broken_off_at_the_end_of_a_row():
     assert may[100]
     assert not may[-1]
     assert bench.step(100.35, 0.9).phase == Phase.TURNS
+
+
+@pytest.mark.parametrize(("flow", "is_straight"), [(92.0, True), (0.0, False)])
+def test_it_does_not_steer_into_its_turn_before_it_stands_for_a_cart(flow, is_straight):
+    """Its header would come nearer to the cart that is beside it."""
+    bench = Bench(NORTH)
+    for north in np.arange(1.0, 100.4, 0.5):
+        bench.step(north, 0.15, flow=flow)
+    assert bool(np.abs(bench.path.x).max() < 0.01) is is_straight
+    job = [bench.step(100.35, 0.003) for _ in range(20)][-1]
+    assert job.phase == Phase.TURNS
+    assert np.abs(bench.path.x).max() > 12.0
 
 
 BULB = Segment(8.0, np.pi / 16.0), Segment(24.0, -1.5 * np.pi / 24.0)

@@ -124,7 +124,7 @@ class Harvest(KeepsState):
         self._abreast = Abreast(params.passes, params.number, params.lag_m, self._crossings)
         self._team: list[PeerState] = []
         self._limits = limits_of(setup.machine.wheelbase, params.turn_radius_m, rate, speed)
-        self._routes: dict[int, tuple[Route, GuidancePath]] = {}
+        self._routes: dict[int, tuple[Route, GuidancePath, GuidancePath]] = {}
         self._in_way = CartsInWay(setup.machine, self._own)
         self._heard = AllHeard()
         self._tank = TankForecast(self._passes, params.full_percent * PERCENT)
@@ -188,12 +188,15 @@ class Harvest(KeepsState):
     def _route(self) -> Route:
         return self._made()[0]
 
-    def _made(self) -> tuple[Route, GuidancePath]:
+    def _made(self) -> tuple[Route, GuidancePath, GuidancePath]:
+        """Its route, that as a path, and straight on behind the pass."""
         if self._index not in self._routes:
-            p = self._p
-            route = route_of(self._passes, self._index, self._knife, self._limits, self._aside, p.run_out_m)
-            x, y = np.array(route.points).T
-            self._routes = {self._index: (route, GuidancePath(0, x, y, self._own[self._index]))}
+            how = self._index, self._knife, self._limits, self._aside, self._p.run_out_m
+            route, straight = (route_of(of, *how) for of in (self._passes, self._passes[: self._index + 1]))
+            number, count = self._own[self._index], len(self._p.passes)
+            (x, y), (on_x, on_y) = np.array(route.points).T, np.array(straight.points).T
+            paths = GuidancePath(0, x, y, number), GuidancePath(0, on_x, on_y, count + number)
+            self._routes = {self._index: (route, *paths)}
         return self._routes[self._index]
 
     def _advance(self, pose: PoseEstimate) -> None:
@@ -328,7 +331,7 @@ class Harvest(KeepsState):
         return self._passes[self._index].has_cart and is_too_full
 
     def _out(self, t: int, speed: float, way: float) -> Outputs:
-        p, (route, path), work = self._p, self._made(), self._passes[self._index]
+        p, (route, path, straight), work = self._p, self._made(), self._passes[self._index]
         left = route.length - way
         next_in = left + route.turn
         is_last = self._is_last
@@ -345,6 +348,9 @@ class Harvest(KeepsState):
             by_edge=edge, may_unload=may, calls=self._calls, come=way, to_come=self._to_come,
             stands_in=self._stands_in, lets_first=self._lets_first,
         )  # fmt: skip
+        ends = self._finishes or self._pours_on or self._will_stand or self._unloads
+        if ends and self._phase != Phase.TURNS:  # else the header swings to the cart before it stands
+            path = straight
         sent = GuidancePath(t, path.x, path.y, path.number)
         return {"job": job, "path": sent, "header": HeaderCommand(t, is_down)}
 
