@@ -10,6 +10,7 @@ import pytest
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.schedule import NS
+from swath.job import engine
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of
 from swath.signals import HeapState, JobState, MachineLoad, MachineState, Phase, UnloadState
@@ -72,6 +73,7 @@ def test_the_way_of_sharing_out_that_is_over_first_is_driven(monkeypatch):
     monkeypatch.setattr(lands, "hours_of", noted)
     monkeypatch.setattr(lands, "CUTS", 0.0)
     monkeypatch.setattr(lands, "CARTS", 0.0)
+    monkeypatch.setattr(engine, "DRIVES_UP", 0.0)
     work = work_plan(file, plan_of(file, fleet, None), fleet)
     assert len(hours) > 3
     assert told_passes(work.rows) == asked[min(hours, key=lambda n: hours[n] + waits[n])]

@@ -6,7 +6,6 @@ a pass is its ground times the yield over its length.
 """
 
 import math
-from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +18,9 @@ from swath.job.fleet import FleetFile
 from swath.job.foresight import is_needed_soon
 from swath.job.grain import leaves, move_grain
 from swath.job.machines import Fleet
+from swath.job.meetings import Held, Meetings
 from swath.job.motion import Motion
-from swath.job.path import Piece, Pose
+from swath.job.path import Pose
 from swath.job.plan import FieldPlan, Shared
 from swath.job.states import (
     DONE,
@@ -37,6 +37,7 @@ from swath.job.truck_ways import place_at_truck
 Array = NDArray[np.float64]
 LONGEST = 400.0 * 3600.0  # s
 MOST_MOVES = 20_000_000
+DRIVES_UP = 35.0  # s, that a cart which waited for another one at the truck drives up. Estimate: with sensors
 
 
 class Job:
@@ -52,16 +53,16 @@ class Job:
         fleet: Fleet,
         motion: Motion,
     ) -> None:
-        by: Sequence[int] | None = None
-        self.turns: Mapping[int, Sequence[Piece]] = {}
-        if isinstance(plan, Shared):
-            plan, by, self.turns = plan
+        of = plan if isinstance(plan, Shared) else Shared(plan, [], {})
+        plan, by, self.turns = of.plan, of.by or None, of.turns
         self.file, self.plan, self.fleet, self.motion = file, plan, fleet, motion
         self.grain_per_m2 = file.field.yield_t_ha / 10.0
         self.truck = Pose(file.truck.x_m, file.truck.y_m, 0.0)
         first = plan.passes[0].start
         self.combines = [CombineState(c, i, first, c.start) for i, c in enumerate(fleet.combines)]
         self.passes = Passes(plan, self.combines, file.team.together, by)
+        self.drives_up = DRIVES_UP if of.told else 0.0
+        self.meetings = Meetings(of.told, of.crossings, self.combines) if of.crossings else None
         self.places = [place_at_truck(self.truck, plan.boundary, i) for i in range(len(fleet.carts))]
         self.carts = [CartState(c, p) for c, p in zip(fleet.carts, self.places, strict=True)]
         self.time, self.moves = 0.0, 0
@@ -87,6 +88,8 @@ class Job:
 
     def _move(self) -> None:
         before, self.cut_now = self.time, {}
+        if self.meetings is not None:
+            self.meetings.update(self.time, self.combines)
         dt = self.motion.move(self)
         self.moves += 1
         if not dt > 0.0 or self.time > LONGEST or self.moves > MOST_MOVES:
@@ -121,6 +124,10 @@ class Job:
             if ahead and other.index == combine.index - 1 and same_way(other, combine):
                 return other
         return None
+
+    def held(self, combine: CombineState) -> Held:
+        """Where a combine has to wait for another one."""
+        return Held() if self.meetings is None else self.meetings.held(combine)
 
     def gap(self, leader: CombineState, combine: CombineState) -> float:
         """How far a leader is ahead of the one behind it, along the follower's pass [m]."""
@@ -296,9 +303,13 @@ class Job:
         """
         k, c = pair
         grain = c.per_metre * c.spec.speed_in(c.per_metre) if c.per_metre > 0.0 else math.inf
-        stands = c.phase == "stand" and not c.is_last
+        stands = c.phase == "stand" and (not c.is_last or self._holds_up(c))
         until = c.since - self.time if stands else (c.spec.tank - c.tank) / grain
         return until + way_between(k.place, at(c)) / k.spec.speed, c.number, k.spec.name
+
+    def _holds_up(self, c: CombineState) -> bool:
+        """Whether another combine has to wait for it here."""
+        return any(held.is_held and held.by == c.number for held in map(self.held, self.combines))
 
     def _hauls(self, c: CombineState) -> bool:
         """Without carts: to the truck and back."""
@@ -340,8 +351,10 @@ class Job:
             k.phase, k.place = "queue", self.place_at_truck(k)._replace(heading=k.place.heading)
             return True
         if k.phase == "queue" and self.away <= DONE and not any(o.phase == "emptying" for o in self.carts):
-            k.phase, k.timer = "emptying", self.file.truck.dock_s
+            k.phase, k.timer = "emptying", self.file.truck.dock_s + (self.drives_up if k.queued else 0.0)
+            k.queued = False
             return True
+        k.queued |= k.phase == "queue"
         if k.phase == "emptying" and k.timer <= DONE and k.grain <= DONE:
             k.phase = "idle"
             return True
@@ -364,6 +377,11 @@ class Job:
         """Add what each machine did to its timeline."""
         for c in self.combines:
             if c.phase != "done":
-                c.timeline.add(c.state, before, self.time, c.index if c.state == "cut" else -1)
+                c.timeline.add(
+                    "wait" if self.held(c).is_held else c.state,
+                    before,
+                    self.time,
+                    c.index if c.state == "cut" else -1,
+                )
         for k in self.carts:
             k.timeline.add(cart_state(k), before, self.time)

@@ -31,6 +31,7 @@ from swath.machine.loops import SpeedLoop
 from swath.machine.machine_sheet import dynamics_of
 
 SHORTEST = 1e-6  # s between two events
+LOOKS = 1.0  # s between two looks of a combine that waits for another one
 RAMP = 1.0  # s, longest jump while a combine changes its speed
 STEADY = 0.02  # m/s, within which it has its speed
 LONGEST = 1e5  # s
@@ -119,6 +120,9 @@ class Events:
 
     def move(self, job: Job) -> float:
         """On to the next event."""
+        for c in job.combines:
+            if job.held(c).is_held:
+                self._stop(c)
         targets = {c.number: self._target(job, c) for c in job.combines}
         times = self._times(job, targets)
         dt = self._ride(job, targets, min(times, default=LONGEST))
@@ -135,9 +139,15 @@ class Events:
 
     # combines
 
+    def _stop(self, c: CombineState) -> None:
+        """It has to wait for another one."""
+        c.speed, way = 0.0, self._ways.get(c.spec.name)
+        if way is not None:
+            way.ride.speed = 0.0
+
     def _target(self, job: Job, c: CombineState) -> float:
         """Speed that a combine wants [m/s]; in echelon it does not close up to the one ahead."""
-        if c.phase not in ("way", "cut", "haul", "back"):
+        if c.phase not in ("way", "cut", "haul", "back") or job.held(c).is_held:
             return 0.0
         leader = job.leader_of(c)
         if leader is not None and c.phase == "cut" and job.gap(leader, c) <= job.file.team.lag_m + DONE:
@@ -185,7 +195,7 @@ class Events:
 
     def _ride(self, job: Job, targets: dict[int, float], most: float) -> float:
         """All who are on a way drive on until the first is there, at most so long [s]; returns the time."""
-        rides = [self._combine_ride(c) for c in job.combines if c.spec.name in self._ways]
+        rides = [self._combine_ride(job, c) for c in job.combines if self._rides(job, c)]
         rides += [self._cart_ride(k, targets) for k in job.carts if k.spec.name in self._ways]
         before = [(r.ride.at, r.ride.speed, r.ride.lost) for r in rides]
         took = []
@@ -206,9 +216,13 @@ class Events:
                 r.arrive(most)
         return most
 
-    def _combine_ride(self, c: CombineState) -> "_Riding":
+    def _rides(self, job: Job, c: CombineState) -> bool:
+        return c.spec.name in self._ways and not job.held(c).is_held
+
+    def _combine_ride(self, job: Job, c: CombineState) -> "_Riding":
         ride = self._ways[c.spec.name].ride
-        return _Riding(ride, lambda _: c.pace, lambda _: ride.left, None)
+        until = ride.at + job.held(c).free
+        return _Riding(ride, lambda _: c.pace, lambda _: min(ride.left, until - ride.at), None)
 
     def _cart_ride(self, k: CartState, targets: dict[int, float]) -> "_Riding":
         way, cart = self._ways[k.spec.name], k.spec
@@ -264,13 +278,16 @@ class Events:
         return [max(t, SHORTEST) for t in times if t > 0.0 and math.isfinite(t)]
 
     def _of_combine(self, job: Job, c: CombineState, targets: dict[int, float]) -> list[float]:
-        times, target = [], targets[c.number]
+        times, target, held = [], targets[c.number], job.held(c)
+        if held.is_held:
+            times.append(LOOKS)
+        left = min(c.left, held.free)
         speed = c.speed if self._drives(c) else target
         if self._drives(c) and abs(speed - target) >= STEADY:
-            times += [RAMP, time_over(c.left, speed, target, self._loop(c), RAMP)]
+            times += [RAMP, time_over(left, speed, target, self._loop(c), RAMP)]
         elif c.phase in ("cut", "way", "haul", "back") and target > 0.0 and c.spec.name not in self._ways:
             speed = target
-            times.append(c.left / target)
+            times.append(left / target)
         if c.timer > 0.0:
             times.append(c.timer)
         leader = job.leader_of(c)

@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.control.job.crossings import Crossing
+from swath.control.job.passes import Pass
 from swath.core.errors import InputError, MissingExtra
 from swath.job.path import Piece, Pose
 
@@ -92,12 +94,15 @@ class FieldPlan:
 class Shared(NamedTuple):
     """Passes shared out among combines before the job, in the order in which they are begun. by: number of
     the combine of each; turns: pieces of the way of its fixed axle behind a pass, by the number of the pass,
-    to the next one of the same combine
+    to the next one of the same combine; told: the passes as machines with sensors are told them; crossings:
+    where ways of combines meet then
     """
 
     plan: FieldPlan
     by: Sequence[int]
     turns: Mapping[int, Sequence[Piece]]
+    told: Sequence[Pass] = ()
+    crossings: Sequence[Crossing] = ()
 
 
 def with_ground(

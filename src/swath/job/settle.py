@@ -173,5 +173,7 @@ def waits_for(job: Job, m: State, wanted: float) -> str:
     if m.phase == "stand":
         cart = m.cart or next((k for k in job.carts if k.phase != "idle"), None)
         return "" if cart is None else cart.spec.name
+    if (held := job.held(m)).is_held:
+        return job.combines[held.by].spec.name
     leader = job.leader_of(m) if m.phase in ("way", "hold", "cut") and wanted < MOVES else None
     return "" if leader is None else leader.spec.name

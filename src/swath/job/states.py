@@ -65,7 +65,9 @@ class CombineState:
 
 @dataclass
 class CartState:
-    """phase: idle, to_combine, beside, to_truck, queue, emptying. left [m]; timer [s]; grain [kg]."""
+    """phase: idle, to_combine, beside, to_truck, queue, emptying. left [m]; timer [s]; grain [kg]; queued: it
+    has waited for another one at the truck
+    """
 
     spec: Cart
     place: Pose
@@ -74,6 +76,7 @@ class CartState:
     speed: float = 0.0
     timer: float = 0.0
     grain: float = 0.0
+    queued: bool = False
     delivered: float = 0.0
     way: float = 0.0
     fuel: float = 0.0

@@ -157,6 +157,15 @@ class Crossings(KeepsState):
         self._told: list[int] = []  # numbers of those at which this one did so, while it is told
         self._slot = NONE
 
+    @property
+    def turned(self) -> list[int]:
+        """How often another one was let first, at each crossing."""
+        return self._turned
+
+    def hear(self, turned: Sequence[int]) -> None:
+        """What another one knows of that, as `turned`."""
+        self._turned = [max(both) for both in zip(self._turned, turned, strict=True)]
+
     def rules(self, task: int) -> Iterator[GivesWay]:
         """That hold now along a pass."""
         for k, is_turned, rule in self._on.get(task, ()):

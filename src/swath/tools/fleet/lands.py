@@ -18,7 +18,7 @@ from swath.job.plan import FieldPlan, Shared
 from swath.job.spread import drawn
 from swath.tools.fleet.combine_turns import shared
 from swath.tools.fleet.far_ways import far_ways
-from swath.tools.fleet.order import RUN_UP, Member, crossings_of, ways_of
+from swath.tools.fleet.order import RUN_UP, Meeting, Member, crossings_of, ways_of
 from swath.tools.fleet.uncut import uncut_before
 from swath.tools.fleet.waits import Timing, at_pass_ends
 
@@ -61,6 +61,11 @@ class Team(NamedTuple):
     waits: float
     least: float
 
+    @property
+    def crossings(self) -> list[Meeting]:
+        """Where their ways meet: the same for all."""
+        return self.members[0].job["crossings"] if self.members else []
+
 
 def hours_of(file: FleetFile, of: Shared, fleet: Fleet) -> float:
     """When the field is empty by events, if each cuts its own passes, turns as if these were not shared out,
@@ -70,7 +75,7 @@ def hours_of(file: FleetFile, of: Shared, fleet: Fleet) -> float:
     """
     draw, found = random.Random(1), []
     for _ in range(DRAWS):
-        job = Job(file, of._replace(turns={}), drawn(fleet, draw, CUTS, CARTS), Events())
+        job = Job(file, of._replace(turns={}, crossings=()), drawn(fleet, draw, CUTS, CARTS), Events())
         job.run()
         lines = [c.timeline for c in job.combines]
         stands = [line.time("wait") + line.time("unload") for line in lines]

@@ -39,7 +39,8 @@ OFF_FIELD = 12.0  # m from the field, that headers and turns need beside it
 def scenario_of(file: FleetFile, work: WorkPlan, fleet: Fleet, base: Path | None = None) -> dict[str, Any]:
     """The scenario as plain data. InputError for what this level cannot do."""
     carts, combines, combine = fleet.carts, fleet.combines, fleet.combines[0]
-    (plan, by, _), passes, team = work
+    shared, passes, team = work
+    plan, by = shared.plan, shared.by
     machines = {}
     for i, own in enumerate(combines):
         made = _combine(file, own, carts, passes, plan, base)

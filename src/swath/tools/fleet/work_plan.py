@@ -13,6 +13,7 @@ from dataclasses import replace
 from math import inf
 from typing import Any, NamedTuple
 
+from swath.control.job.crossings import Crossing, GivesWay
 from swath.control.job.passes import RUN_OUT, Pass
 from swath.control.steer.path import Segment
 from swath.core.errors import InputError
@@ -22,7 +23,7 @@ from swath.job.machines import Combine, Fleet
 from swath.job.plan import FieldPlan, Shared
 from swath.tools.fleet import echelon, lands
 from swath.tools.fleet.combine_turns import shared
-from swath.tools.fleet.order import NO_ORDER, RUN_UP, Member
+from swath.tools.fleet.order import NO_ORDER, RUN_UP, Meeting, Member, Rule
 
 TRIES, MOST_TRIES = 12, 48  # ways of sharing out; as many at most as long as none can be driven
 SPREAD = 0.12  # of the speeds, from those of the machines
@@ -53,9 +54,10 @@ def work_plan(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
         return _least(file, plan, fleet)
     made = shared(plan, echelon.assigned(plan, len(combines)), combines)
     rows = passes_of(made, combines, file)
+    told = told_passes(rows)
     if len(combines) > 1:
-        team = echelon.members(told_passes(rows), combines, file)
-    return WorkPlan(made, rows, team)
+        team = echelon.members(told, combines, file)
+    return WorkPlan(made._replace(told=told), rows, team)
 
 
 def share_out(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> Shared:
@@ -87,9 +89,11 @@ def _least(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> WorkPlan:
         if rows in known:
             continue
         known.append(rows)
-        team = lands.team_of(told_passes(rows), combines)
+        told = told_passes(rows)
+        team = lands.team_of(told, combines)
         if team is None:
             continue
+        made = made._replace(told=told, crossings=[_crossing(k) for k in team.crossings])
         found.append((over, team.waits, WorkPlan(made, rows, team.members)))
         if over <= 0.0 and team.end <= GOOD * team.least:
             break
@@ -164,7 +168,7 @@ def _may_stand(plan: FieldPlan, by: Sequence[int], file: FleetFile) -> list[bool
 def passes_of(of: Shared, combines: Sequence[Combine], file: FleetFile) -> list[dict[str, Any]]:
     """Passes with the turns behind them, to the next one of the same combine."""
     rows = []
-    plan, by, turns = of
+    plan, by, turns = of.plan, of.by, of.turns
     stand = _may_stand(plan, by, file)
     for i, p in enumerate(plan.passes):
         combine = combines[by[i]]
@@ -199,6 +203,15 @@ def told_passes(rows: list[dict[str, Any]]) -> list[Pass]:
         )
         for row in rows
     ]  # fmt: skip
+
+
+def _crossing(of: Meeting) -> Crossing:
+    first, instead = (tuple(_rule(rule) for rule in of.get(key, ())) for key in ("first", "instead"))
+    return Crossing(first, instead)
+
+
+def _rule(of: Rule) -> GivesWay:
+    return GivesWay(int(of["task"]), of["way_m"], int(of["other"]), of["other_m"], of.get("wait_m"))
 
 
 def rounded(point: Any) -> list[float]:
