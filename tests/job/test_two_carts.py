@@ -199,12 +199,18 @@ def test_a_cart_is_spare_where_another_one_serves_in_the_last_pass(phase, task, 
     assert not calls.is_spare([said(phase, task=task), said(Phase.CUTS, task=1)], carts)
 
 
-def test_the_truck_is_taken_by_who_stands_there_or_set_out_for_it():
-    comes = other(1, Phase.DRIVES, way=[(50.0, 0.0), (2.0, 0.0)])
-    assert is_taken((0.0, 0.0), 0, [comes], drives=False)
-    assert not is_taken((0.0, 0.0), 0, [comes], drives=True)  # of two that come the first goes on
-    assert is_taken((0.0, 0.0), 0, [other(1, Phase.EMPTIES, at=(3.0, 0.0))], drives=True)
-    assert not is_taken((0.0, 0.0), 0, [other(1, Phase.WAITS)], drives=False)
+@pytest.mark.parametrize(("number", "left", "taken"), [
+    (1, 75.0, True), (1, 55.0, False), (1, 25.0, False),  # the other one, number 2, has 48 m to go
+    (3, 75.0, True), (3, 55.0, True), (3, 25.0, False),
+])  # fmt: skip
+def test_the_truck_is_taken_by_who_is_nearer_on_its_way_there(number, left, taken):
+    comes = other(2, Phase.DRIVES, at=(48.0, 0.0), way=[(48.0, 0.0), (2.0, 0.0)])
+    assert is_taken((0.0, 0.0), number, left, [comes]) is taken
+
+
+def test_the_truck_is_taken_by_who_stands_there():
+    assert is_taken((0.0, 0.0), 0, 5.0, [other(1, Phase.EMPTIES, at=(3.0, 0.0))])
+    assert not is_taken((0.0, 0.0), 0, 90.0, [other(1, Phase.WAITS)])
 
 
 def test_a_way_to_the_combine_leads_on_along_the_line_beside_the_pass():

@@ -17,6 +17,7 @@ from swath.signals import GuidancePath, PeerState, Phase, Station
 
 LATER = 1.0  # s, that a cart waits for each one before it by number to take a call
 AT_TRUCK = 12.0  # m from the truck's place: it is taken
+AS_NEAR = 20.0  # m, less than that one of two carts is not nearer to it than the other one
 APART, WAITS = 3.5, 3.4  # m about the way of another cart, beyond the own half width; of one that stands
 AROUND = 3.0  # m about the outline of one that stands, likewise: where arcs to the right and to the left meet
 # a cart leaves its way by up to 1 m
@@ -126,17 +127,18 @@ def is_in_line(station: Station) -> bool:
     return station.is_active and aside and ahead and abs(station.heading) < TURNED
 
 
-def is_taken(truck: Point, own_number: int, others: Sequence[OtherCart], *, drives: bool) -> bool:
-    """Whether another cart is at the truck or drives there. drives: the own one does; only those before it
-    by number keep it from that then.
+def is_taken(truck: Point, own_number: int, left: float, others: Sequence[OtherCart]) -> bool:
+    """Whether another cart is at the truck, or drives there and is the first: nearer, or as near and before
+    it by number. left: of the own way there [m]
     """
     for cart in others:
-        near = hypot(cart.at.x - truck[0], cart.at.y - truck[1]) < AT_TRUCK
-        if near:
+        if hypot(cart.at.x - truck[0], cart.at.y - truck[1]) < AT_TRUCK:
             return True
-        way = cart.way() if cart.number < own_number or not drives else []
+        way = cart.way()
         if way and hypot(way[-1][0] - truck[0], way[-1][1] - truck[1]) < AT_TRUCK:
-            return True
+            nearer = left - EVERY * len(way)
+            if nearer > AS_NEAR or (nearer >= -AS_NEAR and cart.number < own_number):
+                return True
     return False
 
 

@@ -7,7 +7,8 @@ turn to the next pass. Where a combine will be next it drives only behind it.
 """
 
 from dataclasses import dataclass
-from math import cos, hypot, inf, isfinite, nan, sin, sqrt
+from functools import partial
+from math import cos, dist, hypot, inf, isfinite, nan, sin, sqrt
 from typing import Annotated
 
 import numpy as np
@@ -43,6 +44,7 @@ HELD_FOR = 8.0  # s without grain beside a combine that stands: it cannot turn w
 MISSED_FOR = 30.0  # s likewise, while that calls, or cuts on later: it comes up anew, or serves another one
 RETRY = 5.0  # s between two looks for a way
 ARRIVED, AT_PLACE = 0.4, 6.0  # m from the end of its way; from its place
+TURNS = 40.0  # m, that its way to the truck is longer than straight there, about
 AROUND, SHORTER = 150.0, 75.0  # m longer than straight there: it looks for a way that is so much shorter
 BLOCKED_FOR = 4.0  # s behind a machine that stands in its way, before it looks for another one
 
@@ -99,7 +101,7 @@ class Shuttle(KeepsState):
         places = [p.truck_m] if p.wait_m is None else [p.truck_m, p.wait_m]
         self._ways = CartWays(p.passes, p.boundary_m, p.header_m, p.beside_m, p.radius_m, places)
         self._clearance, self._wheelbase = Clearance(p.passes), setup.machine.wheelbase
-        self._outline = own_outline(setup.machine)
+        self._outline, self._is_taken = own_outline(setup.machine), partial(is_taken, p.truck_m, p.number)
         self._line: GuidanceLine | None = None
         self._heard, self._others, self._combines = AllHeard(), list[OtherCart](), dict[int, PeerState]()
         shares = p.fill_percent * PERCENT, p.leave_percent * PERCENT
@@ -161,7 +163,8 @@ class Shuttle(KeepsState):
         takes = since >= LATER * self._p.number and not is_loaded and self._is_free
         self._served = caller if takes else nearest(self._combines)
         place, peer = self._p.wait_m, self._combines[self._served]
-        if is_loaded and (place is None or not self._is_taken(drives=False)):
+        left = dist(here[:2], self._p.truck_m) + TURNS
+        if is_loaded and (place is None or not self._is_taken(left, self._others)):
             self._set_out(now, here, peer, "truck")
         elif is_loaded or not self._is_free or (place is not None and is_over):
             self._gets_out(now, here, peer, is_over=is_over and not is_loaded)
@@ -191,9 +194,6 @@ class Shuttle(KeepsState):
             self._set_out(now, here, peer, "place")
         elif is_over:
             self._phase = Phase.DONE
-
-    def _is_taken(self, *, drives: bool) -> bool:
-        return is_taken(self._p.truck_m, self._p.number, self._others, drives=drives)
 
     def _set_out(self, now: float, here: Place, peer: PeerState, goal: str, most: float = inf) -> None:
         """On a way to a combine, the truck or its place, if there is one. most: its length [m], to that pass
@@ -229,23 +229,24 @@ class Shuttle(KeepsState):
     def _drives(self, now: float, here: Place, peer: PeerState, inputs: Inputs) -> float:
         """Along the way that was found; on the line beside the pass it catches up."""
         station, heap, speed = inputs["station"], inputs["heap"], max(float(inputs["odometry"].speed), 0.0)
-        line = self._made()
-        nearest = line.project(here.x, here.y, self._way)
-        self._way = nearest.way
-        left = line.length - self._way
+        nearest = (line := self._made()).project(here.x, here.y, self._way)
+        self._way, left = nearest.way, line.length - nearest.way
         if left <= ARRIVED and self._goal != "combine":
             brings = self._calls.brings(heap, self._combines, self._others) or peer.phase == Phase.DONE
-            empties = brings and heap.grain > 0.0 and self._goal == "truck"
-            self._phase = Phase.EMPTIES if empties else Phase.WAITS
+            brings &= heap.grain > 0.0 and self._goal == "truck"
+            self._phase = Phase.EMPTIES if brings else Phase.WAITS
             self._since, self._is_free = now, True
             return 0.0
         to_combine = self._goal == "combine"
         withdrawn = to_combine and self._calls.withdraws(peer, here, self._p.number, self._others)
-        if withdrawn or (self._goal == "truck" and self._is_taken(drives=True)):
+        if withdrawn or (self._goal == "truck" and self._is_taken(left, self._others)):
             self._phase, self._task = Phase.WAITS, -1
             return 0.0
-        heard, waits, is_early = (self._combines, self._others), speed <= MOVES, peer.task < self._task
-        elsewhere = is_early and self._calls.turns_to_standing(now, self._served, *heard, waits=waits)
+        waits, is_early = speed <= MOVES, peer.task < self._task
+        is_held = waits and peer.speed <= MOVES and not peer.may_unload  # by one that stands, perhaps
+        elsewhere = (is_early or is_held) and self._calls.turns_to_standing(
+            now, self._served, self._combines, self._others, waits=waits
+        )
         if to_combine and (self._calls.is_lost(peer, self._task, is_beside=False) or elsewhere):
             self._phase, self._is_free = Phase.WAITS, True
             self._task = self._task if self._way >= self._lane else -1
@@ -260,11 +261,10 @@ class Shuttle(KeepsState):
             self._takes(way)
             line = self._made()
         rest = [said for said in self._combines.values() if said is not peer]
-        free = free_ahead(
+        free = min(met, free_ahead(
             self._clearance, here, line, self._way, self._lane, speed, peer, rest,
             is_early=is_early, to_next=to_next,
-        )  # fmt: skip
-        free = min(free, met)
+        ))  # fmt: skip
         if peer.age > SILENT and (in_lane or not self._clearance.is_in_way(here, peer)):
             return 0.0
         is_passed = in_lane and not is_early and speed < MOVES and waits_behind(peer)
@@ -306,8 +306,8 @@ class Shuttle(KeepsState):
         if left > hypot(x - here.x, y - here.y) + AROUND:  # about machines which have left since, perhaps
             self._set_out(now, here, peer, self._goal, left - SHORTER)
             self._retry_at = -inf
-            if self._number != number:
-                return True
+        if self._number != number:
+            return True
         until = self._ahead.on_far_ways(here, line, self._way, self._lane, self._combines)
         if until < inf:
             self._set_out(now, here, peer, self._goal)
