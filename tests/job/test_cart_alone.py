@@ -420,3 +420,22 @@ def test_a_cart_leaves_a_long_way_around_once_there_is_a_shorter_one(around, is_
         assert bench.step(said, 0.0).phase == Phase.DRIVES
     assert (part._points is not before) is is_left
     assert part._points[-1] == pytest.approx((-40.0, -20.0))
+
+
+@pytest.mark.parametrize(("may_unload", "speed", "phase", "leaves"), [
+    (False, 0.0, Phase.STANDS, True),
+    (True, 0.0, Phase.STANDS, False),
+    (False, 2.0, Phase.STANDS, False),
+    (False, 0.0, Phase.CUTS, False),
+])  # fmt: skip
+def test_a_cart_behind_a_combine_that_is_held_up_turns_to_one_that_stands(may_unload, speed, phase, leaves):
+    """That may wait for the other one, which stands for a cart at the end of its last pass."""
+    passes = (*NORTH, Pass(((200.0, 0.0), (200.0, 100.0)), combine=1))
+    bench, there = CartBench(passes), Place(HERE.x + 8.2, HERE.y + 8.0, NORTHWARD)
+    lane = {"points": np.array([HERE[:2], (HERE.x, 130.0)]), "lane": 0.0}
+    kept = {"phase": Phase.DRIVES, "goal": "combine", "task": 0, "is_clear": True, **lane}
+    bench.part.load({**bench.part.save(), **kept})
+    said = combine(HERE, there, Phase.CUTS, remaining=70.0, calls=True, may_unload=may_unload, speed=speed)
+    told = {"task": 2, "remaining": 0.0, "calls": True, "may_unload": True, "speed": 0.0}
+    job = bench.step(said, 0.2, other_1=combine(HERE, Place(200.0, 96.0, NORTHWARD), phase, **told))
+    assert (job.phase == Phase.WAITS) is leaves

@@ -107,18 +107,25 @@ def _thinned(points: Sequence[Point]) -> Iterator[Point]:
 def discs_of(others: Sequence[OtherCart], place: Point | None = None, away: float = 0.0) -> list[Disc]:
     """Circles (x, y, radius) that a way has to keep clear of: of radius AROUND about carts, APART about ways
     that they drive, WAITS about ways on which they stand. place: so far away [m]; others are not counted
-    about it that drive by there before a cart can come
+    about it that drive by there before a cart can come, nor those on their way there that are farther off
     """
     found: list[Disc] = []
     for cart in others:
         found += [(x, y, AROUND) for x, y in outline_of(cart.said).points(cart.at)]
-        way = cart.way()
-        if cart.said.speed >= STANDS and place is not None:
-            near = [hypot(x - place[0], y - place[1]) < OVER for x, y in way]
-            is_past = any(near) and EVERY * max(i for i, at in enumerate(near) if at) < away
-            way = [point for point, at in zip(way, near, strict=True) if not (at and is_past)]
-        found += [(x, y, WAITS if cart.said.speed < STANDS else APART) for x, y in way]
+        way, drives = cart.way(), cart.said.speed >= STANDS
+        if drives and place is not None:
+            way = _still_there(way, place, away)
+        found += [(x, y, APART if drives else WAITS) for x, y in way]
     return found
+
+
+def _still_there(way: list[Point], place: Point, away: float) -> list[Point]:
+    """What counts of another one's way for a cart that is so far away from its place [m]."""
+    near = [hypot(x - place[0], y - place[1]) for x, y in way]
+    if near and near[-1] < AT_TRUCK and EVERY * len(way) > away:
+        return []  # to the same place, later
+    last = max((i for i, off in enumerate(near) if off < OVER), default=len(way))
+    return way if EVERY * last >= away else [q for q, off in zip(way, near, strict=True) if off >= OVER]
 
 
 def is_in_line(station: Station) -> bool:

@@ -23,7 +23,7 @@ def add(parsers: Any) -> None:
     )  # fmt: skip
     run.add_argument(
         "--shared-out", action="store_true",
-        help="share passes out among combines and plan their turns before the job, as always at sensors",
+        help="share passes out among combines before the job, with turns and who waits where, as at sensors",
     )  # fmt: skip
     run.set_defaults(run=run_job)
     jobs = verbs.add_parser("list", help="list the bundled jobs; print one")
