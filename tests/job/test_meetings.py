@@ -15,6 +15,7 @@ from swath.job.events import Events
 from swath.job.kinematic import Kinematic
 from swath.job.machines import fleet_of
 from swath.job.meetings import Meetings
+from swath.job.saved import digest_of, load, save
 from swath.job.work import plan_of
 from swath.tools.fleet.work_plan import share_out
 from tests.job.layouts import layout_file
@@ -147,3 +148,13 @@ def test_at_each_crossing_one_of_both_orders_is_kept(told, motion):
 
     assert not broken(shared)
     assert broken(shared._replace(crossings=()))
+
+
+def test_a_job_that_is_saved_knows_who_was_let_first(told):
+    file, shared = told
+    whole = Job(file, shared, fleet_of(file), Events())
+    whole.run(1500.0)
+    again = load(save(whole))
+    again.run()
+    whole.run()
+    assert digest_of(again) == digest_of(whole)

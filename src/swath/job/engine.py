@@ -377,11 +377,7 @@ class Job:
         """Add what each machine did to its timeline."""
         for c in self.combines:
             if c.phase != "done":
-                c.timeline.add(
-                    "wait" if self.held(c).is_held else c.state,
-                    before,
-                    self.time,
-                    c.index if c.state == "cut" else -1,
-                )
+                state = "wait" if self.held(c).is_held else c.state
+                c.timeline.add(state, before, self.time, c.index if state == "cut" else -1)
         for k in self.carts:
             k.timeline.add(cart_state(k), before, self.time)
