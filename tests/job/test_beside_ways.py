@@ -368,6 +368,16 @@ def test_a_cart_that_would_come_too_late_sets_out_for_the_next_pass(away, remain
     assert Calls(long[:1], 15.0).next_task(replace(said, speed=speed)) == 0  # there is no other one
 
 
+@pytest.mark.parametrize(("stands_in", "task"), [(31.0, 0), (20.0, 0), (45.0, 2), (np.nan, 2)])
+def test_a_cart_sets_out_to_the_pass_in_which_the_combine_will_stand(stands_in, task):
+    """It has 60 m of it to go, 30.9 s: too few to be joined while it drives on, to the next but one."""
+    lines = (((x, 0.0), (x, 300.0)) for x in (0.0, 12.7, 25.4))
+    passes = [Pass(line, cart_beside=i != 1) for i, line in enumerate(lines)]
+    own = Place(-60.0, 0.0, NORTHWARD)
+    said = combine(own, Place(0.0, 236.0, NORTHWARD), Phase.CUTS, remaining=60.0, calls=True)
+    assert Calls(passes, 25.0).next_task(replace(said, stands_in=stands_in)) == task
+
+
 def test_a_place_that_an_earlier_pass_leads_over_is_not_free():
     passes = (*NORTH, Pass(((24.0, 0.0), (24.0, 100.0))))
     here, there = Place(-30.0, 20.0, NORTHWARD), Place(24.0 - 8.7, 20.0, NORTHWARD)

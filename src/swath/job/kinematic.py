@@ -6,8 +6,6 @@ sensors: places are the true ones. Corners of opening rounds, where a combine re
 standing, and the machine is set on the next side.
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,7 +33,6 @@ from swath.job.give_way import GiveWay, room_for
 from swath.job.hand_over import hand_over
 from swath.job.leave import leave
 from swath.job.machines import REVERSE
-from swath.job.meetings import AT_HOLD
 from swath.job.path import Path, Pose, ahead_of, polyline
 from swath.job.settle import Settle, waits_for
 from swath.job.standoff import Standoff
@@ -44,7 +41,6 @@ from swath.job.traffic import LOOKS, Mover, look, steer_aside
 
 Array = NDArray[np.float64]
 STEP = 0.2  # s
-BRAKE = 0.4  # m/s2, to where it has to wait for another combine, as with sensors
 STOPS, CREEP = 0.25, 0.1  # 1/s, m/s: to the start of a pass whose leader in echelon is too near ahead
 OFF = 1.0  # m before the line beside its combine, from where a cart is not held against that
 STRAIGHT = 10.0  # m along that line, after which its trailer is there, too
@@ -268,7 +264,7 @@ class Kinematic:
         name = c.spec.name
         made = self._mover(job, c, self._wanted_of_combine(job, c))
         corner = self._corners.get(name)
-        made.turns = c.phase == "way" and corner is None and made.driver.manoeuvre is None
+        made.turns = c.phase == "way" and not (corner or made.driver.manoeuvre or job.held(c).is_held)
         if corner is not None:
             leader = job.leader_of(c)
             if leader is None or ahead_of_start(leader, c) >= job.file.team.lag_m:
@@ -307,8 +303,7 @@ class Kinematic:
             pace = min(pace, max(leader.speed + 0.2 * (job.gap(leader, c) - job.file.team.lag_m), 0.0))
         if c.phase == "way" and leader is not None and ahead_of_start(leader, c) < job.file.team.lag_m:
             pace = min(pace, max(STOPS * driver.left, CREEP))
-        free = job.held(c).free
-        pace = min(pace, math.sqrt(2.0 * BRAKE * (free - 0.5 * AT_HOLD)) if free > AT_HOLD else 0.0)
+        pace = min(pace, job.held(c).limit)
         if c.phase in ("haul", "back") and c.left < 12.0:
             pace = min(pace, max(0.25 * c.left, 0.3))
         return pace

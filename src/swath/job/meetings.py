@@ -6,12 +6,13 @@ tell each other is heard at once.
 """
 
 from collections.abc import Sequence
-from math import inf, nan
+from math import inf, nan, sqrt
 from typing import NamedTuple
 
 from swath.control.job.abreast import own_passes
 from swath.control.job.crossings import Crossing, Crossings
 from swath.control.job.passes import Pass, way_along
+from swath.control.job.turn_speed import BRAKE
 from swath.core.schedule import NS
 from swath.job.states import CombineState
 from swath.signals import PeerState, Phase
@@ -32,6 +33,11 @@ class Held(NamedTuple):
     def is_held(self) -> bool:
         """Whether it has to stand here."""
         return self.free <= AT_HOLD
+
+    @property
+    def limit(self) -> float:
+        """Speed from which it comes to rest there [m/s]."""
+        return 0.0 if self.is_held else sqrt(2.0 * BRAKE * (self.free - 0.5 * AT_HOLD))
 
 
 class Meetings:

@@ -11,6 +11,7 @@ from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass, way_along
 from swath.control.job.right_of_way import place_of
 from swath.core.component import KeepsState
+from swath.core.units import KMH
 from swath.signals import HeapState, PeerState, Phase
 
 FORESIGHT = 2  # passes after the present one, for which it sets out
@@ -23,6 +24,7 @@ AS_NEAR = 20.0  # m, less than that one of two carts is not nearer than the othe
 BEHIND = -12.0  # m ahead of a cart: beside it a combine's axle is some 5 m behind the cart's
 SPEED = 2.0  # m/s of a combine at work
 CART_SPEED, SERVES, BETWEEN = 3.0, 120.0, 60.0  # m/s straight there; s beside, to the next: estimates
+SOON = 3.0  # s, less than any turn
 LEAVES = 0.3  # m/s, faster than which a combine drives off
 NOBODY = -1, -inf
 AGAIN = 30.0  # s, for which a combine that was put back goes last
@@ -277,7 +279,7 @@ class Calls(KeepsState):
         own = self._own[passes[peer.task].combine]
         then = own[own.index(peer.task) + 1 :][:FORESIGHT]
         found = next((i for i in then if passes[i].cart_beside), -1)
-        stands = peer.phase == Phase.STANDS or self.will_stand(peer)
+        stands = peer.phase == Phase.STANDS or self.will_stand(peer) or self._stands_soon(peer)
         is_here = passes[peer.task].cart_beside or (passes[peer.task].cart_standing and (stands or found < 0))
         way = peer.speed * _time_to_join(peer) if found >= 0 else 0.0
         if is_here and (stands or peer.remaining > least + way):
@@ -293,6 +295,13 @@ class Calls(KeepsState):
         near_end = peer.remaining < self.break_off(peer.task)
         stays = peer.phase == Phase.STANDS or self.will_stand(peer)
         return near_end and not (peer.may_unload if is_beside else stays)
+
+    def _stands_soon(self, peer: PeerState) -> bool:
+        """Whether a combine, by its forecast, will stand for a cart in what is left of its pass, or at its
+        end.
+        """
+        cuts = peer.phase == Phase.CUTS and peer.remaining > 0.0
+        return cuts and peer.stands_in < peer.remaining / (self._passes[peer.task].speed_kmh * KMH) + SOON
 
     def will_stand(self, peer: PeerState) -> bool:
         """Whether a combine that calls comes to the end of its pass and unloads there before it goes on."""
