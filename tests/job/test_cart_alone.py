@@ -439,3 +439,14 @@ def test_a_cart_behind_a_combine_that_is_held_up_turns_to_one_that_stands(may_un
     told = {"task": 2, "remaining": 0.0, "calls": True, "may_unload": True, "speed": 0.0}
     job = bench.step(said, 0.2, other_1=combine(HERE, Place(200.0, 96.0, NORTHWARD), phase, **told))
     assert (job.phase == Phase.WAITS) is leaves
+
+
+@pytest.mark.parametrize(("level", "goal"), [(0.3, "truck"), (0.0, "place")])
+def test_a_cart_on_its_way_to_its_place_brings_what_it_has_once_nobody_needs_it(level, goal):
+    bench = CartBench(wait_m=(-40.0, -20.0))
+    said = combine(HERE, AWAY, Phase.CUTS, task=1, remaining=80.0, stands_in=100.0, may_unload=True)
+    assert bench.ends_in(said, level).phase == Phase.DRIVES
+    assert bench.part._goal == "place"
+    jobs = [bench.step(replace(said, phase=Phase.DONE, speed=0.0), level) for _ in range(60)]
+    assert jobs[-1].phase == Phase.DRIVES
+    assert bench.part._goal == goal

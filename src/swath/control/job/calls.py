@@ -53,15 +53,13 @@ def nearest(combines: Mapping[int, PeerState]) -> int:
 
 class Calls(KeepsState):
     """passes: of all combines; break_off: before the end of a pass [m], but in a combine's last one; fills:
-    of the largest heap, that a cart takes for sure; leave: likewise, from which it is loaded
+    of the largest heap, that a cart takes for sure
     """
 
     kept = ("_since", "_put", "_no_way")
 
-    def __init__(
-        self, passes: Sequence[Pass], break_off: float, fills: float = 0.75, leave: float = 0.6
-    ) -> None:
-        self._passes, self._break_off, self._fills, self._leave = passes, break_off, fills, leave
+    def __init__(self, passes: Sequence[Pass], break_off: float, fills: float = 0.75) -> None:
+        self._passes, self._break_off, self._fills = passes, break_off, fills
         self._own = {work.combine: own_passes(passes, work.combine) for work in passes}
         self._rest = [0.0 for _ in passes]  # of the work behind each pass [m]
         for own in self._own.values():
@@ -177,24 +175,6 @@ class Calls(KeepsState):
     def is_served(self, combine: PeerState, others: Sequence[OtherCart]) -> bool:
         """Whether another cart serves a combine."""
         return any(self._serves(cart, combine) for cart in others)
-
-    def brings(self, heap: HeapState, combines: Mapping[int, PeerState], others: Sequence[OtherCart]) -> bool:
-        """Whether a cart is loaded, or nobody needs it any more."""
-        return self.is_spare(combines.values(), others) or heap.level >= self._leave
-
-    def leaves(
-        self,
-        heap: HeapState,
-        combines: Mapping[int, PeerState],
-        others: Sequence[OtherCart],
-        *,
-        is_alone: bool,
-    ) -> bool:
-        """Nobody needs it; or loaded, without room for half a tank that waits, or, alone, for all to come."""
-        is_spare = self.is_spare(combines.values(), others)
-        if is_spare or heap.level < self._leave:
-            return is_spare and heap.grain > 0.0
-        return not self.has_room(heap, combines.values(), others, is_alone=is_alone)
 
     def has_room(
         self, heap: HeapState, combines: Collection[PeerState], others: Sequence[OtherCart], *, is_alone: bool

@@ -7,7 +7,6 @@ turn to the next pass. Where a combine will be next it drives only behind it.
 """
 
 from dataclasses import dataclass
-from functools import partial
 from math import cos, dist, hypot, inf, isfinite, nan, sin, sqrt
 from typing import Annotated
 
@@ -18,12 +17,13 @@ from swath.control.cooperate.peer_track import OTHER_PORTS
 from swath.control.job.bend_speed import bend_speed
 from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, stands_for_cart, waits_behind
 from swath.control.job.cart_ways import MOVES, CartWays, Way
-from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_in_line, is_taken, others_of
+from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_in_line, others_of
 from swath.control.job.dubins import Place
 from swath.control.job.free_ahead import free_ahead
 from swath.control.job.heard import SILENT, AllHeard
 from swath.control.job.passes import Coordinate, Pass
 from swath.control.job.right_of_way import SHORT, Clearance, own_outline
+from swath.control.job.to_truck import ToTruck
 from swath.control.job.wait_ahead import AHEAD, Found, WaitAhead
 from swath.control.steer.guidance_line import GuidanceLine
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -44,7 +44,6 @@ HELD_FOR = 8.0  # s without grain beside a combine that stands: it cannot turn w
 MISSED_FOR = 30.0  # s likewise, while that calls, or cuts on later: it comes up anew, or serves another one
 RETRY = 5.0  # s between two looks for a way
 ARRIVED, AT_PLACE = 0.4, 6.0  # m from the end of its way; from its place
-TURNS = 40.0  # m, that its way to the truck is longer than straight there, about
 AROUND, SHORTER = 150.0, 75.0  # m longer than straight there: it looks for a way that is so much shorter
 BLOCKED_FOR = 4.0  # s behind a machine that stands in its way, before it looks for another one
 
@@ -101,18 +100,19 @@ class Shuttle(KeepsState):
         places = [p.truck_m] if p.wait_m is None else [p.truck_m, p.wait_m]
         self._ways = CartWays(p.passes, p.boundary_m, p.header_m, p.beside_m, p.radius_m, places)
         self._clearance, self._wheelbase = Clearance(p.passes), setup.machine.wheelbase
-        self._outline, self._is_taken = own_outline(setup.machine), partial(is_taken, p.truck_m, p.number)
+        self._outline = own_outline(setup.machine)
         self._line: GuidanceLine | None = None
         self._heard, self._others, self._combines = AllHeard(), list[OtherCart](), dict[int, PeerState]()
-        shares = p.fill_percent * PERCENT, p.leave_percent * PERCENT
-        self._calls = Calls(p.passes, p.break_off_m, *shares)
+        self._calls = Calls(p.passes, p.break_off_m, p.fill_percent * PERCENT)
+        leave = p.leave_percent * PERCENT
+        self._truck = ToTruck(p.truck_m, p.number, leave, self._calls, is_alone=p.wait_m is None)
         self._ahead = WaitAhead(p.passes, self._outline, self._clearance, self._calls)
         self._forget()
 
     def _forget(self) -> None:
         self._phase, self._goal, self._task, self._number = Phase.WAITS, "", -1, 0
         self._points = np.zeros((0, 2))
-        self._way = self._lane = 0.0
+        self._way, self._lane, self._line = 0.0, 0.0, None
         self._since, self._until, self._retry_at, self._poured_at = inf, -inf, -inf, -inf
         self._is_clear, self._drives_to, self._looks_at = True, inf, -inf
         self._is_free, self._ended, self._blocked_at, self._served, self._spot = True, "", inf, 0, nan
@@ -122,7 +122,6 @@ class Shuttle(KeepsState):
     def reset(self, stream: Stream) -> Outputs:
         """Waits where it stands."""
         self._forget()
-        self._line = None
         return self._out(0, 0.0)
 
     def load(self, state: dict[str, object]) -> None:
@@ -159,12 +158,11 @@ class Shuttle(KeepsState):
             return
         is_over = all(said.phase == Phase.DONE for said in combines)
         caller, since = self._calls.neediest(now, self._combines, self._others)
-        is_loaded = self._calls.leaves(heap, self._combines, self._others, is_alone=self._p.wait_m is None)
+        is_loaded = self._truck.leaves(heap, self._combines, self._others)
         takes = since >= LATER * self._p.number and not is_loaded and self._is_free
         self._served = caller if takes else nearest(self._combines)
         place, peer = self._p.wait_m, self._combines[self._served]
-        left = dist(here[:2], self._p.truck_m) + TURNS
-        if is_loaded and (place is None or not self._is_taken(left, self._others)):
+        if is_loaded and self._truck.is_first(here, self._others):
             self._set_out(now, here, peer, "truck")
         elif is_loaded or not self._is_free or (place is not None and is_over):
             self._gets_out(now, here, peer, is_over=is_over and not is_loaded)
@@ -187,12 +185,11 @@ class Shuttle(KeepsState):
     def _gets_out(self, now: float, here: Place, peer: PeerState, *, is_over: bool) -> None:
         """To the place where it waits; a single cart waits at the truck, where it is cleared off to."""
         place = self._p.wait_m
-        if place is None:
-            if not self._is_free:
-                self._set_out(now, here, peer, "truck")
-        elif hypot(here.x - place[0], here.y - place[1]) > AT_PLACE:
+        if place is None and not self._is_free:
+            self._set_out(now, here, peer, "truck")
+        elif place is not None and dist(here[:2], place) > AT_PLACE:
             self._set_out(now, here, peer, "place")
-        elif is_over:
+        elif place is not None and is_over:
             self._phase = Phase.DONE
 
     def _set_out(self, now: float, here: Place, peer: PeerState, goal: str, most: float = inf) -> None:
@@ -232,14 +229,14 @@ class Shuttle(KeepsState):
         nearest = (line := self._made()).project(here.x, here.y, self._way)
         self._way, left = nearest.way, line.length - nearest.way
         if left <= ARRIVED and self._goal != "combine":
-            brings = self._calls.brings(heap, self._combines, self._others) or peer.phase == Phase.DONE
+            brings = self._truck.brings(heap, self._combines, self._others) or peer.phase == Phase.DONE
             brings &= heap.grain > 0.0 and self._goal == "truck"
             self._phase = Phase.EMPTIES if brings else Phase.WAITS
             self._since, self._is_free = now, True
             return 0.0
         to_combine = self._goal == "combine"
         withdrawn = to_combine and self._calls.withdraws(peer, here, self._p.number, self._others)
-        if withdrawn or (self._goal == "truck" and self._is_taken(left, self._others)):
+        if withdrawn or (self._goal == "truck" and self._truck.is_taken(left, self._others)):
             self._phase, self._task = Phase.WAITS, -1
             return 0.0
         waits, is_early = speed <= MOVES, peer.task < self._task
@@ -288,7 +285,7 @@ class Shuttle(KeepsState):
 
     def _takes_call(self, now: float, here: Place, heap: HeapState) -> bool:
         """On its way to where it waits, not to bring grain: whether it sets out to a combine that calls."""
-        if self._goal == "combine" or self._calls.brings(heap, self._combines, self._others):
+        if self._goal == "combine" or self._truck.brings(heap, self._combines, self._others):
             return False
         served, (caller, since) = self._served, self._calls.neediest(now, self._combines, self._others)
         if since >= LATER * self._p.number:
@@ -302,9 +299,12 @@ class Shuttle(KeepsState):
         self._looks_at, number, is_early = now + RETRY, self._number, peer.task < self._task
         if self._takes_call(now, here, inputs["heap"]):
             return True
-        left, (x, y) = min(self._lane, line.length) - self._way, line.point(min(self._lane, line.length))
-        if left > hypot(x - here.x, y - here.y) + AROUND:  # about machines which have left since, perhaps
-            self._set_out(now, here, peer, self._goal, left - SHORTER)
+        to_place, end = self._goal == "place", min(self._lane, line.length)
+        leaves = to_place and self._truck.leaves(inputs["heap"], self._combines, self._others)
+        if leaves and self._truck.is_first(here, self._others):
+            self._set_out(now, here, peer, "truck")
+        elif end - self._way > dist(here[:2], line.point(end)) + AROUND:  # machines may have left since
+            self._set_out(now, here, peer, self._goal, end - self._way - SHORTER)
             self._retry_at = -inf
         if self._number != number:
             return True
