@@ -93,7 +93,10 @@ def test_a_way_of_sharing_out_that_leaves_a_combine_without_a_pass_is_left_out(f
 
     monkeypatch.setattr(lands, "taken_by_events", taken)
     if first:
-        assert work_plan(file, plan, fleet).shared == lands.with_turns(as_events, fleet.combines)
+        found = work_plan(file, plan, fleet).shared
+        assert found._replace(told=(), crossings=()) == lands.with_turns(as_events, fleet.combines)
+        assert len(found.told) == len(found.plan.passes)
+        assert found.crossings
     else:
         with pytest.raises(InputError, match="a pass for every combine"):
             work_plan(file, plan, fleet)
