@@ -7,8 +7,8 @@ SWATH_DATA=... python benchmarks/harvest.py
 --driven: bundled jobs, or layouts from a number to another: hours by events and by driven machines, whether
 both rank the numbers of carts alike, seconds for which bodies of driven machines are over each other, and
 standoffs that were not solved.
---shared-out: the same of layouts, passes shared out among combines before the job, with turns and waits as with
-sensors.
+--shared-out: the same of layouts, passes shared out among combines before the job, with turns and waits as
+with sensors.
 --spread: hours by events of layouts from a number to another, with speeds of machines up to so much off.
 --sensors: layouts with a number of carts at the level with sensors, the edge known and machines kinematic:
 hours until the last grain is at the truck against events as machines come to the passes, events and
