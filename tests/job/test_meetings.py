@@ -10,14 +10,16 @@ import pytest
 from swath.control.job.crossings import Crossing, GivesWay
 from swath.control.job.passes import Pass
 from swath.control.steer.path import Segment
-from swath.job.engine import Job
+from swath.job.engine import DRIVES_UP, Job
 from swath.job.events import Events
 from swath.job.kinematic import Kinematic
 from swath.job.machines import fleet_of
-from swath.job.meetings import Meetings
+from swath.job.meetings import Held, Meetings
+from swath.job.plan import Shared
 from swath.job.saved import digest_of, load, save
 from swath.job.work import plan_of
 from swath.tools.fleet.work_plan import share_out
+from tests.job.jobs import job_file
 from tests.job.layouts import layout_file
 
 TURN = (Segment(20.0, 0.0, 0.0),)
@@ -158,3 +160,52 @@ def test_a_job_that_is_saved_knows_who_was_let_first(told):
     again.run()
     whole.run()
     assert digest_of(again) == digest_of(whole)
+
+
+def two_and_two(told, motion=Events):
+    """A job of two combines and two carts at its begin. told: as with passes shared out"""
+    file = job_file(2, 2)
+    fleet = fleet_of(file)
+    plan = plan_of(file, fleet, None)
+    by = [i % 2 for i in range(len(plan.passes))]
+    return Job(file, Shared(plan, by, {}, told=PASSES if told else ()), fleet, motion())
+
+
+@pytest.mark.parametrize(("told", "waited", "drives_up"), [
+    (True, True, DRIVES_UP), (True, False, 0.0), (False, True, 0.0),
+])  # fmt: skip
+def test_a_cart_that_waited_for_another_one_at_the_truck_drives_up(told, waited, drives_up):
+    job = two_and_two(told)
+    first, second = job.carts
+    second.phase, second.grain = "queue", 1000.0
+    if waited:
+        first.phase, first.timer, first.grain = "emptying", 10.0, 1000.0
+        job._cart(second)
+        assert second.phase == "queue"
+    first.phase, first.timer, first.grain = "idle", 0.0, 0.0
+    job._cart(second)
+    assert second.phase == "emptying"
+    assert second.timer == pytest.approx(job.file.truck.dock_s + drives_up)
+
+
+@pytest.mark.parametrize("holds_up", [True, False])
+def test_one_in_its_last_pass_that_holds_up_another_one_is_served_as_one_that_stands(holds_up, monkeypatch):
+    job = two_and_two(told=True)
+    last, _ = job.combines
+    last.phase, last.is_last, last.since, last.tank, job.time = "stand", True, 100.0, 1000.0, 300.0
+    before = job._need((job.carts[0], last))
+    held = {0: Held(), 1: Held(0.0, 0) if holds_up else Held()}
+    monkeypatch.setattr(job, "held", lambda c: held[c.number])
+    assert (job._need((job.carts[0], last)) < before) is holds_up
+    last.is_last = False
+    assert (job._need((job.carts[0], last)) < before) is True
+
+
+@pytest.mark.parametrize("is_held", [True, False])
+def test_a_driven_combine_claims_its_turn_unless_it_has_to_wait_in_it(is_held, monkeypatch):
+    job = two_and_two(told=True, motion=Kinematic)
+    while all(c.phase != "way" or c.before < 0 or c.spec.name in job.motion._corners for c in job.combines):
+        job.run(job.time + 1.0)
+    turns = next(c for c in job.combines if c.phase == "way" and c.before >= 0)
+    monkeypatch.setattr(job, "held", lambda _: Held(0.0, 1 - turns.number) if is_held else Held())
+    assert job.motion._mover_of_combine(job, turns).turns is not is_held

@@ -94,8 +94,8 @@ class FieldPlan:
 class Shared(NamedTuple):
     """Passes shared out among combines before the job, in the order in which they are begun. by: number of
     the combine of each; turns: pieces of the way of its fixed axle behind a pass, by the number of the pass,
-    to the next one of the same combine; told: the passes as machines with sensors are told them; crossings:
-    where ways of combines meet then
+    to the next one of the same combine; told: the passes as machines with sensors are told them, in a job in
+    which carts drive up to the truck as there; crossings: where ways of combines meet then
     """
 
     plan: FieldPlan

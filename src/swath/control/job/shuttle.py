@@ -207,7 +207,7 @@ class Shuttle(KeepsState):
             found = self._ahead.found(self._ways, here, task, peer, discs, rest)
         else:
             place = (self._p.wait_m if goal == "place" else None) or self._p.truck_m
-            past = discs_of(self._others, place, hypot(place[0] - here.x, place[1] - here.y))
+            past = discs_of(self._others, place, dist(here[:2], place))
             way = self._ways.to_place(here, place, peer, discs, rest, past)
             found = None if way is None else Found(way, is_clear=True, until=inf)
         if found is None and most == inf:
@@ -230,8 +230,8 @@ class Shuttle(KeepsState):
         self._way, left = nearest.way, line.length - nearest.way
         if left <= ARRIVED and self._goal != "combine":
             brings = self._truck.brings(heap, self._combines, self._others) or peer.phase == Phase.DONE
-            brings &= heap.grain > 0.0 and self._goal == "truck"
-            self._phase = Phase.EMPTIES if brings else Phase.WAITS
+            empties = brings and heap.grain > 0.0 and self._goal == "truck"
+            self._phase = Phase.EMPTIES if empties else Phase.WAITS
             self._since, self._is_free = now, True
             return 0.0
         to_combine = self._goal == "combine"
