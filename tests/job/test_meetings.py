@@ -111,7 +111,7 @@ def passed(file, shared, motion):
     move = job.motion.move
 
     def noted(of):
-        found.append((of.time, [where._at(c) for c in of.combines]))
+        found.append((of.time, [where._messages.come(c) for c in of.combines]))
         return move(of)
 
     job.motion.move = noted

@@ -103,8 +103,7 @@ def way_beside(
     [m]; direct: there in one turn; leaves: another combine, beside which it drives straight on first;
     is_free: whether a way leads over cut ground; straight there, if shorter
     """
-    is_there = math.hypot(here.x - truck.x, here.y - truck.y) <= AT_TRUCK
-    out = STRAIGHT_OUT if is_there or leaves else out_of_turn(here, at, cart)
+    out = straight_out(here, at, cart, truck, leaves=leaves)
     begin, here = here, ahead_of(here, out)
     combine, task = at.spec, at.task
     line = np.array([at.place[:2], at.place[:2]]) if task is None else task.line
@@ -132,6 +131,12 @@ def way_beside(
     length = float(np.hypot(*np.diff(beside_it, axis=0).T).sum())
     begins = path.length - BEYOND - length - box_offset(combine) + box_behind(cart)
     return WayBeside(path, begins, length, out + onto)
+
+
+def straight_out(here: Pose, at: CombineState, cart: Cart, truck: Pose, *, leaves: bool) -> float:
+    """How far a cart drives straight on first [m], as in `way_beside`."""
+    is_there = math.hypot(here.x - truck.x, here.y - truck.y) <= AT_TRUCK
+    return STRAIGHT_OUT if is_there or leaves else out_of_turn(here, at, cart)
 
 
 def out_of_turn(here: Pose, at: CombineState, cart: Cart) -> float:

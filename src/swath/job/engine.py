@@ -22,6 +22,7 @@ from swath.job.meetings import Held, Meetings
 from swath.job.motion import Motion
 from swath.job.path import Pose
 from swath.job.plan import FieldPlan, Shared
+from swath.job.shared_ways import SharedWays
 from swath.job.states import (
     DONE,
     CartState,
@@ -64,6 +65,9 @@ class Job:
         self.drives_up = DRIVES_UP if of.told else 0.0
         self.meetings = Meetings(of.told, of.crossings, self.combines) if of.crossings else None
         self.places = [place_at_truck(self.truck, plan.boundary, i) for i in range(len(fleet.carts))]
+        searches = of.told and of.turns and file.team.together != "echelon"
+        lead = fleet.combines[0]
+        self.shared_ways = SharedWays(of.told, plan.boundary, lead, self.places) if searches else None
         self.carts = [CartState(c, p) for c, p in zip(fleet.carts, self.places, strict=True)]
         self.time, self.moves = 0.0, 0
         volume = file.truck.volume_m3

@@ -123,6 +123,29 @@ def polyline(points: Array, spacing: float = 1.0) -> Path:
     return Path(np.stack([x, y], axis=1), heading, np.zeros(len(fine)), fine)
 
 
+def through(points: Array, radius: float) -> Path:
+    """A path through points (n, 2) [m] that lie close together in bends. radius: of its tightest bend [m]"""
+    steps = np.diff(np.asarray(points, dtype=float), axis=0)
+    length = np.hypot(steps[:, 0], steps[:, 1])
+    steps, length = steps[length > 1e-9], length[length > 1e-9]
+    course = np.unwrap([math.atan2(y, x) for x, y in steps.tolist()])
+    count = np.maximum(np.ceil(length), 1).astype(int)  # at most 1 m apart
+    at = np.concatenate([[0.0], np.cumsum(np.repeat(length / count, count))])
+    heading = np.repeat(course, count)
+    x, y = (
+        p + np.concatenate([[0.0], np.cumsum(np.repeat(s / count, count))])
+        for p, s in zip(points[0], steps.T, strict=True)
+    )
+    curvature = np.zeros(len(at))
+    curvature[1:-1] = np.diff(heading) / (0.5 * (at[2:] - at[:-2]))
+    return Path(
+        np.stack([x, y], axis=1),
+        np.append(heading, heading[-1]),
+        np.clip(curvature, -1.0 / radius, 1.0 / radius),
+        at,
+    )
+
+
 def joined(paths: Sequence[Path]) -> Path:
     """Paths driven one after the other as one; each begins where the one before ends."""
     paths = [p for p in paths if len(p.points) > 1]

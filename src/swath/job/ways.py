@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.job.cart_ways import LOOKED_AT, RUN_UP, WayBeside, way_beside
+from swath.job.cart_ways import LOOKED_AT, RUN_UP, WayBeside, straight_out, way_beside
 from swath.job.combine_ways import axle_pose
 from swath.job.combine_ways import way_to_pass as way_of_combine
 from swath.job.machines import Combine
@@ -41,7 +41,8 @@ def way_to_truck(job: Any, cart: CartState, here: Pose) -> Path:
 
 def way_to_combine(job: Any, cart: CartState, here: Pose) -> WayBeside:
     """Of a cart from a place, as `way_beside`; from the truck straight out of its lane first. Of some ways
-    the first that leads clear of the truck.
+    the first that leads clear of the truck. Where passes are shared out before the job, a shorter one that
+    is found as with sensors.
     """
     assert cart.combine is not None
     combine, place = cart.combine, job.place_at_truck(cart)
@@ -54,9 +55,14 @@ def way_to_combine(job: Any, cart: CartState, here: Pose) -> WayBeside:
         )
         found = found or way
         if is_clear(way.path, job.places[0], job.fleet.truck):
-            return way
+            found = way
+            break
     assert found is not None
-    return found
+    if job.shared_ways is None:
+        return found
+    out = straight_out(here, combine, cart.spec, place, leaves=leaves)
+    way = job.shared_ways.to_combine(cart, here, out, job.combines, found)
+    return found if way is None or not is_clear(way.path, job.places[0], job.fleet.truck) else way
 
 
 def way_to_pass(job: Any, combine: CombineState, here: Pose) -> Path:
