@@ -58,3 +58,18 @@ def test_a_combine_does_not_begin_a_turn_that_leads_back_over_a_cart_that_sets_o
     beside, other = (replace(said, phase=Phase.BESIDE, task=task) for task in (0, 7))
     assert in_way.is_blocked(route, route.length, here, [beside], is_last=False) is blocks  # leaves it soon
     assert not in_way.is_blocked(route, route.length, here, [other], is_last=False)  # beside another one
+
+
+@pytest.mark.parametrize("late", [0.0, 0.5, 0.93])
+def test_a_combine_that_came_to_rest_late_does_not_begin_its_turn_beside_a_cart_that_sets_off(late):
+    """Not yet turned as its route is there, it is farther from the trailer than that says."""
+    turn = (Segment(31.4, 0.1, 0.1),)
+    passes = [Pass(((0.0, 0.0), (100.0, 0.0)), turn=turn), Pass(((100.0, 20.0), (0.0, 20.0)))]
+    route = route_of(passes, 0, COMBINE.knife_x, TurnLimits(7.0, 0.1))
+    here = Place(100.0 - COMBINE.knife_x + late, 0.0, 0.0)
+    said = replace(
+        cart(5.28, 7.95, 0.03, speed=0.96),
+        box_x=-5.5, box_y=0.15, box_heading=-0.035, box_length=6.0, box_width=3.0,
+    )  # fmt: skip
+    in_way = CartsInWay(COMBINE, [0, 1])
+    assert in_way.is_blocked(route, route.length + late, here, [said], is_last=False)

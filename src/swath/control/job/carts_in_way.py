@@ -91,17 +91,26 @@ class CartsInWay:
         makes_room = said.phase != Phase.BESIDE or said.task in self._passes  # not beside another combine
         if said.speed < SETS_OFF and makes_room and not is_last:
             reach = min(max(reach, route.length + route.turn + BEYOND - way), FAR)
-        return self._is_in_way(route, way, here, said, clear, SOON, reach)
+        begins = (), (here,)  # one that came to rest late is not yet turned as its route is there
+        return any(self._is_in_way(route, way, here, said, clear, SOON, reach, begin) for begin in begins)
 
     def _is_in_way(
-        self, route: Route, way: float, here: Place, said: PeerState, clear: float, soon: int, reach: float
+        self,
+        route: Route,
+        way: float,
+        here: Place,
+        said: PeerState,
+        clear: float,
+        soon: int,
+        reach: float,
+        begin: Sequence[Place] = (),
     ) -> bool:
         if hypot(said.x, said.y) > NEAR + reach - AHEAD + said.speed * (soon - SHORTLY):
             return False
         at = place_of(here, said)
         ahead = [0.0] if said.speed < STANDS else [said.speed * i for i in range(soon)]
         places = [Place(*beside(*at, on, 0.0), at.heading) for on in ahead]
-        return self._sweeps(route, way, said, places, clear, reach)
+        return self._sweeps(route, way, said, places, clear, reach, begin)
 
     def _sweeps(
         self,
@@ -111,8 +120,10 @@ class CartsInWay:
         places: Sequence[Place],
         clear: float = SWEPT,
         reach: float = AHEAD,
+        begin: Sequence[Place] = (),
     ) -> bool:
-        return is_swept(self._outline, _through(route, way, reach), outline_of(said), places, clear)
+        ways = [*begin, *_through(route, way, reach)]
+        return is_swept(self._outline, ways, outline_of(said), places, clear)
 
 
 def _through(route: Route, way: float, reach: float) -> list[Place]:
