@@ -35,9 +35,12 @@ LOOKS = 1.0  # s between two looks of a combine that waits for another one
 RAMP = 1.0  # s, longest jump while a combine changes its speed
 STEADY = 0.02  # m/s, within which it has its speed
 LONGEST = 1e5  # s
-# s by which a way takes longer than the ride, and for each other combine at work: a turn and a far way to the
-# next pass, a cart's to a combine and to the truck. Estimate: driven machines of 20 layouts (docs/fleet.md)
-TURN_LOSES, FAR_LOSES, CART_LOSES, BACK_LOSES = (1.0, 1.3), (1.0, 4.8), (4.7, 2.4), (7.0, 1.1)
+# s by which a way takes longer than the ride, for each other combine at work, and for each other cart: a turn
+# and a far way to the next pass, a cart's to a combine and to the truck. Estimate: driven machines of 20
+# layouts (docs/fleet.md)
+TURN_LOSES, FAR_LOSES = (1.0, 1.3, 0.0), (1.0, 4.8, 0.0)
+CART_LOSES, BACK_LOSES = (4.7, 2.4, 0.0), (7.0, 1.1, 0.0)
+FOUND_LOSES = (14.0, 1.0, 4.0)  # of a cart to a combine on ways as with sensors. Estimate: these (likewise)
 
 
 @dataclass
@@ -100,7 +103,8 @@ class Events:
         assert cart.combine is not None
         path, base, length, _ = ways.way_to_combine(job, cart, self._place(cart))
         before = self._ways.get(cart.spec.name)
-        lost = _lost(CART_LOSES, job, cart.combine) if before is None else before.ride.lost
+        loses = CART_LOSES if job.shared_ways is None else FOUND_LOSES
+        lost = _lost(loses, job, cart.combine) if before is None else before.ride.lost
         self._ways[cart.spec.name] = _Way(self._on(path, cart, lost), base, length)
         cart.left = path.length
 
@@ -315,10 +319,11 @@ class Events:
         return [(gap - lag) / closing] if closing > 0.0 and gap > lag else []
 
 
-def _lost(loses: tuple[float, float], job: Job, combine: CombineState | None = None) -> float:
+def _lost(loses: tuple[float, float, float], job: Job, combine: CombineState | None = None) -> float:
     """Time that a way takes longer among others [s]. combine: that drives there, or is driven to"""
+    alone, by_combine, by_cart = loses
     others = len([c for c in job.combines if c is not combine and c.phase != "done"])
-    return loses[0] + loses[1] * others
+    return alone + by_combine * others + by_cart * max(len(job.carts) - 1, 0)
 
 
 @dataclass
