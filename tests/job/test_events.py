@@ -251,7 +251,7 @@ def test_in_the_last_pass_a_cart_is_called_at_once(monkeypatch):
 def test_a_way_takes_longer_the_more_others_are_at_work(monkeypatch, combines):
     """Half of the turns that are no corners and of far ways by that, others by what it waits then, too."""
     file, lines = job_file(combines, 1, yield_t_ha=1.0), []
-    for loses in ((0.7, 2.2), (0.0, 0.0)):
+    for loses in ((0.7, 2.2, 5.0), (0.0, 0.0, 0.0)):  # no cart but one
         monkeypatch.setattr(events, "TURN_LOSES", loses)
         monkeypatch.setattr(events, "FAR_LOSES", loses)
         lines.append([s.end - s.start for s in finished(file).combines[0].timeline.spans])
