@@ -17,6 +17,7 @@ from swath.job.fleet import (
 from swath.job.lands import PlanSettings
 from swath.job.machines import fleet_of
 from swath.job.plan import FieldPlan
+from swath.job.saved import digest_of, load, save
 from swath.job.work import plan_of, result_of
 
 RECTANGLE = [(0.0, 0.0), (600.0, 0.0), (600.0, 300.0), (0.0, 300.0)]
@@ -49,6 +50,16 @@ def finished(file, plan=None, motion=None, beside=None):
     job = Job(file, plan, fleet, motion or Events())
     job.run()
     return job
+
+
+def digests_of_saved(file, plan, at):
+    """Digests of a job that goes on from its saved state at a time [s], and of the same one not saved."""
+    whole = Job(file, plan, fleet_of(file), Events())
+    whole.run(at)
+    again = load(save(whole))
+    again.run()
+    whole.run()
+    return digest_of(again), digest_of(whole)
 
 
 def with_beside(plan: FieldPlan, beside):

@@ -16,10 +16,9 @@ from swath.job.kinematic import Kinematic
 from swath.job.machines import fleet_of
 from swath.job.meetings import Held, Meetings
 from swath.job.plan import Shared
-from swath.job.saved import digest_of, load, save
 from swath.job.work import plan_of
 from swath.tools.fleet.work_plan import share_out
-from tests.job.jobs import job_file
+from tests.job.jobs import digests_of_saved, job_file
 from tests.job.layouts import layout_file
 
 TURN = (Segment(20.0, 0.0, 0.0),)
@@ -153,13 +152,8 @@ def test_at_each_crossing_one_of_both_orders_is_kept(told, motion):
 
 
 def test_a_job_that_is_saved_knows_who_was_let_first(told):
-    file, shared = told
-    whole = Job(file, shared, fleet_of(file), Events())
-    whole.run(1500.0)
-    again = load(save(whole))
-    again.run()
-    whole.run()
-    assert digest_of(again) == digest_of(whole)
+    again, whole = digests_of_saved(*told, at=1500.0)
+    assert again == whole
 
 
 def two_and_two(told, motion=Events):

@@ -16,13 +16,12 @@ from swath.job.kinematic import Kinematic
 from swath.job.machines import fleet_of
 from swath.job.messages import Messages
 from swath.job.path import Pose, path_of, polyline, through
-from swath.job.saved import digest_of, load, save
 from swath.job.states import at
 from swath.job.turns import TurnLimits, dubins
 from swath.job.work import plan_of
 from swath.signals import Phase
 from swath.tools.fleet.work_plan import share_out
-from tests.job.jobs import job_file
+from tests.job.jobs import digests_of_saved, job_file
 
 FIELD = [(0.0, 0.0), (400.0, 0.0), (400.0, 200.0), (0.0, 200.0)]
 
@@ -36,7 +35,7 @@ def told():
 
 
 def found(told, motion=Events, until=math.inf):
-    """The job, and of each way of a cart to its combine: as found or None, its length to the cart's place and
+    """The job, and of each way that a cart found to its combine: the way, its length to the cart's place and
     that of the one known, what stands of the field then (shapely), where the cart is, and the combine.
     """
     file, shared = told
@@ -112,13 +111,8 @@ def test_driven_machines_take_as_long_and_touch_nothing(told, searched):
 
 
 def test_a_job_that_is_saved_goes_on_with_its_ways(told):
-    file, shared = told
-    whole = Job(file, shared, fleet_of(file), Events())
-    whole.run(1500.0)
-    again = load(save(whole))
-    again.run()
-    whole.run()
-    assert digest_of(again) == digest_of(whole)
+    again, whole = digests_of_saved(*told, at=1500.0)
+    assert again == whole
 
 
 def test_a_cart_hears_where_its_combine_is(told):

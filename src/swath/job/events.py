@@ -40,7 +40,8 @@ LONGEST = 1e5  # s
 # layouts (docs/fleet.md)
 TURN_LOSES, FAR_LOSES = (1.0, 1.3, 0.0), (1.0, 4.8, 0.0)
 CART_LOSES, BACK_LOSES = (4.7, 2.4, 0.0), (7.0, 1.1, 0.0)
-FOUND_LOSES = (14.0, 1.0, 4.0)  # of a cart to a combine on ways as with sensors. Estimate: these (likewise)
+# a cart's to a combine where it searches for it as with sensors. Estimate: 404 ways with sensors (likewise)
+FOUND_LOSES = (14.0, 1.0, 4.0)
 
 
 @dataclass

@@ -11,13 +11,14 @@ from swath.control.job.cart_ways import CartWays, Way
 from swath.control.job.carts import BEYOND
 from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass
+from swath.control.job.shuttle import Params
 from swath.job.cart_ways import WayBeside, aside, box_behind, box_offset, straight_first
 from swath.job.machines import Combine
 from swath.job.messages import Messages
 from swath.job.path import Array, Pose, ahead_of, through
 from swath.job.states import CartState, CombineState, at
 
-RADIUS = 9.0  # m, tightest turn of a cart, as with sensors
+RADIUS = Params.radius_m  # m, tightest turn of a cart with sensors
 LONGER = 60.0  # m over the straight line, from where on a shorter way is looked for
 SHORTER = 10.0  # m, at least, that it has to be
 
