@@ -203,3 +203,33 @@ def test_a_driven_combine_claims_its_turn_unless_it_has_to_wait_in_it(is_held, m
     turns = next(c for c in job.combines if c.phase == "way" and c.before >= 0)
     monkeypatch.setattr(job, "held", lambda _: Held(0.0, 1 - turns.number) if is_held else Held())
     assert job.motion._mover_of_combine(job, turns).turns is not is_held
+
+
+@pytest.mark.parametrize("motion", [Events, Kinematic])
+@pytest.mark.parametrize(("held", "phase", "goes"), [
+    (True, "stand", True), (False, "stand", False), (True, "cut", False),
+])  # fmt: skip
+def test_the_cart_of_one_that_has_to_wait_goes_to_one_that_stands(held, phase, goes, motion, monkeypatch):
+    job = two_and_two(told=False, motion=motion)
+    job.run(60.0)
+    full, waits = job.combines
+    cart, other = job.carts
+    other.phase = "to_truck"
+    job.hand_over(cart, waits)
+    cart.phase = "beside"
+    monkeypatch.setattr(job, "held", lambda c: Held(0.0, 0) if held and c is waits else Held())
+    full.phase, full.tank = phase, full.spec.tank
+    assert job._calls() is goes
+    assert cart.combine is (full if goes else waits)
+    assert waits.called is not goes
+    assert not job._calls()
+
+
+def test_a_driven_cart_knows_whom_its_combine_lets_go_first(monkeypatch):
+    job = two_and_two(told=False, motion=Kinematic)
+    job.run(60.0)
+    first, waits = job.combines
+    cart = job.carts[0]
+    job.hand_over(cart, waits)
+    monkeypatch.setattr(job, "held", lambda c: Held(0.0, first.number) if c is waits else Held())
+    assert job.motion._mover_of_cart(job, cart).after == first.spec.name

@@ -219,6 +219,24 @@ def test_who_has_nothing_to_do_makes_room_in_time(speed, goes):
     assert (idle.driver.manoeuvre is not None) is goes
 
 
+@pytest.mark.parametrize(("after", "goes"), [("comes", True), ("", False)])
+def test_a_cart_beside_a_combine_makes_room_for_one_that_this_lets_go_first(after, goes):
+    comes, stands = driving(COMBINE, HERE, 2.0, "comes"), driving(CART, Pose(35.0, 0.0, EAST), 0.0, "stands")
+    stands.wanted, stands.after = 0.0, after
+    for m in (comes, stands):
+        m.now = m.driver.footprint.sweep([m.driver.place])
+        m.driver.held = m.now
+    waits = CombineState(None, 1, Pose(35.0, 40.0, EAST), 0.0, phase="way")
+    states = {
+        "comes": CombineState(None, 0, HERE, 0.0, phase="cut", left=200.0),
+        "stands": CartState(None, HERE, phase="beside", combine=waits),
+    }
+    give_way = GiveWay()
+    for time in (0.0, PATIENCE):
+        give_way.look(time, [comes, stands], states, {}, lambda name, pose: None)
+    assert (stands.driver.manoeuvre is not None) is goes
+
+
 def test_a_combine_on_its_way_drives_around_one_that_stands():
     full = driving(COMBINE, Pose(150.0, 3.0, EAST), 0.0, "full")
     passes = driving(COMBINE, HERE, 3.0, "passes", way=400.0)

@@ -282,16 +282,27 @@ class Job:
 
     def _calls(self) -> bool:
         """One of the free carts goes to one of the combines that call: where that is needed soonest."""
-        free = [k for k in self.carts if k.phase == "idle" and not leaves(self, k)]
-        pairs = [(k, c) for c in self.combines if self._wants(c) for k in free]
+        pairs = [(k, c) for c in self.combines if self._wants(c) for k in self.carts if self._may_go(k, c)]
         if pairs:
             self.hand_over(*min(pairs, key=self._need))
         return bool(pairs)
+
+    def _may_go(self, k: CartState, c: CombineState) -> bool:
+        """Whether a cart may drive to a combine: it is free, or its own one waits for another one while that
+        combine stands.
+        """
+        own = k.combine
+        waits = own is not None and not own.is_pouring and self.held(own).is_held and c.phase == "stand"
+        return (waits or k.phase == "idle") and not leaves(self, k)
 
     def hand_over(self, cart: CartState, c: CombineState) -> None:
         """A cart that takes no grain drives to a combine; one that it was to drive to may call anew."""
         was = cart.combine
         if was is not None:
+            if cart.phase == "beside":
+                begins = was.phase in ("way", "hold")
+                there = was.task.start if was.task is not None and begins else at(was)
+                cart.place = beside(there, was.spec, cart.spec)
             was.cart, was.called = None, False
         c.called, c.cart, cart.combine, cart.phase = True, cart, c, "to_combine"
         self.motion.cart_to_combine(self, cart)

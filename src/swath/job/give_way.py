@@ -196,7 +196,8 @@ def _comes(o: Mover, m: Mover, states: Mapping[str, State]) -> bool:
         (o.speed < MOVES and not o.waits)
         or o is m
         or not _may(state)
-        or state.phase in ("beside", "cut")
+        or state.phase == "cut"
+        or (state.phase == "beside" and o.name != m.after)
         or m.reserved is not None
     ):
         return False

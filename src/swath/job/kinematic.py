@@ -285,7 +285,9 @@ class Kinematic:
         made.beside, made.gives_way = beside, not together
         if k.phase in ("to_combine", "to_truck"):
             made.left = k.left
-        made.to = c.spec.name if c is not None else ""
+        if c is not None:
+            made.to, first = c.spec.name, job.held(c).by
+            made.after = job.combines[first].spec.name if first >= 0 else ""
         return made
 
     def _wanted_of_combine(self, job: Job, c: CombineState) -> float:
