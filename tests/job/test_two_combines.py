@@ -18,6 +18,7 @@ from swath.job.machines import fleet_of
 from swath.job.work import plan_of
 from swath.signals import HeapState, JobState, MachineLoad, PeerState, Phase, UnloadState
 from swath.tools.fleet import order, uncut
+from swath.tools.fleet import work_plan as planning
 from swath.tools.fleet.uncut import uncut_before
 from swath.tools.fleet.whole import share_uncut
 from swath.tools.fleet.work_plan import told_passes, work_plan
@@ -147,8 +148,11 @@ def test_two_combines_with_lands_of_their_own_until_the_field_is_empty():
 
 
 def members_of(file):
+    """By the first way of sharing out that can be driven."""
     fleet = fleet_of(file)
-    work = work_plan(file, plan_of(file, fleet, None), fleet)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(planning, "TRIES", 1)
+        work = work_plan(file, plan_of(file, fleet, None), fleet)
     return told_passes(work.rows), fleet.combines, work.team
 
 
@@ -244,7 +248,7 @@ def blind():
         return members_of(layout_file(19, 2))
 
 
-@pytest.mark.parametrize("seed", [5, 19])
+@pytest.mark.parametrize("seed", [16, 19])
 def test_the_order_of_combines_with_lands_of_their_own(seed, blind, monkeypatch):
     """Layouts with three combines, likewise; nor does one drive where another one is to cut before, looked at
     10 m less far ahead than it is planned.
