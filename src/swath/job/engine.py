@@ -241,7 +241,7 @@ class Job:
     def _bring_cart(self, c: CombineState) -> None:
         """The cart of a combine that turns drives to its next pass; beside its last one it stays."""
         cart = c.cart
-        if cart is None or (c.is_last and cart.phase == "beside") or pouring.breaks_off(self, c):
+        if cart is None or (c.is_last and cart.phase == "beside"):
             return
         if cart.phase == "beside":
             cart.place = beside(c.place, c.spec, cart.spec)

@@ -77,17 +77,6 @@ def _came_late(job: Any, c: CombineState) -> bool:
     return is_there and are_few and c.tank >= 0.5 * c.spec.tank and may_pour_driving(job, c)
 
 
-def breaks_off(job: Any, c: CombineState) -> bool:
-    """Whether a combine that turns and its cart part: where several have passes shared out before the job
-    carts are free behind each pass, as with sensors.
-    """
-    cart, is_told = c.cart, job.shared_ways is not None and len(job.combines) > 1
-    if not is_told or cart is None or cart.phase != "beside" or c.is_pouring:
-        return False
-    _parts(c, cart)
-    return True
-
-
 def note_load(c: CombineState) -> None:
     """How much the load that ends now was."""
     begun, before, kind = c.loads[-1]
