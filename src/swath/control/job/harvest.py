@@ -42,7 +42,7 @@ RUNS_OUT = 1.5  # s without grain from the pipe: what comes late from the thresh
 AT_END = -0.3  # m to go, at which the header is out of the crop
 LOOKS = 9.0  # m to go, from where on it looks whether carts block its turn: at rest it has not begun that
 AT_HOLD = 0.1  # m before where it has to wait for another combine
-STILL, TOO_LONG = 0.05, 3600.0  # m/s, s: standing for so long it gives the job up
+STILL, TOO_LONG = 1.0, 3600.0  # m, s: no farther along its way than that for so long, it gives the job up
 GENTLE = 0.25  # m/s2, to rest at the end of a pass: machines follow late, and one was 1 m in its turn
 CRAWL = 0.2  # m/s, slowest towards the end of a pass
 HALF = 0.5  # of the tank, from where on it is emptied at the end of a pass where carts are few
@@ -99,7 +99,7 @@ class Harvest(KeepsState):
     kept = (
         "_index", "_way", "_phase", "_calls", "_finishes", "_stands", "_unloads", "_tank", "_ended",
         "_heard", "_silent_for", "_dry_for", "_to_come", "_stands_in", "_pours_on", "_will_stand",
-        "_crossings", "_lets_first", "_stood_for",
+        "_crossings", "_lets_first", "_stood_for", "_stood_at",
     )  # fmt: skip
     inputs = (
         Port("pose", PoseEstimate),
@@ -136,7 +136,7 @@ class Harvest(KeepsState):
         self._will_stand = False
         self._tank.reset()
         self._ended, self._silent_for, self._dry_for, self._to_come, self._stands_in = "", 0.0, inf, nan, nan
-        self._stood_for = 0.0
+        self._stood_for, self._stood_at = 0.0, 0.0
         self._heard.reset()
         self._crossings.reset()
         self._lets_first = NONE
@@ -162,14 +162,16 @@ class Harvest(KeepsState):
         own = self._progress(t, inputs["odometry"].speed)
         self._lets_first = self._crossings.update(t + dt, own, self._team)
         speed = self._speed(inputs, here, carts)
-        self._note_standing(carts, inputs["odometry"].speed, dt / NS)
+        self._note_standing(carts, dt / NS)
         return self._out(t + dt, speed, self._way)
 
-    def _note_standing(self, carts: list[PeerState], speed: float, h: float) -> None:
-        """How long it has been standing, and that without a message."""
+    def _note_standing(self, carts: list[PeerState], h: float) -> None:
+        """How long it has been standing, by its way, as measured speeds have noise; and without a message."""
         is_silent = self._phase == Phase.STANDS and any(cart.age > SILENT for cart in carts)
         self._silent_for = self._silent_for + h if is_silent else 0.0
-        self._stood_for = self._stood_for + h if speed < STILL and self._phase != Phase.DONE else 0.0
+        if abs(self._way - self._stood_at) > STILL or self._phase == Phase.DONE:
+            self._stood_for, self._stood_at = 0.0, self._way
+        self._stood_for += h
         task = self._own[self._index]
         if self._silent_for > self._p.give_up_s:
             self._ended = f"stands in pass {task} and hears nothing of the cart"
