@@ -10,7 +10,7 @@ from swath.control.job.calls import Calls
 from swath.control.job.cart_ways import CartWays
 from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass
-from swath.control.job.right_of_way import SHORT, Clearance, own_outline
+from swath.control.job.right_of_way import SHORT, Clearance, outline_of, own_outline, place_of
 from swath.control.job.wait_ahead import WaitAhead
 from swath.control.steer.guidance_line import GuidanceLine
 from swath.control.steer.path import Segment
@@ -337,3 +337,34 @@ def test_a_cart_that_finds_no_way_to_one_that_calls_makes_room_for_it():
         job = bench.ends_in(turns, 0.1)
     assert job.phase == Phase.DRIVES
     assert bench.part._goal == "truck"
+
+
+CORNER = (  # the south-west one, its outer round cut: three combines; axle 4 m behind the knife
+    Pass(((220.0, 5.8), (0.0, 5.8))),
+    Pass(((5.8, 0.0), (5.8, 300.0)), combine=1),
+    Pass(((200.0, 17.5), (11.7, 17.5))),
+    Pass(((17.5, 16.5), (17.5, 300.0)), combine=1),
+    Pass(((200.0, 29.2), (23.4, 29.2)), combine=2),
+    Pass(((29.2, 23.4), (29.2, 300.0))),
+)
+
+
+@pytest.mark.parametrize(("phase", "is_found"), [(Phase.STANDS, True), (Phase.CUTS, False)])
+def test_a_cart_comes_up_nearer_behind_a_combine_that_stands_where_another_one_leaves_no_room(
+    phase, is_found
+):
+    ways = CartWays(CORNER, ((0.0, 0.0), (220.0, 0.0), (220.0, 300.0), (0.0, 300.0)), 12.2, 8.2, 9.0)
+    here = Place(71.0, 15.5, WESTWARD)
+    full = combine(here, Place(17.5, 51.0, NORTHWARD), phase, task=3, remaining=245.0, speed=0.0)
+    ended = combine(here, Place(15.7, 17.5, WESTWARD), Phase.TURNS, task=2, speed=0.0)
+    waits = combine(here, Place(75.0, 29.2, WESTWARD), Phase.CUTS, task=4, remaining=47.6, speed=0.0)
+    way = ways.to_pass(here, 3, full, (), [ended, waits])
+    assert (way is not None) is is_found
+    if way is not None:
+        outline = outline_of(ended)
+        at = place_of(here, ended)
+        to_line = way.points[:-1]
+        assert min(outline.away(at, x, y) for x, y in to_line) > 1.2
+        assert to_line[-1] == pytest.approx((9.3, 51.0 - 8.0 - 14.0), abs=0.2)
+    free = replace(ended, x=ended.x - 80.0)
+    assert ways.to_pass(here, 3, full, (), [free, waits]).points[-2, 1] == pytest.approx(12.0, abs=0.2)

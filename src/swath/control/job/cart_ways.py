@@ -35,6 +35,7 @@ LEAST = 1.5  # m about another cart, where the way begins near to it
 LESS = 1.0  # m nearer to carts that stand, where there is no way else
 CELL = 0.5  # m, that a way may pass nearer than it was looked for
 COME_UP = 25.0  # m behind the combine, where it comes onto the line beside the pass
+NEARER_UP = 8.0  # m, likewise, where the combine stands and another machine leaves no room farther behind it
 STRAIGHT = 14.0  # m before that on the same line: the trailer is straight behind
 FRONT = 4.6  # m, that a tractor reaches ahead of its axle
 BEGIN = -4.0  # m from the begin of a pass, where the line beside it begins
@@ -112,9 +113,27 @@ class CartWays:
         *,
         soon: bool = False,
     ) -> Way | None:
-        """Onto the line beside a pass behind the combine, and along it. discs, rest: likewise; soon: on the
-        ground as it is when the combine begins that pass
+        """Onto the line beside a pass behind the combine, and along it; nearer behind one that stands where
+        there is no other way. discs, rest: likewise; soon: on the ground as it is when the combine begins
+        that pass
         """
+        way = self._onto_pass(here, task, combine, discs, rest, COME_UP, soon=soon)
+        if way is None and task == combine.task and combine.phase == Phase.STANDS:
+            way = self._onto_pass(here, task, combine, discs, rest, NEARER_UP, soon=soon)
+        return way
+
+    def _onto_pass(
+        self,
+        here: Place,
+        task: int,
+        combine: PeerState,
+        discs: Sequence[Disc],
+        rest: Sequence[PeerState],
+        behind: float,
+        *,
+        soon: bool,
+    ) -> Way | None:
+        """As `to_pass`, onto the line so far behind the combine [m]."""
         # the header of one that is to come drives by the trailer
         aside = ASIDE if task > combine.task else self._leans(here, combine)
         (ax, ay), (bx, by) = line = self._beside(self._passes[task], aside)
@@ -123,7 +142,7 @@ class CartWays:
         ux, uy = cos(course), sin(course)
         at = place_of(here, combine)
         come = (at.x - ax) * ux + (at.y - ay) * uy
-        begin = min(max(come - COME_UP - STRAIGHT, BEGIN - STRAIGHT), length)
+        begin = min(max(come - behind - STRAIGHT, BEGIN - STRAIGHT), length)
         if task > combine.task:
             begin = BEGIN - STRAIGHT
         goal = Place(ax + ux * begin, ay + uy * begin, course)
