@@ -306,6 +306,26 @@ def test_on_the_line_beside_a_pass_a_cart_makes_room_for_one_that_stands_in_its_
     assert (goals == {"combine"}) is stays
 
 
+@pytest.mark.parametrize("calls", [True, False])
+def test_on_the_line_beside_a_pass_a_cart_turns_to_one_that_stands_for_it_in_its_way(calls):
+    """While the combine that it drives to cuts on."""
+    bench = CartBench(SIDE_BY_SIDE)
+    beside_the_first_pass(bench)
+    part = bench.part
+    part._phase, part._goal, part._retry_at = Phase.DRIVES, "combine", -np.inf
+    part._lane, part._drives_to, part._way = 10.0, np.inf, 30.0
+    cuts = combine(
+        bench.at, Place(0.0, 70.0, NORTHWARD), Phase.CUTS, remaining=40.0, calls=True, may_unload=True
+    )
+    told = {"task": 2, "remaining": 0.0, "calls": calls, "may_unload": True, "speed": 0.0}
+    stands = combine(bench.at, Place(-14.2, 58.0, 0.0), Phase.STANDS, **told)
+    served = set()
+    for _ in range(8):
+        bench.ends_in(cuts, 0.1, other_1=stands)
+        served.add(part._served)
+    assert (1 in served) is calls
+
+
 ROUND_ABOUT = (  # west, then in a turn to the right across the way that a cart comes up
     Pass(((200.0, 29.0), (23.6, 29.0)), turn=(Segment(4.0), Segment(20.0, -np.pi / 40.0), Segment(50.0))),
     Pass(((15.0, 100.0), (15.0, 200.0))),

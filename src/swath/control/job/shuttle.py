@@ -36,9 +36,8 @@ from swath.signals import GuidancePath, HeapState, JobState, Odometry, PeerState
 from swath.signals import Station as Wanted
 from swath.signals.setup import ControlSetup
 
-BRAKE = 0.4  # m/s2
+BRAKE, CATCH_UP = 0.4, 0.3  # m/s2; 1/s
 OFF, SLOWLY = 0.3, 1.0  # m off its way it drives no faster than that, m/s
-CATCH_UP = 0.3  # 1/s
 FULL_FOR = 4.0  # s, that the station says full, or that nothing is poured any more, before it leaves
 HELD_FOR = 8.0  # s without grain beside a combine that stands: it cannot turn while the cart is there
 MISSED_FOR = 30.0  # s likewise, while that calls, or cuts on later: it comes up anew, or serves another one
@@ -266,7 +265,8 @@ class Shuttle(KeepsState):
             return 0.0
         is_passed = in_lane and not is_early and speed < MOVES and waits_behind(peer)
         holds_up = self._clearance.holds_up(here, self._outline, rest)
-        stays = in_lane and (to_next or not is_early) and not holds_up
+        before = waits and self._clearance.is_close(here, line, self._way, filter(stands_for_cart, rest))
+        stays = in_lane and (to_next or not is_early) and not (holds_up or before)
         if is_passed or self._is_blocked(now, 0.0 if holds_up else free, speed, stays=stays):
             self._phase, self._is_free = Phase.WAITS, stays or not self._is_soon_in_way(here)
             return 0.0
