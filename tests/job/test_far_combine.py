@@ -178,6 +178,16 @@ def beside_the_first_pass(bench):
     part._points = np.array([(-8.2, 20.0), (-8.2, 130.0)])
 
 
+def on_the_line():
+    """A cart on its way along that line."""
+    bench = CartBench(SIDE_BY_SIDE)
+    beside_the_first_pass(bench)
+    part = bench.part
+    part._phase, part._goal, part._retry_at = Phase.DRIVES, "combine", -np.inf
+    part._lane, part._drives_to, part._way = 10.0, np.inf, 30.0
+    return bench
+
+
 def cart_at(own, at, phase=Phase.WAITS):
     return replace(combine(own, at, phase, task=-1, speed=0.0), header_width=np.nan)
 
@@ -289,11 +299,8 @@ def test_a_cart_leaves_a_combine_that_waits_for_one_that_stands_for_a_cart(calls
 @pytest.mark.parametrize(("phase", "stays"), [(Phase.TURNS, False), (Phase.CUTS, True)])
 def test_on_the_line_beside_a_pass_a_cart_makes_room_for_one_that_stands_in_its_turn(phase, stays):
     """Before it on that line: the combine that it drives to stands for it, and neither of the others goes."""
-    bench = CartBench(SIDE_BY_SIDE)
-    beside_the_first_pass(bench)
+    bench = on_the_line()
     part = bench.part
-    part._phase, part._goal, part._retry_at = Phase.DRIVES, "combine", -np.inf
-    part._lane, part._drives_to, part._way = 10.0, np.inf, 30.0
     stands = combine(
         bench.at, Place(0.0, 94.0, NORTHWARD), Phase.STANDS, remaining=2.0, calls=True, may_unload=True,
         speed=0.0,
@@ -309,11 +316,8 @@ def test_on_the_line_beside_a_pass_a_cart_makes_room_for_one_that_stands_in_its_
 @pytest.mark.parametrize("calls", [True, False])
 def test_on_the_line_beside_a_pass_a_cart_turns_to_one_that_stands_for_it_in_its_way(calls):
     """While the combine that it drives to cuts on."""
-    bench = CartBench(SIDE_BY_SIDE)
-    beside_the_first_pass(bench)
+    bench = on_the_line()
     part = bench.part
-    part._phase, part._goal, part._retry_at = Phase.DRIVES, "combine", -np.inf
-    part._lane, part._drives_to, part._way = 10.0, np.inf, 30.0
     cuts = combine(
         bench.at, Place(0.0, 70.0, NORTHWARD), Phase.CUTS, remaining=40.0, calls=True, may_unload=True
     )
