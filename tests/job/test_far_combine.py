@@ -388,7 +388,7 @@ def test_a_cart_comes_up_nearer_behind_a_combine_that_stands_where_another_one_l
         outline = outline_of(ended)
         at = place_of(here, ended)
         to_line = way.points[:-1]
-        assert min(outline.away(at, x, y) for x, y in to_line) > 1.2
+        assert min(outline.away(at, x, y) for x, y in to_line) > 3.0
         assert to_line[-1] == pytest.approx((9.3, 51.0 - 8.0 - 14.0), abs=0.2)
     free = replace(ended, x=ended.x - 80.0)
     assert ways.to_pass(here, 3, full, (), [free, waits]).points[-2, 1] == pytest.approx(12.0, abs=0.2)

@@ -292,8 +292,8 @@ class Job:
         combine stands.
         """
         own = k.combine
-        waits = own is not None and not own.is_pouring and self.held(own).is_held and c.phase == "stand"
-        return (waits or k.phase == "idle") and not leaves(self, k)
+        may_leave = c.phase == "stand" and own is not None and not own.is_pouring and self.held(own).is_held
+        return (may_leave or k.phase == "idle") and not leaves(self, k)
 
     def hand_over(self, cart: CartState, c: CombineState) -> None:
         """A cart that takes no grain drives to a combine; one that it was to drive to may call anew."""

@@ -44,7 +44,7 @@ class Mover:
 
     turns: it claims all of its turn; waits: until the ground that it wishes is clear; gives_way: to those of
     higher precedence; ignores: whose ground does not count for it; waits_for: who has to act before it can;
-    left: way to where it goes [m]; to: name of the combine there; after: of the one that this lets go first
+    left: way to where it goes [m]; to: name of the combine there; after: of the one that goes before that;
     blocked: by whom it is stopped; now, claim: ground where it is, and that it drives over
     next, boxes
     """

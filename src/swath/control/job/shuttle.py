@@ -265,8 +265,8 @@ class Shuttle(KeepsState):
             return 0.0
         is_passed = in_lane and not is_early and speed < MOVES and waits_behind(peer)
         holds_up = self._clearance.holds_up(here, self._outline, rest)
-        before = waits and self._clearance.is_close(here, line, self._way, filter(stands_for_cart, rest))
-        stays = in_lane and (to_next or not is_early) and not (holds_up or before)
+        is_stopped = waits and self._clearance.is_close(here, line, self._way, filter(stands_for_cart, rest))
+        stays = in_lane and (to_next or not is_early) and not (holds_up or is_stopped)
         if is_passed or self._is_blocked(now, 0.0 if holds_up else free, speed, stays=stays):
             self._phase, self._is_free = Phase.WAITS, stays or not self._is_soon_in_way(here)
             return 0.0
