@@ -86,7 +86,9 @@ def map_figure(
 
 
 def _draw_track(ax: Any, picture: FieldMap, track: MapTrack, index: int, *, named: bool) -> None:
-    """What a machine cut, the header end that follows the edge, the axle, and the machine at the end."""
+    """What a machine cut, the header end that follows the edge, the axle, and the machine at the end, in the
+    colour of its axle where there are several.
+    """
     line = {"lw": 1.4, "zorder": 5}
     axle = (BLUE, GREEN, PURPLE, SKY)[index % 4]
     if track.has_header:
@@ -99,9 +101,8 @@ def _draw_track(ax: Any, picture: FieldMap, track: MapTrack, index: int, *, name
     ax.plot(*picture.place(_thin(track.axle)).T, color=axle, label=label, **line)
     if track.outline is not None:
         outline = picture.place(track.outline)
-        ax.add_artist(_area(outline, fc="white", ec=INK, lw=0.9, alpha=0.9, zorder=7))
-        if named:
-            ax.text(*outline.mean(axis=0), track.name, ha="center", va="center", fontsize=8, zorder=8)
+        edge = {"ec": axle, "lw": 1.5} if named else {"ec": INK, "lw": 0.9}
+        ax.add_artist(_area(outline, fc="white", alpha=0.9, zorder=7, **edge))
 
 
 def _area(corners: F64, **style: Any) -> Any:

@@ -62,11 +62,11 @@ def _station(ax: Any, series: UnloadingSeries) -> None:
 def _fill(ax: Any, heap: HeapRows, missed: float) -> None:
     """Level of the box; shaded where grain flows. missed: the box in all [kg]"""
     ax.fill_between(
-        heap.t, 0.0, 1.0, where=heap.flow > 0.0, transform=ax.get_xaxis_transform(), color="#F1F2F4", lw=0,
+        heap.t, 0.0, 1.0, where=heap.flow > 0.0, transform=ax.get_xaxis_transform(), color="#E6E9ED", lw=0,
         step="post", label="grain flows",
     )  # fmt: skip
     ax.plot(heap.t, 100.0 * heap.level, color=GREEN, lw=1.4, label="fill, of the largest heap")
     ax.set_ylabel("fill [%]")
     ax.set_ylim(0.0, 105.0)
     ax.set_title(f"missed the box in all: {missed:.1f} kg", loc="right", fontsize=8.5, color=GREY, y=1.0)
-    ax.legend(loc="lower right", ncol=2)
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=2, borderaxespad=0.1)
