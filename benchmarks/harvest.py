@@ -2,7 +2,7 @@
 
 SWATH_DATA=... python benchmarks/harvest.py
     [--driven [FIRST LAST] | --shared-out FIRST LAST | --spread PERCENT FIRST LAST
-     | --sensors LAYOUT:CARTS[:SEED] ...]
+     | --sensors LAYOUT:CARTS[:RUN] ...]
 
 --driven: bundled jobs, or layouts from a number to another: hours by events and by driven machines, whether
 both rank the numbers of carts alike, seconds for which bodies of driven machines are over each other, and
@@ -13,13 +13,16 @@ with sensors.
 --sensors: layouts with a number of carts at the level with sensors, the edge known and machines kinematic:
 hours until the last grain is at the truck against events as machines come to the passes, events and
 kinematic machines if each combine cuts the same passes, seconds of computing, contacts, the crop that is
-left, the grain that is not at the truck. Some minutes each.
+left, the grain that is not at the truck. Some minutes each. RUN, 1 and more: machines up to OFF faster or
+slower on the field, with other noise; passes, their order and the other two levels as without it.
 """
 
 import math
+import random
 import statistics
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -106,6 +109,7 @@ def whole_fields() -> None:
         )  # fmt: skip
 
 
+OFF = 0.01  # share by which speeds of machines differ in other runs with sensors
 PAIRS = (
     ("cart", "cart"),
     ("cart", "combine"),
@@ -155,6 +159,13 @@ def spreads(percent: float, first: int, last: int) -> None:
             )
 
 
+def speeds_of(job: str, machines: Iterable[str]) -> dict[str, float]:
+    """Speed of each machine on the field in a run, over its speed in the job; none = all as in the job."""
+    seed, carts, *of_run = map(int, job.split(":"))
+    draw = random.Random(1000 * of_run[0] + 10 * seed + carts) if of_run else None
+    return {m: 1.0 + draw.uniform(-OFF, OFF) for m in machines} if draw else {}
+
+
 def with_sensors(jobs: list[str]) -> None:
     """Events against machines with radio, receivers, grain streams and heaps that know the crop edge."""
     heads = "same passes: events  kinematic  sensors   % of these three    computing  contacts"
@@ -166,7 +177,9 @@ def with_sensors(jobs: list[str]) -> None:
         others = finished(file).time, 3600.0 * same, 3600.0 * kinematic
         began = time.process_time()
         sets = cheap_sets(file.combines, file.carts, broken_off=25)
-        run = CheapRun(file, sets=[*sets, *(f"seed={n}" for n in of_run)], evaluators=(ContactWatch,))
+        sets += [f"seed={n + 1}" for n in of_run]
+        faster = speeds_of(job, (*file.combines, *file.carts))
+        run = CheapRun(file, sets=sets, evaluators=(ContactWatch,), faster=faster)
         took, left = time.process_time() - began, share_uncut(run.world.field, run.plan)
         found = [run.evaluation.metrics(name) for name in run.world.machines]
         contacts = max(m["contact_count"] for m in found)

@@ -1,6 +1,7 @@
 """Jobs of the level with sensors at a low cost: the edge known, kinematic machines, slow slots."""
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 from swath.core.schedule import NS
@@ -37,15 +38,24 @@ def cheap_sets(combines, carts, broken_off=15):
     return made
 
 
+def cheap_text(file, plan, faster):
+    """The scenario as YAML. faster: speeds of machines on the field over the file's; passes as there"""
+    fleet = fleet_of(file)
+    work = work_plan(file, plan, fleet)
+    for row in work.rows if faster else ():
+        row["speed_kmh"] *= faster[fleet.combines[row.get("combine", 0)].name]
+    carts = {n: replace(c, speed_kmh=c.speed_kmh * faster.get(n, 1.0)) for n, c in file.carts.items()}
+    return scenario_text(replace(file, carts=carts), work, fleet, None)
+
+
 class CheapRun:
-    """A job run until it ends, or until a time. evaluators: classes, none = all; latest: signals by machine
-    and kind; brought_at: when the last grain left a box at the truck [s]
+    """A job run until it ends, or until a time. evaluators: classes, none = all; faster: see `cheap_text`;
+    latest: signals by machine and kind; brought_at: when the last grain left a box at the truck [s]
     """
 
-    def __init__(self, file, until_s=None, state=None, sets=None, evaluators=()):
-        fleet = fleet_of(file)
-        self.plan = plan_of(file, fleet, None)
-        text = scenario_text(file, work_plan(file, self.plan, fleet), fleet, None)
+    def __init__(self, file, until_s=None, state=None, sets=None, evaluators=(), faster=None):
+        self.plan = plan_of(file, fleet_of(file), None)
+        text = cheap_text(file, self.plan, faster or {})
         sets = cheap_sets(file.combines, file.carts) if sets is None else sets
         self.world = assemble(parse_scenario(text, base=Path.cwd(), sets=sets))
         catalogue = EvaluatorCatalogue(evaluators) if evaluators else None
