@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swath.control.job import wait_ahead
+from swath.control.job import cart_ways, wait_ahead
 from swath.control.job.calls import Calls
 from swath.control.job.cart_ways import CartWays
 from swath.control.job.dubins import Place
@@ -32,6 +32,15 @@ BACK = (  # the west side; east along the south side, back outside of it, north:
     Pass(((28.0, 4.0), (28.0, 100.0))),
 )
 WESTWARD = np.pi
+LOOP = (  # the east side; west, back east outside of the field, round a loop on cut ground to the next pass
+    Pass(((294.0, 0.0), (294.0, 100.0))),
+    Pass(
+        ((282.0, 6.0), (20.0, 6.0)),
+        cart_beside=False,
+        turn=(Segment(np.pi / ARC, ARC), Segment(270.0), Segment(12.0 * np.pi, 1.0 / 12.0)),
+    ),
+    Pass(((282.0, 18.0), (20.0, 18.0))),
+)
 
 
 def on_the_strip(points, beyond=8.0):
@@ -53,6 +62,19 @@ def test_a_way_keeps_off_the_far_way_of_a_combine(speed, phase, keeps_off):
     assert not on_the_strip(fine).any() or not keeps_off
     # close to the field it is the shorter one
     assert (way.points[:, 1][way.points[:, 0] > 60.0].max() > -12.0) is not keeps_off
+
+
+@pytest.mark.parametrize(("within", "along"), [(cart_ways.GETS_OUT, False), (cart_ways.BEGINS, True)])
+def test_a_cart_in_a_loop_of_a_combine_gets_out_across_its_way(within, along, monkeypatch):
+    """Not towards the combine, before which it would come to stand."""
+    monkeypatch.setattr(cart_ways, "GETS_OUT", within)
+    ring, goal = ((0.0, 0.0), (300.0, 0.0), (300.0, 100.0), (0.0, 100.0)), (120.0, -40.0)
+    ways = CartWays(LOOP, ring, 12.2, 8.2, 9.0, [goal])
+    here = Place(296.0, 14.0, -NORTHWARD)
+    said = combine(here, Place(200.0, -6.0, 0.0), Phase.TURNS, task=1, speed=3.0)
+    line = GuidanceLine(ways.to_place(here, goal, said).points.tolist())
+    fine = np.array([line.point(at) for at in np.arange(0.0, line.length, 1.0)])
+    assert bool(on_the_strip(fine).any()) is along
 
 
 @pytest.mark.parametrize(("passes", "at", "speed", "phase", "is_found"), [

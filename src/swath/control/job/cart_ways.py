@@ -31,6 +31,7 @@ HALF, NARROW = 2.0, 1.2  # m, of the machine to either side, and of that about s
 CUTS_IN = 1.3  # m, that a trailer runs inside of its machine's tightest bend
 STRIP = 2.5  # m, radius of the discs that cover what a combine cuts next
 BEGINS = 6.0  # m from its outline there, within which a way begins that may lead over that place
+GETS_OUT = 15.0  # m, likewise, where else there is no way: across what the combine drives over, not along it
 LEAST = 1.5  # m about another cart, where the way begins near to it
 LESS = 1.0  # m nearer to carts that stand, where there is no way else
 CELL = 0.5  # m, that a way may pass nearer than it was looked for
@@ -236,23 +237,25 @@ class CartWays:
         rest: Sequence[Point] = (),
         ground: Ground | None = None,
     ) -> Way | None:
-        """Through the first places, to the goal, and through the rest; None where there is none now. ground:
-        None = as it is now
+        """Through the first places, to the goal, through the rest; None = no way. ground: None = that of now
 
         Where there is such a way, it keeps off what combines drive over next (`_before`), and about one that
         stands its trailer has room to cut corners. Where there is none else, it goes by carts that stand
-        LESS nearer, to a place then also over their ways: one in the way of a combine for which another one
-        waits has to get out.
+        LESS nearer, to a place then also over their ways: one in the way of another one has to get out.
         """
         ground = self._ground(combines) if ground is None else ground
         start = first[-1] if first else here
         looked: list[list[Disc]] = []
         stands = [(c, at) for c in combines for at in self._stands(here, c)]
-        waits = [disc for combine in combines for disc in self._before(here, start, combine, ground)]
+        waits, near = (
+            [disc for c in combines for disc in self._before(here, start, c, ground, begins)]
+            for begins in (BEGINS, GETS_OUT)
+        )
         bodies = taken if rest else [disc for disc in taken if disc[2] != WAITS]
         for more, keep, carts, less in (
-            (waits, KEEP + CUTS_IN, taken, 0.0), (waits, KEEP, taken, 0.0), ([], KEEP + CUTS_IN, taken, 0.0),
-            ([], KEEP, taken, 0.0), ([], KEEP, taken, LESS), ([], KEEP, bodies, LESS),
+            (waits, KEEP + CUTS_IN, taken, 0.0), (waits, KEEP, taken, 0.0), (near, KEEP, taken, 0.0),
+            ([], KEEP + CUTS_IN, taken, 0.0), ([], KEEP, taken, 0.0), ([], KEEP, taken, LESS),
+            ([], KEEP, bodies, LESS),
         ):  # fmt: skip
             discs = [disc for c, at in stands for disc in _discs(start, c, at, keep)]
             both = [*discs, *more, *_close(start, carts, less)]
@@ -287,10 +290,12 @@ class CartWays:
         last = own_passes(self._passes, self._passes[combine.task].combine)[-1]
         return combine.phase == Phase.TURNS and combine.task == last
 
-    def _before(self, here: Place, start: Place, combine: PeerState, ground: Ground) -> list[Disc]:
+    def _before(
+        self, here: Place, start: Place, combine: PeerState, ground: Ground, begins: float
+    ) -> list[Disc]:
         """What a combine drives over where no crop stands in what is left of its pass, or of a far way to
-        the next, but where the way begins; or, where it stands in its turn, in the next FORE metres, or all
-        along behind its last pass, unless the way begins there.
+        the next, but where the way begins, within `begins` [m]; or, where it stands in its turn, in the next
+        FORE metres, or all along behind its last pass, unless the way begins there.
         """
         cuts = combine.phase == Phase.CUTS and combine.remaining > 0.0
         if not cuts and combine.phase != Phase.TURNS:
@@ -304,7 +309,7 @@ class CartWays:
             return [] if is_near else [(*p, keep - NARROW) for at in ahead[1:] for p in outline.points(at)]
         if not cuts and EVERY * len(ahead) < FAR:
             return []
-        ahead = [at for at in ahead[3::2] if outline.away(at, start.x, start.y) > BEGINS]  # from its knife on
+        ahead = [at for at in ahead[3::2] if outline.away(at, start.x, start.y) > begins]  # from its knife on
         half = 0.5 * self._header
         across = np.linspace(-half + STRIP, half - STRIP, max(round(half / STRIP), 2)).tolist()
         places = [beside(*at, 0.0, left) for at in ahead for left in across]
