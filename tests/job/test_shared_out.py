@@ -9,14 +9,14 @@ import pytest
 
 from swath.commands.main import main
 from swath.core.errors import SwathError
-from swath.job import ways
+from swath.job import spread, ways
 from swath.job.combine_ways import axle_pose
 from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.kinematic import Kinematic
 from swath.job.machines import fleet_of
 from swath.job.path import Pose, path_of
-from swath.job.spread import DRAWS, spread_of
+from swath.job.spread import spread_of
 from swath.job.work import plan_of, work_off
 from swath.tools.fleet import whole
 from swath.tools.fleet.combine_turns import following
@@ -57,11 +57,12 @@ def test_both_levels_take_as_long_where_each_combine_cuts_the_same_passes(told):
     assert 3600.0 * cheap > 1.05 * finished(file).time
 
 
-def test_the_hours_of_speeds_that_differ_are_those_of_these_passes(told):
+def test_the_hours_of_speeds_that_differ_are_those_of_these_passes(told, monkeypatch):
+    monkeypatch.setattr(spread, "DRAWS", 4)
     file, shared = told
     fleet = fleet_of(file)
     found = spread_of(file, shared, fleet, 0.01)
-    assert len(found.durations) == DRAWS
+    assert len(found.durations) == 4
     assert found.mean == pytest.approx(finished(file, shared).time, rel=0.01)
     assert found.mean > 1.05 * spread_of(file, plan_of(file, fleet, None), fleet, 0.01).mean
 
