@@ -14,14 +14,19 @@ import matplotlib.pyplot as plt
 
 HERE = Path(__file__).parent
 INK, GRID, SHADE = "#33373d", "#d9dbde", "#eef3ea"
-KINDS = (("kinematic machines", "#7a8794", "o"), ("with sensors", "#c2571a", "D"))
+RUST, PALE = "#c2571a", "#fbf3ec"
+KINDS = (  # fill, edge
+    ("kinematic machines", "#7a8794", "#7a8794", "o"),
+    ("with sensors", RUST, RUST, "D"),
+    ("with sensors, speeds up to 1 % off", PALE, RUST, "D"),
+)
 CARTS = {"one": -1, "two": 0, "three": 1}
-Row = tuple[str, int, float | None, float | None]
+Row = tuple[str, int, float | None, float | None, float | None]
 
 
 def rows_of(page: str) -> list[Row]:
     """Layout and combines, place among its numbers of carts, hours off those by events, with kinematic
-    machines and with sensors [%].
+    machines, with sensors and with speeds a little off [%].
     """
     found = []
     for line in page.splitlines():
@@ -30,7 +35,7 @@ def rows_of(page: str) -> list[Row]:
         if head is None:
             continue
         layout, combines, carts = head.groups()
-        hours = [_seconds(cell) for cell in cells[3:6]]
+        hours = [_seconds(cell) for cell in cells[3:7]]
         if hours[0] is not None:
             off = [None if h is None else 100.0 * (h / hours[0] - 1.0) for h in hours[1:]]
             found.append((f"{layout}\n{combines}", CARTS[carts], *off))
@@ -51,11 +56,11 @@ def draw(rows: list[Row]) -> plt.Figure:
     for n, name in enumerate(names):
         for row in (row for row in rows if row[0] == name):
             x = n + 0.24 * row[1]
-            for (_, colour, mark), off in zip(KINDS, row[2:], strict=True):
+            for (_, fill, edge, mark), off in zip(KINDS, row[2:], strict=True):
                 if off is not None:
-                    ax.plot(x, off, mark, color=colour, ms=5, zorder=3)
-    for label, colour, mark in KINDS:
-        ax.plot([], [], mark, color=colour, ms=5, label=label)
+                    ax.plot(x, off, mark, mfc=fill, mec=edge, ms=5, zorder=3)
+    for label, fill, edge, mark in KINDS:
+        ax.plot([], [], mark, mfc=fill, mec=edge, ms=5, label=label)
     ax.set_xticks(range(len(names)), names)
     ax.set_xlim(-0.6, len(names) - 0.4)
     most = max(abs(off) for row in rows for off in row[2:] if off is not None)
@@ -63,7 +68,7 @@ def draw(rows: list[Row]) -> plt.Figure:
     ax.set_ylabel("hours, off those by events [%]")
     ax.set_xlabel("layout, combines; one to three carts from left to right")
     ax.grid(axis="y", color=GRID, lw=0.6)
-    ax.legend(frameon=False, ncols=2, loc="upper left")
+    ax.legend(frameon=False, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
     return fig
