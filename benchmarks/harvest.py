@@ -22,7 +22,6 @@ import random
 import statistics
 import sys
 import time
-from collections.abc import Iterable
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -159,13 +158,6 @@ def spreads(percent: float, first: int, last: int) -> None:
             )
 
 
-def speeds_of(job: str, machines: Iterable[str]) -> dict[str, float]:
-    """Speed of each machine on the field in a run, over its speed in the job; none = all as in the job."""
-    seed, carts, *of_run = map(int, job.split(":"))
-    draw = random.Random(1000 * of_run[0] + 10 * seed + carts) if of_run else None
-    return {m: 1.0 + draw.uniform(-OFF, OFF) for m in machines} if draw else {}
-
-
 def with_sensors(jobs: list[str]) -> None:
     """Events against machines with radio, receivers, grain streams and heaps that know the crop edge."""
     heads = "same passes: events  kinematic  sensors   % of these three    computing  contacts"
@@ -177,8 +169,11 @@ def with_sensors(jobs: list[str]) -> None:
         others = finished(file).time, 3600.0 * same, 3600.0 * kinematic
         began = time.process_time()
         sets = cheap_sets(file.combines, file.carts, broken_off=25)
-        sets += [f"seed={n + 1}" for n in of_run]
-        faster = speeds_of(job, (*file.combines, *file.carts))
+        faster = {}
+        for n in of_run:
+            sets.append(f"seed={n + 1}")
+            draw = random.Random(1000 * n + 10 * seed + carts)
+            faster = {m: 1.0 + draw.uniform(-OFF, OFF) for m in (*file.combines, *file.carts)}
         run = CheapRun(file, sets=sets, evaluators=(ContactWatch,), faster=faster)
         took, left = time.process_time() - began, share_uncut(run.world.field, run.plan)
         found = [run.evaluation.metrics(name) for name in run.world.machines]

@@ -42,8 +42,8 @@ def cheap_text(file, plan, faster):
     """The scenario as YAML. faster: speeds of machines on the field over the file's; passes as there"""
     fleet = fleet_of(file)
     work = work_plan(file, plan, fleet)
-    for row in work.rows if faster else ():
-        row["speed_kmh"] *= faster[fleet.combines[row.get("combine", 0)].name]
+    for row in work.rows:
+        row["speed_kmh"] *= faster.get(fleet.combines[row.get("combine", 0)].name, 1.0)
     carts = {n: replace(c, speed_kmh=c.speed_kmh * faster.get(n, 1.0)) for n, c in file.carts.items()}
     return scenario_text(replace(file, carts=carts), work, fleet, None)
 
