@@ -112,7 +112,7 @@ def test_every_command_is_in_the_documentation():
 
 
 def test_version_and_help(capsys):
-    for flag in ("--version", "--help", "help"):
+    for flag in ("--version", "-V", "--help", "help"):
         with pytest.raises(SystemExit) as caught:
             main([flag])
         assert caught.value.code == 0

@@ -88,7 +88,7 @@ def test_command(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(reda, "places", lambda: [p for p in places() if p[0] in (-1.0, 3.0)])
     monkeypatch.setattr("swath.tools.reda.plots.INSIDE", (-1.0, 3.0))
     line = ["reda", "--height", "0.85", "--density", "300", "--weather", "rain", "--sensor", "camera"]
-    line += ["--repeats", "1", "--processes", "1", "--out", str(tmp_path / "made")]
+    line += ["--repeats", "1", "--workers", "1", "--out", str(tmp_path / "made")]
     assert main(line) == 0
     rows = list(csv.DictReader((tmp_path / "made" / "reda.csv").read_text(encoding="utf-8").splitlines()))
     assert len(rows) == 10

@@ -37,38 +37,13 @@ from swath.tools.rerun import command as rerun
 from swath.tools.scan import command as scan
 from swath.tools.yield_log import command as yield_log
 
-COMMANDS = (
-    run,
-    report,
-    view,
-    branch,
-    diff,
-    scenarios,
-    new,
-    levels,
-    metrics,
-    sheets,
-    field,
-    fleet,
-    lab,
-    reda,
-    height_map,
-    function_test,
-    rerun,
-    part,
-    calibrate,
-    compare,
-    scan,
-    dataset,
-    yield_log,
-    fmu,
-    ros2,
-    can,
-    osi,
-    schema,
-    migrate,
-    completion,
-)
+COMMANDS = {
+    "start": (run, scenarios, levels, metrics, sheets, new, scan),
+    "look at a run, go on from it, use its recording": (view, report, diff, branch, rerun, part, yield_log),
+    "use measured data": (field, height_map, calibrate, compare, lab),
+    "many runs, whole fields": (function_test, fleet, reda, dataset),
+    "connect and set up": (ros2, fmu, can, osi, schema, migrate, completion),
+}
 SETTINGS = ("SWATH_CPU", "SWATH_DATA", "SWATH_DEBUG", "SWATH_DEVICE", "SWATH_THREADS")
 MOST_SAID = 20  # of the mistakes in one file
 RENAMED = {  # command lines of version 0.1.0: what to type instead
@@ -111,6 +86,28 @@ class _Parser(argparse.ArgumentParser):
             hint = f", did you mean {near[0]}?" if near else ""
             self.error(f"unrecognized arguments: {' '.join(extra)}{hint}")
         return found, extra
+
+
+class _Help(argparse.RawDescriptionHelpFormatter):
+    """The description holds the commands, in groups."""
+
+    def add_argument(self, action: argparse.Action) -> None:
+        """As argparse, without its list of the commands."""
+        if not isinstance(action, _Commands):
+            super().add_argument(action)
+
+
+class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
+    """Commands, and a line of help for each."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self.lines: list[str] = []
+
+    def add_parser(self, name: str, **options: Any) -> Any:
+        """A parser of a command."""
+        self.lines.append(f"  {name:<11} {options['help']}")
+        return super().add_parser(name, **options)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -189,13 +186,16 @@ def _dispatch(argv: list[str]) -> int:
 
 def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
     """The parser of all command lines, and the names of the commands."""
-    parser = _Parser(
-        prog="swath", description="A simulator for harvest machines that act on what they sense."
-    )
-    parser.add_argument("--version", action="version", version=f"swath {__version__}")
-    parsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    for command in COMMANDS:
-        command.add(parsers)
+    parser = _Parser(prog="swath", usage="swath COMMAND ...", formatter_class=_Help)
+    parser.add_argument("-V", "--version", action="version", version=f"swath {__version__}")
+    parsers: Any = parser.add_subparsers(prog="swath", metavar="COMMAND", required=True, action=_Commands)
+    shown = ["A simulator for harvest machines that act on what they sense."]
+    for group, modules in COMMANDS.items():
+        first = len(parsers.lines)
+        for module in modules:
+            module.add(parsers)
+        shown.append("\n".join([f"{group}:", *parsers.lines[first:]]))
+    parser.description = "\n\n".join([*shown, "swath COMMAND --help says more of a command."])
     parser.set_defaults(parser=parser)
     return parser, list(parsers.choices)
 

@@ -29,7 +29,7 @@ def add(parsers: Any) -> None:
     parser.add_argument("--least", type=float, default=0.9, metavar="SHARE", help="that covers a place")
     parser.add_argument("--repeats", type=int, default=2, metavar="N", help="at each place (default 2)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="default 1")
-    parser.add_argument("--processes", type=int, metavar="N", help="default: all cores")
+    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: cores)")
     parser.set_defaults(run=run)
 
 
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
 
     settings = _settings(args)
     _check_out(args.out)
-    processes = args.processes or os.cpu_count() or 1
+    processes = args.workers or os.cpu_count() or 1
     with progress_bar("looking") as progress:
         found = run_reda(settings, processes=processes, progress=progress)
     files = write_all(args.out, settings, found)
