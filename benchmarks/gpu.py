@@ -5,7 +5,7 @@
 Scene as in `rays.py`: 10 x 10 m of wheat on hills, 30 % of it stubble, a scanner 4 m up, bundles of 37 rays.
 The kernel is timed by CUDA events on rays that lie on the device; `with copies` is what
 `RayCaster.cast_bundles` takes, which makes rays on the host, copies them there and hits back. `unlimited` is
-the same kernel without its limit of registers. Needs no network and under four minutes; says so and ends where
+the same kernel without its limit of registers. Needs no network, under four minutes; ends with a word where
 there is no CUDA device.
 """
 
