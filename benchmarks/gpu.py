@@ -112,7 +112,7 @@ def whole(folder: Path) -> dict[str, Any]:
         found[f"scan_s_{device}"] = swath(device, SCAN, folder / f"scan-{device}")
         found[f"run_s_{device}"] = swath(device, RUN, folder / f"run-{device}")
         summary = json.loads((folder / f"run-{device}" / "summary.json").read_text(encoding="utf-8"))
-        found[f"lateral_rms_m_{device}"] = summary["machines"]["combine"]["lateral_rms_m"]
+        found[f"lateral_rms_m_{device}"] = summary["lateral_rms_m"]
     a, b = (np.load(folder / f"scan-{device}" / "scan.npz")["ranges_m"] for device in ("cpu", "cuda"))
     found["scan_largest_difference_m"] = float(np.nanmax(np.abs(a - b)))
     found["scan_same_returns"] = float((np.isnan(a) == np.isnan(b)).mean())
