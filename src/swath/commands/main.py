@@ -31,6 +31,7 @@ from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
 from swath.tools.migrate import command as migrate
+from swath.tools.paper import command as paper
 from swath.tools.part import command as part
 from swath.tools.reda import command as reda
 from swath.tools.rerun import command as rerun
@@ -38,7 +39,7 @@ from swath.tools.scan import command as scan
 from swath.tools.yield_log import command as yield_log
 
 COMMANDS = {
-    "start": (run, scenarios, levels, metrics, sheets, new, scan),
+    "start": (run, paper, scenarios, levels, metrics, sheets, new, scan),
     "look at a run, go on from it, use its recording": (view, report, diff, branch, rerun, part, yield_log),
     "use measured data": (field, height_map, calibrate, compare, lab),
     "many runs, whole fields": (function_test, fleet, reda, dataset),
