@@ -317,9 +317,10 @@ def closed_loop(name: str) -> Callable[[Path], Made]:
         from swath.runtime.job import run_job
         from swath.scenario.scenario import load_scenario
 
-        _, changed = CASES[name]
+        title, changed = CASES[name]
         sets = [f"{key}={json.dumps(value)}" for key, value in changed.items()]
-        sets += [f"run.distance_m={CASE_M:g}", f"name={name}", "expect={}", "combine.lidar.level=plants"]
+        sets += [f"run.distance_m={CASE_M:g}", f"name={name}", f"summary={json.dumps(title)}", "expect={}"]
+        sets += ["combine.lidar.level=plants"]
         scenario = load_scenario("straight", sets=sets)
         world = assemble(scenario)
         field = world.field
