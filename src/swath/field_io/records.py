@@ -38,13 +38,14 @@ def time_of(
     """Time of each record [s], in file order."""
     if "time" in found.columns:
         return values["time"] - values["time"].min(), ""
-    step = np.nan_to_num(values["duration"], nan=1.0) if "duration" in found.columns else np.ones(len(order))
+    step = np.nan_to_num(values["duration"], nan=1.0)
     sorted_time = np.cumsum(step[order])
     first = np.r_[True, np.diff(machine[order]) != 0]
     start = np.maximum.accumulate(np.where(first, sorted_time, 0.0))
     time = np.empty(len(order))
     time[order] = sorted_time - start
-    note = "" if "duration" in found.columns else "no time: records taken as 1 s apart"
+    is_known = np.isfinite(values["duration"]).any()
+    note = "" if is_known else "no time: records taken as 1 s apart"
     return time, note or "no clock: time counts from the first record of each machine"
 
 
