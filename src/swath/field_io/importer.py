@@ -358,6 +358,7 @@ def _machines(cleaned: Cleaned, tracks: tuple[Track, ...]) -> list[dict[str, Any
                 "flow_delay_method": delay.method,
                 "flow_delay_agreement": delay.agreement,
                 "flow_delay_pairs": delay.pair_count,
+                "flow_delay_error_s": delay.error,
             }
         )
     return rows

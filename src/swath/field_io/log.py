@@ -17,7 +17,7 @@ from swath.field_io import trade
 from swath.field_io.clock import MILLISECONDS, days_of, of_digits, over_midnight, seconds_of, usable
 from swath.field_io.columns import FLOWS, QUANTITIES, UNITS, ColumnMap, find_columns
 from swath.field_io.machines import separate_machines
-from swath.field_io.records import check_order, declared_machines, duration_of, speed_of, time_of
+from swath.field_io.records import PAUSE, check_order, declared_machines, duration_of, speed_of, time_of
 from swath.field_io.table import Table, read_table
 from swath.field_io.witnesses import Drive, clock_unit, drive_of, settle_units
 
@@ -84,7 +84,7 @@ class Log:
         step = np.hypot(np.diff(self.east), np.diff(self.north))
         pause = np.diff(self.time)
         far = step > 3.0 * np.maximum(self.speed[1:], 1.0) * np.clip(pause, 1.0, 3.0) + 3.0
-        gap: NDArray[np.bool_] = np.r_[True, (np.diff(self.machine) != 0) | (pause > 5.0) | far]
+        gap: NDArray[np.bool_] = np.r_[True, (np.diff(self.machine) != 0) | (pause > PAUSE) | far]
         return gap
 
     def keep(self, mask: NDArray[np.bool_]) -> "Log":
@@ -484,7 +484,7 @@ def _assemble(
     machine, time, east, north = machine[order], time[order], east[order], north[order]
     values = {k: v[order] for k, v in values.items()}
     period, duration = duration_of(time, machine, values["duration"])
-    speed = speed_of(values, found, duration, machine, east, north)
+    speed = speed_of(values, found, time, duration, machine, east, north)
     width = values["header_width"]
     if not np.isfinite(width).any():
         if as_map and "grain_flow" not in found.columns:

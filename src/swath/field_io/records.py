@@ -11,6 +11,7 @@ from swath.field_io.table import Table
 
 Array = NDArray[np.float64]
 TOP_SPEED = 15.0  # m/s, of a machine
+PAUSE = 5.0  # s between two records, longer: the machine does something else
 NEXT = 6  # records ahead among which one of the same machine follows, whichever others are between
 NEAR = 25.0  # m, to it
 LEAST_FOLLOWED = 0.5  # of the records of a log in driving order
@@ -50,7 +51,7 @@ def time_of(
 
 
 def duration_of(time: Array, machine: NDArray[np.int64], logged: Array) -> tuple[float, Array]:
-    """Nominal period of the log and time since the record before [s].
+    """Nominal period of the log and time since the record before [s]; after a pause one period.
 
     Logs round their clock (to 1e-5 days = 0.864 s in some), so steps below 1.8 periods count as one.
     """
@@ -59,27 +60,32 @@ def duration_of(time: Array, machine: NDArray[np.int64], logged: Array) -> tuple
     period = float(usual.mean()) if len(usual) else 1.0
     period = 1.0 if abs(period - 1.0) < 0.08 else period
     if np.isfinite(logged).mean() > 0.5:
-        return period, np.clip(np.nan_to_num(logged, nan=period), 0.05, 5.0)
-    one = (step < 1.8 * period) | (np.diff(machine, prepend=-1) != 0)
-    return period, np.clip(np.where(one, period, step), period, 5.0)
+        return period, np.clip(np.nan_to_num(logged, nan=period), 0.05, PAUSE)
+    one = (step < 1.8 * period) | (step > PAUSE) | (np.diff(machine, prepend=-1) != 0)
+    return period, np.maximum(np.where(one, period, step), period)
 
 
 def speed_of(
     values: dict[str, Array],
     found: ColumnMap,
+    time: Array,
     duration: Array,
     machine: NDArray[np.int64],
     east: Array,
     north: Array,
 ) -> Array:
-    """Ground speed [m/s]: logged, else logged distance over time, else from positions."""
+    """Ground speed [m/s]: logged, else logged distance over time, else from the positions before and after."""
     if "speed" in found.columns:
         return values["speed"]
-    step = np.hypot(np.diff(east, prepend=east[:1]), np.diff(north, prepend=north[:1]))
-    step = np.where(np.diff(machine, prepend=-1) != 0, 0.0, step)
+    step = np.hypot(np.diff(east), np.diff(north))
+    goes_on = (np.diff(machine) == 0) & (np.diff(time) <= PAUSE)
+    way, took = np.where(goes_on, step, 0.0), np.where(goes_on, duration[1:], 0.0)
+    way, took = np.r_[0.0, way] + np.r_[way, 0.0], np.r_[0.0, took] + np.r_[took, 0.0]
+    speed = way / np.where(took > 0.0, took, 1.0)
     if "distance" in found.columns:
-        step = np.where(np.isfinite(values["distance"]), values["distance"], step)
-    return np.clip(step / duration, 0.0, TOP_SPEED)
+        logged = values["distance"] / duration
+        speed = np.where(np.isfinite(logged), logged, speed)
+    return np.clip(speed, 0.0, TOP_SPEED)
 
 
 def check_order(time: Array, machine: NDArray[np.int64], east: Array, north: Array) -> None:
