@@ -15,6 +15,7 @@ MILLISECONDS = 1e11  # a number of seconds above it is in milliseconds: 1e11 s a
 DIGITS = (("HHMMSS", 1), ("HHMMSS and hundredths", 100), ("HHMMSS and thousandths", 1000))
 LEAST_CODED = 0.995  # of the times whose minutes and seconds are below 60: with less it is no such clock
 LEAST_SHARE = 0.5  # of the rows with a time: with less the clock is not used
+FEWEST_STEPS = 20  # of a clock whose steps are longer than the records'
 LEAST_STEPS = 0.2  # different times per row: with less it holds dates only
 _TIME = re.compile(r"(\d{1,2})[:h](\d{2})(?:[:.](\d{2})(?:[.,](\d+))?)?\s*([ap])?\.?m?\.?", re.IGNORECASE)
 _DATE = re.compile(r"(\d{1,4})[-/. ](\d{1,2})[-/. ](\d{1,4})")
@@ -87,10 +88,10 @@ def days_of(cells: Sequence[Any]) -> Array:
 
 
 def of_digits(numbers: Array) -> tuple[Array, Array, str] | None:
-    """Seconds of the day, and of the midnight (0 where the number has no date), of numbers like 100059 (HHMMSS) or
-    20240720100059, and the form; None where they are another clock.
+    """Seconds of the day, and of the midnight (0 where the number has no date), of numbers like 100059
+    (HHMMSS) or 20240720100059, and the form; None where they are another clock.
 
-    Such a clock shows by itself: its last two digits and the two before stay below 60, over more than a minute.
+    Such a clock shows by itself: its seconds and minutes stay below 60, over more than a minute.
     """
     known = np.isfinite(numbers)
     for form, scale in DIGITS:
@@ -118,6 +119,20 @@ def over_midnight(of_day: Array) -> Array:
     counted = of_day.copy()
     counted[known] += DAY * np.cumsum(np.diff(of_day[known], prepend=of_day[known[:1]]) < -0.5 * DAY)
     return counted
+
+
+def spread(time: Array) -> tuple[Array, str]:
+    """A clock whose steps are many records long, with these spread evenly over them; and a note."""
+    first = np.flatnonzero(np.r_[True, np.diff(time) != 0.0])
+    size = np.diff(np.r_[first, len(time)])
+    step = np.diff(time[first])
+    usual = float(np.median(size))
+    if not FEWEST_STEPS <= len(first) < LEAST_STEPS * len(time) or not (step > 0.0).all():
+        return time, ""
+    tick, group = float(np.median(step)), np.repeat(np.arange(len(first)), size)
+    behind = (np.arange(len(time)) - first[group]) / np.maximum(usual, size[group])
+    note = f"clock: steps of {usual:g} records, which are spread evenly over them"
+    return time + tick * behind, note
 
 
 def usable(time: Array) -> tuple[Array | None, str]:

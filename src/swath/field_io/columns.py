@@ -132,23 +132,33 @@ PROFILES = (
         **{"yield": "WetMass lb/ac"}, moisture="Moisture %",
     ),
     _profile(
+        "Ag Leader advanced", lon="Longitude deg", lat="Latitude deg", grain_flow="Flow lb/s", time="Time s",
+        duration="Interval s", distance="Distance in", header_width="Swath in", moisture="Moisture %",
+        work_state="Header status text",
+    ),
+    _profile(
+        "Ag Leader 2000", lon="Longitude deg", lat="Latitude deg", grain_flow="Flow lb/s", time="Time s",
+        duration="Interval s", distance="Distance in", header_width="Swath ft", moisture="Moisture %",
+        work_state="Header position text", elevation="Elevation m",
+    ),
+    _profile(
         "short names, US units", lon="long deg", lat="lat deg", grain_flow="mass lb/s", time="time s",
         duration="seconds s", distance="dist in", moisture="moist %", elevation="elev ft",
     ),
 )  # fmt: skip
 """Logs recognised when every one of their columns is in the header; the rest goes by usual names."""
-_BY_NAME = "John Deere Operations Center"  # its further columns go by usual names, too
+_BY_NAME = ("John Deere Operations Center", "Ag Leader advanced", "Ag Leader 2000")
+"""Of these the further columns go by usual names, too."""
 
 AG_LEADER = (
-    "Longitude", "Latitude", "Flow(lb/s)", "Time(s)", "Interval(s)", "Distance(in)", "Swath(in)",
-    "Moisture(%)", "Header status", "Pass", "Serial", "Field", "Load", "Crop", "GPS status", "PDOP",
-    "Elevation(ft)",
+    "Longitude", "Latitude", "Flow", "Time", "Interval", "Distance", "Swath", "Moisture", "Header status",
+    "Pass", "Serial", "Field", "Load", "Crop", "GPS status", "PDOP", "Elevation",
 )  # fmt: skip
 """Columns of the Ag Leader advanced format, which has no header line: Ag Leader, GPS 2100 Operators Manual,
-1998, page 8-7. Units as the yield monitors of that maker log them."""
-AG_LEADER_2000 = {"Swath(in)": "Swath(ft)", "Elevation(ft)": "Elevation(m)"}
-"""What differs where the header status is a word (Up, Down): raw files of the Yield Monitor 2000, with an example
-at http://adamchukpa.mcgill.ca/web_ssm/web_yield.html."""
+1998, page 8-7."""
+AG_LEADER_2000 = tuple({"Header status": "Header position"}.get(name, name) for name in AG_LEADER)
+"""Raw files of the Yield Monitor 2000, where the header is Up or Down, with other units: an example at
+http://adamchukpa.mcgill.ca/web_ssm/web_yield.html."""
 
 _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
     "lat": ("deg", (
@@ -296,7 +306,7 @@ def find_columns(
     rest = guess([name for name in header if name not in taken], path).columns
     beside = {k: c for k, c in rest.items() if k in FLOWS}
     if base is not None:
-        also = QUANTITIES.keys() - FLOWS if base.profile == _BY_NAME else _BESIDE
+        also = QUANTITIES.keys() - FLOWS if base.profile in _BY_NAME else _BESIDE
         rest = {k: c for k, c in rest.items() if k in also}
     found = {**rest, **of_base}
     for alike in (FLOWS, ("lat", "lon", "easting", "northing")):

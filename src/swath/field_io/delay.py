@@ -2,7 +2,7 @@
 
 Neighbouring passes driven in opposite directions see the same soil. A flow that is late by d shifts the
 yield of one pass forwards and of the other backwards, so the two agree best at the right d. Where the yield
-changes over short ways the fine band shows it best, else a coarser one; how well shows when parts are left out.
+changes over short ways a fine band shows it best, else a coarser one; how well shows when parts are left out.
 """
 
 from dataclasses import dataclass
@@ -24,14 +24,15 @@ BANDS = (
     (9, 81),
     (15, 161),
 )  # records: the yield is smoothed over the first, freed of trends over the second
-CLEARER = 0.5  # of the standard error of a finer band, for a coarser one to count instead
+CLEARER = 0.5  # of the standard error of a finer band: a coarser one with less counts instead
 PARTS = 40  # of the pairs, of which one each is left out for the standard error
 
 
 @dataclass(frozen=True)
 class Delay:
-    """Delay of a machine's flow [s]; agreement: correlation of opposite neighbour passes with it; error: standard
-    error of the delay [s], nan = not known.
+    """Delay of a machine's flow [s]; agreement: correlation of opposite neighbour passes with it.
+
+    error: standard error of the delay [s], nan = not known
     """
 
     machine: str
@@ -151,9 +152,7 @@ def _peak(products: Array, short: int) -> tuple[float, float] | None:
 
 
 def _products(log: Log, first: NDArray[np.int64], second: NDArray[np.int64], short: int, long: int) -> Array:
-    """Sums of both yields' product and of their squares for each delay tried and each part of the pairs, shape
-    (tries, 3, parts).
-    """
+    """Sums of both yields' product and of their squares, shape (tries, 3, PARTS of the pairs)."""
     part = np.arange(len(first)) * PARTS // len(first)
     area_rate = np.maximum(log.speed, 0.5) * np.maximum(log.width, 1.0)
     made = []

@@ -4,6 +4,7 @@ Broken rows are left out and counted by reason; only a file that holds no usable
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from swath.core.errors import InputError
 from swath.field.crop_sheet import load_crop
 from swath.field.projection import known_crs, transform, utm_epsg
 from swath.field_io import trade
-from swath.field_io.clock import MILLISECONDS, days_of, of_digits, over_midnight, seconds_of, usable
+from swath.field_io.clock import MILLISECONDS, days_of, of_digits, over_midnight, seconds_of, spread, usable
 from swath.field_io.columns import FLOWS, QUANTITIES, UNITS, ColumnMap, find_columns
 from swath.field_io.machines import separate_machines
 from swath.field_io.records import PAUSE, check_order, declared_machines, duration_of, speed_of, time_of
@@ -164,7 +165,8 @@ def _why(broken: dict[str, int], found: ColumnMap) -> str:
     if key not in found.columns or not reason.endswith("out_of_range"):
         return ""
     column, (low, high) = found.columns[key], PLAUSIBLE[key]
-    return f"; {column.column} in {column.unit}: expected {low:g} to {high:g} {_NEEDED[key]}, --columns takes its unit"
+    limits = f"expected {low:g} to {high:g} {_NEEDED[key]}"
+    return f"; {column.column} in {column.unit}: {limits}, --columns takes its unit"
 
 
 def _settled(
@@ -228,8 +230,8 @@ def _cutting(raw: dict[str, Array], idle: NDArray[np.bool_] | None, count: int) 
 
 
 def _clock(table: Table, found: ColumnMap) -> tuple[Array | None, Array, str, list[str]]:
-    """Time of each row, None where there is no clock; the midnight it counts from [s]; its unit, '' for that of
-    its column; notes.
+    """Time of each row, None where there is no clock; the midnight it counts from [s]; its unit, '' for that
+    of its column; notes.
     """
     column, dates = found.columns.get("time"), found.columns.get("date")
     none = np.zeros(len(table.row_number))
@@ -249,15 +251,16 @@ def _clock(table: Table, found: ColumnMap) -> tuple[Array | None, Array, str, li
             day = held
         elif unit and not day.any():
             numbers = over_midnight(numbers)
-    clock, note = usable(numbers)
-    return clock, day, unit, [*notes, *([note] if note else [])]
+    numbers, note = spread(numbers) if "section" not in found.columns else (numbers, "")
+    clock, more = usable(numbers)
+    return clock, day, unit, [*notes, *filter(None, (note, more))]
 
 
 def _overlap(times: Array, days: Array) -> bool:
     """Whether the times of different days are times of the day: they begin anew."""
     names = np.unique(days)
     spans = [(np.nanmin(times[days == d]), np.nanmax(times[days == d])) for d in names[:100]]
-    return any(b[0] < a[1] for a, b in zip(spans, spans[1:], strict=False))
+    return any(b[0] < a[1] for a, b in pairwise(spans))
 
 
 def _step_wise(raw: dict[str, Array], order: NDArray[np.int64], drive: Drive) -> list[str]:
@@ -408,7 +411,7 @@ def _lon_lat(table: Table, found: ColumnMap, path: Path) -> tuple[Array, str]:
 
 
 def _places(lon_lat: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Positions that are numbers, that are on earth, and of these that are far from the others, shape (n,)."""
+    """Positions that are numbers, that are on earth, and of these far from the others, shape (n,)."""
     lon, lat = lon_lat.T
     finite = np.isfinite(lon_lat).all(axis=1)
     on_earth = finite & (np.abs(lon) <= 180.0) & (np.abs(lat) <= 84.0) & ((lon != 0.0) | (lat != 0.0))

@@ -11,6 +11,7 @@ from swath.field_io.table import Table
 
 Array = NDArray[np.float64]
 TOP_SPEED = 15.0  # m/s, of a machine
+TOO_FAST = 3.0  # times the usual pace from one record to the next: not driven
 PAUSE = 5.0  # s between two records, longer: the machine does something else
 NEXT = 6  # records ahead among which one of the same machine follows, whichever others are between
 NEAR = 25.0  # m, to it
@@ -74,11 +75,12 @@ def speed_of(
     east: Array,
     north: Array,
 ) -> Array:
-    """Ground speed [m/s]: logged, else logged distance over time, else from the positions before and after."""
+    """Ground speed [m/s]: logged, else distance over time, else from the positions before and after."""
     if "speed" in found.columns:
         return values["speed"]
     step = np.hypot(np.diff(east), np.diff(north))
-    goes_on = (np.diff(machine) == 0) & (np.diff(time) <= PAUSE)
+    pace = step / duration[1:]
+    goes_on = (np.diff(machine) == 0) & (np.diff(time) <= PAUSE) & (pace <= TOO_FAST * np.median(pace))
     way, took = np.where(goes_on, step, 0.0), np.where(goes_on, duration[1:], 0.0)
     way, took = np.r_[0.0, way] + np.r_[way, 0.0], np.r_[0.0, took] + np.r_[took, 0.0]
     speed = way / np.where(took > 0.0, took, 1.0)

@@ -1,18 +1,18 @@
 """What the numbers of a log say about their own units.
 
-Positions are in degrees or a known system. With them a log shows how far a machine drove, how fast, and how far
-apart its passes lie; grain flow and yield show each other. These witnesses decide units that nothing in the file
-says, and contradict units that are said wrongly.
+Positions are in degrees or a known system. With them a log shows how far a machine drove, how fast, and how
+far apart its passes lie; grain flow and yield show each other. These witnesses decide units that nothing in
+the file says, and contradict units that are said wrongly.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, MissingExtra
 from swath.field.crop import Crop
 from swath.field_io import trade
 from swath.field_io.columns import FLOWS, QUANTITIES, UNITS, Column, ColumnMap
@@ -101,8 +101,10 @@ def drive_of(position: Array, lon_lat: Array, order: Indices, machine: Indices, 
 
 def _spacing(position: Array, drive: Drive, cutting: Mask) -> float:
     """Median distance from a cutting record to the nearest parallel pass on each side [m]."""
-    from scipy.spatial import cKDTree
-
+    try:
+        from scipy.spatial import cKDTree
+    except ImportError as error:
+        raise MissingExtra("geo", "reading a yield log") from error
     both = cutting[drive.here] & cutting[drive.after]
     if both.sum() < FEWEST:
         return np.nan
@@ -120,6 +122,8 @@ def _spacing(position: Array, drive: Drive, cutting: Mask) -> float:
         sides = (across[is_pass & (across > 0)], across[is_pass & (across < 0)])
         gaps += [float(np.abs(side).min()) for side in sides if len(side)]
     middle = _median(np.array(gaps))
+    if not np.isfinite(middle):
+        return np.nan
     return middle if (np.abs(np.array(gaps) / middle - 1.0) < 0.15).mean() >= LEAST_REGULAR else np.nan
 
 
@@ -224,6 +228,7 @@ class _Bench:
         self.found, self.crop, self.path = found, crop, path
         self.columns = dict(found.columns)
         self.notes: list[str] = []
+        self._is_in_form = True  # no unit of a known form is contradicted by one of another system
         stated = {**found.beside, **found.columns}
         self._votes = [c.unit for k, c in stated.items() if k in CANDIDATES and not c.is_assumed]
         west, east, south, north = NORTH_AMERICA
@@ -266,41 +271,35 @@ class _Bench:
         if not column.is_assumed:
             self._check(key, column, sure, witnesses, [u for units in pools for u in units], shown)
             return
+        of_format = column.of_format and self._is_in_form and not sure and column.unit in pools[1]
         if pool:
-            unit = column.unit if column.unit in pool else pool[0]
-            by = (
-                shown
-                if sure
-                else ", ".join(filter(None, (shown, self.system()[1] if pool is pools[0] else "")))
-            )
+            unit = column.unit if column.unit in pool or of_format else pool[0]
+            system = "" if sure or unit in _NO_SYSTEM or pool is not pools[0] else self.system()[1]
             also = [u for u in pool if u != unit]
             doubt = f"; {' or '.join(also)} would fit as well" if also else ""
+            by = ", ".join(filter(None, (shown, system)))
             text = f"{key}: {column.column} taken as {unit}: {by}{doubt}"
         else:
-            plausible = self._fitting(
-                key, (*self._own(usual), *usual, *rare), [w for w in witnesses if not w.is_sure]
-            )
+            likely = [w for w in witnesses if not w.is_sure]
+            plausible = self._fitting(key, (*self._own(usual), *usual, *rare), likely)
             if not plausible:
                 raise self._refused(key, column, shown, "")
             unit = column.unit if column.unit in plausible else plausible[0]
             text = f"{key}: {column.column} taken as {unit}, though {shown}"
+        if column.of_format and sure and pool:
+            self._is_in_form &= (unit in US_CUSTOMARY) == (column.unit in US_CUSTOMARY)
         is_news = not (column.of_format and unit == column.unit and pool)
         self.notes += [text] if is_news else []
         self.columns[key] = replace(column, unit=unit, is_assumed=False)
         self._votes += [unit] if sure and pool else []
 
-    def _fitting(self, key: str, units: "tuple[str, ...] | list[str]", witnesses: list[Witness]) -> list[str]:
+    def _fitting(self, key: str, units: Sequence[str], witnesses: list[Witness]) -> list[str]:
         return [u for u in units if all(w.fits(self.size(key, u)) for w in witnesses)]
 
     def _check(
-        self,
-        key: str,
-        column: Column,
-        sure: list[Witness],
-        witnesses: list[Witness],
-        fitting: list[str],
+        self, key: str, column: Column, sure: list[Witness], witnesses: list[Witness], fitting: list[str],
         shown: str,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """A unit that the file or the user says: refused where another one would agree."""
         size = self.size(key, column.unit)
         if all(w.fits(size) for w in witnesses):
@@ -314,7 +313,8 @@ class _Bench:
         said = f"in {column.unit}" if not column.is_assumed else "without a unit"
         agrees = f", which would be in {better}" if better else ", which no unit makes of it"
         flag = f"{key}: {{unit: {better or column.unit}}}"
-        expected = f"expected what the data shows: {shown}{agrees}; say the unit with --columns MAP.yaml, in it {flag}"
+        say = f"say the unit with --columns MAP.yaml, in it {flag}"
+        expected = f"expected what the data shows: {shown}{agrees}; {say}"
         return InputError(key, f"{column.column} {said}", expected, file=self.path)
 
 
@@ -328,16 +328,15 @@ def clock_unit(column: Column, time: Array, drive: Drive, path: Path) -> tuple[s
     fitting = [u for u, size in sizes.items() if SPEED_RANGE[0] <= pace / size <= SPEED_RANGE[1]]
     if not np.isfinite(pace) or column.unit in fitting:
         return column.unit, ""
-    by = f"{column.column}: by it as {column.unit} the machine drives {3.6 * pace / sizes[column.unit]:.3g} km/h"
+    speeds = {u: 3.6 * pace / size for u, size in sizes.items()}
+    by = f"{column.column}: by it as {column.unit} the machine drives {speeds[column.unit]:.3g} km/h"
     if column.is_assumed and fitting:
-        return fitting[
-            0
-        ], f"time: {column.column} taken as {fitting[0]}: {3.6 * pace / sizes[fitting[0]]:.1f} km/h"
-    if column.is_given or 0.05 < pace / sizes[column.unit] < 15.0:
+        return fitting[0], f"time: {column.column} taken as {fitting[0]}: {speeds[fitting[0]]:.1f} km/h"
+    if column.is_given or 0.2 < speeds[column.unit] < 50.0:
         return column.unit, f"time: {by}"
     better = f"time: {{unit: {fitting[0]}}}" if fitting else "time: null, for records one after the other"
-    expected = f"expected a clock of seconds, milliseconds, hours, days or HHMMSS; say it with --columns MAP.yaml, in it {better}"
-    raise InputError("time", by, expected, file=path)
+    known = "expected a clock of seconds, milliseconds, hours, days or HHMMSS"
+    raise InputError("time", by, f"{known}; say it with --columns MAP.yaml, in it {better}", file=path)
 
 
 def _median(values: Array) -> float:
