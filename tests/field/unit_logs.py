@@ -9,19 +9,21 @@ import shapefile
 from swath.field.projection import Origin, transform, utm_epsg
 
 FT, LB, ACRE, MPH = 0.3048, 0.45359237, 4046.8564224, 0.44704
-BUSHEL = {"wheat": 60 * LB, "maize": 56 * LB, "soy": 60 * LB, "barley": 48 * LB}
+BUSHEL = {"wheat": 60 * LB, "maize": 56 * LB, "soy": 60 * LB}
+DRY = {"wheat": 0.135, "maize": 0.155, "soy": 0.13}
 
 
 class Harvest:
     """Passes there and back with 20 s between them; one entry per record, shape (n,).
 
-    t [s]; lat, lon [deg]; z [m]; wet: yield as harvested [kg/m2], flow [kg/s], both without a delay; moisture:
-    share of the wet mass
+    t [s]; lat, lon [deg]; z [m]; flow at the sensor [kg/s], late [s] behind the cut; wet: what a monitor makes
+    of it, as harvested [kg/m2]; moisture: share of the wet mass
     """
 
     def __init__(self, lat=48.0, lon=11.0, *, width=9.0, speed=2.0, level=0.54, moisture=0.14, passes=12,
-                 length=250.0, seed=1, begun=datetime(2024, 7, 20, 10), z=300.0, interval=1.0):  # fmt: skip
-        self.width, self.speed, self.moisture, self.begun, self.level = width, speed, moisture, begun, level
+                 length=250.0, seed=1, begun=datetime(2024, 7, 20, 10), z=300.0, interval=1.0, late=0):  # fmt: skip
+        self.width, self.speed, self.moisture = width, speed, moisture
+        self.begun, self.late = begun, late
         rng = np.random.default_rng(seed)
         rows, t = [], 0.0
         for p in range(passes):
@@ -35,10 +37,11 @@ class Harvest:
         east, north = transform([[lon, lat]], "EPSG:4326", f"EPSG:{epsg}")[0]
         self.lon, self.lat = Origin(epsg, east, north).to_lon_lat(np.column_stack([x, y])).T
         self.z = z + 0.01 * x + 0.02 * y
-        waves = 0.15 * np.sin(x / 40) + 0.10 * np.cos(y / 23)
-        self.wet = level * (1 + waves) * (1 + 0.03 * rng.standard_normal(len(x)))
-        self.flow = self.wet * width * speed
-        self.x, self.y, self.one = x, y, np.ones(len(x))
+        waves = sum(0.07 * np.sin(x / a + y / b + p) for a, b, p in ((40, 90, 1), (70, -23, 2), (-31, 37, 3)))
+        grown = level * (1 + waves) * (1 + 0.03 * rng.standard_normal(len(x)))
+        arrived = np.searchsorted(self.t, self.t - late - 1e-9)
+        self.wet = np.where(self.t[arrived] <= self.t - late + 1e-9, grown[arrived], 0.0)
+        self.flow, self.one = self.wet * width * speed, np.ones(len(x))
 
     def __len__(self):
         return len(self.t)
@@ -50,13 +53,13 @@ class Harvest:
     def places(self, names=("Latitude", "Longitude")):
         return {names[0]: np.round(self.lat, 8), names[1]: np.round(self.lon, 8)}
 
-    def dry(self, at=0.135):
+    def dry(self, crop="wheat"):
         """Yield of dry grain [kg/m2]."""
-        return self.wet * (1 - self.moisture) / (1 - at)
+        return self.wet * (1 - self.moisture) / (1 - DRY[crop])
 
-    def bushels(self, crop="wheat", at=0.135):
+    def bushels(self, crop="wheat"):
         """Dry yield [bu/ac]."""
-        return self.dry(at) * ACRE / BUSHEL[crop]
+        return self.dry(crop) * ACRE / BUSHEL[crop]
 
 
 def table(path, columns, separator=","):
@@ -90,8 +93,7 @@ def deere(path, h, *, us=True, mass=10.0, crop="Wheat", fields=("Distance", "Swa
     length, speed = (FT, MPH) if us else (1.0, 1 / 3.6)
     distance, width, pace = fields
     kind = {"Wheat": "wheat", "Corn": "maize", "Soybeans": "soy"}[crop]
-    at = {"wheat": 0.135, "maize": 0.155, "soy": 0.13}[kind]
-    grain = {"VRYIELDVOL": h.bushels(kind, at)} if us else {"WetMass": h.wet * mass}
+    grain = {"VRYIELDVOL": h.bushels(kind)} if us else {"WetMass": h.wet * mass}
     return shapes(path, h, {
         distance: h.one * h.speed / length, width: h.one * h.width / length, **grain,
         "Moisture": 100 * h.moisture * h.one, pace: h.one * h.speed / speed, "Elevation": h.z / length,

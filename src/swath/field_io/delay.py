@@ -18,6 +18,7 @@ DEFAULT_DELAY = 12.0  # s, cutterbar to yield sensor: 10-15 s, typical of combin
 EARLIEST, LATEST = -10.0, 30.0  # s, range of the search
 NEIGHBOUR = 1.35  # header widths to the next pass at most
 FEWEST_PAIRS = 300
+LEAST_FLOW = 0.2  # of the median flow: below, the header is not full
 LEAST_AGREEMENT = 0.15  # correlation of neighbouring passes; below, the peak is chance
 BANDS = (
     (5, 41),
@@ -90,7 +91,7 @@ def opposite_pairs(log: Log) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     none = np.zeros(0, dtype=np.int64)
     width = float(np.median(log.width[log.width > 0.0])) if (log.width > 0.0).any() else 0.0
     forward = direction(log)
-    cutting = (log.speed > 0.8) & (log.flow > 0.2 * np.median(log.flow)) & (log.width > 0.9 * width)
+    cutting = (log.speed > 0.8) & (log.flow > LEAST_FLOW * np.median(log.flow)) & (log.width > 0.9 * width)
     index = np.flatnonzero(cutting & np.isfinite(forward[:, 0]))
     if len(index) < FEWEST_PAIRS or width <= 0.0:
         return none, none
@@ -155,12 +156,13 @@ def _products(log: Log, first: NDArray[np.int64], second: NDArray[np.int64], sho
     """Sums of both yields' product and of their squares, shape (tries, 3, PARTS of the pairs)."""
     part = np.arange(len(first)) * PARTS // len(first)
     area_rate = np.maximum(log.speed, 0.5) * np.maximum(log.width, 1.0)
+    least = LEAST_FLOW * float(np.median(log.flow[log.flow > 0.0])) if (log.flow > 0.0).any() else 0.0
     made = []
     for seconds in np.arange(EARLIEST, LATEST + 0.5, 1.0):
         flow = _flow_later(log, float(seconds))
-        known = np.isfinite(flow)
+        known = flow > least  # before the grain arrives there is none to agree
         value = np.where(known, np.log(np.clip(np.where(known, flow, 1.0) / area_rate, 0.01, 5.0)), 0.0)
-        local = _running_mean(value, known, short) - _running_mean(value, known, long)
+        local = _smooth(value, known, short) - _smooth(value, known, long)
         local = np.clip(np.where(known, local, np.nan), -0.5, 0.5)
         a, b = local[first], local[second]
         both = np.isfinite(a) & np.isfinite(b)
@@ -171,7 +173,13 @@ def _products(log: Log, first: NDArray[np.int64], second: NDArray[np.int64], sho
     return np.array(made)
 
 
-def _running_mean(value: Array, known: NDArray[np.bool_], count: int) -> Array:
-    kernel = np.ones(count)
-    mean: Array = np.convolve(value, kernel, "same") / np.maximum(np.convolve(known, kernel, "same"), 1.0)
-    return mean
+def _smooth(value: Array, known: NDArray[np.bool_], count: int) -> Array:
+    """Lines through the known values within `count` records around each, at it: their mean in the middle, not
+    drawn to one side at an end.
+    """
+    offset = np.arange(count) - count // 2
+    n, first, second = (np.convolve(known, kernel, "same") for kernel in (offset**0, -offset, offset**2))
+    total, moment = (np.convolve(value, kernel, "same") for kernel in (offset**0, -offset))
+    spread = n * second - first**2
+    line = (second * total - first * moment) / np.where(spread > 0.0, spread, 1.0)
+    return np.asarray(np.where(spread > 0.0, line, total / np.maximum(n, 1.0)))

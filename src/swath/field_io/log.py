@@ -18,7 +18,15 @@ from swath.field_io import trade
 from swath.field_io.clock import MILLISECONDS, days_of, of_digits, over_midnight, seconds_of, spread, usable
 from swath.field_io.columns import FLOWS, QUANTITIES, UNITS, ColumnMap, find_columns
 from swath.field_io.machines import separate_machines
-from swath.field_io.records import PAUSE, check_order, declared_machines, duration_of, speed_of, time_of
+from swath.field_io.records import (
+    PAUSE,
+    check_order,
+    declared_machines,
+    duration_of,
+    speed_of,
+    time_of,
+    unrounded,
+)
 from swath.field_io.table import Table, read_table
 from swath.field_io.witnesses import Drive, clock_unit, drive_of, settle_units
 
@@ -487,6 +495,7 @@ def _assemble(
     machine, time, east, north = machine[order], time[order], east[order], north[order]
     values = {k: v[order] for k, v in values.items()}
     period, duration = duration_of(time, machine, values["duration"])
+    time = unrounded(time, machine, period)
     speed = speed_of(values, found, time, duration, machine, east, north)
     width = values["header_width"]
     if not np.isfinite(width).any():

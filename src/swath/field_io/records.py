@@ -66,6 +66,22 @@ def duration_of(time: Array, machine: NDArray[np.int64], logged: Array) -> tuple
     return period, np.maximum(np.where(one, period, step), period)
 
 
+def unrounded(time: Array, machine: NDArray[np.int64], period: float) -> Array:
+    """Times [s] of a clock whose rounding does not go with its period (1e-5 days), evenly within stretches without
+    a pause; another clock as it is.
+    """
+    step = np.diff(time)
+    usual = step[(step > 0.0) & (step < 1.8 * period)]
+    if not len(usual):
+        return time
+    ticks, ratio = usual / usual.min(), period / usual.min()
+    if (np.abs(ticks - np.rint(ticks)) > 0.02).mean() > 0.02 or abs(ratio - np.rint(ratio)) < 0.05:
+        return time
+    stretch = np.cumsum(np.r_[True, (step >= 1.8 * period) | (np.diff(machine) != 0)]) - 1
+    late = time - period * np.arange(len(time))
+    return period * np.arange(len(time)) + (np.bincount(stretch, late) / np.bincount(stretch))[stretch]
+
+
 def speed_of(
     values: dict[str, Array],
     found: ColumnMap,
