@@ -16,12 +16,14 @@ DRY = {"wheat": 0.135, "maize": 0.155, "soy": 0.13}
 class Harvest:
     """Passes there and back with 20 s between them; one entry per record, shape (n,).
 
-    t [s]; lat, lon [deg]; z [m]; flow at the sensor [kg/s], late [s] behind the cut; wet: what a monitor makes
-    of it, as harvested [kg/m2]; moisture: share of the wet mass
+    t [s]; lat, lon [deg]; z [m]; flow at the sensor [kg/s], late [s] behind the cut; wet: what a monitor
+    makes of it, as harvested [kg/m2]; moisture: share of the wet mass
     """
 
-    def __init__(self, lat=48.0, lon=11.0, *, width=9.0, speed=2.0, level=0.54, moisture=0.14, passes=12,
-                 length=250.0, seed=1, begun=datetime(2024, 7, 20, 10), z=300.0, interval=1.0, late=0):  # fmt: skip
+    def __init__(
+        self, lat=48.0, lon=11.0, *, width=9.0, speed=2.0, level=0.54, moisture=0.14, passes=12, length=250.0,
+        seed=1, begun=datetime(2024, 7, 20, 10), z=300.0, interval=1.0, late=0,
+    ):  # fmt: skip
         self.width, self.speed, self.moisture = width, speed, moisture
         self.begun, self.late = begun, late
         rng = np.random.default_rng(seed)

@@ -67,8 +67,8 @@ def duration_of(time: Array, machine: NDArray[np.int64], logged: Array) -> tuple
 
 
 def unrounded(time: Array, machine: NDArray[np.int64], period: float) -> Array:
-    """Times [s] of a clock whose rounding does not go with its period (1e-5 days), evenly within stretches without
-    a pause; another clock as it is.
+    """Times [s] of a clock whose rounding does not go with its period (1e-5 days), made even within stretches
+    without a pause; another clock as it is.
     """
     step = np.diff(time)
     usual = step[(step > 0.0) & (step < 1.8 * period)]
