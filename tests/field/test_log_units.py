@@ -79,6 +79,8 @@ FORMS = {
         p, h, Swath=13.7 * h.one, Yield=h.wet * 1e4, Speed=2.6 * h.one)),
     "bare flow in lb/s, width in inches": (Harvest(*IOWA, width=6.096), lambda p, h: bare(
         p, h, Swath=240 * h.one, Flow=h.flow / LB, Distance=2 / 0.0254 * h.one)),
+    "bare flow in t/h": (Harvest(width=12.0, level=0.9), lambda p, h: bare(
+        p, h, Width=12 * h.one, Flow=h.flow * 3.6, Speed=7.2 * h.one)),
     # moisture as a share
     "share, dry yield": (Harvest(moisture=0.2), lambda p, h: table(p / "a.csv", {
         **h.places(), "time": h.t, "width_m": 9 * h.one, "dry_yield_t_ha": h.dry() * 10,
@@ -99,6 +101,12 @@ FORMS = {
     "HHMMSS over midnight": (Harvest(begun=datetime(2024, 7, 20, 23, 45)), lambda p, h: clocked(
         p, h, Time=stamps(h, "%H%M%S"))),
     "YYYYMMDDHHMMSS": (Harvest(), lambda p, h: clocked(p, h, timestamp=stamps(h, "%Y%m%d%H%M%S"))),
+    "HMMSS before ten": (Harvest(begun=datetime(2024, 7, 20, 9, 50)), lambda p, h: clocked(
+        p, h, time=[str(int(s)) for s in stamps(h, "%H%M%S")])),
+    "YYMMDDHHMMSS": (Harvest(), lambda p, h: clocked(p, h, time=stamps(h, "%y%m%d%H%M%S"))),
+    "ms of the day and date": (Harvest(begun=datetime(2024, 7, 31, 23, 50)), lambda p, h: clocked(
+        p, h, Date=stamps(h, "%Y-%m-%d"), Time=[
+            f"{1000 * (3600 * w.hour + 60 * w.minute + w.second)}" for w in h.when])),
     "ms of the GPS week": (Harvest(), lambda p, h: clocked(
         p, h, iTOW=[f"{(380000 + s) * 1000:.0f}" for s in h.t])),
     "s of the GPS week": (Harvest(), lambda p, h: clocked(p, h, gps_time=[f"{380000 + s:.0f}" for s in h.t])),
@@ -114,6 +122,9 @@ FORMS = {
     "sms metric": (Harvest(), lambda p, h: sms(p / "s", h, us=False)),
     "sms dry bushels only": (Harvest(*IOWA, width=40 * FT), lambda p, h: sms(
         p / "s", h, grain=("Yld_Vol_Dr",))),
+    "sms wet bushels": (Harvest(*IOWA, width=30 * FT), lambda p, h: shapes(p / "s", h, {
+        "Distance_f": h.speed / FT * h.one, "Duration_s": h.one, "Swth_Wdth_": 30 * h.one,
+        "Yld_Vol_We": h.wet * ACRE / 60 / LB, "Speed_mph_": h.speed / MPH * h.one, "Elevation_": h.z / FT})),
     "sms without speed": (Harvest(*IOWA, width=40 * FT), lambda p, h: sms(
         p / "s", h, drop=("Distance_f", "Speed_mph_"))),
     "sms mass in Argentina": (Harvest(*CORDOBA, width=6.825), lambda p, h: sms(
@@ -132,6 +143,10 @@ FORMS = {
     "16 columns, no status": (Harvest(*IOWA, width=20 * FT), lambda p, h: ag_leader(
         p / "a.txt", h, drop=(14,))),
     "15 columns": (Harvest(*KANSAS, width=30 * FT), lambda p, h: ag_leader(p / "a.txt", h, drop=(14, 15))),
+    "16 columns, no load": (Harvest(*IOWA, width=20 * FT), lambda p, h: ag_leader(
+        p / "a.txt", h, drop=(12,))),
+    "16 columns, no serial, feet": (Harvest(*IOWA, width=20 * FT), lambda p, h: ag_leader(
+        p / "a.txt", h, drop=(10,), width="ft", height=1.0, status=("Down", "Up"))),
     # names that dBASE cut
     "german": (Harvest(), lambda p, h: shapes(p / "s", h, {
         "Uhrzeit": stamps(h, "%H:%M:%S"), "Geschw_kmh": 7.2 * h.one, "Arbeitsbreite": 9 * h.one,
@@ -145,6 +160,9 @@ FORMS = {
     "french": (Harvest(), lambda p, h: shapes(p / "s", h, {
         "Horodatage": stamps(h), "Vitesse_km_h": 7.2 * h.one, "Largeur_de_coupe": 9 * h.one,
         "Rendement_t_ha": h.wet * 10, "Humidite_grain": 14 * h.one, "Altitude": h.z})),
+    "french, brackets": (Harvest(), lambda p, h: shapes(p / "s", h, {
+        "Horodatage": stamps(h), "Vitesse (km/h)": 7.2 * h.one, "Largeur (m)": 9 * h.one,
+        "Rendement (q/ha)": h.wet * 100, "Humidite (%)": 14 * h.one})),
     "french flow": (Harvest(width=7.5), lambda p, h: shapes(p / "s", h, {
         "Horodatage": stamps(h), "Vitesse_avancement": 7.2 * h.one, "Largeur_travail": 7.5 * h.one,
         "Debit_grain": h.flow, "Humidite_grain": 14 * h.one})),

@@ -1,6 +1,7 @@
 """One known harvest in the forms in which people hold it, with and without units."""
 
 import csv
+import re
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -79,7 +80,9 @@ def shapes(path, harvest, columns):
     path.mkdir()
     with shapefile.Writer(path / "log", shapeType=shapefile.POINT) as made:
         for name, values in columns.items():
-            made.field(name[:10], *(("C", 40) if isinstance(values[0], str) else ("N", 20, 8)))
+            made.field(
+                re.sub(r"\W", "_", name)[:10], *(("C", 40) if isinstance(values[0], str) else ("N", 20, 8))
+            )
         for i in range(len(harvest)):
             made.point(harvest.lon[i], harvest.lat[i])
             made.record(*[values[i] for values in columns.values()])

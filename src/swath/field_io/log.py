@@ -421,13 +421,15 @@ def _lon_lat(table: Table, found: ColumnMap, path: Path) -> tuple[Array, str]:
 def _places(lon_lat: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
     """Positions that are numbers, that are on earth, and of these far from the others, shape (n,)."""
     lon, lat = lon_lat.T
-    finite = np.isfinite(lon_lat).all(axis=1)
-    on_earth = finite & (np.abs(lon) <= 180.0) & (np.abs(lat) <= 84.0) & ((lon != 0.0) | (lat != 0.0))
+    finite = np.asarray(np.isfinite(lon_lat).all(axis=1))
+    on_earth = np.asarray(
+        (np.abs(lon) <= 180.0) & (np.abs(lat) <= 84.0) & ((lon != 0.0) | (lat != 0.0)) & finite
+    )
     if not on_earth.any():
         return finite, on_earth, np.zeros(len(lon_lat), dtype=bool)
     centre = np.median(lon_lat[on_earth], axis=0)
     away = np.hypot((lon - centre[0]) * np.cos(np.radians(centre[1])), lat - centre[1]) * 111.2e3
-    return finite, on_earth, on_earth & (away > FARTHEST_M)
+    return finite, on_earth, np.asarray(on_earth & (away > FARTHEST_M))
 
 
 def _broken(lon_lat: Array, values: dict[str, Array], found: ColumnMap) -> dict[str, NDArray[np.bool_]]:

@@ -79,7 +79,8 @@ def unrounded(time: Array, machine: NDArray[np.int64], period: float) -> Array:
         return time
     stretch = np.cumsum(np.r_[True, (step >= 1.8 * period) | (np.diff(machine) != 0)]) - 1
     late = time - period * np.arange(len(time))
-    return period * np.arange(len(time)) + (np.bincount(stretch, late) / np.bincount(stretch))[stretch]
+    mean = np.bincount(stretch, late) / np.bincount(stretch)
+    return np.asarray(period * np.arange(len(time)) + mean[stretch])
 
 
 def speed_of(
@@ -103,7 +104,7 @@ def speed_of(
     if "distance" in found.columns:
         logged = values["distance"] / duration
         speed = np.where(np.isfinite(logged), logged, speed)
-    return np.clip(speed, 0.0, TOP_SPEED)
+    return np.asarray(np.clip(speed, 0.0, TOP_SPEED))
 
 
 def check_order(time: Array, machine: NDArray[np.int64], east: Array, north: Array) -> None:

@@ -21,6 +21,7 @@ from swath.documents.packed import LARGEST_BYTES, most_unpacked, readable
 from swath.field_io.columns import AG_LEADER, AG_LEADER_2000, unit_symbol
 from swath.field_io.isoxml import is_taskdata, read_taskdata
 from swath.field_io.shapefiles import has_shapefile, read_points
+from swath.field_io.trade import sheet_of
 
 Array = NDArray[np.float64]
 LONGEST_ROW = 1 << 16  # characters
@@ -169,10 +170,13 @@ def _read_csv(start: bytes, lines: "_Lines", path: Path) -> Table:
         numbers.extend(line for line, _ in whole)
         for name, column in zip(header, zip(*(row for _, row in whole), strict=True), strict=False):
             cells[name].append(_decimal_points(column) if separator != "," else column)
-    last = header[-1]
-    if known and last in ("GPS status", "PDOP") and np.median(to_numbers(cells[last])) > LEAST_HEIGHT:
-        cells["Elevation"] = cells.pop(last)  # columns before it are left out
-    return Table(cells, np.array(numbers, dtype=np.int64), None, "", {"wrong_field_count": wrong})
+    notes: tuple[str, ...] = ()
+    if known and (last := header[-1]) in ("GPS status", "PDOP"):
+        if np.median(to_numbers(cells[last])) > LEAST_HEIGHT:
+            cells["Elevation"] = cells.pop(last)  # columns before it are left out
+        else:
+            notes = (f"no header line: column {len(header)} taken as {last}, not as the height",)
+    return Table(cells, np.array(numbers, dtype=np.int64), None, "", {"wrong_field_count": wrong}, notes)
 
 
 def _without_header(first: list[str]) -> list[str]:
@@ -197,9 +201,14 @@ def _ag_leader(first: list[str]) -> list[str]:
         np.isfinite(to_numbers(first[:8])).all() and limits and 0 <= width < 1000 and 0 <= moisture < 100
     ):
         return []
-    if first[8].strip().lower() in ("up", "down"):
-        return list(AG_LEADER_2000[: len(first)])
-    return list(AG_LEADER[: len(first)]) if to_numbers(first[8:9])[0] >= 0 else []
+    by_word = first[8].strip().lower() in ("up", "down")
+    if not by_word and not to_numbers(first[8:9])[0] >= 0:
+        return []
+    names = list(AG_LEADER_2000 if by_word else AG_LEADER)
+    usual = names.index("Crop")
+    crop = next((i for i in range(9, len(first)) if sheet_of(first[i].strip(' "'))), usual)
+    between = names[9:crop] if crop == usual else [f"column {i + 1}" for i in range(9, crop)]
+    return [*names[:9], *between, *names[usual:]][: len(first)]
 
 
 def _header(names: list[str], line: int, path: Path) -> list[str]:
