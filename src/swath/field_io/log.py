@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.field.crop_sheet import load_crop
 from swath.field.projection import known_crs, transform, utm_epsg
 from swath.field_io import trade
 from swath.field_io.clock import MILLISECONDS, days_of, of_digits, over_midnight, seconds_of, spread, usable
@@ -177,6 +176,7 @@ def _why(broken: dict[str, int], found: ColumnMap) -> str:
     return f"; {column.column} in {column.unit}: {limits}, --columns takes its unit"
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _settled(
     table: Table, found: ColumnMap, lon_lat: Array, header_width: float | None, sheet: str, path: Path,
     as_map: bool,
@@ -217,7 +217,7 @@ def _settled(
             pace = np.full(count, np.nan)
             pace[order] = np.cumsum(raw["duration"][order] * UNITS["time"][columns["duration"].unit])
     found = replace(found, columns=columns)
-    found, more = settle_units(found, raw, pace, drive, cutting & first, header_width, load_crop(sheet), path)
+    found, more = settle_units(found, raw, pace, drive, cutting & first, header_width, sheet, path)
     values = {k: np.full(count, np.nan) for k in QUANTITIES if QUANTITIES[k] != "text"}
     values |= {k: raw[k] * UNITS[QUANTITIES[k]][c.unit] for k, c in found.columns.items() if k in raw}
     if seconds is not None:
@@ -267,7 +267,8 @@ def _clock(table: Table, found: ColumnMap) -> tuple[Array | None, Array, str, li
 def _overlap(times: Array, days: Array) -> bool:
     """Whether the times of different days are times of the day: they begin anew."""
     names = np.unique(days)
-    spans = [(np.nanmin(times[days == d]), np.nanmax(times[days == d])) for d in names[:100]]
+    held = [times[(days == d) & np.isfinite(times)] for d in names[:100]]
+    spans = [(of_day.min(), of_day.max()) for of_day in held if len(of_day)]
     return any(b[0] < a[1] for a, b in pairwise(spans))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
-from swath.field.crop import Crop
+from swath.field.crop_sheet import load_crop
 from swath.field_io import trade
 from swath.field_io.columns import FLOWS, QUANTITIES, UNITS, Column, ColumnMap
 
@@ -29,6 +29,7 @@ FARTHEST_PASS = 45.0  # m to a neighbouring pass, 2.5 of the widest headers
 NARROWEST_PASS = 1.0  # m to a neighbouring pass: nearer lies the same one
 LEAST_REGULAR = 0.6  # of these distances that lie within 15 % of their median
 AGREES = (0.94, 1.065)  # what is measured twice; km/h and ft/s, the nearest of the units, lie 10 % apart
+ALIKE = 1.25  # of two units: nearer to each other, what contradicts one may have another cause
 HEADER_OVER_SPACING = (0.88, 1.45)  # passes overlap by up to 30 %, and hardly leave anything between
 SPEED_RANGE = (0.3, 6.0)  # m/s, in the middle of a harvest
 HEADER_RANGE = (1.2, 18.5)  # m, from plot combines to the widest drapers
@@ -144,31 +145,32 @@ def _near(value: float, shown: float, limits: tuple[float, float], *, is_sure: b
 
 def settle_units(
     found: ColumnMap, raw: Mapping[str, Array], time: Array | None, drive: Drive, cutting: Mask,
-    width: float | None, crop: Crop, path: Path,
+    width: float | None, sheet: str, path: Path,
 ) -> tuple[ColumnMap, list[str]]:  # fmt: skip
     """The columns with units that agree with the data, and what was inferred or is in doubt.
 
     raw: all columns of found and found.beside in their own units; time [s], None = no clock; cutting: records
-    with grain; width: of the header, where the log holds none [m]
+    with grain; width: of the header, where the log holds none [m]; sheet: of the crop
     Raises InputError for a unit that the data contradicts.
     """
-    bench = _Bench(found, drive.middle, crop, path)
+    bench = _Bench(found, drive.middle, sheet, path)
     steps = drive if time is None else drive.paced(time)
     if "distance" in raw:
         ratio = _median(raw["distance"][steps.after] / steps.step)
-        bench.decide("distance", _near(ratio, 1.0, AGREES), "as the positions show")
+        bench.decide("distance", _near(ratio, 1.0, AGREES), "the positions show it", is_needed=False)
     speed = np.full(len(cutting), np.nan if time is None else drive.speed(time))
     if time is not None:
         speed[steps.after] = steps.step / _positive(time[steps.after] - time[steps.here])
     if "speed" in raw:
         shown = np.nan if time is None else drive.speed(time)
         took = np.ones(len(steps.step)) if time is None else time[steps.after] - time[steps.here]
-        logged = float(np.nansum(raw["speed"][steps.after] * took) / max(took.sum(), 1e-9))
-        seen = _near(logged, shown, AGREES) or _near(
-            _median(raw["speed"][cutting]), 1.0, SPEED_RANGE, is_sure=False
-        )
+        speeds = raw["speed"][steps.after]
+        own = speeds <= LONGEST * _median(speeds)
+        mean = float((speeds * took)[own].sum()) / max(float(took[own].sum()), 1e-9) if own.any() else np.nan
+        seen = _near(mean, shown, AGREES)
+        seen = seen or _near(_median(raw["speed"][cutting]), 1.0, SPEED_RANGE, is_sure=False)
         by = f"{3.6 * shown:.2f} km/h by positions and times"
-        bench.decide("speed", seen, by if np.isfinite(shown) else "no clock shows it")
+        bench.decide("speed", seen, by if np.isfinite(shown) else "")
         speed = raw["speed"] * bench.factor("speed")
     header = np.full(len(cutting), np.nan if width is None else width)
     if "header_width" in raw:
@@ -189,31 +191,32 @@ def _grain(bench: "_Bench", raw: Mapping[str, Array], cutting: Mask, area_rate: 
     share = np.zeros(len(cutting))
     if "moisture" in raw:
         middle = _median(raw["moisture"][cutting])
-        bench.decide(
-            "moisture", _near(middle, 1.0, MOISTURE_RANGE, is_sure=False), f"{middle:.3g} in the middle"
-        )
+        grain = _near(middle, 1.0, MOISTURE_RANGE, is_sure=False)
+        bench.decide("moisture", grain, f"{middle:.3g} in the middle" if grain else "")
         share = np.clip(np.nan_to_num(raw["moisture"] * bench.factor("moisture")), 0.0, MOISTURE_RANGE[1])
     per_area = {k: raw[k] for k in FLOWS if k in raw}
     if "grain_flow" in per_area:
         per_area["grain_flow"] = per_area["grain_flow"] / _positive(area_rate)
     if "dry_yield" in per_area:
         per_area["dry_yield"] = per_area["dry_yield"] * np.where(
-            share > 0.0, trade.wet_over_dry(bench.crop.name, share), 1.0
+            share > 0.0, trade.wet_over_dry(bench.sheet, share), 1.0
         )
     key = next((k for k in FLOWS if k in bench.columns), None)
     if key is None:
         return
-    usual = bench.crop.stand.density * bench.crop.yields.grain_mass
+    crop = load_crop(bench.sheet)
+    usual = crop.stand.density * crop.yields.grain_mass
     low, high = (limit * usual for limit in trade.STEMS)
-    witnesses = _near(_median(per_area[key][cutting]), 1.0, (low, high), is_sure=False)
+    middle = _median(per_area[key][cutting])
+    witnesses = _near(middle, 1.0, (low, high), is_sure=False) if usual > 0.0 else []
     by = []
-    for other in per_area.keys() - {key}:
+    for other in [k for k in per_area if k != key]:
         ratio = _median(per_area[key][cutting] / _positive(per_area[other][cutting]))
         sizes = [bench.size(other, unit) for unit in bench.possible(other)]
         if np.isfinite(ratio) and sizes and (other != "dry_yield" or (share > 0.0).any()):
             witnesses.append(Witness(_any_near(ratio, sizes), True))
             by.append(bench.found.beside[other].column)
-    text = f"{bench.crop.name} yields {10 * low:.2g} to {10 * high:.2g} t/ha"
+    text = f"{crop.name} yields {10 * low:.2g} to {10 * high:.2g} t/ha"
     bench.decide(key, witnesses, ", ".join([*by, text]))
 
 
@@ -224,8 +227,8 @@ def _any_near(ratio: float, sizes: list[float]) -> Callable[[float], bool]:
 class _Bench:
     """Where units are decided, one quantity after the other."""
 
-    def __init__(self, found: ColumnMap, middle: tuple[float, float], crop: Crop, path: Path) -> None:
-        self.found, self.crop, self.path = found, crop, path
+    def __init__(self, found: ColumnMap, middle: tuple[float, float], sheet: str, path: Path) -> None:
+        self.found, self.sheet, self.path = found, sheet, path
         self.columns = dict(found.columns)
         self.notes: list[str] = []
         self._is_in_form = True  # no unit of a known form is contradicted by one of another system
@@ -236,7 +239,7 @@ class _Bench:
 
     def size(self, key: str, unit: str) -> float:
         """Factor of a unit to SI."""
-        bushel = trade.bushel_kg_factor(self.crop.name) if unit == "bu/ac" else 1.0
+        bushel = trade.bushel_kg_factor(self.sheet) if unit == "bu/ac" else 1.0
         return UNITS[QUANTITIES[key]][unit] * bushel
 
     def factor(self, key: str) -> float:
@@ -259,8 +262,11 @@ class _Bench:
         is_american, _ = self.system()
         return [u for u in units if u in _NO_SYSTEM or (u in US_CUSTOMARY) == is_american]
 
-    def decide(self, key: str, witnesses: list[Witness], shown: str) -> None:
-        """Keep, find or refuse the unit of a column. shown: what the witnesses say."""
+    def decide(self, key: str, witnesses: list[Witness], shown: str, *, is_needed: bool = True) -> None:
+        """Keep, find or refuse the unit of a column; one that is not needed is left out instead.
+
+        shown: what the witnesses say
+        """
         if key not in self.columns:
             return
         column = self.columns[key]
@@ -268,8 +274,13 @@ class _Bench:
         sure = [w for w in witnesses if w.is_sure]
         pools = [self._fitting(key, units, witnesses) for units in (self._own(usual), usual, rare)]
         pool = next((units for units in pools if units), [])
+        may_be = pool if column.is_assumed else self._fitting(key, [column.unit], witnesses)
+        if not (is_needed or may_be or column.is_given):
+            self.notes.append(f"{key}: {column.column} not used: {shown} otherwise")
+            del self.columns[key]
+            return
         if not column.is_assumed:
-            self._check(key, column, sure, witnesses, [u for units in pools for u in units], shown)
+            self._check(key, column, sure, witnesses, self._fitting(key, usual, witnesses), shown)
             return
         of_format = column.of_format and self._is_in_form and not sure and column.unit in pools[1]
         if pool:
@@ -278,7 +289,7 @@ class _Bench:
             also = [u for u in pool if u != unit]
             doubt = f"; {' or '.join(also)} would fit as well" if also else ""
             by = ", ".join(filter(None, (shown, system)))
-            text = f"{key}: {column.column} taken as {unit}: {by}{doubt}"
+            text = f"{key}: {column.column} taken as {unit}{': ' if by else ''}{by}{doubt}"
         else:
             likely = [w for w in witnesses if not w.is_sure]
             plausible = self._fitting(key, (*self._own(usual), *usual, *rare), likely)
@@ -304,9 +315,9 @@ class _Bench:
         size = self.size(key, column.unit)
         if all(w.fits(size) for w in witnesses):
             return
-        is_contradicted = not all(w.fits(size) for w in sure) and fitting
-        if is_contradicted and not column.is_given:
-            raise self._refused(key, column, shown, fitting[0])
+        better = [u for u in fitting if not 1 / ALIKE < self.size(key, u) / size < ALIKE]
+        if better and not all(w.fits(size) for w in sure) and not column.is_given:
+            raise self._refused(key, column, shown, better[0])
         self.notes.append(f"{key}: {column.column} in {column.unit}, though {shown}")
 
     def _refused(self, key: str, column: Column, shown: str, better: str) -> InputError:
