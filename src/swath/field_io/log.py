@@ -42,6 +42,7 @@ PLAUSIBLE: dict[str, tuple[float, float]] = {
 _NEEDED = {"grain_flow": "kg/s", "yield": "kg/m2", "speed": "m/s", "header_width": "m"}
 """A bad value here breaks the row, elsewhere the cell."""
 MANY = 0.2  # of the rows: so many left out for one reason are told
+LATEST = 1e19  # of a number that is a time: nanoseconds of the year 2286
 COUNTS_ON = 0.99  # of the steps of a distance that do not go back: it is that from the start
 MAP_WIDTH = 10.0  # m, where a map of yields holds no width of the header
 WHOLE_CROP_SHARE = 0.2  # of the rows with a flow: so many above what grain can be are no slips
@@ -101,6 +102,7 @@ class Log:
         return replace(self, **arrays)
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def read_log(
     path: Path,
     columns: Path | None = None,
@@ -176,7 +178,6 @@ def _why(broken: dict[str, int], found: ColumnMap) -> str:
     return f"; {column.column} in {column.unit}: {limits}, --columns takes its unit"
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _settled(
     table: Table, found: ColumnMap, lon_lat: Array, header_width: float | None, sheet: str, path: Path,
     as_map: bool,
@@ -246,6 +247,7 @@ def _clock(table: Table, found: ColumnMap) -> tuple[Array | None, Array, str, li
     if column is None:
         return None, none, "", []
     numbers = table.numbers(column.column)
+    numbers[np.abs(numbers) > LATEST] = np.nan
     unit, notes, day = "", [], none
     if np.isfinite(numbers).mean() < 0.5:
         numbers, unit = si_values(table, found, "time"), "s"
