@@ -227,11 +227,32 @@ REFUSED = {
     "no yield of any crop": (r"yield = Yield without a unit.*wheat yields 0\.9 to 18 t/ha.*no unit",
                              lambda h: {
         "Width": 9 * h.one, "Yield": h.wet * 1e7}),
+    "a crop that failed": (r"yield = Yield without a unit.*wheat yields 0\.9 to 18 t/ha", lambda h: {
+        "Width": 9 * h.one, "Yield": h.wet}),
     "no clock at all": (r"time = time: by it as s the machine drives .* expected a clock.*time: null",
                         lambda h: {"time": h.t * 100.0, "width_m": 9 * h.one, "flow_kg_s": h.flow}),
     "no moisture of grain": (r"moisture = Moisture without a unit", lambda h: {
         "Width": 9 * h.one, "Yield": h.wet * 10, "Moisture": 1400 * h.one}),
 }  # fmt: skip
+
+
+def test_other_causes_are_told_and_not_refused(tmp_path):
+    h = Harvest()
+    columns = {**h.places(), "time": h.t, "width_m": 9 * h.one, "speed_kmh": 7.8 * h.one, "flow_kg_s": h.flow}
+    log = read_log(table(tmp_path / "a.csv", columns | {"distance_m": 5 * h.one}))
+    assert "speed: speed_kmh in km/h, though 7.20 km/h by positions and times" in log.notes
+    assert "distance: distance_m not used: the positions show it otherwise" in log.notes
+    other = Harvest(width=24.0)
+    columns = {
+        **other.places(),
+        "time": h.t,
+        "Width": 12 * h.one,
+        "speed_kmh": 7.2 * h.one,
+        "flow_kg_s": h.flow,
+    }
+    log = read_log(table(tmp_path / "b.csv", columns))
+    assert log.width[0] == 12.0
+    assert "header_width: Width taken as m, though passes lie 24.00 m apart" in log.notes
 
 
 @pytest.mark.parametrize("wrong", REFUSED)

@@ -37,7 +37,7 @@ HEIGHT_RANGE = (-430.0, 5500.0)  # m, of fields
 MOISTURE_RANGE = (0.05, 0.45)  # share of the wet mass of grain
 NORTH_AMERICA = (-170.0, -50.0, 24.0, 72.0)  # deg: west, east, south, north of where acres are usual
 US_CUSTOMARY = {"ft", "in", "mph", "ft/s", "lb/s", "lb/ac", "bu/ac"}
-_YIELDS = (("kg/ha", "t/ha", "dt/ha", "bu/ac", "lb/ac"), ("kg/m2",))
+_YIELDS: tuple[tuple[str, ...], tuple[str, ...]] = (("kg/ha", "t/ha", "dt/ha", "bu/ac", "lb/ac"), ())
 CANDIDATES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "distance": (("m", "ft", "in"), ("cm", "mm", "km")),
     "speed": (("m/s", "km/h", "mph"), ("kn", "ft/s")),
