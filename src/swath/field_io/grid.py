@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from swath.field.raster import Raster
 from swath.field_io.clean import Cleaned
+from swath.field_io.trade import STEMS
 
 Array = NDArray[np.float64]
 REACH_WIDTHS = 1.25  # header widths a record counts at most
 FILL_WIDTHS = 2.5  # header widths a gap is filled from the records around it; farther there is no crop
 NEAREST = 48  # records that count for a cell
-STEMS = (0.1, 2.0)  # plausible, of what the crop usually has: 50 to 1000 ears/m2 of wheat; others are clipped
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from swath.field.projection import Origin
 from swath.field.raster import Raster
 from swath.field_io import folder, outline
 from swath.field_io.clean import Cleaned, clean, clean_map
-from swath.field_io.columns import ColumnsMissing
+from swath.field_io.columns import FLOWS, ColumnsMissing
 from swath.field_io.dem import read_dem
 from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import Maps, crop_height, make_grid, make_maps
@@ -28,10 +28,14 @@ from swath.field_io.passes import Track, make_tracks, pass_spacing, row_azimuth
 from swath.field_io.picture import draw
 from swath.field_io.plan import is_outline, plan_field, read_plan
 from swath.field_io.report import ImportReport
+from swath.field_io.trade import STEMS
 from swath.terminal.progress import steps
 
 Array = NDArray[np.float64]
 MARGIN_M = 40.0  # of terrain around the field, for turning
+CLIPPED = 0.05, 0.5  # of the cells, with stems outside what the crop can have: told, refused
+BALANCE = 1.25, 2.5  # logged over mapped grain, or the other way round: told, refused
+FEW_USED = 0.5  # of the records
 
 
 @dataclass(frozen=True)
@@ -139,6 +143,7 @@ def import_log(
         step("passes")
         origin = _origin(polygon, terrain, records.epsg)
         tracks = () if settings.as_map else make_tracks(cleaned, origin)
+        notes += _doubts(cleaned, maps, within, polygon, settings, crop_facts, log)
         report = _report(log, out, cleaned, tracks, maps, polygon, settings, terrain_info, tuple(notes))
         exterior, holes = outline.rings(polygon)
         corner = np.array([origin.easting, origin.northing])
@@ -330,6 +335,56 @@ def _report(
     )  # fmt: skip
 
 
+def _doubts(
+    cleaned: Cleaned,
+    maps: Maps,
+    within: Any,
+    polygon: Any,
+    settings: Settings,
+    crop: Crop,
+    path: Path,
+) -> list[str]:
+    """What the result itself contradicts. Raises InputError where it cannot be."""
+    log, notes = cleaned.log, []
+    yields = float(np.mean(cleaned.grain[cleaned.kept])) * 10.0
+    key = next(k for k in FLOWS[:2] if k in log.column_map.columns)
+    column = log.column_map.columns[key]
+    cells = int(np.isfinite(maps.grain.values).sum())
+    clipped = maps.clipped_count / max(cells, 1)
+    assert settings.grain_g_per_stem is not None
+    low, high = (s * crop.stand.density * settings.grain_g_per_stem / 100.0 for s in STEMS)
+    shown = f"{yields:.3g} t/ha in the mean, by {column.column} in {column.unit}"
+    if clipped > CLIPPED[0]:
+        text = (
+            f"{maps.clipped_count} of {cells} cells lie outside {low:.2g} to {high:.3g} t/ha of {crop.name}"
+        )
+        if clipped > CLIPPED[1]:
+            expected = (
+                f"expected yields of the crop: {text}; say the unit with --columns, or --grain-g-per-stem"
+            )
+            raise InputError("crop.yield", shown, expected, file=path)
+        notes.append(f"stems: {text}, and are clipped")
+    if settings.as_map:
+        return notes
+    own = np.ones(len(log), bool) if within is None else outline.inside(polygon, log.position)
+    logged = float((log.flow * log.duration)[own].sum())
+    mapped = float(np.nansum(maps.grain.values.astype(float))) * maps.grain.cell**2
+    ratio = logged / mapped if mapped > 0.0 else np.inf
+    text = f"{logged / 1000:.1f} t logged, {mapped / 1000:.1f} t on the map of {polygon.area / 1e4:.2f} ha"
+    if ratio > BALANCE[1]:
+        expected = f"expected as much grain on the map as in the log: {text}"
+        flag = "say the units of width, speed and yield with --columns"
+        raise InputError("crop.grain", shown, f"{expected}; {flag}", file=path)
+    if ratio > BALANCE[0] or ratio < 1.0 / BALANCE[0]:
+        notes.append(f"grain: {text}")
+    if cleaned.kept.sum() < FEW_USED * len(log):
+        reason, count = max(cleaned.counts.items(), key=lambda item: item[1])
+        notes.append(
+            f"{cleaned.kept.sum():,} of {len(log):,} records used: {count:,} {reason.replace('_', ' ')}"
+        )
+    return notes
+
+
 def _digest(path: Path) -> str:
     """SHA-256 of the log, of a folder of all its files in the order of their names."""
     made = hashlib.sha256()
@@ -358,6 +413,7 @@ def _machines(cleaned: Cleaned, tracks: tuple[Track, ...]) -> list[dict[str, Any
                 "flow_delay_method": delay.method,
                 "flow_delay_agreement": delay.agreement,
                 "flow_delay_pairs": delay.pair_count,
+                "flow_delay_error_s": delay.error,
             }
         )
     return rows

@@ -51,7 +51,7 @@ class ImportReport:
             ("records used", f"{self.kept:,}", f"{100 * self.kept / max(read, 1):.1f} %"),
             *(
                 (f"machine {m['name']}", f"{m['records']:,}",
-                 f"flow delay {m['flow_delay_s']:+.1f} s, {m['flow_delay_method']}")
+                 f"flow delay {m['flow_delay_s']:+.1f}{_error(m)} s, {m['flow_delay_method']}")
                 for m in self.machines
             ),
             ("area", f"{field['area_ha']:.2f} ha", f"row direction {field['row_azimuth_deg']:.1f} deg"),
@@ -76,3 +76,8 @@ class ImportReport:
         for line in self.lines():
             table.add_row(*map(escape, line))
         return table
+
+
+def _error(machine: dict[str, Any]) -> str:
+    error = machine["flow_delay_error_s"]
+    return f" +-{error:.1f}" if error == error else ""
