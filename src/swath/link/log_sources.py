@@ -51,7 +51,7 @@ class Params:
     gap_s: longer ones are reported (default: three times the usual interval)
     mount: of the sensor (default: as recorded)
     origin: of NavSatFix positions (default: the first one); field_folder: or that of a field folder
-    antenna_m: x, y, z of the receiver on the machine
+    antenna_m: x, y, z of the receiver on the machine (default: as recorded, or by /tf_static)
     """
 
     file: str | None = None
@@ -68,7 +68,7 @@ class Params:
     mount: Mount | None = None
     origin: GeoOrigin | None = None
     field_folder: str | None = None
-    antenna_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    antenna_m: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -270,8 +270,9 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     if choice.found.is_link:
         fed = {port: source for port, (source, _) in choice.wires.items()}
         offered, gives = _offered(choice), choice.kind.outputs
+        ground = None if choice.kind.is_control else site.field.terrain.height
         return LinkSetup(
-            section.name, slot, offered, gives, control, site.base, fed, before_asking=site.before_asking
+            section.name, slot, offered, gives, control, site.base, fed, site.before_asking, ground
         )
     if choice.kind.is_control and not choice.found.sees_truth:
         return control

@@ -1,14 +1,14 @@
 """Measured scans from a run folder, an MCAP file or a rosbag (1 and 2).
 
-Scans: sensor_msgs/LaserScan (the stamp is that of the first beam) or sensor_msgs/PointCloud2 (x, y, z,
-and if there `intensity` and `time`, seconds after the stamp). Poses: nav_msgs/Odometry,
+Scans: sensor_msgs/LaserScan (the stamp is that of the first beam) or sensor_msgs/PointCloud2, read as by the
+level `log`. Poses: nav_msgs/Odometry,
 geometry_msgs/PoseStamped, PoseWithCovarianceStamped, or sensor_msgs/NavSatFix, which gives local metres and
 a course. Mounting: from /tf_static, between the pose's frame and the scan's.
 
 An MCAP file that ends in the middle is read up to there; so is whatever else breaks off while it is read.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from swath.record.read.files import Log, open_log
 from swath.record.read.fixes import poses_of_fixes, read_fixes
 from swath.record.read.frames import BASES, chain
 from swath.record.read.mcap_log import BROKEN
-from swath.record.read.scans import cloud_table
+from swath.record.read.scans import beam_times, cloud_points
 from swath.tools.height_map.poses import PoseTrack, euler_of, make_track
 from swath.tools.height_map.source import Echoes, Source, Wanted, polar_points
 
@@ -137,7 +137,7 @@ def _sweeps(reader: Log, topic: str, source: Source, wanted: Wanted) -> Iterator
     for _, _, message in reader.messages((topic,)):
         try:
             is_plane = message.__msgtype__ == SCANS[0]
-            echoes = _of_scan(message) if is_plane else _of_cloud(message)
+            echoes = (_of_scan if is_plane else _of_cloud)(message, source.note)
         except (ValueError, IndexError, KeyError, TypeError):
             source.note(BROKEN)
             continue
@@ -147,14 +147,14 @@ def _sweeps(reader: Log, topic: str, source: Source, wanted: Wanted) -> Iterator
             if not source.frame_is_world:
                 good &= (far >= wanted.range_min) & (far <= wanted.range_max)
         found = echoes.time[good], echoes.points[good], echoes.intensity[good]
-        count, free = int(np.count_nonzero(~good)), echoes.silent
+        count, free = int(np.count_nonzero(~good)) + echoes.silent_count, echoes.silent
         if len(free):  # not known further than where echoes are not taken any more
             length = np.linalg.norm(free, axis=1, keepdims=True)
             free = free * np.minimum(wanted.range_max / np.maximum(length, 1e-9), 1.0)
         yield Echoes(*found, count, 1, free, echoes.silent_time)
 
 
-def _of_scan(message: Any) -> Echoes:
+def _of_scan(message: Any, note: Callable[[str], None]) -> Echoes:
     ranges = np.asarray(message.ranges, dtype=np.float64)
     beam = np.arange(len(ranges))
     azimuth = np.asarray(message.angle_min + beam * float(message.angle_increment), dtype=np.float64)
@@ -163,26 +163,17 @@ def _of_scan(message: Any) -> Echoes:
     intensity = np.asarray(message.intensities, dtype=np.float64)
     if len(intensity) != len(ranges):
         intensity = np.full(len(ranges), np.nan)
-    time: Array = np.asarray(
-        _seconds(message.header.stamp) + beam * float(message.time_increment), np.float64
-    )
+    time: Array = _seconds(message.header.stamp) + beam_times(message, note)
     reach = np.full(int(gone.sum()), min(float(message.range_max), FARTHEST))
     free = polar_points(reach, azimuth[gone])
     with np.errstate(invalid="ignore"):
         return Echoes(time, polar_points(ranges, azimuth), intensity, silent=free, silent_time=time[gone])
 
 
-def _of_cloud(message: Any) -> Echoes:
-    table = cloud_table(message)
-    names = table.dtype.names or ()
-    count = len(table)
-    points = np.stack([table[n].astype(np.float64) for n in ("x", "y", "z")], axis=1)
-    time = np.full(count, _seconds(message.header.stamp))
-    if "time" in names and table.dtype["time"].kind == "f":
-        time += table["time"]
-    known = "intensity" in names
-    intensity = table["intensity"].astype(np.float64) if known else np.full(count, np.nan)
-    return Echoes(time, points, intensity)
+def _of_cloud(message: Any, note: Callable[[str], None]) -> Echoes:
+    stamp = message.header.stamp
+    cloud = cloud_points(message, int(stamp.sec) * NS + int(stamp.nanosec), note)
+    return Echoes(_seconds(stamp) + cloud.late, cloud.points, cloud.intensity, cloud.left_out)
 
 
 def _seconds(stamp: Any) -> float:
