@@ -43,7 +43,7 @@ from swath.scenario.slots import SLOTS, TRUTH, kind_of
 from swath.signals import F64
 from swath.signals.setup import ControlSetup, LinkSetup
 
-_MOUNTED = "lidar", "scan_filter"  # slots whose mounting control is told
+_MOUNTED = "lidar", "scan_filter", "radar", "camera", "gnss", "imu"  # slots whose mounting control is told
 
 
 def assemble(

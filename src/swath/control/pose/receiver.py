@@ -16,12 +16,8 @@ class AntennaPlace:
     def __init__(self, setup: ControlSetup, port: str = "fix") -> None:
         mounting = setup.mountings.get(port)
         if mounting is None:
-            raise InputError("wires", port, 
-                "wires",
-                port,
-                f"expected a receiver whose place is known, wired as {port}: gnss.fix; "
-                "of a log it is said by antenna_m or mount",
-            )
+            expected = f"expected a receiver whose place is known, wired as {port}: gnss.fix"
+            raise InputError("wires", port, f"{expected}; of a log antenna_m or mount says it")
         self._at: tuple[float, float, float] = tuple(mounting.position.tolist())
         self.height = self._at[2]
         self.inclination = Inclination(setup.mountings.get("inertial"))

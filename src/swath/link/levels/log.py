@@ -28,6 +28,7 @@ from swath.link.log_sources import (
     recording_path,
     to_local,
 )
+from swath.record.messages import OPTICAL_FRAME
 from swath.record.read import feed as feeds
 from swath.record.read.feed import Demux, Feed, Record, Timed
 from swath.record.read.fields import Context, is_on_clock, number_at, stamp_in, stamp_of
@@ -49,7 +50,7 @@ LATE_S = 1.0  # the first sample may come this much after the start [s]
 class LogPlayer:
     """Plays the outputs of a slot.
 
-    mounting: pose_machine_sensor, where it is known; ends_at: the time [ns] from which on there is nothing to
+    mounting: pose_machine_sensor, where it is known; optical: pose of a recorded camera's optical frame; ends_at: the time [ns] from which on there is nothing to
     play, None while there is; ending: says so; notes: what the user should know
     """
 
@@ -71,6 +72,8 @@ class LogPlayer:
         self._told: list[str] = []
         self._lifts: dict[str, Lift] = {}
         self.mounting = self._mounting()
+        if (optical := own_mounting(self.log, self.recorded + OPTICAL_FRAME)) is not None:
+            self.optical = optical
         self._log_end = self.log.end() - self._shift if params.end == "log" else 0
         self._check()
         self._check_samples()
