@@ -48,9 +48,9 @@ def is_on_clock(stamp: int, t: int) -> bool:
 
 
 def stamp_in(message: Any) -> int | None:
-    """The stamp of a message [ns]; None where it has none, or 0."""
+    """The stamp of a message [ns]; None where it has none."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return None if stamp is None else (int(stamp.sec) * NS + int(stamp.nanosec)) or None
+    return None if stamp is None else int(stamp.sec) * NS + int(stamp.nanosec)
 
 
 def number_at(message: Any, path: str) -> float:
