@@ -19,6 +19,7 @@ CONSTANT_M = 1.0  # from the 5th to the 95th percentile: what differs by more is
 UNKNOWN_SD_M = 3.5  # of the height of a receiver without corrections (docs/positioning.md)
 # Where the force of an upright machine points in the unit's axes -> what turns them to forward, left, up.
 LIKELY = {
+    (2, 1): "z up, but turned by `mount` or /tf_static: `mount: {at: axle, pitch_deg: 0}`",
     (2, -1): "z down, as in NED or forward, right, down: `mount: {at: axle, roll_deg: 180, pitch_deg: 0}`",
     (0, 1): "x up: `mount: {at: axle, pitch_deg: -90}`",
     (0, -1): "x down: `mount: {at: axle, pitch_deg: 90}`",
@@ -45,10 +46,10 @@ def check_gravity(key: str, samples: Iterable[Signal], rotation: F64 | None) -> 
         raise InputError(f"{key}.force", seen, f"expected {GRAVITY} m/s2 upward in the mean; {_unit(size)}")
     if force[2] >= cos(UPRIGHT_DEG * DEG) * size:
         return
-    axis = int(np.argmax(np.abs(force)))
-    likely = LIKELY.get((axis, 1 if force[axis] > 0 else -1), "")
-    if rotation is not None or abs(force[axis]) < cos(UPRIGHT_DEG * DEG) * size:
-        likely = "`mount`, or the link of /tf_static, turns it elsewhere"
+    axis = int(np.argmax(np.abs(own)))
+    likely = LIKELY[axis, 1 if own[axis] > 0 else -1]
+    if abs(own[axis]) < cos(UPRIGHT_DEG * DEG) * size:
+        likely = "aslant: `mount` says how it sits"
     raise InputError(f"{key}.force", seen, f"expected +{GRAVITY} in z (x forward, y left, z up); it is {likely}")
 
 
