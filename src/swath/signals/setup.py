@@ -136,7 +136,9 @@ class ControlSetup:
         poses = {port: pose for port, pose in self.mountings.items() if port != "inertial"}
         if len(poses) != 1:
             found = ", ".join(poses) or "none"
-            expected = "expected one sensor with a mounting, such as {scan: lidar.scan}, of a log with `mount`"
+            expected = (
+                "expected one sensor with a mounting, such as {scan: lidar.scan}, of a log with `mount`"
+            )
             raise InputError("wires", found, expected)
         return next(iter(poses.values()))
 

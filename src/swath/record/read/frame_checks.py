@@ -50,7 +50,9 @@ def check_gravity(key: str, samples: Iterable[Signal], rotation: F64 | None) -> 
     likely = LIKELY[axis, 1 if own[axis] > 0 else -1]
     if abs(own[axis]) < cos(UPRIGHT_DEG * DEG) * size:
         likely = "aslant: `mount` says how it sits"
-    raise InputError(f"{key}.force", seen, f"expected +{GRAVITY} in z (x forward, y left, z up); it is {likely}")
+    raise InputError(
+        f"{key}.force", seen, f"expected +{GRAVITY} in z (x forward, y left, z up); it is {likely}"
+    )
 
 
 def _unit(size: float) -> str:
@@ -78,7 +80,9 @@ class Lift:
     def note(self, *, is_mended: bool) -> str:
         """What the user should know; is_mended: samples are put where they belong by `lifted`."""
         side = "above" if self.above > 0 else "below"
-        told = f"the track lies {abs(self.above):.1f} m {side} the terrain ({self.low:.1f} to {self.high:.1f})"
+        told = (
+            f"the track lies {abs(self.above):.1f} m {side} the terrain ({self.low:.1f} to {self.high:.1f})"
+        )
         if self.is_constant:
             done = "; taken off" if is_mended else ""
             return f"{told}: another datum of heights (ellipsoid, geoid), or the antenna's height{done}"

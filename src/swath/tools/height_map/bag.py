@@ -152,9 +152,7 @@ def _mounting(links: Links, body: str, frame: str, path: Path) -> Pose:
     return found
 
 
-def _sweeps(
-    reader: Log, topic: str, source: Source, wanted: Wanted, told: Sequence[str]
-) -> Iterator[Echoes]:
+def _sweeps(reader: Log, topic: str, source: Source, wanted: Wanted, told: Sequence[str]) -> Iterator[Echoes]:
     reader.notes.clear()
     reader.notes.update(dict.fromkeys(told, 1))
     for _, _, message in reader.messages((topic,)):
