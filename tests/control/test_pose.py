@@ -136,7 +136,7 @@ def test_the_antenna_is_brought_to_the_axle_also_on_a_slope():
     up = Inertial(PERIOD, 0.0, 0.0, 0.0, 0.0, 9.81 * math.sin(lean), 9.81 * math.cos(lean))
     place.inclination.take((up,), 0.0)
     assert place.offset() == pytest.approx((1.0, -4.0 * math.sin(lean)), abs=1e-9)
-    with pytest.raises(InputError, match="place is known, wired as fix: gnss.fix"):
+    with pytest.raises(InputError, match="whose place is known"):
         AntennaPlace(ControlSetup(COMBINE, {}, "left", 0.02))
 
 

@@ -111,7 +111,9 @@ def test_samples_come_back_from_the_messages(tmp_path):
         made = make(message, sample.t + 50_000_000)
         assert (made.t, made.quality) == (sample.t, sample.quality)
         assert (made.x, made.y, made.z) == pytest.approx((sample.x, sample.y, sample.z), abs=1e-6)
-        assert (made.horizontal_sd, made.vertical_sd) == pytest.approx((sample.horizontal_sd, sample.vertical_sd))
+        assert (made.horizontal_sd, made.vertical_sd) == pytest.approx(
+            (sample.horizontal_sd, sample.vertical_sd)
+        )
         assert made.latitude == pytest.approx(sample.latitude, abs=1e-15)
         assert np.isnan(made.speed)
     lost = make(fixes[2], NS // 5)

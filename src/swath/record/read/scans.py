@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -14,18 +15,18 @@ from swath.record.read.fields import Context, Makers, stamp_of
 from swath.signals import F64, Scan, ScanTruth
 
 POINT_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}  # PointField
-# Names that drivers give to the time of a point: -> its unit [s], and whether it counts from the stamp. That
-# is what most of them mean by it; where the numbers cannot be that, `point_times` finds what they can be.
+# Names that drivers give to the time of a point -> whether it counts from the stamp of the cloud. Floats are
+# seconds and whole numbers nanoseconds; where that cannot be, `point_times` finds what can.
 POINT_TIMES = {
-    "time": (1.0, True),
-    "t": (1e-9, True),
-    "offset_time": (1e-9, True),
-    "timestamp": (1.0, False),
-    "time_stamp": (1.0, True),
-    "time_offset_ns": (1e-9, True),
-    "point_time_offset": (1e-9, True),
-    "time_offset": (1.0, True),
-    "ts": (1.0, True),
+    "time": True,
+    "t": True,
+    "offset_time": True,
+    "timestamp": False,
+    "time_stamp": True,
+    "time_offset_ns": True,
+    "point_time_offset": True,
+    "time_offset": True,
+    "ts": True,
 }
 UNITS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
 LONGEST_SWEEP_S = 5.0  # a 2D scanner that is tilted takes as long
@@ -80,33 +81,31 @@ def cloud_points(message: Any, stamp: int, note: Callable[[str], None]) -> Cloud
 def point_times(table: NDArray[np.void], stamp: int, note: Callable[[str], None]) -> F64:
     """Time of each point after the stamp [s], 0 where the cloud does not say.
 
-    Unit and begin are those usual for the name of the column, if that gives a sweep that a scanner can make
-    near the stamp; else those that do. Numbers on another clock count from their first.
+    Unit and begin are the usual ones, if that gives a sweep that a scanner can make near the stamp; else those
+    that do. Numbers on another clock count from their first.
     """
     name = next((n for n in POINT_TIMES if n in (table.dtype.names or ())), None)
     none = np.zeros(len(table))
-    if len(table) < 2:
-        return none if name is None else _late(table[name], stamp, *POINT_TIMES[name])
     if name is None:
-        note("clouds without times of points, all are at the stamp")
+        if len(table) > 1:
+            note("clouds without times of points, all are at the stamp")
         return none
     value = table[name]
-    for unit, is_relative in (
-        POINT_TIMES[name],
-        *((unit, False) for unit in UNITS),
-        *((unit, True) for unit in UNITS),
-    ):
+    usual = (1.0 if value.dtype.kind == "f" else 1e-9), POINT_TIMES[name]
+    if len(table) < 2:
+        return _late(value, stamp, *usual)
+    for unit, is_relative in (usual, *product(UNITS, (False, True))):
         late = _late(value, stamp, unit, is_relative)
         if _is_sweep(late) and np.abs(late).max() <= STAMP_NEAR_S:
-            if (unit, is_relative) != POINT_TIMES[name]:
+            if (unit, is_relative) != usual:
                 begin = "after the stamp" if is_relative else "of the clock"
                 note(f"times of points ({name}) are {UNITS[unit]} {begin}, as far as they can be told")
             return late
-    for unit in (POINT_TIMES[name][0], *UNITS):
-        late = np.asarray((value - value.min()).astype(np.float64) * unit)
+    for unit in (usual[0], *UNITS):
+        late = (value.astype(np.float64) - float(value.min())) * unit
         if _is_sweep(late):
             note(f"times of points ({name}) are on another clock, the first counts as the stamp")
-            return late
+            return np.asarray(late)
     note(f"times of points ({name}) are those of no sweep, all are at the stamp")
     return none
 

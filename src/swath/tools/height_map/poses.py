@@ -25,11 +25,20 @@ class PoseTrack:
     dropped_count: int = 0
 
     def at(self, time: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Positions (n, 3), rotations (n, 3, 3) at times, linear in between, and where the track knows."""
+        """Positions (n, 3), rotations (n, 3, 3) at times, linear in between, and where the track knows.
+
+        Up to SLACK_S beyond its ends it goes on at the speed of the SLACK_S before.
+        """
         known = (time >= self.time[0] - SLACK_S) & (time <= self.time[-1] + SLACK_S)
-        place = np.stack([np.interp(time, self.time, self.position[:, k]) for k in range(3)], axis=1)
-        roll, pitch, yaw = (np.interp(time, self.time, self.angle[:, k]) for k in range(3))
-        return place, rotation_matrices(roll, pitch, yaw), known
+        rows = np.hstack([self.position, self.angle])
+        inside = np.clip(time, self.time[0], self.time[-1])
+        pose = _between(inside, self.time, rows)
+        for end, inward in ((self.time[0], SLACK_S), (self.time[-1], -SLACK_S)):
+            near = float(np.clip(end + inward, self.time[0], self.time[-1]))
+            at_end, before = _between(np.array([end, near]), self.time, rows)
+            beyond = np.where(inside == end, time - inside, 0.0)
+            pose += beyond[:, None] * (at_end - before) / (end - near)
+        return pose[:, :3], rotation_matrices(*pose[:, 3:].T), known
 
     @property
     def heading(self) -> float:
@@ -45,6 +54,11 @@ class PoseTrack:
     def length(self) -> float:
         """Way that was driven [m]."""
         return float(np.hypot(*np.diff(self.position[:, :2], axis=0).T).sum())
+
+
+def _between(at: Array, time: Array, rows: Array) -> Array:
+    """Columns of rows (m, k) at times, (n, k)."""
+    return np.stack([np.interp(at, time, column) for column in rows.T], axis=1)
 
 
 def make_track(time: Any, position: Any, angle: Any) -> PoseTrack:
