@@ -198,8 +198,8 @@ class LogPlayer:
         self._context.notes.clear()
 
     def _some(self, source: Source) -> list[Any]:
-        """The first samples from where the run starts."""
-        demux = Demux(self.log.messages, source.topics)
+        """The first samples from where the run starts; what is not readable is counted when it is played."""
+        demux = Demux(open_log(self.log.path).messages, source.topics)
         late = (s for t, s in self._samples(source, demux) if t >= self._shift)
         found = list(islice(late, CHECKED))
         demux.close()

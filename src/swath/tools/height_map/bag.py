@@ -63,7 +63,7 @@ def open_bag(path: Path, wanted: Wanted) -> Source:
         assert below is not None
         track, mounting = carried(track, below), below.inverse() @ mounting
         told.append(f"poses of {body} brought down to {ground}, {-below.position[2]:.2f} m below it")
-    source = Source(path.name, track, mounting, lambda: iter(()), reader.notes, frame_is_world=is_world)
+    source = Source(path.name, track, mounting, lambda: iter(()), frame_is_world=is_world)
     source.sweeps = lambda: _sweeps(reader, scans, source, wanted, told)
     return source
 
@@ -153,8 +153,9 @@ def _mounting(links: Links, body: str, frame: str, path: Path) -> Pose:
 
 
 def _sweeps(reader: Log, topic: str, source: Source, wanted: Wanted, told: Sequence[str]) -> Iterator[Echoes]:
-    reader.notes.clear()
-    reader.notes.update(dict.fromkeys(told, 1))
+    reader.forget_notes()
+    source.notes.clear()
+    source.notes.update(dict.fromkeys(told, 1))
     for _, _, message in reader.messages((topic,)):
         try:
             is_plane = message.__msgtype__ == SCANS[0]
@@ -173,6 +174,8 @@ def _sweeps(reader: Log, topic: str, source: Source, wanted: Wanted, told: Seque
             length = np.linalg.norm(free, axis=1, keepdims=True)
             free = free * np.minimum(wanted.range_max / np.maximum(length, 1e-9), 1.0)
         yield Echoes(*found, count, 1, free, echoes.silent_time)
+    for what, number in reader.notes.items():
+        source.note(what, number)
 
 
 def _of_scan(message: Any, note: Callable[[str], None]) -> Echoes:
