@@ -25,6 +25,7 @@ DRIVERS = {
     "in ms": ("time", "f4", lambda stamp, late: late * 1e3),
     "in us": ("t", "u4", lambda stamp, late: late * 1e6),
     "us of the clock": ("timestamp", "f8", lambda stamp, late: stamp / 1e3 + late * 1e6),
+    "by another name": ("gps_time", "f8", lambda stamp, late: stamp / NS + late),
     "since the hour in us": ("timestamp", "u4", lambda stamp, late: 1_234_567_890 + late * 1e6),
     "since power-on in s": ("timestamp", "f8", lambda stamp, late: 812.5 + late),
 }
@@ -32,8 +33,10 @@ USUAL = list(DRIVERS)[:7]
 
 
 def column(driver):
+    """With a column of zeros before it, which another driver would have filled."""
     name, kind, values = DRIVERS[driver]
-    return lambda stamp, late: [(name, kind, values(stamp, late))]
+    idle = [] if driver in USUAL else [("time_offset", "f4", 0.0)]
+    return lambda stamp, late: [*idle, (name, kind, values(stamp, late))]
 
 
 @pytest.fixture(scope="module", params=DRIVERS)
@@ -77,7 +80,7 @@ def test_so_has_a_scan(bag):
 @pytest.mark.parametrize(
     ("columns", "said"),
     [
-        (lambda stamp, late: [], "clouds without times of points"),
+        (lambda stamp, late: [], "no times of points"),
         (lambda stamp, late: [("time", "f4", 0 * late)], "those of no sweep"),
         (lambda stamp, late: [("time", "f4", np.nan * late)], "those of no sweep"),
         (lambda stamp, late: [("timestamp", "f4", stamp / NS + late)], "those of no sweep"),

@@ -82,32 +82,41 @@ def point_times(table: NDArray[np.void], stamp: int, note: Callable[[str], None]
     """Time of each point after the stamp [s], 0 where the cloud does not say.
 
     Unit and begin are the usual ones, if that gives a sweep that a scanner can make near the stamp; else those
-    that do. Numbers on another clock count from their first.
+    that do, also of columns of other names that are times on the clock of the stamp. Numbers on another clock
+    count from their first.
     """
-    name = next((n for n in POINT_TIMES if n in (table.dtype.names or ())), None)
-    none = np.zeros(len(table))
-    if name is None:
-        if len(table) > 1:
-            note("clouds without times of points, all are at the stamp")
-        return none
-    value = table[name]
-    usual = (1.0 if value.dtype.kind == "f" else 1e-9), POINT_TIMES[name]
+    names = table.dtype.names or ()
+    known = [name for name in POINT_TIMES if name in names]
     if len(table) < 2:
-        return _late(value, stamp, *usual)
-    for unit, is_relative in (usual, *product(UNITS, (False, True))):
-        late = _late(value, stamp, unit, is_relative)
+        return _late(table[known[0]], stamp, *_usual(table, known[0])) if known else np.zeros(len(table))
+    for name in known:
+        usual = _usual(table, name)
+        for unit, is_relative in (usual, *product(UNITS, (False, True))):
+            late = _late(table[name], stamp, unit, is_relative)
+            if _is_sweep(late) and np.abs(late).max() <= STAMP_NEAR_S:
+                if (unit, is_relative) != usual:
+                    begin = "after the stamp" if is_relative else "of the clock"
+                    note(f"times of points ({name}) are {UNITS[unit]} {begin}, as far as they can be told")
+                return late
+    for name, unit in product([n for n in names if n not in (*POINT_TIMES, *"xyz", *BRIGHTNESS)], UNITS):
+        late = _late(table[name], stamp, unit, False)
         if _is_sweep(late) and np.abs(late).max() <= STAMP_NEAR_S:
-            if (unit, is_relative) != usual:
-                begin = "after the stamp" if is_relative else "of the clock"
-                note(f"times of points ({name}) are {UNITS[unit]} {begin}, as far as they can be told")
+            note(f"times of points are taken to be {name}, {UNITS[unit]} of the clock")
             return late
-    for unit in (usual[0], *UNITS):
-        late = (value.astype(np.float64) - float(value.min())) * unit
-        if _is_sweep(late):
-            note(f"times of points ({name}) are on another clock, the first counts as the stamp")
-            return np.asarray(late)
-    note(f"times of points ({name}) are those of no sweep, all are at the stamp")
-    return none
+    for name in known:
+        for unit in (_usual(table, name)[0], *UNITS):
+            late = (table[name].astype(np.float64) - float(table[name].min())) * unit
+            if _is_sweep(late):
+                note(f"times of points ({name}) are on another clock, the first counts as the stamp")
+                return np.asarray(late)
+    what = f"times of points ({', '.join(known)}) are those of no sweep" if known else "no times of points"
+    note(f"{what}, all are at the stamp of their cloud")
+    return np.zeros(len(table))
+
+
+def _usual(table: NDArray[np.void], name: str) -> tuple[float, bool]:
+    """Unit [s] of a column by its kind, and whether it counts from the stamp by its name."""
+    return (1.0 if table.dtype[name].kind == "f" else 1e-9), POINT_TIMES[name]
 
 
 def _late(value: NDArray[Any], stamp: int, unit: float, is_relative: bool) -> F64:
