@@ -9,15 +9,15 @@ LONGEST = 300
 """Characters of an error at most, whatever its input holds."""
 _LONGEST_PLACE, _LONGEST_VALUE = 150, 80
 _ITEM = r"[^\s,;]+(?: \([^()]*\))?"
-_LIST = re.compile(f"(?:{_ITEM}, ){{3,}}{_ITEM}")  # four names or more; each may have something in brackets
+_LIST = re.compile(f"(?:{_ITEM}, ){{3,}}{_ITEM}")  # four names or more, with brackets or without
 
 
 class SwathError(Exception):
     """Base of every error that swath raises on purpose: printed as one line, exit code 2.
 
-    Its text is at most LONGEST characters, all of them printable; of a list that is too long it holds the first
-    names and says how many more there are. It can be pickled, so that it reaches the
-    parent of a worker process as it is.
+    Its text is at most LONGEST characters, all of them printable; of a list that is too long it holds some names
+    and says how many more there are. It can be pickled, so that it reaches the parent of a worker process as
+    it is.
     """
 
     def __init__(self, text: str = "") -> None:
@@ -36,7 +36,8 @@ class InputError(SwathError):
     """A value from outside that cannot be used.
 
     Reads `key = value: expected what (file:line)`, one line; parts that are unknown are left out, and each is
-    shortened to its share of LONGEST; of a list of names those nearest to the value stay. others: what else is wrong in the same document, in the order found.
+    shortened to its share of LONGEST; of a list of names those nearest to the value stay. others: what else is
+    wrong in the same document, in the order found.
     """
 
     others: "tuple[InputError, ...]" = ()

@@ -59,7 +59,7 @@ class AntennaPlace:
 
 class ChordHeading(KeepsState):
     """Heading of a machine whose receiver gives no course: the way between two fixes, against the same way by
-    wheels and gyroscope. So a curve between them does no harm.
+    wheels and gyroscope, so that a curve between them does no harm.
     """
 
     kept = ("_from",)
@@ -73,7 +73,7 @@ class ChordHeading(KeepsState):
         self._from: tuple[float, float, float, float] | None = None
 
     def take(self, fix: Fix, here: Step, position_sd: float) -> tuple[float, float] | None:
-        """What headings of the dead reckoning lack, and its sd, both [rad]; None until the way is long enough.
+        """What headings of the dead reckoning lack, and its sd, both [rad]; None until the way is long.
 
         here: the axle in the frame of the dead reckoning when the fix was measured; position_sd [m]
         """

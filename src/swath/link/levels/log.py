@@ -50,8 +50,9 @@ LATE_S = 1.0  # the first sample may come this much after the start [s]
 class LogPlayer:
     """Plays the outputs of a slot.
 
-    mounting: pose_machine_sensor, where it is known; optical: pose of a recorded camera's optical frame; ends_at: the time [ns] from which on there is nothing to
-    play, None while there is; ending: says so; notes: what the user should know
+    mounting: pose_machine_sensor, where it is known; optical: pose of a recorded camera's optical frame
+    ends_at: the time [ns] from which on there is nothing to play, None while there is; ending: says so
+    notes: what the user should know
     """
 
     inputs: tuple[Port, ...] = ()
@@ -186,7 +187,7 @@ class LogPlayer:
                 turn = None if self.mounting is None else self.mounting.rotation
                 check_gravity(name, self._some(source), turn)
             if (
-                kind is MachineState or kind is Fix and not source.is_exact
+                kind is MachineState or (kind is Fix and not source.is_exact)
             ) and self.setup.ground is not None:
                 antenna = 0.0 if kind is MachineState or self.mounting is None else self.mounting.position[2]
                 lift = lift_of(self._some(source), self.setup.ground, float(antenna))

@@ -81,9 +81,9 @@ def cloud_points(message: Any, stamp: int, note: Callable[[str], None]) -> Cloud
 def point_times(table: NDArray[np.void], stamp: int, note: Callable[[str], None]) -> F64:
     """Time of each point after the stamp [s], 0 where the cloud does not say.
 
-    Unit and begin are the usual ones, if that gives a sweep that a scanner can make near the stamp; else those
-    that do, also of columns of other names that are times on the clock of the stamp. Numbers on another clock
-    count from their first.
+    Unit and begin are the usual ones, if that gives a sweep that a scanner can make near the stamp; else
+    those that do, also of columns of other names that are times on the clock of the stamp. Numbers on another
+    clock count from their first.
     """
     names = table.dtype.names or ()
     known = [name for name in POINT_TIMES if name in names]

@@ -85,7 +85,6 @@ def _settings(args: argparse.Namespace) -> Any:
 
 def _check_out(out: Path) -> None:
     from swath.core.errors import InputError
-
     from swath.tools.reda.reda import KEPT
 
     known = {KEPT, "reda.csv", "scores.csv", "report.html"}
