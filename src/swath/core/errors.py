@@ -15,9 +15,9 @@ _LIST = re.compile(f"(?:{_ITEM}, ){{3,}}{_ITEM}")  # four names or more, with br
 class SwathError(Exception):
     """Base of every error that swath raises on purpose: printed as one line, exit code 2.
 
-    Its text is at most LONGEST characters, all of them printable; of a list that is too long it holds some names
-    and says how many more there are. It can be pickled, so that it reaches the parent of a worker process as
-    it is.
+    Its text is at most LONGEST characters, all of them printable; of a list that is too long it holds some
+    names and says how many more there are. It can be pickled, so that it reaches the parent of a worker
+    process as it is.
     """
 
     def __init__(self, text: str = "") -> None:
@@ -36,8 +36,8 @@ class InputError(SwathError):
     """A value from outside that cannot be used.
 
     Reads `key = value: expected what (file:line)`, one line; parts that are unknown are left out, and each is
-    shortened to its share of LONGEST; of a list of names those nearest to the value stay. others: what else is
-    wrong in the same document, in the order found.
+    shortened to its share of LONGEST; of a list of names those nearest to the value stay. others: what else
+    is wrong in the same document, in the order found.
     """
 
     others: "tuple[InputError, ...]" = ()

@@ -186,9 +186,8 @@ class LogPlayer:
             if kind is Inertial and not source.is_exact:
                 turn = None if self.mounting is None else self.mounting.rotation
                 check_gravity(name, self._some(source), turn)
-            if (
-                kind is MachineState or (kind is Fix and not source.is_exact)
-            ) and self.setup.ground is not None:
+            is_track = kind is MachineState or (kind is Fix and not source.is_exact)
+            if is_track and self.setup.ground is not None:
                 antenna = 0.0 if kind is MachineState or self.mounting is None else self.mounting.position[2]
                 lift = lift_of(self._some(source), self.setup.ground, float(antenna))
                 is_mended = kind is MachineState and not source.is_exact
