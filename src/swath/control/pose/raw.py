@@ -91,6 +91,7 @@ class RawPose(KeepsState):
             if (found := self._chord.take(fix, here, 0.0)) is not None:
                 self._draw(found[0], seconds)
             return
+        self._chord.clear()
         if fix.speed < self._p.course_from_m_s:
             return
         lead = self._antenna.course_lead(here.speed, here.yaw_rate)
