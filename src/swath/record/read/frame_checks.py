@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from math import cos, isfinite, nan
+from math import cos, hypot, isfinite, nan
 
 import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.portable import product
 from swath.core.units import DEG
 from swath.signals import F64, Fix, Inertial, MachineState, Signal
 
@@ -39,8 +40,8 @@ def check_gravity(key: str, samples: Iterable[Signal], rotation: F64 | None) -> 
     if len(known) == 0:
         return
     own = known.mean(axis=0)
-    force = own if rotation is None else rotation @ own
-    size = float(np.linalg.norm(force))
+    force = own if rotation is None else product(rotation, own)
+    size = hypot(*force)
     seen = "{:.2f}, {:.2f}, {:.2f}".format(*force)
     if abs(size - GRAVITY) > NEAR_GRAVITY * GRAVITY:
         raise InputError(f"{key}.force", seen, f"expected {GRAVITY} m/s2 upward in the mean; {_unit(size)}")
