@@ -9,7 +9,7 @@ LONGEST = 300
 """Characters of an error at most, whatever its input holds."""
 _LONGEST_PLACE, _LONGEST_VALUE = 150, 80
 _ITEM = r"[^\s,;]+(?: \([^()]*\))?"
-_LIST = re.compile(f"(?:{_ITEM}, (?!did you|or )){{3,}}{_ITEM}")  # four names or more, with brackets or without
+_LIST = re.compile(f"(?:{_ITEM}, (?!did you|or )){{3,}}{_ITEM}")  # four names or more
 
 
 class SwathError(Exception):
