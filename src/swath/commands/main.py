@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from swath import __version__
 from swath.commands import completion, levels, metrics, new, report, run, scenarios, schema, sheets, view
 from swath.core.collector import collect_rarely
-from swath.core.errors import InputError, SwathError, shortened
+from swath.core.errors import InputError, SwathError, fitted, shortened
 from swath.core.foreign_code import only_code
 from swath.core.registry import user_line
 from swath.core.stopping import Terminated, stoppable
@@ -212,7 +212,7 @@ def _name_unknown_settings() -> None:
 
 
 def _say(text: str, code: int) -> int:
-    print("swath: " + shortened(" ".join(text.split())), file=sys.stderr)
+    print("swath: " + fitted(" ".join(text.split())), file=sys.stderr)
     return code
 
 

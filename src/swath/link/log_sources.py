@@ -51,7 +51,7 @@ class Params:
     gap_s: longer ones are reported (default: three times the usual interval)
     mount: of the sensor (default: as recorded)
     origin: of NavSatFix positions (default: the first one); field_folder: or that of a field folder
-    antenna_m: x, y, z of the receiver on the machine
+    antenna_m: x, y, z of the receiver on the machine (default: as recorded, or by /tf_static)
     """
 
     file: str | None = None
@@ -68,7 +68,7 @@ class Params:
     mount: Mount | None = None
     origin: GeoOrigin | None = None
     field_folder: str | None = None
-    antenna_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    antenna_m: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,10 @@ def choose_sources(
             if maker_for(port.signal, types[topic], context) is not None:
                 found.append(Source(port, (topic,)))
     if not found:
-        listed = ", ".join(f"{t} ({k.rpartition('/')[2]})" for t, k in types.items()) or "nothing"
+        fitting = sorted(
+            types, key=lambda t: not any(_can_be(p.signal, types[t], context) for p in ports.values())
+        )
+        listed = ", ".join(f"{t} ({types[t].rpartition('/')[2]})" for t in fitting) or "nothing"
         expected = f"expected topics for {', '.join(ports)}, the recording has no {recorded}; it has {listed}"
         raise InputError("topics", None, expected, file=log.path)
     return found
@@ -133,13 +136,14 @@ def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[
         topic, _, path = text.partition(":")
         name, _, number = key.partition(".")
         if topic not in types:
-            raise InputError("topics", topic, f"expected one of {', '.join(types) or 'none'}")
+            signal = ports[name].signal
+            fitting = sorted(types, key=lambda t: not _can_be(signal, types[t], context))
+            raise InputError("topics", topic, f"expected one of {', '.join(fitting) or 'none'}")
         if number:
             numbers.setdefault(name, {})[number] = (topic, path or "data")
         else:
             signal = ports[name].signal
-            is_fix = types[topic] == FIX and signal is MachineState
-            if not is_fix and maker_for(signal, types[topic], context) is None:
+            if not _can_be(signal, types[topic], context):
                 expected = (
                     f"expected a topic of {', '.join(message_names(signal))}, or {name}.NUMBER: TOPIC:PATH"
                 )
@@ -162,6 +166,11 @@ def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[
         for n, given in numbers.items()
     }
     return [made[name] for name in ports if name in made]
+
+
+def _can_be(signal: type[Signal], msgtype: str, context: Context) -> bool:
+    """Whether messages of a type can be made into samples."""
+    return (msgtype == FIX and signal is MachineState) or maker_for(signal, msgtype, context) is not None
 
 
 def numbers_of(port: str, given: Mapping[str, float]) -> dict[str, float]:
