@@ -92,8 +92,12 @@ def import_log(
         try:
             records = _read(log, columns, settings)
         except InputError as error:
-            is_harvest = not isinstance(error, ColumnsMissing) and error.key != "taskdata"
-            if is_harvest or not is_taskdata(log) or not read_plan(log)[0]:
+            has_yield = (
+                "yield" not in error.expected
+                if isinstance(error, ColumnsMissing)
+                else error.key != "taskdata"
+            )
+            if has_yield or not is_taskdata(log) or not read_plan(log).parts:
                 raise
             return _import_plan(log, out, dem, settings)
         crop_facts = load_crop(records.crop)
