@@ -52,8 +52,8 @@ DDI: dict[int, Entry] = {
 """DDI -> entry. Source: ISO 11783-11 as in the list of npm isoxml 1.11; 67 to 149, 177 and 262 agree with the
 scaling a forage harvester declares for them."""
 TOGETHER = {
-    67: "sum", 68: "sum", 70: "sum", 84: "mean", 87: "sum", 96: "sum", 99: "mean", 141: "most", 181: "mean",
-    182: "sum",
+    67: "sum", 68: "sum", 70: "sum", 84: "mean", 87: "sum", 96: "sum", 99: "mean", 141: "highest",
+    181: "mean", 182: "sum",
 }  # fmt: skip
 """What the values that the sections of one machine log make together; of other DDIs the first counts."""
 

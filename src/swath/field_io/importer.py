@@ -92,12 +92,9 @@ def import_log(
         try:
             records = _read(log, columns, settings)
         except InputError as error:
-            has_yield = (
-                "yield" not in error.expected
-                if isinstance(error, ColumnsMissing)
-                else error.key != "taskdata"
-            )
-            if has_yield or not is_taskdata(log) or not read_plan(log).parts:
+            lacks_yield = isinstance(error, ColumnsMissing) and "grain_flow or yield" in error.expected
+            is_plan = lacks_yield or error.key == "taskdata"
+            if not is_plan or not is_taskdata(log) or not read_plan(log).parts:
                 raise
             return _import_plan(log, out, dem, settings)
         crop_facts = load_crop(records.crop)

@@ -88,7 +88,7 @@ class TaskData:
             else:
                 width, what = self.described.width_of(self._machines(log), _marks(log))
                 stated[rows] = width or np.nan
-                told += [f"header width: {width:g} m, {what}, which the log does not hold"] * bool(width)
+                told += [f"header width: the machine states {width:g} m ({what}), the log none"] * bool(width)
             notes.update(told)
             for name, values in quantities.items():
                 made.setdefault(name, np.full(len(self), np.nan))[rows] = values
@@ -169,12 +169,13 @@ def _of_machine(log: TimeLog, described: Description, there: dict[str, int], rul
         values = np.where(np.stack(off, axis=1), 0.0, values)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of records before the first value
-        make: Any = {"sum": np.nansum, "mean": np.nanmean, "most": np.nanmax}[rule]
+        make: Any = {"sum": np.nansum, "mean": np.nanmean, "highest": np.nanmax}[rule]
         made = make(values, axis=1)
     made = np.where(np.isfinite(values).any(axis=1), made, np.nan)
     others = [e for e in there if e not in of and not set(device.above(e)) & set(of)]
     beside = f"; not of {', '.join(others[:5])}" if others else ""
-    return made, f"{rule} of {', '.join(of[:8])}{beside}" if len(of) > 1 or others else ""
+    how = f"{rule} of " if len(of) > 1 else "of "
+    return made, f"{how}{', '.join(of[:8])}{beside}" if len(of) > 1 or others else ""
 
 
 def _is_off(log: TimeLog, element: str) -> NDArray[np.bool_]:
