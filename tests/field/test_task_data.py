@@ -4,6 +4,7 @@ All logs are of one field: 6 passes of 120 m, 9 m apart, 5.4 t/ha, moisture 14 %
 """
 
 import math
+import struct
 from dataclasses import replace
 
 import numpy as np
@@ -180,7 +181,7 @@ def test_the_width_of_a_header_is_that_of_its_sections(tmp_path):
         data = task_data(harvest(tmp_path / name, [*GRAIN, *widths]), device=device)
         log = logged(data)
         assert (log.width == 9.0).all()
-        assert any(note.startswith("working_width_m: sum of DET-10, DET-11") for note in log.notes)
+        assert any(note.startswith("working_width_m: sum of DET-10 (") for note in log.notes)
 
 
 HALVES = COMBINE + section(10) + section(11)
@@ -373,12 +374,25 @@ def test_records_before_the_date_is_known_keep_their_values(tmp_path, head):
     assert len(log) == PASSES * (LONG // 2 + 1) - nowhere
     assert log.broken["position_not_a_number"] == nowhere
     assert (log.width == 9.0).all()
-    assert any("5 records without a date: their time is left out" in note for note in log.notes)
+    assert any("5 records without a date: put before the first" in note for note in log.notes)
     whole = logged(task_data(harvest(tmp_path / "b", channels)))
-    np.testing.assert_allclose(log.time[10:] - log.time[-1], whole.time[10 + nowhere :] - whole.time[-1])
+    np.testing.assert_allclose(log.time - log.time[-1], whole.time[nowhere:] - whole.time[-1])
+
+
+def test_dates_lost_later_leave_only_their_times_out(tmp_path):
+    data = task_data(harvest(tmp_path, [*GRAIN, WIDTH]))
+    binary = data / "TLG00001.bin"
+    made, size = bytearray(binary.read_bytes()), 19 + 1 + 5 * 4
+    for k in range(100, 110):
+        struct.pack_into("<H", made, k * size + 4, 0)
+    binary.write_bytes(made)
+    log = logged(data)
+    assert len(log) == PASSES * (LONG // 2 + 1)
+    assert "TLG00001.bin: 10 records without a date: their time is left out" in log.notes
+    np.testing.assert_allclose(np.diff(log.time)[95:115], 1.0)
 
 
 def test_a_log_that_never_knew_the_date_is_read_in_its_order(tmp_path):
     log = logged(task_data(harvest(tmp_path, [*GRAIN, WIDTH], undated=10**6)))
-    assert any("clock not used" in note for note in log.notes)
-    assert (np.diff(log.time) == 1.0).all()
+    assert any("no record has a date" in note for note in log.notes)
+    assert set(np.diff(log.time)) == {1.0, 21.0}

@@ -173,9 +173,17 @@ def _of_machine(log: TimeLog, described: Description, there: dict[str, int], rul
         made = make(values, axis=1)
     made = np.where(np.isfinite(values).any(axis=1), made, np.nan)
     others = [e for e in there if e not in of and not set(device.above(e)) & set(of)]
-    beside = f"; not of {', '.join(others[:5])}" if others else ""
+    if len(of) == 1 and not others:
+        return made, ""
     how = f"{rule} of " if len(of) > 1 else "of "
-    return made, f"{how}{', '.join(of[:8])}{beside}" if len(of) > 1 or others else ""
+    beside = f"; not of {_shown(others, medians)}" if others else ""
+    return made, f"{how}{_shown(of, medians)}{beside}"
+
+
+def _shown(elements: list[str], medians: dict[str, float]) -> str:
+    """Some elements with the medians of their values."""
+    shown = ", ".join(f"{e} ({medians[e]:g})" for e in elements[:4])
+    return shown if len(elements) <= 4 else f"{shown} ... {len(elements)} in all"
 
 
 def _is_off(log: TimeLog, element: str) -> NDArray[np.bool_]:

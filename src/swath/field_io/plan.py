@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -53,11 +54,11 @@ def largest_part(described: Description) -> tuple[str, Any, int, list[str]]:
     """Id of the largest field, its polygon without ground that bears no crop in UTM [m], the system, and what
     of it is left out.
     """
-    made = {key: _polygon(part) for key, part in described.parts.items()}
-    key = max(made, key=lambda k: made[k][0].area)
-    part, (polygon, epsg, notes) = described.parts[key], made[key]
-    if len(made) > 1:
-        notes = [f"{len(made)} fields in it: the largest is taken, {part.name or 'without a name'}", *notes]
+    parts = described.parts
+    key = max(parts, key=lambda k: parts[k].rough_area)
+    part, (polygon, epsg, notes) = parts[key], _polygon(parts[key])
+    if len(parts) > 1:
+        notes = [f"{len(parts)} fields in it: the largest is taken, {part.name or 'without a name'}", *notes]
     return key, polygon, epsg, notes
 
 
@@ -178,32 +179,31 @@ def _polygon(part: Part) -> tuple[Any, int, list[str]]:
 
     epsg = utm_epsg(*np.median(part.boundary[0].exteriors[0], axis=0))
 
-    def area(polygons: Sequence[Polygon]) -> Any:
+    def shapes(polygons: Sequence[Polygon]) -> list[Any]:
+        rings = [ring for p in polygons for ring in (*p.exteriors, *p.interiors)]
+        ends = np.cumsum([len(ring) for ring in rings])[:-1]
+        places = iter(np.split(in_metres(np.concatenate(rings), epsg), ends) if rings else [])
         made = []
-        for polygon in polygons:
-            sides = (polygon.exteriors, polygon.interiors)
-            outer, inner = (
-                [shapely.make_valid(shapely.Polygon(in_metres(r, epsg))) for r in s] for s in sides
-            )
-            made.append(shapely.union_all(outer).difference(shapely.union_all(inner)))
-        return shapely.union_all(made)
+        for p in polygons:
+            sides = [[shapely.Polygon(next(places)) for _ in side] for side in (p.exteriors, p.interiors)]
+            outer, inner = (shapely.union_all(shapely.make_valid(side)) for side in sides)
+            made.append(outer.difference(inner))
+        return made
 
-    whole = area(part.boundary)
+    whole = shapely.union_all(shapes(part.boundary))
     notes = [] if "field" in part.polygons else ["boundary: of main field and headland, the field has none"]
-    bare = part.polygons.get("bare", [])
-    inside: dict[str, float] = {}
-    outside = Counter[str]()
-    for polygon in bare:
-        size = whole.intersection(area([polygon])).area
-        if size > 1.0:
-            inside[polygon.name] = inside.get(polygon.name, 0.0) + size
-        else:
-            outside[polygon.name] += 1
-    if inside:
-        named = ", ".join(f"{name} {size / 1e4:.2f} ha" for name, size in inside.items())
-        notes.append(f"no crop in it: {named}")
-    notes += [f"beside it, not used: {listed(outside)}"] if outside else []
-    left = whole.difference(area(bare))
+    others = part.polygons.get("bare", [])
+    named = list(zip([p.name for p in others], shapes(others), strict=True))
+    shapely.prepare(whole)
+    is_in = [whole.intersects(shape) and whole.intersection(shape).area > 1.0 for _, shape in named]
+    inside = list(compress(named, is_in))
+    beside = Counter(name for (name, _), within in zip(named, is_in, strict=True) if not within)
+    bare = {name: shapely.union_all([s for n, s in inside if n == name]) for name in dict(inside)}
+    sizes = {name: whole.intersection(shape).area / 1e4 for name, shape in bare.items()}
+    if sizes:
+        notes.append(f"no crop in it: {', '.join(f'{name} {size:.2f} ha' for name, size in sizes.items())}")
+    notes += [f"beside it, not used: {listed(beside)}"] if beside else []
+    left = whole.difference(shapely.union_all(list(bare.values())))
     polygon = outline.largest(left)
     if left.area - polygon.area > outline.EMPTY_AREA:
         notes.append(f"field in several parts: {(left.area - polygon.area) / 1e4:.2f} ha left out")

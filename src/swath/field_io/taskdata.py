@@ -89,6 +89,13 @@ class Part:
         """What encloses it: the boundary, else the parts of it."""
         return self.polygons.get("field") or self.polygons.get("part") or []
 
+    @property
+    def rough_area(self) -> float:
+        """Inside its boundary [deg2 of latitude], to compare it with others."""
+        sizes = (abs(_signed(ring)) for polygon in self.boundary for ring in polygon.exteriors)
+        holes = (abs(_signed(ring)) for polygon in self.boundary for ring in polygon.interiors)
+        return float(sum(sizes) - sum(holes))
+
 
 class Value(NamedTuple):
     """How a device shows a logged integer: label, unit, and (integer + offset) * scale."""
@@ -313,10 +320,17 @@ def _rings(polygon: Node, kind: str, part: Part) -> list[Array]:
     return good
 
 
+def _signed(ring: Array) -> float:
+    """Area of a ring [deg2 of latitude], > 0 counter-clockwise."""
+    lon, lat = (ring - ring[0]).T
+    lon = lon * np.cos(np.radians(ring[0, 1]))
+    return 0.5 * float(lon @ np.roll(lat, -1) - lat @ np.roll(lon, -1))
+
+
 def _take_pattern(pattern: Pattern, part: Part) -> None:
     """Put guidance to its field, where its numbers say which lines it is of."""
     name = PATTERNS.get(pattern.kind, f"guidance of type {pattern.kind!r}")
-    count, known = len(pattern.points), bool(np.isfinite(pattern.points).all())
+    count, on_earth = len(pattern.points), bool((np.abs(pattern.points) <= (180.0, 90.0)).all())
     missing = ""
     if pattern.kind == A_PLUS and not np.isfinite(pattern.heading):
         missing = " without a heading"
@@ -324,7 +338,7 @@ def _take_pattern(pattern: Pattern, part: Part) -> None:
         missing = " without a radius"
     if pattern.kind not in PATTERNS or missing:
         part.unused[name + missing] += 1
-    elif not known or count < (1 if pattern.kind in (A_PLUS, PIVOT) else 2):
+    elif not on_earth or count < (1 if pattern.kind in (A_PLUS, PIVOT) else 2):
         part.unused[f"{name} without its places"] += 1
     else:
         part.guidance.append(pattern)

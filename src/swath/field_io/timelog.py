@@ -170,14 +170,8 @@ def read_time_log(
     size = layout.head.itemsize
     raw = np.frombuffer(data, np.uint8)
     heads = raw[starts[:, None] + np.arange(size)].copy().view(layout.head)[:, 0]
-    days = heads["days"].astype(np.int64)
-    time = EPOCH + (days * DAY_MS + heads["ms"]).astype("timedelta64[ms]")
-    is_date = (days >= DAYS[0]) & (days <= DAYS[1])
-    if is_date.any():
-        is_date &= np.abs(days - np.median(days[is_date])) <= SEASON
-    time[~is_date] = np.datetime64("NaT")
-    if not is_date.all():
-        problems.append(f"{name}.bin: {int((~is_date).sum())} records without a date: their time is left out")
+    time, told = _times(heads["days"].astype(np.int64), heads["ms"].astype(np.int64))
+    problems += [f"{name}.bin: {told}"] if told else []
     fields = {key: heads[key].astype(float) * scale for key, scale in layout.scales.items()}
     nothing = np.full(len(starts), np.nan)
     lat, lon = fields.pop("north", nothing), fields.pop("east", nothing)
@@ -189,7 +183,7 @@ def read_time_log(
         )
     lat, lon = np.where(nowhere, np.nan, lat), np.where(nowhere, np.nan, lon)
     values = _held(_values(raw, starts + size, layout))
-    known = np.flatnonzero(is_date)
+    known = np.flatnonzero(~np.isnat(time))
     back = np.flatnonzero(np.diff(time[known]) < np.timedelta64(0, "ms"))
     if len(back):
         first = starts[known[back[0] + 1]]
@@ -201,6 +195,34 @@ def read_time_log(
     return TimeLog(
         name, task, device, time, lat, lon, up, fields, layout.channels, values, tuple(problems), unread, gaps
     )
+
+
+def _times(days: NDArray[np.int64], ms: NDArray[np.int64]) -> tuple[NDArray[np.datetime64], str]:
+    """Times of records, NaT where none is known, and what was assumed; of a log that never knows the date the
+    times of its own clock.
+
+    A terminal that starts without a date counts from one of its own, often with the right time of day: such
+    records come before the first with a date by their clock, else by the usual step.
+    """
+    clock = days * DAY_MS + ms
+    is_date = (days >= DAYS[0]) & (days <= DAYS[1])
+    if not is_date.any():
+        return EPOCH + clock.astype("timedelta64[ms]"), "no record has a date: times of its own clock"
+    middle = np.sort(days[is_date])[is_date.sum() // 2]
+    is_date &= np.abs(days - middle) <= SEASON
+    first, count = int(is_date.argmax()), int((~is_date).sum())
+    steps = np.diff(clock[:first])
+    told = f"{count} records without a date: their time is left out" if count else ""
+    if first and (steps >= 0).all() and (steps <= LONGEST_PAUSE).all():
+        gap = int(clock[first] - clock[first - 1]) % DAY_MS
+        usual = int(np.median(np.diff(clock[is_date]))) if is_date.sum() > 1 else 1000
+        clock[:first] += clock[first] - clock[first - 1] - (gap if gap <= LONGEST_PAUSE else usual)
+        told = f"{first} records without a date: put before the first that has one"
+        told += f", {count - first} later ones have no time" if count > first else ""
+        is_date[:first] = True
+    times = EPOCH + clock.astype("timedelta64[ms]")
+    times[~is_date] = np.datetime64("NaT")
+    return times, told
 
 
 def _record_end(data: bytes, at: int, layout: Layout) -> int:

@@ -133,6 +133,7 @@ def _of_taskdata(path: Path) -> tuple[list[Array], Array, list[str]]:
         notes.append(f"passes along the first of {len(part.guidance)} guidance lines")
     unused = part.unused + described.unused
     notes += [f"task data, not used: {listed(unused)}"] if unused.total() else []
+    notes += described.problems
     lines = [local_line(pattern, origin) for pattern in part.guidance]
     return lines, checked_ring(exterior - corner, "field.file"), notes
 
