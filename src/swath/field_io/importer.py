@@ -96,8 +96,9 @@ def import_log(
         try:
             records = _read(log, columns, settings)
         except InputError as error:
-            is_harvest = not isinstance(error, ColumnsMissing) and error.key != "taskdata"
-            if is_harvest or not is_taskdata(log) or not read_plan(log)[0]:
+            lacks_yield = isinstance(error, ColumnsMissing) and "grain_flow or yield" in error.expected
+            is_plan = lacks_yield or error.key == "taskdata"
+            if not is_plan or not is_taskdata(log) or not read_plan(log).parts:
                 raise
             return _import_plan(log, out, dem, settings)
         crop_facts = load_crop(records.crop)

@@ -119,6 +119,8 @@ def read_log(
     Raises InputError when the file is no log or less than 30 rows of it can be used.
     """
     table = read_table(path)
+    if header_width is None and table.stated_width is not None:
+        table.columns["header_width_m"] = table.stated_width
     found = find_columns(
         list(table.columns), path, columns, table.points is not None, units=table.units,
         needs_width=header_width is None and not as_map,

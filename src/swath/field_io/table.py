@@ -48,6 +48,7 @@ class Table:
     points: (x, y) of each record, shape (n, 2), when the file has geometry; crs: of the points (WKT), or ''
     broken: reason -> rows left out while reading; notes: what could not be read, file and byte
     units: column -> unit, and crop: what the maker's metadata say beside the table
+    stated_width: of the header [m], shape (n,), that the machines state and no record holds
     """
 
     columns: dict[str, Any]
@@ -58,6 +59,7 @@ class Table:
     notes: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     crop: str = ""
+    stated_width: Array | None = None
 
     def numbers(self, name: str) -> Array:
         """A column as numbers, nan where the text is none."""
@@ -114,7 +116,10 @@ def _read_isoxml(path: Path) -> Table:
     data = read_taskdata(path)
     places = sum(log.gaps for log in data.logs)
     rows, broken = np.arange(1, len(data) + 1), {"unreadable": places}
-    return Table(data.columns(), rows, None, "", broken, data.problems, crop=data.crop)
+    columns, width, notes = data.table()
+    crop = "" if "crop" in columns else max(data.crops)
+    told = (*notes, *data.problems)
+    return Table(columns, rows, None, "", broken, told, crop=crop, stated_width=width)
 
 
 def _or_cp1252(error: UnicodeError) -> tuple[str, int]:

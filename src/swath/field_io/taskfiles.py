@@ -2,8 +2,10 @@
 
 import math
 import zipfile
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
@@ -13,7 +15,8 @@ from swath.core.errors import InputError
 from swath.documents.packed import LARGEST_BYTES, open_archive, readable
 
 DEEPEST = 32  # elements within each other; task data go to 8
-MOST_ELEMENTS = 100_000  # of the kinds that are asked for
+MOST_ELEMENTS = 100_000  # of the kinds that are read
+MOST_POINTS = 1_000_000  # of boundaries and lines
 _BROKEN = (expat.ExpatError, LookupError, ValueError)  # LookupError: an unknown encoding
 
 
@@ -65,26 +68,62 @@ def _is_part(path: PurePath) -> bool:
     return path.suffix.upper() in (".XML", ".BIN")
 
 
-Element = tuple[str, dict[str, str], tuple[tuple[str, dict[str, str]], ...]]
+@dataclass
+class Node:
+    """An element of a kind that is read. points: its PNT as (type, longitude, latitude [deg], nan = none)."""
+
+    tag: str
+    attributes: dict[str, str]
+    children: list["Node"] = field(default_factory=list)
+    points: list[tuple[str, float, float]] = field(default_factory=list)
+
+    def get(self, attribute: str) -> str:
+        """An attribute, '' where it is missing."""
+        return self.attributes.get(attribute, "")
+
+    def of(self, tag: str) -> list["Node"]:
+        """Its children of a kind."""
+        return [child for child in self.children if child.tag == tag]
 
 
-def elements(data: bytes, wanted: Collection[str]) -> tuple[list[Element], str]:
-    """(tag, attributes, those around it) of the wanted elements up to the first mistake; and what that is.
+@dataclass
+class Tree:
+    """An XML file. top: holds its outermost element; others: tag -> count of elements of kinds that are not
+    read, without what is inside them; problem: the first mistake, with its byte, up to which it is read.
+    """
+
+    top: Node
+    others: Counter[str]
+    problem: str = ""
+
+
+def read_tree(data: bytes, kinds: Collection[str]) -> Tree:
+    """The elements of some kinds and the outermost one, up to the first mistake.
 
     No entities are resolved: a file with a DOCTYPE is not task data.
     """
-    found: list[Element] = []
-    stack: list[tuple[str, dict[str, str]]] = []
+    top, others = Node("", {}), Counter[str]()
+    stack, counts = [(top, True)], Counter[str]()
     parser = expat.ParserCreate()
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        if len(stack) >= DEEPEST:
+        if len(stack) > DEEPEST:
             raise ValueError(f"more than {DEEPEST} elements within each other")
-        if tag in wanted:
-            if len(found) >= MOST_ELEMENTS:
-                raise ValueError(f"more than {MOST_ELEMENTS} elements {', '.join(sorted(wanted))}")
-            found.append((tag, attributes, tuple(stack)))
-        stack.append((tag, attributes))
+        node, (parent, is_kept) = Node(tag, attributes), stack[-1]
+        is_read = len(stack) == 1 or tag in kinds
+        if is_kept and tag == "PNT":
+            counts["points"] += 1
+            east, north = number(node.get("D"), math.nan), number(node.get("C"), math.nan)
+            parent.points.append((node.get("A"), east, north))
+        elif is_kept and is_read:
+            counts["elements"] += 1
+            parent.children.append(node)
+        elif is_kept:
+            others[tag] += 1
+        for key, most in (("elements", MOST_ELEMENTS), ("points", MOST_POINTS)):
+            if counts[key] > most:
+                raise ValueError(f"more than {most} {key} of the kinds that are read")
+        stack.append((node, is_kept and is_read))
 
     def refuse(*_: Any) -> None:
         raise ValueError("a DOCTYPE is not allowed")
@@ -95,8 +134,8 @@ def elements(data: bytes, wanted: Collection[str]) -> tuple[list[Element], str]:
     try:
         parser.Parse(data, True)
     except _BROKEN as error:
-        return found, f"byte {max(parser.CurrentByteIndex, 0)}: {error}"
-    return found, ""
+        return Tree(top, others, f"byte {max(parser.CurrentByteIndex, 0)}: {error}")
+    return Tree(top, others)
 
 
 def element_texts(data: bytes, wanted: Collection[str]) -> list[tuple[tuple[str, ...], str]]:

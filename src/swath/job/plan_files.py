@@ -16,7 +16,8 @@ from swath.documents.packed import readable
 from swath.field.projection import Origin, origin_at, transform, utm_epsg
 from swath.field_io.isoxml import is_taskdata
 from swath.field_io.outline import read_outline, rings
-from swath.field_io.plan import EXTERIOR, in_metres, read_plan
+from swath.field_io.plan import largest_part, local_line, read_plan
+from swath.field_io.taskdata import A_PLUS, AB, listed
 from swath.job.lands import PlanSettings, plan_field
 from swath.job.plan import FieldPlan, PlannedPass, checked_ring, shapely_here, with_ground
 
@@ -36,14 +37,15 @@ def plan_from_file(path: Path, header: float, settings: PlanSettings, *, pipe: f
     if not path.exists():
         raise InputError("field.file", str(path), "expected a file that is there")
     is_task = _is_task(path)
-    lines, ring = _of_taskdata(path) if is_task else _of_geojson(path)
+    lines, ring, told = _of_taskdata(path) if is_task else (*_of_geojson(path), [])
     if is_task and lines and all(len(line) == 2 for line in lines):
         (ax, ay), (bx, by) = lines[0].tolist()
         settings = replace(settings, direction_deg=math.degrees(math.atan2(by - ay, bx - ax)))
         lines = []
     if not lines:
         assert ring is not None
-        return plan_field(ring, header, settings, pipe=pipe)
+        plan = plan_field(ring, header, settings, pipe=pipe)
+        return replace(plan, notes=(*told, *plan.notes))
     width = header - settings.overlap_m
     if ring is None:
         ring = _around(lines, header)
@@ -55,8 +57,8 @@ def plan_from_file(path: Path, header: float, settings: PlanSettings, *, pipe: f
     area = float(shapely_here().Polygon(ring).area)
     done = FieldPlan(ring, passes, width, 0.0, area)
     left = done.area_left
-    notes = (f"{left / 1e4:.2f} ha of the field lie under no line",) if left > 0.02 * area else ()
-    return FieldPlan(ring, passes, width, 0.0, area - left, notes=notes)
+    told += [f"{left / 1e4:.2f} ha of the field lie under no line"] if left > 0.02 * area else []
+    return FieldPlan(ring, passes, width, 0.0, area - left, notes=tuple(told))
 
 
 def _is_task(path: Path) -> bool:
@@ -114,21 +116,26 @@ def _outline(path: Path) -> Array:
     return checked_ring(exterior - np.floor(exterior.min(axis=0)), "field.file")
 
 
-def _of_taskdata(path: Path) -> tuple[list[Array], Array]:
-    """Guidance lines and outline of the largest field of task data. A line of two points is one of many."""
-    parts, _ = read_plan(path)
-    if not parts:
+def _of_taskdata(path: Path) -> tuple[list[Array], Array, list[str]]:
+    """Guidance lines and outline of the largest field of task data, and what of it is not used."""
+    described = read_plan(path)
+    if not described.parts:
         raise InputError("field.file", str(path), "expected a field with a boundary", file=path)
-    made = []
-    for part in parts:
-        exterior = next((ring for kind, ring in part.rings if kind == EXTERIOR), part.rings[0][1])
-        epsg = utm_epsg(*np.median(exterior, axis=0))
-        ring = in_metres(exterior, epsg)
-        made.append((shapely_here().Polygon(ring).area, part, ring, epsg))
-    _, part, ring, epsg = max(made, key=lambda m: m[0])
-    corner = np.floor(ring.min(axis=0))
+    key, polygon, epsg, notes = largest_part(described)
+    part = described.parts[key]
+    exterior, holes = rings(polygon)
+    corner = np.floor(exterior.min(axis=0))
     origin = Origin(epsg, float(corner[0]), float(corner[1]))
-    return [origin.to_local(line) for line in part.lines], checked_ring(ring - corner, "field.file")
+    if holes:
+        bare = shapely_here().Polygon(exterior).area - polygon.area
+        notes.append(f"{bare / 1e4:.2f} ha of holes in it are driven over and count as crop")
+    if len(part.guidance) > 1 and all(p.kind in (AB, A_PLUS) for p in part.guidance):
+        notes.append(f"passes along the first of {len(part.guidance)} guidance lines")
+    unused = part.unused + described.unused
+    notes += [f"task data, not used: {listed(unused)}"] if unused.total() else []
+    notes += described.problems
+    lines = [local_line(pattern, origin) for pattern in part.guidance]
+    return lines, checked_ring(exterior - corner, "field.file"), notes
 
 
 def _around(lines: list[Array], header: float) -> Array:
