@@ -35,18 +35,38 @@ def readable(key: str, what: str, path: Path) -> Iterator[None]:
         raise InputError(key, None, f"expected {what}: {reason[:120]}", file=path) from error
 
 
+def is_archive(path: Path) -> bool:
+    """True for a file that ends as a zip archive does, whole or damaged."""
+    try:
+        return path.is_file() and zipfile.is_zipfile(path)
+    except (OSError, ValueError):  # ValueError: a null character in the path
+        return False
+
+
+def member_names(path: Path) -> list[str]:
+    """Names in a zip archive, none where it is no whole one."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return archive.namelist()
+    except Exception:  # a damaged directory may raise anything
+        return []
+
+
 @contextmanager
 def open_archive(path: Path, key: str, ratio: int = RATIO) -> Iterator[zipfile.ZipFile]:
-    """A zip archive. InputError where its members say that they unpack to more than it may hold.
+    """A zip archive. InputError where it is none or damaged, and where its members say that they unpack to
+    more than it may hold.
 
     `ZipFile.read` gives no more of a member than the directory says, so this bounds all of them together.
     """
-    most = most_unpacked(path.stat().st_size, ratio)
-    with zipfile.ZipFile(path) as archive:
-        held = sum(info.file_size for info in archive.infolist())
-        if held > most:
-            raise InputError(key, None, f"expected at most {most} bytes unpacked, it holds {held}", file=path)
-        yield archive
+    with readable(key, "a whole zip archive", path):
+        most = most_unpacked(path.stat().st_size, ratio)
+        with zipfile.ZipFile(path) as archive:
+            held = sum(info.file_size for info in archive.infolist())
+            if held > most:
+                expected = f"expected at most {most} bytes unpacked, it holds {held}"
+                raise InputError(key, None, expected, file=path)
+            yield archive
 
 
 def read_arrays(path: Path, key: str, what: str, ratio: int = RATIO) -> dict[str, NDArray[Any]]:

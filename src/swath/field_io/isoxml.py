@@ -1,6 +1,5 @@
 """Task data of ISO 11783-10 as one table: TASKDATA.XML names devices and logs, TLG files hold the records."""
 
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.documents.packed import member_names
 from swath.field_io.taskfiles import (
     Element,
     TaskFiles,
@@ -86,13 +86,7 @@ def is_taskdata(path: Path) -> bool:
         return any(p.name.upper() == "TASKDATA.XML" for p in path.iterdir())
     if path.name.upper() == "TASKDATA.XML" or is_log_file(path):
         return True
-    if not zipfile.is_zipfile(path):
-        return False
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return any(PurePosixPath(n).name.upper() == "TASKDATA.XML" for n in archive.namelist())
-    except (zipfile.BadZipFile, OSError, ValueError):
-        return False
+    return any(PurePosixPath(n).name.upper() == "TASKDATA.XML" for n in member_names(path))
 
 
 def read_taskdata(path: Path) -> TaskData:

@@ -128,7 +128,7 @@ def plan_field(
         "field": {"area_ha": polygon.area / 1e4, "guidance_lines": len(tracks)},
         "crop": {"name": sheet, "stems_per_m2": stems, "grain_g_per_stem": 1000.0 * facts.yields.grain_mass},
         "terrain": info,
-        "notes": notes,
+        "notes": [*notes, *ground.notes],
     }
     return FieldFolder(
         path=out, origin=origin, boundary=exterior - corner, holes=tuple(h - corner for h in holes),
@@ -145,9 +145,11 @@ def is_outline(path: Path) -> bool:
 def _read(path: Path) -> tuple[Part, tuple[Any, int], float | None, list[str]]:
     """The field, its polygon and system, the working width [m] and what was assumed."""
     if is_outline(path):
-        return Part("", ""), outline.read_place(path), None, ["an outline alone: the crop stands evenly"]
+        found = outline.read_outlines(path)
+        polygon, notes = found.field()
+        return Part("", ""), (polygon, found.epsg), None, ["an outline alone: the crop stands evenly", *notes]
     parts, stated = read_plan(path)
-    shapes = [_polygon(part) for part in parts]
+    shapes = [polygon_of(part) for part in parts]
     part, place = max(zip(parts, shapes, strict=True), key=lambda pair: pair[1][0].area)
     notes = ["ISO 11783-10 task data without a yield: the crop stands evenly"]
     if len(parts) > 1:
@@ -155,7 +157,7 @@ def _read(path: Path) -> tuple[Part, tuple[Any, int], float | None, list[str]]:
     return part, place, stated, notes
 
 
-def _polygon(part: Part) -> tuple[Any, int]:
+def polygon_of(part: Part) -> tuple[Any, int]:
     """The field in UTM metres without its holes, and the system."""
     import shapely
 
