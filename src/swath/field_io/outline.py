@@ -93,7 +93,8 @@ def read_outlines(path: Path, epsg: int | None = None) -> Outlines:
         raise InputError("boundary", len(shapes), f"expected at most {MOST_SHAPES} polygons", file=path)
     system = known_crs(crs or "EPSG:4326")
     if epsg is None:
-        middle = transform(np.array(shapes[0].polygon.centroid.coords)[:, :2], system, "EPSG:4326")[0]
+        middle = np.median(shapely.get_coordinates([s.polygon for s in shapes]), axis=0)
+        middle = transform(middle[None], system, "EPSG:4326")[0]
         if not np.isfinite(middle).all():
             raise InputError("boundary", None, f"expected places in {system.name}", file=path)
         epsg = utm_epsg(*middle)
@@ -160,13 +161,13 @@ def _nested(shapes: list[Shape]) -> tuple[list[Shape], list[Shape], list[Shape]]
             shared = shapes[j].polygon.intersection(shape.polygon).area
             if shared > WITHIN * shape.polygon.area:
                 if shape.polygon.area > WITHIN * shapes[j].polygon.area:
-                    depth = depths[j]  # the same once more
+                    depth = -1  # the same once more
                     break
                 depth = max(depth, depths[j] + 1)
         depths.append(depth)
     pairs = list(zip(shapes, depths, strict=True))
-    land, within = [s for s, d in pairs if d == 0], [s for s, d in pairs if d and d % 2 == 0]
-    return land, [s for s, d in pairs if d % 2], within
+    land, within = [s for s, d in pairs if d == 0], [s for s, d in pairs if d > 0 and d % 2 == 0]
+    return land, [s for s, d in pairs if d > 0 and d % 2 == 1], within
 
 
 def _surfaces(shape: Any) -> Any:
