@@ -5,12 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.errors import InputError
 from swath.field.raster import Raster
 from swath.field_io.clean import Cleaned
 
 Array = NDArray[np.float64]
 REACH_WIDTHS = 1.25  # header widths a record counts at most
 FILL_WIDTHS = 2.5  # header widths a gap is filled from the records around it; farther there is no crop
+MOST_CELLS = 4_000_000  # of a map: 100 km2 in cells of 5 m
 NEAREST = 48  # records that count for a cell
 STEMS = (0.1, 2.0)  # plausible, of what the crop usually has: 50 to 1000 ears/m2 of wheat; others are clipped
 
@@ -30,9 +32,19 @@ class Maps:
 
 
 def make_grid(bounds: tuple[float, float, float, float], cell: float, margin: float, epsg: int) -> Raster:
-    """Empty map whose cell edges lie on multiples of the cell, around bounds (W, S, E, N) [m]."""
+    """Empty map whose cell edges lie on multiples of the cell, around bounds (W, S, E, N) [m].
+
+    InputError where it would have more than MOST_CELLS.
+    """
     west, south = (np.floor((b - margin) / cell) * cell for b in bounds[:2])
     nx, ny = (int(np.ceil((b + margin - a) / cell)) for a, b in ((west, bounds[2]), (south, bounds[3])))
+    if nx * ny > MOST_CELLS:
+        size = f"{nx * cell / 1000.0:.1f} x {ny * cell / 1000.0:.1f} km"
+        expected = (
+            f"expected at most {MOST_CELLS * cell**2 / 1e6:.0f} km2 around it, in cells of {cell:g} m: "
+            "is a corner far off, or are several fields in it?"
+        )
+        raise InputError("field", size, expected)
     values = np.full((ny, nx), np.nan, dtype=np.float32)
     return Raster(values, float(west + 0.5 * cell), float(south + 0.5 * cell), cell, epsg)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError, MissingExtra
 from swath.documents.json_file import read_json
 from swath.documents.packed import is_archive, open_archive, readable
+from swath.documents.text_file import read_bytes
 from swath.documents.xml_file import read_xml
 from swath.field.projection import known_crs, transform, utm_epsg
 from swath.field_io.clean import Cleaned
@@ -19,7 +20,7 @@ from swath.field_io.shapefiles import read_rings
 Array = NDArray[np.float64]
 CLOSING_WIDTHS = 1.1  # header widths: gaps between passes up to twice this are inside the field
 SMALLEST_HOLE = 400.0  # m2: what is left out inside the field and larger is no crop
-LARGEST_BYTES = 1 << 27
+LARGEST_BYTES, LARGEST_KML = 1 << 27, 1 << 25
 EMPTY_AREA = 100.0  # m2: less is no field
 LEAST_TOLD = 1.0  # m2: less is left out without a word
 MOST_SHAPES = 20_000  # polygons of a file
@@ -284,11 +285,13 @@ def _from_kml(path: Path) -> tuple[list[Shape], str, list[str]]:
             names = [n for n in archive.namelist() if n.lower().endswith(".kml")]
             if not names:
                 raise InputError("boundary", None, "expected a .kml in it", file=path)
+            if archive.getinfo(names[0]).file_size > LARGEST_KML:
+                raise InputError("boundary", None, f"expected KML of at most {LARGEST_KML} bytes", file=path)
             data = archive.read(names[0])
         if len(names) > 1:
             notes.append(f"of {len(names)} .kml in {path.name} the first is read, {names[0]}")
     else:
-        data = path.read_bytes()
+        data = read_bytes(path, "boundary", "KML", LARGEST_KML)
     shapes: list[Shape] = []
     pending = [(read_xml(data), "", 0)]
     folders = 0

@@ -16,6 +16,8 @@ from swath.field.mesh_file import read_mesh
 from swath.machine.body import triangles
 
 BYTES_MAX, PARTS_MAX = 8 << 20, 10_000
+CHAIN_MAX = 100  # links or frames that hang on each other
+TOO_DEEP = f"expected a tree of links, at most {CHAIN_MAX} on each other: it hangs on itself, or on more"
 LENGTH_MAX = 100.0  # of a machine's part [m]
 
 
