@@ -14,6 +14,7 @@ from unittest.mock import patch
 import numpy as np
 
 from tests.fuzz.abroad_kinds import ABROAD
+from tests.fuzz.command_kinds import kinds
 from tests.fuzz.kind import Kind, bundled, written
 
 # ---- scenarios and data sheets
@@ -512,6 +513,7 @@ KINDS: dict[str, Kind] = {
     "ssp": Kind(_system, _read_system),
     **ABROAD,
 }
+KINDS |= kinds(KINDS)
 
 
 def repacked(data: bytes, change: Callable[[bytes], bytes], pick: Callable[[list[str]], str]) -> bytes:
