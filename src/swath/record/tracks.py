@@ -257,27 +257,10 @@ def _is_busy(values: np.ndarray) -> bool:
     return bool(4 * changes > len(values))
 
 
-class TrackTable(dict[str, np.ndarray]):
-    """Columns of a tracks.parquet by name; InputError for one that the file does not have."""
-
-    def __init__(self, columns: Mapping[str, np.ndarray], path: Path) -> None:
-        super().__init__(columns)
-        self.path = path
-
-    def __missing__(self, name: str) -> np.ndarray:
-        raise InputError("tracks", name, "expected this column, there is none", file=self.path)
-
-    def pop(self, name: str, *default: Any) -> Any:
-        """As of a dict."""
-        return super().pop(name, *default) if name in self or default else self[name]
-
-    def of(self, rows: Any) -> "TrackTable":
-        """Some of the rows."""
-        return TrackTable({name: values[rows] for name, values in self.items()}, self.path)
-
-
-def read_tracks(path: Path) -> TrackTable:
-    """Columns of a tracks.parquet as arrays, `machine` as strings. InputError for another or newer file."""
+def read_tracks(path: Path) -> dict[str, np.ndarray]:
+    """Columns of a tracks.parquet as arrays, `machine` as strings. InputError for another or newer file, and
+    for one without a column that every run writes.
+    """
     import pyarrow.parquet as pq
 
     with readable("tracks", "a tracks.parquet", path), pq.ParquetFile(path, pre_buffer=False) as file:
@@ -287,7 +270,11 @@ def read_tracks(path: Path) -> TrackTable:
             raise InputError("tracks", size, "expected fewer values in a file of its size", file=path)
         table = file.read(use_threads=False)  # no threads of Arrow that a run would end with
         check_format((table.schema.metadata or {}).get(b"format", b"").decode(), TRACKS, path)
-        return TrackTable({name: table.column(name).to_numpy() for name in table.column_names}, path)
+        found = {name: table.column(name).to_numpy() for name in table.column_names}
+    written = ["machine", *(c.name for c in signal_columns(MachineState, MachineState))]
+    if missing := [name for name in written if name not in found]:
+        raise InputError("tracks", ", ".join(missing), "expected this column, there is none", file=path)
+    return found
 
 
 def column_names() -> list[str]:

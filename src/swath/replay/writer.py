@@ -67,7 +67,7 @@ def tracks_of(folder: Path) -> dict[str, Columns]:
     """Columns of tracks.parquet by machine."""
     table = read_tracks(folder / "tracks.parquet")
     names = table.pop("machine")
-    return {str(n): table.of(names == n) for n in dict.fromkeys(names.tolist())}
+    return {str(n): {k: v[names == n] for k, v in table.items()} for n in dict.fromkeys(names.tolist())}
 
 
 def render(name: str, data: bytes, *, more: tuple[str, ...] = ()) -> str:
