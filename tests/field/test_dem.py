@@ -141,8 +141,18 @@ def test_ground_that_is_only_uneven_is_left_as_it_is(tmp_path):
     z[150:152] -= 1.5  # a ditch
     z[100:110, 100:110] += 6.0 + np.arange(10) * 0.1  # a heap
     z[200:230, 30:90] = 303.0  # a pond, level
-    found, _ = read_dem(write(tmp_path / "a.tif", z.astype("f4")), GRID)
-    assert found.notes == ()
+    for k in range(40):  # trees and roofs
+        z[7 * k : 7 * k + 4, 200 + k : 204 + k] += 12.0
+    found, _ = read_dem(write(tmp_path / "a.tif", z.astype("f4"), unit="m"), GRID)
+    assert [note[-40:] for note in found.notes] == ["is it a surface model, with trees and roofs?"[-40:]]
+    assert np.nanmax(found.values) > 313.0
+
+
+def test_what_nothing_says_is_told(tmp_path):
+    assert "a.tif states no unit of height: taken as m" in off(write(tmp_path / "a.tif", heights()))[1]
+    tenfold = 300.0 + 10.0 * (heights() - 300.0)
+    found, _ = read_dem(write(tmp_path / "a.tif", tenfold, unit="m"), GRID)
+    assert "is steeper than" in " ".join(found.notes)
 
 
 def test_cliffs_and_heights_of_another_unit_are_refused(tmp_path):
@@ -167,10 +177,21 @@ def test_a_unit_that_is_none_is_refused(tmp_path):
         read_dem(write(tmp_path / "a.tif", heights().astype("f4"), unit="furlong"), GRID)
 
 
-def test_what_a_file_beside_states_is_told(tmp_path):
-    path = write(tmp_path / "a.tif", heights().astype("f4"))
-    (tmp_path / "a.tif.aux.xml").write_text("<PAMDataset><Scale>0.01</Scale></PAMDataset>")
-    assert "a.tif.aux.xml is not read, it states Scale" in off(path)[1]
+def test_what_a_file_beside_states_is_used_and_told(tmp_path):
+    z = np.round((heights() - 290.0) / FT * 100.0)
+    z[150:200, 100:140] = -1
+    path = write(tmp_path / "a.tif", z.astype("i2"))
+    beside = f"<Scale>0.01</Scale><Offset>{290.0 / FT}</Offset>"
+    beside += "<UnitType>ft</UnitType><NoDataValue>-1</NoDataValue>"
+    (tmp_path / "a.tif.aux.xml").write_text(
+        f'<PAMDataset><PAMRasterBand band="1">{beside}</PAMRasterBand></PAMDataset>'
+    )
+    error, notes = off(path)
+    assert error < 0.8
+    assert "a.tif.aux.xml beside it says Scale 0.01" in notes
+    (tmp_path / "a.tif.aux.xml").write_text("<!DOCTYPE a><PAMDataset/>")
+    with pytest.raises(InputError, match="a DOCTYPE is not allowed"):
+        read_dem(path, GRID)
 
 
 def test_a_dem_far_finer_than_the_field_is_read_by_means(tmp_path, monkeypatch):

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.units import PERCENT, factors
+from swath.documents.text_file import read_bytes
+from swath.documents.xml_file import read_xml
 
 Array = NDArray[np.float32]
 SURVEY_FOOT = 1200 / 3937  # m, exact (NIST SP 447)
@@ -22,10 +24,12 @@ SPELLINGS = {
     "percent": "%", "fraction": "1", "share": "1",
 }  # fmt: skip
 HOLE_STEP, HOLE_STEPS = 2.0, 20.0  # m and usual steps: an extreme height farther from all around is no height
+LEAST_HOLE = 10  # cells of the same number, where it could be a height
 PROBED = 100_000  # pairs of cells that a step is measured on
 CLIFF_STEP, CLIFF_SLOPE = 100.0, 3.0  # m from cell to cell, and over a cell: no ground
 SMOOTHED = 10.0  # m, over which a slope is measured: crop, trees and noise are no slope
-STEEP, STEEPEST = 0.3, 1.0  # slope of half the map: more than combines harvest; more than ground has
+STEPS = 0.002  # share of steps over 45 degrees and HOLE_STEP: more than ditches and walls make
+STEEP, STEEPEST = 0.2, 1.0  # slope of half the map: more than combines harvest; more than ground has
 
 
 @dataclass(frozen=True)
@@ -82,11 +86,21 @@ def read_band(
     raw = dataset.read(band, masked=True, window=window, out_shape=shape, resampling=Resampling.average)
     mask, raw = np.ma.getmaskarray(raw), np.ma.getdata(raw)
     scale, offset = float(dataset.scales[band - 1]), float(dataset.offsets[band - 1])
+    beside, notes = _beside(path, band), list[str]()
+    if beside:
+        said = ", ".join(f"{name} {text[:20]}" for name, text in beside.items())
+        notes.append(f"{path.name}.aux.xml beside it says {said}")
+        if (scale, offset) == (1.0, 0.0):
+            scale, offset = (_number(beside.get(k), v, path) for k, v in (("Scale", 1.0), ("Offset", 0.0)))
+        if dataset.nodatavals[band - 1] is None and "NoDataValue" in beside:
+            mask |= raw == _number(beside["NoDataValue"], 0.0, path)
     if not (np.isfinite([scale, offset]).all() and scale != 0.0):
         raise InputError(
             "raster.scale", (scale, offset), "expected finite numbers, a scale of 0 none", file=path
         )
-    factor, notes = _factor(dataset, band, quantity, path)
+    unit = dataset.units[band - 1] or beside.get("UnitType")
+    factor, more = _factor(dataset, unit, quantity, path)
+    notes += more
     with np.errstate(all="ignore"):  # numbers beyond float32 become infinite, and unknown
         if (scale, offset, factor) == (1.0, 0.0, 1.0):
             values = raw.astype(np.float32)
@@ -96,7 +110,7 @@ def read_band(
     if quantity.is_ground:
         notes += _without_holes(values, quantity, factor)
     _check_limits(values, quantity, path)
-    return Band(values, (*notes, *_beside(path)))
+    return Band(values, tuple(notes))
 
 
 def horizontal(crs: Any) -> Any:
@@ -109,7 +123,9 @@ def check_ground(values: Array, cell: float, path: Path) -> tuple[str, ...]:
 
     Raises InputError for cliffs, and where half of it is too steep for ground.
     """
+    steep = known = 0
     for step in (np.abs(np.diff(values, axis=axis)) for axis in (0, 1)):
+        steep, known = steep + int((step > max(HOLE_STEP, cell)).sum()), known + int(np.isfinite(step).sum())
         highest = float(np.nanmax(step, initial=0.0, where=np.isfinite(step)))
         if highest > max(CLIFF_STEP, CLIFF_SLOPE * cell):
             expected = (
@@ -120,9 +136,15 @@ def check_ground(values: Array, cell: float, path: Path) -> tuple[str, ...]:
     if slope > STEEPEST:
         expected = f"expected ground: half of it is steeper than {slope:.0%}; is its unit or scale missing?"
         raise InputError("raster.height", None, expected, file=path)
+    notes = []
     if slope > STEEP:
-        return (f"half of {path.name} is steeper than {slope:.0%}: are its heights in another unit than m?",)
-    return ()
+        notes.append(
+            f"half of {path.name} is steeper than {slope:.0%}: are its heights in another unit than m?"
+        )
+    if steep > STEPS * known:
+        said = f"{steep / known:.1%} of {path.name} steps by more than {max(HOLE_STEP, cell):g} m to the next cell"
+        notes.append(f"{said}: is it a surface model, with trees and roofs?")
+    return tuple(notes)
 
 
 def _median_slope(values: Array, cell: float) -> float:
@@ -160,11 +182,18 @@ def _unit(text: str | None) -> str:
     return SPELLINGS.get(plain, plain)
 
 
-def _factor(dataset: Any, band: int, quantity: Quantity, path: Path) -> tuple[float, list[str]]:
+def _number(text: str | None, default: float, path: Path) -> float:
+    try:
+        return default if text is None else float(text)
+    except ValueError as error:
+        raise InputError("raster", text, "expected a number", file=f"{path}.aux.xml") from error
+
+
+def _factor(dataset: Any, unit: str | None, quantity: Quantity, path: Path) -> tuple[float, list[str]]:
     """To SI, by the unit of the band, else of the vertical system, else of the places; what was assumed."""
     if quantity.units is None:
         return 1.0, []
-    said, notes = _unit(dataset.units[band - 1]), []
+    said, notes = _unit(unit), list[str]()
     if quantity.is_ground and dataset.crs is not None:
         flat, vertical, is_ellipsoidal = _parts(dataset.crs)
         across = _unit(flat.axis_info[0].unit_name) if flat.is_projected else ""
@@ -190,6 +219,8 @@ def _factor(dataset: Any, band: int, quantity: Quantity, path: Path) -> tuple[fl
         expected = f"expected {quantity.name} in one of {', '.join(filter(None, quantity.units))}"
         raise InputError("raster.unit", said, expected, file=path)
     factor = quantity.units[said] if said else 1.0
+    if quantity.is_ground and not said:
+        notes.append(f"{path.name} states no unit of height: taken as m")
     if factor != 1.0 and not notes:
         notes.append(f"{path.name} is in {said}")
     return factor, notes
@@ -209,10 +240,12 @@ def _without_holes(values: Array, quantity: Quantity, factor: float) -> list[str
             if hole.all() or (known & ~hole).sum() < max(3, 0.02 * known.sum()):
                 continue
             step = _step_around(values, hole)
+            if hole.sum() < LEAST_HOLE and not beyond and step < CLIFF_STEP:
+                continue  # a tree, a roof, a ditch
             if (beyond and step > HOLE_STEP) or step > max(HOLE_STEP, HOLE_STEPS * usual):
                 values[hole] = np.nan
                 notes.append(
-                    f"{int(hole.sum())} cells of {extreme / factor:g} stand {step:.0f} m off from all around "
+                    f"{int(hole.sum())} cells of {extreme / factor:g} stand {step:.4g} m off from all around "
                     "them: taken as unknown"
                 )
                 break
@@ -257,16 +290,15 @@ def _check_limits(values: Array, quantity: Quantity, path: Path) -> None:
         )
 
 
-def _beside(path: Path) -> list[str]:
-    """A note where QGIS or GDAL keeps something about the band in a file beside it, which is not read."""
+def _beside(path: Path, band: int) -> dict[str, str]:
+    """What GDAL and QGIS keep about a band in a file beside it (PAM): no more of it than these are read."""
     file = path.with_name(path.name + ".aux.xml")
     if not file.is_file():
-        return []
-    with file.open("rb") as stream:
-        said = re.findall(rb"<(Scale|Offset|UnitType|NoDataValue)\b", stream.read(1 << 20))
-    words = ", ".join(sorted({word.decode() for word in said}))
-    return (
-        [f"{file.name} is not read, it states {words}: gdal_translate writes it into the file"]
-        if words
-        else []
-    )
+        return {}
+    try:
+        root = read_xml(read_bytes(file, "raster", "a PAM dataset", 1 << 20))
+    except ValueError as error:
+        raise InputError("raster", None, f"expected a PAM dataset: {error}", file=file) from error
+    own = next((n for n in root.iterfind("PAMRasterBand") if n.get("band") == str(band)), None)
+    known = ("Scale", "Offset", "UnitType", "NoDataValue")
+    return {} if own is None else {n.tag: (n.text or "").strip() for n in own if n.tag in known}
