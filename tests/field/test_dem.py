@@ -142,9 +142,10 @@ def test_ground_that_is_only_uneven_is_left_as_it_is(tmp_path):
     z[100:110, 100:110] += 6.0 + np.arange(10) * 0.1  # a heap
     z[200:230, 30:90] = 303.0  # a pond, level
     for k in range(40):  # trees and roofs
-        z[7 * k : 7 * k + 4, 200 + k : 204 + k] += 12.0
+        z[100 + 5 * (k % 9) : 102 + 5 * (k % 9), 140 + k : 142 + k] += 12.0
     found, _ = read_dem(write(tmp_path / "a.tif", z.astype("f4"), unit="m"), GRID)
-    assert [note[-40:] for note in found.notes] == ["is it a surface model, with trees and roofs?"[-40:]]
+    assert len(found.notes) == 1
+    assert "is it a surface model, with trees and roofs?" in found.notes[0]
     assert np.nanmax(found.values) > 313.0
 
 

@@ -142,7 +142,7 @@ def check_ground(values: Array, cell: float, path: Path) -> tuple[str, ...]:
             f"half of {path.name} is steeper than {slope:.0%}: are its heights in another unit than m?"
         )
     if steep > STEPS * known:
-        said = f"{steep / known:.1%} of {path.name} steps by more than {max(HOLE_STEP, cell):g} m to the next cell"
+        said = f"{steep / known:.1%} of {path.name} steps by more than {max(HOLE_STEP, cell):g} m in a cell"
         notes.append(f"{said}: is it a surface model, with trees and roofs?")
     return tuple(notes)
 
