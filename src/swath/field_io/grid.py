@@ -1,6 +1,8 @@
 """From cleaned records to maps: yield, moisture, stems per m2, crop height."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,7 @@ Array = NDArray[np.float64]
 REACH_WIDTHS = 1.25  # header widths a record counts at most
 FILL_WIDTHS = 2.5  # header widths a gap is filled from the records around it; farther there is no crop
 MOST_CELLS = 4_000_000  # of a map: 100 km2 in cells of 5 m
+CELLS_AT_ONCE = 50_000  # of a map, with their NEAREST records in memory
 NEAREST = 48  # records that count for a cell
 STEMS = (0.1, 2.0)  # plausible, of what the crop usually has: 50 to 1000 ears/m2 of wheat; others are clipped
 
@@ -65,15 +68,14 @@ def make_maps(
     cells = np.stack([x[crop], y[crop]], axis=1)
     xy = cleaned.log.position[kept]
     grain, moisture = cleaned.grain[kept], cleaned.log.moisture[kept]
-    near, weight, filled = _weights(xy, cells, width)
-    values = _mean(grain, near, weight)
+    (values, moist), filled = _means(xy, cells, width, (grain, moisture))
     stems = values / grain_kg_per_stem
     low, high = (share * usual_stems for share in STEMS)
     outside = (stems < low) | (stems > high)
     return Maps(
         _onto(grid, crop, values),
         _onto(grid, crop, np.clip(stems, low, high)),
-        _onto(grid, crop, _mean(moisture, near, weight)),
+        _onto(grid, crop, moist),
         int(outside.sum()),
         int((filled & np.isfinite(values)).sum()),
     )
@@ -87,18 +89,31 @@ def crop_height(cleaned: Cleaned, grid: Raster, stems: Raster, default: float) -
         return _onto(grid, crop, np.full(int(crop.sum()), default))
     x, y = np.meshgrid(*grid.centres())
     width = float(np.median(cleaned.log.width[cleaned.kept]))
-    near, weight, _ = _weights(
-        cleaned.log.position[cleaned.kept], np.stack([x[crop], y[crop]], axis=1), width
-    )
-    return _onto(grid, crop, np.nan_to_num(_mean(logged, near, weight), nan=default))
+    cells = np.stack([x[crop], y[crop]], axis=1)
+    (heights,), _ = _means(cleaned.log.position[cleaned.kept], cells, width, (logged,))
+    return _onto(grid, crop, np.nan_to_num(heights, nan=default))
 
 
-def _weights(xy: Array, cells: Array, width: float) -> tuple[NDArray[np.int64], Array, NDArray[np.bool_]]:
-    """Records near each cell, shape (n, k), their weights, and cells that needed the wider reach."""
+def _means(
+    xy: Array, cells: Array, width: float, columns: Sequence[Array]
+) -> tuple[list[Array], NDArray[np.bool_]]:
+    """Weighted means of columns of records at cells, (n,) each, and cells that needed the wider reach."""
     from scipy.spatial import cKDTree
 
-    count = min(NEAREST, len(xy))
-    distance, near = cKDTree(xy).query(cells, k=count, distance_upper_bound=FILL_WIDTHS * width)
+    tree = cKDTree(xy)
+    means, filled = [np.zeros(len(cells)) for _ in columns], np.zeros(len(cells), dtype=bool)
+    for first in range(0, len(cells), CELLS_AT_ONCE):
+        part = slice(first, first + CELLS_AT_ONCE)
+        near, weight, filled[part] = _weights(tree, cells[part], width)
+        for mean, values in zip(means, columns, strict=True):
+            mean[part] = _mean(values, near, weight)
+    return means, filled
+
+
+def _weights(tree: Any, cells: Array, width: float) -> tuple[NDArray[np.int64], Array, NDArray[np.bool_]]:
+    """Records near each cell, shape (n, k), their weights, and cells that needed the wider reach."""
+    count = min(NEAREST, tree.n)
+    distance, near = tree.query(cells, k=count, distance_upper_bound=FILL_WIDTHS * width)
     distance, near = distance.reshape(len(cells), count), near.reshape(len(cells), count)
     found = np.isfinite(distance)
     filled = distance[:, 0] > REACH_WIDTHS * width if len(cells) else np.zeros(0, dtype=bool)

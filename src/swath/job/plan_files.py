@@ -53,7 +53,7 @@ def plan_from_file(path: Path, header: float, settings: PlanSettings, *, pipe: f
         assert field is not None
         return _without_islands(plan_field(field.ring, header, settings, pipe=pipe), field, header, pipe)
     width = header - settings.overlap_m
-    field = field or FileField(_around(lines, header))
+    field = field or FileField(checked_ring(_around(lines, header), "field.file"))
     ring = field.ring
     clipped = [part for line in lines for part in _inside(line, ring)]
     if not clipped:
