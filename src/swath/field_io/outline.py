@@ -23,7 +23,8 @@ SMALLEST_HOLE = 400.0  # m2: what is left out inside the field and larger is no 
 LARGEST_BYTES, LARGEST_KML = 1 << 27, 1 << 25
 EMPTY_AREA = 100.0  # m2: less is no field
 LEAST_TOLD = 1.0  # m2: less is left out without a word
-MOST_SHAPES = 20_000  # polygons of a file
+MOST_SHAPES, MOST_PAIRS = 20_000, 100_000  # polygons of a file, and pairs of them that overlap
+PROBED = 1000  # records that say which field is meant
 WITHIN = 0.98  # share of a polygon that lies in another, from which on it is one within it
 ISLANDS = 0.5  # share of a field that islands have at most; more are zones or inner lines of it
 NAMES = ("name", "field", "fieldname", "field_name", "title", "schlag", "parcelle")  # of an area, in GeoJSON
@@ -45,7 +46,8 @@ class Outlines:
 
         places: points (n, 2) [m] of the field that is meant; without them the largest area
         """
-        held = [0] * len(self.areas) if places is None else [inside(a, places).sum() for a in self.areas]
+        some = np.zeros((0, 2)) if places is None else places[:: max(1, len(places) // PROBED)]
+        held = [int(inside(area, some).sum()) for area in self.areas]
         index = int(np.argmax(held))
         field, notes = self.areas[index], list(self.notes)
         others = [i for i in range(len(self.areas)) if i != index]
@@ -77,7 +79,6 @@ def read_outlines(path: Path, epsg: int | None = None) -> Outlines:
     touch are one area; one within another is an island, whichever way round its points stand. Raises
     InputError.
     """
-    shapely = _shapely()
     with readable("boundary", "GeoJSON, KML or a polygon shapefile", path):
         size = path.stat().st_size
         if size > LARGEST_BYTES:
@@ -88,31 +89,36 @@ def read_outlines(path: Path, epsg: int | None = None) -> Outlines:
             shapes, crs, notes = *_from_shapefile(path), []
         else:
             shapes, crs, notes = *_from_geojson(path), []
-    if not shapes:
-        raise InputError("boundary", None, "expected a polygon", file=path)
-    if len(shapes) > MOST_SHAPES:
-        raise InputError("boundary", len(shapes), f"expected at most {MOST_SHAPES} polygons", file=path)
-    system = known_crs(crs or "EPSG:4326")
+        if not 0 < len(shapes) <= MOST_SHAPES:
+            expected = f"expected polygons, at most {MOST_SHAPES}"
+            raise InputError("boundary", len(shapes), expected, file=path)
+        return _arranged(*_moved(shapes, known_crs(crs or "EPSG:4326"), epsg, path), notes, path)
+
+
+def _moved(shapes: list[Shape], system: Any, epsg: int | None, path: Path) -> tuple[list[Shape], int]:
+    """The shapes in metres of the system epsg, None: of the UTM zone that they lie in."""
+    shapely = _shapely()
+    polygons = [s.polygon for s in shapes]
     if epsg is None:
-        middle = np.median(shapely.get_coordinates([s.polygon for s in shapes]), axis=0)
+        middle = np.median(shapely.get_coordinates(polygons), axis=0)
         middle = transform(middle[None], system, "EPSG:4326")[0]
         if not np.isfinite(middle).all():
             raise InputError("boundary", None, f"expected places in {system.name}", file=path)
         epsg = utm_epsg(*middle)
-    moved = []
-    for shape in shapes:
-        polygon = shapely.transform(shape.polygon, lambda p: transform(p[:, :2], system, f"EPSG:{epsg}"))
-        if not np.isfinite(shapely.get_coordinates(polygon)).all():
-            expected = "expected lon/lat in degrees (GeoJSON in EPSG:4326), or a shapefile with its .prj"
-            raise InputError("boundary", None, expected, file=path)
-        moved.append(replace(shape, polygon=_surfaces(polygon)))
-    return _arranged(moved, epsg, notes, path)
+    moved = shapely.transform(polygons, lambda p: transform(p[:, :2], system, f"EPSG:{epsg}"))
+    if not np.isfinite(shapely.get_coordinates(moved)).all():
+        expected = "expected lon/lat in degrees (GeoJSON in EPSG:4326), or a shapefile with its .prj"
+        raise InputError("boundary", None, expected, file=path)
+    return [replace(s, polygon=_surfaces(p)) for s, p in zip(shapes, moved, strict=True)], epsg
 
 
 def _arranged(shapes: list[Shape], epsg: int, notes: list[str], path: Path) -> Outlines:
     """Islands out, what touches together."""
     shapely = _shapely()
+    too_small = InputError("boundary", None, f"expected a field of more than {EMPTY_AREA:.0f} m2", file=path)
     shapes = sorted((s for s in shapes if s.polygon.area > 0.0), key=lambda s: -s.polygon.area)
+    if not shapes:
+        raise too_small
     beside = [s for s in shapes if s.group != shapes[0].group]
     land, islands, others = _nested([s for s in shapes if s.group == shapes[0].group])
     whole = shapely.union_all([s.polygon for s in land])
@@ -133,11 +139,11 @@ def _arranged(shapes: list[Shape], epsg: int, notes: list[str], path: Path) -> O
             notes.append(f"polygons of another folder within the field, {within / 1e4:.2f} ha, are not used")
     areas = [p for p in _parts(whole) if p.area > EMPTY_AREA]
     if not areas:
-        raise InputError("boundary", None, f"expected a field of more than {EMPTY_AREA:.0f} m2", file=path)
+        raise too_small
     areas.sort(key=lambda p: -p.area)
-    names = []
+    names, tree = [], shapely.STRtree([s.polygon.representative_point() for s in land])
     for area in areas:
-        own = [s for s in land if s.polygon.representative_point().within(area.buffer(0.5))]
+        own = [land[i] for i in sorted(tree.query(area.buffer(0.5), predicate="contains").tolist())]
         names.append(own[0].name if len(own) == 1 else "")
         if len(own) > 1:
             sizes = " + ".join(f"{s.polygon.area / 1e4:.2f}" for s in own[:5])
@@ -154,11 +160,15 @@ def _nested(shapes: list[Shape]) -> tuple[list[Shape], list[Shape], list[Shape]]
     shapely = _shapely()
     tree = shapely.STRtree([s.polygon for s in shapes])
     depths: list[int] = []
+    pairs_left = MOST_PAIRS
     for i, shape in enumerate(shapes):
         depth = 0
         for j in sorted(tree.query(shape.polygon).tolist()):
             if j >= i:
                 break
+            pairs_left -= 1
+            if pairs_left < 0:
+                raise ValueError(f"more than {MOST_PAIRS} pairs of polygons that overlap")
             shared = shapes[j].polygon.intersection(shape.polygon).area
             if shared > WITHIN * shape.polygon.area:
                 if shape.polygon.area > WITHIN * shapes[j].polygon.area:
