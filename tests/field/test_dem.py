@@ -1,5 +1,7 @@
 """Heights of a DEM as people have them: scale, offset, unit, vertical system, nodata."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from swath.field.band import GRAIN, MOISTURE, PLAIN, STEMS
 from swath.field.field_setup import FieldSetup
 from swath.field.raster import Raster
 from swath.field.terrain.dem import Dem, Params
-from swath.field_io.dem import read_dem
+from swath.field_io.dem import against_log, read_dem
 
 rasterio = pytest.importorskip("rasterio")
 EAST, NORTH, FT, US_FT = 500_000.0, 5_300_000.0, 0.3048, 1200 / 3937
@@ -219,3 +221,21 @@ def test_other_maps_are_read_in_their_unit(tmp_path):
         assert Raster.from_geotiff(path, quantity=quantity).values == pytest.approx(expected)
     with pytest.raises(InputError, match="expected moisture of 0 to 1"):
         Raster.from_geotiff(write(tmp_path / "a.tif", even), quantity=MOISTURE)
+
+
+@pytest.mark.parametrize(
+    ("heard", "said"),
+    [
+        (lambda z: z, ""),
+        (lambda z: z + 46.6, "the log's heights lie 46.6 m above the DEM's"),
+        (lambda z: z * FT, "below the DEM's"),
+        (lambda z: 306.5 + (z - 306.5) * 3.28, "rise 3.28 times as far"),
+    ],
+)
+def test_a_log_is_a_witness_of_the_heights(heard, said, tmp_path):
+    found, _ = read_dem(write(tmp_path / "a.tif", heights().astype("f4"), unit="m"), GRID)
+    x, y = np.meshgrid(np.arange(155.0, 380.0, 5.0), np.arange(155.0, 380.0, 5.0))
+    position = np.stack([EAST + x.ravel(), NORTH + y.ravel()], axis=1)
+    log = SimpleNamespace(position=position, elevation=heard(true_height(x, y).ravel()))
+    notes = " ".join(against_log(found, log).notes)
+    assert said in notes if said else not notes
