@@ -14,6 +14,7 @@ from swath.core.errors import InputError, SwathError
 MIB = 1 << 20
 FLOOR_BYTES = 16 * MIB  # what a file of any size may unpack to
 RATIO = 60  # unpacked bytes to packed ones above; logs and grids reach 5 to 15, padded tables 30
+WHOLE = "a whole zip archive"
 LARGEST_BYTES = 1 << 30  # of an unpacked log; a season of one combine is about 1e8
 
 
@@ -52,6 +53,19 @@ def member_names(path: Path) -> list[str]:
         return []
 
 
+class _Archive(zipfile.ZipFile):
+    """A zip archive of which a damaged member is told as such, whatever its damage raises."""
+
+    def read(self, name: Any, pwd: bytes | None = None) -> bytes:
+        """As `zipfile.ZipFile`."""
+        try:
+            return super().read(name, pwd)
+        except KeyError:
+            raise
+        except Exception as error:
+            raise zipfile.BadZipFile(str(error) or type(error).__name__) from error
+
+
 @contextmanager
 def open_archive(path: Path, key: str, ratio: int = RATIO) -> Iterator[zipfile.ZipFile]:
     """A zip archive. InputError where it is none or damaged, and where its members say that they unpack to
@@ -59,14 +73,18 @@ def open_archive(path: Path, key: str, ratio: int = RATIO) -> Iterator[zipfile.Z
 
     `ZipFile.read` gives no more of a member than the directory says, so this bounds all of them together.
     """
-    with readable(key, "a whole zip archive", path):
+    with readable(key, WHOLE, path):
         most = most_unpacked(path.stat().st_size, ratio)
-        with zipfile.ZipFile(path) as archive:
-            held = sum(info.file_size for info in archive.infolist())
-            if held > most:
-                expected = f"expected at most {most} bytes unpacked, it holds {held}"
-                raise InputError(key, None, expected, file=path)
+        archive = _Archive(path)
+    with archive:
+        held = sum(info.file_size for info in archive.infolist())
+        if held > most:
+            expected = f"expected at most {most} bytes unpacked, it holds {held}"
+            raise InputError(key, None, expected, file=path)
+        try:
             yield archive
+        except zipfile.BadZipFile as error:
+            raise InputError(key, None, f"expected {WHOLE}: {str(error)[:120]}", file=path) from error
 
 
 def read_arrays(path: Path, key: str, what: str, ratio: int = RATIO) -> dict[str, NDArray[Any]]:
