@@ -89,9 +89,10 @@ def read_outlines(path: Path, epsg: int | None = None) -> Outlines:
             shapes, crs, notes = *_from_shapefile(path), []
         else:
             shapes, crs, notes = *_from_geojson(path), []
-        if not 0 < len(shapes) <= MOST_SHAPES:
-            expected = f"expected polygons, at most {MOST_SHAPES}"
-            raise InputError("boundary", len(shapes), expected, file=path)
+        if not shapes:
+            raise InputError("boundary", None, "expected a polygon", file=path)
+        if len(shapes) > MOST_SHAPES:
+            raise InputError("boundary", len(shapes), f"expected at most {MOST_SHAPES} polygons", file=path)
         return _arranged(*_moved(shapes, known_crs(crs or "EPSG:4326"), epsg, path), notes, path)
 
 
