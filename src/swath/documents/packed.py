@@ -14,7 +14,6 @@ from swath.core.errors import InputError, SwathError
 MIB = 1 << 20
 FLOOR_BYTES = 16 * MIB  # what a file of any size may unpack to
 RATIO = 60  # unpacked bytes to packed ones above; logs and grids reach 5 to 15, padded tables 30
-WHOLE = "a whole zip archive"
 LARGEST_BYTES = 1 << 30  # of an unpacked log; a season of one combine is about 1e8
 
 
@@ -67,13 +66,15 @@ class _Archive(zipfile.ZipFile):
 
 
 @contextmanager
-def open_archive(path: Path, key: str, ratio: int = RATIO) -> Iterator[zipfile.ZipFile]:
+def open_archive(
+    path: Path, key: str, ratio: int = RATIO, what: str = "a whole zip archive"
+) -> Iterator[zipfile.ZipFile]:
     """A zip archive. InputError where it is none or damaged, and where its members say that they unpack to
     more than it may hold.
 
     `ZipFile.read` gives no more of a member than the directory says, so this bounds all of them together.
     """
-    with readable(key, WHOLE, path):
+    with readable(key, what, path):
         most = most_unpacked(path.stat().st_size, ratio)
         archive = _Archive(path)
     with archive:
@@ -84,7 +85,7 @@ def open_archive(path: Path, key: str, ratio: int = RATIO) -> Iterator[zipfile.Z
         try:
             yield archive
         except zipfile.BadZipFile as error:
-            raise InputError(key, None, f"expected {WHOLE}: {str(error)[:120]}", file=path) from error
+            raise InputError(key, None, f"expected {what}: {str(error)[:120]}", file=path) from error
 
 
 def read_arrays(path: Path, key: str, what: str, ratio: int = RATIO) -> dict[str, NDArray[Any]]:
@@ -92,7 +93,7 @@ def read_arrays(path: Path, key: str, what: str, ratio: int = RATIO) -> dict[str
 
     InputError with this key, `expected what: why`, for a file that is none.
     """
-    with readable(key, what, path), open_archive(path, key, ratio):
+    with readable(key, what, path), open_archive(path, key, ratio, what):
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             found = {name: data[name] for name in data.files}
         strange = [name for name, array in found.items() if not isinstance(array, np.ndarray)]

@@ -147,7 +147,7 @@ def _of_taskdata(path: Path) -> tuple[list[Array], FileField]:
     areas = [polygon_of(part) for part in parts]
     polygon, epsg = max(areas, key=lambda found: found[0].area)
     part = parts[areas.index((polygon, epsg))]
-    left_out = sum(area.area for area, _ in areas) - polygon.area
+    left_out = math.fsum(area.area for area, _ in areas) - polygon.area
     notes = [f"{len(parts)} fields in it: {left_out / 1e4:.2f} ha are left out"] if len(parts) > 1 else []
     field = _field_of(polygon, notes)
     corner = np.floor(np.asarray(polygon.exterior.coords)[:, :2].min(axis=0))
