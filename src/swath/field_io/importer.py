@@ -18,7 +18,7 @@ from swath.field.raster import Raster
 from swath.field_io import folder, outline
 from swath.field_io.clean import Cleaned, clean, clean_map
 from swath.field_io.columns import FLOWS, ColumnsMissing
-from swath.field_io.dem import read_dem
+from swath.field_io.dem import against_log, read_dem
 from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import Maps, crop_height, make_grid, make_maps
 from swath.field_io.heights import fit_terrain
@@ -104,7 +104,8 @@ def import_log(
         crop_facts = load_crop(records.crop)
         polygon, notes, within = None, list(records.notes), None
         if boundary is not None:
-            polygon = outline.read_outline(boundary, records.epsg)
+            polygon, more = outline.read_outlines(boundary, records.epsg).field(records.position)
+            notes += more
             within = outline.inside(polygon.buffer(15.0), records.position)
             if within.mean() < 0.05:
                 raise InputError(
@@ -131,6 +132,7 @@ def import_log(
             notes += more
         step("terrain")
         terrain, terrain_info = _terrain(cleaned, polygon, dem, settings)
+        notes += terrain.notes
         step("maps of the crop")
         grid = make_grid(polygon.bounds, settings.cell_m, MARGIN_M, records.epsg)
         x, y = np.meshgrid(*grid.centres())
@@ -252,7 +254,8 @@ def _terrain(
     grid = make_grid(polygon.bounds, settings.terrain_cell_m, MARGIN_M, cleaned.log.epsg)
     fit = None if dem is not None else fit_terrain(cleaned, grid)
     if fit is None:
-        return _ground(grid, dem)
+        raster, info = _ground(grid, dem)
+        return (against_log(raster, cleaned.log) if dem is not None else raster), info
     used = bool(np.any(fit.offset != 0.0))
     return fit.raster, {
         "source": "heights of the log" + (", drift between passes removed" if used else ""),
@@ -272,11 +275,12 @@ def _ground(grid: Raster, dem: Path | None) -> tuple[Raster, dict[str, Any]]:
         raster, known = read_dem(dem, grid)
         return raster, {"source": f"DEM {dem.name}", "known_share": known, **_relief(raster)}
     flat = Raster(np.zeros(grid.values.shape, np.float32), grid.x0, grid.y0, grid.cell, grid.epsg)
-    return flat, {"source": "flat: the log has no heights", "relief_m": 0.0}
+    return flat, {"source": "flat: there are no heights", "relief_m": 0.0}
 
 
 def _relief(raster: Raster) -> dict[str, float]:
-    return {"relief_m": float(np.nanmax(raster.values) - np.nanmin(raster.values))}
+    low, high = float(np.nanmin(raster.values)), float(np.nanmax(raster.values))
+    return {"relief_m": high - low, "lowest_m": low, "highest_m": high}
 
 
 def _origin(polygon: Any, terrain: Raster, epsg: int) -> Origin:

@@ -1,7 +1,6 @@
 """Task data of ISO 11783-10 as one table: TASKDATA.XML names devices and logs, TLG files hold the records."""
 
 import warnings
-import zipfile
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.documents.packed import member_names
 from swath.field_io.ddi import DDI, TOGETHER, slug
 from swath.field_io.taskdata import WIDTHS, YIELDS, Description, Device, listed, read_description
 from swath.field_io.taskfiles import TaskFiles, is_log_file, task_files
@@ -198,13 +198,7 @@ def is_taskdata(path: Path) -> bool:
         return any(p.name.upper() == "TASKDATA.XML" for p in path.iterdir())
     if path.name.upper() == "TASKDATA.XML" or is_log_file(path):
         return True
-    if not zipfile.is_zipfile(path):
-        return False
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return any(PurePosixPath(n).name.upper() == "TASKDATA.XML" for n in archive.namelist())
-    except (zipfile.BadZipFile, OSError, ValueError):
-        return False
+    return any(PurePosixPath(n).name.upper() == "TASKDATA.XML" for n in member_names(path))
 
 
 def read_taskdata(path: Path) -> TaskData:

@@ -123,7 +123,7 @@ def plan_field(
         "field": {"area_ha": polygon.area / 1e4, "guidance_lines": len(tracks)},
         "crop": {"name": sheet, "stems_per_m2": stems, "grain_g_per_stem": 1000.0 * facts.yields.grain_mass},
         "terrain": info,
-        "notes": notes,
+        "notes": [*notes, *ground.notes],
     }
     return FieldFolder(
         path=out, origin=origin, boundary=exterior - corner, holes=tuple(h - corner for h in holes),
@@ -143,8 +143,9 @@ def _read(path: Path, width: float | None) -> tuple[Part, Any, int, float, list[
     width [m]: that is given, which no other is sought beside
     """
     if is_outline(path):
-        notes = ["an outline alone: the crop stands evenly"]
-        return Part("", ""), *outline.read_place(path), 0.0, notes
+        found = outline.read_outlines(path)
+        polygon, told = found.field()
+        return Part("", ""), polygon, found.epsg, 0.0, ["an outline alone: the crop stands evenly", *told]
     described = read_plan(path)
     key, polygon, epsg, left_out = largest_part(described)
     notes = ["ISO 11783-10 task data without a yield: the crop stands evenly", *left_out]

@@ -33,12 +33,13 @@ class ImportReport:
     def lines(self) -> list[tuple[str, str, str]]:
         """What, how much, and more about it, for the terminal."""
         field, crop, terrain = self.field, self.crop, self.terrain
+        heights = ", {lowest_m:.1f} to {highest_m:.1f} m".format(**terrain) if "lowest_m" in terrain else ""
         if not self.rows:
             return [
                 ("area", f"{field['area_ha']:.2f} ha", self.source["profile"]),
                 ("guidance lines", f"{field['guidance_lines']}", ""),
                 ("crop", crop["name"], f"{crop['stems_per_m2']:.3g} stems/m2 everywhere"),
-                ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"]),
+                ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"] + heights),
                 *(("note", "", note) for note in self.notes),
             ]
         read = self.rows["read"]
@@ -59,7 +60,7 @@ class ImportReport:
             ("yield", f"{crop['yield_t_ha']:.2f} t/ha", percentiles),
             ("crop", crop["name"], ""),
             ("stems", f"{crop['stems_per_m2']:.3g} /m2", f"{crop['grain_g_per_stem']:.2f} g of grain each"),
-            ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"]),
+            ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"] + heights),
             *(("note", "", note) for note in self.notes),
         ]  # fmt: skip
 

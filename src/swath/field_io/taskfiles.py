@@ -1,7 +1,6 @@
 """The files of an ISO 11783-10 task data set: a folder or a zip, and XML read up to its first mistake."""
 
 import math
-import zipfile
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -12,7 +11,7 @@ from typing import Any
 from xml.parsers import expat
 
 from swath.core.errors import InputError
-from swath.documents.packed import LARGEST_BYTES, open_archive, readable
+from swath.documents.packed import LARGEST_BYTES, is_archive, open_archive, readable
 
 DEEPEST = 32  # elements within each other; task data go to 8
 MOST_ELEMENTS = 100_000  # of the kinds that are read
@@ -47,7 +46,7 @@ class TaskFiles(Mapping[str, bytes]):
 def task_files(path: Path) -> Iterator[TaskFiles]:
     """The files of a folder or zip. InputError where it cannot be read, or is larger than task data are."""
     with readable("taskdata", "readable files", path):
-        if path.is_dir() or not zipfile.is_zipfile(path):
+        if path.is_dir() or not is_archive(path):
             folder = path if path.is_dir() else path.parent
             parts = [p for p in sorted(folder.iterdir()) if _is_part(p) and p.is_file()]
             total = sum(p.stat().st_size for p in parts)
@@ -136,34 +135,6 @@ def read_tree(data: bytes, kinds: Collection[str]) -> Tree:
     except _BROKEN as error:
         return Tree(top, others, f"byte {max(parser.CurrentByteIndex, 0)}: {error}")
     return Tree(top, others)
-
-
-def element_texts(data: bytes, wanted: Collection[str]) -> list[tuple[tuple[str, ...], str]]:
-    """(tags around it, text) of the wanted elements, names without their namespace. Raises ValueError.
-
-    No entities are resolved, and a DOCTYPE is refused.
-    """
-    found: list[tuple[tuple[str, ...], str]] = []
-    stack: list[str] = []
-    pieces: list[str] = []
-
-    def start(tag: str, _: Any) -> None:
-        stack.append(tag.rpartition(":")[2])
-        pieces.clear()
-
-    def end(_: str) -> None:
-        tag = stack.pop()
-        if tag in wanted:
-            found.append((tuple(stack), "".join(pieces)))
-
-    def refuse(*_: Any) -> None:
-        raise ValueError("a DOCTYPE is not allowed")
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = pieces.append, refuse
-    parser.Parse(data, True)
-    return found
 
 
 def number(text: str | None, default: float) -> float:

@@ -1,13 +1,13 @@
 """Writes replay.html: after a run, or from its folder."""
 
 import html
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
+from swath.documents.json_file import read_object
 from swath.record.tracks import read_tracks
 from swath.replay.collect import collect
 from swath.replay.machines import Columns
@@ -54,12 +54,8 @@ def view(folder: Path, *, out: Path | None = None) -> Path:
     for name in ("scenario.yaml", "tracks.parquet"):
         if not (folder / name).is_file():
             raise InputError("RUN", str(folder), f"expected a run folder, it has no {name}")
-    try:
-        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        summary = {"incomplete": True}
-    except ValueError as error:
-        raise InputError("RUN", str(folder), f"expected a readable summary.json ({error})") from error
+    file = folder / "summary.json"
+    summary = read_object(file, "RUN", "a summary.json") if file.is_file() else {"incomplete": True}
     world = assemble(load_scenario(folder / "scenario.yaml"))
     try:
         return write_replay(world, folder, summary, out=out)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from swath.core.errors import InputError
 from swath.core.whole_file import PART
+from swath.documents.json_file import read_object
 
 RUNS = "runs"  # where the folders lie whose place nobody chose
 RUN_FILES = (
@@ -64,8 +65,8 @@ def run_name(folder: Path) -> str | None:
     if not file.is_file() or not any((folder / f).is_file() for f in ("summary.json", "run.mcap", LOCK)):
         return None
     try:
-        name = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["name"]
-    except (OSError, ValueError, KeyError, TypeError):
+        name = read_object(folder / "summary.json", "run", "a summary.json")["name"]
+    except (InputError, KeyError):
         try:
             data = read_document(file).data
         except InputError:

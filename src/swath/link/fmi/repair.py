@@ -1,12 +1,13 @@
 """Repairs descriptions that FMPy cannot read: removes wrong entries that are not needed to run the FMU."""
 
 import tempfile
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
+
+from swath.documents.packed import open_archive
 
 _FIXED = ("fixed", "tunable")
 _ALLOWED = {
@@ -27,7 +28,7 @@ def repaired(file: Path) -> Iterator[tuple[Path, list[str]]]:
     Left out: the model structure, derivatives, types that are not defined, variabilities that do not go with
     the causality.
     """
-    with zipfile.ZipFile(file) as archive:
+    with open_archive(file, "file") as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
     repairs: list[str] = []
     types = {node.get("name") for node in root.iterfind("TypeDefinitions/*")}

@@ -14,6 +14,7 @@ from typing import Any
 import swath
 from swath.core.errors import InputError, SwathError
 from swath.core.whole_file import write_whole
+from swath.documents.json_file import read_object
 from swath.runtime.workers import Lost, in_workers
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.scenario.slots import kind_of
@@ -112,7 +113,7 @@ def join(settings: Settings, out: Path) -> Path:
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
     for picture in range(settings.count):
-        part = json.loads(part_of(out, picture).read_text(encoding="utf-8"))
+        part = read_object(part_of(out, picture), "picture", "annotations of a picture")
         images.append(part["image"])
         for annotation in part["annotations"]:
             numbers = {"id": len(annotations) + 1, "image_id": part["image"]["id"]}
@@ -132,7 +133,7 @@ def _check_same(settings: Settings, out: Path) -> None:
     if not file.is_file():
         write_whole(file, json.dumps(said, indent=1))
         return
-    there = json.loads(file.read_text(encoding="utf-8"))
+    there = read_object(file, "--out", "settings of a data set")
     for key, value in said.items():
         if there.get(key) != value:
             expected = f"expected {there.get(key)}, as in {SETTINGS} there, or another folder"

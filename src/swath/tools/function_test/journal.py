@@ -17,6 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from swath.documents.packed import readable
+from swath.documents.text_file import MAX_BYTES
 
 Result = dict[str, Any]
 PRIVATE = ("cpu_s", "worker")  # of a line: not in the table
@@ -60,7 +61,7 @@ def _lines(path: Path) -> Iterator[tuple[int, Result]]:
     """Every whole line of a journal with where it begins."""
     with path.open("rb") as file:
         offset = 0
-        for line in file:
+        while line := file.readline(MAX_BYTES):
             if line.endswith(b"\n"):
                 with suppress(ValueError):  # torn by a kill, ended by the next one who wrote
                     yield offset, json.loads(line)

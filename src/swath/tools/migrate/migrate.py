@@ -5,6 +5,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.documents.migrate_sheet import MARKS, migrate_sheet
+from swath.documents.text_file import read_text
 from swath.documents.yaml_document import parse
 from swath.scenario.catalogue import CATALOGUE
 from swath.scenario.migrate import migrate_scenario
@@ -36,10 +37,7 @@ def _is_machine(section: Any) -> bool:
 
 def migrate_file(file: Path, *, is_dry: bool = False) -> bool:
     """Rewrite a file in place; the old one stays beside it as `NAME.orig`. True where something changed."""
-    try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        raise InputError("file", str(file), f"could not be read as text: {error}") from error
+    text = read_text(file, "file", "a scenario, sheet or Python file")
     new = migrate_text(file, text)
     if new == text:
         return False

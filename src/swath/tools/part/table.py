@@ -16,6 +16,7 @@ from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.core.whole_file import write_whole
+from swath.documents.text_file import text_lines
 from swath.signals.flat import FlatField, build, flat_fields, read
 from swath.tools.part.isolate import Arrival, IsolatedPart, Output
 
@@ -38,13 +39,10 @@ def columns_of(part: IsolatedPart, ports: dict[Output, Port]) -> dict[str, tuple
 def read_table(path: Path, part: IsolatedPart) -> list[Arrival]:
     """The samples of a table. InputError; every unknown and every missing column is named at once."""
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = csv.reader(file)
-            columns = _check_head([name.strip() for name in next(lines, [])], part, path)
-            return list(_samples(lines, columns, part, path))
-    except FileNotFoundError:
-        raise InputError("--input", str(path), "there is no such file or run folder") from None
-    except (UnicodeDecodeError, csv.Error) as error:
+        lines = csv.reader(text_lines(path, "--input", "a table or a run folder"))
+        columns = _check_head([name.strip() for name in next(lines, [])], part, path)
+        return list(_samples(lines, columns, part, path))
+    except csv.Error as error:
         raise InputError("--input", str(path), f"expected a table in UTF-8 ({error})") from None
 
 

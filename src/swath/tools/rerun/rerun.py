@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.documents.json_file import read_object
 from swath.record.read.feed import own_outputs
 from swath.record.read.files import Log, open_log
 from swath.report.report import FinishedRun, ReportWriter
@@ -59,7 +60,7 @@ def draw_report(folder: Path) -> Path:
     if not file.is_file():
         expected = "expected a run folder with a summary.json; a run that was killed before has to run again"
         raise InputError("run", str(folder), expected)
-    summary = json.loads(file.read_text(encoding="utf-8"))
+    summary = read_object(file, "run", "a summary.json")
     plan = plan_rerun(folder, slots=None, sets=["run.record=standard"], is_all=True)
     writer = ReportWriter(of=FinishedRun(folder, summary, recorded_scenario(plan.log, folder, ())))
     with tempfile.TemporaryDirectory(prefix="swath-report-") as aside:
