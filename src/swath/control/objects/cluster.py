@@ -36,6 +36,8 @@ FRONT = 0.35  # along a line, over which the nearest echo is the front of the cr
 STEP = 1.5  # ranges up to this ratio are closed over one number of beams
 FINEST = 0.1  # depth into the crop that every scanner may find by its noise and the raggedness of a wall [m]
 LEAST, MOST = 1.5, 5.0  # such depths before the line where evidence begins, and where one echo's ends
+LEVEL_BEAM = 0.05  # a beam that goes down less counts as going down so much, per metre
+BODY = 0.4  # half the width within which the evidence of a heap is summed [m]
 APART = 0.05  # echoes nearer to each other than this see the same stems [m]
 STRIP = 2.5  # of the distance, over which the top of the canopy is taken [m]
 TOP_PERCENTILE = 90.0  # of the heights in a strip
@@ -46,8 +48,9 @@ FEWEST = 20  # echoes that make a strip
 class Params:
     """reach_m: ahead of the knife; side_m: beside the ends of the header
 
-    widest_m: what is wider is a thing only where it is higher than crop; ragged_m: crop rises so far above the
-    crop before it (twice the spread of wheat's height, 8 %); doubt_nat: evidence of a heap that crop and things
+    widest_m: what is wider is a thing only where it is higher than crop; ragged_m, deep_m: where crop
+    ends, echoes of it are no higher above the crop before it (twice the spread of wheat's height, 8 %, above a cell's
+    highest) and no lower below it (beams get hardly deeper); doubt_nat: evidence of a heap that crop and things
     have equally often
     above_m: a wide thing is so much higher than crop; slope_percent: and so much more by the distance, for ground
     that bends; crop_m, crop_sd_m: height of crop, as long as the knife has met none; stubble_m: none is higher
@@ -58,8 +61,9 @@ class Params:
     reach_m: Annotated[float, Gt(0), Le(100)] = 20.0
     side_m: Annotated[float, Ge(0), Le(50)] = 8.0
     widest_m: Annotated[float, Gt(0.5), Le(10)] = 1.6
-    ragged_m: Annotated[float, Ge(0), Le(1)] = 0.15
-    doubt_nat: Annotated[float, Gt(0), Le(100)] = 6.0
+    ragged_m: Annotated[float, Ge(0), Le(1)] = 0.1
+    deep_m: Annotated[float, Ge(0), Le(2)] = 0.3
+    doubt_nat: Annotated[float, Gt(0), Le(100)] = 8.0
     above_m: Annotated[float, Gt(0), Le(3)] = 0.35
     slope_percent: Annotated[float, Ge(0), Le(20)] = 1.5
     crop_m: Annotated[float, Gt(0), Le(5)] = 1.0
@@ -158,7 +162,8 @@ class Cluster(Following):
 
     def _evidence(self, ranges: F64, asked: NDArray[np.bool_]) -> F64:
         """How much the echoes asked for speak for a thing before the crop, in nat; 0 for all others."""
-        before, depth = self._lines.standing_out(ranges, asked, self._p.widest_m)
+        down = np.maximum(-self._mounting.turn(self._lines.ways)[..., 2], LEVEL_BEAM)
+        before, depth = self._lines.standing_out(ranges, down, asked, self._p.widest_m)
         evidence = np.where(asked, np.clip(before / np.maximum(depth, FINEST), 0.0, MOST) - LEAST, 0.0)
         evidence[evidence < 0.0] = 0.0
         beside = np.zeros_like(evidence)
@@ -168,12 +173,14 @@ class Cluster(Following):
 
     def _heap(self, t: float, echoes: F64) -> Heap | None:
         """Of echoes (n, 5): place, evidence of what is narrow and what is high; None where crop explains them."""
-        higher = echoes[:, 2] > self._before(t, echoes) + self._p.ragged_m
-        evidence = np.maximum(echoes[:, 3] * higher, echoes[:, 4])
-        counted = echoes[evidence > 0.0]
+        above = echoes[:, 2] - self._before(t, echoes)
+        is_other = (above > self._p.ragged_m) | (above < -self._p.deep_m)
+        evidence = np.maximum(echoes[:, 3] * is_other, echoes[:, 4])
+        counted, evidence = echoes[evidence > 0.0], evidence[evidence > 0.0]
         if len(counted) < self._p.least_echoes:
             return None
-        total = float(evidence.sum())
+        apart = np.abs(counted[:, None, :2] - counted[None, :, :2]).max(axis=2)
+        total = float(((apart < BODY) @ evidence).max())
         if total < LEAST:
             return None
         low, high = counted[:, :3].min(axis=0), counted[:, :3].max(axis=0)
@@ -291,10 +298,16 @@ class Lines:
             self.step = float(np.median(gaps[gaps > 1e-6])) if (gaps > 1e-6).any() else 1.0
         return self._order
 
-    def standing_out(self, ranges: F64, asked: NDArray[np.bool_], widest: float) -> tuple[F64, F64]:
+    def standing_out(
+        self, ranges: F64, down: F64, asked: NDArray[np.bool_], widest: float
+    ) -> tuple[F64, F64]:
         """How far the echoes asked for lie before their line, closed over `widest`, and how deep beams there get
         into what they meet [m].
+
+        down: how much each beam goes down, per metre. The lines are closed by how far the beams came down: along
+        that a canopy is even at every azimuth, as is a wall across the way.
         """
+        drops = ranges * down
         before, depth = np.zeros_like(ranges), np.ones_like(ranges)
         scale = np.zeros(ranges.shape, dtype=np.int64)
         scale[asked] = np.floor(np.log(np.maximum(ranges[asked], 1.0)) / np.log(STEP))
@@ -302,7 +315,7 @@ class Lines:
             mine = asked & (scale == k)
             rows = np.flatnonzero(mine.any(axis=1))
             beam = self.step * STEP ** (k + 0.5)
-            front, closed = closing(ranges[rows], max(int(FRONT / beam), 1), max(ceil(widest / beam), 3))
+            closed = closing(drops[rows], max(int(FRONT / beam), 1), max(ceil(widest / beam), 3)) / down[rows]
             deeper = np.minimum(np.abs(ranges[rows] - closed), 1.0)
             reach = _mean_around(deeper, max(ceil(2.0 * widest / beam), 3))
             mine = mine[rows]
@@ -311,8 +324,8 @@ class Lines:
         return before, depth
 
 
-def closing(ranges: F64, narrow: int, wide: int) -> tuple[F64, F64]:
-    """Fronts of the lines of an image: the nearest of `narrow` beams around each, and these closed over `wide`.
+def closing(ranges: F64, narrow: int, wide: int) -> F64:
+    """Fronts of the lines of an image, the nearest of `narrow` beams around each, closed over `wide`.
 
     A beam without an echo tells nothing; beyond the ends of a line may be anything.
     """
@@ -324,8 +337,7 @@ def closing(ranges: F64, narrow: int, wide: int) -> tuple[F64, F64]:
     front = front[:, : a.shape[1]]
     known = np.where(np.isinf(front), 0.0, front)
     farthest = _over(np.pad(known, ((0, 0), (wide, wide))), wide + 1, np.maximum, 0.0)
-    closed = _over(farthest, wide + 1, np.minimum, np.inf)[:, : a.shape[1]]
-    return front, closed
+    return _over(farthest, wide + 1, np.minimum, np.inf)[:, : a.shape[1]]
 
 
 def _over(a: F64, count: int, least: Callable[..., F64], nothing: float) -> F64:
