@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 from swath.control.objects.following import FREE, Following
 from swath.control.objects.track import Heap, Track
 from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG
-from swath.signals import F64, CropEdge, Objects, Odometry, Scan
+from swath.signals import F64, CropEdge, Objects, Odometry, Scan, beam_directions
 from swath.signals.setup import ControlSetup
 
 Index = NDArray[np.int64]
@@ -48,9 +49,9 @@ FEWEST = 20  # echoes that make a strip
 class Params:
     """reach_m: ahead of the knife; side_m: beside the ends of the header
 
-    widest_m: what is wider is a thing only where it is higher than crop; ragged_m, deep_m: where crop
-    ends, echoes of it are no higher above the crop before it (twice the spread of wheat's height, 8 %, above a cell's
-    highest) and no lower below it (beams get hardly deeper); doubt_nat: evidence of a heap that crop and things
+    widest_m: what is wider is a thing only where it is higher than crop; ragged_m: where crop ends, its
+    echoes are no higher above the crop before it (the spread of wheat's height, 8 %, above the highest of a cell);
+    path_m: way of a beam in crop that few survive (1.75 to 3.3 per metre in wheat: 2 to 12 %); doubt_nat: evidence of a heap that crop and things
     have equally often
     above_m: a wide thing is so much higher than crop; slope_percent: and so much more by the distance, for ground
     that bends; crop_m, crop_sd_m: height of crop, as long as the knife has met none; stubble_m: none is higher
@@ -62,8 +63,8 @@ class Params:
     side_m: Annotated[float, Ge(0), Le(50)] = 8.0
     widest_m: Annotated[float, Gt(0.5), Le(10)] = 1.6
     ragged_m: Annotated[float, Ge(0), Le(1)] = 0.1
-    deep_m: Annotated[float, Ge(0), Le(2)] = 0.3
-    doubt_nat: Annotated[float, Gt(0), Le(100)] = 8.0
+    path_m: Annotated[float, Ge(0), Le(10)] = 1.2
+    doubt_nat: Annotated[float, Gt(0), Le(100)] = 10.0
     above_m: Annotated[float, Gt(0), Le(3)] = 0.35
     slope_percent: Annotated[float, Ge(0), Le(20)] = 1.5
     crop_m: Annotated[float, Gt(0), Le(5)] = 1.0
@@ -88,7 +89,7 @@ class Cluster(Following):
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         super().__init__(setup, "scan", params.side_m, params.confirm, params.keep_s, params.doubt_nat)
-        self._p, self._lines = params, Lines()
+        self._p, self._lines = params, Lines(self._mounting)
         self._across = np.arange(self._strip[0] + params.side_m, self._strip[1] - params.side_m, MAP_CELL)
         self._map, self._crop = HeightMap(), CropHeight(params.crop_m, params.crop_sd_m)
 
@@ -124,11 +125,10 @@ class Cluster(Following):
         the machine that drove on since; nan = none.
         """
         order = self._lines.of(scan)
-        farthest = np.fmax.reduce(scan.ranges, axis=1).astype(np.float64)
-        way = self._lines.ways
-        points = self._mounting.apply(way * farthest[order][..., None])
+        farthest = np.fmax.reduce(scan.ranges, axis=1).astype(np.float64)[order]
+        points = self._mounting.position + self._lines.ways * farthest[..., None]
         points[..., 0] += speed * (scan.beam_t[order] - age)
-        return farthest[order], points
+        return farthest, points
 
     def _learn(self, t: float, edge: CropEdge | None) -> None:
         """The height of the crop: what stood where the knife is now, and what the edge's finder says."""
@@ -148,11 +148,13 @@ class Cluster(Following):
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
         ahead = x - self._knife
         inside = (ahead > FREE) & (ahead < self._p.reach_m) & (y > self._strip[0]) & (y < self._strip[1])
-        base, slope = canopy_top(x[inside], z[inside])
         evidence = self._evidence(ranges, inside)
-        crop = self._crop.most + max(slope, 0.0) * x
-        bound = np.maximum(base + slope * x, crop) + self._p.above_m + 0.01 * self._p.slope_percent * ahead
+        bound = self._crop.most + self._p.above_m + 0.01 * self._p.slope_percent * ahead
         is_high = inside & (z > bound)
+        if is_high.any():
+            base, slope = canopy_top(x[inside], z[inside])
+            line = base + slope * x + self._p.above_m + 0.01 * self._p.slope_percent * ahead
+            is_high &= (z > bound + max(slope, 0.0) * x) & (z > line)
         shown = (evidence > 0.0) | is_high
         surface = np.isfinite(z) & ~shown & (ahead > -1.0)
         self._map.take(t, *self._world(x[surface], y[surface]), z[surface])
@@ -162,8 +164,7 @@ class Cluster(Following):
 
     def _evidence(self, ranges: F64, asked: NDArray[np.bool_]) -> F64:
         """How much the echoes asked for speak for a thing before the crop, in nat; 0 for all others."""
-        down = np.maximum(-self._mounting.turn(self._lines.ways)[..., 2], LEVEL_BEAM)
-        before, depth = self._lines.standing_out(ranges, down, asked, self._p.widest_m)
+        before, depth = self._lines.standing_out(ranges, asked, self._p.widest_m)
         evidence = np.where(asked, np.clip(before / np.maximum(depth, FINEST), 0.0, MOST) - LEAST, 0.0)
         evidence[evidence < 0.0] = 0.0
         beside = np.zeros_like(evidence)
@@ -173,8 +174,12 @@ class Cluster(Following):
 
     def _heap(self, t: float, echoes: F64) -> Heap | None:
         """Of echoes (n, 5): place, evidence of what is narrow and what is high; None where crop explains them."""
+        if len(echoes) < self._p.least_echoes or echoes[:, 3:].sum() < LEAST:
+            return None
+        eye = self._mounting.position
+        steep = (eye[2] - echoes[:, 2]) / np.sqrt(((echoes[:, :3] - eye) ** 2).sum(axis=1))
         above = echoes[:, 2] - self._before(t, echoes)
-        is_other = (above > self._p.ragged_m) | (above < -self._p.deep_m)
+        is_other = (above > self._p.ragged_m) | (above < -self._p.path_m * steep)
         evidence = np.maximum(echoes[:, 3] * is_other, echoes[:, 4])
         counted, evidence = echoes[evidence > 0.0], evidence[evidence > 0.0]
         if len(counted) < self._p.least_echoes:
@@ -273,13 +278,14 @@ LASTING = 400.0  # places of crop: some 10 m of way across a header
 class Lines:
     """The lines of a scan: beams of one elevation, by azimuth."""
 
-    def __init__(self) -> None:
+    def __init__(self, mounting: Pose) -> None:
+        self._mounting = mounting
         self._azimuth: Any = None
         self._elevation: Any = None
 
     def of(self, scan: Scan) -> Index:
-        """Beams (lines, beams) of a scan. ways: their directions (lines, beams, 3); step, apart: between two
-        beams and two lines [rad].
+        """Beams (lines, beams) of a scan. ways: their directions from the machine (lines, beams, 3); down: how far
+        each comes down per metre; step, apart: between two beams and two lines [rad].
         """
         if scan.azimuth is not self._azimuth or scan.elevation is not self._elevation:
             self._azimuth, self._elevation = scan.azimuth, scan.elevation
@@ -291,7 +297,8 @@ class Lines:
             most = max(len(row) for row in rows)
             self._order = np.stack([np.pad(row, (0, most - len(row)), mode="edge") for row in rows])
             a, e = scan.azimuth[self._order], scan.elevation[self._order]
-            self.ways = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=-1)
+            self.ways = self._mounting.turn(beam_directions(a, e))
+            self.down = np.maximum(-self.ways[..., 2], LEVEL_BEAM)
             gaps = np.diff(a, axis=1)
             rows = np.unique(line[order]) * LINE
             self.apart = float(np.median(np.diff(rows))) if len(rows) > 1 else 0.0
@@ -299,15 +306,15 @@ class Lines:
         return self._order
 
     def standing_out(
-        self, ranges: F64, down: F64, asked: NDArray[np.bool_], widest: float
+        self, ranges: F64, asked: NDArray[np.bool_], widest: float
     ) -> tuple[F64, F64]:
         """How far the echoes asked for lie before their line, closed over `widest`, and how deep beams there get
         into what they meet [m].
 
-        down: how much each beam goes down, per metre. The lines are closed by how far the beams came down: along
-        that a canopy is even at every azimuth, as is a wall across the way.
+        The lines are closed by how far the beams came down: by that a canopy is even at every azimuth, as is a wall
+        across the way.
         """
-        drops = ranges * down
+        drops = ranges * self.down
         before, depth = np.zeros_like(ranges), np.ones_like(ranges)
         scale = np.zeros(ranges.shape, dtype=np.int64)
         scale[asked] = np.floor(np.log(np.maximum(ranges[asked], 1.0)) / np.log(STEP))
@@ -315,7 +322,7 @@ class Lines:
             mine = asked & (scale == k)
             rows = np.flatnonzero(mine.any(axis=1))
             beam = self.step * STEP ** (k + 0.5)
-            closed = closing(drops[rows], max(int(FRONT / beam), 1), max(ceil(widest / beam), 3)) / down[rows]
+            closed = closing(drops[rows], max(int(FRONT / beam), 1), max(ceil(widest / beam), 3)) / self.down[rows]
             deeper = np.minimum(np.abs(ranges[rows] - closed), 1.0)
             reach = _mean_around(deeper, max(ceil(2.0 * widest / beam), 3))
             mine = mine[rows]
