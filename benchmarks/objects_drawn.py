@@ -125,7 +125,12 @@ def _edge(case: Case, sensor_x: float) -> tuple[StraightEdge, tuple[float, float
         c, s = np.cos(radians(case.turn)), sin(radians(case.turn))
         start = x + 200.0 * s, -200.0 * c
         line = StraightEdge(
-            x_m=start[0], y_m=start[1], heading_deg=90.0 + case.turn, length_m=400.0, crop_begins_m=None, **stubble
+            x_m=start[0],
+            y_m=start[1],
+            heading_deg=90.0 + case.turn,
+            length_m=400.0,
+            crop_begins_m=None,
+            **stubble,
         )
         return line, (x - case.aside * s - out * c, case.aside * c - out * s)
     left = 3.75
@@ -214,7 +219,9 @@ def _in_sight(lidar: Any, body: Any, eye: Pose, half: float) -> float:
     own = eye.inverse().turn(ways)
     up, side = np.arcsin(own[:, 2]), np.arctan2(own[:, 1], own[:, 0])
     inside = (up > lidar.elevation.min()) & (up < lidar.elevation.max()) & (np.abs(side) < half)
-    hits = lidar.caster.cast(np.repeat(eye.position[None], len(ways), axis=0), ways, range_max=60.0, solids=body.solids)
+    hits = lidar.caster.cast(
+        np.repeat(eye.position[None], len(ways), axis=0), ways, range_max=60.0, solids=body.solids
+    )
     return float(np.mean(inside & (hits.organ == Organ.SOLID)))
 
 
@@ -272,14 +279,18 @@ def tell(rows: list[dict[str, Any]]) -> None:
     print(f"less than 30 % in sight: {len(out)} cases")
     empty = [r for r in rows if r["target"] == "nobody"]
     bad = [r["seed"] for r in empty if r["phantom_scans"]]
-    print(f"phantoms: {len(bad)} of {len(empty)} cases without anybody, {sum(r['way'] for r in empty):.0f} m driven {bad}")
+    print(
+        f"phantoms: {len(bad)} of {len(empty)} cases without anybody, {sum(r['way'] for r in empty):.0f} m driven {bad}"
+    )
     odd = [r["seed"] for r in rows if r["target"] != "nobody" and r["phantom_scans"]]
     print(f"phantoms beside a person: {len(odd)} cases {odd}")
     print(f"{np.median([r['ms'] for r in rows]):.2f} ms of CPU time per scan (median of cases)")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--first", type=int, default=1000, help="first seed")
     parser.add_argument("--cases", type=int, default=60)
     parser.add_argument("--empty", type=int, default=40)

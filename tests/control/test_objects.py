@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swath.control.objects.cluster import Cluster, Params, canopy_top
+from swath.control.objects.cluster import Cluster, HeightMap, Params, closing
 from swath.control.speed.obstacle_stop import ObstacleStop, Stop
 from swath.core.frames import Pose
 from swath.core.random import Stream
@@ -89,12 +89,48 @@ def test_what_is_lower_than_the_crop_is_seen_on_the_cut_side_alone():
     assert len(drive(cluster(), [(12.0, -2.0, 0.3, deer)], 5)[-1].x) == 0
 
 
-def test_a_wall_does_not_move_the_canopy():
-    x = np.repeat(np.arange(1.0, 20.0, 0.1), 10)
-    z = CANOPY + 0.02 * x
-    z[(x > 8.0) & (x < 10.0)] = 4.0
-    base, slope = canopy_top(x, z)
-    assert (base, slope) == pytest.approx((CANOPY, 0.02), abs=0.03)
+def test_a_line_is_closed_over_what_is_narrow_and_keeps_its_edges():
+    """A thing of 5 beams goes, one of 12 stays, a step stays where it is; the ends of a line tell nothing."""
+    line = np.full((1, 100), 10.0)
+    line[0, 60:] = 7.0
+    line[0, 20:25], line[0, 35:47], line[0, :3] = 6.0, 8.0, 5.0
+    closed = closing(line, 1, 8)[0]
+    assert (closed[20:25] == 10.0).all()
+    assert (closed[35:47] == 8.0).all()
+    assert (closed[60:] == 7.0).all()
+    assert (closed[47:60] == 10.0).all()
+    assert (closed[:3] == 5.0).all()
+
+
+def test_the_map_tells_slope_where_surfaces_have_edges():
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform([5.0, -10.0], [25.0, 10.0], (4000, 2)).T
+    z = 0.04 * x - 0.02 * y + np.where(y + 0.3 * x > 4.0, CANOPY, STUBBLE)
+    heights = HeightMap()
+    heights.take(1.0, x, y, z)
+    assert heights.slope == pytest.approx((0.04, -0.02), abs=0.01)
+    assert np.isnan(heights.tops(20.0, x, y)).all()  # seen too long ago
+
+
+def test_a_wide_thing_counts_where_it_is_higher_than_the_crop_can_be():
+    """A wall 8 m wide, made of posts that touch, once as high as the crop and once 3 m."""
+    for top, count in ((CANOPY, 0), (3.0, 1)):
+        wall = [(14.0, y, 0.2, top) for y in np.arange(4.2, 12.2, 0.3)]
+        found = drive(cluster(), wall, 6)[-1]
+        assert (len(found.x[found.confidence >= 0.5]) > 0) == bool(count)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_confidence_grows_with_what_is_seen(seed):
+    """A post that stands out of the crop by more is told with no less confidence, wherever it stands."""
+    rng = np.random.default_rng(seed)
+    x, y = float(rng.uniform(11.0, 17.0)), float(rng.uniform(-6.0, 0.0))
+    sure = []
+    for top in (CANOPY, CANOPY + 0.5, CANOPY + 1.0):
+        last = drive(cluster(), [(x, y, 0.25, top)], 4)[-1]
+        sure.append(float(last.confidence.max(initial=0.0)))
+    assert sure[0] < 0.5 < sure[2]
+    assert sure[1] <= sure[2] + 0.05
 
 
 def stop(x, y, speed, *, vy=0.0, confidence=1.0, **params):

@@ -40,9 +40,6 @@ LEAST, MOST = 1.5, 5.0  # such depths before the line where evidence begins, and
 LEVEL_BEAM = 0.05  # a beam that goes down less counts as going down so much, per metre
 BODY = 0.4  # half the width within which the evidence of a heap is summed [m]
 APART = 0.05  # echoes nearer to each other than this see the same stems [m]
-STRIP = 2.5  # of the distance, over which the top of the canopy is taken [m]
-TOP_PERCENTILE = 90.0  # of the heights in a strip
-FEWEST = 20  # echoes that make a strip
 
 
 @dataclass(frozen=True)
@@ -149,17 +146,18 @@ class Cluster(Following):
         ahead = x - self._knife
         inside = (ahead > FREE) & (ahead < self._p.reach_m) & (y > self._strip[0]) & (y < self._strip[1])
         evidence = self._evidence(ranges, inside)
+        wx, wy = self._world(x, y)
+        rises, to_left = self._map.slope
+        ground = rises * (wx - self._pose[0]) + to_left * (wy - self._pose[1])
         bound = self._crop.most + self._p.above_m + 0.01 * self._p.slope_percent * ahead
-        is_high = inside & (z > bound)
-        if is_high.any():
-            base, slope = canopy_top(x[inside], z[inside])
-            line = base + slope * x + self._p.above_m + 0.01 * self._p.slope_percent * ahead
-            is_high &= (z > bound + max(slope, 0.0) * x) & (z > line)
+        is_high = inside & (z > bound + np.maximum(ground, 0.0))
         shown = (evidence > 0.0) | is_high
         surface = np.isfinite(z) & ~shown & (ahead > -1.0)
-        self._map.take(t, *self._world(x[surface], y[surface]), z[surface])
+        self._map.take(t, wx[surface], wy[surface], z[surface])
         weight = np.minimum(ranges[shown] * self._lines.step / APART, 1.0)
-        seen = np.column_stack([points[shown], evidence[shown] * weight, (MOST - LEAST) * weight * is_high[shown]])
+        seen = np.column_stack(
+            [points[shown], evidence[shown] * weight, (MOST - LEAST) * weight * is_high[shown]]
+        )
         return [heap for part in heaps_of(seen) if (heap := self._heap(t, part)) is not None]
 
     def _evidence(self, ranges: F64, asked: NDArray[np.bool_]) -> F64:
@@ -204,16 +202,22 @@ class Cluster(Following):
         down = max(float(eye[2] - echoes[:, 2].max()), 0.1)
         apart = min(max(1.2 * self._lines.apart * float(far.min()) ** 2 / down, 1.0), 3.0)
         along = far.min() - np.arange(CLEAR, CLEAR + apart, 0.5 * MAP_CELL)[:, None]
-        px = eye[0] + ux * along - uy * ASIDE
-        py = eye[1] + uy * along + ux * ASIDE
-        tops = self._map.tops(t, *self._world(px, py))
+        x, y = echoes[:, :2].mean(axis=0).tolist()
+        tops = self._tops_at(t, x, y, eye[0] + ux * along - uy * ASIDE, eye[1] + uy * along + ux * ASIDE)
         if not np.isfinite(tops).any():
-            x, y = echoes[:, :2].mean(axis=0).tolist()
-            tops = self._map.tops(t, *self._world(x + AROUND[0], y + AROUND[1]))
+            tops = self._tops_at(t, x, y, x + AROUND[0], y + AROUND[1])
         return float(np.nanmax(tops)) if np.isfinite(tops).any() else self._crop.most
+
+    def _tops_at(self, t: float, x: float, y: float, px: F64, py: F64) -> F64:
+        """Tops of the places px, py, brought along the slope of the field to x, y."""
+        wx, wy = self._world(px, py)
+        here = self._world(np.array(x), np.array(y))
+        rises, to_left = self._map.slope
+        return self._map.tops(t, wx, wy) + rises * (here[0] - wx) + to_left * (here[1] - wy)
 
 
 MAP_CELL, MAP_SIZE = 0.5, 96  # of the map of heights [m], and its cells each way
+RUN, FEWEST = 4, 20  # cells over which the slope is taken, and pairs of them that tell it
 MEMORY = 10.0  # a height counts so long [s]: in this time no machine drives half of the map
 CLEAR = 0.4  # so far before a thing begins what is not of it [m]
 ASIDE = np.array([-0.4, 0.0, 0.4])  # and where beside that a surface is looked for [m]
@@ -221,28 +225,38 @@ AROUND = 1.5 * np.array([(cos(a), sin(a)) for a in np.arange(0.0, 6.2, 0.5)]).T 
 
 
 class HeightMap(KeepsState):
-    """Top of what stands on each cell of the ground, in the frame of the dead reckoning; the map goes on round."""
+    """Top of what stands on each cell of the ground, in the frame of the dead reckoning; the map goes on round.
 
-    kept = ("_top", "_seen")
+    slope: of its surfaces along x and y of that frame: where most neighbours are of one surface, edges do not count
+    """
+
+    kept = ("_top", "_seen", "slope")
 
     def __init__(self) -> None:
         self._top = np.full(MAP_SIZE * MAP_SIZE, np.nan)
         self._seen = np.full(MAP_SIZE * MAP_SIZE, -np.inf)
+        self.slope = (0.0, 0.0)
 
     def take(self, t: float, x: F64, y: F64, z: F64) -> None:
-        """Heights z [m] seen at t [s]: the highest in each cell, together with what was seen there before."""
-        cell = _cell(x, y)
+        """Heights z [m] seen at t [s]: the highest in each cell."""
         top = np.full(MAP_SIZE * MAP_SIZE, -np.inf)
-        np.maximum.at(top, cell, z)
-        cell = np.flatnonzero(top > -np.inf)
-        is_old = t - self._seen[cell] > MEMORY
-        self._top[cell] = np.where(is_old, top[cell], 0.5 * (self._top[cell] + top[cell]))
-        self._seen[cell] = t
+        np.maximum.at(top, _cell(x, y), z)
+        is_new = top > -np.inf
+        self._top[is_new], self._seen[is_new] = top[is_new], t
+        grid = np.where(is_new, top, np.nan).reshape(MAP_SIZE, MAP_SIZE)
+        self.slope = (_slope(grid), _slope(grid.T))
 
     def tops(self, t: float, x: F64, y: F64) -> F64:
         """Heights there [m], nan = not known."""
         cell = _cell(x, y)
         return np.where(t - self._seen[cell] > MEMORY, np.nan, self._top[cell])
+
+
+def _slope(grid: F64) -> float:
+    """Median slope along the first axis between cells that lie RUN apart; 0 where few are known."""
+    rise = grid - np.roll(grid, RUN, axis=0)
+    rise = rise[np.isfinite(rise)]
+    return float(np.median(rise)) / (RUN * MAP_CELL) if len(rise) >= FEWEST else 0.0
 
 
 def _cell(x: F64, y: F64) -> Index:
@@ -251,12 +265,15 @@ def _cell(x: F64, y: F64) -> Index:
 
 
 class CropHeight(KeepsState):
-    """Height of the crop: mean and spread of what was met, over the last LASTING places."""
+    """Height of the crop: mean and spread of what was met, over the last LASTING places.
+
+    mean, sd: what is taken for FIRST places before any was met
+    """
 
     kept = ("_count", "_mean", "_square")
 
     def __init__(self, mean: float, sd: float) -> None:
-        self._count, self._mean, self._square = 1.0, mean, sd * sd
+        self._count, self._mean, self._square = FIRST, mean, sd * sd
 
     def take(self, tops: F64) -> None:
         """Heights that were met [m]."""
@@ -272,7 +289,7 @@ class CropHeight(KeepsState):
         return self._mean + 2.0 * sqrt(self._square)
 
 
-LASTING = 400.0  # places of crop: some 10 m of way across a header
+FIRST, LASTING = 400.0, 20_000.0  # cells of the map: some 10 and 500 m of way across a header
 
 
 class Lines:
@@ -305,9 +322,7 @@ class Lines:
             self.step = float(np.median(gaps[gaps > 1e-6])) if (gaps > 1e-6).any() else 1.0
         return self._order
 
-    def standing_out(
-        self, ranges: F64, asked: NDArray[np.bool_], widest: float
-    ) -> tuple[F64, F64]:
+    def standing_out(self, ranges: F64, asked: NDArray[np.bool_], widest: float) -> tuple[F64, F64]:
         """How far the echoes asked for lie before their line, closed over `widest`, and how deep beams there get
         into what they meet [m].
 
@@ -322,7 +337,9 @@ class Lines:
             mine = asked & (scale == k)
             rows = np.flatnonzero(mine.any(axis=1))
             beam = self.step * STEP ** (k + 0.5)
-            closed = closing(drops[rows], max(int(FRONT / beam), 1), max(ceil(widest / beam), 3)) / self.down[rows]
+            closed = (
+                closing(drops[rows], max(int(FRONT / beam), 1), max(ceil(widest / beam), 3)) / self.down[rows]
+            )
             deeper = np.minimum(np.abs(ranges[rows] - closed), 1.0)
             reach = _mean_around(deeper, max(ceil(2.0 * widest / beam), 3))
             mine = mine[rows]
@@ -337,10 +354,17 @@ def closing(ranges: F64, narrow: int, wide: int) -> F64:
     A beam without an echo tells nothing; beyond the ends of a line may be anything.
     """
     a = np.where(np.isnan(ranges), np.inf, ranges)
-    left, right = np.pad(a[:, :-1], ((0, 0), (1, 0)), mode="edge"), np.pad(a[:, 1:], ((0, 0), (0, 1)), mode="edge")
-    middle = np.maximum(np.minimum(left, a), np.minimum(np.maximum(left, a), right))  # of three: no single beam
+    left, right = (
+        np.pad(a[:, :-1], ((0, 0), (1, 0)), mode="edge"),
+        np.pad(a[:, 1:], ((0, 0), (0, 1)), mode="edge"),
+    )
+    middle = np.maximum(
+        np.minimum(left, a), np.minimum(np.maximum(left, a), right)
+    )  # of three: no single beam
     side = narrow // 2
-    front = _over(np.pad(middle, ((0, 0), (side, side)), constant_values=np.inf), 2 * side + 1, np.minimum, np.inf)
+    front = _over(
+        np.pad(middle, ((0, 0), (side, side)), constant_values=np.inf), 2 * side + 1, np.minimum, np.inf
+    )
     front = front[:, : a.shape[1]]
     known = np.where(np.isinf(front), 0.0, front)
     farthest = _over(np.pad(known, ((0, 0), (wide, wide))), wide + 1, np.maximum, 0.0)
@@ -362,28 +386,12 @@ def _over(a: F64, count: int, least: Callable[..., F64], nothing: float) -> F64:
 def _mean_around(a: F64, count: int) -> F64:
     """Mean of `count` beams to both sides of each, as far as they told something."""
     known = np.isfinite(a)
-    sums = [np.cumsum(np.pad(v, ((0, 0), (count + 1, count))), axis=1) for v in (np.where(known, a, 0.0), 1.0 * known)]
+    sums = [
+        np.cumsum(np.pad(v, ((0, 0), (count + 1, count))), axis=1)
+        for v in (np.where(known, a, 0.0), 1.0 * known)
+    ]
     total, n = (s[:, 2 * count + 1 :] - s[:, : -2 * count - 1] for s in sums)
     return np.asarray(total / np.maximum(n, 1.0))
-
-
-def canopy_top(x: F64, z: F64) -> tuple[float, float]:
-    """Height at x = 0 [m] and slope of the top of what is seen; 0, 0 where that is too little.
-
-    The line through the tops of strips by Theil and Sen: the median slope of all pairs, then the median rest.
-    """
-    strip = np.floor(x / STRIP).astype(np.int64)
-    tops = []
-    for k in np.unique(strip):
-        of_strip = strip == k
-        if np.count_nonzero(of_strip) >= FEWEST:
-            top = float(np.percentile(z[of_strip], TOP_PERCENTILE))
-            tops.append((float(np.median(x[of_strip])), top))
-    if not tops:
-        return 0.0, 0.0
-    pairs = [(b - a, v - u) for i, (a, u) in enumerate(tops) for b, v in tops[i + 1 :] if b - a > 1e-3]
-    slope = float(np.median([rise / run for run, rise in pairs])) if len(tops) > 2 else 0.0
-    return float(np.median([top - slope * at for at, top in tops])), slope
 
 
 def heaps_of(points: F64) -> list[F64]:

@@ -10,7 +10,10 @@ GATE = 0.8  # a heap belongs to the thing that is expected no farther from it [m
 FASTEST = 4.0  # and this much more per second since it was seen [m/s]
 ALPHA, BETA = 0.5, 0.15  # of the place and the velocity, for scans some 0.1 s apart
 LASTS = 0.7  # of the evidence of one scan in the next: both see much the same stems
-BELIEF, DOUBT = 0.4, 0.1  # share of the way to what a scan makes of a thing, and to 0 where it does not show it
+BELIEF, DOUBT = (
+    0.4,
+    0.1,
+)  # share of the way to what a scan makes of a thing, and to 0 where it does not show it
 
 
 @dataclass(frozen=True)
