@@ -19,8 +19,10 @@ GRID = np.meshgrid(np.radians(np.arange(-15, 16, 1.0)), np.radians(np.arange(-50
 ELEVATION, AZIMUTH = (a.ravel() for a in GRID)
 
 
-def scan_of(things, t=0, seed=1, tilt=0.0):
-    """A scan of crop right of EDGE_Y and stubble left of it, with upright cylinders (x, y, radius, top)."""
+def scan_of(things, t=0, seed=1, tilt=0.0, begins=-9.0):
+    """A scan of crop right of EDGE_Y from x = begins on and stubble elsewhere, with upright cylinders
+    (x, y, radius, top).
+    """
     eye = MOUNTING.position
     way = MOUNTING.turn(beam_directions(AZIMUTH, ELEVATION))
     rng = np.random.default_rng(seed)
@@ -28,9 +30,13 @@ def scan_of(things, t=0, seed=1, tilt=0.0):
     for surface, is_crop in ((STUBBLE, False), (CANOPY, True)):
         down = way[:, 2] - tilt * way[:, 0]
         s = (surface + rng.normal(0.0, 0.05, len(way)) + tilt * eye[0] - eye[2]) / down
-        y = eye[1] + s * way[:, 1]
-        hit = (s > 0.0) & ((y < EDGE_Y) == is_crop) & (s < 60.0)
+        x, y = eye[0] + s * way[:, 0], eye[1] + s * way[:, 1]
+        hit = (s > 0.0) & (((y < EDGE_Y) & (x > begins)) == is_crop) & (s < 60.0)
         far = np.where(hit & ~(far < s), s, far)
+    s = (begins + rng.normal(0.0, 0.05, len(way)) - eye[0]) / way[:, 0]
+    y, z = eye[1] + s * way[:, 1], eye[2] + s * way[:, 2]
+    hit = (s > 0.0) & (y < EDGE_Y) & (z > STUBBLE) & (z < CANOPY) & (s < 60.0)
+    far = np.where(hit & ~(far < s), s, far)
     for x, y, radius, top in things:
         a = way[:, 0] ** 2 + way[:, 1] ** 2
         b = way[:, 0] * (eye[0] - x) + way[:, 1] * (eye[1] - y)
@@ -51,13 +57,17 @@ def cluster(**params):
 EDGE = CropEdge(0, EDGE_Y, 0.0, 0.0, 5.0, 0.9, CANOPY, STUBBLE)
 
 
-def drive(part, things, steps, *, tilt=0.0, edge=EDGE, velocity=(0.0, 0.0)):
-    """Samples while the machine drives on, things at their places at the start and their velocity."""
+def drive(part, things, steps, *, tilt=0.0, edge=EDGE, velocity=(0.0, 0.0), begins=-9.0):
+    """Samples while the machine drives on, things and crop at their places at the start and their velocity."""
     found = []
     for k in range(1, steps + 1):
         t, gone = k * STEP, k * 0.1
         now = [(x + gone * (velocity[0] - SPEED), y + gone * velocity[1], r, h) for x, y, r, h in things]
-        inputs = {"scan": scan_of(now, t, k, tilt), "odometry": Odometry(t, SPEED, 0.0, 0.0), "edge": edge}
+        inputs = {
+            "scan": scan_of(now, t, k, tilt, begins - gone * SPEED),
+            "odometry": Odometry(t, SPEED, 0.0, 0.0),
+            "edge": edge,
+        }
         found.append(part.step(t - STEP, STEP, inputs)["objects"])
     return found
 
@@ -112,12 +122,29 @@ def test_the_map_tells_slope_where_surfaces_have_edges():
     assert np.isnan(heights.tops(20.0, x, y)).all()  # seen too long ago
 
 
-def test_a_wide_thing_counts_where_it_is_higher_than_the_crop_can_be():
-    """A wall 8 m wide, made of posts that touch, once as high as the crop and once 3 m."""
-    for top, count in ((CANOPY, 0), (3.0, 1)):
-        wall = [(14.0, y, 0.2, top) for y in np.arange(4.2, 12.2, 0.3)]
-        found = drive(cluster(), wall, 6)[-1]
-        assert (len(found.x[found.confidence >= 0.5]) > 0) == bool(count)
+@pytest.mark.parametrize("seed", range(4))
+def test_crop_across_the_way_is_none_and_who_stands_before_it_is_one(seed):
+    rng = np.random.default_rng(seed)
+    begins = float(rng.uniform(13.0, 18.0))
+    free = drive(cluster(), [], 25, begins=begins, edge=None)
+    assert all((sample.confidence < 0.5).all() for sample in free)
+    x, y = begins - float(rng.uniform(0.3, 3.0)), float(rng.uniform(-5.0, 2.5))
+    child = drive(cluster(), [(x, y, 0.18, CANOPY + 0.3)], 15, begins=begins, edge=None)
+    assert max(float(sample.confidence.max(initial=0.0)) for sample in child) > 0.5
+    assert all(
+        abs(float(a) + (k + 1) * 0.1 * SPEED - x) < 0.5 and abs(float(b) - y) < 0.5
+        for k, sample in enumerate(child)
+        for a, b, sure in zip(sample.x, sample.y, sample.confidence, strict=True)
+        if sure >= 0.5
+    )
+
+
+def test_a_wide_thing_counts_where_it_is_higher_than_crop_can_be():
+    """A wall 8 m wide, made of posts that touch."""
+    wall = [(14.0, y, 0.2, 3.0) for y in np.arange(4.2, 12.2, 0.3)]
+    found = drive(cluster(), wall, 6)[-1]
+    assert found.confidence.max() > 0.5
+    assert found.width[np.argmax(found.confidence)] > 5.0
 
 
 @pytest.mark.parametrize("seed", range(6))

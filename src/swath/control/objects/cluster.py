@@ -152,7 +152,7 @@ class Cluster(Following):
         bound = self._crop.most + self._p.above_m + 0.01 * self._p.slope_percent * ahead
         is_high = inside & (z > bound + np.maximum(ground, 0.0))
         shown = (evidence > 0.0) | is_high
-        surface = np.isfinite(z) & ~shown & (ahead > -1.0)
+        surface = ~shown & (ahead > -1.0) & (ahead < MAP_AHEAD) & (np.abs(y) < MAP_ASIDE)
         self._map.take(t, wx[surface], wy[surface], z[surface])
         weight = np.minimum(ranges[shown] * self._lines.step / APART, 1.0)
         seen = np.column_stack(
@@ -218,6 +218,7 @@ class Cluster(Following):
 
 MAP_CELL, MAP_SIZE = 0.5, 96  # of the map of heights [m], and its cells each way
 RUN, FEWEST = 4, 20  # cells over which the slope is taken, and pairs of them that tell it
+MAP_AHEAD, MAP_ASIDE = 40.0, 20.0  # what is farther from the knife would come round onto other cells [m]
 MEMORY = 10.0  # a height counts so long [s]: in this time no machine drives half of the map
 CLEAR = 0.4  # so far before a thing begins what is not of it [m]
 ASIDE = np.array([-0.4, 0.0, 0.4])  # and where beside that a surface is looked for [m]

@@ -9,6 +9,7 @@ from swath.core.component import KeepsState
 GATE = 0.8  # a heap belongs to the thing that is expected no farther from it [m]
 FASTEST = 4.0  # and this much more per second since it was seen [m/s]
 ALPHA, BETA = 0.5, 0.15  # of the place and the velocity, for scans some 0.1 s apart
+FAINT = 0.1  # what is less sure is not told
 LASTS = 0.7  # of the evidence of one scan in the next: both see much the same stems
 BELIEF, DOUBT = (
     0.4,
@@ -85,7 +86,7 @@ class Tracks(KeepsState):
 
     def confirmed(self) -> list[Track]:
         """Those that count."""
-        return [track for track in self._tracks if track.hits >= self._confirm]
+        return [t for t in self._tracks if t.hits >= self._confirm and t.confidence >= FAINT]
 
     def update(self, t: float, heaps: list[Heap], is_blind: Callable[[Track], bool]) -> None:
         """The heaps of a scan at t [s]: each to the nearest thing that was expected there, or a new one.
