@@ -2,12 +2,13 @@
 
 python benchmarks/objects_drawn.py [--first 1000] [--cases 60] [--empty 40] [--file FILE.jsonl]
 
-A case draws a person of 1.75, 1.2 or 1.1 m, wheat of 0.6 or 0.85 m and 300 to 600 stems/m2 with rows any way, a
-layout (crop across the way, beside it, beginning ahead, the far wall of a gap), a place (1.5 to 4 m before the crop,
-or 0.25 m out of it), a scanner with its mounting, and whether the machine stands or drives; pitch and roll sway by
-0.4 deg (one sigma). Scans are of `lidar: plants`. Nothing tells the part an edge.
+A case draws a person of 1.75, 1.2 or 1.1 m, wheat of 0.6 or 0.85 m and 300 to 600 stems/m2 with rows any way,
+a layout (crop across the way, beside it, beginning ahead, the far wall of a gap), a place (1.5 to 4 m before the
+crop, or its middle 0.25 m out of it), a scanner with its mounting, and whether the machine stands or drives;
+pitch and roll sway by 0.4 deg (one sigma). Scans are of `lidar: plants`. Nothing tells the part an edge.
 In sight is the share of the silhouette that no crop hides and that lies between the scanner's lines and in its
-sector. A case counts where that is at least 0.3 in the last scan, or in one of the last ten of a machine that drives.
+sector. A case counts where that is at least 0.3 in the last scan, or in one of the last ten of a machine that
+drives.
 Seen: an object of confidence 0.5 or more within 0.7 m of the person in a third of those scans or more.
 Phantom: an object of that confidence more than 1.5 m from the person, at any time.
 """
@@ -16,7 +17,7 @@ import argparse
 import json
 from collections import defaultdict
 from dataclasses import dataclass
-from math import hypot, radians, sin, tau
+from math import hypot, radians, tau
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -58,8 +59,8 @@ SURE, NEAR, FAR = 0.5, 0.7, 1.5
 
 @dataclass(frozen=True)
 class Case:
-    """place: of the person before the crop [m]; ahead: crop (or its gap's end) ahead of the scanner at the start
-    [m]; aside: of the person or of the scanner along the crop [m]; turn: of the edge [deg]; speed [m/s]
+    """place: of the person before the crop [m]; ahead: crop, or the end of its gap, before the scanner at the
+    start [m]; aside: of the person along the crop [m]; turn: of the edge [deg]; depth: of the gap [m]; [m/s]
     """
 
     seed: int
@@ -280,7 +281,8 @@ def tell(rows: list[dict[str, Any]]) -> None:
     empty = [r for r in rows if r["target"] == "nobody"]
     bad = [r["seed"] for r in empty if r["phantom_scans"]]
     print(
-        f"phantoms: {len(bad)} of {len(empty)} cases without anybody, {sum(r['way'] for r in empty):.0f} m driven {bad}"
+        f"phantoms: {len(bad)} of {len(empty)} cases without anybody, "
+        f"{sum(r['way'] for r in empty):.0f} m driven {bad}"
     )
     odd = [r["seed"] for r in rows if r["target"] != "nobody" and r["phantom_scans"]]
     print(f"phantoms beside a person: {len(odd)} cases {odd}")

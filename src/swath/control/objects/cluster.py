@@ -1,12 +1,13 @@
 """Objects level `cluster`: what a laser scanner sees stand out of the crop, followed from scan to scan.
 
-Crop is a surface with edges: its walls, corners and gaps run any way, but it is wide. So the ranges along each line
-of a scan are closed over the width of the widest thing: that takes away what is narrower and nearer than what lies on
-both its sides, and keeps every edge. How far an echo lies before the closed line, in units of how deep the beams
-beside it get into the crop, is its evidence, as far as it is higher than the surface before it: where a canopy ends
-its top is ragged, but there is crop before it. What is wider counts where it is higher than the crop, whose height
-is learned from what the knife reaches. The evidence of a heap of echoes becomes its confidence.
-What is lower than the crop it is in is not found: a fawn, a lying person.
+Crop is a surface with edges: its walls, corners and gaps run any way, but it is wide. So the ranges along
+each line of a scan are closed over the width of the widest thing: that takes away what is narrower than this
+and nearer than what lies on both its sides, and keeps every edge. How far an echo lies before the closed line, in
+units of how deep the beams beside it get into the crop, is its evidence. It counts where the crop before the
+echo does not explain it: where a canopy ends its top is ragged, but there is crop right before it, about as
+high. What is wider counts where it is higher than crop can be, which is learned from what the knife reaches.
+The evidence of a heap of echoes becomes its confidence. What is lower than the crop it is in is not found: a
+fawn, a lying person.
 """
 
 from collections.abc import Callable
@@ -22,6 +23,7 @@ from swath.control.objects.following import FREE, Following
 from swath.control.objects.track import Heap, Track
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.frames import Pose
+from swath.core.portable import median
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -34,7 +36,8 @@ CELL = 0.25  # echoes in one cell, or with at most one empty cell between them, 
 UNDER = 0.05  # a thing whose top lies less than this above the lowest beam can get lost [rad]
 LINE = 0.25 * DEG  # beams whose elevations differ by less are of one line of the scan [rad]
 FRONT = 0.35  # along a line, over which the nearest echo is the front of the crop; no body is narrower [m]
-STEP = 1.5  # ranges up to this ratio are closed over one number of beams
+SCALE = 1.5  # ranges up to this ratio are closed over one number of beams
+SCALES = np.array([0.0, *(SCALE**k for k in range(1, 14))])  # from which on each holds [m]
 FINEST = 0.1  # depth into the crop that every scanner may find by its noise and the raggedness of a wall [m]
 LEAST, MOST = 1.5, 5.0  # such depths before the line where evidence begins, and where one echo's ends
 LEVEL_BEAM = 0.05  # a beam that goes down less counts as going down so much, per metre
@@ -46,12 +49,15 @@ APART = 0.05  # echoes nearer to each other than this see the same stems [m]
 class Params:
     """reach_m: ahead of the knife; side_m: beside the ends of the header
 
-    widest_m: what is wider is a thing only where it is higher than crop; ragged_m: where crop ends, its
-    echoes are no higher above the crop before it (the spread of wheat's height, 8 %, above the highest of a cell);
-    path_m: way of a beam in crop that few survive (1.75 to 3.3 per metre in wheat: 2 to 12 %); doubt_nat: evidence of a heap that crop and things
-    have equally often
-    above_m: a wide thing is so much higher than crop; slope_percent: and so much more by the distance, for ground
-    that bends; crop_m, crop_sd_m: height of crop, as long as the knife has met none; stubble_m: none is higher
+    widest_m: what is wider is a thing only where it is higher than crop
+    ragged_m: crop ends no higher than so much above the crop before it, about the spread of wheat's height
+    path_m: through crop, that few beams survive (2 to 12 % in wheat of 1.75 to 3.3 per metre)
+    doubt_nat: evidence that heaps of crop have as often as things; set on drawn cases
+    (benchmarks/objects_drawn.py)
+    above_m: a wide thing is so much higher than crop; slope_percent: and so much more by the distance, for
+    ground that bends
+    crop_m, crop_sd_m: height of crop until the knife has met some; stubble_m: what the knife meets is crop
+    from this height on
     least_echoes: in a heap; confirm: scans that show a thing before it counts; keep_s: it is kept so long
     without being seen
     """
@@ -118,8 +124,8 @@ class Cluster(Following):
         return atan2(float(seen[2]), hypot(float(seen[0]), float(seen[1]))) < lowest + UNDER
 
     def _image(self, scan: Scan, speed: float, age: float) -> tuple[F64, F64]:
-        """Farthest echo of each beam: ranges (lines, beams) and where it is now (lines, beams, 3) [m], seen from
-        the machine that drove on since; nan = none.
+        """Farthest echo of each beam: ranges (lines, beams) and where it is now (lines, beams, 3) [m], seen
+        from the machine that drove on since; nan = none.
         """
         order = self._lines.of(scan)
         farthest = np.fmax.reduce(scan.ranges, axis=1).astype(np.float64)[order]
@@ -171,7 +177,7 @@ class Cluster(Following):
         return np.where(beside > 0.0, evidence, 0.0)
 
     def _heap(self, t: float, echoes: F64) -> Heap | None:
-        """Of echoes (n, 5): place, evidence of what is narrow and what is high; None where crop explains them."""
+        """Of echoes (n, 5): place, evidence as narrow and as high; None where crop explains them."""
         if len(echoes) < self._p.least_echoes or echoes[:, 3:].sum() < LEAST:
             return None
         eye = self._mounting.position
@@ -183,7 +189,7 @@ class Cluster(Following):
         if len(counted) < self._p.least_echoes:
             return None
         apart = np.abs(counted[:, None, :2] - counted[None, :, :2]).max(axis=2)
-        total = float(((apart < BODY) @ evidence).max())
+        total = float(((apart < BODY) * evidence).sum(axis=1).max())
         if total < LEAST:
             return None
         low, high = counted[:, :3].min(axis=0), counted[:, :3].max(axis=0)
@@ -192,8 +198,8 @@ class Cluster(Following):
         return Heap(float(x), float(y), length, width, float(high[2]), total)
 
     def _before(self, t: float, echoes: F64) -> float:
-        """Height of the surface before a heap, seen from the scanner, as far as two lines can lie apart [m]; where
-        none is known that of what lies around it, else that of crop.
+        """Height of the surface before a heap, seen from the scanner, as far as two lines can lie apart [m];
+        where none is known that of what lies around it, else that of crop.
         """
         eye = self._mounting.position
         to = echoes[:, :2] - eye[:2]
@@ -226,9 +232,9 @@ AROUND = 1.5 * np.array([(cos(a), sin(a)) for a in np.arange(0.0, 6.2, 0.5)]).T 
 
 
 class HeightMap(KeepsState):
-    """Top of what stands on each cell of the ground, in the frame of the dead reckoning; the map goes on round.
+    """Top of what stands on each cell of the ground, in the frame of the dead reckoning; it goes on round.
 
-    slope: of its surfaces along x and y of that frame: where most neighbours are of one surface, edges do not count
+    slope: of its surfaces along x and y of that frame: most neighbours are of one surface, so edges count little
     """
 
     kept = ("_top", "_seen", "slope")
@@ -257,7 +263,7 @@ def _slope(grid: F64) -> float:
     """Median slope along the first axis between cells that lie RUN apart; 0 where few are known."""
     rise = grid - np.roll(grid, RUN, axis=0)
     rise = rise[np.isfinite(rise)]
-    return float(np.median(rise)) / (RUN * MAP_CELL) if len(rise) >= FEWEST else 0.0
+    return median(rise) / (RUN * MAP_CELL) if len(rise) >= FEWEST else 0.0
 
 
 def _cell(x: F64, y: F64) -> Index:
@@ -302,8 +308,10 @@ class Lines:
         self._elevation: Any = None
 
     def of(self, scan: Scan) -> Index:
-        """Beams (lines, beams) of a scan. ways: their directions from the machine (lines, beams, 3); down: how far
-        each comes down per metre; step, apart: between two beams and two lines [rad].
+        """Beams (lines, beams) of a scan.
+
+        ways: their directions in the machine's frame (lines, beams, 3); down: how far each comes down per metre
+        step, apart: between two beams and two lines [rad]
         """
         if scan.azimuth is not self._azimuth or scan.elevation is not self._elevation:
             self._azimuth, self._elevation = scan.azimuth, scan.elevation
@@ -319,25 +327,25 @@ class Lines:
             self.down = np.maximum(-self.ways[..., 2], LEVEL_BEAM)
             gaps = np.diff(a, axis=1)
             rows = np.unique(line[order]) * LINE
-            self.apart = float(np.median(np.diff(rows))) if len(rows) > 1 else 0.0
-            self.step = float(np.median(gaps[gaps > 1e-6])) if (gaps > 1e-6).any() else 1.0
+            self.apart = median(np.diff(rows)) if len(rows) > 1 else 0.0
+            self.step = median(gaps[gaps > 1e-6]) if (gaps > 1e-6).any() else 1.0
         return self._order
 
     def standing_out(self, ranges: F64, asked: NDArray[np.bool_], widest: float) -> tuple[F64, F64]:
-        """How far the echoes asked for lie before their line, closed over `widest`, and how deep beams there get
-        into what they meet [m].
+        """How far the echoes asked for lie before their line, closed over `widest`, and how deep beams there
+        get into what they meet [m].
 
-        The lines are closed by how far the beams came down: by that a canopy is even at every azimuth, as is a wall
-        across the way.
+        The lines are closed by how far the beams came down: by that a canopy is even at every azimuth, as is a
+        wall across the way.
         """
         drops = ranges * self.down
         before, depth = np.zeros_like(ranges), np.ones_like(ranges)
         scale = np.zeros(ranges.shape, dtype=np.int64)
-        scale[asked] = np.floor(np.log(np.maximum(ranges[asked], 1.0)) / np.log(STEP))
+        scale[asked] = np.searchsorted(SCALES, ranges[asked], side="right") - 1
         for k in np.unique(scale[asked]).tolist():
             mine = asked & (scale == k)
             rows = np.flatnonzero(mine.any(axis=1))
-            beam = self.step * STEP ** (k + 0.5)
+            beam = self.step * SCALES[k] * SCALE**0.5
             closed = (
                 closing(drops[rows], max(int(FRONT / beam), 1), max(ceil(widest / beam), 3)) / self.down[rows]
             )
