@@ -2,13 +2,13 @@
 
 python benchmarks/objects_drawn.py [--first 1000] [--cases 60] [--empty 40] [--file FILE.jsonl]
 
-A case draws a person of 1.75, 1.2 or 1.1 m, wheat of 0.6 or 0.85 m and 300 to 600 stems/m2 with rows any way,
-a layout (crop across the way, beside it, beginning ahead, the far wall of a gap), a place (1.5 to 4 m before the
-crop, or its middle 0.25 m out of it), a scanner with its mounting, and whether the machine stands or drives;
-pitch and roll sway by 0.4 deg (one sigma). Scans are of `lidar: plants`. Nothing tells the part an edge.
-In sight is the share of the silhouette that no crop hides and that lies between the scanner's lines and in its
-sector. A case counts where that is at least 0.3 in the last scan, or in one of the last ten of a machine that
-drives.
+A case draws a person of 1.75, 1.2 or 1.1 m, wheat of 0.6 or 0.85 m and 300 to 600 stems/m2 with rows any
+way, a layout (crop across the way, beside it, beginning ahead, the far wall of a gap), a place (1.5 to 4 m
+before the crop, or its middle 0.25 m out of it), a scanner with its mounting, and whether the machine stands
+or drives; pitch and roll sway by 0.4 deg (one sigma). Scans are of `lidar: plants`. Nothing tells an edge.
+In sight is the share of the silhouette that no crop hides and that lies between the scanner's lines and in
+its sector. A case counts where that is at least 0.3 in the last scan, or in one of the last ten of a machine
+that drives.
 Seen: an object of confidence 0.5 or more within 0.7 m of the person in a third of those scans or more.
 Phantom: an object of that confidence more than 1.5 m from the person, at any time.
 """
@@ -123,7 +123,7 @@ def _edge(case: Case, sensor_x: float) -> tuple[StraightEdge, tuple[float, float
     stubble = {"stubble_height_m": 0.15}
     if case.layout == "across":
         # along the edge is (-sin, cos) of turn, crop to its right
-        c, s = np.cos(radians(case.turn)), sin(radians(case.turn))
+        c, s = np.cos(radians(case.turn)), np.sin(radians(case.turn))
         start = x + 200.0 * s, -200.0 * c
         line = StraightEdge(
             x_m=start[0],

@@ -58,7 +58,7 @@ EDGE = CropEdge(0, EDGE_Y, 0.0, 0.0, 5.0, 0.9, CANOPY, STUBBLE)
 
 
 def drive(part, things, steps, *, tilt=0.0, edge=EDGE, velocity=(0.0, 0.0), begins=-9.0):
-    """Samples while the machine drives on, things and crop at their places at the start and their velocity."""
+    """Samples while the machine drives on; where things and crop are at the start, and a velocity."""
     found = []
     for k in range(1, steps + 1):
         t, gone = k * STEP, k * 0.1

@@ -2,12 +2,12 @@
 
 Crop is a surface with edges: its walls, corners and gaps run any way, but it is wide. So the ranges along
 each line of a scan are closed over the width of the widest thing: that takes away what is narrower than this
-and nearer than what lies on both its sides, and keeps every edge. How far an echo lies before the closed line, in
-units of how deep the beams beside it get into the crop, is its evidence. It counts where the crop before the
-echo does not explain it: where a canopy ends its top is ragged, but there is crop right before it, about as
-high. What is wider counts where it is higher than crop can be, which is learned from what the knife reaches.
-The evidence of a heap of echoes becomes its confidence. What is lower than the crop it is in is not found: a
-fawn, a lying person.
+and nearer than what lies on both its sides, and keeps every edge. How far an echo lies before the closed
+line, in units of how deep the beams beside it get into the crop, is its evidence. It counts where the crop
+before the echo does not explain it: where a canopy ends its top is ragged, but there is crop right before it,
+about as high. What is wider counts where it is higher than crop can be, which is learned from what the knife
+reaches. The evidence of a heap of echoes becomes its confidence. What is lower than the crop it is in is not
+found: a fawn, a lying person.
 """
 
 from collections.abc import Callable
@@ -56,8 +56,8 @@ class Params:
     (benchmarks/objects_drawn.py)
     above_m: a wide thing is so much higher than crop; slope_percent: and so much more by the distance, for
     ground that bends
-    crop_m, crop_sd_m: height of crop until the knife has met some; stubble_m: what the knife meets is crop
-    from this height on
+    crop_m: height of crop until the knife has met some; crop_sd_m: its standard deviation; stubble_m: what the
+    knife meets is crop from this height on
     least_echoes: in a heap; confirm: scans that show a thing before it counts; keep_s: it is kept so long
     without being seen
     """
@@ -234,7 +234,7 @@ AROUND = 1.5 * np.array([(cos(a), sin(a)) for a in np.arange(0.0, 6.2, 0.5)]).T 
 class HeightMap(KeepsState):
     """Top of what stands on each cell of the ground, in the frame of the dead reckoning; it goes on round.
 
-    slope: of its surfaces along x and y of that frame: most neighbours are of one surface, so edges count little
+    slope: of its surfaces along x and y of that frame; most neighbours are of one surface, edges count little
     """
 
     kept = ("_top", "_seen", "slope")
@@ -310,8 +310,8 @@ class Lines:
     def of(self, scan: Scan) -> Index:
         """Beams (lines, beams) of a scan.
 
-        ways: their directions in the machine's frame (lines, beams, 3); down: how far each comes down per metre
-        step, apart: between two beams and two lines [rad]
+        ways: their directions in the machine's frame (lines, beams, 3); down: how far each comes down per
+        metre; step, apart: between two beams and two lines [rad]
         """
         if scan.azimuth is not self._azimuth or scan.elevation is not self._elevation:
             self._azimuth, self._elevation = scan.azimuth, scan.elevation
@@ -335,8 +335,8 @@ class Lines:
         """How far the echoes asked for lie before their line, closed over `widest`, and how deep beams there
         get into what they meet [m].
 
-        The lines are closed by how far the beams came down: by that a canopy is even at every azimuth, as is a
-        wall across the way.
+        The lines are closed by how far the beams came down: by that a canopy is even at every azimuth, as is
+        a wall across the way.
         """
         drops = ranges * self.down
         before, depth = np.zeros_like(ranges), np.ones_like(ranges)
