@@ -208,3 +208,18 @@ def test_what_gets_under_the_lowest_beam_is_kept():
     assert len(found[-1].x) == 1
     assert found[-1].confidence[0] > 0.5
     assert found[-1].x[0] == pytest.approx(place, abs=0.5)
+
+
+def test_saved_and_loaded_in_the_middle():
+    """Map, height of the crop and what is followed go on as they were."""
+    part, other = cluster(), cluster()
+    drive(part, [(16.0, 5.0, 0.25, 1.75)], 6)
+    other.load(part.save())
+    t = 7 * STEP
+    scan = scan_of([(14.6, 5.0, 0.25, 1.75)], t, 7)
+    inputs = {"scan": scan, "odometry": Odometry(t, SPEED, 0.0, 0.0), "edge": EDGE}
+    a, b = (p.step(t - STEP, STEP, inputs)["objects"] for p in (part, other))
+    assert len(a.x) == 1
+    assert all(getattr(a, k).tobytes() == getattr(b, k).tobytes() for k in ("x", "y", "top", "confidence"))
+    assert other._map.slope == part._map.slope
+    assert other._crop.most == part._crop.most
