@@ -56,8 +56,8 @@ class Params:
     (benchmarks/objects_drawn.py)
     above_m: a wide thing is so much higher than crop; slope_percent: and so much more by the distance, for
     ground that bends
-    crop_m: height of crop until the knife has met some; crop_sd_m: its standard deviation; stubble_m: what the
-    knife meets is crop from this height on
+    crop_m: height of crop until the knife has met some; crop_sd_m: its standard deviation; stubble_m: what
+    the knife meets is crop from this height on
     least_echoes: in a heap; confirm: scans that show a thing before it counts; keep_s: it is kept so long
     without being seen
     """
@@ -326,8 +326,8 @@ class Lines:
             self.ways = self._mounting.turn(beam_directions(a, e))
             self.down = np.maximum(-self.ways[..., 2], LEVEL_BEAM)
             gaps = np.diff(a, axis=1)
-            rows = np.unique(line[order]) * LINE
-            self.apart = median(np.diff(rows)) if len(rows) > 1 else 0.0
+            heights = np.unique(line[order]) * LINE
+            self.apart = median(np.diff(heights)) if len(heights) > 1 else 0.0
             self.step = median(gaps[gaps > 1e-6]) if (gaps > 1e-6).any() else 1.0
         return self._order
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import cos, sin
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,7 +22,7 @@ class Following(KeepsState):
     port: of the sensor that it takes the mounting of
     """
 
-    kept = ("_tracks", "_pose", "_seen")
+    kept: ClassVar[tuple[str, ...]] = ("_tracks", "_pose", "_seen")
 
     def __init__(
         self, setup: ControlSetup, port: str, side: float, confirm: int, keep: float, doubt: float = 0.0
