@@ -126,7 +126,9 @@ def test_a_last_row_with_a_time_only_says_how_long_it_lasts(tmp_path, last):
 
 @pytest.mark.parametrize("lines", [("0,,", "0.7,,"), ("0.3,0.02,true", "0.7,,")])
 def test_what_it_needs_has_to_be_there_by_its_first_step(tmp_path, lines):
-    with pytest.raises(InputError, match=r"combine.steer.command: expected a sample by its first step at 0.0"):
+    with pytest.raises(
+        InputError, match=r"combine.steer.command: expected a sample by its first step at 0.0"
+    ):
         drive(tmp_path, *lines)
 
 

@@ -2,7 +2,7 @@
 
 With the fixed axle as reference and the steered axle a distance L behind it: yaw rate = v tan(steer) / L
 (steer > 0 turns left; the rear wheel itself then points right). No side slip, no tyre lag: see docs/motion.md
-for what that hides.
+for what that hides. On a slope the driven wheels slip along, as in the other levels.
 """
 
 from dataclasses import dataclass
@@ -21,6 +21,7 @@ from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.machine_sheet import dynamics_of
 from swath.machine.towing import ports_of, tow, towed_by, with_trailer
+from swath.machine.traction import DrivenWheels, traction_of
 from swath.signals import EngineState, HeapState, MachineState, SpeedCommand, SteerState
 
 
@@ -32,9 +33,9 @@ class Params:
 
 
 class Kinematic(KeepsState):
-    """Rear-steered vehicle without slip, its trailer behind it. The steering angle is held over a step."""
+    """Rear-steered vehicle without side slip, its trailer behind it. The steering angle is held over a step."""
 
-    kept = ("_x", "_y", "_yaw", "_speed", "_distance", "_towed")
+    kept = ("_x", "_y", "_yaw", "_wheels", "_distance", "_towed")
 
     inputs = (
         Port("steering", SteerState),
@@ -47,7 +48,8 @@ class Kinematic(KeepsState):
         self._params, self._start = params, setup.start
         self._wheelbase = setup.machine.wheelbase
         self._follower = TerrainFollower(setup.field, setup.machine)
-        self._loop = SpeedLoop(dynamics_of(setup.machine))
+        self._wheels = DrivenWheels(SpeedLoop(dynamics_of(setup.machine)))
+        self._traction = traction_of(setup.machine)
         self._towed = towed_by(setup)
         self.outputs = ports_of(self._towed)
 
@@ -55,7 +57,7 @@ class Kinematic(KeepsState):
         """Stand at the start pose."""
         self._x, self._y = float(self._start.position[0]), float(self._start.position[1])
         self._yaw = self._start.euler()[2]
-        self._speed = self._params.start_speed_kmh * KMH
+        self._wheels.reset(self._params.start_speed_kmh * KMH)
         self._distance = 0.0
         if self._towed is not None:
             self._towed.place(self._x, self._y, self._yaw)
@@ -65,7 +67,7 @@ class Kinematic(KeepsState):
         """Drive one arc."""
         steer: float = inputs["steering"].angle
         wanted = within_drive(inputs["speed"].speed, inputs.get("drive"))
-        self._speed, travel = self._loop.advance(self._speed, wanted, dt / NS)
+        _, travel = self._wheels.advance(wanted, dt / NS, self._follower.stance.pitch, self._traction)
         turn = travel * tan(steer) / self._wheelbase
         half = 0.5 * turn
         chord = travel * (sin(half) / half if abs(half) > 1e-8 else 1.0)
@@ -79,8 +81,9 @@ class Kinematic(KeepsState):
     def _output(self, t: int, steer: float) -> Outputs:
         self._follower.at(self._x, self._y, self._yaw)
         pose = self._follower.pose()
-        yaw_rate = self._speed * tan(steer) / self._wheelbase
-        state = MachineState(t, pose, self._speed, 0.0, yaw_rate, steer, self._distance)
+        speed = self._wheels.speed
+        yaw_rate = speed * tan(steer) / self._wheelbase
+        state = MachineState(t, pose, speed, 0.0, yaw_rate, steer, self._distance)
         return with_trailer(self._towed, state, self._yaw)
 
 
