@@ -293,7 +293,7 @@ def test_the_yaw_overshoot_at_half_and_twice_the_estimated_relaxation(speed, exp
 
 @pytest.mark.parametrize("percent", [-10.0, 0.0, 10.0])
 def test_the_driven_wheels_slip_for_what_they_pull(percent):
-    """The brush formula turned round: weight along the slope and rolling resistance, over the front's load."""
+    """The brush formula turned round: weight along the slope and rolling resistance."""
     angle = math.atan(0.01 * percent)
     motion = make(slope(0.01 * percent), wheel_slip=True, start_speed_kmh=7.2)
     run(motion, 3.0, speed=2.0)

@@ -6,7 +6,6 @@ import pytest
 
 from swath import load_scenario
 from swath.scenario.catalogue import CATALOGUE
-from swath.scenario.reference import parameter_rows
 
 LEVELS = [
     (kind, name)

@@ -44,7 +44,7 @@ class Traction:
         return copysign(3.0 * self.friction / self.stiffness * x, force)
 
     def slip_after(self, slip: float, grade: float, way: float) -> float:
-        """The slip on a slope after a way [m], behind by the relaxation length (Pacejka 2012, section 7.2)."""
+        """The slip on a slope after a way [m]: it lags by the relaxation length (Pacejka 2012, 7.2)."""
         gone = -expm1(-way / self.relaxation)
         return slip + (self.slip_of(grade, self.grip(grade)) - slip) * gone
 
@@ -74,8 +74,8 @@ class DrivenWheels(KeepsState):
         self.speed, self.rim, self.slip = speed, speed, 0.0
 
     def advance(self, wanted: float, dt: float, pitch: float, traction: Traction) -> tuple[float, float]:
-        """Drive on for dt [s] at a wanted speed [m/s]; pitch [rad] and slip are held over it. Returns the speed
-        in the middle of the time [m/s] and the way [m].
+        """Drive on for dt [s] at a wanted speed [m/s]; pitch [rad] is held over it. Returns the speed in the
+        middle of the time [m/s] and the way [m].
         """
         grade, before, slip = grade_of(pitch), self.speed, self.slip
         half, _ = self._loop.advance(self.rim, wanted, 0.5 * dt)

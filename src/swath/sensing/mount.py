@@ -49,8 +49,8 @@ class Mount:
 
 @dataclass(frozen=True)
 class LevelMount(Mount):
-    """A mounting that looks level from the axle: what each such sensor has by default is a class of its own, so
-    that a scenario that writes one key of it gets the others of that sensor.
+    """Looks level from the axle. A sensor with another default place has a class of its own, so that a
+    scenario that writes one key gets the others of that sensor.
     """
 
     at: Literal["edge_end", "left_end", "right_end", "axle"] = "axle"

@@ -33,7 +33,7 @@ class Params:
 
 
 class Kinematic(KeepsState):
-    """Rear-steered vehicle without side slip, its trailer behind it. The steering angle is held over a step."""
+    """Vehicle without side slip, its trailer behind it. The steering angle is held over a step."""
 
     kept = ("_x", "_y", "_yaw", "_wheels", "_distance", "_towed")
 

@@ -171,7 +171,7 @@ class SingleTrack:
         return fixed, steered
 
     def save(self) -> State:
-        """Place, heading, lateral speed of the centre of gravity, yaw rate, slips, distance, speeds, grain."""
+        """Place, heading, lateral speed of the centre of gravity, yaw rate, slips, way, speeds, grain."""
         state = dict(zip(self._q.names, self._q.read(), strict=True))
         towed = None if self._towed is None else self._towed.save()
         return {**state, "wheels": self._wheels.save(), "grain": self._grain, "towed": towed}

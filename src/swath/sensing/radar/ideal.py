@@ -23,9 +23,9 @@ TAP = 10_000_000  # between the three poses that a velocity is taken from [ns]
 
 @dataclass(frozen=True)
 class RadarMount(LevelMount):
-    """Over the header, in front of the cab, which is an estimate. Level: makers ask for an elevation of 0 to 1
-    deg against the ground and at least 0.5 m of height (Autoliv, Installation Specifications and User Manual,
-    Radar Sensors, E567781, 6.3.4; 24 GHz radar E814702, 5.3.9).
+    """Over the header, in front of the cab: an estimate. Level: makers ask for 0 to 1 deg against the ground
+    and a height of 0.5 m or more (Autoliv, Installation Specifications and User Manual, Radar Sensors,
+    E567781, 6.3.4; 24 GHz E814702, 5.3.9).
     """
 
     x_m: Length = 3.5
