@@ -249,7 +249,7 @@ def test_the_metres_of_a_field_folder(bags, tmp_path):
         ("lidar", {"picture": "/scan"}, {}, "expected output or output.number; outputs: scan, truth"),
         ("lidar", {"scan": "/scan"}, {"between": "interpolate"}, "expected hold, the beam_t, azimuth"),
         ("lidar", {"scan": "/scan"}, {"scale": {"scan.loudness": 2.0}}, "scale = scan.loudness"),
-        ("steer", {"command.curvature": "/curvature"}, {}, "expected topics or values for is_engaged too"),
+        ("steer", {"command.curvature": "/curvature"}, {}, "expected topics or constants for is_engaged too"),
         ("steer", {"command.bend": "/curvature"}, {}, "expected one of curvature, is_engaged after command."),
         (
             "steer",
