@@ -132,7 +132,7 @@ def test_slalom_keeps_together():
 def test_crabs_alike_on_a_side_slope(speed):
     """10 %: the centre of gravity drifts by g sin(slope) over the stiffness per load, at any speed."""
     crabs, turns = [], []
-    for motion in levels(speed, ground=slope(0.0, 0.1))[:2]:
+    for motion in levels(speed, ground=slope(0.0, 0.1)):
         state = run(motion, 6.0 / min(speed, 1.5) + 3.0, 0.0, speed)[-1]
         behind = SHEET.dynamics.cg_behind
         crabs.append(-(state.lateral_speed - behind * state.yaw_rate) / state.speed)
@@ -141,7 +141,20 @@ def test_crabs_alike_on_a_side_slope(speed):
     assert crabs[0] == pytest.approx(expected, rel=0.10)
     assert crabs[0] == pytest.approx(math.radians(1.53), rel=0.03)  # the same number at every speed
     assert crabs[1] == pytest.approx(crabs[0], rel=0.025)
+    assert crabs[2] == pytest.approx(math.radians(1.53), rel=0.01)
     assert turns[1] == pytest.approx(turns[0], rel=0.06)
+    assert turns[2] == pytest.approx(0.0, abs=1e-12)  # it has no rolling resistance
+
+
+def test_a_side_slope_moves_the_kinematic_machine_by_its_closed_form():
+    """alpha = 3 mu / n (1 - (1 - slope / mu)^(1/3)), and the way aside lags by the relaxation length."""
+    d = SHEET.dynamics
+    alpha = 3.0 * d.friction / d.stiffness * (1.0 - (1.0 - 0.1 / d.friction) ** (1.0 / 3.0))
+    state = run(motion_at("kinematic", 2.0, ground=slope(0.0, 0.1)), 10.0, 0.0, 2.0)[-1]
+    assert state.lateral_speed == pytest.approx(-2.0 * alpha, rel=1e-6)
+    aside = -alpha * (20.0 - d.front.relaxation)
+    assert state.pose.position[1] == pytest.approx(aside, rel=1e-3)
+    assert state.distance == pytest.approx(math.hypot(20.0, aside), rel=1e-4)
 
 
 @pytest.mark.parametrize("grain", [0.0, 8000.0])

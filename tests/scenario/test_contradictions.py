@@ -108,8 +108,8 @@ def test_a_case_varies_what_it_sets(tmp_path, text):
 
 def test_in_a_list():
     sets = layered(["field.edge.gaps=[{start_m: 3, end_m: 4, depth_m: 1}]"], ["field.edge.gaps.0.end_m=5"])
-    (gap,) = load_scenario("straight", sets=sets).field.edge.gaps
-    assert (gap.start_m, gap.end_m) == (3, 5)
+    (gap,) = load_scenario("straight", sets=sets).plain()["field"]["edge"]["gaps"]
+    assert (gap["start_m"], gap["end_m"]) == (3, 5)
 
 
 @pytest.mark.parametrize("where", ["sets", "candidates"])

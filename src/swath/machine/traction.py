@@ -115,6 +115,12 @@ def traction_of(machine: MachineGeometry, dynamics: Dynamics | None = None, towe
     return Traction(stiffness, friction, relaxation, thrust, level * own, grade * own)
 
 
+def across_of(machine: MachineGeometry) -> Traction:
+    """Of all wheels against a side slope."""
+    d = dynamics_of(machine)
+    return Traction(d.stiffness, d.friction, d.front.relaxation, inf, 1.0, 0.0)
+
+
 def pull(state: MachineState, accel: float, grain: float, dynamics: Dynamics) -> float:
     """Force at the wheels [N]: rolling resistance, grade, acceleration [m/s2]; grain in the tank [kg]."""
     mass = dynamics.mass + grain
