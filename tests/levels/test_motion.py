@@ -13,7 +13,7 @@ from swath.machine.machine_sheet import load_machine, with_grain
 from swath.scenario.catalogue import CATALOGUE
 from swath.signals import SpeedCommand, SteerState
 from tests.levels.limits import each_level, make
-from tests.machine.machine_fakes import STREAM, drive, site, slope
+from tests.machine.machine_fakes import STREAM, Ground, drive, site, slope
 
 pytest.importorskip("mujoco", reason="needs the extra `multibody`")
 SHEET = load_machine("lexion-700")
@@ -240,3 +240,14 @@ def test_level_ground_drives_as_the_loop_alone(level):
         speed = 2.8 * 3.6 * KMH if state.t == NS // 100 else speed
         speed, _ = loop.advance(speed, 0.0, 0.01)
         assert state.speed == speed
+
+
+@pytest.mark.parametrize("level", ["multibody", "single_track", "kinematic"])
+def test_on_a_slope_a_saved_moment_goes_on_alike(level):
+    hilly = Ground(lambda x, y: 0.3 * np.sin(0.2 * x) + 0.12 * y)
+    one, other = motion_at(level, 2.0, ground=hilly), motion_at(level, 2.0, ground=hilly)
+    run(one, 1.5, 0.1, 2.0)
+    other.load(one.save())
+    for a, b in zip(run(one, 1.0, 0.1, 2.0), run(other, 1.0, 0.1, 2.0), strict=True):
+        assert a.speed == b.speed
+        assert np.array_equal(a.pose.position, b.pose.position)

@@ -1,9 +1,9 @@
 """Motion level `kinematic`: wheels roll where they point. Exact circular arcs.
 
 With the fixed axle as reference and the steered axle a distance L behind it: yaw rate = v tan(steer) / L
-(steer > 0 turns left; the rear wheel itself then points right). Turning costs no side slip: see docs/motion.md for
-what that hides. On a slope the wheels slip as in the other levels, along and across, behind by the relaxation
-lengths: both axles drift alike, so the machine crabs downhill and keeps its heading.
+(steer > 0 turns left; the rear wheel itself then points right). Turning costs no side slip: see
+docs/motion.md for what that hides. On a slope the wheels slip as in the other levels, along and
+across, behind by the relaxation lengths: both axles drift alike, so it crabs downhill and keeps its heading.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.component import Inputs, KeepsState, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -34,7 +34,7 @@ class Params:
 
 
 class Kinematic(KeepsState):
-    """Vehicle whose turning costs no side slip, its trailer behind it. The steering angle is held over a step."""
+    """A vehicle, its trailer behind it. The steering angle is held over a step."""
 
     kept = ("_x", "_y", "_yaw", "_wheels", "_drift", "_distance", "_towed")
 
@@ -84,6 +84,11 @@ class Kinematic(KeepsState):
         self._distance += hypot(travel, aside)
         tow(self._towed, inputs, self._x, self._y, self._yaw)
         return self._output(t + dt, steer)
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        super().load(state)
+        self._follower.at(self._x, self._y, self._yaw)
 
     def _output(self, t: int, steer: float) -> Outputs:
         self._follower.at(self._x, self._y, self._yaw)

@@ -67,7 +67,7 @@ def _read_csv(path: Path) -> dict[str, NDArray[Any]]:
                 raise InputError("columns", twice, "expected once", file=path, line=1)
             found = {n: [] for n in names}
             for row in reader:
-                if any((cell or "").strip() for cell in row.get(None, ())):  # type: ignore[call-overload]
+                if any((cell or "").strip() for cell in row.get(None, ())):
                     expected = f"expected {len(reader.fieldnames or ())} cells, decimals with a point"
                     raise InputError("row", None, expected, file=path, line=reader.line_num)
                 for name in names:
