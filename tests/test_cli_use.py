@@ -63,7 +63,7 @@ def test_a_trial_that_ends_before_a_window_opens_is_no_failure(tmp_path, monkeyp
     """The template of a scenario has a limit from 10 m on."""
     monkeypatch.chdir(tmp_path)
     assert main(["new", "scenario"]) == 0
-    flags = [word for change in (*SHORT, "run.distance_m=3") for word in ("--set", change)]
+    flags = [word for change in ("run.distance_m=3", *SHORT[1:]) for word in ("--set", change)]
     assert main(["run", "my_scenario.yaml", *flags, "--out", "r"]) == 0
     assert "note    nothing measured in so short a run: lateral_p95_m" in capsys.readouterr().out
 

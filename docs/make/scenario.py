@@ -45,7 +45,7 @@ an installed one (entry point group `swath.levels`, name `slot.level`), or your 
 which runs with your rights as soon as the scenario is read; `--no-code` refuses it
 ([SECURITY.md](../SECURITY.md)).
 `--set combine.lidar.level=empirical` changes one key for one run; choosing another level drops the keys that
-only the old one knew.
+only the old one knew. The order of changes does not matter; two that say different things about a key are an error.
 """
 
 REALTIME = """\

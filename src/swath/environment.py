@@ -123,9 +123,14 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         drive(world, [self.evaluation, self._note], until_s=0.0)
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Drive for one period. Returns observation, reward, terminated, truncated, info."""
-        world = self._running()
-        told = np.clip(np.asarray(action, dtype=float).reshape(-1), -1.0, 1.0)
+        """Drive for one period. Returns observation, reward, terminated, truncated, info. InputError for an
+        action that is no finite number or not one for each axis of the space; what is out of it is cut.
+        """
+        world, count = self._running(), self.action_space.shape[0]
+        told = np.asarray(action, dtype=float).reshape(-1)
+        if len(told) != count or not np.isfinite(told).all():
+            raise InputError("action", action, f"expected {count} finite number{'s' * (count > 1)}")
+        told = np.clip(told, -1.0, 1.0)
         self._steer.value = float(told[0]) * self._tightest
         if self.with_speed:
             self._speed.value = 0.5 * (1.0 + float(told[1])) * self.top

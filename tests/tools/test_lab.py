@@ -168,6 +168,8 @@ def test_real_heights_by_case(tmp_path):
         ("height_m\n850\n", "expected metres"),
         ("height_m\n\n", "at least one number"),
         ("height_m,depression_deg\n0.5,\n", "depression_deg"),
+        ("height_m\n0,85\n", "decimals with a point .*:2"),
+        ("height_m,height_m\n0.5,0.6\n", "height_m: expected once"),
     ],
 )
 def test_bad_real_heights(tmp_path, text, said):

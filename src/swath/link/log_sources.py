@@ -42,7 +42,7 @@ class Params:
 
     slot: machine.slot that was recorded, where it is called otherwise than here (our own recordings)
     topics: output: topic, or output.number: topic:path.in.message (other recordings)
-    values: output.number: value, for numbers that no topic has
+    constants: output.number: value, for numbers that no topic has; values: the same, its older name
     scale: output.number: factor, where a message has other units than SI and radians
     start_s: where in the recording the run starts, from its first message
     clock: a sample comes out when its message was received, or at its stamp
@@ -58,7 +58,8 @@ class Params:
     folder: str | None = None
     slot: str | None = None
     topics: dict[str, str] = field(default_factory=dict)
-    values: dict[str, float] = field(default_factory=dict)
+    constants: dict[str, bool | float] = field(default_factory=dict)
+    values: dict[str, bool | float] = field(default_factory=dict)
     scale: dict[str, float] = field(default_factory=dict)
     start_s: Annotated[float, Ge(0), Le(1e7)] = 0.0
     clock: Literal["received", "stamp"] = "received"
@@ -69,6 +70,11 @@ class Params:
     origin: GeoOrigin | None = None
     field_folder: str | None = None
     antenna_m: tuple[float, float, float] | None = None
+
+    @property
+    def fixed(self) -> dict[str, bool | float]:
+        """`constants`, under either name."""
+        return {**self.values, **self.constants}
 
 
 @dataclass(frozen=True)
@@ -125,7 +131,7 @@ def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[
     context = Context(setup.control.machine.wheelbase)
     whole: dict[str, str] = {}
     numbers: dict[str, dict[str, tuple[str, str]]] = {}
-    for key in (*params.topics, *params.values):
+    for key in (*params.topics, *params.fixed):
         name, _, number = key.partition(".")
         if name not in ports:
             raise InputError("topics", key, f"expected output or output.number; outputs: {', '.join(ports)}")
@@ -152,14 +158,14 @@ def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[
     if both := sorted(set(whole) & set(numbers)):
         raise InputError("topics", both[0], "expected a topic for the output or for its numbers, not both")
     for name, given in numbers.items():
-        fixed = numbers_of(name, params.values)
+        fixed = numbers_of(name, params.fixed)
         lacking = [
             f.name
             for f in flat_fields(ports[name].signal).values()
             if f.default is None and f.name not in given and f.name not in fixed
         ]
         if lacking:
-            raise InputError("topics", name, f"expected topics or values for {', '.join(lacking)} too")
+            raise InputError("topics", name, f"expected topics or constants for {', '.join(lacking)} too")
     made = {n: Source(ports[n], (t,)) for n, t in whole.items()}
     made |= {
         n: Source(ports[n], tuple(dict.fromkeys(t for t, _ in given.values())), numbers=given)
@@ -173,7 +179,7 @@ def _can_be(signal: type[Signal], msgtype: str, context: Context) -> bool:
     return (msgtype == FIX and signal is MachineState) or maker_for(signal, msgtype, context) is not None
 
 
-def numbers_of(port: str, given: Mapping[str, float]) -> dict[str, float]:
+def numbers_of(port: str, given: Mapping[str, bool | float]) -> dict[str, bool | float]:
     """Those of `output.number: value` that belong to an output, by number."""
     lead = f"{port}."
     return {key.removeprefix(lead): value for key, value in given.items() if key.startswith(lead)}

@@ -18,6 +18,7 @@ _ALLOWED = {
     "output": ("constant", "discrete", "continuous"),
     "independent": ("continuous",),
 }
+DEFAULT = "continuous"  # variability of what says none (FMI 2.0.3, 2.2.7); FMPy reads it so for every type
 _VALUES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
 
@@ -55,7 +56,8 @@ def _repair_variable(node: Any, types: set[str | None]) -> list[str]:
             repairs.append(f"variable {name} is of type {declared}, which is not defined")
     variability, causality = node.get("variability"), node.get("causality", "local")
     allowed = _ALLOWED.get(causality)
-    if variability is not None and allowed is not None and variability not in allowed:
-        repairs.append(f"variable {name} is {causality} and {variability}, which do not go together")
+    if allowed is not None and (variability or DEFAULT) not in allowed:
+        said = variability or f"{DEFAULT} (the default)"
+        repairs.append(f"variable {name} is {causality} and {said}, which do not go together")
         node.set("variability", allowed[-1] if allowed is not _FIXED else "fixed")
     return repairs

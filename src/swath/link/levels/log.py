@@ -95,6 +95,8 @@ class LogPlayer:
         if self._is_own and not all(s.is_exact for s in self._sources):
             rounded = ", ".join(s.port.name for s in self._sources if not s.is_exact)
             found.append(f"{name}: {rounded} from standard messages, which round and leave out")
+        if p.values:
+            found.append(f"{name}: `values` is now `constants`, as in level fmu")
         if p.between == "interpolate":
             found.append(f"{name}: interpolated between recorded samples")
         if self._skipped:
@@ -296,7 +298,7 @@ class LogPlayer:
     def _from_numbers(self, source: Source, records: Iterator[tuple[str, int, Any]]) -> Iterator[Timed]:
         """A sample whenever one of its numbers came, once all have."""
         name = source.port.name
-        known: dict[str, Any] = numbers_of(name, self.params.values)
+        known: dict[str, Any] = numbers_of(name, self.params.fixed)
         for topic, t, message in records:
             for number, (where, path) in source.numbers.items():
                 if where == topic:

@@ -16,6 +16,7 @@ from swath.core.errors import InputError, SwathError
 from swath.core.whole_file import write_whole
 from swath.documents.json_file import read_object
 from swath.runtime.workers import Lost, in_workers
+from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.scenario.slots import kind_of
 from swath.tools.dataset.coco import CATEGORIES
@@ -49,7 +50,7 @@ def settings_of(
         f"{machine}.{camera}.height_px={height}",
         f"{machine}.{camera}.channels=[colour, label, instance]",
     )
-    every = (*own, *usual, *sets)
+    every = tuple(layered(own, usual, sets))
     read = load_scenario(scenario, sets=list(every))
     varies = [
         part

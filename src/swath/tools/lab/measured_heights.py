@@ -63,8 +63,13 @@ def _read_csv(path: Path) -> dict[str, NDArray[Any]]:
         names = [n for n in (HEIGHT, *KEYS) if n in (reader.fieldnames or ())]
         if HEIGHT not in names:
             raise _no_height(", ".join(reader.fieldnames or ()), path)
+        if twice := next((n for n in names if list(reader.fieldnames or ()).count(n) > 1), None):
+            raise InputError("columns", twice, "expected once", file=path, line=1)
         found = {n: [] for n in names}
         for row in reader:
+            if any((cell or "").strip() for cell in row.get(None, ())):
+                expected = f"expected {len(reader.fieldnames or ())} cells, decimals with a point"
+                raise InputError("row", None, expected, file=path, line=reader.line_num)
             for name in names:
                 found[name].append(_value(name, row[name], path, reader.line_num))
     except csv.Error as error:

@@ -15,6 +15,7 @@ from swath.report.report import FinishedRun, ReportWriter
 from swath.runtime.changes import read_events
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import JobResult, run_job
+from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario, load_scenario, parse_scenario
 from swath.scenario.slot_names import slot_names
 from swath.scenario.slots import kind_of
@@ -92,7 +93,7 @@ def plan_rerun(
     played = _named(slots, exact) if slots is not None else _default_slots(exact, is_all)
     changes = [f"{slot}={_entry(recorded, slot, log.path)}" for slot in played]
     flags = {f"--seed {seed}": f"seed={seed}"} if seed is not None else {}
-    return Rerun(log, recorded_scenario(log, source, [*changes, *sets], flags), tuple(played))
+    return Rerun(log, recorded_scenario(log, source, layered(changes, sets), flags), tuple(played))
 
 
 def recorded_scenario(
