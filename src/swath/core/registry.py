@@ -25,10 +25,10 @@ from typing import Any
 
 from swath.core.errors import InputError, SwathError
 from swath.core.foreign_code import need_allowed
+from swath.core.packed_state import USER_MODULE
 from swath.core.renamed import present_name
 
 GROUP = "swath.levels"
-USER_MODULE = "swath_user_"  # how the names of modules begin that were read from a user's file
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from swath.job.motion import Motion
 from swath.job.plan import FieldPlan, Shared
 from swath.job.plan_files import plan_from_file
 from swath.job.recorded import read_day, recorded_plan
-from swath.job.saved import digest_of
+from swath.job.digest import digest_of
 from swath.job.spread import Spread
 from swath.job.standoff import Standoff
 from swath.job.swept import SweptGround, swept_ground, track_along

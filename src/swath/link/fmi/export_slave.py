@@ -18,9 +18,9 @@ import numpy as np
 
 from swath import __version__
 from swath.core.errors import InputError, SwathError
+from swath.core.packed_state import UnpackableState, pack, unpack
 from swath.link.fmi.export_part import Held, Part, Source
 from swath.link.fmi.export_variables import Variable
-from swath.link.fmi.state_bytes import state_from_bytes, state_to_bytes
 
 FILE = "swath.json"
 OK, WARNING, ERROR = 0, 1, 3  # as FMI numbers them
@@ -215,13 +215,13 @@ class _Slave:
 
     @staticmethod
     def _fmu_state_to_bytes(state: dict[str, Any]) -> bytes:
-        return state_to_bytes(state)
+        return pack(state)
 
     @staticmethod
     def _fmu_state_from_bytes(data: bytes) -> dict[str, Any]:
         try:
-            state = state_from_bytes(data)
-        except InputError:  # would crash an importer of FMI 2; loading {} is refused
+            state = unpack(data)
+        except UnpackableState:  # would crash an importer of FMI 2; loading {} is refused
             return {}
         return state if isinstance(state, dict) else {}
 
