@@ -29,6 +29,8 @@ def run(args: argparse.Namespace) -> int:
             level = CATALOGUE.registry.get(kind, name)
             star = " *" if name == CATALOGUE.default_level(kind) else ""
             rows.append((kind, name + star, level.summary, level.cost, level.tolerance))
+        for name, package in CATALOGUE.registry.installed(kind).items():
+            rows.append((kind, name, f"of the installed package {package}", "", ""))
     for name in CATALOGUE.registry.links():
         level = CATALOGUE.registry.get(args.slot if args.slot in slots else slots[0], name)
         rows.append(("any", name, level.summary, level.cost, level.tolerance))

@@ -15,7 +15,7 @@ from typing import Any
 
 from swath import __version__
 from swath.core.errors import InputError, SwathError
-from swath.core.packed_state import UnpackableState, pack, unpack
+from swath.core.packed_state import MAGIC, UnpackableState, pack, unpack
 from swath.core.schedule import NS
 from swath.core.whole_file import write_whole
 from swath.runtime.folder import PAGES, SAVED, SAVES
@@ -175,6 +175,13 @@ def saves_in(folder: Path) -> dict[int, Path]:
         with suppress(ValueError):
             found[int(file.name.removesuffix(SAVED))] = file
     return dict(sorted(found.items()))
+
+
+def is_readable(save: Path) -> bool:
+    """Whether a save begins as those of this version of swath do."""
+    with suppress(OSError, zlib.error), save.open("rb") as file:
+        return zlib.decompressobj().decompress(file.read(1024), len(MAGIC)) == MAGIC
+    return False
 
 
 def saved_before(folder: Path, at: int) -> Iterator[bytes]:

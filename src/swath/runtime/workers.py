@@ -17,6 +17,7 @@ from typing import Any, Generic, TypeVar
 
 from swath.core.collector import collect_rarely
 from swath.core.errors import SwathError
+from swath.core.foreign_code import Gate, present_gate, through
 
 STRIKES = 2  # workers that a job may kill before it counts as an error
 AHEAD = 4  # jobs for each worker that are begun before those before them are through, where order counts
@@ -48,7 +49,7 @@ class _Worker(Generic[T, R]):
     def __init__(self, begin: Begin[T, R]) -> None:
         context = mp.get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, begin), daemon=True)
+        self.process = context.Process(target=_serve, args=(theirs, begin, present_gate()), daemon=True)
         self.process.start()
         theirs.close()
         self.job: _Job[T] | None = None
@@ -159,13 +160,13 @@ def _check_begun(worker: _Worker[T, R], found: object) -> None:
         )
 
 
-def _serve(pipe: Connection, begin: Begin[Any, Any]) -> None:
-    """What a worker does until its pipe is closed. Ctrl-C is the driver's business."""
+def _serve(pipe: Connection, begin: Begin[Any, Any], gate: Gate) -> None:
+    """What a worker does until its pipe is closed. Ctrl-C is the driver's business; gate: of the driver."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     collect_rarely()
     os.environ.setdefault("SWATH_THREADS", "1")  # one core a job, as many jobs as cores
-    work = begin()
-    with suppress(OSError):  # the driver is gone
+    with through(gate), suppress(OSError):  # the driver is gone
+        work = begin()
         pipe.send(True)
         while True:
             try:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.foreign_code import code_unread
 from swath.link.osi.messages import TYPES, Writer
 from swath.machine.machine_sheet import load_machine
 from swath.record.read.feed import exact_samples, exact_topic
@@ -31,7 +32,9 @@ def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = No
         raise InputError("--out", str(out), "expected a file such as x.osi")
     if not (run / "scenario.yaml").is_file():
         raise InputError("run", str(run), "expected a run folder, it has no scenario.yaml")
-    scenario, log = load_scenario(run), open_log(run)
+    log = open_log(run)
+    with code_unread():
+        scenario = load_scenario(run)
     sensors = _sensors(log)
     if slot not in (None, *sensors):
         listed = ", ".join(sensors)
