@@ -42,8 +42,8 @@ def load_scenario(
 
     sets: {"combine.speed.speed_kmh": 5}, or texts as after `--set`; a text is read as there
     seed: instead of the scenario's
-    code: True lets Python files and FMUs run that the scenario names: with your rights, a Python file as soon as
-    it is read (SECURITY.md). What `sets` name is yours and runs. A scenario remembers what it may run.
+    code: True lets Python files and FMUs run that the scenario names, with your rights, a Python file as soon
+    as it is read (SECURITY.md); what `sets` name is yours and runs. A scenario remembers what it may run.
     Raises swath.core.errors.InputError, which names key, value, what was expected, file and line.
     """
     texts = [f"{k}={_text(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)

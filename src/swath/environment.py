@@ -65,7 +65,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
     truncated: `run.max_duration_s`.
 
     A reset with a seed is the scenario with that seed, without one the seed is drawn. machine: which one, by
-    default the first; period_s: between two actions; code: as in `swath.load_scenario`. Raises InputError as `swath.load_scenario`.
+    default the first; period_s: between two actions; code: as in `swath.load_scenario`, as the InputError.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": []}

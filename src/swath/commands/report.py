@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 
-
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("report", help="draw the report of a run again", description=_DESCRIPTION)

@@ -1,9 +1,9 @@
 """The one gate for code that is not swath's: nothing of it is loaded but through here, and only what may run.
 
-Code is a Python file (a level, an evaluator, a law, a habit of a crop), an FMU, or a system of FMUs: it has the rights
-of the user, and a Python file runs already when it is read. None may run but what was allowed: all by
-`--allow-code` (`code=True` in Python), or single files by being named on the command line itself. Packages that are
-installed are loaded where a scenario names their level.
+Code is a Python file (a level, an evaluator, a law, a habit of a crop), an FMU, or a system of FMUs: it has
+the rights of the user, and a Python file runs already when it is read. None may run but what was allowed: all
+by `--allow-code` (`code=True` in Python), or single files by being named on the command line itself. Packages
+that are installed are loaded where a scenario names their level.
 """
 
 import importlib.util

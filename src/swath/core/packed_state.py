@@ -3,10 +3,10 @@
     data = pack(state, {"field": field})       # objects of the second argument are left out, by identity
     state = unpack(data, {"field": other})     # and the ones given here take their place
 
-A JSON tree, and behind it the bytes of arrays. What JSON has no word for is `{kind: content}`. Objects are those
-of registered types alone: samples (`Signal`), what `@saved_type` stands on, and plain records of a user's file that
-is loaded already. They are rebuilt field by field; no constructor and nothing that the bytes name is called, and
-nothing is imported. An object that occurs twice comes back as one.
+A JSON tree, and behind it the bytes of arrays. What JSON has no word for is `{kind: content}`. Objects are of
+registered types alone: samples (`Signal`), what has `@saved_type` above it, and records of a user's file that
+is loaded already. They are rebuilt field by field; no constructor and nothing that the bytes name is called,
+and nothing is imported. An object that occurs twice comes back as one.
 """
 
 import dataclasses
@@ -43,7 +43,7 @@ _FIELDS: dict[type, tuple[str, ...]] = {}
 
 
 def saved_type(*fields: str) -> Callable[[T], T]:
-    """Objects of the class may be in a saved state. fields: of a class that is no dataclass or named tuple."""
+    """Objects of the class may be saved. fields: of a class that is neither dataclass nor named tuple."""
 
     def register(kind: T) -> T:
         _TYPES[_name(kind)] = kind
@@ -105,7 +105,9 @@ def _fields(kind: type) -> Sequence[str] | None:
         return _FIELDS[kind]
     if dataclasses.is_dataclass(kind):
         return [f.name for f in dataclasses.fields(kind)]
-    return getattr(kind, "_fields", None) if issubclass(kind, tuple) else [] if issubclass(kind, Enum) else None
+    return (
+        getattr(kind, "_fields", None) if issubclass(kind, tuple) else [] if issubclass(kind, Enum) else None
+    )
 
 
 class _Writer:

@@ -41,4 +41,3 @@ def find_habit(sheet: Sheet) -> Habit:
     if not isinstance(habit, Habit):
         raise sheet.error("habit", f"expected a file that defines HABIT, a {Habit.__name__}")
     return habit
-

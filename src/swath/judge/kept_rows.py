@@ -3,7 +3,6 @@
 import zlib
 from array import array
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 import numpy as np
 

@@ -1,7 +1,6 @@
 """The code that a scenario brings along: Python files, FMUs, systems of FMUs."""
 
 from collections.abc import Iterator
-
 from pathlib import Path
 
 from swath.core.foreign_code import NamesCode, file_of, is_allowed, need_allowed

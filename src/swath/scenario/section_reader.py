@@ -158,7 +158,7 @@ class SectionReader:
         return str(file.resolve())
 
     def _check_habit(self, sheet: Path, path: KeyPath) -> None:
-        """Note a habit of a crop that may not run; anything else that is wrong is told when the crop is made."""
+        """Note a habit of a crop that may not run; the rest of the sheet is read when the crop is made."""
         with suppress(InputError):
             data = read_document(sheet).data
             habit = data.get("habit") if isinstance(data, dict) else None

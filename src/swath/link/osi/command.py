@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 
-
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("osi", help="scans or radar detections of a run as an ASAM OSI trace")

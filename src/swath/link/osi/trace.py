@@ -8,6 +8,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.foreign_code import code_unread
+from swath.core.whole_file import new_file
 from swath.link.osi.messages import TYPES, Writer
 from swath.machine.machine_sheet import load_machine
 from swath.record.read.feed import exact_samples, exact_topic
@@ -54,14 +55,13 @@ def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = No
     make = writer.sensor_data if kind == "sd" else writer.sensor_view
     states = {name: list(_samples(log, f"{name}.motion", "state")) for name in sheets}
     out.parent.mkdir(parents=True, exist_ok=True)
-    unfinished, count = out.with_name(out.name + ".part"), 0
-    with unfinished.open("wb") as file:
+    count = 0
+    with new_file(out) as file:
         for sample in _samples(log, slot, sensors[slot]):
             message = make(sample, {name: _newest(found, sample.t) for name, found in states.items()})
             data = message.SerializeToString(deterministic=True)
             file.write(LENGTH.pack(len(data)) + data)
             count += 1
-    unfinished.replace(out)
     return count
 
 

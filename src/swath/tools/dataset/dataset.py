@@ -13,7 +13,7 @@ from typing import Any
 
 import swath
 from swath.core.errors import InputError, SwathError
-from swath.core.whole_file import write_whole
+from swath.core.whole_file import own_folder, write_whole
 from swath.runtime.workers import Lost, in_workers
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.scenario.slots import kind_of
@@ -83,7 +83,7 @@ def make_dataset(
     InputError where the folder holds a data set of other settings; SwathError where a picture cannot be made.
     """
     for folder in ("images", "masks", "parts"):
-        (out / folder).mkdir(parents=True, exist_ok=True)
+        own_folder(out / folder)
     _check_same(settings, out)
     jobs = missing(settings, out)
     there = settings.count - sum(len(job.pictures) for job in jobs)

@@ -81,7 +81,9 @@ def run_on_cluster(
         while pending or not is_over:
             count = _worker_count(client)
             while len(pending) < count and (run := next(left, None)) is not None:
-                job = client.submit(_do, run, str(folder), work, code_hash(), present_gate(), key=f"run-{run.id}", pure=False)
+                job = client.submit(
+                    _do, run, str(folder), work, code_hash(), present_gate(), key=f"run-{run.id}", pure=False
+                )
                 pending[job] = run
             is_over = bool(count) and len(pending) < count
             alone = 0 if count else alone + 1

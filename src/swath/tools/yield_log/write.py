@@ -61,11 +61,11 @@ def write_isoxml(log: Records, folder: Path) -> Path:
         raise InputError("--out", str(folder), "expected a new or empty folder, or a name that ends in .csv")
     folder.mkdir(parents=True, exist_ok=True)
     listed = "\n".join(f'<DLV A="{ddi:04X}" B="" C="DET1"/>' for ddi, _ in CHANNELS)
-    (folder / "TLG00001.xml").write_text(HEADER.format(listed=listed), encoding="utf-8")
-    (folder / "TLG00001.bin").write_bytes(b"".join(_record(log, i) for i in range(len(log.time))))
+    write_whole(folder / "TLG00001.xml", HEADER.format(listed=listed))
+    write_whole(folder / "TLG00001.bin", b"".join(_record(log, i) for i in range(len(log.time))))
     names = {"crop": Path(log.crop).stem, "machine": log.machine, "name": log.name}
     text = TASKDATA.format(**{key: quoteattr(value) for key, value in names.items()})
-    (folder / "TASKDATA.XML").write_text(text, encoding="utf-8")
+    write_whole(folder / "TASKDATA.XML", text)
     return folder
 
 
