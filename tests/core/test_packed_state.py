@@ -160,7 +160,7 @@ def test_damaged_bytes_are_read_or_refused():
 
 
 def everything():
-    """Every class, function and method of swath that can be imported here, and what is dangerous elsewhere."""
+    """Every class, function and method of swath that can be imported, and what is dangerous elsewhere."""
     found = {}
     for info in pkgutil.walk_packages(swath.__path__, "swath."):
         if not info.name.endswith("__main__"):
@@ -211,5 +211,12 @@ def test_every_class_of_swath_is_refused_or_comes_back_as_plain_data_and_nothing
 def test_what_may_be_in_a_state_does_nothing_by_itself():
     for kind in packed_state._known().values():
         own = vars(kind)
-        assert not {"__del__", "__setstate__", "__reduce__", "__reduce_ex__", "__call__", "__post_init__"} & set(own)
+        assert not {
+            "__del__",
+            "__setstate__",
+            "__reduce__",
+            "__reduce_ex__",
+            "__call__",
+            "__post_init__",
+        } & set(own)
         assert issubclass(kind, Signal) or packed_state._fields(kind) is not None

@@ -3,6 +3,7 @@
 from copy import deepcopy
 from dataclasses import replace
 
+from swath.job.digest import digest_of
 from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.fleet import (
@@ -18,7 +19,6 @@ from swath.job.fleet import (
 from swath.job.lands import PlanSettings
 from swath.job.machines import fleet_of
 from swath.job.plan import FieldPlan
-from swath.job.digest import digest_of
 from swath.job.work import plan_of, result_of
 
 RECTANGLE = [(0.0, 0.0), (600.0, 0.0), (600.0, 300.0), (0.0, 300.0)]

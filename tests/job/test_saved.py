@@ -7,11 +7,11 @@ from copy import deepcopy
 
 import pytest
 
+from swath.job.digest import digest_of
 from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.kinematic import Kinematic
 from swath.job.machines import fleet_of
-from swath.job.digest import digest_of
 from swath.job.work import plan_of
 from tests.job.jobs import job_file
 
@@ -50,4 +50,3 @@ def test_threads_do_not_change_the_digest():
         )
         found.add(made.stdout)
     assert len(found) == 1
-

@@ -10,7 +10,7 @@ from swath.commands.main import main
 from tests.link.made_fmus import PROCESS, engine_fmu, needs_cc, store_fmu
 
 pytest.importorskip("fmpy")
-pytestmark = needs_cc
+pytestmark = [needs_cc, pytest.mark.usefixtures("code_allowed")]
 
 
 def printed(capsys, *argv):

@@ -20,6 +20,8 @@ from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
 from tests.link.fmu_scenario import scenario
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 SHORT = "run.max_duration_s=0.4"
 ROOT = Path(__file__).parents[2]
 

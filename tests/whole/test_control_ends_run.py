@@ -7,6 +7,8 @@ LEVEL = '''
 from swath.control.edge.max_likelihood import LEVEL as BUILT_IN
 from swath.core.schedule import NS
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 
 class GivesUp(BUILT_IN.component):
     """Finds the edge, and stops the machine after a second."""

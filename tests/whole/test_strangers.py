@@ -79,7 +79,7 @@ def ran(tmp_path_factory):
 
 
 class Folder:
-    """What a stranger sends: scenario, run folder, test case, candidates, sheets, FMUs, jobs; `mark` says it ran."""
+    """What a stranger sends: scenario, run folder, case, candidates, sheets, FMUs, job. mark: it ran"""
 
     def __init__(self, path, kind, ran):
         self.path, self.mark = path, path / "mark"
@@ -117,7 +117,8 @@ class Folder:
         crop = ["--crop", f"{p}/crop.yaml", "--out"]
         out = ["--out"]
         return {
-            "run": [[s, *out, next(new)], [run, *out, next(new)], [f"{p}/plain.yaml", "--events", run, *out, next(new)]],
+            "run": [[s, *out, next(new)], [run, *out, next(new)],
+                    [f"{p}/plain.yaml", "--events", run, *out, next(new)]],
             "report": [[run]],
             "view": [[run, *out, next(new)]],
             "branch": [[run, "--at", "0.3", *out, next(new)]],
@@ -129,8 +130,7 @@ class Folder:
             "sheets": [[], ["check", f"{p}/crop.yaml"], ["check", f"{p}/mine.yaml"]],
             "field import": [[str(log), *crop, next(new)]],
             "field show": [[run]],
-            "fleet run": [[f"{p}/job.yaml", "--level", "kinematic", "--set", "field.yield_t_ha=x"],
-                          [f"{p}/job.yaml", "--level", "sensors", *out, next(new)]],
+            "fleet run": [[f"{p}/job.yaml", "--set", "field.yield_t_ha=x"], [s, "--level", "sensors"]],
             "fleet list": [[]],
             "fleet day": [[run]],
             "lab stand": [[*crop, next(new)]],
@@ -172,7 +172,18 @@ class Folder:
 
 
 EXECUTES = ("run", "branch", "scan", "rerun", "part", "fmu export", "test run", "dataset")
-LOOKS = ("view", "osi", "yield-log", "diff", "fmu show", "sheets", "levels", "test list", "migrate", "scenarios")
+LOOKS = (
+    "view",
+    "osi",
+    "yield-log",
+    "diff",
+    "fmu show",
+    "sheets",
+    "levels",
+    "test list",
+    "migrate",
+    "scenarios",
+)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -196,7 +207,9 @@ def test_no_command_runs_code_of_any_kind_of_file(kind, ran, tmp_path, monkeypat
 def test_the_one_switch_lets_it_run(kind, ran, tmp_path, monkeypatch, capfd):
     folder = Folder(tmp_path, kind, ran)
     monkeypatch.chdir(tmp_path)
-    source = ["plain.yaml", "--events", "run", "--allow", "mine.py"] if kind == "recorded change" else ["s.yaml"]
+    source = (
+        ["plain.yaml", "--events", "run", "--allow", "mine.py"] if kind == "recorded change" else ["s.yaml"]
+    )
     main(["run", *source, "--allow-code", "--quiet", "--no-replay", "--out", "out"])
     assert folder.mark.exists()
     assert "expected no code" not in capfd.readouterr().err
@@ -262,13 +275,24 @@ def test_an_installed_package_is_loaded_only_where_it_is_named(tmp_path, monkeyp
     mark = tmp_path / "mark"
     (tmp_path / "swath_guest.py").write_text(CODE.format(mark=str(mark)))
     monkeypatch.syspath_prepend(str(tmp_path))
-    points = [EntryPoint(f"{k}.guest", "swath_guest:Part", registry.GROUP) for k in ("speed", "lidar", "evaluator")]
+    points = [
+        EntryPoint(f"{k}.guest", "swath_guest:Part", registry.GROUP) for k in ("speed", "lidar", "evaluator")
+    ]
     monkeypatch.setattr(registry, "_entry_points", lambda: tuple(points))
     (tmp_path / "s.yaml").write_text(PLAIN)
-    for line in (["levels"], ["levels", "speed"], ["metrics"], ["schema"], ["completion", "bash"], ["scenarios"]):
+    for line in (
+        ["levels"],
+        ["levels", "speed"],
+        ["metrics"],
+        ["schema"],
+        ["completion", "bash"],
+        ["scenarios"],
+    ):
         assert main(line) == 0
     assert "guest" in capsys.readouterr().out
-    assert main(["run", str(tmp_path / "s.yaml"), "--quiet", "--no-replay", "--out", str(tmp_path / "a")]) == 0
+    assert (
+        main(["run", str(tmp_path / "s.yaml"), "--quiet", "--no-replay", "--out", str(tmp_path / "a")]) == 0
+    )
     assert not mark.exists()
     named = ["--set", "combine.speed=guest", "--quiet", "--no-replay", "--out", str(tmp_path / "b")]
     assert main(["run", str(tmp_path / "s.yaml"), *named]) == 0
