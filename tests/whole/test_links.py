@@ -242,3 +242,22 @@ def test_nothing_is_written_but_by_the_one_writer():
             if (writes and "devnull" not in target) or (name in BY_ITSELF and not is_stream):
                 found.append(f"{file.relative_to(root)}:{node.lineno}: {ast.unparse(node)[:60]}")
     assert found == []
+
+
+@pytest.mark.parametrize("planted", ["link", "open to all"])
+def test_compiled_kernels_lie_where_nobody_else_can_write(planted, tmp_path, monkeypatch):
+    import swath.kernels as kernels
+
+    monkeypatch.setattr(kernels.tempfile, "tempdir", str(tmp_path))
+    place = tmp_path / f"swath-warp-{os.getuid()}"
+    assert kernels._own_temporary() == place
+    place.rmdir()
+    if planted == "link":
+        (tmp_path / "theirs").mkdir()
+        place.symlink_to(tmp_path / "theirs")
+    else:
+        place.mkdir()
+        place.chmod(0o777)
+    found = kernels._own_temporary()
+    assert found != place
+    assert found.stat().st_mode & 0o777 == 0o700

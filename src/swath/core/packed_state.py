@@ -17,7 +17,7 @@ from array import array
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -86,17 +86,19 @@ def _name(kind: type) -> str:
 
 def _known() -> dict[str, type]:
     """All types of objects that are read and written, by name; none is imported for it."""
-    return {**_TYPES, **{_name(kind): kind for kind in (Signal, *signal_types())}}
+    samples: list[type] = [Signal, *signal_types()]
+    return {**_TYPES, **{_name(kind): kind for kind in samples}}
 
 
 def _user_type(name: str) -> type | None:
     """A record of a user's file that has been loaded, which whoever started the run has allowed."""
     module, _, path = name.partition(":")
-    found = sys.modules.get(module) if module.startswith(USER_MODULE) else None
+    found: Any = sys.modules.get(module) if module.startswith(USER_MODULE) else None
     for part in path.split("."):
         found = None if found is None else vars(found).get(part)
-    is_record = isinstance(found, type) and found.__module__ == module and _fields(found) is not None
-    return found if is_record and not issubclass(found, Signal) else None  # type: ignore[return-value, arg-type]
+    if not isinstance(found, type) or found.__module__ != module or issubclass(found, Signal):
+        return None
+    return None if _fields(found) is None else found
 
 
 def _fields(kind: type) -> Sequence[str] | None:
@@ -159,7 +161,7 @@ class _Writer:
         described = np.lib.format.dtype_to_descr(value.dtype)
         if not isinstance(value, np.ndarray):
             return {"number": [described, self._kept(value.tobytes())]}
-        order = "F" if value.flags.fnc else "C"
+        order: Literal["F", "C"] = "F" if value.flags.fnc else "C"
         return {"array": [described, order, value.shape, self._kept(value.tobytes(order))]}
 
     def _object(self, kind: type, value: Any) -> Any:
@@ -281,7 +283,7 @@ class _Reader:
 
 def _dtype(described: Any) -> np.dtype[Any]:
     """The dtype of its description, of whose tuples JSON made lists."""
-    given = described if isinstance(described, str) else [tuple(part) for part in described]
+    given: Any = described if isinstance(described, str) else [tuple(part) for part in described]
     found = np.lib.format.descr_to_dtype(given)
     if found.hasobject:
         raise ValueError("objects in an array")

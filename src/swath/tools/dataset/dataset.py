@@ -14,6 +14,8 @@ from typing import Any
 import swath
 from swath.core.errors import InputError, SwathError
 from swath.core.whole_file import own_folder, write_whole
+from swath.documents.json_file import read_json
+from swath.documents.packed import readable
 from swath.runtime.workers import Lost, in_workers
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.scenario.slots import kind_of
@@ -112,11 +114,13 @@ def join(settings: Settings, out: Path) -> Path:
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
     for picture in range(settings.count):
-        part = json.loads(part_of(out, picture).read_text(encoding="utf-8"))
-        images.append(part["image"])
-        for annotation in part["annotations"]:
-            numbers = {"id": len(annotations) + 1, "image_id": part["image"]["id"]}
-            annotations.append({**numbers, **annotation})
+        file, what = part_of(out, picture), "what swath dataset wrote of a picture"
+        part = read_json(file, "part", what)
+        with readable("part", what, file):
+            images.append(part["image"])
+            for annotation in part["annotations"]:
+                numbers = {"id": len(annotations) + 1, "image_id": part["image"]["id"]}
+                annotations.append({**numbers, **annotation})
     info = {"description": f"swath {swath.__version__}: {settings.scenario}", "version": swath.__version__}
     whole: dict[str, Any] = {"info": info, "licenses": [], "images": images, "annotations": annotations}
     whole["categories"] = CATEGORIES
@@ -132,7 +136,9 @@ def _check_same(settings: Settings, out: Path) -> None:
     if not file.is_file():
         write_whole(file, json.dumps(said, indent=1))
         return
-    there = json.loads(file.read_text(encoding="utf-8"))
+    there = read_json(file, SETTINGS, "the settings of a data set")
+    if not isinstance(there, dict):
+        raise InputError(SETTINGS, None, "expected the settings of a data set", file=file)
     for key, value in said.items():
         if there.get(key) != value:
             expected = f"expected {there.get(key)}, as in {SETTINGS} there, or another folder"
