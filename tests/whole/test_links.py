@@ -38,6 +38,7 @@ WRITES = {
     "report": "report {run}",
     "view": "view {run}",
     "branch": "branch {run} --at 0.3 --out {new}",
+    "diff": "diff {run} {run}",
     "new": "new scenario {new}/my.yaml",
     "field import": f"field import {LOG} --out {{new}}/field",
     "fleet run": "fleet run small-field --out {new}",
@@ -60,7 +61,7 @@ WRITES = {
 # Those that take long or need other input; they write with the same functions, as the last test here holds.
 OTHERS = {"reda", "calibrate lidar", "calibrate engine", "test work", "test report", "test again"}
 NOTHING = {
-    "diff", "scenarios", "levels", "metrics", "sheets", "field show", "fleet list", "fleet day", "test list",
+    "scenarios", "levels", "metrics", "sheets", "field show", "fleet list", "fleet day", "test list",
     "test compare", "fmu show", "fmu check", "ros2 play", "can box", "can listen", "can dbc", "completion",
 }  # fmt: skip
 
@@ -143,8 +144,10 @@ def test_links_in_the_place_of_what_is_written(command, kind, ran, tmp_path, mon
                 continue
             if not file.parent.is_dir():
                 file.parent.mkdir(parents=True)
-            is_read = command in ("report", "view", "branch", "rerun", "yield-log", "osi") and file.exists()
-            if is_read and file.name not in ("report.html", "replay.html"):
+            is_read = (
+                command in ("report", "view", "branch", "diff", "rerun", "yield-log", "osi") and file.exists()
+            )
+            if is_read and file.name not in ("report.html", "replay.html", "diff.html"):
                 continue
             file.unlink(missing_ok=True)
             os.link(place.victim, file) if kind == "hard" else file.symlink_to(place.victim)

@@ -126,7 +126,11 @@ def _crop(scenario: Scenario) -> str:
 
     stand = scenario.field.stand
     if stand is not None:
-        return str(stand.params.crop)
+        crop = getattr(stand.params, "crop", None)
+        if crop is None:
+            expected = "expected a stand that names its `crop`; one of your own is read with --allow-code"
+            raise InputError("field.stand.level", stand.level, expected)
+        return str(crop)
     assert scenario.field.folder is not None
     folder = read(scenario.field.folder)
     return str(folder.path / folder.crop) if folder.crop.endswith(".yaml") else folder.crop
