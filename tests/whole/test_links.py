@@ -97,11 +97,7 @@ class Place:
         shutil.copytree(ran, path / "run")
 
     def look(self):
-        return {
-            f: (f.read_bytes(), f.stat().st_ino, f.stat().st_nlink)
-            for f in self.home.parent.rglob("*")
-            if f.is_file()
-        }
+        return {f: (f.read_bytes(), f.stat().st_ino) for f in self.home.parent.rglob("*") if f.is_file()}
 
     def line(self, command, new):
         p = self.path

@@ -134,10 +134,10 @@ class _Source(SourceFileLoader):
 
 def load_python(key: str, reference: str | Path, base: Path | None = None) -> ModuleType:
     """Run a Python file. InputError where it may not, or is not there; SwathError where it fails."""
+    need_allowed(key, reference, base)
     file = file_of(reference, base)
     if not file.is_file():
         raise InputError(key, str(reference), f"expected a Python file, but there is no file {file}")
-    need_allowed(key, reference, base)
     name = f"{USER_MODULE}{file.stem}_{zlib.crc32(str(file).encode()):08x}"
     spec = importlib.util.spec_from_file_location(name, file, loader=_Source(name, str(file)))
     assert spec is not None
