@@ -145,6 +145,9 @@ def test_links_in_the_place_of_what_is_written(command, kind, ran, tmp_path, mon
             )
             if is_read and file.name not in ("report.html", "replay.html", "diff.html"):
                 continue
+            if file.name in ("scenario.yaml", "summary.json"):  # they say that it is an earlier run
+                shutil.copyfile(first.path / name, file)
+                continue
             file.unlink(missing_ok=True)
             os.link(place.victim, file) if kind == "hard" else file.symlink_to(place.victim)
     count = place.victim.stat().st_nlink

@@ -159,13 +159,15 @@ class SectionReader:
 
     def _check_habit(self, sheet: Path, path: KeyPath) -> None:
         """Note a habit of a crop that may not run; the rest of the sheet is read when the crop is made."""
+        data = None
         with suppress(InputError):
             data = read_document(sheet).data
-            habit = data.get("habit") if isinstance(data, dict) else None
-            habit = habit.get("value") if isinstance(habit, dict) else habit
-            is_code = isinstance(habit, str) and habit.endswith(".py")
-            if is_code and not is_allowed(habit, sheet.parent) and not is_left(habit, sheet.parent):
-                self.note(path, str(habit), refusal())
+        habit = data.get("habit") if isinstance(data, dict) else None
+        habit = habit.get("value") if isinstance(habit, dict) else habit
+        if not isinstance(habit, str) or not habit.endswith(".py"):
+            return
+        if not is_allowed(habit, sheet.parent) and not is_left(habit, sheet.parent):
+            self.note(path, habit, refusal())
 
     def _existing(self, key: str, value: str, path: KeyPath) -> str:
         wants_folder = key.endswith("folder")
