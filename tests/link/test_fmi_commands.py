@@ -97,7 +97,7 @@ class Absent:
 
 sys.meta_path.insert(0, Absent())
 from swath.commands.main import main
-sys.exit(main(["fmu", "show", {fmu!r}]) or main(["fmu", "check", {fmu!r}]))
+sys.exit(main(["fmu", "show", {fmu!r}]) or main(["fmu", "check", {fmu!r}, "--allow-code"]))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr

@@ -142,7 +142,7 @@ class Folder:
             "test work": [[tests, "--shard", "1/1"]],
             "test report": [[tests]],
             "test compare": [[tests, tests]],
-            "test again": [[tests, "0"]],
+            "test again": [[tests, ""]],
             "part": [["process", "--scenario", s, "--out", next(new)]],
             "scan": [[s, "--out", next(new)]],
             "dataset": [[s, "--count", "1", "--out", next(new)]],
