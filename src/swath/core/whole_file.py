@@ -77,9 +77,14 @@ def write_whole(path: Path, data: str | bytes) -> Path:
     return path
 
 
-def own_folder(path: Path) -> Path:
-    """A folder within one that is written, made where it is missing. InputError where it is a link."""
+def no_link(path: Path) -> Path:
+    """A folder within one that is written. InputError where it is a link."""
     if path.is_symlink():
         raise InputError("folder", str(path), "expected a folder, not a link to another one")
-    path.mkdir(parents=True, exist_ok=True)
+    return path
+
+
+def own_folder(path: Path) -> Path:
+    """As `no_link`, made where it is missing."""
+    no_link(path).mkdir(parents=True, exist_ok=True)
     return path

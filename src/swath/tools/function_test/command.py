@@ -169,6 +169,7 @@ def _compare(args: argparse.Namespace) -> int:
 
 
 def _again(args: argparse.Namespace) -> int:
+    from swath.core.whole_file import no_link
     from swath.replay.writer import ReplayWriter
     from swath.report.report import ReportWriter
     from swath.runtime.job import run_job
@@ -177,7 +178,7 @@ def _again(args: argparse.Namespace) -> int:
 
     session = open_session(args.folder)
     planned, result = session.run_of(args.name)
-    out = args.out or args.folder / "kept" / planned.id
+    out = args.out or no_link(no_link(args.folder / "kept") / planned.id)
     hooks = [ReportWriter(), ReplayWriter()]
     done = run_job(scenario_of(planned), out, progress=True, hooks=hooks)
     same = result is not None and result["digest"] == done.summary["digest"]
