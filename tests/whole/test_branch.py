@@ -141,6 +141,7 @@ def test_runs_that_do_not_repeat_are_refused(saved, tmp_path):
     assert not (tmp_path / "no").exists()
 
 
+@pytest.mark.usefixtures("code_allowed")
 @pytest.mark.parametrize("is_without", [False, True])
 def test_a_part_that_cannot_be_saved_is_named_and_the_run_goes_on(tmp_path, is_without):
     text = PART.replace("def save", "def keep").replace("def load", "def back") if is_without else PART

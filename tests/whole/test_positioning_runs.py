@@ -12,6 +12,8 @@ from swath.runtime.job import run_job
 from swath.tools.rerun.rerun import plan_rerun
 from tests.whole.small import small
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 LAW = '''
 from swath.core.component import Port
 from swath.signals import Fix, SpeedCommand
