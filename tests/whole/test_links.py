@@ -48,7 +48,6 @@ WRITES = {
     "test search": "test search {case} --budget 4 --workers 1 --out {new}",
     "rerun": "rerun {run} --out {new}",
     "part": "part process --scenario {s} --out {new}",
-    "compare log": f"compare log lexion-700 {LOG} --out {{new}}",
     "scan": "scan {s} --out {new}",
     "dataset": "dataset straight --count 1 --width 64 --height 48 --out {new}",
     "yield-log": "yield-log {run} --out {new}/log.csv --interval-s 0.1",
@@ -58,8 +57,17 @@ WRITES = {
     "schema": "schema --out {new}/schema.json",
     "migrate": "migrate {old}",
 }
+READS = ("report", "view", "branch", "diff", "rerun", "yield-log", "osi", "height-map build")
 # Those that take long or need other input; they write with the same functions, as the last test here holds.
-OTHERS = {"reda", "calibrate lidar", "calibrate engine", "test work", "test report", "test again"}
+OTHERS = {
+    "compare log",
+    "reda",
+    "calibrate lidar",
+    "calibrate engine",
+    "test work",
+    "test report",
+    "test again",
+}
 NOTHING = {
     "scenarios", "levels", "metrics", "sheets", "field show", "fleet list", "fleet day", "test list",
     "test compare", "fmu show", "fmu check", "ros2 play", "can box", "can listen", "can dbc", "completion",
@@ -140,9 +148,7 @@ def test_links_in_the_place_of_what_is_written(command, kind, ran, tmp_path, mon
                 continue
             if not file.parent.is_dir():
                 file.parent.mkdir(parents=True)
-            is_read = (
-                command in ("report", "view", "branch", "diff", "rerun", "yield-log", "osi") and file.exists()
-            )
+            is_read = command in READS and file.exists()
             if is_read and file.name not in ("report.html", "replay.html", "diff.html"):
                 continue
             if file.name in ("scenario.yaml", "summary.json"):  # they say that it is an earlier run

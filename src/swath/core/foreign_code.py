@@ -20,10 +20,10 @@ from typing import Any, Protocol, runtime_checkable
 
 from swath.core.ability import ByMembers
 from swath.core.errors import InputError, SwathError
-from swath.core.packed_state import USER_MODULE
 from swath.core.renamed import present_name
 
 SUFFIXES = (".py", ".fmu", ".ssp", ".ssd")
+USER_MODULE = "swath_user_"  # how the names of modules begin that were read from a user's file
 
 
 @dataclass(frozen=True)

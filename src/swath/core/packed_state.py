@@ -22,11 +22,11 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from swath.core.errors import SwathError
+from swath.core.foreign_code import USER_MODULE
 from swath.core.signal import Signal, signal_types
 
 MAGIC = b"swath state 1\n"
 LENGTH = struct.Struct("<Q")
-USER_MODULE = "swath_user_"  # how the names of modules begin that were read from a user's file
 SEQUENCES: Mapping[str, type] = {"tuple": tuple, "set": set, "frozenset": frozenset}
 RAW: Mapping[str, type] = {"bytes": bytes, "bytearray": bytearray}
 NUMBERS = "bBhHiIlLqQfd"  # what an `array` may hold

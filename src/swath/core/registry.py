@@ -23,8 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.core.foreign_code import is_left, load_python, refusal
-from swath.core.packed_state import USER_MODULE
+from swath.core.foreign_code import USER_MODULE, is_left, load_python, refusal
 
 GROUP = "swath.levels"
 
