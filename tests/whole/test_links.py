@@ -45,7 +45,7 @@ WRITES = {
     "lab stand": "lab stand --out {new} --density 200 --sensor sick-lms111 --depression 30 --seeds 1",
     "height-map build": "height-map build {run} --out {new}/map.npz",
     "test run": "test run {case} --workers 1 --out {new}",
-    "test search": "test search {case} --budget 4 --workers 1 --out {new}",
+    "test search": "test search {case} --budget 8 --workers 1 --out {new}",
     "rerun": "rerun {run} --out {new}",
     "part": "part process --scenario {s} --out {new}",
     "scan": "scan {s} --out {new}",
