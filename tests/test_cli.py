@@ -209,6 +209,7 @@ def test_interrupt_and_mistakes(job, capsys, monkeypatch):
     assert "Traceback" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("code_allowed")
 def test_a_mistake_in_the_users_own_level_is_the_users(job, capsys, tmp_path):
     from swath.core.registry import Registry
 

@@ -42,7 +42,7 @@ it gives completion in editors with a YAML language server:
 
 Where a level is chosen, `steer: preview` stands for `steer: {{level: preview}}`. A level is a built-in name,
 an installed one (entry point group `swath.levels`, name `slot.level`), or your own `path/to/file.py:Class`,
-which runs with your rights as soon as the scenario is read; `--no-code` refuses it
+which runs, with your rights, only with `--allow-code` or where the command line names it
 ([SECURITY.md](../SECURITY.md)).
 `--set combine.lidar.level=empirical` changes one key for one run; choosing another level drops the keys that
 only the old one knew. The order of changes does not matter; two that say different things about a key are an error.

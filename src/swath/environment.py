@@ -65,7 +65,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
     truncated: `run.max_duration_s`.
 
     A reset with a seed is the scenario with that seed, without one the seed is drawn. machine: which one, by
-    default the first; period_s: between two actions. Raises InputError as `swath.load_scenario`.
+    default the first; period_s: between two actions; code: as in `swath.load_scenario`, as the InputError.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
@@ -79,9 +79,10 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         period_s: float = 0.1,
         speed: bool = False,
         speed_kmh: float = 10.0,
+        code: bool = False,
     ) -> None:
-        self.scenario, self.sets = scenario, sets
-        first = load_scenario(scenario, sets=sets)
+        self.scenario, self.sets, self.code = scenario, sets, code
+        first = load_scenario(scenario, sets=sets, code=code)
         self.machine = machine or next(iter(first.machines))
         if self.machine not in first.machines:
             raise InputError("machine", machine, f"expected one of {', '.join(first.machines)}")
@@ -98,7 +99,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         super().reset(seed=seed)
         own = int(self.np_random.integers(1, 2**31)) if seed is None else seed
         self.close()
-        self._begin(load_scenario(self.scenario, sets=self.sets, seed=own))
+        self._begin(load_scenario(self.scenario, sets=self.sets, seed=own, code=self.code))
         return self._observation(), {"seed": own}
 
     def _begin(self, scenario: Scenario) -> None:

@@ -14,6 +14,8 @@ from swath.tools.lab.comparison import compare_levels, describe, list_rows, rati
 from swath.tools.lab.lab import Case, CaseHeights, Lab, Settings, run_lab
 from swath.tools.lab.measured_heights import MeasuredHeights, read_measured
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 TINY = {"densities": (150.0,), "sensors": ("sick-lms511-hr",), "depressions_deg": (45.0,)}
 TINY |= {"passes": 1, "stops": 2, "levels": ("plants",)}
 CASE = Case(200.0, "sick-lms511-hr", 45.0, 0.04)

@@ -16,6 +16,8 @@ from swath.tools.rerun.rerun import plan_rerun
 from tests.foreign_bags import ANTENNA, GRAVITY, drive, fix
 from tests.whole.small import small
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 LAW = '''
 from swath.core.component import Port
 from swath.signals import Fix, SpeedCommand

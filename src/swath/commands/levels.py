@@ -31,6 +31,11 @@ def run(args: argparse.Namespace) -> int:
         for name in (*CATALOGUE.registry.names(kind), *_links(kind, slots))
         for level in [CATALOGUE.registry.get(kind, name)]
     ]
+    rows += [
+        (kind, name, False, f"of the installed package {package}", "", "")
+        for kind in ([args.slot] if args.slot else kinds)
+        for name, package in CATALOGUE.registry.installed(kind).items()
+    ]
     if args.json:
         as_json(("slot", "level", "is_default", "summary", "cost", "tolerance"), rows)
     elif args.slot:

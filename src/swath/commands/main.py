@@ -4,15 +4,15 @@ import argparse
 import os
 import sys
 import traceback
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, suppress
 from typing import Any, NoReturn
 
 from swath import __version__
 from swath.commands import completion, levels, metrics, new, report, run, scenarios, schema, sheets, view
 from swath.core.collector import collect_rarely
 from swath.core.errors import InputError, SwathError, fitted, shortened
-from swath.core.foreign_code import only_code
+from swath.core.foreign_code import SUFFIXES, allow_code, code_in
 from swath.core.registry import user_line
 from swath.core.stopping import Terminated, stoppable
 from swath.field_io import command as field
@@ -45,6 +45,7 @@ COMMANDS = {
     "many runs, whole fields": (function_test, fleet, reda, dataset),
     "connect and set up": (ros2, fmu, can, osi, schema, migrate, completion),
 }
+ALLOW_CODE = "let code run that the files name, with your rights: Python files, FMUs (SECURITY.md)"
 SETTINGS = ("SWATH_CPU", "SWATH_DATA", "SWATH_DEBUG", "SWATH_DEVICE", "SWATH_THREADS")
 MOST_SAID = 20  # of the mistakes in one file
 RENAMED = {  # command lines of version 0.1.0: what to type instead
@@ -177,8 +178,10 @@ def _dispatch(argv: list[str]) -> int:
         raise UsageError(f"{argv[0]}: no such command, {hint}")
     args = parser.parse_args(argv)
     with ExitStack() as held:
-        if vars(args).get("no_code"):
-            held.enter_context(only_code(()))
+        named = [text for value in vars(args).values() for text in code_named(value)]
+        held.enter_context(allow_code(None if args.allow_code else named))
+        if args.no_code:
+            print("swath: --no-code is what holds without --allow-code, it can be left out", file=sys.stderr)
         if vars(args).get("ros2_network"):
             held.enter_context(networked())
         code: int = args.run(args)
@@ -197,8 +200,31 @@ def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
             module.add(parsers)
         shown.append("\n".join([f"{group}:", *parsers.lines[first:]]))
     parser.description = "\n\n".join([*shown, "swath COMMAND --help says more of a command."])
+    for each in _leaves(parser):
+        each.add_argument("--allow-code", action="store_true", help=ALLOW_CODE)
+        each.add_argument("--no-code", action="store_true", help=argparse.SUPPRESS)  # of version 0.2
     parser.set_defaults(parser=parser)
     return parser, list(parsers.choices)
+
+
+def _leaves(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """The parsers of all commands and verbs that do something."""
+    below = [a.choices for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
+    for each in below[0].values() if below else ():
+        yield from _leaves(each)
+    if not below:
+        yield parser
+
+
+def code_named(value: Any) -> Iterator[str]:
+    """Code that an argument of the command line itself names, such as `--set combine.edge=mine.py:Mine`."""
+    for text in value if isinstance(value, list) else [value]:
+        if isinstance(text, str) and any(suffix in text for suffix in SUFFIXES):
+            from swath.documents.yaml_document import parse_value
+
+            key, equals, said = text.partition("=")
+            with suppress(InputError):
+                yield from code_in(parse_value(said, key) if equals else text)
 
 
 def _name_unknown_settings() -> None:

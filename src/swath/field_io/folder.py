@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
 from swath.documents.yaml_document import dump
 from swath.field.band import CROP_HEIGHT, GRAIN, GROUND, MOISTURE, STEMS
 from swath.field.projection import Origin, known_crs
@@ -206,11 +207,11 @@ def _write_parts(field: FieldFolder, folder: Path) -> None:
     }
     rest = {k: v for k, v in field.info.items() if k not in head}
     text = dump({**head, **rest}, width=110)
-    (folder / "field.yaml").write_text(text, encoding="utf-8")
+    write_whole(folder / "field.yaml", text)
 
 
 def _write_json(path: Path, data: dict[str, Any]) -> None:
-    path.write_text(json.dumps(data, allow_nan=False, separators=(",", ":")) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(data, allow_nan=False, separators=(",", ":")) + "\n")
 
 
 def _origin(head: Head) -> Origin:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
 from swath.field.crop import Crop
 from swath.field.crop_sheet import load_crop
 from swath.field.projection import Origin
@@ -185,7 +186,7 @@ def _read(log: Path, columns: Path | None, settings: Settings) -> Log:
         made = home / f"{log.name.partition('.')[0]}.columns.yaml"
         if made.exists():
             raise
-        made.write_text(error.template + "\n", encoding="utf-8")
+        write_whole(made, error.template + "\n")
         needed = error.expected.rpartition("; ")[0]
         expected = f"{needed}; fill in {made} and give it with --columns"
         raise InputError(error.key, None, expected, file=log) from error

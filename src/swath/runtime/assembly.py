@@ -17,6 +17,7 @@ from swath.core.abilities import (
 )
 from swath.core.component import Port, State
 from swath.core.errors import InputError, SwathError
+from swath.core.foreign_code import through
 from swath.core.frames import Pose
 from swath.core.graph import Graph, Node
 from swath.core.random import Stream
@@ -56,7 +57,8 @@ def assemble(
     fields: of worlds before; whoever gives them drives one world at a time
     """
     try:
-        return _assemble(scenario, only, fields)
+        with through(scenario.gate):
+            return _assemble(scenario, only, fields)
     except InputError as error:
         raise scenario.locate(error) from error
 

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from swath.core.errors import InputError
-from swath.core.whole_file import PART
+from swath.core.whole_file import PART, open_to_keep
 from swath.documents.json_file import read_object
 
 RUNS = "runs"  # where the folders lie whose place nobody chose
@@ -101,10 +101,13 @@ def clear_run_folder(folder: Path) -> None:
     """
     for name in (*RUN_FILES[:-1], *(f"{n}{PART}" for n in RUN_FILES)):
         (folder / name).unlink(missing_ok=True)
-    for file in (*(folder / SAVES).glob(f"*{SAVED}"), folder / SAVES / PAGES):
+    saves = folder / SAVES
+    if saves.is_symlink():
+        saves.unlink()
+    for file in (*saves.glob(f"*{SAVED}"), saves / PAGES):
         file.unlink(missing_ok=True)
     with suppress(OSError):
-        (folder / SAVES).rmdir()
+        saves.rmdir()
 
 
 def _lock(folder: Path) -> int:
@@ -115,7 +118,7 @@ def _lock(folder: Path) -> int:
     path = folder / LOCK
     while True:
         folder.mkdir(parents=True, exist_ok=True)
-        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        file = open_to_keep(path, os.O_RDWR)
         try:
             _take(file, folder)
             if path.exists() and os.path.samestat(os.fstat(file), path.stat()):

@@ -19,6 +19,7 @@ from typing import Any, Generic, TypeVar
 
 from swath.core.collector import collect_rarely
 from swath.core.errors import SwathError
+from swath.core.foreign_code import Gate, present_gate, through
 from swath.core.stopping import stop
 
 STRIKES = 2  # workers that a job may kill before it counts as an error
@@ -53,7 +54,7 @@ class _Worker(Generic[T, R]):
     def __init__(self, begin: Begin[T, R]) -> None:
         context = mp.get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, begin), daemon=True)
+        self.process = context.Process(target=_serve, args=(theirs, begin, present_gate()), daemon=True)
         resource_tracker.ensure_running()  # it would let signals in again while the worker starts
         with _signals_held():
             self.process.start()
@@ -187,16 +188,17 @@ def _signals_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _serve(pipe: Connection, begin: Begin[Any, Any]) -> None:
+def _serve(pipe: Connection, begin: Begin[Any, Any], gate: Gate) -> None:
     """What a worker does until its pipe is closed. Ctrl-C is the driver's business; SIGTERM, which often goes
-    to all processes of a group, ends its run in order and the worker without a word.
+    to all processes of a group, ends its run in order and the worker without a word. gate: of the driver
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _stop_once)
     try:
         if hasattr(signal, "pthread_sigmask"):
             signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
-        _work(pipe, begin)
+        with through(gate):
+            _work(pipe, begin)
     except KeyboardInterrupt:
         sys.exit(128 + signal.SIGTERM)
 
@@ -210,8 +212,8 @@ def _stop_once(number: int, frame: object) -> None:
 def _work(pipe: Connection, begin: Begin[Any, Any]) -> None:
     collect_rarely()
     os.environ.setdefault("SWATH_THREADS", "1")  # one core a job, as many jobs as cores
-    work = begin()
     with suppress(OSError):  # the driver is gone
+        work = begin()
         pipe.send(True)
         while True:
             try:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.foreign_code import Gate, present_gate
 from swath.documents.data_sheets import find_sheet, other_kind, sheet_names
 from swath.documents.yaml_document import Document, dump, key_path, parse, read_document
 from swath.scenario.catalogue import CATALOGUE, Catalogue
@@ -32,6 +33,7 @@ class Scenario:
     """A validated scenario. Two are equal when they would be written the same.
 
     expect: limits on metrics and columns; evaluators: its own, `/path/file.py:Class`
+    gate: which code might run where it was read, and may where it is run
     """
 
     name: str
@@ -44,6 +46,7 @@ class Scenario:
     evaluators: tuple[str, ...] = ()
     realtime: RealTimeSection | None = None
     document: Document = dataclasses.field(default_factory=lambda: Document(None), repr=False)
+    gate: Gate = dataclasses.field(default_factory=present_gate, repr=False)
 
     def __repr__(self) -> str:
         machines = ", ".join(self.machines)

@@ -13,8 +13,9 @@ from typing import Any
 
 import swath
 from swath.core.errors import InputError, SwathError
-from swath.core.whole_file import write_whole
+from swath.core.whole_file import own_folder, write_whole
 from swath.documents.json_file import read_object
+from swath.documents.packed import readable
 from swath.runtime.workers import Lost, in_workers
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario, load_scenario
@@ -85,7 +86,7 @@ def make_dataset(
     InputError where the folder holds a data set of other settings; SwathError where a picture cannot be made.
     """
     for folder in ("images", "masks", "parts"):
-        (out / folder).mkdir(parents=True, exist_ok=True)
+        own_folder(out / folder)
     _check_same(settings, out)
     jobs = missing(settings, out)
     there = settings.count - sum(len(job.pictures) for job in jobs)
@@ -114,11 +115,13 @@ def join(settings: Settings, out: Path) -> Path:
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
     for picture in range(settings.count):
-        part = read_object(part_of(out, picture), "picture", "annotations of a picture")
-        images.append(part["image"])
-        for annotation in part["annotations"]:
-            numbers = {"id": len(annotations) + 1, "image_id": part["image"]["id"]}
-            annotations.append({**numbers, **annotation})
+        file, what = part_of(out, picture), "what swath dataset wrote of a picture"
+        part = read_object(file, "part", what)
+        with readable("part", what, file):
+            images.append(part["image"])
+            for annotation in part["annotations"]:
+                numbers = {"id": len(annotations) + 1, "image_id": part["image"]["id"]}
+                annotations.append({**numbers, **annotation})
     info = {"description": f"swath {swath.__version__}: {settings.scenario}", "version": swath.__version__}
     whole: dict[str, Any] = {"info": info, "licenses": [], "images": images, "annotations": annotations}
     whole["categories"] = CATEGORIES

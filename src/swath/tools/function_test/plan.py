@@ -15,9 +15,10 @@ from typing import Any
 
 import swath
 from swath.core.errors import InputError
+from swath.core.foreign_code import code_unread
 from swath.documents.yaml_document import parse_value
 from swath.scenario.overrides import layered, says_about
-from swath.scenario.scenario import load_scenario
+from swath.scenario.scenario import Scenario, load_scenario
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases
 from swath.tools.function_test.fidelity import CHEAP, chosen_level, scanners
 
@@ -142,7 +143,7 @@ class Plan:
         if not self.level and not any(CHEAP in text for text in sets) and not _is_cheap(case.scenario):
             return [], ""
         try:
-            return chosen_level(load_scenario(case.scenario, sets=sets), self.level)
+            return chosen_level(looked_at(case.scenario, sets), self.level)
         except InputError:  # told as the result of the run
             return [], ""
 
@@ -187,7 +188,13 @@ def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
 
 @cache
 def _is_cheap(scenario: str) -> bool:
-    return bool(scanners(load_scenario(scenario), CHEAP))
+    return bool(scanners(looked_at(scenario), CHEAP))
+
+
+def looked_at(scenario: str, sets: Sequence[str] = ()) -> Scenario:
+    """The scenario without its code: what a run is called must not depend on what may run."""
+    with code_unread():
+        return load_scenario(scenario, sets=sets)
 
 
 @cache
@@ -202,7 +209,7 @@ def _base(case: Case, code: str) -> str:
     """Hash of a case's scenario and of what it names."""
     fixed = [f"{key}={json.dumps(value)}" for key, value in case.fixed.items()]
     try:
-        scenario = load_scenario(case.scenario, sets=fixed)
+        scenario = looked_at(case.scenario, fixed)
     except InputError as error:
         raise InputError(
             f"{case.name}: {error.key}", error.value, error.expected, file=case.document.file

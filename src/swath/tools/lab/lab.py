@@ -278,7 +278,7 @@ def _choose_levels(settings: Settings, height: float) -> tuple[tuple[str, ...], 
     have = CATALOGUE.registry.names("lidar")
     asked = have if settings.levels is None else list(settings.levels)
     for name in asked:
-        if name not in have and ".py:" not in name:
+        if name not in have and ".py:" not in name and name not in CATALOGUE.registry.installed("lidar"):
             hint = near_miss(name, have)
             raise InputError("--levels", name, f"expected {', '.join(have)}, or file.py:Class{hint}")
     every = {

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
 from swath.documents.migrate_sheet import MARKS, migrate_sheet
 from swath.documents.text_file import read_text
 from swath.documents.yaml_document import parse
@@ -45,6 +46,6 @@ def migrate_file(file: Path, *, is_dry: bool = False) -> bool:
         kept = file.with_name(file.name + ".orig")
         if kept.exists():
             raise InputError("file", str(kept), "expected no such file: the old form would be kept there")
-        kept.write_text(text, encoding="utf-8")
-        file.write_text(new, encoding="utf-8")
+        write_whole(kept, text)
+        write_whole(file, new)
     return True

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_no_code, add_sets
+from swath.terminal.options import add_sets
 
 USUAL = "straight"
 
@@ -21,7 +21,6 @@ def add(parsers: Any) -> None:
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="for inputs.csv and outputs.csv")
     add_sets(parser)
-    add_no_code(parser)
     parser.set_defaults(run=run)
 
 

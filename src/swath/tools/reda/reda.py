@@ -1,6 +1,7 @@
 """The run of `swath reda`: every condition, sensor and place."""
 
 import csv
+import io
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, astuple, dataclass
@@ -10,7 +11,7 @@ from typing import Any
 
 from swath import __version__
 from swath.core.errors import SwathError
-from swath.core.whole_file import write_whole
+from swath.core.whole_file import new_file, write_whole
 from swath.runtime.workers import Lost, in_workers
 from swath.tools.reda.scene import Condition, Scene, Settings, places
 from swath.tools.reda.scores import Cell, Scores, scores_of
@@ -145,7 +146,7 @@ def _height(scene: Scene) -> float:
 
 def write_cells(path: Path, found: list[Found]) -> Path:
     """A row per condition, sensor and place."""
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with new_file(path) as out, io.TextIOWrapper(out, "utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         head = ("crop_height_m", "stems_per_m2", "weather", "sensor", "inside_m", "aside_m")
         writer.writerow((*head, "detected", "false", "net", "looks", "why"))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.foreign_code import code_unread
 from swath.documents.json_file import read_object
 from swath.record.read.feed import own_outputs
 from swath.record.read.files import Log, open_log
@@ -63,7 +64,8 @@ def draw_report(folder: Path) -> Path:
         raise InputError("run", str(folder), expected)
     summary = read_object(file, "run", "a summary.json")
     plan = plan_rerun(folder, slots=None, sets=["run.record=standard"], is_all=True)
-    writer = ReportWriter(of=FinishedRun(folder, summary, recorded_scenario(plan.log, folder, ())))
+    with code_unread():
+        writer = ReportWriter(of=FinishedRun(folder, summary, recorded_scenario(plan.log, folder, ())))
     with tempfile.TemporaryDirectory(prefix="swath-report-") as aside:
         run_job(plan.scenario, Path(aside) / "run", hooks=[writer])
     return folder / "report.html"
@@ -84,7 +86,8 @@ def plan_rerun(
     sets, seed: changes to the scenario, as of `swath run`. InputError where the source or a slot will not do
     """
     log = open_log(source)
-    recorded = recorded_scenario(log, source, ())
+    with code_unread():
+        recorded = recorded_scenario(log, source, ())
     recorded_outputs = {s: own_outputs(log, s) for s in slot_names(recorded)}
     exact = [s for s, outputs in recorded_outputs.items() if any(outputs.values())]
     if not exact:
