@@ -12,6 +12,8 @@ from swath.core.foreign_code import allow_code
 # A shell starts what runs in the background with Ctrl-C ignored, and every process that it starts, too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
+os.environ.pop("COLUMNS", None)  # lists are as wide as they take
+
 # The same cases in every run; HYPOTHESIS_PROFILE=search looks for new ones.
 settings.register_profile("same", derandomize=True)
 settings.register_profile("search", print_blob=True)
@@ -39,6 +41,13 @@ def pytest_collection_finish():
 @pytest.fixture
 def code_allowed():
     """Python files and FMUs that the test names may run, as with `--allow-code`."""
+    with allow_code(None):
+        yield
+
+
+@pytest.fixture(scope="module")
+def code_allowed_in_module():
+    """As `code_allowed`, for all of a module, its own fixtures too."""
     with allow_code(None):
         yield
 

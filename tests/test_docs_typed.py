@@ -51,7 +51,10 @@ def shortened(words):
     if words[0] not in ("run", "rerun"):
         return words
     unrecorded = [] if "--out" in words or words[0] == "rerun" else ["--set", "run.record=none"]
-    return [*words, *SHORT, *unrecorded, *(["--no-replay"] if words[0] == "run" else [])]
+    said = {word.partition("=")[0] for word in words}
+    short = [word for word in SHORT if word.partition("=")[0] not in said and word != "--set"]
+    short = [part for word in short for part in ("--set", word)]
+    return [*words, *short, *unrecorded, *(["--no-replay"] if words[0] == "run" else [])]
 
 
 @pytest.fixture

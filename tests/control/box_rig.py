@@ -4,6 +4,7 @@ import numpy as np
 
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
+from swath.scenario.overrides import layered
 from swath.scenario.scenario import parse_scenario
 from tests.whole.cart_rig import SCENARIO
 
@@ -48,15 +49,14 @@ def look(
     back = 0.3 - 5.8  # from the tractor's axle to the middle of the box [m]
     x, y = 6.0 - left, -4.78 + ahead  # the combine's axle starts at (6, -4.2), its pivot 0.6 m behind
     start = x - back * np.cos(turn), y - back * np.sin(turn)
-    world = assemble(parse_scenario(SCENARIO, sets=[
+    world = assemble(parse_scenario(SCENARIO, sets=layered([
         f"seed={seed}",
         *(lidar(air) if sees is None else sees),
         "combine.box_truth={level: truth, rate_hz: 50}",
         "cart.motion={level: kinematic, start_speed_kmh: 4.32}",
         f"cart.start={{x_m: {start[0]}, y_m: {start[1]}, heading_deg: {90.0 + heading}}}",
         f"cart.heap.start_percent={100.0 * min(fill, 0.8)}",
-        *sets,
-    ]))  # fmt: skip
+    ], sets)))  # fmt: skip
     found = Looks(world, fill, aside)
     drive(world, [found], until_s=seconds)
     return found.seen, found.truths[min(found.truths, key=lambda t: abs(t - found.seen.t))]

@@ -17,6 +17,7 @@ from swath.signals import Odometry
 from tests.control.closed_loop import setup_of
 from tests.control.synthetic_edge import Scanner, Stand, mounting
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_scanners.py"
 PERIOD, SPEED = 40_000_000, 2.0
 SIDES = ("left", "right")

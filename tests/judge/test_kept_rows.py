@@ -1,11 +1,11 @@
 """Rows of a whole run come back to the last bit, take less room than they would, and none of the memory."""
 
-import pickle
 import tracemalloc
 
 import numpy as np
 import pytest
 
+from swath.core.packed_state import pack, unpack
 from swath.judge.kept_rows import BLOCK, KeptRows
 
 
@@ -19,7 +19,7 @@ def test_rows_come_back_to_the_last_bit(count):
     assert bool(kept) == (count > 0)
     assert kept.table().shape == (count, 3)
     assert kept.table().tobytes() == rows.tobytes()
-    assert pickle.loads(pickle.dumps(kept)).table().tobytes() == rows.tobytes()
+    assert unpack(pack(kept)).table().tobytes() == rows.tobytes()
 
 
 def test_a_long_way_takes_less_than_half_of_its_numbers():
@@ -29,7 +29,7 @@ def test_a_long_way_takes_less_than_half_of_its_numbers():
     kept.add([])
     for row in way:
         kept.add(row)
-    assert len(pickle.dumps(kept)) < 0.5 * way.nbytes
+    assert len(pack(kept)) < 0.5 * way.nbytes
 
 
 def test_memory_does_not_grow_with_the_way_and_saved_rows_go_on():
@@ -42,7 +42,7 @@ def test_memory_does_not_grow_with_the_way_and_saved_rows_go_on():
     grown, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert grown < 50_000  # of 2.3 MB
-    again = pickle.loads(pickle.dumps(kept))
+    again = unpack(pack(kept))
     for both in (kept, again):
         for row in rows[39 * BLOCK :]:
             both.add(row)

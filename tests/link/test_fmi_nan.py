@@ -24,6 +24,7 @@ from tests.link.made_fmus import python_fmu
 
 pytest.importorskip("pythonfmu")
 pytest.importorskip("fmpy")
+pytestmark = pytest.mark.usefixtures("code_allowed")
 STEP = 40_000_000  # of the slot `steer` [ns]
 LAW = """
 from pythonfmu import Boolean, Fmi2Causality, Fmi2Slave, Integer, Real, String

@@ -27,6 +27,7 @@ pytest.importorskip("pythonfmu3", reason="needs the extra fmi")
 pytest.importorskip("pythonfmu", reason="needs the extra fmi")
 from swath.link.fmi.export import export_fmu
 
+pytestmark = pytest.mark.usefixtures("code_allowed_in_module")
 WHOLE = TEXT + "    process: {level: threshing, straw: chop}\n    powertrain: {level: hydrostat}\n"
 HERE = Path(__file__).parent
 VERSIONS = (3, 2)

@@ -186,6 +186,7 @@ def test_kept_scans_are_spread_and_end_with_the_newest(run):
 def test_kept_points_are_where_the_crop_is(run):
     """In the machine frame: crop 0.8 m high to the right of the true edge, bare ground to its left."""
     scan = run[2].pick("lidar", 4)[-1]
+    assert [one.t for one in run[2].pick("lidar", 1)] == [scan.t]  # the newest
     far_right = scan.points[scan.points[:, 1] < scan.edge_true - 0.5]
     far_left = scan.points[scan.points[:, 1] > scan.edge_true + 0.5]
     assert np.median(far_right[:, 2]) == pytest.approx(0.8, abs=0.05)

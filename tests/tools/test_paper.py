@@ -38,7 +38,7 @@ def test_the_three_sensor_models_measure_about_the_same_heights(tmp_path):
 def test_the_edge_is_found_where_it_is(tmp_path):
     found, true, error = numbers(FIGURES["edge detection"](tmp_path).result)
     assert error == pytest.approx(100 * (found - true), abs=0.11)
-    assert abs(error) < 10
+    assert abs(error) < 5
 
 
 def test_the_flow_is_that_of_the_demo(tmp_path):

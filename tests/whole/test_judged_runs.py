@@ -12,7 +12,7 @@ from swath.runtime.job import run_job, run_unrecorded
 from swath.scenario.scenario import parse_scenario
 from tests.whole.small import TEXT
 
-pytestmark = pytest.mark.usefixtures("code_allowed")
+pytestmark = pytest.mark.usefixtures("code_allowed_in_module")
 
 OWN = Path(__file__).parents[2] / "examples" / "my_evaluator.py"
 JUDGED = f"""

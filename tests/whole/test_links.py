@@ -60,6 +60,7 @@ WRITES = {
 READS = ("report", "view", "branch", "diff", "rerun", "yield-log", "osi", "height-map build")
 # Those that take long or need other input; they write with the same functions, as the last test here holds.
 OTHERS = {
+    "paper",
     "compare log",
     "reda",
     "calibrate lidar",

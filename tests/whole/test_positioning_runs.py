@@ -16,7 +16,7 @@ from swath.tools.rerun.rerun import plan_rerun
 from tests.foreign_bags import ANTENNA, GRAVITY, drive, fix
 from tests.whole.small import small
 
-pytestmark = pytest.mark.usefixtures("code_allowed")
+pytestmark = pytest.mark.usefixtures("code_allowed_in_module")
 
 LAW = '''
 from swath.core.component import Port

@@ -12,6 +12,7 @@ from swath.documents.yaml_document import read_document
 from swath.field.crop_sheet import load_crop
 from swath.field.obstacle_sheet import load_obstacle
 from swath.machine.machine_sheet import load_machine
+from swath.scenario.overrides import layered
 from swath.scenario.scenario import load_scenario, scenario_names
 from swath.sensing.camera.camera_sheet import load_camera
 from swath.sensing.ground_speed.radar import load_ground_radar
@@ -57,7 +58,7 @@ def few(scenario):
 
 
 def run_short(source, folder, *sets):
-    sets = [*few(load_scenario(source)), *sets]
+    sets = layered(few(load_scenario(source)), sets)
     summary = swath.run(source, folder, sets=sets, report=False).summary
     assert not summary["incomplete"]
     assert summary["digest"]

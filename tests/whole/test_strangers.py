@@ -162,6 +162,7 @@ class Folder:
         log = str(find_sheet("jobs", "small-field").parents[1] / "logs" / "sample-log.csv.gz")
         return {
             "scenarios": [[]],
+            "paper": [["--out", f"{p}/plain-case.yaml"]],
             "new": [["scenario", f"{next(new)}.yaml"]],
             "levels": [[], ["edge"]],
             "metrics": [[]],

@@ -7,7 +7,7 @@ from typing import Any
 
 LONGEST = 300
 """Characters of an error at most, whatever its input holds."""
-_LONGEST_PLACE, _LONGEST_VALUE = 150, 80
+_LONGEST_PLACE, _LONGEST_VALUE, _LEAST_VALUE = 150, 80, 50
 _ITEM = r"[^\s,;]+(?: \([^()]*\))?"
 _LIST = re.compile(f"(?:{_ITEM}, (?!did you|or )){{3,}}{_ITEM}")  # four names or more
 
@@ -56,8 +56,10 @@ class InputError(SwathError):
         if file is not None:
             place = f" ({shortened(str(file), _LONGEST_PLACE)}{'' if line is None else f':{line}'})"
         text = shortened(key, _LONGEST_PLACE if "/" in key else _LONGEST_VALUE)
-        if value is not None:
-            text += f" = {_shown(value)}"
+        if value is not None:  # what is expected stays whole where the value's text can be shorter
+            room = LONGEST - len(place) - len(text) - len(expected) - len(" = : ")
+            shown = _shown(value)
+            text += f" = {shown if _LIST.search(expected) else shortened(shown, max(room, _LEAST_VALUE))}"
         if expected:
             text += f": {expected}"
         super().__init__(fitted(text, LONGEST - len(place), value if isinstance(value, str) else "") + place)

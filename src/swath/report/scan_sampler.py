@@ -89,7 +89,8 @@ class ScanSampler:
         if scanner is None or scanner.newest is None:
             return []
         scans = [*scanner.kept, self._make(slot, scanner)]
-        picked = np.unique(np.round(np.linspace(0, len(scans) - 1, min(count, len(scans)))).astype(int))
+        places = np.linspace(len(scans) - 1, 0, min(count, len(scans)))  # one alone is the newest
+        picked = np.unique(np.round(places).astype(int))
         return [scans[i] for i in picked]
 
     def _see(self, slot: str, scanner: _Scanner, edge: CropEdge | None) -> None:

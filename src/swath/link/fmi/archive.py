@@ -32,7 +32,7 @@ def unpack_archive(file: Path, prefix: str) -> Path:
     """The archive in a new temporary folder, which the caller removes. ValueError with the reason."""
     folder = Path(tempfile.mkdtemp(prefix=prefix))
     try:
-        with open_archive(file, "file") as archive:
+        with open_archive(file, "file", what="an FMU, a zip archive") as archive:
             size, room = sum(i.file_size for i in archive.infolist()), shutil.disk_usage(folder).free
             if size > room:
                 raise ValueError(f"it would take {size / 1e6:.0f} MB, there is room for {room / 1e6:.0f}")

@@ -138,7 +138,7 @@ def read_fmu(file: Path, key: str = "file") -> Description:
         raise MissingExtra("fmi", "an FMU") from error
     if not file.is_file():
         raise InputError(key, str(file), "expected an FMU, there is no such file")
-    with open_archive(file, key) as archive:
+    with open_archive(file, key, what="an FMU, a zip archive") as archive:
         names = archive.namelist()
     if "modelDescription.xml" not in names:
         raise InputError(key, str(file), "expected an FMU, it has no modelDescription.xml")
