@@ -293,8 +293,9 @@ def test_no_message_closes_the_page_or_ends_the_run(tmp_path):
         page.socket.send(message)
     assert page.ask("step")[0]
     assert page.ask("set", key="combine.speed.speed_kmh", value=5)[0]
+    assert page.ask("pause", value=False)[0]
+    assert going.end() is not None
     page.close()
-    going.end()
 
 
 def test_no_one_else_comes_in(tmp_path):

@@ -37,7 +37,8 @@ def run(args: argparse.Namespace) -> int:
         for name, package in CATALOGUE.registry.installed(kind).items()
     ]
     if args.json:
-        as_json(("slot", "level", "is_default", "summary", "cost", "tolerance"), rows)
+        keys = ("slot", "level", "is_default", "summary", "cost", "tolerance")
+        as_json((*keys, "parameters"), [(*row, _keys(row[0], row[1])) for row in rows])
     elif args.slot:
         columns = ("level", "what it is", "cost", "checked, tolerance")
         table("", columns, [(row[1] + " *" * row[2], *row[3:]) for row in rows])
@@ -86,6 +87,17 @@ def _ports(name: str) -> None:
         for port in ports or ["none"]:
             print(f"{title:8} {port}")
             title = ""
+
+
+def _keys(kind: str, name: str) -> list[dict[str, str]]:
+    """The keys of a level; none of one of an installed package, which is not loaded to be listed."""
+    from swath.scenario.catalogue import CATALOGUE
+    from swath.scenario.reference import parameter_rows
+
+    if name in CATALOGUE.registry.installed(kind):
+        return []
+    rows = parameter_rows(CATALOGUE.registry.get(kind, name).params)
+    return [dict(zip(("key", "value", "default", "meaning"), row, strict=True)) for row in rows]
 
 
 def _parameters(kind: str) -> None:

@@ -19,6 +19,11 @@ def run(args: argparse.Namespace) -> int:
     from swath.documents.data_sheets import find_sheet, sheet_names
     from swath.documents.yaml_document import read_document
 
+    if args.name is not None and args.json:
+        import json
+
+        print(json.dumps(read_document(find_sheet("scenarios", args.name)).data, indent=1))
+        return 0
     if args.name is not None:
         print(find_sheet("scenarios", args.name).read_text(encoding="utf-8"), end="")
         return 0

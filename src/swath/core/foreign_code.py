@@ -101,8 +101,8 @@ def need_allowed(key: str, reference: str | Path, base: Path | None = None) -> N
 def refusal() -> str:
     """What was expected where code is refused."""
     if _gate.get().is_narrow:
-        return "expected no code but what the scenario or --allow names: it would have your rights"
-    return "expected no code unasked: it would have your rights; --allow-code lets it run (Python: code=True)"
+        return "expected no code but what the scenario or --allow names: it runs with your rights"
+    return "expected no code without --allow-code (Python: code=True): it runs with your rights"
 
 
 def code_in(data: Any) -> Iterator[str]:
