@@ -343,18 +343,23 @@ class _Scheduler:
         beside: str = "",
         **more: Any,
     ) -> Track | None:
-        """A way around waiting places of others and what stands then or soon; beside: who may be near."""
+        """A way around waiting places of others and what stands then or soon.
+
+        beside: who may be near, as those that are near at the start
+        """
         if (
             math.dist(start[:2], goal[:2]) < 1e-6
             and abs(math.sin(0.5 * (start.heading - goal.heading))) < 1e-9
         ):
             return driven(start, [(0.0, 1e-3)], body)
         shapes = [home for o, home in self.homes.items() if o != name]
+        own = _run(body, start, 0.0)
         for other in self.names():
             s = self.last_of(other)
             if other != name and s.into < time + PARAMS.soon_s:
-                gap = 0.0 if other == beside else PARAMS.wide_m
-                shapes += [p.buffer(gap, join_style="mitre") for p in s.path.swept[s.index]]
+                wide = [p.buffer(PARAMS.wide_m, join_style="mitre") for p in s.path.swept[s.index]]
+                is_near = other == beside or shapely_here().intersects(own, wide).any()
+                shapes += list(s.path.swept[s.index]) if is_near else wide
         free, version = self.ground.free_from, self.ground.version
         return self.finder.find(
             free, body, drive, start, goal, version=version, stand=shapes, time=time, **more
