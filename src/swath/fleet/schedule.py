@@ -27,6 +27,8 @@ from swath.fleet.plan import CLEAN, HEADLAND, Pass, Plan, plan_of, strip_of
 from swath.fleet.plan import PARAMS as PLAN
 from swath.fleet.table import Path, Table, segments, standing
 from swath.fleet.ways import Finder, Track, driven, joined, straight, times_along
+from swath.fleet.yard import PARAMS as YARD
+from swath.fleet.yard import WIDE, Waits, fits, run_of, waiting_places
 
 Array = NDArray[np.float64]
 SQUARE_M_PER_HA_T = 0.1  # t/ha in kg/m2
@@ -38,9 +40,7 @@ class Params:
     """cut_m: longest segment of a pass; align_s: until a cart that has come beside is in line; tries,
     places: passes, and places to pour at, that are looked at, the nearest first; early_s: of what a combine
     waits for a cart beyond what is known; soon_s: within which a machine stands that a way leads around;
-    out_percent: of the field that is left where no way leads; ring_m: around the field in which nobody
-    waits; dock_m, clear_m: before and behind the truck, and a waiting place, that are kept clear;
-    wide_m: that a way keeps off machines that stand, more than a cell of the search and two gaps of bodies
+    out_percent: of the field that is left where no way leads
     """
 
     cut_m: float = 8.0
@@ -50,10 +50,6 @@ class Params:
     early_s: float = 2.0
     soon_s: float = 30.0
     out_percent: float = 0.5
-    ring_m: float = 14.0
-    dock_m: float = 25.0
-    clear_m: float = 14.0
-    wide_m: float = 0.5
 
 
 PARAMS = Params()
@@ -152,7 +148,7 @@ class _Scheduler:
         self.truck_free, self.truck_room = 0.0, math.inf
         if job.truck.volume_m3 is not None:
             self.truck_room = job.truck.volume_m3 * machines.density
-        homes = waiting_places(ground, self.bodies(), self.docks())
+        homes = waiting_places(ground, self.finder, self.waits())
         own = {i: [p for p in plan.passes if p.combine == i] for i in range(len(machines.combines))}
         self.combines = [CombineState(c, homes[i], homes[i], own[i]) for i, c in enumerate(machines.combines)]
         self.carts = [CartState(k, homes[len(self.combines) + i]) for i, k in enumerate(machines.carts)]
@@ -164,20 +160,18 @@ class _Scheduler:
             self.table.stand(k.spec.name, standing(np.array(k.home), k.spec.body, 0.0, "home"))
         self.ground.version += 1
         self.homes = {
-            name: _run(body, home, 0.0, 0.3 + PARAMS.wide_m)
-            for name, body, home in zip(self.names(), self.bodies(), homes, strict=True)
+            w.name: run_of(w.body, home, 0.0, WIDE) for w, home in zip(self.waits(), homes, strict=True)
         }
         self.places = list(self._service_places())
 
-    def bodies(self) -> list[Body]:
-        """Of all machines that move."""
-        combines, carts = self.machines.combines, self.machines.carts
-        return [c.body for c in combines] + [k.body for k in carts]
-
-    def docks(self) -> list[tuple[Body, Place]]:
-        """Bodies at their places beside the truck."""
-        carts = [(k.body, self.cart_dock(k)) for k in self.machines.carts]
-        return carts or [(c.body, self.combine_dock(c)) for c in self.machines.combines]
+    def waits(self) -> list[Waits]:
+        """All machines that move, with their places at the truck."""
+        carts = self.machines.carts
+        combines = [
+            Waits(c.name, c.body, c.drive, None if carts else self.combine_dock(c))
+            for c in self.machines.combines
+        ]
+        return combines + [Waits(k.name, k.body, k.drive, self.cart_dock(k)) for k in carts]
 
     def cart_dock(self, cart: Cart) -> Place:
         """Where a cart empties into the truck."""
@@ -353,11 +347,11 @@ class _Scheduler:
         ):
             return driven(start, [(0.0, 1e-3)], body)
         shapes = [home for o, home in self.homes.items() if o != name]
-        own = _run(body, start, 0.0)
+        own = run_of(body, start, 0.0)
         for other in self.names():
             s = self.last_of(other)
             if other != name and s.into < time + PARAMS.soon_s:
-                wide = [p.buffer(PARAMS.wide_m, join_style="mitre") for p in s.path.swept[s.index]]
+                wide = [p.buffer(YARD.wide_m, join_style="mitre") for p in s.path.swept[s.index]]
                 is_near = other == beside or shapely_here().intersects(own, wide).any()
                 shapes += list(s.path.swept[s.index]) if is_near else wide
         free, version = self.ground.free_from, self.ground.version
@@ -870,7 +864,8 @@ class _Scheduler:
             return
         bare = shapely.difference(self.ground.open, self.ground.field)
         homes = [(k.spec.body, k.home) for k in self.carts] + [(c.spec.body, c.home) for c in self.combines]
-        taken = [shapely.polygons(b.outlines(np.array([p]), 2.0)[0]) for b, p in homes + self.docks()]
+        docks = [(w.body, w.dock) for w in self.waits() if w.dock is not None]
+        taken = [shapely.polygons(b.outlines(np.array([p]), 2.0)[0]) for b, p in homes + docks]
         bare = shapely.difference(bare, shapely.union_all(np.concatenate(taken)))
         shapely.prepare(bare)
         c = max((c.spec for c in self.combines), key=lambda c: c.width)
@@ -878,13 +873,8 @@ class _Scheduler:
         ahead, left = beside(c, k)
         for place in _along(self.ground):
             goal = place.ahead(ahead, left)
-            if _fits(bare, c.body, place) and _fits(bare, k.body, goal):
+            if fits(bare, c.body, place) and fits(bare, k.body, goal):
                 yield place
-
-
-def _fits(area: Any, body: Body, place: Place) -> bool:
-    shapely = shapely_here()
-    return bool(shapely.contains(area, shapely.polygons(body.outlines(np.array([place]), 0.5)[0])).all())
 
 
 def _along(ground: Ground) -> Iterator[Place]:
@@ -908,61 +898,6 @@ def _along(ground: Ground) -> Iterator[Place]:
             for h in (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi):
                 h = h + ground.dock.heading
                 yield Place(x0 + float(x), y0 + float(y), h, h)
-
-
-def waiting_places(
-    ground: Ground, bodies: Sequence[Body], docks: Sequence[tuple[Body, Place]]
-) -> list[Place]:
-    """A place for each machine off the ways of all others, as near to the gate as there is one.
-
-    InputError where there is none.
-    """
-    shapely = shapely_here()
-    clear = shapely.difference(ground.open, ground.field.buffer(0.5))
-    bare = shapely.difference(clear, ground.field.buffer(PARAMS.ring_m))
-    for body, dock in docks:
-        lane = [_run(body, dock, ahead, 3.0) for ahead in (PARAMS.dock_m, -PARAMS.dock_m)]
-        bare = shapely.difference(bare, shapely.union_all(lane))
-    grid = np.arange(-110.0, 110.1, 4.0)
-    away = np.array([ground.dock.x, ground.dock.y]) - ground.gate
-    u = away / max(float(np.hypot(*away)), 1e-9)
-    spots = [np.array(ground.gate) + a * u + b * np.array([-u[1], u[0]]) for a in grid for b in grid]
-    spots.sort(key=lambda s: (round(math.dist(s, ground.gate), 3), float(s[0]), float(s[1])))
-    places = []
-    for body in bodies:
-        shapely.prepare([bare, clear])
-        place = _spot(bare, clear, spots, body, ground.dock.heading)
-        if place is None:
-            expected = f"expected room for {len(bodies)} machines to wait at the truck or around the field"
-            raise InputError("field.around_m", None, expected)
-        places.append(place)
-        own = _run(body, place, 0.0, 2.0)
-        clear = shapely.difference(clear, own)
-        bare = shapely.difference(bare, shapely.union_all([own, *_runs(body, place)]))
-    return places
-
-
-def _run(body: Body, place: Place, ahead: float, gap: float = 0.3) -> Any:
-    """The ground of a body from a place to one straight ahead [m], < 0 behind it, wider by a gap."""
-    shapely = shapely_here()
-    outlines = body.outlines(np.array([place, place.ahead(ahead)]), gap)
-    return shapely.convex_hull(shapely.multipoints(outlines.reshape(-1, 2)))
-
-
-def _runs(body: Body, place: Place) -> list[Any]:
-    """What has to be clear so that a machine comes forwards to its waiting place, and away."""
-    both = (PARAMS.clear_m, -PARAMS.clear_m) if body.has_trailer else (-PARAMS.clear_m,)  # it backs out
-    return [_run(body, place, ahead) for ahead in both]
-
-
-def _spot(bare: Any, clear: Any, spots: Sequence[Array], body: Body, heading: float) -> Place | None:
-    shapely = shapely_here()
-    for spot in spots:
-        for turn in (0.0, math.pi, 0.5 * math.pi, -0.5 * math.pi):
-            place = Place(float(spot[0]), float(spot[1]), heading + turn, heading + turn)
-            if _fits(bare, body, place) and shapely.contains(clear, _runs(body, place)).all():
-                return place
-    return None
 
 
 def _strips(task: Pass, width: float, marks: Array) -> Any:

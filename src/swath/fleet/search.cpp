@@ -19,7 +19,7 @@ const float* edge = (const float*)edge_rows.data;
 const float* lasting = (const float*)ground_alone.data;
 D* out = (D*)found.data;
 constexpr int ROW = 10, AT_PARENT = 7, AT_BEND = 8, AT_WAY = 9;
-constexpr D PI = 3.14159265358979323846, NEVER = 1e17, SAMPLE = 1.0, COARSE = 2.0, SHOT = 25.0, LATER = 1000.0, BIN = 1.5, WEIGHT = 1.5;
+constexpr D PI = 3.14159265358979323846, NEVER = 1e17, SAMPLE = 1.0, COARSE = 2.0, SHOT = 25.0, LATER = 1000.0, BIN = 1.5, WEIGHT = 1.5, RUN_IN = 2.0;
 constexpr int AFTER = 1500;  // poses that are looked at once a way is found
 const D radius = m[10], turning = m[11], straight = m[12], backwards = m[13], shift = m[14], start_time = m[15];
 const D cell = m[16], west = m[17], south = m[18], hitch = m[20], drawbar = m[21], step = m[30], tolerance = m[25];
@@ -186,11 +186,12 @@ auto drive = [&](State& q, D bend, D length, D& when, D speed) {
 auto angle_of = [&](D a) { a = a - 2.0 * PI * floor(a / (2.0 * PI)); return a > 2.0 * PI - 1e-9 ? 0.0 : a; };
 
 int count = 0, best_node = -1, best_word = 0, popped = 0, found_at = 0;
-D best_cost = 1e18, best_parts[3] = {0.0, 0.0, 0.0};
+D best_cost = 1e18, best_parts[4] = {0.0, 0.0, 0.0, 0.0};
 const D bends[4][3] = {{1, 0, 1}, {-1, 0, -1}, {1, 0, -1}, {-1, 0, 1}};
-auto shoot = [&](int n) {  // the free Dubins path from a node to the goal, the shortest of four words
+// the free Dubins path from a node to the goal, or to where it comes straight to the goal, the shortest of four words
+auto shoot_to = [&](int n, D run_in) {
   const D* q0 = nodes + ROW * n;
-  const D dx = m[6] - q0[0], dy = m[7] - q0[1], way = atan2(dy, dx), d = __builtin_sqrt(dx * dx + dy * dy) / radius;
+  const D dx = m[6] - run_in * m[8] - q0[0], dy = m[7] - run_in * m[9] - q0[1], way = atan2(dy, dx), d = __builtin_sqrt(dx * dx + dy * dy) / radius;
   const D a = angle_of(atan2(q0[3], q0[2]) - way), b = angle_of(atan2(m[9], m[8]) - way);
   const D sa = sin(a), sb = sin(b), ca = cos(a), cb = cos(b), cab = cos(a - b);
   for (int word = 0; word < 4; ++word) {
@@ -206,13 +207,13 @@ auto shoot = [&](int n) {  // the free Dubins path from a node to the goal, the 
     else if (word == 1) { const D e = atan2(ca - cb, d - sa + sb); t = angle_of(a - e); q = angle_of(e - b); }
     else if (word == 2) { const D e = atan2(-ca - cb, d + sa + sb) - atan2(-2.0, p); t = angle_of(e - a); q = angle_of(e - b); }
     else { const D e = atan2(ca + cb, d - sa - sb) - atan2(2.0, p); t = angle_of(a - e); q = angle_of(b - e); }
-    const D parts[3] = {t * radius, p * radius, q * radius};
-    const D cost = q0[6] + (q0[AT_WAY] < 0.0 ? shift : 0.0) + (parts[0] + parts[2]) / turning + parts[1] / straight;
+    const D parts[4] = {t * radius, p * radius, q * radius, run_in};
+    const D cost = q0[6] + (q0[AT_WAY] < 0.0 ? shift : 0.0) + (parts[0] + parts[2]) / turning + (parts[1] + run_in) / straight;
     if (cost >= best_cost - 1e-6) continue;
     State at = {q0[0], q0[1], q0[2], q0[3], q0[4], q0[5]};
     D when = start_time + q0[6];
     bool is_free = true;
-    for (int i = 0; i < 3 && is_free; ++i) is_free = drive(at, bends[word][i], parts[i], when, i == 1 ? straight : turning);
+    for (int i = 0; i < 4 && is_free; ++i) is_free = drive(at, i < 3 ? bends[word][i] : 0.0, parts[i], when, i % 2 ? straight : turning);
     if (!is_free) continue;
     if (has_trailer && tolerance > -1.0) {
       const D u = (at.x + hitch * at.c - at.tx) / drawbar, w = (at.y + hitch * at.s - at.ty) / drawbar;
@@ -220,8 +221,12 @@ auto shoot = [&](int n) {  // the free Dubins path from a node to the goal, the 
     }
     if (best_node < 0) found_at = popped;
     best_cost = cost; best_node = n; best_word = word;
-    for (int i = 0; i < 3; ++i) best_parts[i] = parts[i];
+    for (int i = 0; i < 4; ++i) best_parts[i] = parts[i];
   }
+};
+auto shoot = [&](int n) {  // a trailer that has to be in line behind a bend comes in line on a straight
+  shoot_to(n, 0.0);
+  if (has_trailer && tolerance > -1.0) shoot_to(n, RUN_IN * drawbar);
 };
 auto estimate = [&](const State& q) { return (D)far[coarse_of(q.x, q.y)] / straight * WEIGHT; };
 auto bin_of = [&](const State& q) {
@@ -268,6 +273,7 @@ while (size) {
 }
 if (best_node < 0) return;
 int pieces = 0;
+out[3] = 0.0; out[4 + 2 * pieces++] = best_parts[3];
 for (int i = 0; i < 3; ++i) { out[3 + 2 * pieces] = bends[best_word][2 - i] / radius; out[4 + 2 * pieces++] = best_parts[2 - i]; }
 for (int n = best_node; n >= 0 && pieces < 2000; n = (int)nodes[ROW * n + AT_PARENT]) {
   const D* q = nodes + ROW * n;

@@ -161,13 +161,15 @@ class Finder:
     def find(
         self, free_from: NDArray[np.float32], body: Body, drive: Drive, start: Place, goal: Place, *,
         version: int, stand: Sequence[Any] = (), time: float = 0.0, gap: float = 0.15, in_line: bool = False,
+        most: int = MOST,
     ) -> Track | None:  # fmt: skip
         """The way that takes the shortest time from a place to another, None where there is none.
 
         free_from: of each cell, the time from which no crop stands there [s], -1 for ground without crop,
         -2 for closed ground, -3 where a machine stands, 1e18 for crop that stays; float32, `shape` version:
         of the grid, another one when crop was cut; stand: outlines of machines that stand, as polygons
-        time: of the start [s]; gap: kept all round the body [m]; in_line: the trailer ends in line
+        time: of the start [s]; gap: kept all round the body [m]; in_line: the trailer ends in line;
+        most: poses that are looked at
         """
         wp = start_warp()
         from swath.fleet import search_kernel
@@ -183,7 +185,7 @@ class Finder:
             goal.x, goal.y, math.cos(goal.heading), math.sin(goal.heading),
             drive.radius, drive.turning, drive.straight, drive.backwards or 1.0, drive.shift, time,
             self.cell, self.west, self.south, body.has_trailer, body.hitch, body.drawbar or 1.0,
-            drive.backwards > 0.0, MOST, 0.0, STRAIGHT if in_line else -2.0, 0.0,
+            drive.backwards > 0.0, min(most, MOST), 0.0, STRAIGHT if in_line else -2.0, 0.0,
             len(points), *self.shape, STEP, HEADINGS,
         )  # fmt: skip
         self._numbers[32:36] = (*_circle(body.own, gap), *_circle(body.towed, gap))

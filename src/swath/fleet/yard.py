@@ -1,0 +1,163 @@
+"""Waiting places: where each machine stands at the start, at the end, and a cart between two loads.
+
+They are along the outer edge of open ground, where they take least of it. Every place has a way in and a way out, searched with all places before it taken: to and from the field's
+gate, and the truck for who empties there. Their ground is kept clear of all later places, so that nobody
+who waits is ever in the way of another; what else stands in a yard is not known here.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.fleet.bodies import Body, Drive, Place
+from swath.fleet.ground import Ground, shapely_here
+from swath.fleet.ways import Finder, Track
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Params:
+    """ring_m: around the field in which nobody waits; dock_m, clear_m: before and behind the truck, and a
+    waiting place, that are kept clear; body_m: that the outline of who waits is wider; wide_m: that a way
+    keeps off machines that stand, more than a cell of the search and two gaps of bodies; edge_m: that it stands
+    off the outer edge of open ground; spots_m: between spots that are looked at; tries: of them that a way is searched to;
+    poses: that such a search looks at, so that a place is one to which a way is found fast
+    """
+
+    ring_m: float = 14.0
+    dock_m: float = 25.0
+    clear_m: float = 14.0
+    body_m: float = 0.3
+    wide_m: float = 0.5
+    edge_m: float = 0.7
+    spots_m: float = 4.0
+    tries: int = 60
+    poses: int = 3000
+
+
+PARAMS = Params()
+WIDE = PARAMS.body_m + PARAMS.wide_m  # that a waiting place is wider than its machine [m]
+
+
+@dataclass(frozen=True)
+class Waits:
+    """A machine that needs a place. dock: its place beside the truck, None if it never empties there"""
+
+    name: str
+    body: Body
+    drive: Drive
+    dock: Place | None
+
+
+def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) -> list[Place]:
+    """A place for each machine, as near to the gate as there is one; who needs most room is first.
+
+    InputError where there is none.
+    """
+    shapely = shapely_here()
+    clear = shapely.difference(ground.open, ground.field.buffer(0.5))
+    bare = shapely.difference(clear, ground.field.buffer(PARAMS.ring_m))
+    for m in machines:
+        if m.dock is not None:
+            lane = [run_of(m.body, m.dock, ahead, 3.0) for ahead in (PARAMS.dock_m, -PARAMS.dock_m)]
+            bare = shapely.difference(bare, shapely.union_all(lane))
+    taken: list[Any] = []
+    places: dict[str, Place] = {}
+    for m in sorted(machines, key=lambda m: -m.body.length_behind):
+        shapely.prepare([bare, clear])
+        found = None
+        for place in _places(ground, bare, clear, m.body):
+            found = _ways(ground, finder, m, place, taken)
+            if found is not None:
+                break
+        if found is None:
+            expected = f"expected room for {len(machines)} machines to wait, each with a way in and out"
+            raise InputError("field.around_m", None, expected)
+        places[m.name] = place
+        taken.append(run_of(m.body, place, 0.0, WIDE))
+        own = run_of(m.body, place, 0.0, 2.0)
+        clear = shapely.difference(clear, own)
+        used = [own, *_runs(m.body, place), *(_swept(t, m.body) for t in found)]
+        bare = shapely.difference(bare, shapely.union_all(used))
+    return [places[m.name] for m in machines]
+
+
+def _places(ground: Ground, bare: Any, clear: Any, body: Body) -> Iterator[Place]:
+    """Places along the outer edge of open ground, the nearest to the gate first, where a body is clear and
+    the ground straight before and behind it; not too many.
+    """
+    shapely = shapely_here()
+    inside = shapely.buffer(ground.open, -(body.half_width + PARAMS.edge_m))
+    spots: list[tuple[float, Place]] = []
+    for part in shapely.get_parts(inside):
+        ring = part.exterior
+        at = np.arange(0.0, ring.length, PARAMS.spots_m)
+        here, before, ahead = (
+            shapely.get_coordinates(shapely.line_interpolate_point(ring, (at + d) % ring.length))
+            for d in (0.0, -PARAMS.spots_m, PARAMS.spots_m)
+        )
+        for (x, y), (u, v) in zip(here.tolist(), (ahead - before).tolist(), strict=True):
+            far = round(math.dist((x, y), ground.gate), 3)
+            for heading in (math.atan2(v, u), math.atan2(-v, -u)):
+                spots.append((far, Place(x, y, heading, heading)))
+    count = 0
+    for _, place in sorted(spots):
+        if fits(bare, body, place) and shapely.contains(clear, _runs(body, place)).all():
+            yield place
+            count += 1
+            if count == PARAMS.tries:
+                return
+
+
+def _ways(ground: Ground, finder: Finder, m: Waits, place: Place, taken: Sequence[Any]) -> list[Track] | None:
+    """Ways of a machine from a place and to it, None where one is missing."""
+    out: list[Track] = []
+    along = ground.dock.heading + 0.5 * math.pi  # from the gate to the truck
+    x, y = ground.gate[0] + 7.0 * math.cos(along), ground.gate[1] + 7.0 * math.sin(along)
+    gate = [Place(x, y, along + turn, along + turn) for turn in (0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi)]
+    for goals in (gate, [m.dock] if m.dock is not None else []):
+        for ends in ([(place, g) for g in goals], [(g, place) for g in goals]):
+            for start, goal in ends:
+                way = finder.find(
+                    ground.free_from, m.body, m.drive, start, goal, version=ground.version, stand=taken,
+                    in_line=True, most=PARAMS.poses,
+                )  # fmt: skip
+                if way is not None:
+                    out.append(way)
+                    break
+            else:
+                if goals:
+                    return None
+    return out
+
+
+def _swept(way: Track, body: Body) -> Any:
+    """The ground of a way, so wide that it is free for the search when others wait beside it."""
+    shapely = shapely_here()
+    outlines = body.outlines(way.places[:: max(1, len(way.places) // 200)], WIDE + 0.5)
+    return shapely.union_all(shapely.polygons(outlines.reshape(-1, *outlines.shape[2:])))
+
+
+def run_of(body: Body, place: Place, ahead: float, gap: float = 0.3) -> Any:
+    """The ground of a body from a place to one straight ahead [m], < 0 behind it, wider by a gap."""
+    shapely = shapely_here()
+    outlines = body.outlines(np.array([place, place.ahead(ahead)]), gap)
+    return shapely.convex_hull(shapely.multipoints(outlines.reshape(-1, 2)))
+
+
+def _runs(body: Body, place: Place) -> list[Any]:
+    """What has to be clear so that a machine comes forwards to its waiting place, and away."""
+    both = (PARAMS.clear_m, -PARAMS.clear_m) if body.has_trailer else (-PARAMS.clear_m,)  # it backs out
+    return [run_of(body, place, ahead) for ahead in both]
+
+
+def fits(area: Any, body: Body, place: Place) -> bool:
+    """Whether a body at a place is in an area, half a metre off its edge."""
+    shapely = shapely_here()
+    return bool(shapely.contains(area, shapely.polygons(body.outlines(np.array([place]), 0.5)[0])).all())
