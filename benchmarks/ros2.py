@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[1]
 LISTENED = {"/combine/lidar/scan": "sensor_msgs/LaserScan", "/combine/odometry/odometry": "nav_msgs/Odometry"}
 LEAKS = ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
 STEPS = 3000
-DEMO = ["combine.lidar.rate_hz=50", "run.max_duration_s=1000"]
+DEMO = ["combine.lidar.rate_hz=50"]
 
 
 def main(out: Path, loss_s: float = 300.0, cost_s: float = 20.0) -> None:

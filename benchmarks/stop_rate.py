@@ -1,11 +1,12 @@
 """How often a machine stops in time before a person at the edge, and how often for nothing.
 
-python benchmarks/stop_rate.py [--sensors lidar radar both] [--seeds 100] [--km 10] [--file FILE.jsonl]
+python benchmarks/stop_rate.py [--sensors lidar radar both] [--seeds 100] [--km 10] [--gaps] [--file FILE]
 
 The scenario is `person-at-edge`. Every seed walks otherwise: speed, how near the machine is when the person
 sets off, and how far it goes come evenly out of the ranges of WALK. A run passes when the machine stands with
 at least 1 m of clearance and has touched nothing.
-Without a person the machine drives pieces of PIECE_M, each with its own seed, and every stop counts.
+Without a person the machine drives pieces of PIECE_M, each with its own seed, and every stop counts. With
+--gaps it enters the crop from a headland and passes a gap in every 30 m, 2 to 6 m long, 0.5 to 2.5 m deep.
 Every run is a line of the file; what is there already is not run again, so it can be stopped at any time.
 Shares with their interval of 95 % (Wilson).
 """
@@ -57,7 +58,20 @@ def jobs(args: Any) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
         for sensors in args.sensors:
             run = {"run.distance_m": PIECE_M, "run.max_duration_s": 300, "run.record": "none"}
             sets = {**sets_of(sensors, args.radar_level), "field.obstacles": [], **run}
-            yield _named(sensors, args, "empty", number), _entry(sets, 1000 + number)
+            if args.gaps:
+                sets |= gaps_of(number)
+            yield _named(sensors, args, "gaps" if args.gaps else "empty", number), _entry(sets, 1000 + number)
+
+
+def gaps_of(number: int) -> dict[str, Any]:
+    """The edge of a piece, and where the machine starts."""
+    draw, gaps = np.random.default_rng(number), []
+    for begin in np.arange(20.0, PIECE_M + 20.0, 30.0):
+        start, length, depth = (float(draw.uniform(*r)) for r in ((begin, begin + 20), (2, 6), (0.5, 2.5)))
+        gap = {"start_m": start, "end_m": start + length, "depth_m": depth, "stubble_height_m": 0.15}
+        gaps.append(gap)
+    start = {"combine.start.along_edge_m": -15.0, "combine.speed.guard.when_lost": "ignore"}
+    return {"field.edge.gaps": gaps, **start}
 
 
 def _named(sensors: str, args: Any, case: str, number: int) -> dict[str, Any]:
@@ -85,7 +99,7 @@ def tell(rows: list[dict[str, Any]]) -> None:
     for kind in sorted({(r["sensors"], r["radar"]) for r in rows}):
         mine = [r for r in rows if (r["sensors"], r["radar"]) == kind]
         met = [r for r in mine if r["case"] == "person"]
-        empty = [r for r in mine if r["case"] == "empty"]
+        empty = [r for r in mine if r["case"] in ("empty", "gaps")]
         good = sum(r["stops"] > 0 and r["clearance"] >= 1.0 and r["contacts"] == 0 for r in met)
         text = f"{kind[0]:8}{kind[1]:8}{f'{good} of {len(met)}':>22}"
         if met:
@@ -106,6 +120,7 @@ def main() -> None:
     parser.add_argument("--radar-level", default="error")
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--km", type=float, default=10.0)
+    parser.add_argument("--gaps", action="store_true")
     parser.add_argument("--file", type=Path, default=Path("out/bench/stops.jsonl"))
     args = parser.parse_args()
     args.file.parent.mkdir(parents=True, exist_ok=True)

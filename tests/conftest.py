@@ -7,6 +7,8 @@ import signal
 import pytest
 from hypothesis import settings
 
+from swath.core.foreign_code import allow_code
+
 # A shell starts what runs in the background with Ctrl-C ignored, and every process that it starts, too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -32,6 +34,13 @@ def pytest_collection_finish():
     """Modules and tests stay to the end: full collections need not look through them, 3 % of the time."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture
+def code_allowed():
+    """Python files and FMUs that the test names may run, as with `--allow-code`."""
+    with allow_code(None):
+        yield
 
 
 @pytest.fixture(autouse=True)

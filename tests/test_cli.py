@@ -112,7 +112,7 @@ def test_every_command_is_in_the_documentation():
 
 
 def test_version_and_help(capsys):
-    for flag in ("--version", "--help", "help"):
+    for flag in ("--version", "-V", "--help", "help"):
         with pytest.raises(SystemExit) as caught:
             main([flag])
         assert caught.value.code == 0
@@ -209,6 +209,7 @@ def test_interrupt_and_mistakes(job, capsys, monkeypatch):
     assert "Traceback" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("code_allowed")
 def test_a_mistake_in_the_users_own_level_is_the_users(job, capsys, tmp_path):
     from swath.core.registry import Registry
 

@@ -63,7 +63,7 @@ def test_a_trial_that_ends_before_a_window_opens_is_no_failure(tmp_path, monkeyp
     """The template of a scenario has a limit from 10 m on."""
     monkeypatch.chdir(tmp_path)
     assert main(["new", "scenario"]) == 0
-    flags = [word for change in (*SHORT, "run.distance_m=3") for word in ("--set", change)]
+    flags = [word for change in ("run.distance_m=3", *SHORT[1:]) for word in ("--set", change)]
     assert main(["run", "my_scenario.yaml", *flags, "--out", "r"]) == 0
     assert "note    nothing measured in so short a run: lateral_p95_m" in capsys.readouterr().out
 
@@ -119,13 +119,51 @@ def test_runs_of_the_same_moment_get_folders_of_their_own(tmp_path, monkeypatch)
     assert choose_run_folder("a", 1).name == "a-1"
 
 
-@pytest.mark.parametrize("command", [["levels"], ["sheets"], ["metrics"]])
-def test_lines_stay_whole_in_a_pipe(command, capsys):
+@pytest.mark.parametrize("command", [["levels", "lidar"], ["sheets"], ["metrics"]])
+def test_lines_stay_whole_in_a_pipe(command, capsys, monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)
     assert main(command) == 0
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) > 80
     rows = [line for line in lines if line.startswith("  ") and line.strip()]
     assert not [row for row in rows if len(row) - len(row.lstrip()) > 12]  # the rest of a folded cell
+
+
+@pytest.mark.parametrize("command", ["levels", "metrics", "scenarios"])
+def test_lists_fit_the_columns_asked_for_and_come_as_json(command, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main([command]) == 0
+    text = capsys.readouterr().out
+    table = [line for line in text.splitlines() if line.startswith((" ", "\u2500"))]
+    assert len(table) > 10
+    assert max(map(len, table)) <= 80
+    assert main([command, "--json"]) == 0
+    items = json.loads(capsys.readouterr().out)
+    name = "level" if command == "levels" else "name"
+    assert len(items) > 10
+    assert all(item[name] in text for item in items)
+
+
+def test_levels_is_a_line_for_each_slot_with_its_default(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    assert main(["levels"]) == 0
+    lines = [line.split(None, 1) for line in capsys.readouterr().out.splitlines() if line.startswith(" ")]
+    found = {line[0]: line[1] for line in lines[2:] if len(line) == 2}
+    from swath.scenario.catalogue import CATALOGUE
+
+    assert set(found) == {*CATALOGUE.field_levels, *(slot.name for slot in CATALOGUE.slots)}
+    assert "plants*" in found["lidar"]
+    assert "empirical*" not in found["lidar"]
+
+
+def test_the_help_has_every_command_once_in_a_group(capsys):
+    from swath.commands.main import COMMANDS, make_parser
+
+    parser, names = make_parser()
+    shown = parser.format_help().splitlines()
+    for name in names:
+        assert len([line for line in shown if line.startswith(f"  {name} ")]) == 1
+    assert [f"{group}:" for group in COMMANDS if f"{group}:" not in shown] == []
 
 
 def test_a_camera_without_a_lidar_is_seen(tmp_path, capsys):
@@ -168,6 +206,7 @@ def test_levels_of_a_slot_that_hears_another_machine(capsys):
     ("words", "said"),
     [
         (("run", "straight", "--set", "field.wind.speed_m_s=3"), "did you mean field.stand.wind?"),
+        (("run", "harvest-field"), "harvest-field is one of the jobs of whole fields: swath fleet run"),
         (("run", "straight", "--set", "field.slope_percent=3"), "did you mean field.terrain.slope_percent?"),
         (("test", "run", "my.py", "--out", "t"), "swath test run bend --set combine.edge.level=my.py:Class"),
     ],

@@ -24,6 +24,7 @@ from swath.tools.function_test.candidates import read_candidates
 from swath.tools.function_test.case import FORMAT as CASE_FORMAT
 from swath.tools.function_test.plan import Plan
 
+pytestmark = pytest.mark.usefixtures("code_allowed")  # what the pages say is ours
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
 TREE = re.compile(r"```\{toctree\}\n(.*?)```", re.DOTALL)

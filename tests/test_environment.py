@@ -50,6 +50,18 @@ def test_the_return_is_the_share_driven_less_what_is_broken():
     assert rows[-1, 5] == pytest.approx(7 / 3.6, rel=0.1)  # odometry sees the speed
 
 
+@pytest.mark.parametrize("speed", [False, True])
+@pytest.mark.parametrize("action", [[np.nan], [np.inf], [0.1, np.nan], [0.1, -np.inf], [], [0.1, 0.2, 0.3]])
+def test_an_action_that_is_none_is_refused_and_drives_nothing(action, speed):
+    env = swath.Env("straight", sets=SETS, speed=speed)
+    env.reset(seed=1)
+    with pytest.raises(InputError, match=f"action = .*: expected {1 + speed} finite number"):
+        env.step(np.array(action, dtype=np.float32))
+    assert env.world.graph.t == 0
+    assert env.step(env.action_space.sample() * 0)[4]["t_s"] == 0.1
+    env.close()
+
+
 def test_the_same_seed_and_actions_give_the_same_and_left_is_left():
     env = swath.Env("straight", sets=SETS)
     first, _, _ = episode(env, [0.3])

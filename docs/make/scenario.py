@@ -3,6 +3,8 @@
 python -m docs.make.scenario     writes it anew
 """
 
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from swath.scenario.sections import (
     StartPose,
 )
 
+Group = tuple[str, tuple[tuple[str, str, str], ...]]  # its name; keys without it, value, meaning
 PAGE = Path(__file__).parents[1] / "scenario.md"
 HEADER = """\
 # Scenario files
@@ -39,10 +42,10 @@ it gives completion in editors with a YAML language server:
 
 Where a level is chosen, `steer: preview` stands for `steer: {{level: preview}}`. A level is a built-in name,
 an installed one (entry point group `swath.levels`, name `slot.level`), or your own `path/to/file.py:Class`,
-which runs with your rights as soon as the scenario is read; `--no-code` refuses it
+which runs, with your rights, only with `--allow-code` or where the command line names it
 ([SECURITY.md](../SECURITY.md)).
 `--set combine.lidar.level=empirical` changes one key for one run; choosing another level drops the keys that
-only the old one knew.
+only the old one knew. The order of changes does not matter; two that say different things about a key are an error.
 """
 
 REALTIME = """\
@@ -71,6 +74,7 @@ def reference(catalogue: Catalogue = CATALOGUE) -> str:
     """The whole page."""
     from swath.documents.data_sheets import find_sheet
 
+    shared = _shared(catalogue)
     example = find_sheet("scenarios", "straight").read_text(encoding="utf-8")
     parts = [HEADER.format(example=example)]
     parts.append(section("## Top level", Head))
@@ -80,43 +84,60 @@ def reference(catalogue: Catalogue = CATALOGUE) -> str:
     )
     parts.append(section("## run", Run))
     parts.append(section("## realtime", RealTime, REALTIME))
-    parts.append(_field(catalogue))
-    parts.append(_machine(catalogue))
+    parts.append(_field(catalogue, shared))
+    parts.append(_machine(catalogue, shared))
+    parts.append(_shared_groups(shared))
     parts.append(EVALUATORS)
     metrics = ", ".join(f"`{name}`" for name in catalogue.judged().metrics)
     parts.append(section("## expect", Limit, EXPECT.format(metrics=metrics)))
     return "\n".join(parts).rstrip() + "\n"
 
 
-def _field(catalogue: Catalogue) -> str:
+def _field(catalogue: Catalogue, shared: dict[Group, str]) -> str:
     parts = [
         "## field",
         "`folder: path` takes terrain and stand from an imported field (docs/field-folder.md).\n",
-        _part(FieldCommon),
+        _part(FieldCommon, shared),
     ]
-    parts += [_levels(catalogue, kind, f"### field.{kind}") for kind in catalogue.field_levels]
+    parts += [_levels(catalogue, kind, f"### field.{kind}", shared) for kind in catalogue.field_levels]
     for name, title in (("edge", "edge"), ("obstacles", "obstacles[]"), ("boundary", "boundary")):
-        parts.append(f"### field.{title}\n")
-        parts.append(_part(catalogue.part(name)))
+        choice = {
+            "edge": "`shape` is one of the last column.\n",
+            "obstacles": "`kind` is one of the last column.\n",
+        }
+        parts.append(f"### field.{title}\n{choice.get(name, '')}")
+        parts.append(_part(catalogue.part(name), shared))
         if name == "edge":
             parts.append(EDGES)
     return "\n".join(parts)
 
 
-def _part(kind: Any) -> str:
-    """Tables of a class, or of every choice of a union."""
+def _part(kind: Any, shared: dict[Group, str]) -> str:
+    """The keys of a class, or of every choice of a union, each once."""
     defs: dict[str, Any] = {}
     node = adopt(kind, "x", defs)
-    choices = node.get("oneOf") or node.get("anyOf") or [node]
-    made = []
-    for choice in choices:
+    made: dict[str, list[Row]] = {}
+    for choice in node.get("oneOf") or node.get("anyOf") or [node]:
         target = defs[choice["$ref"].rpartition("/")[2]] if "$ref" in choice else choice
-        tag = next((p["const"] for p in target.get("properties", {}).values() if "const" in p), None)
-        made.append((f"`{tag}`\n\n" if tag and len(choices) > 1 else "") + table(rows_of(target, defs, "")))
-    return "\n".join(made)
+        consts = {key: p["const"] for key, p in target.get("properties", {}).items() if "const" in p}
+        tag = next(iter(consts.values()), "")
+        made[tag] = [row for row in rows_of(target, defs, "") if len(consts) != 1 or row[0] not in consts]
+    return _merged(made, shared)
 
 
-def _machine(catalogue: Catalogue) -> str:
+def _merged(kinds: dict[str, list[Row]], shared: dict[Group, str]) -> str:
+    """One table of the keys of several kinds, each key once, with the kinds that have it where not all do."""
+    having: dict[Row, list[str]] = {}
+    for name, rows in kinds.items():
+        for row in _shortened(rows, shared):
+            having.setdefault(row, []).append(name)
+    if not having:
+        return ""
+    rows = [(*row, "" if len(has) == len(kinds) else ", ".join(has)) for row, has in having.items()]
+    return table(rows, "" if len(kinds) == 1 else "only in")
+
+
+def _machine(catalogue: Catalogue, shared: dict[Group, str]) -> str:
     parts = [section("## A machine", MachineCommon, "The key is its name; there may be several.\n")]
     parts.append(section("### start, on the edge", StartAlongEdge))
     parts.append(section("### start, anywhere", StartPose))
@@ -132,7 +153,7 @@ def _machine(catalogue: Catalogue) -> str:
         f"|---|---|---|---|---|\n{slots}"
     )
     parts.append(section("### Every slot", SlotCommon))
-    parts += [_levels(catalogue, slot.name, f"### {slot.name}") for slot in catalogue.slots]
+    parts += [_levels(catalogue, slot.name, f"### {slot.name}", shared) for slot in catalogue.slots]
     if links := catalogue.registry.links():
         parts.append("### Somebody else's part\nLevels that any slot of a machine may have.\n")
         parts += [_level(catalogue, catalogue.slots[0].name, name, name) for name in links]
@@ -147,9 +168,59 @@ def _wires(wires: Any) -> str:
     return ", ".join(f"{port} ← {source}.{output}" for port, (source, output) in wires.items())
 
 
-def _levels(catalogue: Catalogue, kind: str, title: str) -> str:
+def _levels(catalogue: Catalogue, kind: str, title: str, shared: dict[Group, str]) -> str:
+    """What the levels of a slot are, and each key that any of them has once, with the levels that have it."""
     names = catalogue.registry.names(kind)
-    return "\n".join([title, *(_level(catalogue, kind, name, f"{kind}: {name}") for name in names)])
+    levels = {name: catalogue.registry.get(kind, name) for name in names}
+    parts = [title, *(f"- `{name}`: {level.summary}" for name, level in levels.items())]
+    keys = _merged({name: parameter_rows(level.params) for name, level in levels.items()}, shared)
+    return "\n".join([*parts, *(["", keys] if keys else [""])])
+
+
+def _groups(rows: list[Row]) -> dict[str, Group]:
+    """Keys that lie under one key, by that."""
+    found: dict[str, list[tuple[str, str, str]]] = {}
+    for key, value, _, meaning in rows:
+        head, dot, rest = key.partition(".")
+        if dot:
+            found.setdefault(head, []).append((rest, value, meaning))
+    return {head: (head.removesuffix("[]"), tuple(keys)) for head, keys in found.items()}
+
+
+def _shared(catalogue: Catalogue) -> dict[Group, str]:
+    """Groups of keys that several levels have -> what they are called on this page."""
+    count: Counter[Group] = Counter()
+    for kind in (*catalogue.field_levels, *(slot.name for slot in catalogue.slots)):
+        for name in catalogue.registry.names(kind):
+            count.update(_groups(parameter_rows(catalogue.registry.get(kind, name).params)).values())
+    names: dict[Group, str] = {}
+    for group in (group for group, times in count.items() if times > 1):
+        same = sum(other[0] == group[0] for other in names)
+        names[group] = group[0] + (f"-{same + 1}" if same else "")
+    return names
+
+
+def _shortened(rows: list[Row], shared: dict[Group, str]) -> list[Row]:
+    """The rows, with one in place of each group that is shared; the defaults that it has there."""
+    groups = {head: shared[group] for head, group in _groups(rows).items() if group in shared}
+    made: dict[str, Row] = {}
+    for row in rows:
+        head, dot, rest = row[0].partition(".")
+        if not dot or head not in groups:
+            made[row[0] if row[0] not in groups else f"{row[0]} itself"] = row
+            continue
+        before = made.get(head, (head, f"keys of [{groups[head]}](#keys-of-{groups[head]})", "", ""))
+        default = f"{before[2]}, {rest}: {row[2]}" if row[2] and row[2] != "null" else before[2]
+        made[head] = (*before[:2], default.removeprefix(", "), "")
+    return list(made.values())
+
+
+def _shared_groups(shared: dict[Group, str]) -> str:
+    parts = ["## Keys that several levels have\n"]
+    for (_, keys), name in shared.items():
+        rows = [(key, value, "", meaning) for key, value, meaning in keys]
+        parts.append(f"### Keys of {name}\n\n{table(rows)}")
+    return "\n".join(parts)
 
 
 def _level(catalogue: Catalogue, kind: str, name: str, title: str) -> str:
@@ -167,12 +238,15 @@ def section(title: str, kind: Any, text: str = "") -> str:
     )
 
 
-def table(rows: list[Row]) -> str:
-    """Rows of keys, ranges, defaults and meanings in Markdown."""
-    lines = ["| key | value | default | meaning |", "|---|---|---|---|"]
-    for key, value, default, meaning in rows:
-        cells = (f"`{key}`", value, f"`{default}`" if default else "", meaning)
-        lines.append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
+def table(rows: Sequence[tuple[str, ...]], more: str = "") -> str:
+    """Rows of keys, ranges, defaults, meanings, and what `more` says, in Markdown; empty columns are left out."""
+    head = ["key", "value", "default", "meaning", *([more] if more else [])]
+    shown = [
+        (f"`{key}`", value, f"`{default}`" if default else "", *rest) for key, value, default, *rest in rows
+    ]
+    used = [k for k in range(len(head)) if any(row[k] for row in shown)]
+    lines = ["| " + " | ".join(head[k] for k in used) + " |", "|" + "---|" * len(used)]
+    lines += ["| " + " | ".join(row[k].replace("|", "\\|") for k in used) + " |" for row in shown]
     return "\n".join(lines) + "\n"
 
 

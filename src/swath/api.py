@@ -8,18 +8,17 @@ result.summary["lateral_rms_m"], result.exit_code, result.folder
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swath.core.errors import InputError, SwathError
-from swath.core.foreign_code import only_code
+from swath.core.foreign_code import Gate, allow_code, code_in, through
 from swath.core.registry import level_here
 from swath.documents.hints import unknown_key
 from swath.documents.packed import read_arrays
-from swath.documents.yaml_document import Document
+from swath.documents.yaml_document import Document, parse_value
 from swath.judge.limits import is_failed
 from swath.report.notebook import picture, run_html
 from swath.runtime.folder import choose_run_folder, choose_scan_folder, remove_empty
@@ -37,18 +36,25 @@ Sets = Mapping[str, Any] | Sequence[str]
 
 
 def load_scenario(
-    source: str | Path, *, sets: Sets = (), seed: int | None = None, code: bool = True
+    source: str | Path, *, sets: Sets = (), seed: int | None = None, code: bool = False
 ) -> Scenario:
     """A bundled scenario by name, a file, or the scenario of a run folder, with changes.
 
     sets: {"combine.speed.speed_kmh": 5}, or texts as after `--set`; a text is read as there
     seed: instead of the scenario's
-    code: False refuses Python files and FMUs that it names; reading a Python file runs it (SECURITY.md)
+    code: True lets Python files and FMUs run that the scenario names, with your rights, a Python file as soon
+    as it is read (SECURITY.md); what `sets` name is yours and runs. A scenario remembers what it may run.
     Raises swath.core.errors.InputError, which names key, value, what was expected, file and line.
     """
     texts = [f"{k}={_text(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)
-    with nullcontext() if code else only_code(()):
+    with _allowed(code, texts):
         return _load(source, sets=texts, flags={} if seed is None else {"seed": f"seed={seed}"})
+
+
+def _allowed(code: bool, texts: Iterable[str]) -> Any:
+    """A block in which code may run: all, or what texts as after `--set` name."""
+    values = (parse_value(text.partition("=")[2], text) for text in texts)
+    return allow_code(None if code else [named for value in values for named in code_in(value)])
 
 
 def _text(value: Any) -> str:
@@ -100,14 +106,15 @@ def scan(
     sets: Sets = (),
     seed: int | None = None,
     camera: bool = False,
+    code: bool = False,
 ) -> ScanResult:
     """One scan of a scenario after `at_s` of driving, as `swath scan` makes it.
 
-    out: default: a new folder in `runs`; sets, seed: as in `load_scenario`; camera: the image too
+    out: default: a new folder in `runs`; sets, seed, code: as in `load_scenario`; camera: the image too
     Raises InputError.
     """
     if not isinstance(scenario, Scenario):
-        scenario = load_scenario(scenario, sets=sets, seed=seed)
+        scenario = load_scenario(scenario, sets=sets, seed=seed, code=code)
     folder = choose_scan_folder(scenario.name, scenario.seed, None if out is None else Path(out))
     try:
         notes: list[str] = []
@@ -120,7 +127,7 @@ def scan(
     return ScanResult(tuple(files), data, tuple(notes))
 
 
-def detect(recording: str | Path, *, sets: Sets = (), slot: str = "edge", code: bool = True) -> list[Any]:
+def detect(recording: str | Path, *, sets: Sets = (), slot: str = "edge", code: bool = False) -> list[Any]:
     """What a detector says of the stored scans of a run: every sample that its slot sends, in order.
 
     No world is built. recording: a run folder or a run.mcap with `run.record: exact`; sets: another level, or
@@ -131,7 +138,7 @@ def detect(recording: str | Path, *, sets: Sets = (), slot: str = "edge", code: 
     from swath.tools.stored_scans import detect_stored
 
     texts = [f"{k}={_text(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)
-    with nullcontext() if code else only_code(()):
+    with _allowed(code, texts):
         return detect_stored(Path(recording), texts, slot)
 
 
@@ -143,7 +150,7 @@ def run(
     seed: int | None = None,
     report: bool = True,
     progress: bool = False,
-    code: bool = True,
+    code: bool = False,
 ) -> RunResult:
     """Run a scenario into a folder, as `swath run` does; a given one may hold an earlier run of it.
 
@@ -151,19 +158,18 @@ def run(
     and replay.html; progress: a bar on a terminal or in a notebook
     Raises InputError; a limit that fails raises nothing, see `exit_code`.
     """
-    with nullcontext() if code else only_code(()):
-        if not isinstance(scenario, Scenario):
-            scenario = load_scenario(scenario, sets=sets, seed=seed)
-        else:
-            _check_alone(sets, seed)
-        hooks = _pages() if report and scenario.run.record != "none" else []
-        folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
-        try:
-            made = run_job(scenario, folder, progress=progress, hooks=hooks)
-            return RunResult(made.summary, made.exit_code, made.folder)
-        except InputError as error:
-            remove_empty(folder)
-            raise scenario.locate(error) from error
+    if not isinstance(scenario, Scenario):
+        scenario = load_scenario(scenario, sets=sets, seed=seed, code=code)
+    else:
+        _check_alone(sets, seed)
+    hooks = _pages() if report and scenario.run.record != "none" else []
+    folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
+    try:
+        made = run_job(scenario, folder, progress=progress, hooks=hooks)
+        return RunResult(made.summary, made.exit_code, made.folder)
+    except InputError as error:
+        remove_empty(folder)
+        raise scenario.locate(error) from error
 
 
 def branch(
@@ -174,7 +180,7 @@ def branch(
     sets: Sets = (),
     report: bool = True,
     progress: bool = False,
-    code: bool = True,
+    code: bool = False,
 ) -> RunResult:
     """Go back in a finished run, change something, go on from there into another folder, as `swath branch`.
 
@@ -185,7 +191,7 @@ def branch(
     from swath.tools.branch.branch import pairs, plan_branch
 
     texts = {k: _text(v) for k, v in sets.items()} if isinstance(sets, Mapping) else pairs(sets)
-    with nullcontext() if code else only_code(()):
+    with _allowed(code, (f"{key}={value}" for key, value in texts.items())):
         plan = plan_branch(Path(folder), at_s, texts)
         scenario = plan.scenario
         target = choose_run_folder(
@@ -230,7 +236,7 @@ class BatchRun:
         return _BAD_INPUT if self.error is not None else int(is_failed(self.summary["expect"]))
 
 
-def batch(entries: Iterable[Entry], *, processes: int = 1, code: bool = True) -> Iterator[BatchRun]:
+def batch(entries: Iterable[Entry], *, processes: int = 1, code: bool = False) -> Iterator[BatchRun]:
     """Run many scenarios; gives each result as soon as it and those before it are there.
 
     entries: names, files or scenarios, or {"scenario": ..., "sets": ..., "seed": ..., "out": ...}, all but
@@ -275,11 +281,12 @@ class _Read:
 
     plain: Mapping[str, Any]
     file: Path | None
+    gate: Gate
 
 
 def _sendable(entry: Any) -> Any:
     if isinstance(entry, Scenario):
-        return _Read(entry.plain(), entry.file)
+        return _Read(entry.plain(), entry.file, entry.gate)
     if isinstance(entry, Mapping):
         return {key: _sendable(value) if key == "scenario" else value for key, value in entry.items()}
     return entry
@@ -290,16 +297,15 @@ def _run_entry(fields: KeptFields, code: bool, numbered: tuple[int, Any]) -> Bat
     index, entry = numbered
     folder = None
     try:
-        with nullcontext() if code else only_code(()):
-            scenario, out = _scenario_of(entry)
-            try:
-                if out is None:
-                    summary = run_unrecorded(scenario, fields)
-                else:
-                    folder = choose_run_folder(scenario.name, scenario.seed, Path(out))
-                    summary = run_job(scenario, folder, fields=fields).summary
-            except InputError as error:
-                raise scenario.locate(error) from error
+        scenario, out = _scenario_of(entry, code)
+        try:
+            if out is None:
+                summary = run_unrecorded(scenario, fields)
+            else:
+                folder = choose_run_folder(scenario.name, scenario.seed, Path(out))
+                summary = run_job(scenario, folder, fields=fields).summary
+        except InputError as error:
+            raise scenario.locate(error) from error
     except SwathError as error:
         return BatchRun(index, entry, folder, error=error)
     except Exception as error:  # a user's own part may raise anything; one run must not end the others
@@ -307,7 +313,7 @@ def _run_entry(fields: KeptFields, code: bool, numbered: tuple[int, Any]) -> Bat
     return BatchRun(index, entry, folder, summary)
 
 
-def _scenario_of(entry: Any) -> tuple[Scenario, Any]:
+def _scenario_of(entry: Any, code: bool) -> tuple[Scenario, Any]:
     """The scenario of an entry, and its folder. Raises InputError."""
     told = entry if isinstance(entry, Mapping) else {"scenario": entry}
     for key in told:
@@ -317,11 +323,12 @@ def _scenario_of(entry: Any) -> tuple[Scenario, Any]:
         raise InputError("entry.scenario", None, "expected a name, a file or a scenario, the key is missing")
     source, sets, seed = told["scenario"], told.get("sets", ()), told.get("seed")
     if isinstance(source, _Read):
-        source = read_scenario(Document(dict(source.plain), source.file))
+        with through(source.gate):
+            source = read_scenario(Document(dict(source.plain), source.file))
     if isinstance(source, Scenario):
         _check_alone(sets, seed)
         return source, told.get("out")
-    return load_scenario(source, sets=sets, seed=seed), told.get("out")
+    return load_scenario(source, sets=sets, seed=seed, code=code), told.get("out")
 
 
 def _pages() -> list[Any]:

@@ -65,7 +65,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
     truncated: `run.max_duration_s`.
 
     A reset with a seed is the scenario with that seed, without one the seed is drawn. machine: which one, by
-    default the first; period_s: between two actions. Raises InputError as `swath.load_scenario`.
+    default the first; period_s: between two actions; code: as in `swath.load_scenario`, as the InputError.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
@@ -79,9 +79,10 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         period_s: float = 0.1,
         speed: bool = False,
         speed_kmh: float = 10.0,
+        code: bool = False,
     ) -> None:
-        self.scenario, self.sets = scenario, sets
-        first = load_scenario(scenario, sets=sets)
+        self.scenario, self.sets, self.code = scenario, sets, code
+        first = load_scenario(scenario, sets=sets, code=code)
         self.machine = machine or next(iter(first.machines))
         if self.machine not in first.machines:
             raise InputError("machine", machine, f"expected one of {', '.join(first.machines)}")
@@ -98,7 +99,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         super().reset(seed=seed)
         own = int(self.np_random.integers(1, 2**31)) if seed is None else seed
         self.close()
-        self._begin(load_scenario(self.scenario, sets=self.sets, seed=own))
+        self._begin(load_scenario(self.scenario, sets=self.sets, seed=own, code=self.code))
         return self._observation(), {"seed": own}
 
     def _begin(self, scenario: Scenario) -> None:
@@ -123,9 +124,14 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         drive(world, [self.evaluation, self._note], until_s=0.0)
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Drive for one period. Returns observation, reward, terminated, truncated, info."""
-        world = self._running()
-        told = np.clip(np.asarray(action, dtype=float).reshape(-1), -1.0, 1.0)
+        """Drive for one period. Returns observation, reward, terminated, truncated, info. InputError for an
+        action that is no finite number or not one for each axis of the space; what is out of it is cut.
+        """
+        world, count = self._running(), self.action_space.shape[0]
+        told = np.asarray(action, dtype=float).reshape(-1)
+        if len(told) != count or not np.isfinite(told).all():
+            raise InputError("action", action, f"expected {count} finite number{'s' * (count > 1)}")
+        told = np.clip(told, -1.0, 1.0)
         self._steer.value = float(told[0]) * self._tightest
         if self.with_speed:
             self._speed.value = 0.5 * (1.0 + float(told[1])) * self.top

@@ -2,9 +2,10 @@
 
 import ctypes
 import os
+import stat
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache, partial
 from pathlib import Path
 from struct import Struct
@@ -33,10 +34,7 @@ def start_warp() -> Any:
     if "SWATH_CPU" in os.environ:
         wp.config.cpu_compiler_flags = BUILT_FOR
     if "WARP_CACHE_PATH" not in os.environ and not _is_writable(_user_cache()):
-        folder = (
-            Path(tempfile.gettempdir()) / f"swath-warp-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
-        )
-        wp.config.kernel_cache_dir = str(folder)
+        wp.config.kernel_cache_dir = str(_own_temporary())
     with _quiet_stderr():  # without a GPU driver the native part says so there
         wp.init()
     return wp
@@ -154,6 +152,17 @@ def _is_writable(folder: Path) -> bool:
             return True
     except OSError:
         return False
+
+
+def _own_temporary() -> Path:
+    """A folder in the system's temporary one that nobody else can write to: what lies in it is run."""
+    user = os.getuid() if hasattr(os, "getuid") else -1
+    folder = Path(tempfile.gettempdir()) / f"swath-warp-{user}"
+    with suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    about = folder.lstat()
+    is_own = user < 0 or (about.st_uid == user and not about.st_mode & 0o022)
+    return folder if stat.S_ISDIR(about.st_mode) and is_own else Path(tempfile.mkdtemp(prefix="swath-warp-"))
 
 
 def _user_cache() -> Path:

@@ -12,6 +12,8 @@ from swath.signals import CropEdge, Odometry
 from tests.control.closed_loop import setup_of
 from tests.control.synthetic_edge import Scanner, Stand, mounting
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 REGISTRY = Registry({"edge": ["swath.control.edge"], "steer": ["swath.control.steer"]})
 

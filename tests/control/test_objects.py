@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swath.control.objects.cluster import Cluster, Params, canopy_top
+from swath.control.objects.cluster import Cluster, HeightMap, Params, closing
 from swath.control.speed.obstacle_stop import ObstacleStop, Stop
 from swath.core.frames import Pose
 from swath.core.random import Stream
@@ -19,8 +19,10 @@ GRID = np.meshgrid(np.radians(np.arange(-15, 16, 1.0)), np.radians(np.arange(-50
 ELEVATION, AZIMUTH = (a.ravel() for a in GRID)
 
 
-def scan_of(things, t=0, seed=1, tilt=0.0):
-    """A scan of crop right of EDGE_Y and stubble left of it, with upright cylinders (x, y, radius, top)."""
+def scan_of(things, t=0, seed=1, tilt=0.0, begins=-9.0):
+    """A scan of crop right of EDGE_Y from x = begins on and stubble elsewhere, with upright cylinders
+    (x, y, radius, top).
+    """
     eye = MOUNTING.position
     way = MOUNTING.turn(beam_directions(AZIMUTH, ELEVATION))
     rng = np.random.default_rng(seed)
@@ -28,9 +30,13 @@ def scan_of(things, t=0, seed=1, tilt=0.0):
     for surface, is_crop in ((STUBBLE, False), (CANOPY, True)):
         down = way[:, 2] - tilt * way[:, 0]
         s = (surface + rng.normal(0.0, 0.05, len(way)) + tilt * eye[0] - eye[2]) / down
-        y = eye[1] + s * way[:, 1]
-        hit = (s > 0.0) & ((y < EDGE_Y) == is_crop) & (s < 60.0)
+        x, y = eye[0] + s * way[:, 0], eye[1] + s * way[:, 1]
+        hit = (s > 0.0) & (((y < EDGE_Y) & (x > begins)) == is_crop) & (s < 60.0)
         far = np.where(hit & ~(far < s), s, far)
+    s = (begins + rng.normal(0.0, 0.05, len(way)) - eye[0]) / way[:, 0]
+    y, z = eye[1] + s * way[:, 1], eye[2] + s * way[:, 2]
+    hit = (s > 0.0) & (y < EDGE_Y) & (z > STUBBLE) & (z < CANOPY) & (s < 60.0)
+    far = np.where(hit & ~(far < s), s, far)
     for x, y, radius, top in things:
         a = way[:, 0] ** 2 + way[:, 1] ** 2
         b = way[:, 0] * (eye[0] - x) + way[:, 1] * (eye[1] - y)
@@ -51,13 +57,17 @@ def cluster(**params):
 EDGE = CropEdge(0, EDGE_Y, 0.0, 0.0, 5.0, 0.9, CANOPY, STUBBLE)
 
 
-def drive(part, things, steps, *, tilt=0.0, edge=EDGE, velocity=(0.0, 0.0)):
-    """Samples while the machine drives on, things at their places at the start and their velocity."""
+def drive(part, things, steps, *, tilt=0.0, edge=EDGE, velocity=(0.0, 0.0), begins=-9.0):
+    """Samples while the machine drives on; where things and crop are at the start, and a velocity."""
     found = []
     for k in range(1, steps + 1):
         t, gone = k * STEP, k * 0.1
         now = [(x + gone * (velocity[0] - SPEED), y + gone * velocity[1], r, h) for x, y, r, h in things]
-        inputs = {"scan": scan_of(now, t, k, tilt), "odometry": Odometry(t, SPEED, 0.0, 0.0), "edge": edge}
+        inputs = {
+            "scan": scan_of(now, t, k, tilt, begins - gone * SPEED),
+            "odometry": Odometry(t, SPEED, 0.0, 0.0),
+            "edge": edge,
+        }
         found.append(part.step(t - STEP, STEP, inputs)["objects"])
     return found
 
@@ -89,12 +99,65 @@ def test_what_is_lower_than_the_crop_is_seen_on_the_cut_side_alone():
     assert len(drive(cluster(), [(12.0, -2.0, 0.3, deer)], 5)[-1].x) == 0
 
 
-def test_a_wall_does_not_move_the_canopy():
-    x = np.repeat(np.arange(1.0, 20.0, 0.1), 10)
-    z = CANOPY + 0.02 * x
-    z[(x > 8.0) & (x < 10.0)] = 4.0
-    base, slope = canopy_top(x, z)
-    assert (base, slope) == pytest.approx((CANOPY, 0.02), abs=0.03)
+def test_a_line_is_closed_over_what_is_narrow_and_keeps_its_edges():
+    """A thing of 5 beams goes, one of 12 stays, a step stays where it is; the ends of a line tell nothing."""
+    line = np.full((1, 100), 10.0)
+    line[0, 60:] = 7.0
+    line[0, 20:25], line[0, 35:47], line[0, :3] = 6.0, 8.0, 5.0
+    closed = closing(line, 1, 8)[0]
+    assert (closed[20:25] == 10.0).all()
+    assert (closed[35:47] == 8.0).all()
+    assert (closed[60:] == 7.0).all()
+    assert (closed[47:60] == 10.0).all()
+    assert (closed[:3] == 5.0).all()
+
+
+def test_the_map_tells_slope_where_surfaces_have_edges():
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform([5.0, -10.0], [25.0, 10.0], (4000, 2)).T
+    z = 0.04 * x - 0.02 * y + np.where(y + 0.3 * x > 4.0, CANOPY, STUBBLE)
+    heights = HeightMap()
+    heights.take(1.0, x, y, z)
+    assert heights.slope == pytest.approx((0.04, -0.02), abs=0.01)
+    assert np.isnan(heights.tops(20.0, x, y)).all()  # seen too long ago
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_crop_across_the_way_is_none_and_who_stands_before_it_is_one(seed):
+    rng = np.random.default_rng(seed)
+    begins = float(rng.uniform(13.0, 18.0))
+    free = drive(cluster(), [], 25, begins=begins, edge=None)
+    assert all((sample.confidence < 0.5).all() for sample in free)
+    x, y = begins - float(rng.uniform(0.3, 3.0)), float(rng.uniform(-5.0, 2.5))
+    child = drive(cluster(), [(x, y, 0.18, CANOPY + 0.3)], 15, begins=begins, edge=None)
+    assert max(float(sample.confidence.max(initial=0.0)) for sample in child) > 0.5
+    assert all(
+        abs(float(a) + (k + 1) * 0.1 * SPEED - x) < 0.5 and abs(float(b) - y) < 0.5
+        for k, sample in enumerate(child)
+        for a, b, sure in zip(sample.x, sample.y, sample.confidence, strict=True)
+        if sure >= 0.5
+    )
+
+
+def test_a_wide_thing_counts_where_it_is_higher_than_crop_can_be():
+    """A wall 8 m wide, made of posts that touch."""
+    wall = [(14.0, y, 0.2, 3.0) for y in np.arange(4.2, 12.2, 0.3)]
+    found = drive(cluster(), wall, 6)[-1]
+    assert found.confidence.max() > 0.5
+    assert found.width[np.argmax(found.confidence)] > 5.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_confidence_grows_with_what_is_seen(seed):
+    """A post that stands out of the crop by more is told with no less confidence, wherever it stands."""
+    rng = np.random.default_rng(seed)
+    x, y = float(rng.uniform(11.0, 17.0)), float(rng.uniform(-6.0, 0.0))
+    sure = []
+    for top in (CANOPY, CANOPY + 0.5, CANOPY + 1.0):
+        last = drive(cluster(), [(x, y, 0.25, top)], 4)[-1]
+        sure.append(float(last.confidence.max(initial=0.0)))
+    assert sure[0] < 0.5 < sure[2]
+    assert sure[1] <= sure[2] + 0.05
 
 
 def stop(x, y, speed, *, vy=0.0, confidence=1.0, **params):
@@ -145,3 +208,18 @@ def test_what_gets_under_the_lowest_beam_is_kept():
     assert len(found[-1].x) == 1
     assert found[-1].confidence[0] > 0.5
     assert found[-1].x[0] == pytest.approx(place, abs=0.5)
+
+
+def test_saved_and_loaded_in_the_middle():
+    """Map, height of the crop and what is followed go on as they were."""
+    part, other = cluster(), cluster()
+    drive(part, [(16.0, 5.0, 0.25, 1.75)], 6)
+    other.load(part.save())
+    t = 7 * STEP
+    scan = scan_of([(14.6, 5.0, 0.25, 1.75)], t, 7)
+    inputs = {"scan": scan, "odometry": Odometry(t, SPEED, 0.0, 0.0), "edge": EDGE}
+    a, b = (p.step(t - STEP, STEP, inputs)["objects"] for p in (part, other))
+    assert len(a.x) == 1
+    assert all(getattr(a, k).tobytes() == getattr(b, k).tobytes() for k in ("x", "y", "top", "confidence"))
+    assert other._map.slope == part._map.slope
+    assert other._crop.most == part._crop.most

@@ -15,6 +15,7 @@ from swath.control.steer.path import Begin, Params, Segment
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
+from swath.core.schedule import NS
 from swath.record.message_factory import MessageFactory
 from swath.record.messages import RecordedMachine, Source
 from swath.record.positioning_messages import pose_messages
@@ -136,7 +137,7 @@ def test_the_antenna_is_brought_to_the_axle_also_on_a_slope():
     up = Inertial(PERIOD, 0.0, 0.0, 0.0, 0.0, 9.81 * math.sin(lean), 9.81 * math.cos(lean))
     place.inclination.take((up,), 0.0)
     assert place.offset() == pytest.approx((1.0, -4.0 * math.sin(lean)), abs=1e-9)
-    with pytest.raises(InputError, match="gnss slot"):
+    with pytest.raises(InputError, match="whose place is known"):
         AntennaPlace(ControlSetup(COMBINE, {}, "left", 0.02))
 
 
@@ -151,3 +152,32 @@ def test_the_message_has_the_covariance_in_its_place():
     assert sent.message.child_frame_id == "combine/pose"
     (sent,) = pose_messages(source, PoseEstimate(5, math.nan, math.nan, math.nan, 2.0, 0.1, spread, 0.1))
     assert sent.delivery == "announced"
+
+
+@pytest.mark.parametrize("level", [EkfPose, RawPose])
+@pytest.mark.parametrize("reverse", [1.0, -1.0])
+@pytest.mark.parametrize("said", [0.01, math.nan])
+def test_a_receiver_without_courses_on_a_circle(level, reverse, said):
+    """Positions alone, 1 Hz, of an antenna that stands aside; forward and backward, accuracy told or not."""
+    radius, speed, antenna = 15.0, 2.0 * reverse, Pose.from_euler((1.0, 0.4, 3.9))
+    turn = speed / radius
+    params = EKF["pose_params"] if level is EkfPose else RawParams()
+    part = level(params, ControlSetup(COMBINE, {"fix": antenna}, "left", PERIOD / NS))
+    part.reset(Stream(1, "pose"))
+
+    def at(t):
+        heading = 0.3 + turn * t / NS
+        x, y = radius * math.sin(heading), -radius * math.cos(heading)
+        return Pose.from_euler((x, y, 0.0), yaw=heading)
+
+    fix = None
+    for k in range(1, 15 * 50 + 1):
+        t = k * PERIOD
+        if k % 50 == 0:
+            x, y, z = at(t).apply(antenna.position)
+            fix = Fix(t, x, y, z, math.nan, math.nan, said, said, math.nan, 4)
+        inputs = {"fix": fix, "odometry": (Odometry(t, speed, turn, 0.0),), "inertial": None}
+        pose = part.step(t - PERIOD, PERIOD, inputs)["pose"]
+    assert pose.heading == pytest.approx(math.remainder(at(t).euler()[2], math.tau), abs=math.radians(0.5))
+    assert math.hypot(*(at(t).position[:2] - (pose.x, pose.y))) < 0.05
+    assert np.isfinite(pose.covariance).all() or (level is RawPose and math.isnan(said))

@@ -3,6 +3,7 @@
 import importlib
 import pickle
 import pkgutil
+import re
 import threading
 from pathlib import Path
 
@@ -80,3 +81,25 @@ def test_a_value_that_cannot_be_pickled_becomes_its_text():
     again = pickle.loads(pickle.dumps(InputError("law", threading.Lock(), "expected a number")))
     assert "lock" in again.value
     assert again.expected == "expected a number"
+
+
+def test_a_list_is_never_cut_within_a_name():
+    """Whole names, those nearest to what was typed, and how many more."""
+    names = [f"/robot/sensor_{k}/state" for k in range(60)] + ["/lidar/points", "/scan"]
+    for key, value in (("topics", "/lidar/point"), ("topics", None), ("columns", ", ".join(names))):
+        listed = ", ".join(f"{n} (PointCloud2)" if value is None else n for n in names)
+        text = str(InputError(key, value, f"expected one of {listed}", file="/home/somebody/data/day.bag"))
+        assert len(text) <= 300
+        assert "..." not in text
+        (count,) = re.findall(r"and (\d+) more \(/home", text)
+        kept = text.rpartition("one of ")[2].partition(" and ")[0].split(", ")
+        assert len(kept) + int(count) == len(names)
+        assert {name.partition(" (")[0] for name in kept} <= set(names)
+        if value == "/lidar/point":
+            assert kept[0] == "/lidar/points"
+
+
+def test_a_list_that_fits_stays_as_it_is():
+    text = "expected one of a, b, c, d, e"
+    assert str(InputError("key", "d", text)) == f"key = d: {text}"
+    assert str(SwathError(text)) == text

@@ -8,6 +8,8 @@ from swath.core.frames import Pose, wrap_angle
 from swath.core.random import Normals, Stream
 from swath.core.registry import Level, Registry, user_line
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 
 def test_normals_are_those_of_the_stream_in_any_order():
     stream = Stream(7, "combine.imu")

@@ -244,7 +244,163 @@ def _tracks(folder: Path) -> Any:
     return read_tracks(folder / "t.parquet")
 
 
+LINE = b"1," * (150 * MIB)
+
+
+def _line(name: str, read: Callable[[Path], Any]) -> Callable[[Path], Any]:
+    """A file of one line of 300 MiB."""
+
+    def run(folder: Path) -> Any:
+        (folder / name).write_bytes(LINE)
+        return read(folder / name)
+
+    return run
+
+
+def _measured(path: Path) -> Any:
+    from swath.tools.lab.measured_heights import read_measured
+
+    return read_measured(path)
+
+
+def _beams(path: Path) -> Any:
+    from swath.tools.calibrate.measured import read_samples
+
+    return read_samples(path)
+
+
+def _outlines(path: Path) -> Any:
+    from swath.field_io.outline import read_outlines
+
+    return read_outlines(path).areas[0].bounds
+
+
+def _plain_log(path: Path) -> Any:
+    from swath.field_io.log import read_log
+
+    return read_log(path)
+
+
+def _json(path: Path) -> Any:
+    from swath.runtime.changes import read_events
+
+    return read_events(path)
+
+
+def _document(path: Path) -> Any:
+    from swath.documents.yaml_document import read_document
+
+    return read_document(path)
+
+
+def _mesh(path: Path) -> Any:
+    from swath.field.mesh_file import read_mesh
+
+    return read_mesh(path, key="file")
+
+
+def _field_of(*ring: tuple[float, float]) -> Callable[[Path], Any]:
+    """A field of an outline in lon/lat."""
+
+    def run(folder: Path) -> Any:
+        from swath.field_io.importer import Settings, import_log
+
+        shape = {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
+        (folder / "a.geojson").write_text(json.dumps(shape))
+        settings = Settings(header_width_m=9.0)
+        return import_log(folder / "a.geojson", folder / "out", settings=settings, progress=False)
+
+    return run
+
+
+def _job(width: float, height: float) -> Callable[[Path], Any]:
+    def run(folder: Path) -> Any:
+        from swath.job.lands import PlanSettings, plan_field
+
+        ring = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)]
+        return plan_field(ring, 9.0, PlanSettings()).area
+
+    return run
+
+
+def _body(path: Path) -> Any:
+    from swath.machine.body.body import read_body
+    from swath.scenario.sections import BodySection
+
+    return read_body(BodySection(file=str(path)), "combine.body")
+
+
+BOX = "<visual><geometry><box size='1 1 1'/></geometry></visual>"
+
+
+def _urdf_chain(folder: Path) -> Any:
+    links = "".join(f"<link name='l{k}'>{BOX}</link>" for k in range(5000))
+    joints = "".join(
+        f"<joint name='j{k}'><parent link='l{k}'/><child link='l{k + 1}'/></joint>" for k in range(4999)
+    )
+    (folder / "m.urdf").write_text(f"<robot name='m'>{links}{joints}</robot>")
+    return _body(folder / "m.urdf")
+
+
+def _sdf_chain(folder: Path) -> Any:
+    box = "<visual name='v'><geometry><box><size>1 1 1</size></box></geometry></visual>"
+    links = "".join(
+        f"<link name='l{k}'><pose relative_to='l{k + 1}'>0 0 0 0 0 0</pose>{box}</link>" for k in range(5000)
+    )
+    (folder / "m.sdf").write_text(
+        f"<sdf version='1.9'><model name='m'>{links}<link name='l5000'/></model></sdf>"
+    )
+    return _body(folder / "m.sdf")
+
+
+def _broken_zip(name: str, member: str, read: Callable[[Path], Any]) -> Callable[[Path], Any]:
+    """A zip archive whose directory lies about where it begins and what it has."""
+
+    def run(folder: Path) -> Any:
+        path = _zip(folder, name, **{member.replace(".", "__"): b"<kml/>" * 100})
+        data = bytearray(path.read_bytes())
+        at = data.rindex(b"PK\x01\x02")
+        data[at + 20 : at + 28], data[at + 42 : at + 46] = b"\xff" * 8, b"\xff\xff\xff\x7f"
+        path.write_bytes(bytes(data))
+        return read(path)
+
+    return run
+
+
+def _fmu(path: Path) -> Any:
+    from swath.link.fmi.composite import describe_file
+
+    return describe_file(path)
+
+
+def _large_fmu(folder: Path) -> Any:
+    return _fmu(_zip(folder, "m.fmu", modelDescription__xml=bytes(400 * MIB)))
+
+
 BOMBS: dict[str, Callable[[Path], Any]] = {
+    "one line of measured heights": _line("a.csv", _measured),
+    "one line of beams": _line("a.csv", _beams),
+    "one line of a log": _line("a.csv", _plain_log),
+    "one line of KML": _line("a.kml", _outlines),
+    "one line of GeoJSON": _line("a.geojson", _outlines),
+    "one line of events": _line("a.json", _json),
+    "one line of YAML": _line("a.yaml", _document),
+    "one line of OBJ": _line("a.obj", _mesh),
+    "one line of URDF": _line("a.urdf", _body),
+    "outline of a degree": _field_of((9.0, 52.0), (10.0, 52.0), (10.0, 53.0), (9.0, 53.0)),
+    "outline with a far corner": _field_of((9.0, 52.0), (9.002, 52.0), (12.0, 49.0), (9.0, 52.002)),
+    "job of 1,000 ha": _job(4000.0, 2500.0),
+    "job of 100 km": _job(100_000.0, 30.0),
+    "URDF chain": _urdf_chain,
+    "SDF chain": _sdf_chain,
+    "KMZ with a broken directory": _broken_zip("a.kmz", "doc.kml", _outlines),
+    "shapefile with a broken directory": _broken_zip("a.zip", "a.shp", _outlines),
+    "log with a broken directory": _broken_zip("a.zip", "a.shp", _plain_log),
+    "task data with a broken directory": _broken_zip("a.zip", "TASKDATA.XML", _plain_log),
+    "FMU with a broken directory": _broken_zip("a.fmu", "modelDescription.xml", _fmu),
+    "SSP with a broken directory": _broken_zip("a.ssp", "SystemStructure.ssd", _fmu),
+    "table with a broken directory": _broken_zip("a.npz", "ranges_m.npy", _scans),
+    "FMU of zeros": _large_fmu,
     "csv.gz of blank lines": _log(b"\n" * MIB, 60),
     "csv.gz of one row": _log(b"," * MIB, 60),
     "csv.gz of one line": _log(b"1" * MIB, 60),

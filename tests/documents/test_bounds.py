@@ -17,7 +17,7 @@ MEMORY_MIB = 1000
 def outcomes():
     command = [sys.executable, "-W", "ignore", "-m", "tests.documents.bombs"]
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(command, capture_output=True, text=True, timeout=180, env=environment)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600, env=environment)
     rows = [json.loads(line) for line in done.stdout.splitlines()]
     return {name: (seconds, peak, said) for name, seconds, peak, said in rows}
 

@@ -11,7 +11,7 @@ from swath.documents.yaml_document import read_document
 from swath.field.mesh_file import read_mesh
 from swath.field_io.folder import read
 from swath.field_io.log import read_log
-from swath.field_io.outline import read_outline
+from swath.field_io.outline import read_outlines
 from swath.record.read.files import open_log
 from swath.record.tracks import read_tracks
 from swath.runtime.changes import read_events
@@ -28,7 +28,7 @@ READERS = {
     "migrate": lambda: migrate_file(Path(NUL)),
     "field folder": lambda: read(NUL),
     "log": lambda: read_log(Path(NUL)),
-    "outline": lambda: read_outline(Path(NUL), 32612),
+    "outline": lambda: read_outlines(Path(NUL), 32612).areas[0],
     "mesh": lambda: read_mesh(Path(NUL), key="file"),
     "recording": lambda: open_log(Path(NUL)),
     "tracks": lambda: read_tracks(Path(NUL)),

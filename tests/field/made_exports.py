@@ -30,8 +30,10 @@ def wet_yield(row):
     return row["flow"] / (SPEED * HEADER)
 
 
-def john_deere(folder, *, crop="Winter Wheat", sections=3, share=1.0, metadata=""):
-    """Shapefile of the Operations Center: a record per section of the header, feet, pounds per acre."""
+def john_deere(folder, *, crop="Winter Wheat", sections=3, share=1.0, mass=ACRE / LB, metadata=""):
+    """Shapefile of the Operations Center: a record per section of the header, feet, pounds per acre (or mass
+    [m2/kg] of another unit).
+    """
     folder.mkdir()
     with shapefile.Writer(
         folder / "Home-North-Harvest", shapeType=shapefile.POINT, encoding="cp1252"
@@ -44,11 +46,12 @@ def john_deere(folder, *, crop="Winter Wheat", sections=3, share=1.0, metadata="
         for name in ("Time", "VARIETY", "IsoTime"):
             made.field(name, "C", 40)
         for lon, lat, row, when in rows():
-            wet = share * wet_yield(row) * ACRE / LB
+            wet = share * wet_yield(row)
             for section in range(sections):
                 made.point(lon, lat)
                 made.record(
-                    SPEED / FT, HEADER / FT / sections, wet / 60, section, crop, wet, row["moisture"],
+                    SPEED / FT, HEADER / FT / sections, wet * ACRE / LB / 60, section, crop, wet * mass,
+                    row["moisture"],
                     row["elevation"] / FT, when.strftime("%m/%d/%Y %I:%M:%S %p"), "Körner",
                     when.strftime("%Y-%m-%dT%H:%M:%S.000Z"),
                 )  # fmt: skip

@@ -23,6 +23,8 @@ from swath.field.weeds import Weeds, weed_crop
 from tests.changed_sheets import changed_sheet
 from tests.field.made_field import STREAM, rectangle
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 COUNT = 1500
 CEREALS = ("wheat", "barley", "rye")
 GRAIN = {

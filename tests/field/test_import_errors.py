@@ -20,7 +20,7 @@ from swath.field_io import folder
 from swath.field_io.columns import find_columns, guess
 from swath.field_io.importer import Settings, import_log, show
 from swath.field_io.log import read_log
-from swath.field_io.outline import read_outline
+from swath.field_io.outline import read_outlines
 
 
 @pytest.fixture(scope="module")
@@ -232,7 +232,7 @@ def test_a_bare_shapefile_is_a_boundary(tmp_path):
         writer.field("name", "C")
         writer.poly([[(9.0, 52.0), (9.0, 52.01), (9.01, 52.01), (9.01, 52.0), (9.0, 52.0)]])
         writer.record("x")
-    assert read_outline(tmp_path / "b.shp", 32632).area == pytest.approx(1113.2 * 687.0, rel=0.01)
+    assert read_outlines(tmp_path / "b.shp", 32632).areas[0].area == pytest.approx(1113.2 * 687.0, rel=0.01)
 
 
 @pytest.mark.parametrize("reason", BOUNDARIES)

@@ -29,7 +29,7 @@ def test_made_records_come_back(tmp_path):
     columns, (log,) = data.columns(), data.logs
     k = np.arange(50)
     assert data.problems == ()
-    assert data.devices == {"DVC-1": "Harvester"}
+    assert data.described.devices["DVC-1"].name == "Harvester"
     assert str(log.time[0]) == "2018-05-01T10:00:00.000"
     assert log.task == "TSK1"
     assert log.device == "DVC-1"
@@ -243,11 +243,11 @@ def test_values_equal_the_shipped_decode(forage, shipped, ours, theirs, scale, t
 @real
 def test_units_of_the_standard_agree_with_what_the_device_declares():
     """Scaling from the table of identifiers against the device's own, through the units' definitions."""
-    from swath.field_io.isoxml import _read_description
+    from swath.field_io.taskdata import read_description
     from swath.field_io.taskfiles import task_files
 
     with task_files(DATA / "raw") as found:
-        described = _read_description(found)
+        described = read_description(found)
     per = {
         (87, "t/h"): 1 / 3.6,
         (67, "m"): 1,

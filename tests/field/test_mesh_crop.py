@@ -151,6 +151,48 @@ def test_the_same_plant_from_every_format_unit_and_axis(tmp_path):
             assert np.array_equal(np.bincount(found.organ), np.bincount(wanted.organ))
 
 
+def laid_down(kind, order):
+    """The example's first plant as a file, with its axes in another order."""
+    scene = trimesh.Scene()
+    for part in read_mesh(MESHES / "sunflower-a.obj", key="test"):
+        points = 0.01 * part.corners.reshape(-1, 3)[:, order]
+        mesh = trimesh.Trimesh(points, np.arange(len(points)).reshape(-1, 3), process=False)
+        material = trimesh.visual.material.PBRMaterial(name=part.names[0])
+        mesh.visual = trimesh.visual.TextureVisuals(material=material)
+        scene.add_geometry(mesh, geom_name=part.names[0])
+    data = scene.export(file_type=kind)
+    return data.encode() if isinstance(data, str) else data
+
+
+@pytest.mark.parametrize(
+    ("kind", "order", "up"),
+    [("glb", [0, 1, 2], "z"), ("glb", [2, 0, 1], "x"), ("obj", [0, 2, 1], "y"), ("obj", [2, 1, 0], "x")],
+)
+def test_a_plant_that_lies_where_nobody_said_what_is_up_is_refused_with_the_axis(tmp_path, kind, order, up):
+    """Of a format whose usual axis is another one; said, it is the example's plant of 1.7 m again."""
+    pairs = [one_mesh(f"m.{kind}"), ("unit: cm", "unit: m")]
+    if kind == "obj":  # by trimesh, in one piece
+        start, end = SHEET.index("  stalk:"), SHEET.index("\nstand:")
+        every = '  "*": {organ: leaf, reflectance: {value: 0.4, tag: E, source: x}}\n'
+        pairs.append((SHEET[start:end], every))
+    files = {f"m_{kind}": laid_down(kind, order)}
+    with pytest.raises(InputError, match=rf"mesh.up: expected {up}, or .*m.{kind} lies, 1.7"):
+        load_crop(sheet(tmp_path, *pairs, ("  up: z\n", ""), **files))
+    crop = load_crop(sheet(tmp_path, *pairs, ("up: z", f"up: {up}"), **files))
+    assert crop.organs[MeshFacts].height == pytest.approx(MESH.variants[0].height, rel=1e-5)
+    with pytest.raises(InputError, match="straw_below_height_cm"):  # what is said is taken
+        load_crop(sheet(tmp_path, *pairs, ("up: z", f"up: {'y' if up != 'y' else 'x'}"), **files))
+
+
+def test_every_part_without_an_entry_and_every_entry_without_a_part_is_named_at_once(tmp_path):
+    with pytest.raises(InputError) as caught:
+        load_crop(sheet(tmp_path, ("  dry_leaf:", "  dry_leav:"), ("  head:", "  hat:")))
+    first, *others = str(caught.value), *map(str, caught.value.others)
+    assert "parts.dry_leaf, head: expected an entry for these parts of sunflower-a.obj" in first
+    for name, text in zip(("sunflower-b", "dry_leav", "hat"), others, strict=True):
+        assert name in text
+
+
 def test_objects_name_parts_where_there_are_no_materials(tmp_path):
     text = (MESHES / "sunflower-a.obj").read_text(encoding="utf-8").replace("usemtl", "o")
     crop = load_crop(sheet(tmp_path, one_mesh("m.obj"), m_obj="mtllib gone.mtl\n" + text))

@@ -11,7 +11,7 @@ pytest.importorskip("rasterio")
 from swath.core.errors import InputError
 from swath.field_io import folder
 from swath.field_io.importer import Settings, import_log
-from swath.field_io.outline import read_outline
+from swath.field_io.outline import read_outlines
 from swath.field_io.pass_scenario import write_pass_scenario
 from swath.runtime.assembly import assemble
 from swath.scenario.scenario import load_scenario
@@ -123,7 +123,7 @@ def test_a_boundary_may_be_kml_or_kmz(tmp_path):
         archive.writestr("doc.kml", KML)
     expected = NORTH_M * EAST_M * (0.004 * 0.003 - 0.5 * 0.0005**2)
     for name in ("b.kml", "b.kmz"):
-        assert read_outline(tmp_path / name, 32632).area == pytest.approx(expected, rel=2e-3)
+        assert read_outlines(tmp_path / name, 32632).areas[0].area == pytest.approx(expected, rel=2e-3)
     (tmp_path / "bad.kml").write_text(KML.replace("9.003,52.0,0", "here"))
     with pytest.raises(InputError, match="GeoJSON, KML or a polygon shapefile"):
-        read_outline(tmp_path / "bad.kml", 32632)
+        read_outlines(tmp_path / "bad.kml", 32632).areas[0]

@@ -1,4 +1,4 @@
-"""Damaged files of every kind that swath reads: valid, or a short error, in bounded time and memory.
+"""Damaged files of every kind that swath reads, and damaged command lines: done, or refused in short.
 
-For long: `python -m tests.fuzz.run --minutes 60`. A short seed of it is `test_short.py`.
+Within bounded time and memory. For long: `python -m tests.fuzz.run --minutes 60`; in short: `test_short.py`.
 """

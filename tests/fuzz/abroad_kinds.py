@@ -63,9 +63,9 @@ def _kmz(folder: Path) -> None:
 
 
 def _outline(folder: Path) -> Any:
-    from swath.field_io.outline import read_outline
+    from swath.field_io.outline import read_outlines
 
-    return read_outline(next(folder.glob("b.*")), 32632)
+    return read_outlines(next(folder.glob("b.*")), 32632).areas[0]
 
 
 def _task_plan(folder: Path) -> None:

@@ -6,6 +6,7 @@ import json
 import shutil
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -13,6 +14,7 @@ from unittest.mock import patch
 import numpy as np
 
 from tests.fuzz.abroad_kinds import ABROAD
+from tests.fuzz.command_kinds import kinds
 from tests.fuzz.kind import Kind, bundled, written
 
 # ---- scenarios and data sheets
@@ -156,9 +158,9 @@ def _features(*geometries: Any, **properties: Any) -> str:
 
 
 def _outline(folder: Path) -> Any:
-    from swath.field_io.outline import read_outline
+    from swath.field_io.outline import read_outlines
 
-    return read_outline(next(folder.glob("b.*")), 32612)
+    return read_outlines(next(folder.glob("b.*")), 32612).areas[0]
 
 
 def _outline_shapefile(folder: Path) -> None:
@@ -214,11 +216,12 @@ def _field_folder(folder: Path) -> None:
     corners = np.array([[-150.0, -120.0], [150.0, -120.0], [150.0, 120.0], [-150.0, 120.0]])
     hole = corners[::-1] * 0.1
     post = ({"type": "Point", "coordinates": [3.0, 4.0]}, {"name": "post", "radius_m": 0.5})
-    raster = _raster()
+    ground = _raster()
+    raster = replace(ground, values=ground.values / 40.0)
     write(
         FieldFolder(
             folder / "field", Origin(32612, 533000.0, 5304000.0, 850.0), corners, (hole,), 0.1, (track,),
-            raster, raster, raster, raster, raster, (post,), {"note": "made"},
+            ground, raster, raster, raster, raster, (post,), {"note": "made"},
         )
     )  # fmt: skip
 
@@ -510,6 +513,7 @@ KINDS: dict[str, Kind] = {
     "ssp": Kind(_system, _read_system),
     **ABROAD,
 }
+KINDS |= kinds(KINDS)
 
 
 def repacked(data: bytes, change: Callable[[bytes], bytes], pick: Callable[[list[str]], str]) -> bytes:

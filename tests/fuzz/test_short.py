@@ -1,4 +1,4 @@
-"""A short seed of the fuzz: damaged files of the kinds that are quick to read."""
+"""A short seed of the fuzz: damaged files and command lines of the kinds that are quick to read."""
 
 import pytest
 
@@ -8,7 +8,11 @@ from tests.fuzz.run import Worker
 pytest.importorskip("rasterio")
 pytest.importorskip("trimesh")
 SLOW = {"log-import", "migrate", "height-grid", "scans-npz", "geotiff", "bag-ros1", "bag-mcap", "run-folder"}
-QUICK = [kind for kind in KINDS if kind not in SLOW and not kind.startswith(("scenario", "fmu", "ssp"))]
+LINES = ("import-dem", "import-zip", "import-task", "sheets", "migrate", "fmu", "words", "jobs", "compare")
+QUICK = [
+    kind for kind in KINDS if kind not in SLOW and not kind.startswith(("scenario", "fmu", "ssp", "command"))
+]
+QUICK += [f"command-{name}" for name in LINES]
 ONCE_FAILED = [
     ("log-shapefile", 2),  # fewer records than the .dbf declares
     ("scans-npz", 10),  # a member that is no array

@@ -1,4 +1,4 @@
-"""README's table "Where things are": one link per row, to a file that holds what the row says."""
+"""The table "Where things are": one link per row, to a file that holds what the row says."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 ROW = re.compile(r"^\| (?P<what>.+) \| \[[^]]+\]\((?P<file>[^)#]+)\) \| `(?P<name>[^`]+)` \|$", re.MULTILINE)
-SECTION = (ROOT / "README.md").read_text(encoding="utf-8").partition("## Where things are\n")[2]
+PAGE = ROOT / "docs" / "explanation" / "architecture.md"
+SECTION = PAGE.read_text(encoding="utf-8").partition("## Where things are\n")[2]
 TABLE = [line for line in SECTION.partition("\n\n")[0].splitlines() if line.startswith("|")][2:]
 ROWS = [m.group("what", "file", "name") for m in ROW.finditer("\n".join(TABLE))]
 
@@ -28,7 +29,7 @@ def test_every_row_is_one_link_and_there_are_enough():
 
 @pytest.mark.parametrize(("what", "file", "name"), ROWS, ids=lambda v: v[:40])
 def test_the_file_holds_it(what, file, name):
-    text = (ROOT / file).read_text(encoding="utf-8")
+    text = (PAGE.parent / file).read_text(encoding="utf-8")
     defined = (
         rf"^(?:class|def) {name}\b|^{name}\b.*=" if file.endswith(".py") else rf"^\s*{re.escape(name)}\b"
     )

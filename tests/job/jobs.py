@@ -1,7 +1,9 @@
 """Jobs for tests: a rectangular field, and one machine of each kind unless told otherwise."""
 
+from copy import deepcopy
 from dataclasses import replace
 
+from swath.job.digest import digest_of
 from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.fleet import (
@@ -17,7 +19,6 @@ from swath.job.fleet import (
 from swath.job.lands import PlanSettings
 from swath.job.machines import fleet_of
 from swath.job.plan import FieldPlan
-from swath.job.saved import digest_of, load, save
 from swath.job.work import plan_of, result_of
 
 RECTANGLE = [(0.0, 0.0), (600.0, 0.0), (600.0, 300.0), (0.0, 300.0)]
@@ -52,11 +53,11 @@ def finished(file, plan=None, motion=None, beside=None):
     return job
 
 
-def digests_of_saved(file, plan, at):
-    """Digests of a job that goes on from its saved state at a time [s], and of the same one not saved."""
+def digests_of_copied(file, plan, at):
+    """Digests of a job that goes on as a copy from a time [s], and of the same one not copied."""
     whole = Job(file, plan, fleet_of(file), Events())
     whole.run(at)
-    again = load(save(whole))
+    again = deepcopy(whole)
     again.run()
     whole.run()
     return digest_of(again), digest_of(whole)

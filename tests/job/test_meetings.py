@@ -18,7 +18,7 @@ from swath.job.meetings import Held, Meetings
 from swath.job.plan import Shared
 from swath.job.work import plan_of
 from swath.tools.fleet.work_plan import share_out
-from tests.job.jobs import digests_of_saved, job_file
+from tests.job.jobs import digests_of_copied, job_file
 from tests.job.layouts import layout_file
 
 TURN = (Segment(20.0, 0.0, 0.0),)
@@ -152,7 +152,7 @@ def test_at_each_crossing_one_of_both_orders_is_kept(told, motion):
 
 
 def test_a_job_that_is_saved_knows_who_was_let_first(told):
-    again, whole = digests_of_saved(*told, at=1500.0)
+    again, whole = digests_of_copied(*told, at=1500.0)
     assert again == whole
 
 

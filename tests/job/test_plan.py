@@ -108,9 +108,20 @@ def test_guidance_lines_of_task_data_are_taken(tmp_path):
     """A line from A north to B: all passes run north and south, 24 of 8.7 m on 206 m."""
     settings = PlanSettings(headland_rounds=0, order="adjacent")
     plan = plan_from_file(taskdata(tmp_path / "TASKDATA"), 9.0, settings, pipe=8.0)
-    assert plan.area == pytest.approx(0.004 * NORTH_M * 0.003 * EAST_M, rel=2e-3)
+    hole = 0.0005 * NORTH_M * 0.0005 * EAST_M
+    assert plan.area == pytest.approx(0.004 * NORTH_M * 0.003 * EAST_M - hole, rel=2e-3)
+    assert math.fsum(p.area for p in plan.passes) == pytest.approx(plan.area, rel=5e-3)
+    assert "0.19 ha of islands carry no crop" in " ".join(plan.notes)
     assert all(abs(math.cos(p.start.heading)) < 0.03 for p in plan.passes)
     assert len(plan.passes) in (24, 25)
+
+
+def test_a_name_of_a_machine_is_no_path(tmp_path):
+    file = tmp_path / "job.yaml"
+    ring = "[[0, 0], [100, 0], [100, 100], [0, 100]]"
+    file.write_text(f'format: swath fleet 1\nfield: {{boundary_m: {ring}}}\ncombines: {{"../c": {{}}}}\n')
+    with pytest.raises(InputError, match=r"expected a machine's name: letters, digits.*job\.yaml:3"):
+        read_fleet(str(file))
 
 
 BROKEN = '{"type": "LineString", "coordinates": [%s]}'

@@ -1,18 +1,17 @@
-"""A job of driven machines saved in the middle, and on several threads: the same in the end."""
+"""A job of driven machines copied in the middle, and on several threads: the same in the end."""
 
 import os
 import subprocess
 import sys
+from copy import deepcopy
 
 import pytest
 
-from swath.core.errors import SwathError
-from swath.core.packed_state import pack
+from swath.job.digest import digest_of
 from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.kinematic import Kinematic
 from swath.job.machines import fleet_of
-from swath.job.saved import digest_of, load, save
 from swath.job.work import plan_of
 from tests.job.jobs import job_file
 
@@ -26,13 +25,13 @@ def echelon(motion):
 
 
 @pytest.mark.parametrize("motion", [Events, Kinematic])
-def test_a_job_goes_on_from_its_saved_state_to_the_same_digest(motion):
+def test_a_job_goes_on_as_a_copy_to_the_same_digest(motion):
     whole = echelon(motion)
     whole.run()
     begun = echelon(motion)
     begun.run(until=0.5 * whole.time)
     assert not begun.is_over
-    again = load(save(begun))
+    again = deepcopy(begun)
     assert digest_of(again) == digest_of(begun) != digest_of(whole)
     again.run()
     assert digest_of(again) == digest_of(whole)
@@ -51,8 +50,3 @@ def test_threads_do_not_change_the_digest():
         )
         found.add(made.stdout)
     assert len(found) == 1
-
-
-def test_other_bytes_are_refused():
-    with pytest.raises(SwathError, match="expected a saved"):
-        load(pack([1, 2]))

@@ -21,7 +21,7 @@ from swath.job.turns import TurnLimits, dubins
 from swath.job.work import plan_of
 from swath.signals import Phase
 from swath.tools.fleet.work_plan import share_out
-from tests.job.jobs import digests_of_saved, job_file
+from tests.job.jobs import digests_of_copied, job_file
 
 FIELD = [(0.0, 0.0), (400.0, 0.0), (400.0, 200.0), (0.0, 200.0)]
 
@@ -111,7 +111,7 @@ def test_driven_machines_take_as_long_and_touch_nothing(told, searched):
 
 
 def test_a_job_that_is_saved_goes_on_with_its_ways(told):
-    again, whole = digests_of_saved(*told, at=1500.0)
+    again, whole = digests_of_copied(*told, at=1500.0)
     assert again == whole
 
 

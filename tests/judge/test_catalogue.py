@@ -12,6 +12,8 @@ from swath.core.errors import InputError
 from swath.judge.catalogue import GROUPS, load_evaluators
 from swath.scenario.scenario import load_scenario, parse_scenario
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 ROOT = Path(__file__).parents[2]
 OWN = ROOT / "examples" / "my_evaluator.py"
 NAME = "steering_reversals_per_100_m"

@@ -24,6 +24,8 @@ from swath.link.can.steering import BoxError, CanSteering, Params
 from swath.signals import CropEdge, GroundSpeed, Odometry
 from tests.link.can_rig import MS, NS, own_bus, setup, way
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 CODEC = Codec()
 
 

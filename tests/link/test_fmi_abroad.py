@@ -19,7 +19,7 @@ from tests.link.fmu_scenario import process_part, scenario
 from tests.link.made_fmus import CC, FEED, engine_fmu, needs_cc, process_xml, store1_fmu, store_fmu
 
 pytest.importorskip("fmpy")
-pytestmark = needs_cc
+pytestmark = [needs_cc, pytest.mark.usefixtures("code_allowed")]
 SEEN = ("tank_grain", "held_grain", "steps")
 
 

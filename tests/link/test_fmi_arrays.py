@@ -13,7 +13,7 @@ from tests.link.fmu_scenario import TEXT
 from tests.link.made_fmus import engine_fmu, needs_cc, store_fmu
 
 pytest.importorskip("fmpy")
-pytestmark = needs_cc
+pytestmark = [needs_cc, pytest.mark.usefixtures("code_allowed")]
 LIDAR = "{sub_rays: 1, noise: none, sector_deg: [-1, 1], step_deg: 1.0}"
 EDGE = """
     edge:

@@ -10,7 +10,7 @@ from swath.commands.main import main
 from tests.link.made_fmus import PROCESS, engine_fmu, needs_cc, store_fmu
 
 pytest.importorskip("fmpy")
-pytestmark = needs_cc
+pytestmark = [needs_cc, pytest.mark.usefixtures("code_allowed")]
 
 
 def printed(capsys, *argv):
@@ -97,7 +97,7 @@ class Absent:
 
 sys.meta_path.insert(0, Absent())
 from swath.commands.main import main
-sys.exit(main(["fmu", "show", {fmu!r}]) or main(["fmu", "check", {fmu!r}]))
+sys.exit(main(["fmu", "show", {fmu!r}]) or main(["fmu", "check", {fmu!r}, "--allow-code"]))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr

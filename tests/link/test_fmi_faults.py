@@ -12,6 +12,8 @@ from swath.link.fmi.description import read_fmu
 from tests.link.fmu_scenario import process_part
 from tests.link.made_fmus import engine_fmu, engine_xml, needs_cc, process_xml, store_fmu
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 pytest.importorskip("fmpy")
 WHOLE = process_xml()
 FAULTS = {

@@ -21,7 +21,7 @@ pytest.importorskip("fmpy")
 toolbox = pytest.mark.skipif(
     importlib.util.find_spec("fmu_manipulation_toolbox") is None, reason="needs fmu-manipulation-toolbox"
 )
-pytestmark = needs_cc
+pytestmark = [needs_cc, pytest.mark.usefixtures("code_allowed")]
 RULES = """rule;from_fmu;from_port;to_fmu;to_port
 FMU;store.fmu;;;
 INPUT;;grain_in;store.fmu;grain_in

@@ -26,6 +26,8 @@ from tests.link.made_fmus import (
     store_fmu,
 )
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 pytest.importorskip("fmpy")
 INSTANT = {"time_constant": 1e-15}
 

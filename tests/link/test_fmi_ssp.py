@@ -30,7 +30,7 @@ from tests.link.made_fmus import (
 )
 
 pytest.importorskip("fmpy")
-pytestmark = needs_cc
+pytestmark = [needs_cc, pytest.mark.usefixtures("code_allowed")]
 FILES = ("resources/store.fmu", "resources/tonnes.fmu")
 OUTS = [connector("out", "output"), connector("held", "output")]
 

@@ -14,7 +14,7 @@ from swath.commands.main import main
 from tests.link.made_fmus import CAN, PROCESS, needs_cc, store_fmu
 
 pytest.importorskip("fmpy")
-pytestmark = needs_cc
+pytestmark = [needs_cc, pytest.mark.usefixtures("code_allowed")]
 DOCS = Path(__file__).parents[2] / "docs"
 TUTORIAL = (DOCS / "tutorials" / "my-simulink-model.md").read_text(encoding="utf-8")
 PAGE = (DOCS / "fmi.md").read_text(encoding="utf-8") + TUTORIAL

@@ -15,6 +15,8 @@ from swath.signals.flat import flat_fields
 from tests.link.fmu_scenario import process_part, scenario
 from tests.link.made_fmus import PROCESS, needs_cc, store_fmu
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 pytest.importorskip("fmpy")
 MS = 1_000_000
 

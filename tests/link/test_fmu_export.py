@@ -285,6 +285,7 @@ def test_a_scanner_sees_what_its_header_cuts(folder):
     host.close()
 
 
+@pytest.mark.usefixtures("code_allowed")
 def test_ctrl_c_inside_an_fmu_stops_the_run_as_anywhere(folder, process_fmu, tmp_path, monkeypatch):
     """The binary of an FMU made of Python runs it in this process: the interrupt was a fatal error."""
     monkeypatch.setattr(Session, "step", lambda self, t, h: signal.raise_signal(signal.SIGINT))

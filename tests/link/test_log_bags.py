@@ -111,13 +111,14 @@ def test_poses_speeds_and_angles(bags, kind):
 
 def test_number_by_number_with_another_unit(bags):
     topics = {"command.curvature": "/curvature:data"}
-    part = player(
-        bags["mcap"], "steer", topics, values={"command.is_engaged": 1.0}, scale={"command.curvature": 1e-3}
-    )
+    known = {"command.is_engaged": True}
+    part = player(bags["mcap"], "steer", topics, constants=known, scale={"command.curvature": 1e-3})
+    assert not [note for note in part.notes if "`values`" in note]
     played = {t: o["command"] for t, o in play(part, 20.0) if o}
     assert played[2 * NS] == SteerCommand(2 * NS, pytest.approx(0.007), True)
     topics = {"odometry.speed": "/speed:twist.linear.x", "odometry.yaw_rate": "/odom:twist.twist.angular.z"}
-    part = player(bags["mcap"], "odometry", topics, values={"odometry.steer_angle": 0.0})
+    part = player(bags["mcap"], "odometry", topics, values={"odometry.steer_angle": 0.0})  # the older name
+    assert [note for note in part.notes if "`values` is now `constants`" in note]
     played = {t: o["odometry"] for t, o in play(part, 3.0) if o}
     assert played[2 * NS].speed == pytest.approx(1.7)
 
@@ -249,7 +250,7 @@ def test_the_metres_of_a_field_folder(bags, tmp_path):
         ("lidar", {"picture": "/scan"}, {}, "expected output or output.number; outputs: scan, truth"),
         ("lidar", {"scan": "/scan"}, {"between": "interpolate"}, "expected hold, the beam_t, azimuth"),
         ("lidar", {"scan": "/scan"}, {"scale": {"scan.loudness": 2.0}}, "scale = scan.loudness"),
-        ("steer", {"command.curvature": "/curvature"}, {}, "expected topics or values for is_engaged too"),
+        ("steer", {"command.curvature": "/curvature"}, {}, "expected topics or constants for is_engaged too"),
         ("steer", {"command.bend": "/curvature"}, {}, "expected one of curvature, is_engaged after command."),
         (
             "steer",

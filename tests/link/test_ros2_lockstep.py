@@ -18,7 +18,7 @@ from swath.runtime.job import run_job
 from swath.scenario.scenario import parse_scenario
 from tests.link.ros2_rig import CHEAP, EXAMPLES, HERE, domain, needs_ros2, node  # noqa: F401
 
-pytestmark = needs_ros2
+pytestmark = [needs_ros2, pytest.mark.usefixtures("code_allowed")]
 IN_PROCESS = f"level: {HERE / 'law_level.py'}:LawInProcess"
 
 

@@ -83,7 +83,7 @@ def test_a_loaded_trailer_pushes_the_tractor_out_of_its_curve():
 
 
 def test_stands_on_a_slope():
-    _, trailer = run(make(kinematic, ground=slope(0.05, 0.03)), 1.0)[-1]
+    _, trailer = run(make(kinematic, speed=0.0, ground=slope(0.05, 0.03)), 1.0, speed=0.0)[-1]
     assert trailer.pitch == pytest.approx(-math.atan(0.05), rel=1e-6)
     assert math.tan(trailer.roll) == pytest.approx(0.03 * math.cos(trailer.pitch), rel=1e-6)
 

@@ -176,9 +176,12 @@ def test_bad_rays_and_thread_counts_are_refused(monkeypatch):
     with pytest.raises(SwathError, match="SWATH_THREADS = none: expected a whole number"):
         thread_count()
     monkeypatch.delenv("SWATH_THREADS")
-    monkeypatch.setenv("SWATH_DEVICE", "cuda:77")
-    with pytest.raises(SwathError, match="SWATH_DEVICE = cuda:77: expected one of this machine's cpu"):
-        RayCaster(bare(pages=1))
+    for name in ("cuda:77", "gpu"):
+        monkeypatch.setenv("SWATH_DEVICE", name)
+        with pytest.raises(SwathError, match=f"SWATH_DEVICE = {name}: expected one of this machine's cpu"):
+            RayCaster(bare(pages=1))
+    with pytest.raises(SwathError, match="device = cuda:77: expected one of"):
+        RayCaster(bare(pages=1), device="cuda:77")
     assert RayCaster(bare(pages=1), device="cpu").device == "cpu"
 
 
@@ -192,7 +195,10 @@ def test_the_kernel_compiles_for_cuda(tmp_path):
         wp.compile_aot_module(module, arch=80, module_dir=tmp_path, use_ptx=True)
     except RuntimeError as error:
         pytest.skip(f"no CUDA compiler: {error}")
-    assert "cast" in next(tmp_path.glob("*.ptx")).read_text(encoding="utf-8")
+    ptx = next(tmp_path.glob("*.ptx")).read_text(encoding="utf-8")
+    entry = ptx[ptx.index(".entry cast") :]
+    assert ".maxntid 64" in entry[: entry.index("{")]  # else registers are not limited
+    assert ".minnctapersm 16" in entry[: entry.index("{")]
 
 
 def test_cuda_gives_the_same_ranges():
@@ -204,7 +210,8 @@ def test_cuda_gives_the_same_ranges():
     o = np.c_[rng.uniform(3, 13, (5000, 2)), np.full(5000, 2.0)]
     d = rng.normal(size=(5000, 3)) * [1, 1, 0.3] - [0, 0, 1]
     d /= np.linalg.norm(d, axis=1)[:, None]
-    caster = RayCaster(field, device="cuda:0")
+    caster = RayCaster(field, device="cuda")
+    assert caster.device == "cuda:0"
     for code in (255, 15):
         field.pages.cut_slot[:] = -1 - code
         field.pages.revision += 1

@@ -14,6 +14,8 @@ from tests.machine.machine_fakes import site
 from tests.record.test_record_positioning import decoded
 from tests.whole.small import small
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 NS = 1_000_000_000
 SETS = ("run.max_duration_s=1.0", "combine.lidar=off", "combine.edge=truth")
 

@@ -14,6 +14,7 @@ import pytest
 from swath.core.schedule import NS
 from swath.record.container import Container
 from swath.record.message_factory import definition
+from swath.record.read.files import open_log
 from swath.record.recorder import Recorder
 from swath.record.scan_messages import is_laser_scan
 from swath.record.tracks import Column, read_tracks
@@ -189,6 +190,27 @@ def test_many_beams_become_a_cloud():
     assert is_laser_scan(Scan(0, a, a, 0 * a, ranges, ranges))
     assert not is_laser_scan(Scan(0, a, a, 0 * a + 0.1, ranges, ranges))
     assert not is_laser_scan(Scan(0, a, a**3, 0 * a, ranges, ranges))
+
+
+def test_no_topic_is_declared_that_is_never_sent(tmp_path):
+    """Of a scanner of one line and one echo no cloud is announced, to a tap (ROS 2) neither."""
+    declared = set()
+
+    class Tap:
+        def declare(self, topic, message, is_latched):
+            declared.add(topic)
+
+        def __call__(self, topic, t, data, build, is_latched):
+            declared.add(topic)
+
+    with Recorder(tmp_path, [machine()]) as recorder:
+        recorder.file.taps.append(Tap())
+        drive([recorder], GridField(ArcEdge()), seconds=1.0)
+    log = open_log(tmp_path)
+    sent = {topic for topic, _, _ in log.messages(log.topics())}
+    assert set(log.topics()) == sent
+    assert declared <= sent
+    assert not [topic for topic in declared if topic.endswith("_points")]
 
 
 def test_several_echoes_are_kept_in_a_cloud(tmp_path):

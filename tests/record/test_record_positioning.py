@@ -97,7 +97,8 @@ def test_in_a_field_that_lies_nowhere_a_fix_is_an_odometry_of_the_map(tmp_path):
 def test_samples_come_back_from_the_messages(tmp_path):
     pytest.importorskip("pyproj")
     origin = Origin(32632, 500_000.0, 5_400_000.0, 300.0)
-    samples = [on_earth(origin, fix(k, q)) for k, q in enumerate(("fix", "single"))]
+    samples = [on_earth(origin, fix(k)) for k in range(2)]
+    samples[1] = replace(samples[1], quality=1, horizontal_sd=2.1, vertical_sd=3.5)
     samples.append(Fix(NS // 5, *NOTHING, 0))
     record(tmp_path, "gnss", samples, "fix", origin=origin)
     fixes, odometry = decoded(tmp_path, "/combine/gnss/fix", "/combine/gnss/fix_odometry").values()
@@ -110,7 +111,9 @@ def test_samples_come_back_from_the_messages(tmp_path):
         made = make(message, sample.t + 50_000_000)
         assert (made.t, made.quality) == (sample.t, sample.quality)
         assert (made.x, made.y, made.z) == pytest.approx((sample.x, sample.y, sample.z), abs=1e-6)
-        assert (made.horizontal_sd, made.vertical_sd) == pytest.approx((0.012, 0.021))
+        assert (made.horizontal_sd, made.vertical_sd) == pytest.approx(
+            (sample.horizontal_sd, sample.vertical_sd)
+        )
         assert made.latitude == pytest.approx(sample.latitude, abs=1e-15)
         assert np.isnan(made.speed)
     lost = make(fixes[2], NS // 5)

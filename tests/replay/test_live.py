@@ -271,6 +271,32 @@ def test_changes_are_events_that_give_the_same_run_again(alone, tmp_path):
     assert again["events"] == summary["events"]
 
 
+STRANGE = [
+    "", "[]", "[1]", "null", "1", '"pause"', "{}", "nan", "[" * 9000, "{" * 9000, '{"do": []}', '{"do": {}}',
+    '{"do": null}', '{"do": "speed", "value": 1e999}', b"\xff\xfe", b"\x00",
+    '{"do": "speed", "value": []}', '{"do": "speed", "value": "fast"}', '{"do": "speed", "value": NaN}',
+    '{"do": "speed", "value": 1' + "0" * 400 + "}", '{"do": "set"}', '{"do": "set", "key": "a"}',
+    '{"do": "set", "key": {}, "value": 1}', '{"do": "set", "key": "combine.speed.speed_kmh", "value": {}}',
+    '{"do": "set", "key": "combine.speed.speed_kmh", "value": 1e999}', '{"do": "set", "key": "", "value": 1}',
+    '{"do": "set", "key": "..", "value": "\\ud800"}', '{"do": "set", "key": "\\u0000", "value": 1}',
+    '{"do": "branch"}', '{"do": "branch", "at_s": 1e999, "key": "a", "value": 1}',
+    '{"do": "branch", "at_s": -1e308, "key": "a", "value": 1}',
+    '{"do": "branch", "at_s": NaN, "key": "combine.speed.speed_kmh", "value": 3}',
+]  # fmt: skip
+
+
+def test_no_message_closes_the_page_or_ends_the_run(tmp_path):
+    going = Going(tmp_path / "run")
+    page = Watcher(going.view)
+    assert page.is_there.wait(60)
+    for message in STRANGE:
+        page.socket.send(message)
+    assert page.ask("step")[0]
+    assert page.ask("set", key="combine.speed.speed_kmh", value=5)[0]
+    page.close()
+    going.end()
+
+
 def test_no_one_else_comes_in(tmp_path):
     view = LiveView(RunControl())
     try:

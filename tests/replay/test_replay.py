@@ -202,6 +202,22 @@ def test_without_a_recording_the_page_says_what_is_missing(finished, tmp_path, c
     assert values["scanners"] == []
 
 
+@pytest.mark.parametrize("column", ["t_s", "x_m", "machine", "yaw_rad", "distance_m"])
+def test_tracks_without_a_column_are_refused_by_name(finished, tmp_path, column, capsys):
+    import pyarrow.parquet as pq
+
+    for name in ("scenario.yaml", "summary.json"):
+        (tmp_path / name).write_bytes((finished[0] / name).read_bytes())
+    table = pq.read_table(finished[0] / "tracks.parquet")
+    pq.write_table(table.drop_columns([column]), tmp_path / "tracks.parquet")
+    for command in (["view"], ["diff", str(finished[0])], ["yield-log", "--out", str(tmp_path / "y.csv")]):
+        code = main([*command, str(tmp_path)])
+        said = capsys.readouterr().err
+        assert code in (0, 2)
+        assert code == 0 or f"tracks = {column}: expected this column" in said
+    assert main(["view", str(tmp_path)]) == 2
+
+
 def test_what_is_no_run_folder_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"expected a run folder, it has no scenario\.yaml"):
         view(tmp_path)

@@ -6,12 +6,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from swath.judge.catalogue import load_evaluators
 from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.judge.evaluators.lateral_error import LateralError
 from swath.judge.summary import make_summary, write_summary
 from swath.record.digest import Digest
 from swath.record.recorder import Recorder
-from swath.report.page import render
+from swath.report.page import Figure, render
 from swath.report.plots import figure
 from swath.report.report import MachineReport, ReportData, write_report
 from swath.report.scan_sampler import ScanSampler, circles_of, make_map
@@ -215,3 +216,25 @@ def test_circles_of_solids():
     assert circles_of(solids) == [(1.0, 2.0, 2.0), (3.0, 4.0, pytest.approx(0.1))]
     assert circles_of(Solids()) == []
     assert GEOMETRY.header_end("left")[1] == 3.5
+
+
+def test_a_number_has_four_digits_at_most_and_a_limit_its_unit():
+    from swath.report.page import _limit_row, _shown
+
+    metrics = load_evaluators().metrics
+    grain = metrics["grain_cut_kg"]
+    assert [_shown(grain, v).replace("\N{NO-BREAK SPACE}", " ") for v in (638.54, 12345.6, 0.0)] == [
+        "638.5 kg", "12\u202f350 kg", "0.0 kg",
+    ]  # fmt: skip
+    entry = {"subject": "combine", "name": "lateral_p95_m", "limit": {"max": 0.2}, "value": 0.1496}
+    row = _limit_row({**entry, "result": "pass"}, metrics)
+    assert (row["limit"], row["value"]) == ("≤ 20.00\N{NO-BREAK SPACE}cm", "14.96\N{NO-BREAK SPACE}cm")
+    column = _limit_row({**entry, "name": "lateral_error_m", "result": "pass"}, metrics)
+    assert (column["limit"], column["value"]) == ("max 0.2", "0.1496")
+
+
+def test_the_first_picture_stands_before_the_numbers():
+    figures = [Figure("map", "data:1", ""), Figure("errors", "data:2", "")]
+    text = render({"name": "a", "expect": [], "versions": {"numpy": "2"}, "digest": "d"}, "", figures)
+    places = [text.index(word) for word in ("data:1", "Results", "data:2", "digest d")]
+    assert places == sorted(places)

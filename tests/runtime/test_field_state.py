@@ -15,6 +15,7 @@ from swath.runtime.assembly import assemble
 from swath.runtime.field_state import about
 from swath.runtime.job import run_unrecorded
 from swath.runtime.loop import drive
+from swath.scenario.overrides import layered
 from swath.scenario.scenario import load_scenario
 
 STRAIGHT = [
@@ -30,7 +31,7 @@ SMALL = ["field.stand.stems_per_m2=60"]
 
 
 def scenario(*sets):
-    return load_scenario("straight", sets=[*STRAIGHT, *SMALL, *sets])
+    return load_scenario("straight", sets=layered(STRAIGHT, SMALL, sets))
 
 
 @pytest.fixture(scope="module")

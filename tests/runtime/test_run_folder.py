@@ -1,5 +1,6 @@
 """A run folder whatever happens to the run: stopped, killed, a full disk, two runs at once."""
 
+import io
 import json
 import os
 import signal
@@ -12,13 +13,16 @@ import pytest
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.stopping import Terminated, stoppable, unstopped
-from swath.core.whole_file import write_whole
+from swath.core.whole_file import _NamedFile, write_whole
+from swath.record import mcap_file
 from swath.record.mcap_file import McapFile
 from swath.report.report import ReportWriter
 from swath.runtime.folder import LOCK, choose_run_folder, occupied, run_name
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
 from tests.link.fmu_scenario import scenario
+
+pytestmark = pytest.mark.usefixtures("code_allowed")
 
 SHORT = "run.max_duration_s=0.4"
 ROOT = Path(__file__).parents[2]
@@ -210,10 +214,13 @@ def test_a_killed_process_holds_no_lock(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_names_the_file(tmp_path):
-    full = tmp_path / "run.mcap"
-    full.symlink_to("/dev/full")
-    file = McapFile(full)
+def test_a_full_disk_names_the_file(tmp_path, monkeypatch):
+    def full(path):
+        opened = _NamedFile(str(path), "xb", opener=lambda *_: os.open("/dev/full", os.O_WRONLY))
+        return io.BufferedWriter(opened)
+
+    monkeypatch.setattr(mcap_file, "open_to_write", full)
+    file = McapFile(tmp_path / "run.mcap")
     for act in (lambda: file.attach("a", "text/plain", b"x" * 100_000), file.close):
         with pytest.raises(OSError, match=r"No space left on device: '.*run\.mcap'"):
             act()

@@ -8,6 +8,8 @@ from swath.core.errors import InputError
 from swath.runtime.assembly import assemble
 from swath.scenario.scenario import load_scenario
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 LAW = """
 from swath.core.component import Port
 from swath.signals import MachineState, ScanTruth, SteerCommand

@@ -49,6 +49,12 @@ def test_only_sensors_and_detectors_have_instances(name):
         parse_scenario(TEXT.replace("lidar_left:", f"{name}:"))
 
 
+@pytest.mark.parametrize("name", ["lidar_../../x", "lidar_/etc", "lidar_a b", "lidar_.."])
+def test_a_name_is_no_path(name):
+    with pytest.raises(InputError, match="expected a slot's name: letters, digits, - and _"):
+        parse_scenario(TEXT.replace("lidar_left:", f'"{name}":'))
+
+
 def test_a_tractor_has_nothing_that_nobody_asked_for():
     text = TEXT + "  cart: {machine: tractor-grain-cart, start: {x_m: -30, y_m: 0}}\n"
     scenario = parse_scenario(text)

@@ -6,6 +6,8 @@ from swath.core.errors import InputError, SwathError
 from swath.scenario.scenario import load_scenario, parse_scenario
 from tests.fake_levels import FAKE, GOOD
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 
 def read(text=GOOD, **options):
     return parse_scenario(text, catalogue=FAKE, **options)
@@ -146,7 +148,7 @@ def test_resolved_reads_back_equal_from_another_place(tmp_path):
             "field.terrain.file = no.tif: there is no such file (text:7)",
         ),
         ("plane", "{level: dem}", "field.terrain.file: expected a value, the key is missing (text:7)"),
-        ("preview", "nowhere.py:Steer", "expected file.py:Class, but there is no file"),
+        ("preview", "nowhere.py:Steer", "expected a Python file, but there is no file"),
         ("lexion-700-class", "lexion-900-class", "did you mean 'lexion-700-class'? (text:16)"),
         (
             "lidar.scan",

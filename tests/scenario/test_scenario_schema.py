@@ -1,6 +1,7 @@
 """The JSON Schema: valid itself, agrees with the reader, and documents units."""
 
 import json
+import re
 
 import jsonschema
 import pytest
@@ -82,8 +83,31 @@ def test_meanings_of_a_docstring():
     }
 
 
+def test_the_reference_has_every_key_of_every_level_once_a_slot():
+    from swath.scenario.catalogue import CATALOGUE
+    from swath.scenario.reference import parameter_rows
+
+    page = reference()
+    for kind in (*CATALOGUE.field_levels, *(slot.name for slot in CATALOGUE.slots)):
+        heading = f"\n### field.{kind}\n" if kind in CATALOGUE.field_levels else f"\n### {kind}\n"
+        section = page.partition(heading)[2].partition("\n### ")[0]
+        lines = [line for line in section.splitlines() if line.startswith("| `")]
+        assert len(set(lines)) == len(lines)
+        for name in CATALOGUE.registry.names(kind):
+            assert f"- `{name}`: " in section
+            for key, *_ in parameter_rows(CATALOGUE.registry.get(kind, name).params):
+                head, _, rest = key.partition(".")
+                line = next(
+                    line for line in lines if line.startswith((f"| `{key}` |", f"| `{head}` | keys of ["))
+                )
+                group = re.search(r"\(#keys-of-([\w-]+)\)", line)
+                if group:
+                    keys = page.partition(f"\n### Keys of {group[1]}\n")[2].partition("\n### ")[0]
+                    assert f"| `{rest}` |" in keys
+
+
 def test_reference_has_every_key():
     page = reference(FAKE)
     for key in ("`mount.z_m`", "`stems_per_m2`", "`speed_kmh`", "`wires`", "`points_m`", "`edge_rmse_m`"):
         assert key in page
-    assert "| `sub_rays` | whole number >= 1, <= 217 | `19` | per beam |" in page
+    assert "| `sub_rays` | whole, 1 to 217 | `19` | per beam |" in page

@@ -14,6 +14,8 @@ from swath.machine.machine_sheet import open_machine, read_machine
 from swath.tools.compare_log.along_path import run_motion, run_steering
 from swath.tools.compare_log.steering import compare_steering
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 TRUE = {
     "steering.dead_time_s": 0.27, "steering.lag_s": 0.35, "steering.rate_deg_s": 11.0,
     "tyres.understeer_deg_per_g": 2.5, "tyres.front_relaxation_m": 1.3, "tyres.rear_relaxation_m": 0.975,

@@ -25,6 +25,8 @@ from swath.tools.function_test.session import begin, open_session
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, log_capital, needed, verdict
 from tests.tools.fake_work import fake_work
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 CASE = """
 format: swath test case 1
 objective: drives

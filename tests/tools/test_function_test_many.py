@@ -16,6 +16,8 @@ from swath.tools.function_test.journal import Journal
 from swath.tools.function_test.plan import Plan
 from swath.tools.function_test.session import begin
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 CASE = """
 format: swath test case 1
 objective: drives

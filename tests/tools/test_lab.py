@@ -14,6 +14,8 @@ from swath.tools.lab.comparison import compare_levels, describe, list_rows, rati
 from swath.tools.lab.lab import Case, CaseHeights, Lab, Settings, run_lab
 from swath.tools.lab.measured_heights import MeasuredHeights, read_measured
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 TINY = {"densities": (150.0,), "sensors": ("sick-lms511-hr",), "depressions_deg": (45.0,)}
 TINY |= {"passes": 1, "stops": 2, "levels": ("plants",)}
 CASE = Case(200.0, "sick-lms511-hr", 45.0, 0.04)
@@ -168,6 +170,8 @@ def test_real_heights_by_case(tmp_path):
         ("height_m\n850\n", "expected metres"),
         ("height_m\n\n", "at least one number"),
         ("height_m,depression_deg\n0.5,\n", "depression_deg"),
+        ("height_m\n0,85\n", "decimals with a point .*:2"),
+        ("height_m,height_m\n0.5,0.6\n", "height_m: expected once"),
     ],
 )
 def test_bad_real_heights(tmp_path, text, said):

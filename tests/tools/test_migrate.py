@@ -22,6 +22,8 @@ from swath.sensing.lidar_sheet import load_lidar
 from swath.tools.migrate.migrate import migrate_text
 from swath.tools.migrate.python_names import migrate_python, missing_names
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 V01 = Path(__file__).parent / "v01"
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SCENARIOS = sorted(p.stem for p in (V01 / "scenarios").glob("*.yaml"))

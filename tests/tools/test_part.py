@@ -1,7 +1,9 @@
 """One slot alone gives what it gave in the machine, from the recording and from a table."""
 
 import csv
-from math import atan
+import re
+from math import atan, radians
+from pathlib import Path
 
 import pytest
 
@@ -9,11 +11,15 @@ from swath import load_scenario
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.schedule import NS
+from swath.machine.machine_sheet import open_machine, read_machine
 from swath.runtime.job import run_job
 from swath.tools.part.isolate import IsolatedPart
 from swath.tools.part.table import columns_of, read_table, write_table
 
 SETS = ["run.distance_m=6", "combine.lidar.level=empirical", "expect={}"]
+TUTORIAL = Path(__file__).parents[2] / "docs/tutorials/one-part.md"
+WHEELBASE = read_machine(open_machine("lexion-700-class")).wheelbase
+DEAD_BAND = radians(0.15)  # rest error of the valve's dead band (docs/motion.md: 0.12 deg)
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +75,9 @@ def test_a_table_by_hand_drives_the_steering_to_its_closed_form(tmp_path):
     table = tmp_path / "steer.csv"
     lines = ("0,0.02,true", "0.2,,", "0.5,0.05,true", "1,,")
     table.write_text("\n".join(("t_s,steer.command.curvature,steer.command.is_engaged", *lines)))
-    given = part.run(read_table(table, part), end=NS)
+    arrivals, end = read_table(table, part)
+    assert end == NS
+    given = part.run(arrivals, end=end)
     part.world.close()
     angle = {a.t: abs(a.sample.angle) for a in given}
     wheelbase = part.world.leader.sheet.wheelbase
@@ -77,6 +85,56 @@ def test_a_table_by_hand_drives_the_steering_to_its_closed_form(tmp_path):
         assert angle[t] == pytest.approx(atan(wheelbase * curvature), rel=1e-9)
     write_table(tmp_path / "out.csv", part, given)
     assert len(rows(tmp_path / "out.csv")) == len(angle)
+
+
+def test_the_bend_of_the_tutorial_is_steered(tmp_path, monkeypatch, capsys):
+    """Its table ends with a time only; by then the wheels stand at atan(wheelbase / 50 m), valve aside."""
+    text = TUTORIAL.read_text()
+    name, written = "bend.csv", re.search(r"printf '%s.n' (.*) > bend.csv", text)[1]
+    line = re.search(r"swath (part steering --scenario straight --input bend.csv .*)", text)[1]
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).write_text("\n".join(written.split()) + "\n")
+    assert main(line.split()) == 0
+    table = rows(tmp_path / "parts/steering/outputs.csv")
+    assert float(table[-1]["t_s"]) == 3.0
+    wanted = atan(WHEELBASE * 0.02)
+    assert float(table[-1]["steering.steering.angle"]) == pytest.approx(wanted, abs=DEAD_BAND)
+    assert all(abs(float(r["steering.steering.angle"])) < 1e-9 for r in table if float(r["t_s"]) < 0.65)
+    fed = rows(tmp_path / "parts/steering/inputs.csv")
+    assert [r["t_s"] for r in fed] == ["0.0", "0.5", "3.0"]  # feeds the same again
+
+
+def drive(tmp_path, *lines, sets=("combine.steering=ideal",)):
+    """Angles over time of the steering, fed from a table."""
+    part = IsolatedPart(load_scenario("straight", sets=list(sets)), "combine.steering")
+    table = tmp_path / "steer.csv"
+    table.write_text("\n".join(("t_s,steer.command.curvature,steer.command.is_engaged", *lines)) + "\n")
+    try:
+        arrivals, end = read_table(table, part)
+        return {a.t / NS: a.sample.angle for a in part.run(arrivals, end=end)}
+    finally:
+        part.world.close()
+
+
+@pytest.mark.parametrize("last", ["2", "2,", "2,,", " 2 ,, ", "1,,\n1.5,,\n2,,\n,,\n"])
+def test_a_last_row_with_a_time_only_says_how_long_it_lasts(tmp_path, last):
+    angles = drive(tmp_path, "0,0.02,true", "0.5,-0.03,true", last)
+    assert max(angles) == 2.0
+    assert angles[2.0] == pytest.approx(-atan(WHEELBASE * 0.03), rel=1e-9)
+    assert angles[0.4] == pytest.approx(atan(WHEELBASE * 0.02), rel=1e-9)
+
+
+@pytest.mark.parametrize("lines", [("0,,", "0.7,,"), ("0.3,0.02,true", "0.7,,")])
+def test_what_it_needs_has_to_be_there_by_its_first_step(tmp_path, lines):
+    with pytest.raises(
+        InputError, match=r"combine.steer.command: expected a sample by its first step at 0.0"
+    ):
+        drive(tmp_path, *lines)
+
+
+def test_decimal_commas_are_refused_not_cut(tmp_path):
+    with pytest.raises(InputError, match=r"decimals with a point \(.*steer.csv:3\)"):
+        drive(tmp_path, "0,0.02,true", "0,5,0,03,true")
 
 
 def test_every_unknown_and_every_missing_column_is_named_at_once(tmp_path, capsys):
@@ -111,7 +169,7 @@ def test_without_an_input_the_columns_are_printed(capsys):
 
 def test_a_recording_without_every_sample_is_refused_by_name(tmp_path, capsys):
     run_job(
-        load_scenario("straight", sets=[*SETS, "run.record=standard", "run.distance_m=1"]), tmp_path / "r"
+        load_scenario("straight", sets=["run.distance_m=1", "run.record=standard", *SETS[1:]]), tmp_path / "r"
     )
     assert main(["part", "steer", "--input", str(tmp_path / "r"), "--out", str(tmp_path / "o")]) == 2
     assert "combine.edge.edge" in capsys.readouterr().err

@@ -88,7 +88,7 @@ def test_command(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(reda, "places", lambda: [p for p in places() if p[0] in (-1.0, 3.0)])
     monkeypatch.setattr("swath.tools.reda.plots.INSIDE", (-1.0, 3.0))
     line = ["reda", "--height", "0.85", "--density", "300", "--weather", "rain", "--sensor", "camera"]
-    line += ["--repeats", "1", "--processes", "1", "--out", str(tmp_path / "made")]
+    line += ["--repeats", "1", "--workers", "1", "--out", str(tmp_path / "made")]
     assert main(line) == 0
     rows = list(csv.DictReader((tmp_path / "made" / "reda.csv").read_text(encoding="utf-8").splitlines()))
     assert len(rows) == 10
@@ -112,3 +112,42 @@ def test_command(tmp_path, capsys, monkeypatch):
 def test_bad_settings(settings, key):
     with pytest.raises(InputError, match=key):
         Settings(**settings)
+
+
+def test_a_run_that_is_stopped_goes_on(tmp_path, monkeypatch):
+    """The second time only what is missing is done, to the same numbers; with other settings all of it."""
+    settings = Settings(densities=(300.0, 500.0), heights=(0.6,), weathers=("clear", "dust"))
+    looked = []
+
+    def measured(settings, condition):
+        looked.append(condition)
+        if len(looked) == 3:
+            raise KeyboardInterrupt
+        share = 1.0 / (3.0 + condition.density)
+        cell = Cell(3.0, 0.0, share, 0.0, 10, f"{condition.name}, seen")
+        return reda.Found(condition, {"lidar": [cell] * 3}, {("lidar", 1.75): cell, ("lidar", 0.8): cell})
+
+    monkeypatch.setattr(reda, "measure", measured)
+    kept = tmp_path / "out" / reda.KEPT
+    with pytest.raises(KeyboardInterrupt):
+        reda.run_reda(settings, kept=kept)
+    found = reda.run_reda(settings, kept=kept)
+    assert len(looked) == 3 + 2
+    assert found == reda.run_reda(settings)
+    del looked[:]
+    looked += [None] * 3
+    reda.run_reda(Settings(densities=(300.0,), heights=(0.6,), weathers=("clear",)), kept=kept)
+    assert len(looked) == 3 + 1
+    kept.write_text("nothing of ours")
+    assert reda.run_reda(settings, kept=kept) == found
+
+
+def test_the_command_says_what_is_kept(tmp_path, monkeypatch, capsys):
+    def stopped(settings, *, kept, **more):
+        reda._keep(kept, settings, [])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(reda, "run_reda", stopped)
+    assert main(["reda", "--out", str(tmp_path / "out")]) == 130
+    assert "the same command goes on from there" in capsys.readouterr().err
+    assert main(["reda", "--out", str(tmp_path / "out")]) == 130  # the folder is one of its own

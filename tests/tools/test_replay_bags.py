@@ -5,10 +5,14 @@ import pytest
 
 from swath.commands.main import main
 from swath.core.errors import InputError
+from swath.core.frames import Pose
 from swath.rays.height_grid import load_height_grid
+from swath.record.read.files import open_log
 from swath.tools.height_map.build import Settings, build_height_map, open_source
+from swath.tools.height_map.poses import make_track
 from swath.tools.height_map.source import Wanted
-from tests.bags import KINDS, MOUNT, PLANE, START, write_bag
+from tests.bags import BEGIN, KINDS, MOUNT, NS, PLANE, START, Bag, ranges_at, write_bag
+from tests.foreign_bags import ANTENNA, WALL, drive, fix, heading_for_a_wall
 from tests.rays.height_rays import surface
 
 
@@ -65,8 +69,6 @@ def test_on_the_command_line(bags, tmp_path, capsys):
 
 
 def test_a_receiver_that_stands_or_has_no_fix(tmp_path):
-    from tests.bags import Bag, ranges_at
-
     for name, places, status, text in (
         ("stands", [(0.0, 0.0, 0.0)] * 9, 0, "expected a machine that moves"),
         ("blind", [(0.1 * k, 0.0, 0.0) for k in range(9)], -1, "at least two positions"),
@@ -79,3 +81,69 @@ def test_a_receiver_that_stands_or_has_no_fix(tmp_path):
         bag.close()
         with pytest.raises(InputError, match=text):
             open_source(tmp_path / name, Wanted())
+
+
+UP, MAST = Pose.from_euler((0.3, 0.0, 0.6)), Pose.from_euler((-0.3, 0.0, 1.9))
+LINKS = {  # of a scanner 2.5 m above the ground, over base_link, which is 0.6 m up and 0.3 m ahead
+    "above": [("base_footprint", "base_link", UP), ("base_link", "laser", MAST)],
+    "below": [("base_link", "base_footprint", UP.inverse()), ("base_link", "laser", MAST)],
+}
+
+
+def points_of(source):
+    found = []
+    for echoes in source.sweeps():
+        place, rotation, known = source.track.at(echoes.time)
+        found.append((place + np.einsum("nij,nj->ni", rotation, source.mounting.apply(echoes.points)))[known])
+    return np.concatenate(found)
+
+
+def times(stamp, late):
+    return [("time", "f4", late)]
+
+
+@pytest.mark.parametrize("name", LINKS)
+@pytest.mark.parametrize("pose_z", [0.0, 0.6])
+def test_poses_above_the_ground_are_brought_down(tmp_path, name, pose_z):
+    """Of an odometry in the plane, and of one in space: the step is 1 m high and lies where it is."""
+    path = heading_for_a_wall(tmp_path / "bag", times, links=LINKS[name], pose_z=pose_z)
+    source = open_source(path, Wanted())
+    np.testing.assert_allclose(source.mounting.position, (0.0, 0.0, 2.5), atol=1e-12)
+    points = points_of(source)
+    ground = source.track.position[:, 2].mean()
+    assert ground == pytest.approx(pose_z - 0.6)
+    assert (points[:, 2].min(), points[:, 2].max()) == pytest.approx((ground, ground + 1.0), abs=1e-5)
+    on_wall = points[(points[:, 2] > ground + 0.05) & (points[:, 2] < ground + 0.95), 0]
+    assert on_wall.max() == pytest.approx(WALL - 0.3, abs=1e-4)  # the poses are those of a point ahead
+    assert on_wall.min() == pytest.approx(WALL - 0.3, abs=1e-4)
+    grid = build_height_map(source, Settings(reach_m=15.0))
+    assert [note for note in grid.about["notes"] if "brought down to base_footprint, 0.60 m" in note]
+    assert not [note for note in grid.about["notes"] if "lowest echoes" in note]
+
+
+@pytest.mark.parametrize("off", [0.6, 0.3])
+def test_poses_above_the_ground_are_seen_where_no_frame_says_so(tmp_path, off):
+    links = [("base_link", "laser", Pose.from_euler((0.0, 0.0, 2.5 - off)))]
+    path = heading_for_a_wall(tmp_path / "bag", times, links=links)
+    notes = build_height_map(open_source(path, Wanted()), Settings(reach_m=15.0)).about["notes"]
+    assert [note for note in notes if f"lowest echoes lie {off:.2f} m below the ground" in note]
+
+
+def test_an_antenna_by_its_link(tmp_path):
+    links = [("base_link", "laser", MOUNT), ("base_link", "gps", Pose.from_euler(ANTENNA))]
+    path = drive(tmp_path / "drive", links=links, fixes=fix)
+    bag = Bag(tmp_path / "bag", "mcap")
+    for topic, t, message in open_log(path).messages(("/tf_static", "/fix")):
+        bag.write(topic, (t - BEGIN) / NS, message)
+    bag.write("/scan", 5.0, bag.laser(5.0, ranges_at(*START)))
+    bag.close()
+    source = open_source(tmp_path / "bag", Wanted(to_local=PLANE))
+    np.testing.assert_allclose(source.track.position[0], [*START, 0.0], atol=1e-4)
+
+
+def test_beams_beyond_the_last_pose_go_on_with_the_machine():
+    track = make_track(np.arange(11) * 0.1, np.arange(11)[:, None] * (0.3, 0.0, 0.01), np.zeros((11, 3)))
+    place, _, known = track.at(np.array([-0.2, -0.05, 0.55, 1.05, 1.2]))
+    assert known.tolist() == [False, True, True, True, False]
+    np.testing.assert_allclose(place[1:4, 0], (-0.15, 1.65, 3.15))
+    np.testing.assert_allclose(place[1:4, 2], (-0.005, 0.055, 0.105))

@@ -1,7 +1,9 @@
 """Back and branch: what goes on from a save is the run that a fresh start with the same events gives."""
 
 import json
+import pickle
 import shutil
+import zlib
 from itertools import pairwise
 
 import pytest
@@ -13,6 +15,7 @@ from swath.runtime.branch import Start, branch_folder, branched_events
 from swath.runtime.folder import clear_run_folder
 from swath.runtime.job import run_job
 from swath.runtime.saves import MOST, SAVES, Saves, saves_in, superfluous
+from swath.tools.branch.branch import plan_branch
 from tests.whole.small import small
 
 SETS = ("run.distance_m=2.5", "combine.lidar.sub_rays=1")
@@ -96,6 +99,16 @@ def test_without_saves_or_with_torn_ones_it_begins_at_the_start(saved, fresh, tm
         assert (tmp_path / name / "run.mcap").read_bytes() == (fresh / "run.mcap").read_bytes()
 
 
+def test_saves_of_another_version_are_not_read_and_told(saved, tmp_path):
+    shutil.copytree(saved, tmp_path / "old")
+    for save in saves_in(tmp_path / "old").values():
+        save.write_bytes(zlib.compress(pickle.dumps({"swath": "0.2.0", "world": {}})))
+    plan = plan_branch(tmp_path / "old", AT_S, CHANGE)
+    assert (plan.saved_s, plan.has_unreadable) == (0.0, True)
+    plan = plan_branch(saved, AT_S, CHANGE)
+    assert (plan.saved_s, plan.has_unreadable) == (1.0, False)
+
+
 @pytest.mark.parametrize(
     ("at", "key", "words"),
     [
@@ -128,6 +141,7 @@ def test_runs_that_do_not_repeat_are_refused(saved, tmp_path):
     assert not (tmp_path / "no").exists()
 
 
+@pytest.mark.usefixtures("code_allowed")
 @pytest.mark.parametrize("is_without", [False, True])
 def test_a_part_that_cannot_be_saved_is_named_and_the_run_goes_on(tmp_path, is_without):
     text = PART.replace("def save", "def keep").replace("def load", "def back") if is_without else PART

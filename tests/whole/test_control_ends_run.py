@@ -1,7 +1,11 @@
 """A part of control may end the run and say why; the summary carries its words."""
 
+import pytest
+
 from swath.runtime.job import run_job
 from swath.scenario.scenario import parse_scenario
+
+pytestmark = pytest.mark.usefixtures("code_allowed")
 
 LEVEL = '''
 from swath.control.edge.max_likelihood import LEVEL as BUILT_IN

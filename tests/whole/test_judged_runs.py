@@ -12,6 +12,8 @@ from swath.runtime.job import run_job, run_unrecorded
 from swath.scenario.scenario import parse_scenario
 from tests.whole.small import TEXT
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 OWN = Path(__file__).parents[2] / "examples" / "my_evaluator.py"
 JUDGED = f"""
 evaluators: ["{OWN}:SteeringReversals"]

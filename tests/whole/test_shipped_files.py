@@ -19,6 +19,8 @@ from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.radar.radar_sheet import load_radar
 from swath.sensing.tables import load_table, table_names
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
 NEEDS = {"can/hil": "cantools", "can/sil": "cantools", "meshes/field": "trimesh"}  # beyond the plain install

@@ -12,6 +12,7 @@ from swath.report.report import ReportWriter
 from swath.runtime.assembly import assemble
 from swath.runtime.job import run_job
 from swath.runtime.loop import drive
+from swath.scenario.overrides import layered
 from swath.scenario.scenario import load_scenario
 from tests.replay.page_data import data_of
 
@@ -20,7 +21,7 @@ SHORT = ["run.distance_m=11", "east.speed.speed_kmh=7", *CHEAP]
 
 
 def two_combines(*sets):
-    return load_scenario("two-combines", sets=[*SHORT, *sets])
+    return load_scenario("two-combines", sets=layered(SHORT, sets))
 
 
 @pytest.fixture(scope="module")

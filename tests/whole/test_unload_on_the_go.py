@@ -14,6 +14,8 @@ from swath.scenario.scenario import load_scenario
 from swath.signals import HeapState, MachineState, TrailerState, UnloadState
 from tests.whole.cart_rig import SCENARIO, Run
 
+pytestmark = pytest.mark.usefixtures("code_allowed")
+
 QUICK = "combine.speed.speed_kmh=7.92"
 ALTERNATING = f"combine.speed={{level: '{Path(__file__).parent / 'alternating.py'}:Alternating'}}"
 RADIO = "{level: radio, rate_hz: 10, delay_ms: 100, position_sd_cm: 0%s}"

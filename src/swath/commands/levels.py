@@ -1,13 +1,16 @@
-"""`swath levels`: every slot, its levels, their cost and tolerance."""
+"""`swath levels`: every slot and its levels; of one slot their cost and tolerance, ports and parameters."""
 
 import argparse
 from typing import Any
 
+from swath.terminal.tables import add_json, as_json, table
+
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("levels", help="list the levels of every slot, or of one")
-    parser.add_argument("slot", nargs="?", metavar="SLOT", help="only this slot, with its parameters")
+    parser = parsers.add_parser("levels", help="list every slot with its levels; explain one slot")
+    parser.add_argument("slot", nargs="?", metavar="SLOT", help="explain its levels, ports and parameters")
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
@@ -16,28 +19,45 @@ def run(args: argparse.Namespace) -> int:
     from swath.core.errors import InputError
     from swath.documents.hints import near_miss
     from swath.scenario.catalogue import CATALOGUE
-    from swath.terminal.tables import table
 
     slots = [slot.name for slot in CATALOGUE.slots]
     kinds = [*CATALOGUE.field_levels, *slots]
     if args.slot is not None and args.slot not in kinds:
         hint = near_miss(args.slot, kinds)
         raise InputError("slot", args.slot, f"expected one of {', '.join(kinds)}{hint}")
-    rows = []
-    for kind in [args.slot] if args.slot else kinds:
-        for name in CATALOGUE.registry.names(kind):
-            level = CATALOGUE.registry.get(kind, name)
-            star = " *" if name == CATALOGUE.default_level(kind) else ""
-            rows.append((kind, name + star, level.summary, level.cost, level.tolerance))
-    for name in CATALOGUE.registry.links():
-        level = CATALOGUE.registry.get(args.slot if args.slot in slots else slots[0], name)
-        rows.append(("any", name, level.summary, level.cost, level.tolerance))
-    table("", ("slot", "level", "what it is", "cost", "checked, tolerance"), rows)
-    print("* the default. Your own: `level: file.py:Class`.")
-    if args.slot:
+    rows = [
+        (kind, name, name == CATALOGUE.default_level(kind), level.summary, level.cost, level.tolerance)
+        for kind in ([args.slot] if args.slot else kinds)
+        for name in (*CATALOGUE.registry.names(kind), *_links(kind, slots))
+        for level in [CATALOGUE.registry.get(kind, name)]
+    ]
+    rows += [
+        (kind, name, False, f"of the installed package {package}", "", "")
+        for kind in ([args.slot] if args.slot else kinds)
+        for name, package in CATALOGUE.registry.installed(kind).items()
+    ]
+    if args.json:
+        as_json(("slot", "level", "is_default", "summary", "cost", "tolerance"), rows)
+    elif args.slot:
+        columns = ("level", "what it is", "cost", "checked, tolerance")
+        table("", columns, [(row[1] + " *" * row[2], *row[3:]) for row in rows])
+        print("* the default. Your own: `level: file.py:Class`.")
         _ports(args.slot)
         _parameters(args.slot)
+    else:
+        links = CATALOGUE.registry.links()
+        named = [(kind, [r for r in rows if r[0] == kind and r[1] not in links]) for kind in kinds]
+        table("", ("slot", "levels"), [(k, ", ".join(r[1] + "*" * r[2] for r in own)) for k, own in named])
+        print(f"* the default. In any slot of a machine: {', '.join(links)}, or `file.py:Class`.")
+        print("swath levels SLOT says what each is, costs and was checked for, with its parameters.")
     return 0
+
+
+def _links(kind: str, slots: list[str]) -> list[str]:
+    """Levels that every slot of a machine has: FMU, ROS 2 ..."""
+    from swath.scenario.catalogue import CATALOGUE
+
+    return list(CATALOGUE.registry.links()) if kind in slots else []
 
 
 def _ports(name: str) -> None:
@@ -71,7 +91,6 @@ def _ports(name: str) -> None:
 def _parameters(kind: str) -> None:
     from swath.scenario.catalogue import CATALOGUE
     from swath.scenario.reference import parameter_rows
-    from swath.terminal.tables import table
 
     for name in CATALOGUE.registry.names(kind):
         rows = parameter_rows(CATALOGUE.registry.get(kind, name).params)

@@ -4,15 +4,15 @@ import argparse
 import os
 import sys
 import traceback
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, suppress
 from typing import Any, NoReturn
 
 from swath import __version__
 from swath.commands import completion, levels, metrics, new, report, run, scenarios, schema, sheets, view
 from swath.core.collector import collect_rarely
-from swath.core.errors import InputError, SwathError, shortened
-from swath.core.foreign_code import only_code
+from swath.core.errors import InputError, SwathError, fitted, shortened
+from swath.core.foreign_code import SUFFIXES, allow_code, code_in
 from swath.core.registry import user_line
 from swath.core.stopping import Terminated, stoppable
 from swath.field_io import command as field
@@ -31,44 +31,21 @@ from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
 from swath.tools.migrate import command as migrate
+from swath.tools.paper import command as paper
 from swath.tools.part import command as part
 from swath.tools.reda import command as reda
 from swath.tools.rerun import command as rerun
 from swath.tools.scan import command as scan
 from swath.tools.yield_log import command as yield_log
 
-COMMANDS = (
-    run,
-    report,
-    view,
-    branch,
-    diff,
-    scenarios,
-    new,
-    levels,
-    metrics,
-    sheets,
-    field,
-    fleet,
-    lab,
-    reda,
-    height_map,
-    function_test,
-    rerun,
-    part,
-    calibrate,
-    compare,
-    scan,
-    dataset,
-    yield_log,
-    fmu,
-    ros2,
-    can,
-    osi,
-    schema,
-    migrate,
-    completion,
-)
+COMMANDS = {
+    "start": (run, paper, scenarios, levels, metrics, sheets, new, scan),
+    "look at a run, go on from it, use its recording": (view, report, diff, branch, rerun, part, yield_log),
+    "use measured data": (field, height_map, calibrate, compare, lab),
+    "many runs, whole fields": (function_test, fleet, reda, dataset),
+    "connect and set up": (ros2, fmu, can, osi, schema, migrate, completion),
+}
+ALLOW_CODE = "let code run that the files name, with your rights: Python files, FMUs (SECURITY.md)"
 SETTINGS = ("SWATH_CPU", "SWATH_DATA", "SWATH_DEBUG", "SWATH_DEVICE", "SWATH_THREADS")
 MOST_SAID = 20  # of the mistakes in one file
 RENAMED = {  # command lines of version 0.1.0: what to type instead
@@ -111,6 +88,28 @@ class _Parser(argparse.ArgumentParser):
             hint = f", did you mean {near[0]}?" if near else ""
             self.error(f"unrecognized arguments: {' '.join(extra)}{hint}")
         return found, extra
+
+
+class _Help(argparse.RawDescriptionHelpFormatter):
+    """The description holds the commands, in groups."""
+
+    def add_argument(self, action: argparse.Action) -> None:
+        """As argparse, without its list of the commands."""
+        if not isinstance(action, _Commands):
+            super().add_argument(action)
+
+
+class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
+    """Commands, and a line of help for each."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self.lines: list[str] = []
+
+    def add_parser(self, name: str, **options: Any) -> Any:
+        """A parser of a command."""
+        self.lines.append(f"  {name:<11} {options['help']}")
+        return super().add_parser(name, **options)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -179,8 +178,10 @@ def _dispatch(argv: list[str]) -> int:
         raise UsageError(f"{argv[0]}: no such command, {hint}")
     args = parser.parse_args(argv)
     with ExitStack() as held:
-        if vars(args).get("no_code"):
-            held.enter_context(only_code(()))
+        named = [text for value in vars(args).values() for text in code_named(value)]
+        held.enter_context(allow_code(None if args.allow_code else named))
+        if args.no_code:
+            print("swath: --no-code is what holds without --allow-code, it can be left out", file=sys.stderr)
         if vars(args).get("ros2_network"):
             held.enter_context(networked())
         code: int = args.run(args)
@@ -189,15 +190,41 @@ def _dispatch(argv: list[str]) -> int:
 
 def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
     """The parser of all command lines, and the names of the commands."""
-    parser = _Parser(
-        prog="swath", description="A simulator for harvest machines that act on what they sense."
-    )
-    parser.add_argument("--version", action="version", version=f"swath {__version__}")
-    parsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    for command in COMMANDS:
-        command.add(parsers)
+    parser = _Parser(prog="swath", usage="swath COMMAND ...", formatter_class=_Help)
+    parser.add_argument("-V", "--version", action="version", version=f"swath {__version__}")
+    parsers: Any = parser.add_subparsers(prog="swath", metavar="COMMAND", required=True, action=_Commands)
+    shown = ["A simulator for harvest machines that act on what they sense."]
+    for group, modules in COMMANDS.items():
+        first = len(parsers.lines)
+        for module in modules:
+            module.add(parsers)
+        shown.append("\n".join([f"{group}:", *parsers.lines[first:]]))
+    parser.description = "\n\n".join([*shown, "swath COMMAND --help says more of a command."])
+    for each in _leaves(parser):
+        each.add_argument("--allow-code", action="store_true", help=ALLOW_CODE)
+        each.add_argument("--no-code", action="store_true", help=argparse.SUPPRESS)  # of version 0.2
     parser.set_defaults(parser=parser)
     return parser, list(parsers.choices)
+
+
+def _leaves(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """The parsers of all commands and verbs that do something."""
+    below = [a.choices for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
+    for each in below[0].values() if below else ():
+        yield from _leaves(each)
+    if not below:
+        yield parser
+
+
+def code_named(value: Any) -> Iterator[str]:
+    """Code that an argument of the command line itself names, such as `--set combine.edge=mine.py:Mine`."""
+    for text in value if isinstance(value, list) else [value]:
+        if isinstance(text, str) and any(suffix in text for suffix in SUFFIXES):
+            from swath.documents.yaml_document import parse_value
+
+            key, equals, said = text.partition("=")
+            with suppress(InputError):
+                yield from code_in(parse_value(said, key) if equals else text)
 
 
 def _name_unknown_settings() -> None:
@@ -211,7 +238,7 @@ def _name_unknown_settings() -> None:
 
 
 def _say(text: str, code: int) -> int:
-    print("swath: " + shortened(" ".join(text.split())), file=sys.stderr)
+    print("swath: " + fitted(" ".join(text.split())), file=sys.stderr)
     return code
 
 

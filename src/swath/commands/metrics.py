@@ -3,11 +3,14 @@
 import argparse
 from typing import Any
 
+from swath.terminal.tables import add_json, as_json, table
+
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("metrics", help="list the metrics that limits can be set on, or explain one")
     parser.add_argument("name", nargs="?", metavar="NAME", help="only this metric")
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
@@ -16,19 +19,23 @@ def run(args: argparse.Namespace) -> int:
     from swath.core.errors import InputError
     from swath.documents.hints import unknown_key
     from swath.scenario.catalogue import CATALOGUE
-    from swath.terminal.tables import table
 
     judged = CATALOGUE.judged()
     metrics = judged.metrics
     if args.name is not None and args.name not in metrics:
         raise InputError("metric", args.name, unknown_key(args.name, metrics, "unknown metric"))
     rows = [
-        (name, m.unit or "-", m.group, scope, m.better, m.meaning)
+        (m.group, name, m.unit or "-", scope, m.better, m.meaning)
         for scope, group in judged.by_scope().items()
         for name, m in group.items()
         if args.name in (None, name)
     ]
-    table("", ("metric", "unit", "group", "of", "better", "meaning"), rows)
+    if args.json:
+        as_json(("group", "name", "unit", "of", "better", "meaning"), rows)
+        return 0
+    for title in dict.fromkeys(row[0] for row in rows):
+        shown = [row[1:] for row in rows if row[0] == title]
+        table(title, ("metric", "unit", "of", "better", "meaning"), shown)
     if args.name is None:
         print(f"columns of the tracks, for limits on samples: {', '.join(judged.columns)}")
         print(f"events, for windows: {', '.join(judged.events)}")

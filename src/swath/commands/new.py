@@ -57,10 +57,11 @@ def run(args: argparse.Namespace) -> int:
     import shutil
 
     from swath.core.errors import InputError
+    from swath.core.whole_file import write_whole
 
     template = TEMPLATES.get(args.kind)
     out = args.file or Path(template.source if template else "examples")
-    if out.exists():
+    if out.exists() or out.is_symlink():
         raise InputError("FILE", str(out), "expected a name that is free; nothing is overwritten")
     out.parent.mkdir(parents=True, exist_ok=True)
     if template is None:
@@ -68,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
         print(out)
         return 0
     text = (examples() / template.source).read_text(encoding="utf-8")
-    out.write_text(text.replace(f"examples/{template.source}", str(out)), encoding="utf-8")
+    write_whole(out, text.replace(f"examples/{template.source}", str(out)))
     if args.kind == "scenario":
         from swath.commands.schema import write_schema
 

@@ -4,14 +4,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_no_code
-
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("report", help="draw the report of a run again", description=_DESCRIPTION)
     parser.add_argument("source", type=Path, metavar="RUN", help="a run folder")
-    add_no_code(parser)
     parser.set_defaults(run=run)
 
 

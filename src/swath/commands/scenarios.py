@@ -3,11 +3,14 @@
 import argparse
 from typing import Any
 
+from swath.terminal.tables import add_json, as_json, table
+
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("scenarios", help="list the bundled scenarios; print one")
     parser.add_argument("name", nargs="?", metavar="NAME", help="print this scenario, to make your own of it")
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
@@ -15,7 +18,6 @@ def run(args: argparse.Namespace) -> int:
     """Print a bundled scenario as it is, or name and summary of all."""
     from swath.documents.data_sheets import find_sheet, sheet_names
     from swath.documents.yaml_document import read_document
-    from swath.terminal.tables import table
 
     if args.name is not None:
         print(find_sheet("scenarios", args.name).read_text(encoding="utf-8"), end="")
@@ -23,7 +25,10 @@ def run(args: argparse.Namespace) -> int:
     rows = []
     for name in sheet_names("scenarios"):
         data = read_document(find_sheet("scenarios", name)).data
-        limits = ", ".join(data.get("expect", {}))
-        rows.append((name, data.get("summary", ""), limits))
-    table("", ("scenario", "what it is", "limits on"), rows)
+        rows.append((name, data.get("summary", ""), list(data.get("expect", {}))))
+    if args.json:
+        as_json(("name", "summary", "limits_on"), rows)
+        return 0
+    table("", ("scenario", "what it is"), [row[:2] for row in rows])
+    print("swath run NAME drives one; swath scenarios NAME prints it; whole fields: swath fleet list")
     return 0

@@ -28,7 +28,9 @@ def run(args: argparse.Namespace) -> int:
 
 def write_schema(path: Path, of: str = "scenario") -> None:
     """Write the JSON Schema of scenario files, or of job files."""
-    path.write_text(schema_text(of), encoding="utf-8")
+    from swath.core.whole_file import write_whole
+
+    write_whole(path, schema_text(of))
 
 
 def schema_text(of: str = "scenario") -> str:

@@ -1,23 +1,27 @@
 """Errors a user can act on: what is wrong, where, and what was expected."""
 
 import pickle
+import re
 from pathlib import Path
 from typing import Any
 
 LONGEST = 300
 """Characters of an error at most, whatever its input holds."""
 _LONGEST_PLACE, _LONGEST_VALUE = 150, 80
+_ITEM = r"[^\s,;]+(?: \([^()]*\))?"
+_LIST = re.compile(f"(?:{_ITEM}, (?!did you|or )){{3,}}{_ITEM}")  # four names or more
 
 
 class SwathError(Exception):
     """Base of every error that swath raises on purpose: printed as one line, exit code 2.
 
-    Its text is at most LONGEST characters, all of them printable. It can be pickled, so that it reaches the
-    parent of a worker process as it is.
+    Its text is at most LONGEST characters, all of them printable; of a list that is too long it holds some
+    names and says how many more there are. It can be pickled, so that it reaches the parent of a worker
+    process as it is.
     """
 
     def __init__(self, text: str = "") -> None:
-        super().__init__(shortened(text))
+        super().__init__(fitted(text))
 
     def _render_traceback_(self) -> list[str]:
         """What IPython shows instead of the frames: the error, and the other mistakes."""
@@ -32,7 +36,8 @@ class InputError(SwathError):
     """A value from outside that cannot be used.
 
     Reads `key = value: expected what (file:line)`, one line; parts that are unknown are left out, and each is
-    shortened to its share of LONGEST. others: what else is wrong in the same document, in the order found.
+    shortened to its share of LONGEST; of a list of names those nearest to the value stay. others: what else
+    is wrong in the same document, in the order found.
     """
 
     others: "tuple[InputError, ...]" = ()
@@ -55,7 +60,7 @@ class InputError(SwathError):
             text += f" = {_shown(value)}"
         if expected:
             text += f": {expected}"
-        super().__init__(shortened(text, LONGEST - len(place)) + place)
+        super().__init__(fitted(text, LONGEST - len(place), value if isinstance(value, str) else "") + place)
 
 
 class WiringError(SwathError):
@@ -67,6 +72,34 @@ class MissingExtra(SwathError):
 
     def __init__(self, extra: str, what: str = "this") -> None:
         super().__init__(f"{what} needs an optional part: pip install 'swath[{extra}]'")
+
+
+def fitted(text: str, limit: int = LONGEST, like: str = "") -> str:
+    """Text of at most `limit` characters: its longest lists of names with the first of them, or those nearest
+    to `like`, and the number of the others; then as `shortened`."""
+    while len(text) > limit and (runs := list(_LIST.finditer(text))):
+        run = max(runs, key=lambda found: len(found.group()))
+        names = run.group().split(", ")
+        if like:
+            names.sort(key=lambda name: -_likeness(name, like))
+        room = limit - (len(text) - len(run.group()))
+        count = len(names) - 1
+        while count > 1 and len(_first_of(names, count)) > room:
+            count -= 1
+        text = text[: run.start()] + _first_of(names, count) + text[run.end() :]
+        if count == 1:
+            break
+    return shortened(text, limit)
+
+
+def _first_of(names: list[str], count: int) -> str:
+    return f"{', '.join(names[:count])} and {len(names) - count} more"
+
+
+def _likeness(name: str, like: str) -> float:
+    from difflib import SequenceMatcher
+
+    return SequenceMatcher(None, name[:_LONGEST_VALUE], like[:_LONGEST_VALUE]).ratio()
 
 
 def shortened(text: str, limit: int = LONGEST) -> str:
@@ -86,7 +119,7 @@ def _printable(text: str) -> str:
 def _shown(value: Any) -> str:
     """At most a line of a value; more of a path, which is told from others by its end."""
     text = str(value) if isinstance(value, str | Path) else _written(value)
-    return shortened(text, _LONGEST_PLACE if "/" in text and " " not in text else _LONGEST_VALUE)
+    return fitted(text, _LONGEST_PLACE if "/" in text and " " not in text else _LONGEST_VALUE)
 
 
 def _written(value: Any) -> str:

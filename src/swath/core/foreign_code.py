@@ -1,19 +1,43 @@
-"""Code that a scenario brings along: which of it may run.
+"""The one gate for code that is not swath's: nothing of it is loaded but through here, and only what may run.
 
-Python files (levels, evaluators, laws, crop habits), FMUs and systems of them have the rights of the user; a
-Python file runs already when it is read. Whoever is about to load one asks `need_allowed` first.
+Code is a Python file (a level, an evaluator, a law, a habit of a crop), an FMU, or a system of FMUs: it has
+the rights of the user, and a Python file runs already when it is read. None may run but what was allowed: all
+by `--allow-code` (`code=True` in Python), or single files by being named on the command line itself. Packages
+that are installed are loaded where a scenario names their level.
 """
 
+import importlib.util
+import sys
+import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass, replace
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from types import ModuleType
+from typing import Any, Protocol, runtime_checkable
 
 from swath.core.ability import ByMembers
-from swath.core.errors import InputError
+from swath.core.errors import InputError, SwathError
+from swath.core.renamed import present_name
 
-_allowed: ContextVar[frozenset[Path] | None] = ContextVar("allowed", default=None)  # None: any
+SUFFIXES = (".py", ".fmu", ".ssp", ".ssd")
+USER_MODULE = "swath_user_"  # how the names of modules begin that were read from a user's file
+
+
+@dataclass(frozen=True)
+class Gate:
+    """files: that may run, None = any; leaves: others are left unread where a scenario is only looked at
+    is_narrow: only a part of what may run from outside does, as while a run is changed
+    """
+
+    files: frozenset[Path] | None = frozenset()
+    leaves: bool = False
+    is_narrow: bool = False
+
+
+_gate: ContextVar[Gate] = ContextVar("gate", default=Gate())  # noqa: B039 - it is frozen
 
 
 @runtime_checkable
@@ -24,21 +48,48 @@ class NamesCode(Protocol, metaclass=ByMembers):
     def foreign_code(self) -> Sequence[str]: ...
 
 
+def present_gate() -> Gate:
+    """The gate as it stands: for another process, or for later."""
+    return _gate.get()
+
+
 @contextmanager
-def only_code(references: Iterable[str | Path]) -> Iterator[None]:
-    """Inside the block only these files, or `file.py:Class`, may run, and only if they may outside it."""
-    files, outer = frozenset(file_of(r) for r in references), _allowed.get()
-    token = _allowed.set(files if outer is None else files & outer)
+def through(gate: Gate) -> Iterator[None]:
+    """Inside the block this gate stands."""
+    token = _gate.set(gate)
     try:
         yield
     finally:
-        _allowed.reset(token)
+        _gate.reset(token)
+
+
+def allow_code(references: Iterable[str | Path] | None) -> Any:
+    """A block in which these files, or `file.py:Class`, may run beside what may outside it; None: any."""
+    outer = _gate.get()
+    files = None if references is None or outer.files is None else outer.files.union(map(file_of, references))
+    return through(replace(outer, files=files))
+
+
+def only_code(references: Iterable[str | Path]) -> Any:
+    """A block in which only these files, or `file.py:Class`, may run, and only if they may outside it."""
+    files, outer = frozenset(map(file_of, references)), _gate.get()
+    return through(Gate(files if outer.files is None else files & outer.files, is_narrow=True))
+
+
+def code_unread() -> Any:
+    """A block in which scenarios are read to be looked at: code that may not run is left out, not refused."""
+    return through(replace(_gate.get(), leaves=True))
 
 
 def is_allowed(reference: str | Path, base: Path | None = None) -> bool:
     """Whether a file, or `file.py:Class`, relative to `base`, may run."""
-    allowed = _allowed.get()
+    allowed = _gate.get().files
     return allowed is None or file_of(reference, base) in allowed
+
+
+def is_left(reference: str | Path, base: Path | None = None) -> bool:
+    """Whether it is to be left unread."""
+    return _gate.get().leaves and not is_allowed(reference, base)
 
 
 def need_allowed(key: str, reference: str | Path, base: Path | None = None) -> None:
@@ -49,8 +100,19 @@ def need_allowed(key: str, reference: str | Path, base: Path | None = None) -> N
 
 def refusal() -> str:
     """What was expected where code is refused."""
-    allowed = ", ".join(sorted(map(str, _allowed.get() or ()))) or "none"
-    return f"expected no code but what may run here ({allowed}): it would have your rights"
+    if _gate.get().is_narrow:
+        return "expected no code but what the scenario or --allow names: it would have your rights"
+    return "expected no code unasked: it would have your rights; --allow-code lets it run (Python: code=True)"
+
+
+def code_in(data: Any) -> Iterator[str]:
+    """The texts in plain data that name code."""
+    if isinstance(data, str):
+        if ".py:" in data or data.lower().endswith(SUFFIXES):
+            yield data
+    elif isinstance(data, dict | list | tuple):
+        for value in data.values() if isinstance(data, dict) else data:
+            yield from code_in(value)
 
 
 def file_of(reference: str | Path, base: Path | None = None) -> Path:
@@ -61,3 +123,33 @@ def file_of(reference: str | Path, base: Path | None = None) -> Path:
         return ((base or Path.cwd()) / file).resolve()
     except (OSError, ValueError, RuntimeError) as error:
         raise InputError("code", text, f"expected a file or file.py:Class ({error})") from error
+
+
+class _Source(SourceFileLoader):
+    """Runs what stands in the file, not compiled code that lies beside it."""
+
+    def get_code(self, fullname: str) -> Any:
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+
+def load_python(key: str, reference: str | Path, base: Path | None = None) -> ModuleType:
+    """Run a Python file. InputError where it may not, or is not there; SwathError where it fails."""
+    need_allowed(key, reference, base)
+    file = file_of(reference, base)
+    if not file.is_file():
+        raise InputError(key, str(reference), f"expected a Python file, but there is no file {file}")
+    name = f"{USER_MODULE}{file.stem}_{zlib.crc32(str(file).encode()):08x}"
+    spec = importlib.util.spec_from_file_location(name, file, loader=_Source(name, str(file)))
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)  # dataclasses look it up there
+    if str(file.parent) not in sys.path:
+        sys.path.append(str(file.parent))  # it may import what lies beside it
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        text = f"{file}: could not be loaded: {type(error).__name__}: {error}"
+        if isinstance(error, ImportError) and present_name(str(error.name)) != error.name:
+            text += f"; `swath migrate {file}` rewrites a file of version 0.1"
+        raise SwathError(text) from error
+    return module

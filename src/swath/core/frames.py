@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.frozen import frozen
+from swath.core.packed_state import saved_type
 from swath.core.portable import product
 
 Array = NDArray[np.float64]
 Numbers = tuple[list[float], list[list[float]]]
 
 
+@saved_type()
 @frozen
 class Pose:
     """Rigid transform. position [m], shape (3,); rotation, shape (3, 3), columns are the body axes.

@@ -4,7 +4,8 @@ A built-in level is a module in one of the slot's packages; its file name is the
 
     LEVEL = Level(SomeComponent, summary="...", cost="...", tolerance="...")
 
-A level may also come from an entry point (group `swath.levels`, name `slot.level`) or from a user's file
+A level may also come from an entry point (group `swath.levels`, name `slot.level`; its package is loaded when
+the level is chosen) or from a user's file
 (`path/to/file.py:Class`). In every case the class has a nested or module-level dataclass of parameters,
 `Params`, and is made by `Class(params, setup)`; `setup` is what the slot may know (see `signals/setup.py`).
 Levels that stand for somebody else's part (an FMU, a ROS 2 node, a log) may fill any slot of a machine.
@@ -14,8 +15,6 @@ import difflib
 import importlib
 import importlib.util
 import pkgutil
-import sys
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -23,12 +22,10 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError, SwathError
-from swath.core.foreign_code import need_allowed
-from swath.core.renamed import present_name
+from swath.core.errors import InputError
+from swath.core.foreign_code import USER_MODULE, is_left, load_python, refusal
 
 GROUP = "swath.levels"
-USER_MODULE = "swath_user_"  # how the names of modules begin that were read from a user's file
 
 
 @dataclass(frozen=True)
@@ -50,6 +47,11 @@ class Level:
     sees_truth: bool = False
     is_link: bool = False
 
+    @property
+    def is_unread(self) -> bool:
+        """True where its code was left unread: nothing is known of it."""
+        return isinstance(self.component, Unread)
+
 
 class Registry:
     """Which packages hold the levels of which slot kind.
@@ -64,11 +66,13 @@ class Registry:
         self._links, self._linkable = links, tuple(linkable)
 
     def names(self, kind: str) -> list[str]:
-        """Level names of a slot kind: built-in ones in file order, then entry points; no links."""
-        found = [name for package in self._packages(kind) for name in _level_files(package)]
-        prefix = kind + "."
-        extra = [e.name.removeprefix(prefix) for e in _entry_points() if e.name.startswith(prefix)]
-        return found + sorted(extra)
+        """Names of the built-in levels of a slot kind, in file order; no links."""
+        return [name for package in self._packages(kind) for name in _level_files(package)]
+
+    def installed(self, kind: str) -> dict[str, str]:
+        """Levels of a slot kind in installed packages, with the package, which is not loaded for this."""
+        points = [e for e in _entry_points() if e.name.startswith(f"{kind}.")]
+        return {e.name.partition(".")[2]: e.dist.name if e.dist else e.value for e in points}
 
     def links(self) -> list[str]:
         """Names of the levels that any linkable slot may have."""
@@ -88,7 +92,7 @@ class Registry:
             if entry.name == f"{kind}.{level}":
                 loaded = entry.load()
                 return loaded if isinstance(loaded, Level) else _level_of_class(loaded)
-        names = [*self.names(kind), *(self.links() if linked else [])]
+        names = [*self.names(kind), *self.installed(kind), *(self.links() if linked else [])]
         near = difflib.get_close_matches(level, names, n=1)
         hint = f", did you mean {near[0]!r}?" if near else ""
         expected = f"expected one of {', '.join(names)}, or file.py:Class{hint}"
@@ -138,30 +142,26 @@ def level_here(component: type) -> str:
 
 
 def _from_file(kind: str, reference: str, base: Path) -> Level:
-    file_text, _, class_name = reference.rpartition(":")
-    file = Path(file_text) if Path(file_text).is_absolute() else base / file_text
-    need_allowed(f"{kind}.level", reference, base)
-    if not file.is_file():
-        raise InputError(f"{kind}.level", reference, f"expected file.py:Class, but there is no file {file}")
-    unique = zlib.crc32(str(file.resolve()).encode())
-    spec = importlib.util.spec_from_file_location(f"{USER_MODULE}{file.stem}_{unique:08x}", file)
-    if spec is None or spec.loader is None:
-        raise InputError(f"{kind}.level", reference, "expected a Python file")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses and annotations look their module up there
-    if str(file.parent.resolve()) not in sys.path:
-        sys.path.append(str(file.parent.resolve()))  # it may import what lies beside it
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        text = f"{file}: could not be loaded: {type(error).__name__}: {error}"
-        if isinstance(error, ImportError) and present_name(str(error.name)) != error.name:
-            text += f"; `swath migrate {file}` rewrites a file of version 0.1"
-        raise SwathError(text) from error
+    key, class_name = f"{kind}.level", reference.rpartition(":")[2]
+    if is_left(reference, base):
+        return Level(Unread(key, reference), None, "code that was not read")
+    module = load_python(key, reference, base)
     found = getattr(module, class_name, None)
     if found is None:
-        raise InputError(f"{kind}.level", reference, f"{file} has no {class_name}")
+        raise InputError(key, reference, f"{module.__file__} has no {class_name}")
     return found if isinstance(found, Level) else _level_of_class(found)
+
+
+@dataclass(frozen=True)
+class Unread:
+    """In the place of the class of a level whose code was left unread: it cannot be made."""
+
+    key: str
+    reference: str
+
+    def __call__(self, *_: Any) -> Any:
+        """InputError."""
+        raise InputError(self.key, self.reference, refusal())
 
 
 def _level_of_class(component: Any) -> Level:

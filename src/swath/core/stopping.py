@@ -35,7 +35,7 @@ def stoppable() -> Iterator[None]:
     if taken:
         _asked = None
     for number in taken:
-        signal.signal(number, _stop)
+        signal.signal(number, stop)
     try:
         yield
     finally:
@@ -67,7 +67,7 @@ def raise_if_lost() -> None:
         raise _asked
 
 
-def _stop(number: int, frame: object) -> None:
+def stop(number: int, frame: object) -> None:
     """The handler of both signals."""
     global _waiting, _asked
     kind = _asked = Terminated if number == signal.SIGTERM else KeyboardInterrupt

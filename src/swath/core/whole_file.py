@@ -1,8 +1,18 @@
-"""Files that are written whole or not at all, and writing errors that name their file."""
+"""The one way in which files are written: new, whole or not at all, and never through a link.
+
+Whatever lies in the place of a file, or of the one beside it that is being written, is replaced, not written
+to: a link there goes, what it leads to stays. Errors of writing name their file.
+"""
 
 import io
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
+
+from swath.core.errors import InputError
 
 PART = ".part"  # at the end of the name of a file that is still being written
 
@@ -19,21 +29,62 @@ class _NamedFile(io.FileIO):
 
 
 def open_to_write(path: Path) -> BinaryIO:
-    """A new file, buffered. OSError, which names the file, when it or what is written cannot be had."""
-    return io.BufferedWriter(_NamedFile(str(path), "wb"))
+    """A new file in the place of what was there, buffered. OSError, which names the file."""
+    path.unlink(missing_ok=True)
+    return io.BufferedWriter(_NamedFile(str(path), "xb"))
 
 
-def write_whole(path: Path, data: str | bytes) -> Path:
-    """Write a file in one go and return its path; text is UTF-8.
+def open_to_keep(path: Path, flags: int) -> int:
+    """Descriptor of a file that may be there. flags: as of `os.open`. InputError where it is a link."""
+    try:
+        file = os.open(path, flags | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
+    except OSError as error:
+        if path.is_symlink():
+            raise InputError("file", str(path), "expected a file, not a link to another one") from error
+        raise
+    about = os.fstat(file)
+    if not stat.S_ISREG(about.st_mode) or about.st_nlink != 1:
+        os.close(file)
+        raise InputError("file", str(path), "expected a file that has no other name (a hard link)")
+    return file
 
-    Until it is whole the file is called `NAME.part`, which an error removes. OSError names the file.
+
+def open_to_append(path: Path) -> BinaryIO:
+    """A file to write at its end, which is made where it is missing. InputError where it is a link."""
+    return os.fdopen(open_to_keep(path, os.O_WRONLY | os.O_APPEND), "ab")
+
+
+@contextmanager
+def new_file(path: Path) -> Iterator[BinaryIO]:
+    """A file to write; it takes its name at the end of the block. OSError names the file.
+
+    Until then it is called `NAME.part`, which an error removes.
     """
     part = path.with_name(path.name + PART)
     try:
         with open_to_write(part) as file:
-            file.write(data.encode("utf-8") if isinstance(data, str) else data)
+            yield file
         part.replace(path)
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+def write_whole(path: Path, data: str | bytes) -> Path:
+    """Write a file in one go and return its path; text is UTF-8. OSError names the file."""
+    with new_file(path) as file:
+        file.write(data.encode("utf-8") if isinstance(data, str) else data)
+    return path
+
+
+def no_link(path: Path) -> Path:
+    """A folder within one that is written. InputError where it is a link."""
+    if path.is_symlink():
+        raise InputError("folder", str(path), "expected a folder, not a link to another one")
+    return path
+
+
+def own_folder(path: Path) -> Path:
+    """As `no_link`, made where it is missing."""
+    no_link(path).mkdir(parents=True, exist_ok=True)
     return path

@@ -31,6 +31,7 @@ TAGS = {
 """What a number rests on. `S/D` and the like: between two of them."""
 # Folder -> word of the format line.
 KINDS = {"sensors": "sensor", "machines": "machine", "crops": "crop", "obstacles": "obstacle"}
+USED_BY = {"jobs": " of whole fields: swath fleet run", "scenarios": ": swath run"}
 VERSION = 2
 T = TypeVar("T")
 
@@ -59,8 +60,17 @@ def find_sheet(kind: str, name: str, base: Path | None = None) -> Path:
         path = sheet_folder(kind) / f"{name}.yaml"
     if path.is_file():
         return path
-    names = sheet_names(kind)
-    raise InputError(kind, name, f"expected a file or one of {', '.join(names)}{near_miss(name, names)}")
+    raise InputError(
+        kind, name, f"expected a file or one of {', '.join(sheet_names(kind))}{other_kind(kind, name)}"
+    )
+
+
+def other_kind(kind: str, name: str) -> str:
+    """What to say of a name that no bundled file of a kind has: it is of another kind, or a near one."""
+    for other in ("scenarios", "jobs", *KINDS):
+        if name in sheet_names(other):
+            return f"; {name} is one of the {other}{USED_BY.get(other, '')}"
+    return near_miss(name, sheet_names(kind))
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,21 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.documents.packed import MIB, readable
+from swath.documents.text_file import read_text
 
-MAX_BYTES = 64 * MIB  # a track of a day at 1 Hz has 2
+MAX_BYTES = 32 * MIB  # a track of a day at 1 Hz has 2
 
 
 def read_json(path: Path, key: str, what: str) -> Any:
     """Plain data of a JSON file. InputError with this key, `expected what`, for a file that is none."""
-    if not path.is_file():
-        raise InputError(key, str(path), f"expected {what}, there is no such file")
+    text = read_text(path, key, what, MAX_BYTES)
     with readable(key, what, path):
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise InputError(key, size, f"expected at most {MAX_BYTES} bytes", file=path)
-        return json.loads(path.read_text(encoding="utf-8-sig"))
+        return json.loads(text)
+
+
+def read_object(path: Path, key: str, what: str) -> dict[str, Any]:
+    """As `read_json`, of a file that holds a JSON object."""
+    data = read_json(path, key, what)
+    if not isinstance(data, dict):
+        raise InputError(key, None, f"expected {what}, a JSON object", file=path)
+    return data

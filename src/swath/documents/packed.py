@@ -35,18 +35,57 @@ def readable(key: str, what: str, path: Path) -> Iterator[None]:
         raise InputError(key, None, f"expected {what}: {reason[:120]}", file=path) from error
 
 
+def is_archive(path: Path) -> bool:
+    """True for a file that ends as a zip archive does, whole or damaged."""
+    try:
+        return path.is_file() and zipfile.is_zipfile(path)
+    except (OSError, ValueError):  # ValueError: a null character in the path
+        return False
+
+
+def member_names(path: Path) -> list[str]:
+    """Names in a zip archive, none where it is no whole one."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return archive.namelist()
+    except Exception:  # a damaged directory may raise anything
+        return []
+
+
+class _Archive(zipfile.ZipFile):
+    """A zip archive of which a damaged member is told as such, whatever its damage raises."""
+
+    def read(self, name: Any, pwd: bytes | None = None) -> bytes:
+        """As `zipfile.ZipFile`."""
+        try:
+            return super().read(name, pwd)
+        except KeyError:
+            raise
+        except Exception as error:
+            raise zipfile.BadZipFile(str(error) or type(error).__name__) from error
+
+
 @contextmanager
-def open_archive(path: Path, key: str, ratio: int = RATIO) -> Iterator[zipfile.ZipFile]:
-    """A zip archive. InputError where its members say that they unpack to more than it may hold.
+def open_archive(
+    path: Path, key: str, ratio: int = RATIO, what: str = "a whole zip archive"
+) -> Iterator[zipfile.ZipFile]:
+    """A zip archive. InputError where it is none or damaged, and where its members say that they unpack to
+    more than it may hold.
 
     `ZipFile.read` gives no more of a member than the directory says, so this bounds all of them together.
     """
-    most = most_unpacked(path.stat().st_size, ratio)
-    with zipfile.ZipFile(path) as archive:
+    with readable(key, what, path):
+        most = most_unpacked(path.stat().st_size, ratio)
+        archive = _Archive(path)
+    with archive:
         held = sum(info.file_size for info in archive.infolist())
         if held > most:
-            raise InputError(key, None, f"expected at most {most} bytes unpacked, it holds {held}", file=path)
-        yield archive
+            expected = f"expected at most {most} bytes unpacked, it holds {held}"
+            raise InputError(key, None, expected, file=path)
+        try:
+            yield archive
+        except zipfile.BadZipFile as error:
+            raise InputError(key, None, f"expected {what}: {str(error)[:120]}", file=path) from error
 
 
 def read_arrays(path: Path, key: str, what: str, ratio: int = RATIO) -> dict[str, NDArray[Any]]:
@@ -54,7 +93,7 @@ def read_arrays(path: Path, key: str, what: str, ratio: int = RATIO) -> dict[str
 
     InputError with this key, `expected what: why`, for a file that is none.
     """
-    with readable(key, what, path), open_archive(path, key, ratio):
+    with readable(key, what, path), open_archive(path, key, ratio, what):
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             found = {name: data[name] for name in data.files}
         strange = [name for name, array in found.items() if not isinstance(array, np.ndarray)]

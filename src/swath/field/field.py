@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.abilities import HasNotes
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.boundary import Region
@@ -77,6 +78,12 @@ class Field:
         self._begun: dict[str, Any] | None = None  # what the start is, where it is not the untouched field
         self._begun_grain = 0.0
         self._turn = float(np.cos(self.stand_yaw)), float(np.sin(self.stand_yaw))
+
+    @property
+    def notes(self) -> list[str]:
+        """What was assumed of the maps that it is made of."""
+        parts = {"field.terrain": self.terrain, "field.stand": self.stand}
+        return [f"{key}: {n}" for key, p in parts.items() if isinstance(p, HasNotes) for n in p.notes]
 
     @property
     def pages(self) -> Pages:

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 OrganName = Literal["stem", "ear", "leaf", "awn", "branch", "pod", "cob", "weed", "none"]
 HEIGHT = (0.02, 6.0)  # of a plant [m]
 REACH_MAX = 1.2  # of a plant from its foot, sideways [m]; tiles are 1 to 1.5 m wide
+LYING = 0.5  # a plant whose longest side is not up, and the others are less than this share of it, lies
 TRIANGLES_MAX = 20_000  # of a plant
 ANY = "*"  # the part that stands for all that are not named
 
@@ -96,19 +97,9 @@ def mesh_facts(sheet: Sheet, section: MeshSection) -> MeshFacts:
     names = [section.files] if isinstance(section.files, str) else section.files
     files = [sheet.path.parent / name for name in names]
     parts = {name: MeshPartFacts.model_validate(part) for name, part in sheet.value("parts").items()}
-    for name, part in parts.items():
-        if part.organ != "none" and part.reflectance is None:
-            raise sheet.document.error(
-                ("parts", name, "reflectance"), None, "expected a value, the key is missing"
-            )
-    used: set[str] = set()
-    raw = [
-        _placed(sheet, section, path, read_mesh(path, key="mesh.files", file=sheet.path), parts, used)
-        for path in files
-    ]
-    for name in parts:
-        if name != ANY and name not in used:
-            raise sheet.document.error(("parts", name), None, _no_such_part(files, sheet))
+    found = {path: read_mesh(path, key="mesh.files", file=sheet.path) for path in files}
+    _check_parts(sheet, found, parts)
+    raw = [_placed(sheet, section, path, found[path], parts) for path in files]
     scale = _scale(sheet, section, raw)
     variants = [MeshPlant(p.corners * scale, p.organ, p.reflectance, p.height * scale) for p in raw]
     for path, plant in zip(files, variants, strict=True):
@@ -122,29 +113,71 @@ def _placed(
     path: Path,
     found: tuple[MeshPart, ...],
     parts: dict[str, MeshPartFacts],
-    used: set[str],
 ) -> MeshPlant:
     """A mesh with its organs, z up and its foot at the origin, still in units of the file."""
     corners, organ, reflectance = [], [], []
     for part in found:
-        name = next((n for n in (*part.names, ANY) if n in parts), None)
-        if name is None:
-            expected = f"expected an entry for this part of {path.name}, or for '*'"
-            expected += near_miss(part.names[0], parts)
-            raise sheet.document.error(("parts", part.names[0]), None, expected)
-        used.add(name)
-        facts = parts[name]
+        facts = parts[_entry(part, parts) or ANY]
         if facts.organ != "none":
             corners.append(part.corners)
             organ.append(np.full(len(part.corners), Organ[facts.organ.upper()], np.uint8))
             reflectance.append(np.full(len(part.corners), facts.reflectance))
     if not corners:
         raise sheet.document.error(("parts",), None, f"expected an organ for some part of {path.name}")
-    points = product(np.concatenate(corners), UP[section.up or file_up(path)].T)
+    points = np.concatenate(corners)
+    if section.up is None:
+        _check_up(sheet, path, points)
+    points = product(points, UP[section.up or file_up(path)].T)
     if section.foot == "base":
         points = points - base_middle(points)
     height = float(points[..., 2].max())
     return MeshPlant(points, np.concatenate(organ), np.concatenate(reflectance), height)
+
+
+def _entry(part: MeshPart, parts: dict[str, MeshPartFacts]) -> str | None:
+    """The name under which a sheet has a part."""
+    return next((n for n in (*part.names, ANY) if n in parts), None)
+
+
+def _check_parts(
+    sheet: Sheet, found: dict[Path, tuple[MeshPart, ...]], parts: dict[str, MeshPartFacts]
+) -> None:
+    """InputError with every part without an entry, and every entry without a part."""
+    errors = [
+        sheet.document.error(("parts", name, "reflectance"), None, "expected a value, the key is missing")
+        for name, part in parts.items()
+        if part.organ != "none" and part.reflectance is None
+    ]
+    used = {ANY}
+    for path, own in found.items():
+        lacking = list(dict.fromkeys(p.names[0] for p in own if _entry(p, parts) is None))
+        used |= {name for p in own if (name := _entry(p, parts)) is not None}
+        if lacking:
+            expected = (
+                f"expected an entry for {'these parts' if lacking[1:] else 'this part'} of {path.name}, "
+            )
+            expected += f"or for '*'{near_miss(lacking[0], parts)}"
+            errors.append(sheet.document.error(("parts", ", ".join(lacking)), None, expected))
+    known = ", ".join(sorted({p.names[0] for own in found.values() for p in own}))
+    errors += [
+        sheet.document.error(("parts", name), None, f"no mesh has a part of this name, they have {known}")
+        for name in parts
+        if name not in used
+    ]
+    if errors:
+        errors[0].others = tuple(errors[1:])
+        raise errors[0]
+
+
+def _check_up(sheet: Sheet, path: Path, points: Array) -> None:
+    """InputError for a plant that lies on the ground as its format has it: nobody said which axis is up."""
+    size = np.ptp(points.reshape(-1, 3), axis=0)
+    longest, assumed = int(np.argmax(size)), "xyz".index(file_up(path))
+    if longest != assumed and max(np.delete(size, longest)) < LYING * size[longest]:
+        up, along = "xyz"[assumed], "xyz"[longest]
+        expected = f"expected {along}, or the axis that points up: with {up}, usual in {path.suffix} files, "
+        expected += f"{path.name} lies, {size[longest]:.3g} long and {size[assumed]:.3g} high"
+        raise sheet.error("mesh.up", expected)
 
 
 def _scale(sheet: Sheet, section: MeshSection, raw: list[MeshPlant]) -> float:
@@ -176,8 +209,3 @@ def _check_size(sheet: Sheet, path: Path, plant: MeshPlant) -> None:
         expected += ": mesh.foot, mesh.up?"
     if expected:
         raise sheet.document.error(("mesh", "files"), path.name, expected)
-
-
-def _no_such_part(files: list[Path], sheet: Sheet) -> str:
-    known = {p.names[0] for path in files for p in read_mesh(path, key="mesh.files", file=sheet.path)}
-    return f"no mesh has a part of this name, they have {', '.join(sorted(known))}"

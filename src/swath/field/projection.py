@@ -58,6 +58,11 @@ def transform(points: ArrayLike, source: Any, target: Any) -> Array:
     return np.stack([np.asarray(x, dtype=float), np.asarray(y, dtype=float)], axis=1)
 
 
+def ellipsoid() -> Any:
+    """The ellipsoid of WGS 84, with `fwd` and `inv` of its geodesics (pyproj.Geod)."""
+    return _pyproj().Geod(ellps="WGS84")
+
+
 def known_crs(text: str) -> Any:
     """A coordinate system from EPSG:code, WKT or PROJ text. Raises InputError when it is none."""
     pyproj = _pyproj()

@@ -7,7 +7,7 @@ convergence and point scale (below 0.04 % inside a UTM zone) are left in, so eas
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from swath.core.errors import InputError, MissingExtra
 from swath.documents.packed import readable
+from swath.field.band import PLAIN, Quantity, check_ground, horizontal, read_band
 
 Array = NDArray[np.float64]
 CELLS_MAX = 50_000_000  # of a map held in memory: 50 km2 in cells of 1 m
@@ -28,6 +29,7 @@ class Raster:
     values: shape (ny, nx), float32, row 0 is the south, column 0 the west; nan = unknown.
     x0, y0: centre of the south-west cell [m]. cell: edge of a cell [m].
     epsg: of the system x and y are a translation of, None = none known.
+    notes: what was assumed of the file it is of.
     """
 
     values: NDArray[np.float32]
@@ -35,6 +37,7 @@ class Raster:
     y0: float
     cell: float
     epsg: int | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.values.ndim != 2 or self.values.size == 0:
@@ -74,37 +77,39 @@ class Raster:
 
     def shifted(self, dx: float, dy: float) -> "Raster":
         """The same map with its coordinates moved by (dx, dy) [m]."""
-        return Raster(self.values, self.x0 + dx, self.y0 + dy, self.cell, self.epsg)
+        return replace(self, x0=self.x0 + dx, y0=self.y0 + dy)
 
     @staticmethod
     def from_geotiff(
         path: Path | str,
         origin: tuple[float, float] | None = None,
         *,
+        quantity: Quantity = PLAIN,
         may_be_empty: bool = False,
         band: int = 1,
     ) -> "Raster":
-        """A band of a GeoTIFF. origin: (easting, northing) [m] to subtract, None = keep the file's.
+        """A band of a GeoTIFF in SI. origin: (easting, northing) [m] to subtract, None = keep the file's.
 
+        quantity: what its numbers are; their scale, offset, unit and nodata are applied, see `read_band`.
         Raises InputError naming the file when it cannot be read, has no projected system in metres, is
-        rotated, has cells that are not square, or, unless it `may_be_empty`, holds no number at all. A nodata
-        value becomes nan.
+        rotated, has cells that are not square, numbers that cannot be meant, or, unless it `may_be_empty`,
+        none at all.
         """
         path = Path(path)
         with open_geotiff(path) as dataset:
             epsg = _metric_epsg(dataset.crs, path)
             cell = _cell(dataset.transform, path)
             _check_cells(dataset, path)
-            if dataset.count < band:
-                raise InputError("raster", dataset.count, f"expected {band} bands or more", file=path)
-            values = dataset.read(band, masked=True).astype(np.float32).filled(np.nan)[::-1]
+            read = read_band(dataset, path, quantity, band=band)
             west, north = float(dataset.transform.c), float(dataset.transform.f)
+        values, notes = np.ascontiguousarray(read.values[::-1]), read.notes
         if not (may_be_empty or np.isfinite(values).any()):
             raise InputError("raster", None, "expected at least one number, every cell is empty", file=path)
-        values = np.where(np.isfinite(values), values, np.float32(np.nan))
+        if quantity.is_ground:
+            notes += check_ground(values, cell, path)
         east0, north0 = origin if origin is not None else (0.0, 0.0)
         y0 = north - (values.shape[0] - 0.5) * cell - north0
-        return Raster(np.ascontiguousarray(values), west + 0.5 * cell - east0, y0, cell, epsg)
+        return Raster(values, west + 0.5 * cell - east0, y0, cell, epsg, notes)
 
     def to_geotiff(
         self,
@@ -188,9 +193,10 @@ def _check_cells(dataset: Any, path: Path) -> None:
 def _metric_epsg(crs: Any, path: Path) -> int | None:
     if crs is None:
         raise InputError("raster.crs", None, "expected a coordinate system, the file names none", file=path)
-    if not crs.is_projected or abs(float(crs.linear_units_factor[1]) - 1.0) > 1e-9:
-        raise InputError("raster.crs", str(crs), "expected a projected system in metres (UTM)", file=path)
-    epsg = crs.to_epsg()
+    flat = horizontal(crs)
+    if not flat.is_projected or abs(flat.axis_info[0].unit_conversion_factor - 1.0) > 1e-9:
+        raise InputError("raster.crs", flat.name, "expected a projected system in metres (UTM)", file=path)
+    epsg = flat.to_epsg()
     return None if epsg is None else int(epsg)
 
 

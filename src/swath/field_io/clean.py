@@ -87,7 +87,7 @@ def clean(log: Log, delay_s: float | None = None, inside: NDArray[np.bool_] | No
     standing = log.speed < STANDING_SPEED
     turn = np.abs(curvature) * TURN_RADIUS > 1.0
     empty = ~(flow >= LEAST_FLOW * usual_flow)
-    pass_id = find_passes(log, ~standing & ~turn & ~empty & (log.width > 0.0), distance)
+    pass_id = find_passes(log, ~standing & ~turn & ~empty & (log.width > 0.0), distance, course)
     from_start, to_end = _time_in_pass(log, pass_id)
     tests = {
         "outside_boundary": np.zeros(len(log), dtype=bool) if inside is None else ~inside,
@@ -168,10 +168,10 @@ def _chord(p: Array, s: Array, at: Array, reach: float) -> Array:
     return angle
 
 
-def find_passes(log: Log, cutting: NDArray[np.bool_], distance: Array) -> NDArray[np.int64]:
+def find_passes(log: Log, cutting: NDArray[np.bool_], distance: Array, course: Array) -> NDArray[np.int64]:
     """Number of the pass of each record in driven order (by start time), -1 = none; shape (n,).
 
-    A pass is a stretch of cutting records; up to LONGEST_HOLE others inside do not end it.
+    A pass is a stretch of cutting records; up to LONGEST_HOLE others inside do not end it, turning back does.
     """
     block = np.cumsum(log.gap)
     index = np.flatnonzero(cutting)
@@ -179,6 +179,7 @@ def find_passes(log: Log, cutting: NDArray[np.bool_], distance: Array) -> NDArra
     if not len(index):
         return pass_id
     ends = (np.diff(index) > LONGEST_HOLE) | (np.diff(block[index]) != 0)
+    ends |= np.cos(np.diff(course[index])) < 0.0
     pieces = np.split(index, np.flatnonzero(ends) + 1)
     pieces = [p for p in pieces if distance[p[-1]] - distance[p[0]] >= SHORTEST_PASS]
     pieces.sort(key=lambda p: (log.time[p[0]], log.machine[p[0]]))

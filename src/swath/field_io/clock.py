@@ -12,7 +12,10 @@ Array = NDArray[np.float64]
 EPOCH = datetime(2000, 1, 1)
 DAY = 86400.0
 MILLISECONDS = 1e11  # a number of seconds above it is in milliseconds: 1e11 s are 3000 years
+DIGITS = (("HHMMSS", 1), ("HHMMSS and hundredths", 100), ("HHMMSS and thousandths", 1000))
+LEAST_CODED = 0.995  # of the times whose minutes and seconds are below 60: with less it is no such clock
 LEAST_SHARE = 0.5  # of the rows with a time: with less the clock is not used
+FEWEST_STEPS = 20  # of a clock whose steps are longer than the records'
 LEAST_STEPS = 0.2  # different times per row: with less it holds dates only
 _TIME = re.compile(r"(\d{1,2})[:h](\d{2})(?:[:.](\d{2})(?:[.,](\d+))?)?\s*([ap])?\.?m?\.?", re.IGNORECASE)
 _DATE = re.compile(r"(\d{1,4})[-/. ](\d{1,2})[-/. ](\d{1,4})")
@@ -34,10 +37,7 @@ def seconds_of(cells: Sequence[Any], dates: Sequence[Any] | None = None) -> Arra
         held = [_DATE.search(str(d)) for d in dates]
     if any(held):
         return of_day + _days([None if m is None else (m[0], *m.groups()) for m in held])
-    known = np.flatnonzero(np.isfinite(of_day))
-    nights = np.cumsum(np.diff(of_day[known], prepend=of_day[known[:1]]) < -0.5 * DAY)
-    of_day[known] += DAY * nights
-    return of_day
+    return over_midnight(of_day)
 
 
 def _iso(text: str) -> float:
@@ -78,6 +78,61 @@ def _days(dates: Sequence[tuple[str, ...] | None]) -> Array:
         except ValueError:
             made[found] = np.nan
     return np.array([np.nan if d is None else made[d] for d in dates])
+
+
+def days_of(cells: Sequence[Any]) -> Array:
+    """Seconds since 2000 of the midnight of each date, also of eight digits (20240720); nan = none."""
+    texts = [re.sub(r"^(\d{4})(\d{2})(\d{2})(\.0)?$", r"\1-\2-\3", str(cell).strip()) for cell in cells]
+    held = [_DATE.search(text) for text in texts]
+    return _days([None if m is None else (m[0], *m.groups()) for m in held])
+
+
+def of_digits(numbers: Array) -> tuple[Array, Array, str] | None:
+    """Seconds of the day, and of the midnight (0 where the number has no date), of numbers like 100059
+    (HHMMSS) or 20240720100059, and the form; None where they are another clock.
+
+    Such a clock shows by itself: its seconds and minutes stay below 60, over more than a minute.
+    """
+    known = np.isfinite(numbers)
+    for form, scale in DIGITS:
+        whole = numbers[known] / scale
+        second, minute, hour = whole % 100.0, whole // 100.0 % 100.0, whole // 1e4 % 100.0
+        date = whole // 1e6
+        month, day = date // 100.0 % 100.0, date % 100.0
+        has_date = bool((date > 0.0).all())
+        fits = (second < 60.0) & (minute < 60.0) & (hour < 24.0)
+        fits &= (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31) if has_date else date == 0.0
+        if not len(whole) or fits.mean() < LEAST_CODED or len(np.unique(minute)) < 2 or second.max() < 50.0:
+            continue
+        seconds, midnight = np.full(len(numbers), np.nan), np.zeros(len(numbers))
+        seconds[known] = np.where(fits, 3600.0 * hour + 60.0 * minute + second, np.nan)
+        if has_date:
+            texts = [f"{d:.0f}" for d in (date if date.max() > 1e6 else date + 2e7)]
+            midnight[known] = days_of(texts)
+        return seconds, midnight, ("date and " if has_date else "") + form
+    return None
+
+
+def over_midnight(of_day: Array) -> Array:
+    """Times of day in the order of the rows, counted on over midnight."""
+    known = np.flatnonzero(np.isfinite(of_day))
+    counted = of_day.copy()
+    counted[known] += DAY * np.cumsum(np.diff(of_day[known], prepend=of_day[known[:1]]) < -0.5 * DAY)
+    return counted
+
+
+def spread(time: Array) -> tuple[Array, str]:
+    """A clock whose steps are many records long, with these spread evenly over them; and a note."""
+    first = np.flatnonzero(np.r_[True, np.diff(time) != 0.0])
+    size = np.diff(np.r_[first, len(time)])
+    step = np.diff(time[first])
+    usual = float(np.median(size))
+    if not FEWEST_STEPS <= len(first) < LEAST_STEPS * len(time) or not (step > 0.0).all():
+        return time, ""
+    tick, group = float(np.median(step)), np.repeat(np.arange(len(first)), size)
+    behind = (np.arange(len(time)) - first[group]) / np.maximum(usual, size[group])
+    note = f"clock: steps of {usual:g} records, which are spread evenly over them"
+    return time + tick * behind, note
 
 
 def usable(time: Array) -> tuple[Array | None, str]:

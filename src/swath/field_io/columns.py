@@ -1,19 +1,23 @@
 """Which column of a yield log is which quantity, and in which unit.
 
 Known logs are recognised by their headers; for others the usual names are tried, in English, German and
-French; a map file completes that by hand, null drops a quantity:
+French, also where a shapefile cut them to ten letters; a map file completes that by hand, null drops a
+quantity:
 
     crs: EPSG:32612                               # only for easting and northing
     lat: {column: Latitude, unit: deg}
     grain_flow: {column: "Flow (lb/s)", unit: lb/s}
+    header_width: {unit: ft}                      # of the column that is recognised
     time: null
+
+A unit that nothing in the file says is assumed here; witnesses.py holds it against the data.
 """
 
 import difflib
 import re
 import unicodedata
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from swath.core import units
@@ -70,30 +74,41 @@ QUANTITIES: dict[str, str] = {
 section: of the header, each with a record of its own; yield: as harvested; dry_yield: at the moisture of the
 trade. steer_command: wanted angle of the steered axle, command_curvature: of the wanted path, both > 0 left.
 """
-_FLOWS = ("grain_flow", "yield", "dry_yield")  # the first one that a log has counts
+FLOWS = ("grain_flow", "yield", "dry_yield")  # the first one that a log has counts
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of the file and the unit its numbers have; is_assumed: nothing in the file says the unit."""
+    """A column of the file and the unit its numbers have.
+
+    is_assumed: nothing in the file says the unit; of_format: logs of its form usually have it; is_given: the
+    user says it
+    """
 
     column: str
     unit: str
     is_assumed: bool = False
+    of_format: bool = False
+    is_given: bool = False
 
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """Canonical name -> column. profile: how it was found. crs: of easting and northing, '' = not stated."""
+    """Canonical name -> column. profile: how it was found. crs: of easting and northing, '' = not stated.
+
+    beside: further columns of grain that do not count, but say something of the units of that which does
+    """
 
     columns: dict[str, Column]
     profile: str
     crs: str = ""
+    beside: dict[str, Column] = field(default_factory=dict)
 
 
 def _profile(name: str, **columns: str) -> ColumnMap:
     split = {key: value.rsplit(" ", 1) for key, value in columns.items()}
-    return ColumnMap({key: Column(column, unit) for key, (column, unit) in split.items()}, name)
+    made = {k: Column(c, unit, is_assumed=True, of_format=True) for k, (c, unit) in split.items()}
+    return ColumnMap(made, name)
 
 
 PROFILES = (
@@ -117,95 +132,136 @@ PROFILES = (
         **{"yield": "WetMass lb/ac"}, moisture="Moisture %",
     ),
     _profile(
+        "Ag Leader advanced", lon="Longitude deg", lat="Latitude deg", grain_flow="Flow lb/s", time="Time s",
+        duration="Interval s", distance="Distance in", header_width="Swath in", moisture="Moisture %",
+        work_state="Header status text",
+    ),
+    _profile(
+        "Ag Leader 2000", lon="Longitude deg", lat="Latitude deg", grain_flow="Flow lb/s", time="Time s",
+        duration="Interval s", distance="Distance in", header_width="Swath ft", moisture="Moisture %",
+        work_state="Header position text", elevation="Elevation m",
+    ),
+    _profile(
         "short names, US units", lon="long deg", lat="lat deg", grain_flow="mass lb/s", time="time s",
         duration="seconds s", distance="dist in", moisture="moist %", elevation="elev ft",
     ),
 )  # fmt: skip
 """Logs recognised when every one of their columns is in the header; the rest goes by usual names."""
-_FEET_PROFILE = "John Deere Operations Center"  # heights without a unit are in feet
+_BY_NAME = ("John Deere Operations Center", "Ag Leader advanced", "Ag Leader 2000")
+"""Of these the further columns go by usual names, too."""
 
 AG_LEADER = (
-    "Longitude", "Latitude", "Flow(lb/s)", "Time(s)", "Interval(s)", "Distance(in)", "Swath(in)",
-    "Moisture(%)", "Header status", "Pass", "Serial", "Field", "Load", "Crop", "GPS status", "PDOP",
-    "Elevation(ft)",
+    "Longitude", "Latitude", "Flow", "Time", "Interval", "Distance", "Swath", "Moisture", "Header status",
+    "Pass", "Serial", "Field", "Load", "Crop", "GPS status", "PDOP", "Elevation",
 )  # fmt: skip
 """Columns of the Ag Leader advanced format, which has no header line: Ag Leader, GPS 2100 Operators Manual,
-1998, page 8-7. Units as the yield monitors of that maker log them."""
+1998, page 8-7."""
+AG_LEADER_2000 = tuple({"Header status": "Header position"}.get(name, name) for name in AG_LEADER)
+"""Raw files of the Yield Monitor 2000, where the header is Up or Down, with other units: an example at
+http://adamchukpa.mcgill.ca/web_ssm/web_yield.html."""
 
 _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
-    "lat": ("deg", (r"(gps_?)?lat(itude)?", r"lat(itude)?_?wgs_?84|y_?wgs84", r"(geogr\w*_)?breite(ngrad)?")),
-    "lon": (
-        "deg",
-        (r"lon|(gps_?)?long?(itude)?|lng", r"(lng|long?(itude)?)_?wgs_?84|x_?wgs84",
-         r"(geogr\w*_)?laenge(ngrad)?"),
-    ),
-    "easting": ("m", (r"e|east|easting|utm_?e(ast(ing)?)?|x_?utm|rechtswert",)),
-    "northing": ("m", (r"n|north|northing|utm_?n(orth(ing)?)?|y_?utm|hochwert",)),
-    "elevation": (
-        "m", (r"z|elev|elevation|alt|altitude|height_?(msl|above_?sea_?level)|hoehe(_?ue?_?nn)?",)
-    ),
-    "machine": (
-        "text",
-        (r"machine|machine_?id|vehicle|vehicle_?id|combine|harvester|maschine|maehdrescher|moissonneuse",
-         r"(machine_?)?serial(_?(no|number))?|seriennummer"),
-    ),
-    "crop": (
-        "text",
-        (r"crop(_?(name|type))?|grain(_?type)?|commodity|fruchtart|frucht|kultur|culture|espece", r"product"),
-    ),
-    "section": ("text", (r"section_?id|section",)),
-    "date": ("text", (r"date|gps_?date|date_?utc|utc_?date|datum",)),
-    "time": (
-        "s",
-        (r"iso_?time|time_?stamp(_?utc)?|date_?time(_?utc)?|zeitstempel|horodatage",
-         r"t|time|gps_?time|utc(_?time)?|time_?utc|uhrzeit|zeit|heure", r"seconds|elapsed(_?time)?"),
-    ),
-    "duration": ("s", (r"dt|duration|interval|cycle(_?time)?|log(ging)?_?interval", r"seconds")),
-    "record": ("1", (r"record|id|obj_?_?id|objectid|fid|counter|k",)),
-    "speed": ("m/s", (r"v|speed|velocity|ground_?speed|vehicle_?speed|geschwindigkeit|vitesse",)),
-    "distance": ("m", (r"dist|distance|strecke",)),
-    "header_width": (
-        "m",
-        (r"swath|sw(a)?th_?wi?dth|header_?width|cut(ting)?_?width|work(ing)?_?width|width|schnittbreite"
-         r"|arbeitsbreite|schneidwerksbreite|largeur(_?de_?(coupe|travail))?", r"breite"),
-    ),
-    "grain_flow": (
-        "kg/s",
-        (r"flow|grain_?flow|mass_?flow|crop_?flow|crop_flw(_m)?|throughput|grain_?mass_?flow|durchsatz"
-         r"|korn(massen)?strom|massenstrom|debit(_?grain)?",),
-    ),
-    "yield": (
-        "kg/ha",
-        (r"(yield|yld)_?(wet|mass|wet_?mass|(mass|vol)_?wet)|wet_?yield|yield_?wet|wet_?mass", r"yield|yld",
-         r"(korn|nass|feucht)?ertrag(_?(feucht|nass))?|rendement"),
-    ),
-    "dry_yield": (
-        "kg/ha",
-        (r"dry_?(mass_?|vol(ume)?_?)?yield|(yield|yld)_?((mass|vol)_?)?dry(_?vol(ume)?|_?mass)?|vryieldmass",
-         r"vryieldvol|yield_?vol(ume)?", r"trockenertrag|ertrag_?trocken"),
-    ),
-    "moisture": (
-        "%", (r"(grain_?)?moisture|moist|water_?content|(korn)?feucht(e|igkeit)|humidite(_?grain)?",)
-    ),
-    "work_state": ("text", (r"work_?state|header_?(state|status|up|down)|recording|arbeitsstellung",)),
-    "crop_height": ("m", (r"crop_?height|canopy_?height|plant_?height|bestandeshoehe",)),
-    "engine_load": ("%", (r"engine_?(load|torque)|(engine_?)?percent_?(load|torque)",)),
-    "engine_speed": ("rpm", (r"engine_?(speed|rpm)",)),
-    "fuel": ("l/h", (r"fuel(_?(rate|flow|consumption))?",)),
-    "steer_command": (
-        "deg",
-        (r"steer(ing)?(_?angle)?_?(command|cmd|set_?point|target|wanted)|lenkwinkel_?soll|soll_?lenkwinkel"
-         r"|(commanded|wanted|target)_?steer(ing)?(_?angle)?",),
-    ),
-    "command_curvature": ("1/m", (r"(command|cmd|wanted|target)(ed)?_?curvature|curvature_?(command|cmd)",)),
-    "steer_angle": ("deg", (r"steer(ing)?(_?angle)?(_?(actual|measured))?|wheel_?angle|lenkwinkel(_?ist)?",)),
-    "yaw_rate": ("deg/s", (r"yaw_?rate|turn_?rate|gier(rate|geschwindigkeit)|vitesse_?(de_?)?lacet",)),
-    "engaged": ("1", (r"(steering_?|auto_?steer_?)?(engaged|active)|auto_?steer(ing)?(_?on)?",)),
-    "pass": ("text", (r"pass(_?(id|no|number))?|ueberfahrt|passage",)),
+    "lat": ("deg", (
+        "lat latitude gpslat gpslatitude",
+        "latwgs84 latitudewgs84 ywgs84 breite breitengrad geogrbreite geographischebreite geogrbreitengrad",
+    )),
+    "lon": ("deg", (
+        "lon long longitude gpslon gpslong gpslongitude lng",
+        "lonwgs84 longwgs84 lngwgs84 longitudewgs84 xwgs84 laenge laengengrad geogrlaenge geographischelaenge"
+        " geogrlaengengrad",
+    )),
+    "easting": ("m", ("e east easting utme utmeast utmeasting xutm rechtswert",)),
+    "northing": ("m", ("n north northing utmn utmnorth utmnorthing yutm hochwert",)),
+    "elevation": ("m", (
+        "z elev elevation alt altitude heightmsl heightabovesealevel hoehe hoehenn hoeheunn hoeheuenn"
+        " gpshoehe gpsalt gpsaltitude gpselevation",
+    )),
+    "machine": ("text", (
+        "machine machineid vehicle vehicleid combine harvester maschine maehdrescher moissonneuse",
+        "serial serialno serialnumber machineserial machineserialno machineserialnumber seriennummer",
+    )),
+    "crop": ("text", (
+        "crop cropname croptype grain graintype commodity fruchtart frucht kultur culture espece", "product",
+    )),
+    "section": ("text", ("section sectionid",)),
+    "date": ("text", ("date gpsdate dateutc utcdate datum",)),
+    "time": ("s", (
+        "isotime timestamp timestamputc datetime datetimeutc zeitstempel horodatage",
+        "t time gpstime utc utctime timeutc uhrzeit zeit heure itow gpsitow tow gpstow",
+        "seconds elapsed elapsedtime",
+    )),
+    "duration": ("s", (
+        "dt duration interval cycle cycletime loginterval logginginterval dauer duree", "seconds",
+    )),
+    "record": ("1", ("record id objid objectid fid counter k",)),
+    "speed": ("m/s", (
+        "v speed velocity groundspeed vehiclespeed vehiclspeed geschwindigkeit fahrgeschwindigkeit vitesse"
+        " vitesseavancement",
+    )),
+    "distance": ("m", ("dist distance strecke wegstrecke fahrstrecke",)),
+    "header_width": ("m", (
+        "swath swathwidth swathwdth swthwidth swthwdth headerwidth cutwidth cuttingwidth workwidth"
+        " workingwidth width schnittbreite arbeitsbreite schneidwerksbreite largeur largeurcoupe"
+        " largeurdecoupe largeurtravail largeurdetravail",
+        "breite",
+    )),
+    "grain_flow": ("kg/s", (
+        "flow grainflow massflow cropflow cropflw cropflwm throughput grainmassflow durchsatz korndurchsatz"
+        " kornstrom kornmassenstrom massenstrom debit debitgrain",
+    )),
+    "yield": ("kg/ha", (
+        "yieldwet yieldmass yieldwetmass yieldmasswet yieldvolwet yldwet yldmass yldwetmass yldmasswet"
+        " yldvolwet wetyield wetmass",
+        "yield yld",
+        "ertrag kornertrag nassertrag feuchtertrag ertragfeucht ertragnass rendement rendementhumide",
+    )),
+    "dry_yield": ("kg/ha", (
+        "dryyield drymassyield dryvolyield dryvolumeyield yielddry yielddryvol yielddryvolume yielddrymass"
+        " yieldmassdry yieldvoldry ylddry ylddryvol ylddrymass yldmassdry yldvoldry vryieldmass",
+        "vryieldvol vryieldvolume yieldvol yieldvolume",
+        "trockenertrag ertragtrocken rendementsec",
+    )),
+    "moisture": ("%", (
+        "moisture grainmoisture moist watercontent feuchte feuchtigkeit kornfeuchte kornfeuchtigkeit humidite"
+        " humiditegrain",
+    )),
+    "work_state": ("text", (
+        "workstate headerstate headerstatus headerup headerdown recording arbeitsstellung",
+    )),
+    "crop_height": ("m", ("cropheight canopyheight plantheight bestandeshoehe",)),
+    "engine_load": ("%", ("engineload enginetorque percentload percenttorque enginepercentload"
+                          " enginepercenttorque",)),
+    "engine_speed": ("rpm", ("enginespeed enginerpm",)),
+    "fuel": ("l/h", ("fuel fuelrate fuelflow fuelconsumption",)),
+    "steer_command": ("deg", (
+        "steercommand steeringcommand steercmd steeringcmd steersetpoint steeringsetpoint steertarget"
+        " steeringtarget steerwanted steeringwanted steeranglecommand steeringanglecommand steeranglecmd"
+        " steeringanglecmd steeranglesetpoint steeringanglesetpoint steerangletarget steeringangletarget"
+        " steeranglewanted steeringanglewanted lenkwinkelsoll solllenkwinkel commandedsteer commandedsteering"
+        " commandedsteerangle commandedsteeringangle wantedsteer wantedsteering wantedsteerangle"
+        " wantedsteeringangle targetsteer targetsteering targetsteerangle targetsteeringangle",
+    )),
+    "command_curvature": ("1/m", (
+        "commandcurvature commandedcurvature cmdcurvature wantedcurvature targetcurvature curvaturecommand"
+        " curvaturecmd",
+    )),
+    "steer_angle": ("deg", (
+        "steer steering steerangle steeringangle steeractual steeringactual steermeasured steeringmeasured"
+        " steerangleactual steeringangleactual steeranglemeasured steeringanglemeasured wheelangle lenkwinkel"
+        " lenkwinkelist",
+    )),
+    "yaw_rate": ("deg/s", (
+        "yawrate turnrate gierrate giergeschwindigkeit vitesselacet vitessedelacet",
+    )),
+    "engaged": ("1", ("engaged active steeringengaged steeringactive autosteerengaged autosteeractive"
+                      " autosteer autosteeron autosteering autosteeringon",)),
+    "pass": ("text", ("pass passid passno passnum passnumber ueberfahrt passage",)),
 }  # fmt: skip
-"""Canonical -> unit without one in the name, and patterns on the bare lower-case name, the best first."""
+"""Canonical -> unit without one in the name, and names in lower case without signs, the best first."""
+_NAMES = {key: [set(names.split()) for names in tiers] for key, (_, tiers) in _USUAL.items()}
+_CUT = 10  # letters of a column's name in a shapefile (dBASE)
+_LEAST_OF_NAME = 5  # letters by which a name that is cut off is known
 _BESIDE = ("crop", "section", "date", "engine_load", "engine_speed", "fuel")  # what known logs may also hold
-_BUSHELS = r"vryieldvol|yield_?vol(ume)?"  # without a unit these are bushels
 _WORDS = ("machine", "crop", "section", "date", "time", "work_state", "pass")  # brackets in them: no units
 _LOG_SUFFIXES = {
     "ms": "m/s", "km_h": "km/h", "kph": "km/h", "kn": "kn", "sec": "s", "kgs": "kg/s", "th": "t/h",
@@ -244,56 +300,112 @@ def find_columns(
     known = (p for p in PROFILES if all(c.column in header for c in p.columns.values()))
     base = next((p for p in known if has_points or "lat" in p.columns), None)
     given, dropped, crs = ({}, set(), "") if columns is None else read_map(columns, header)
-    taken = {c.column for c in (*given.values(), *(base.columns if base else {}).values())}
+    whole = {k: c for k, c in given.items() if c.column}
+    of_base = {} if base is None else {k: _checked(c) for k, c in base.columns.items()}
+    taken = {c.column for c in (*whole.values(), *of_base.values())}
     rest = guess([name for name in header if name not in taken], path).columns
-    if base is not None and base.profile == _FEET_PROFILE:
-        feet = {k: replace(c, unit="ft") for k, c in rest.items() if k == "elevation" and c.is_assumed}
-        rest = {k: c for k, c in rest.items() if k not in _FLOWS} | feet
-    elif base is not None:
-        rest = {k: c for k, c in rest.items() if k in _BESIDE}
-    found = {**rest, **(base.columns if base else {})}
-    for alike in (_FLOWS, ("lat", "lon", "easting", "northing")):
-        if set(alike) & given.keys():
+    beside = {k: c for k, c in rest.items() if k in FLOWS}
+    if base is not None:
+        also = QUANTITIES.keys() - FLOWS if base.profile in _BY_NAME else _BESIDE
+        rest = {k: c for k, c in rest.items() if k in also}
+    found = {**rest, **of_base}
+    for alike in (FLOWS, ("lat", "lon", "easting", "northing")):
+        if set(alike) & whole.keys():
             found = {k: c for k, c in found.items() if k not in alike}
-    found = {k: c for k, c in {**found, **given}.items() if k not in dropped}
-    flow = next((key for key in _FLOWS if key in found), None)
-    found = {k: c for k, c in found.items() if k not in _FLOWS or k == flow}
-    stated = {k: (units or {}).get(c.column, "") for k, c in found.items() if k not in given}
-    found |= {k: Column(found[k].column, u) for k, u in stated.items() if u in UNITS[QUANTITIES[k]]}
+    found = {k: c for k, c in {**found, **whole}.items() if k not in dropped}
+    flow = next((key for key in FLOWS if key in found), None)
+    beside = {k: c for k, c in {**beside, **found}.items() if k in FLOWS and k not in {flow, *dropped}}
+    found = {k: c for k, c in found.items() if k not in FLOWS or k == flow}
+    for group in (found, beside):
+        stated = {k: (units or {}).get(c.column, "") for k, c in group.items() if k not in given}
+        group |= {k: Column(group[k].column, u) for k, u in stated.items() if u in UNITS[QUANTITIES[k]]}
+    found |= {k: _with_unit(k, c.unit, found, columns) for k, c in given.items() if not c.column}
     name = base.profile if base else "usual names"
     _require(found, header, path, has_points, needs_width)
-    return ColumnMap(found, name if columns is None else f"map {columns.name}, {name}", crs)
+    return ColumnMap(found, name if columns is None else f"map {columns.name}, {name}", crs, beside)
+
+
+def _checked(of_format: Column) -> Column:
+    """A column of a known log; not assumed where its name says its unit."""
+    return replace(of_format, is_assumed=_split_unit(of_format.column)[1] != of_format.unit)
+
+
+def _with_unit(key: str, unit: str, found: Mapping[str, Column], columns: Path | None) -> Column:
+    if key not in found:
+        raise InputError(key, {"unit": unit}, "expected its column, too: none is recognised", file=columns)
+    return Column(found[key].column, unit, is_given=True)
 
 
 def guess(header: Sequence[str], path: Path) -> ColumnMap:
     """Columns by their usual names; a unit in the name ('speed_kmh', 'Flow (lb/s)') wins over the default.
 
-    Raises InputError for a unit in brackets that is not known.
+    A name of ten letters may be cut off. Raises InputError for a unit in brackets that is not known.
     """
     found: dict[str, Column] = {}
-    free = {name: _split_unit(name) for name in header}
-    for key, (default, patterns) in _USUAL.items():
-        for pattern in patterns:
-            name = next((n for n, split in free.items() if _fits(key, pattern, *split, n, path)), None)
-            if name is not None:
-                bare, unit = free.pop(name)
-                kinds = UNITS[QUANTITIES[key]]
-                assumed = "bu/ac" if re.fullmatch(_BUSHELS, bare) else default
-                is_assumed = unit not in kinds and len(kinds) > 1
-                found[key] = Column(name, unit if unit in kinds else assumed, is_assumed)
+    free = list(header)
+    for key, tiers in _NAMES.items():
+        for names in tiers:
+            column = next((c for name in free if (c := _named(key, names, name, path))), None)
+            if column is not None:
+                free.remove(column.column)
+                found[key] = column
                 break
-    return ColumnMap(found, "usual names")
+    for name in free:
+        cut = _cut(name)
+        if cut is not None and cut[0] not in found:
+            found[cut[0]] = cut[1]
+    return ColumnMap({key: found[key] for key in _USUAL if key in found}, "usual names")
 
 
-def _fits(key: str, pattern: str, bare: str, unit: str | None, name: str, path: Path) -> bool:
-    if not re.fullmatch(pattern, bare):
-        return False
+def _named(key: str, names: Collection[str], name: str, path: Path) -> Column | None:
+    """The column of this name where it is one of these names, with its unit."""
+    bare, unit = _split_unit(name)
     kinds = UNITS[QUANTITIES[key]]
-    if unit is None or unit in kinds or key in _WORDS:
-        return True
-    if key in (*_FLOWS, "header_width", "speed") and not any(unit in known for known in UNITS.values()):
+    if bare in names and (unit is None or unit in kinds or key in _WORDS):
+        return _column(key, name, bare, unit)
+    if _letters(name) in names:
+        return _column(key, name, _letters(name), None)
+    is_needed = bare in names and key in (*FLOWS, "header_width", "speed")
+    if is_needed and not any(unit in known for known in UNITS.values()):
         raise InputError(f"unit of {name!r}", unit, f"expected one of {', '.join(kinds)}", file=path)
-    return False
+    return None
+
+
+def _column(key: str, column: str, name: str, unit: str | None) -> Column:
+    """unit: None where the column says none. A yield by volume is in bushels."""
+    kinds = UNITS[QUANTITIES[key]]
+    default = "bu/ac" if key in FLOWS and "vol" in name else _USUAL[key][0]
+    return Column(column, unit if unit in kinds else default, unit not in kinds and len(kinds) > 1)
+
+
+def _cut(name: str) -> tuple[str, Column] | None:
+    """The quantity of a name that ends with its tenth letter, None where there is none or more than one.
+
+    Cut within the unit ('Distance_f') or within the name ('Arbeitsbre').
+    """
+    if len(name) != _CUT:
+        return None
+    ends = [i for i, letter in enumerate(name) if letter == "_"]
+    readings = [(_letters(name[:i]), _letters(name[i:])) for i in reversed(ends)]
+    for bare, end in readings:
+        for key, tiers in _NAMES.items():
+            units = {u for u, spelled in _spelled(QUANTITIES[key]) if spelled.startswith(end)}
+            if end and units and any(bare in names for names in tiers):
+                return key, _column(key, name, bare, units.pop() if len(units) == 1 else None)
+    for bare, unit in ((_letters(name), None), _split_unit(name)):
+        begun = {key: full for key, tiers in _NAMES.items() for names in tiers for full in sorted(names)
+                 if full.startswith(bare) and (unit is None or unit in UNITS[QUANTITIES[key]])}  # fmt: skip
+        if len(bare) >= _LEAST_OF_NAME and len(begun) == 1:
+            ((key, full),) = begun.items()
+            return key, _column(key, name, full, unit)
+    return None
+
+
+def _spelled(kind: str) -> list[tuple[str, str]]:
+    """Units of a kind, each as it may stand in a name, without signs."""
+    return [(u, _letters(u)) for u in UNITS[kind]] + [
+        (u, end.replace("_", "")) for end in _ENDS if (u := _unit_of(end)) in UNITS[kind]
+    ]
 
 
 def read_map(path: Path, header: Sequence[str]) -> tuple[dict[str, Column], set[str], str]:
@@ -324,17 +436,18 @@ def _entry(key: str, value: object, header: Sequence[str], document: Document) -
         return None
     if isinstance(value, str):
         value = {"column": value}
-    if not isinstance(value, dict) or not set(value) <= {"column", "unit"} or "column" not in value:
+    if not isinstance(value, dict) or not set(value) <= {"column", "unit"} or not value:
         raise document.error((key,), value, "expected {column: name, unit: unit}, or null")
-    column, unit = str(value["column"]), str(value.get("unit", _USUAL[key][0]))
-    if column not in header:
+    column, unit = str(value.get("column", "")), str(value.get("unit", _USUAL[key][0]))
+    if column not in header and "column" in value:
         near = difflib.get_close_matches(column, header, 1)
         hint = f", nearest is {near[0]!r}" if near else ""
         raise document.error((key, "column"), column, f"expected a column of the log{hint}")
     known = UNITS[QUANTITIES[key]]
     if unit not in known:
         raise document.error((key, "unit"), unit, f"expected one of {', '.join(known)}")
-    return Column(column, unit)
+    is_stated = "unit" in value or len(known) == 1
+    return Column(column, unit, is_assumed=not is_stated, is_given=is_stated)
 
 
 def _require(
@@ -344,7 +457,7 @@ def _require(
     missing: dict[str, tuple[str, ...]] = {}
     if not has_points and not ({"lat", "lon"} <= set(found) or {"easting", "northing"} <= set(found)):
         missing["lat and lon (or easting and northing)"] = ("lat", "lon")
-    if not set(_FLOWS) & set(found):
+    if not set(FLOWS) & set(found):
         missing["grain_flow or yield"] = ("yield",)
     if needs_width and "header_width" not in found:
         missing["header_width (or --header-width-m)"] = ("header_width",)
@@ -369,7 +482,8 @@ def unit_symbol(text: str) -> str:
     unit = re.sub(r"^(\w+)1\[?(\w+)\]?-1$", r"\1/\2", text.strip().lower().replace("lbs", "lb"))
     unit = unit.replace("/hr", "/h").replace("/sec", "/s").replace("/acre", "/ac").replace("to/ha", "t/ha")
     known = {"°": "deg", "arcdeg": "deg", "percent": "%", "prcnt": "%", "kph": "km/h", "kmh": "km/h",
-             "mi/h": "mph", "meter": "m", "feet": "ft", "inch": "in", "sec": "s"}  # fmt: skip
+             "q/ha": "dt/ha", "tonne/ha": "t/ha", "tonnes/ha": "t/ha", "mg/ha": "t/ha", "mi/h": "mph",
+             "meter": "m", "feet": "ft", "inch": "in", "sec": "s"}  # fmt: skip
     return known.get(unit, unit)
 
 
@@ -379,16 +493,26 @@ def _plain(text: str) -> str:
     return unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
 
 
+def _letters(text: str) -> str:
+    """Lower-case letters and digits of a name, without signs and accents."""
+    return re.sub(r"[^0-9a-z]", "", _plain(unicodedata.normalize("NFC", text)))
+
+
+def _unit_of(end: str) -> str:
+    """Unit of an end of a name: `kg_s`, `pct`."""
+    return _LOG_SUFFIXES.get(end) or split_unit(f"x_{end}")[1]
+
+
 def _split_unit(name: str) -> tuple[str, str | None]:
-    """('grain_flow', 'kg/s') of 'Grain_Flow_kg_s' or 'Grain flow (kg/s)'; unit None when the name has none.
+    """('grainflow', 'kg/s') of 'Grain_Flow_kg_s' or 'Grain flow (kg/s)'; unit None when the name has none.
 
     A unit in brackets that is not known stays as it is, so that the column is not taken for something else.
     """
     bracket = re.fullmatch(r"(.*?)\s*[\[(]([^)\]]*)[\])]", unicodedata.normalize("NFC", name.strip()))
     if bracket:
-        return re.sub(r"[\s\-.()\[\]]+", "_", _plain(bracket[1])).strip("_"), unit_symbol(bracket[2])
+        return _letters(bracket[1]), unit_symbol(bracket[2])
     bare = re.sub(r"[\s\-./]+", "_", _plain(unicodedata.normalize("NFC", name.strip()))).strip("_")
     for end in _ENDS:
         if bare.endswith("_" + end) and len(bare) > len(end) + 1:
-            return bare[: -len(end) - 1], _LOG_SUFFIXES.get(end) or split_unit(bare)[1]
-    return bare, None
+            return _letters(bare[: -len(end) - 1]), _unit_of(end)
+    return _letters(bare), None

@@ -20,7 +20,9 @@ def add(parsers: Any) -> None:
     imports.add_argument("--out", type=Path, required=True, metavar="DIR", help="the field folder to make")
     imports.add_argument("--dem", type=Path, metavar="F", help="GeoTIFF of heights (default: the log's own)")
     imports.add_argument("--boundary", type=Path, metavar="F", help="GeoJSON, KML or shapefile of the field")
-    imports.add_argument("--columns", type=Path, metavar="MAP.yaml", help="which column of the log is what")
+    imports.add_argument(
+        "--columns", type=Path, metavar="MAP.yaml", help="which column of the log is what, in which unit"
+    )
     imports.add_argument(
         "--grain-g-per-stem", type=float, metavar="G", help="grain on a stem [g], for stems from the yield"
     )

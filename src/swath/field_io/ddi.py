@@ -19,6 +19,8 @@ class Entry:
 
 DDI: dict[int, Entry] = {
     67: Entry("working_width", "m", 1e-3),
+    68: Entry("default_working_width", "m", 1e-3),
+    70: Entry("maximum_working_width", "m", 1e-3),
     84: Entry("yield", "t/ha", 1e-5),
     87: Entry("crop_flow", "kg/s", 1e-6),
     90: Entry("yield_total", "t", 1e-3),
@@ -47,8 +49,13 @@ DDI: dict[int, Entry] = {
     262: Entry("moisture_mean", "%", 1e-4),
     397: Entry("speed", "m/s", 1e-3),
 }
-"""DDI -> entry. Source: ISO 11783-11 as far as remembered; 67 to 149, 177 and 262 agree with the scaling a
-forage harvester declares for them."""
+"""DDI -> entry. Source: ISO 11783-11 as in the list of npm isoxml 1.11; 67 to 149, 177 and 262 agree with the
+scaling a forage harvester declares for them."""
+TOGETHER = {
+    67: "sum", 68: "sum", 70: "sum", 84: "mean", 87: "sum", 96: "sum", 99: "mean", 141: "highest",
+    181: "mean", 182: "sum",
+}  # fmt: skip
+"""What the values that the sections of one machine log make together; of other DDIs the first counts."""
 
 LABELS: tuple[tuple[str, str], ...] = (
     ("engine_speed", r"(motor|engine).*(drehzahl|speed|rpm)"),

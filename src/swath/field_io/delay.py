@@ -1,7 +1,8 @@
 """How late the logged grain flow is: the time from the knife to the sensor, less what the monitor took off.
 
 Neighbouring passes driven in opposite directions see the same soil. A flow that is late by d shifts the
-yield of one pass forwards and of the other backwards, so the two agree best at the right d.
+yield of one pass forwards and of the other backwards, so the two agree best at the right d. Where the yield
+changes over short ways a fine band shows it best, else a coarser one; how well shows when parts are left out.
 """
 
 from dataclasses import dataclass
@@ -17,19 +18,30 @@ DEFAULT_DELAY = 12.0  # s, cutterbar to yield sensor: 10-15 s, typical of combin
 EARLIEST, LATEST = -10.0, 30.0  # s, range of the search
 NEIGHBOUR = 1.35  # header widths to the next pass at most
 FEWEST_PAIRS = 300
+LEAST_FLOW = 0.2  # of the median flow: below, the header is not full
 LEAST_AGREEMENT = 0.15  # correlation of neighbouring passes; below, the peak is chance
-SHORT, LONG = 5, 41  # records: the yield is smoothed over SHORT and freed of trends over LONG
+BANDS = (
+    (5, 41),
+    (9, 81),
+    (15, 161),
+)  # records: the yield is smoothed over the first, freed of trends over the second
+CLEARER = 0.5  # of the standard error of a finer band: a coarser one with less counts instead
+PARTS = 40  # of the pairs, of which one each is left out for the standard error
 
 
 @dataclass(frozen=True)
 class Delay:
-    """Delay of a machine's flow [s]; agreement: correlation of opposite neighbour passes with it."""
+    """Delay of a machine's flow [s]; agreement: correlation of opposite neighbour passes with it.
+
+    error: standard error of the delay [s], nan = not known
+    """
 
     machine: str
     seconds: float
     method: str
     agreement: float
     pair_count: int
+    error: float = float("nan")
 
 
 def estimate_delays(log: Log) -> list[Delay]:
@@ -48,7 +60,7 @@ def estimate_delays(log: Log) -> list[Delay]:
                 Delay(name, DEFAULT_DELAY, "default: no agreement found", float("nan"), int(own.sum()))
             )
         else:
-            delays.append(Delay(name, found[0], method, found[1], int(own.sum())))
+            delays.append(Delay(name, found[0], method, found[1], int(own.sum()), found[2]))
     return delays
 
 
@@ -79,7 +91,7 @@ def opposite_pairs(log: Log) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     none = np.zeros(0, dtype=np.int64)
     width = float(np.median(log.width[log.width > 0.0])) if (log.width > 0.0).any() else 0.0
     forward = direction(log)
-    cutting = (log.speed > 0.8) & (log.flow > 0.2 * np.median(log.flow)) & (log.width > 0.9 * width)
+    cutting = (log.speed > 0.8) & (log.flow > LEAST_FLOW * np.median(log.flow)) & (log.width > 0.9 * width)
     index = np.flatnonzero(cutting & np.isfinite(forward[:, 0]))
     if len(index) < FEWEST_PAIRS or width <= 0.0:
         return none, none
@@ -106,36 +118,68 @@ def direction(log: Log) -> Array:
     return unit
 
 
-def _best(log: Log, first: NDArray[np.int64], second: NDArray[np.int64]) -> tuple[float, float] | None:
-    """(delay [s], correlation) where the passes agree best; None when too few or no clear peak."""
+def _best(log: Log, first: NDArray[np.int64], second: NDArray[np.int64]) -> tuple[float, float, float] | None:
+    """(delay [s], correlation, standard error [s]) where the passes agree best; None when too few or no clear
+    peak.
+    """
+    best: tuple[float, float, float] | None = None
     if len(first) < FEWEST_PAIRS:
-        return None
-    tries = np.arange(EARLIEST, LATEST + 0.5, 1.0)
-    agreement = np.array([_agreement(log, float(d), first, second) for d in tries])
-    peak = int(np.nanargmax(np.where(np.isfinite(agreement), agreement, -1.0)))
-    if peak in (0, len(tries) - 1) or not agreement[peak] >= LEAST_AGREEMENT:
-        return None
-    low, top, high = agreement[peak - 1 : peak + 2]
-    curve = low - 2.0 * top + high
-    offset = 0.5 * (low - high) / curve if np.isfinite(curve) and curve < 0.0 else 0.0
-    return round(float(tries[peak] + np.clip(offset, -0.5, 0.5)), 2), float(top)
+        return best
+    for short, long in BANDS:
+        products = _products(log, first, second, short, long)
+        found = _peak(products.sum(axis=2), short)
+        if found is None:
+            continue
+        parts = [_peak(products.sum(axis=2) - part, short) for part in np.moveaxis(products, 2, 0)]
+        others = np.array([found[0] if part is None else part[0] for part in parts])
+        error = float(np.sqrt((len(parts) - 1) / len(parts) * ((others - others.mean()) ** 2).sum()))
+        if best is None or error < CLEARER * best[2]:
+            best = (round(found[0], 2), found[1], round(error, 2))
+    return best
 
 
-def _agreement(log: Log, seconds: float, first: NDArray[np.int64], second: NDArray[np.int64]) -> float:
-    flow = _flow_later(log, seconds)
+def _peak(products: Array, short: int) -> tuple[float, float] | None:
+    """(delay [s], correlation) of products, shape (tries, 3); None without a clear peak."""
+    both, a, b = products.T
+    agreement = np.where((a > 1e-9) & (b > 1e-9), both / np.sqrt(np.maximum(a * b, 1e-18)), -1.0)
+    peak = int(agreement.argmax())
+    reach = max(short // 3, 1)
+    if peak in (0, len(agreement) - 1) or not agreement[peak] >= LEAST_AGREEMENT:
+        return None
+    near = np.arange(max(peak - reach, 0), min(peak + reach + 1, len(agreement)))
+    curve, slope, _ = np.polyfit(near - peak, agreement[near], 2)
+    offset = -0.5 * slope / curve if curve < 0.0 else 0.0
+    return EARLIEST + peak + float(np.clip(offset, -0.5 * reach, 0.5 * reach)), float(agreement[peak])
+
+
+def _products(log: Log, first: NDArray[np.int64], second: NDArray[np.int64], short: int, long: int) -> Array:
+    """Sums of both yields' product and of their squares, shape (tries, 3, PARTS of the pairs)."""
+    part = np.arange(len(first)) * PARTS // len(first)
     area_rate = np.maximum(log.speed, 0.5) * np.maximum(log.width, 1.0)
-    known = np.isfinite(flow)
-    value = np.where(known, np.log(np.clip(np.where(known, flow, 1.0) / area_rate, 0.01, 5.0)), 0.0)
-    fine, coarse = _running_mean(value, known, SHORT), _running_mean(value, known, LONG)
-    local = np.clip(np.where(known, fine - coarse, np.nan), -0.5, 0.5)
-    a, b = local[first], local[second]
-    both = np.isfinite(a) & np.isfinite(b)
-    if both.sum() < FEWEST_PAIRS or a[both].std() < 1e-9 or b[both].std() < 1e-9:
-        return float("nan")
-    return float(np.corrcoef(a[both], b[both])[0, 1])
+    least = LEAST_FLOW * float(np.median(log.flow[log.flow > 0.0])) if (log.flow > 0.0).any() else 0.0
+    made = []
+    for seconds in np.arange(EARLIEST, LATEST + 0.5, 1.0):
+        flow = _flow_later(log, float(seconds))
+        known = flow > least  # before the grain arrives there is none to agree
+        value = np.where(known, np.log(np.clip(np.where(known, flow, 1.0) / area_rate, 0.01, 5.0)), 0.0)
+        local = _smooth(value, known, short) - _smooth(value, known, long)
+        local = np.clip(np.where(known, local, np.nan), -0.5, 0.5)
+        a, b = local[first], local[second]
+        both = np.isfinite(a) & np.isfinite(b)
+        a, b = np.where(both, a, 0.0), np.where(both, b, 0.0)
+        if both.sum() < FEWEST_PAIRS:
+            a, b = np.zeros_like(a), np.zeros_like(b)
+        made.append([np.bincount(part, product, minlength=PARTS) for product in (a * b, a * a, b * b)])
+    return np.array(made)
 
 
-def _running_mean(value: Array, known: NDArray[np.bool_], count: int) -> Array:
-    kernel = np.ones(count)
-    mean: Array = np.convolve(value, kernel, "same") / np.maximum(np.convolve(known, kernel, "same"), 1.0)
-    return mean
+def _smooth(value: Array, known: NDArray[np.bool_], count: int) -> Array:
+    """Lines through the known values within `count` records around each, at it: their mean in the middle, not
+    drawn to one side at an end.
+    """
+    offset = np.arange(count) - count // 2
+    n, first, second = (np.convolve(known, kernel, "same") for kernel in (offset**0, -offset, offset**2))
+    total, moment = (np.convolve(value, kernel, "same") for kernel in (offset**0, -offset))
+    spread = n * second - first**2
+    line = (second * total - first * moment) / np.where(spread > 0.0, spread, 1.0)
+    return np.asarray(np.where(spread > 0.0, line, total / np.maximum(n, 1.0)))

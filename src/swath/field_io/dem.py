@@ -1,41 +1,60 @@
 """A digital elevation model, in whatever system it comes, on the cells of a field."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from swath.core.errors import InputError, MissingExtra
+from swath.field.band import GROUND, check_ground, horizontal, read_band
+from swath.field.projection import transform
 from swath.field.raster import Raster, open_geotiff
+from swath.field_io.heights import carry_on
+from swath.field_io.log import Log
 
-WARP_MB = 64  # of the file that are held at once: it may be far larger than the field
+MOST_READ = 16_000_000  # cells of the file held at once: a finer one is read by means
+APART, RISES = 2.0, (0.5, 2.0)  # m, and times: heights of a log and of a DEM farther apart are told
 LEAST_KNOWN = 0.8  # share of the cells around the field that must have a height
 
 
 def read_dem(path: Path, grid: Raster) -> tuple[Raster, float]:
     """Heights [m] of a GeoTIFF at the cells of grid (bilinear), and the share of cells it knows.
 
-    Any system with a CRS will do, geographic ones too. Cells without a height take that of the nearest cell.
-    Raises InputError when the file is unreadable, has no CRS, or covers less than LEAST_KNOWN of the grid.
+    Any system with a CRS will do, geographic ones too. Cells without a height carry on smoothly those around
+    them. notes of the raster: what was assumed, see `field.band.read_band`.
+    Raises InputError when the file is unreadable, has no CRS, covers less than LEAST_KNOWN of the grid, or
+    holds what cannot be ground.
     """
     try:
         import rasterio
         import rasterio.warp
-        from scipy.ndimage import distance_transform_edt
     except ImportError as error:
         raise MissingExtra("geo", "reading a DEM") from error
     ny, nx = grid.values.shape
     west, _, _, north = grid.bounds
     target = rasterio.Affine(grid.cell, 0.0, west, 0.0, -grid.cell, north)
-    values = np.full((ny, nx), np.nan, dtype=np.float32)
+    values, notes = np.full((ny, nx), np.nan, dtype=np.float32), list[str]()
     with open_geotiff(path) as dataset:
         if dataset.crs is None:
             raise InputError("dem.crs", None, "expected a coordinate system, the file names none", file=path)
-        system = dataset.crs.to_string()[:40]
-        rasterio.warp.reproject(
-            rasterio.band(dataset, 1), values, src_nodata=dataset.nodata, dst_transform=target,
-            dst_crs=f"EPSG:{grid.epsg}", dst_nodata=np.nan, init_dest_nodata=True,
-            resampling=rasterio.warp.Resampling.bilinear, warp_mem_limit=WARP_MB,
-        )  # fmt: skip
+        flat = horizontal(dataset.crs)
+        window = _window(dataset, flat, grid)
+        if window is not None:
+            coarser = max(1, int(np.ceil(np.sqrt(window.width * window.height / MOST_READ))))
+            shape = (-(-window.height // coarser), -(-window.width // coarser))
+            band = read_band(dataset, path, GROUND, window=window, shape=shape)
+            across, down = window.width / shape[1], window.height / shape[0]
+            a, b, c, d, e, f = tuple(dataset.transform)[:6]
+            c, f = a * window.col_off + b * window.row_off + c, d * window.col_off + e * window.row_off + f
+            place = rasterio.Affine(a * across, b * down, c, d * across, e * down, f)
+            rasterio.warp.reproject(
+                band.values, values, src_transform=place,
+                src_crs=flat.to_wkt(), src_nodata=np.nan, dst_transform=target,
+                dst_crs=f"EPSG:{grid.epsg}", dst_nodata=np.nan, init_dest_nodata=True,
+                resampling=rasterio.warp.Resampling.bilinear,
+            )  # fmt: skip
+            notes = list(band.notes)
     values = values[::-1]
     known = np.isfinite(values)
     share = float(known.mean())
@@ -43,8 +62,54 @@ def read_dem(path: Path, grid: Raster) -> tuple[Raster, float]:
         middle = f"{west + 0.5 * nx * grid.cell:.0f} E, {north - 0.5 * ny * grid.cell:.0f} N"
         expected = (
             f"expected heights for at least {LEAST_KNOWN:.0%} of the field and its margin; the field is at "
-            f"{middle} (EPSG:{grid.epsg}), the file says {system}"
+            f"{middle} (EPSG:{grid.epsg}), the file says {flat.name[:40]}"
         )
         raise InputError("dem", f"{share:.0%}", expected, file=path)
-    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return Raster(values[tuple(nearest)], grid.x0, grid.y0, grid.cell, grid.epsg), share
+    notes += check_ground(values, grid.cell, path)
+    if share < 1.0:
+        notes.append(
+            f"{1.0 - share:.1%} of the ground has no height in {path.name}: carried on from around it"
+        )
+    filled = carry_on(values.astype(np.float64)).astype(np.float32)
+    return replace(grid, values=filled, notes=tuple(notes)), share
+
+
+def against_log(raster: Raster, log: Log) -> Raster:
+    """A DEM with a note where the heights of a log lie elsewhere, or rise otherwise, than its own."""
+    there = raster.sample(*log.position.T)
+    known = np.isfinite(there) & np.isfinite(log.elevation)
+    if known.sum() < 100:
+        return raster
+    dem, logged = there[known], log.elevation[known]
+    off, notes = float(np.median(logged - dem)), list(raster.notes)
+    spread = float(np.subtract(*np.percentile(dem, [90, 10])))
+    rise = float(np.subtract(*np.percentile(logged, [90, 10]))) / max(spread, 1e-9)
+    if abs(off) > APART:
+        why = "geoid against ellipsoid, or a unit?"
+        notes.append(
+            f"the log's heights lie {abs(off):.1f} m {'above' if off > 0 else 'below'} the DEM's: {why}"
+        )
+    if spread > APART and not RISES[0] < rise < RISES[1]:
+        notes.append(f"the log's heights rise {rise:.2f} times as far as the DEM's: is one in another unit?")
+    return replace(raster, notes=tuple(notes))
+
+
+def _window(dataset: Any, flat: Any, grid: Raster) -> Any:
+    """The part of a file, in whole cells, around a grid; None where they do not meet."""
+    from rasterio.windows import Window
+
+    west, south, east, north = grid.bounds
+    along = np.linspace(0.0, 1.0, 11)
+    x, y = np.meshgrid(west + (east - west) * along, south + (north - south) * along)
+    places = transform(np.stack([x.ravel(), y.ravel()], axis=1), f"EPSG:{grid.epsg}", flat)
+    places = places[np.isfinite(places).all(axis=1)]
+    if not len(places):
+        return None
+    a, b, c, d, e, f = tuple(~dataset.transform)[:6]
+    column, row = a * places[:, 0] + b * places[:, 1] + c, d * places[:, 0] + e * places[:, 1] + f
+    ends = []
+    for value, size in ((column, dataset.width), (row, dataset.height)):
+        first, last = np.clip([value.min() - 3.0, value.max() + 4.0], 0, size).astype(int).tolist()
+        ends.append((first, last - first))
+    (left, width), (top, height) = ends
+    return Window(left, top, width, height) if width > 0 and height > 0 else None

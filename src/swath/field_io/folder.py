@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
 from swath.documents.yaml_document import dump
+from swath.field.band import CROP_HEIGHT, GRAIN, GROUND, MOISTURE, STEMS
 from swath.field.projection import Origin, known_crs
 from swath.field.raster import Raster
 from swath.field_io.folder_files import (
@@ -49,6 +51,7 @@ BANDS = {  # name and unit, as GDAL and QGIS show them
     "moisture": ("grain moisture", "1"),
     "grain": ("yield", "kg/m2"),
 }
+QUANTITIES = {"terrain": GROUND, "stems": STEMS, "height": CROP_HEIGHT, "moisture": MOISTURE, "grain": GRAIN}
 PICTURE = "overview.png"
 
 
@@ -104,7 +107,8 @@ def read(path: Path | str) -> FieldFolder:
     corner = (origin.easting, origin.northing)
     rasters = {}
     for key, name in RASTERS.items():
-        raster = Raster.from_geotiff(path / name, corner, may_be_empty=key in OPTIONAL)
+        of, may_be_empty = QUANTITIES[key], key in OPTIONAL
+        raster = Raster.from_geotiff(path / name, corner, quantity=of, may_be_empty=may_be_empty)
         if raster.epsg != origin.epsg:
             expected = f"expected EPSG {origin.epsg} of field.yaml"
             raise InputError("raster.crs", raster.epsg, expected, file=path / name)
@@ -203,11 +207,11 @@ def _write_parts(field: FieldFolder, folder: Path) -> None:
     }
     rest = {k: v for k, v in field.info.items() if k not in head}
     text = dump({**head, **rest}, width=110)
-    (folder / "field.yaml").write_text(text, encoding="utf-8")
+    write_whole(folder / "field.yaml", text)
 
 
 def _write_json(path: Path, data: dict[str, Any]) -> None:
-    path.write_text(json.dumps(data, allow_nan=False, separators=(",", ":")) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(data, allow_nan=False, separators=(",", ":")) + "\n")
 
 
 def _origin(head: Head) -> Origin:

@@ -1,18 +1,23 @@
 """From cleaned records to maps: yield, moisture, stems per m2, crop height."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.errors import InputError
 from swath.field.raster import Raster
 from swath.field_io.clean import Cleaned
+from swath.field_io.trade import STEMS
 
 Array = NDArray[np.float64]
 REACH_WIDTHS = 1.25  # header widths a record counts at most
 FILL_WIDTHS = 2.5  # header widths a gap is filled from the records around it; farther there is no crop
+MOST_CELLS = 4_000_000  # of a map: 100 km2 in cells of 5 m
+CELLS_AT_ONCE = 50_000  # of a map, with their NEAREST records in memory
 NEAREST = 48  # records that count for a cell
-STEMS = (0.1, 2.0)  # plausible, of what the crop usually has: 50 to 1000 ears/m2 of wheat; others are clipped
 
 
 @dataclass(frozen=True)
@@ -30,9 +35,19 @@ class Maps:
 
 
 def make_grid(bounds: tuple[float, float, float, float], cell: float, margin: float, epsg: int) -> Raster:
-    """Empty map whose cell edges lie on multiples of the cell, around bounds (W, S, E, N) [m]."""
+    """Empty map whose cell edges lie on multiples of the cell, around bounds (W, S, E, N) [m].
+
+    InputError where it would have more than MOST_CELLS.
+    """
     west, south = (np.floor((b - margin) / cell) * cell for b in bounds[:2])
     nx, ny = (int(np.ceil((b + margin - a) / cell)) for a, b in ((west, bounds[2]), (south, bounds[3])))
+    if nx * ny > MOST_CELLS:
+        size = f"{nx * cell / 1000.0:.1f} x {ny * cell / 1000.0:.1f} km"
+        expected = (
+            f"expected at most {MOST_CELLS * cell**2 / 1e6:.0f} km2 around it, in cells of {cell:g} m: "
+            "is a corner far off, or are several fields in it?"
+        )
+        raise InputError("field", size, expected)
     values = np.full((ny, nx), np.nan, dtype=np.float32)
     return Raster(values, float(west + 0.5 * cell), float(south + 0.5 * cell), cell, epsg)
 
@@ -53,15 +68,14 @@ def make_maps(
     cells = np.stack([x[crop], y[crop]], axis=1)
     xy = cleaned.log.position[kept]
     grain, moisture = cleaned.grain[kept], cleaned.log.moisture[kept]
-    near, weight, filled = _weights(xy, cells, width)
-    values = _mean(grain, near, weight)
+    (values, moist), filled = _means(xy, cells, width, (grain, moisture))
     stems = values / grain_kg_per_stem
     low, high = (share * usual_stems for share in STEMS)
     outside = (stems < low) | (stems > high)
     return Maps(
         _onto(grid, crop, values),
         _onto(grid, crop, np.clip(stems, low, high)),
-        _onto(grid, crop, _mean(moisture, near, weight)),
+        _onto(grid, crop, moist),
         int(outside.sum()),
         int((filled & np.isfinite(values)).sum()),
     )
@@ -75,18 +89,31 @@ def crop_height(cleaned: Cleaned, grid: Raster, stems: Raster, default: float) -
         return _onto(grid, crop, np.full(int(crop.sum()), default))
     x, y = np.meshgrid(*grid.centres())
     width = float(np.median(cleaned.log.width[cleaned.kept]))
-    near, weight, _ = _weights(
-        cleaned.log.position[cleaned.kept], np.stack([x[crop], y[crop]], axis=1), width
-    )
-    return _onto(grid, crop, np.nan_to_num(_mean(logged, near, weight), nan=default))
+    cells = np.stack([x[crop], y[crop]], axis=1)
+    (heights,), _ = _means(cleaned.log.position[cleaned.kept], cells, width, (logged,))
+    return _onto(grid, crop, np.nan_to_num(heights, nan=default))
 
 
-def _weights(xy: Array, cells: Array, width: float) -> tuple[NDArray[np.int64], Array, NDArray[np.bool_]]:
-    """Records near each cell, shape (n, k), their weights, and cells that needed the wider reach."""
+def _means(
+    xy: Array, cells: Array, width: float, columns: Sequence[Array]
+) -> tuple[list[Array], NDArray[np.bool_]]:
+    """Weighted means of columns of records at cells, (n,) each, and cells that needed the wider reach."""
     from scipy.spatial import cKDTree
 
-    count = min(NEAREST, len(xy))
-    distance, near = cKDTree(xy).query(cells, k=count, distance_upper_bound=FILL_WIDTHS * width)
+    tree = cKDTree(xy)
+    means, filled = [np.zeros(len(cells)) for _ in columns], np.zeros(len(cells), dtype=bool)
+    for first in range(0, len(cells), CELLS_AT_ONCE):
+        part = slice(first, first + CELLS_AT_ONCE)
+        near, weight, filled[part] = _weights(tree, cells[part], width)
+        for mean, values in zip(means, columns, strict=True):
+            mean[part] = _mean(values, near, weight)
+    return means, filled
+
+
+def _weights(tree: Any, cells: Array, width: float) -> tuple[NDArray[np.int64], Array, NDArray[np.bool_]]:
+    """Records near each cell, shape (n, k), their weights, and cells that needed the wider reach."""
+    count = min(NEAREST, tree.n)
+    distance, near = tree.query(cells, k=count, distance_upper_bound=FILL_WIDTHS * width)
     distance, near = distance.reshape(len(cells), count), near.reshape(len(cells), count)
     found = np.isfinite(distance)
     filled = distance[:, 0] > REACH_WIDTHS * width if len(cells) else np.zeros(0, dtype=bool)

@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
 from swath.field.crop import Crop
 from swath.field.crop_sheet import load_crop
 from swath.field.projection import Origin
 from swath.field.raster import Raster
 from swath.field_io import folder, outline
 from swath.field_io.clean import Cleaned, clean, clean_map
-from swath.field_io.columns import ColumnsMissing
-from swath.field_io.dem import read_dem
+from swath.field_io.columns import FLOWS, ColumnsMissing
+from swath.field_io.dem import against_log, read_dem
 from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import Maps, crop_height, make_grid, make_maps
 from swath.field_io.heights import fit_terrain
@@ -28,10 +29,14 @@ from swath.field_io.passes import Track, make_tracks, pass_spacing, row_azimuth
 from swath.field_io.picture import draw
 from swath.field_io.plan import is_outline, plan_field, read_plan
 from swath.field_io.report import ImportReport
+from swath.field_io.trade import STEMS
 from swath.terminal.progress import steps
 
 Array = NDArray[np.float64]
 MARGIN_M = 40.0  # of terrain around the field, for turning
+CLIPPED = 0.05, 0.5  # of the cells, with stems outside what the crop can have: told, refused
+BALANCE = 1.25, 2.5  # logged over mapped grain, or the other way round: told, refused
+FEW_USED = 0.5  # of the records
 
 
 @dataclass(frozen=True)
@@ -92,14 +97,16 @@ def import_log(
         try:
             records = _read(log, columns, settings)
         except InputError as error:
-            is_harvest = not isinstance(error, ColumnsMissing) and error.key != "taskdata"
-            if is_harvest or not is_taskdata(log) or not read_plan(log)[0]:
+            lacks_yield = isinstance(error, ColumnsMissing) and "grain_flow or yield" in error.expected
+            is_plan = lacks_yield or error.key == "taskdata"
+            if not is_plan or not is_taskdata(log) or not read_plan(log).parts:
                 raise
             return _import_plan(log, out, dem, settings)
         crop_facts = load_crop(records.crop)
         polygon, notes, within = None, list(records.notes), None
         if boundary is not None:
-            polygon = outline.read_outline(boundary, records.epsg)
+            polygon, more = outline.read_outlines(boundary, records.epsg).field(records.position)
+            notes += more
             within = outline.inside(polygon.buffer(15.0), records.position)
             if within.mean() < 0.05:
                 raise InputError(
@@ -126,6 +133,7 @@ def import_log(
             notes += more
         step("terrain")
         terrain, terrain_info = _terrain(cleaned, polygon, dem, settings)
+        notes += terrain.notes
         step("maps of the crop")
         grid = make_grid(polygon.bounds, settings.cell_m, MARGIN_M, records.epsg)
         x, y = np.meshgrid(*grid.centres())
@@ -139,6 +147,7 @@ def import_log(
         step("passes")
         origin = _origin(polygon, terrain, records.epsg)
         tracks = () if settings.as_map else make_tracks(cleaned, origin)
+        notes += _doubts(cleaned, maps, within, polygon, settings, crop_facts, log)
         report = _report(log, out, cleaned, tracks, maps, polygon, settings, terrain_info, tuple(notes))
         exterior, holes = outline.rings(polygon)
         corner = np.array([origin.easting, origin.northing])
@@ -177,7 +186,7 @@ def _read(log: Path, columns: Path | None, settings: Settings) -> Log:
         made = home / f"{log.name.partition('.')[0]}.columns.yaml"
         if made.exists():
             raise
-        made.write_text(error.template + "\n", encoding="utf-8")
+        write_whole(made, error.template + "\n")
         needed = error.expected.rpartition("; ")[0]
         expected = f"{needed}; fill in {made} and give it with --columns"
         raise InputError(error.key, None, expected, file=log) from error
@@ -246,7 +255,8 @@ def _terrain(
     grid = make_grid(polygon.bounds, settings.terrain_cell_m, MARGIN_M, cleaned.log.epsg)
     fit = None if dem is not None else fit_terrain(cleaned, grid)
     if fit is None:
-        return _ground(grid, dem)
+        raster, info = _ground(grid, dem)
+        return (against_log(raster, cleaned.log) if dem is not None else raster), info
     used = bool(np.any(fit.offset != 0.0))
     return fit.raster, {
         "source": "heights of the log" + (", drift between passes removed" if used else ""),
@@ -266,11 +276,12 @@ def _ground(grid: Raster, dem: Path | None) -> tuple[Raster, dict[str, Any]]:
         raster, known = read_dem(dem, grid)
         return raster, {"source": f"DEM {dem.name}", "known_share": known, **_relief(raster)}
     flat = Raster(np.zeros(grid.values.shape, np.float32), grid.x0, grid.y0, grid.cell, grid.epsg)
-    return flat, {"source": "flat: the log has no heights", "relief_m": 0.0}
+    return flat, {"source": "flat: there are no heights", "relief_m": 0.0}
 
 
 def _relief(raster: Raster) -> dict[str, float]:
-    return {"relief_m": float(np.nanmax(raster.values) - np.nanmin(raster.values))}
+    low, high = float(np.nanmin(raster.values)), float(np.nanmax(raster.values))
+    return {"relief_m": high - low, "lowest_m": low, "highest_m": high}
 
 
 def _origin(polygon: Any, terrain: Raster, epsg: int) -> Origin:
@@ -330,6 +341,56 @@ def _report(
     )  # fmt: skip
 
 
+def _doubts(
+    cleaned: Cleaned,
+    maps: Maps,
+    within: Any,
+    polygon: Any,
+    settings: Settings,
+    crop: Crop,
+    path: Path,
+) -> list[str]:
+    """What the result itself contradicts. Raises InputError where it cannot be."""
+    log, notes = cleaned.log, []
+    yields = float(np.mean(cleaned.grain[cleaned.kept])) * 10.0
+    key = next(k for k in FLOWS[:2] if k in log.column_map.columns)
+    column = log.column_map.columns[key]
+    cells = int(np.isfinite(maps.grain.values).sum())
+    clipped = maps.clipped_count / max(cells, 1)
+    assert settings.grain_g_per_stem is not None
+    low, high = (s * crop.stand.density * settings.grain_g_per_stem / 100.0 for s in STEMS)
+    shown = f"{yields:.3g} t/ha in the mean, by {column.column} in {column.unit}"
+    if clipped > CLIPPED[0]:
+        text = (
+            f"{maps.clipped_count} of {cells} cells lie outside {low:.2g} to {high:.3g} t/ha of {crop.name}"
+        )
+        if clipped > CLIPPED[1]:
+            expected = (
+                f"expected yields of the crop: {text}; say the unit with --columns, or --grain-g-per-stem"
+            )
+            raise InputError("crop.yield", shown, expected, file=path)
+        notes.append(f"stems: {text}, and are clipped")
+    if settings.as_map:
+        return notes
+    own = np.ones(len(log), bool) if within is None else outline.inside(polygon, log.position)
+    logged = float((log.flow * log.duration)[own].sum())
+    mapped = float(np.nansum(maps.grain.values.astype(float))) * maps.grain.cell**2
+    ratio = logged / mapped if mapped > 0.0 else np.inf
+    text = f"{logged / 1000:.1f} t logged, {mapped / 1000:.1f} t on the map of {polygon.area / 1e4:.2f} ha"
+    if ratio > BALANCE[1]:
+        expected = f"expected as much grain on the map as in the log: {text}"
+        flag = "say the units of width, speed and yield with --columns"
+        raise InputError("crop.grain", shown, f"{expected}; {flag}", file=path)
+    if ratio > BALANCE[0] or ratio < 1.0 / BALANCE[0]:
+        notes.append(f"grain: {text}")
+    if cleaned.kept.sum() < FEW_USED * len(log):
+        reason, count = max(cleaned.counts.items(), key=lambda item: item[1])
+        notes.append(
+            f"{cleaned.kept.sum():,} of {len(log):,} records used: {count:,} {reason.replace('_', ' ')}"
+        )
+    return notes
+
+
 def _digest(path: Path) -> str:
     """SHA-256 of the log, of a folder of all its files in the order of their names."""
     made = hashlib.sha256()
@@ -358,6 +419,7 @@ def _machines(cleaned: Cleaned, tracks: tuple[Track, ...]) -> list[dict[str, Any
                 "flow_delay_method": delay.method,
                 "flow_delay_agreement": delay.agreement,
                 "flow_delay_pairs": delay.pair_count,
+                "flow_delay_error_s": delay.error,
             }
         )
     return rows

@@ -4,6 +4,7 @@ Broken rows are left out and counted by reason; only a file that holds no usable
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,20 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.field.projection import known_crs, transform, utm_epsg
 from swath.field_io import trade
-from swath.field_io.clock import MILLISECONDS, seconds_of, usable
-from swath.field_io.columns import QUANTITIES, UNITS, ColumnMap, find_columns
+from swath.field_io.clock import MILLISECONDS, days_of, of_digits, over_midnight, seconds_of, spread, usable
+from swath.field_io.columns import FLOWS, QUANTITIES, UNITS, ColumnMap, find_columns
 from swath.field_io.machines import separate_machines
-from swath.field_io.records import check_order, declared_machines, duration_of, speed_of, time_of
+from swath.field_io.records import (
+    PAUSE,
+    check_order,
+    declared_machines,
+    duration_of,
+    speed_of,
+    time_of,
+    unrounded,
+)
 from swath.field_io.table import Table, read_table
+from swath.field_io.witnesses import Drive, clock_unit, drive_of, settle_units
 
 Array = NDArray[np.float64]
 FEWEST_RECORDS = 30  # below, there is no pass to speak of
@@ -29,9 +39,11 @@ PLAUSIBLE: dict[str, tuple[float, float]] = {
     "distance": (0.0, 1e4),
 }  # fmt: skip
 """Limits in SI units (m/s, m, kg/s, kg/m2, share, m, m, s, m). Outside, the number means something else."""
-_PLAIN = ("lat", "lon", "time", "duration")  # their units without a word are no news
-_NEEDED = ("grain_flow", "yield", "speed", "header_width")
+_NEEDED = {"grain_flow": "kg/s", "yield": "kg/m2", "speed": "m/s", "header_width": "m"}
 """A bad value here breaks the row, elsewhere the cell."""
+MANY = 0.2  # of the rows: so many left out for one reason are told
+LATEST = 1e19  # of a number that is a time: nanoseconds of the year 2286
+COUNTS_ON = 0.99  # of the steps of a distance that do not go back: it is that from the start
 MAP_WIDTH = 10.0  # m, where a map of yields holds no width of the header
 WHOLE_CROP_SHARE = 0.2  # of the rows with a flow: so many above what grain can be are no slips
 
@@ -81,7 +93,7 @@ class Log:
         step = np.hypot(np.diff(self.east), np.diff(self.north))
         pause = np.diff(self.time)
         far = step > 3.0 * np.maximum(self.speed[1:], 1.0) * np.clip(pause, 1.0, 3.0) + 3.0
-        gap: NDArray[np.bool_] = np.r_[True, (np.diff(self.machine) != 0) | (pause > 5.0) | far]
+        gap: NDArray[np.bool_] = np.r_[True, (np.diff(self.machine) != 0) | (pause > PAUSE) | far]
         return gap
 
     def keep(self, mask: NDArray[np.bool_]) -> "Log":
@@ -90,6 +102,7 @@ class Log:
         return replace(self, **arrays)
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def read_log(
     path: Path,
     columns: Path | None = None,
@@ -106,33 +119,25 @@ def read_log(
     Raises InputError when the file is no log or less than 30 rows of it can be used.
     """
     table = read_table(path)
+    if header_width is None and table.stated_width is not None:
+        table.columns["header_width_m"] = table.stated_width
     found = find_columns(
         list(table.columns), path, columns, table.points is not None, units=table.units,
         needs_width=header_width is None and not as_map,
     )  # fmt: skip
-    notes = [
-        f"{k}: unit taken as {c.unit}" for k, c in found.columns.items() if c.is_assumed and k not in _PLAIN
-    ]
-    notes += table.notes[:MOST_NOTES]
+    notes = list(table.notes[:MOST_NOTES])
     row_count = len(table.row_number) + sum(table.broken.values())
     if len(table.row_number) < FEWEST_RECORDS:
         raise InputError(
             "log", len(table.row_number), f"expected at least {FEWEST_RECORDS} whole rows", file=path
         )
     lon_lat, crs_note = _lon_lat(table, found, path)
-    values = {key: si_values(table, found, key) for key in QUANTITIES if QUANTITIES[key] != "text"}
-    if "time" in found.columns:
-        clock, note = usable(values["time"])
-        notes += [note] if note else []
-        if clock is None:
-            found = replace(found, columns={k: c for k, c in found.columns.items() if k != "time"})
-        else:
-            values["time"] = clock
     sheet, others, note = _crop(table, found, crop, path)
     notes += [note] if note else []
+    found, values, first, more = _settled(table, found, lon_lat, header_width, sheet, path, as_map)
+    notes += more
     found, note = _as_harvested(values, found, sheet)
     notes += [note] if note else []
-    first = _joined_sections(table, found, lon_lat, values)
     broken = dict(table.broken)
     reasons = {"other_section": ~first, "other_crop": others, **_broken(lon_lat, values, found)}
     _refuse_whole_crop(values["grain_flow"], path)
@@ -143,7 +148,12 @@ def read_log(
     if good.sum() < FEWEST_RECORDS:
         counts = ", ".join(f"{v} {k}" for k, v in broken.items() if v)
         expected = f"expected at least {FEWEST_RECORDS} usable rows of {row_count} ({counts})"
-        raise InputError("log", int(good.sum()), expected, file=path)
+        raise InputError("log", int(good.sum()), expected + _why(broken, found), file=path)
+    notes += [
+        f"{n:,} of {row_count:,} rows left out: {reason.replace('_', ' ')}{_why({reason: n}, found)}"
+        for reason, n in broken.items()
+        if n > MANY * row_count and reason not in ("other_section", "other_crop")
+    ]
     work = not_working(table, found)
     if work is not None:
         values["grain_flow"] = np.where(work, 0.0, values["grain_flow"])
@@ -157,6 +167,127 @@ def read_log(
     notes += [crs_note] if crs_note else []
     notes += log.notes
     return replace(log.keep(~again), row_count=row_count, broken=broken, notes=tuple(notes), crop=sheet)
+
+
+def _why(broken: dict[str, int], found: ColumnMap) -> str:
+    """The column of what most rows were left out for, and how its unit is said."""
+    reason = max(broken, key=lambda k: broken[k])
+    key = next((k for k in _NEEDED if reason.startswith(k)), "")
+    if key not in found.columns or not reason.endswith("out_of_range"):
+        return ""
+    column, (low, high) = found.columns[key], PLAUSIBLE[key]
+    limits = f"expected {low:g} to {high:g} {_NEEDED[key]}"
+    return f"; {column.column} in {column.unit}: {limits}, --columns takes its unit"
+
+
+def _settled(
+    table: Table, found: ColumnMap, lon_lat: Array, header_width: float | None, sheet: str, path: Path,
+    as_map: bool,
+) -> tuple[ColumnMap, dict[str, Array], NDArray[np.bool_], list[str]]:  # fmt: skip
+    """Columns with their units settled, all quantities in SI units, the first record of each place and time
+    (shape (n,): it has the widths and flows of all sections), and notes.
+    """
+    count = len(table.row_number)
+    numeric = {k: c for k, c in {**found.beside, **found.columns}.items() if QUANTITIES[k] != "text"}
+    raw = {k: table.numbers(c.column) for k, c in numeric.items() if k not in ("lat", "lon", "time")}
+    clock, day, unit, notes = _clock(table, found)
+    first = _joined_sections(found, lon_lat, raw, clock)
+    finite, on_earth, away = _places(lon_lat)
+    rows = np.flatnonzero(first & finite & on_earth & ~away)
+    machine = declared_machines(table, found)[1]
+    by = raw.get("record", np.arange(count, dtype=float)) if clock is None else clock
+    order = np.zeros(0, dtype=np.int64) if as_map else rows[np.lexsort((by[rows], day[rows], machine[rows]))]
+    cutting = _cutting(raw, not_working(table, found), count)
+    drive = Drive((0.0, 0.0), order[:0], order[:0], np.zeros(0))
+    if len(order) >= FEWEST_RECORDS:
+        epsg = utm_epsg(*np.median(lon_lat[order], axis=0))
+        position = np.full((count, 2), np.nan)
+        position[order] = transform(lon_lat[order], "EPSG:4326", f"EPSG:{epsg}")
+        check_order(np.arange(len(order), dtype=float), machine[order], *position[order].T)
+        drive = drive_of(position, lon_lat, order, machine, cutting)
+    notes += _step_wise(raw, order, drive)
+    columns, seconds, pace = dict(found.columns), None, None
+    if clock is not None:
+        if not unit:
+            unit, note = clock_unit(columns["time"], clock, drive, path)
+            notes += [note] if note else []
+        columns["time"] = replace(columns["time"], unit=unit)
+        seconds = clock * UNITS["time"][unit] + day
+        pace = seconds
+    else:
+        columns.pop("time", None)
+        if "duration" in raw:
+            pace = np.full(count, np.nan)
+            pace[order] = np.cumsum(raw["duration"][order] * UNITS["time"][columns["duration"].unit])
+    found = replace(found, columns=columns)
+    found, more = settle_units(found, raw, pace, drive, cutting & first, header_width, sheet, path)
+    values = {k: np.full(count, np.nan) for k in QUANTITIES if QUANTITIES[k] != "text"}
+    values |= {k: raw[k] * UNITS[QUANTITIES[k]][c.unit] for k, c in found.columns.items() if k in raw}
+    if seconds is not None:
+        values["time"] = seconds
+    elif pace is None and "speed" in found.columns and len(drive.step):
+        period = float(np.nanmedian(drive.step / np.maximum(values["speed"][drive.after], 0.1)))
+        values["duration"] = np.full(count, period)
+        more.append(f"no time: records taken as {period:.2f} s apart, by speed and positions")
+    return found, values, first, notes + more
+
+
+def _cutting(raw: dict[str, Array], idle: NDArray[np.bool_] | None, count: int) -> NDArray[np.bool_]:
+    """Records with grain, shape (n,)."""
+    grain = next((raw[k] for k in FLOWS if k in raw), np.ones(count))
+    flowing = grain[grain > 0.0]
+    cutting = grain > (0.2 * float(np.median(flowing)) if len(flowing) else 0.0)
+    return cutting if idle is None else cutting & ~idle
+
+
+def _clock(table: Table, found: ColumnMap) -> tuple[Array | None, Array, str, list[str]]:
+    """Time of each row, None where there is no clock; the midnight it counts from [s]; its unit, '' for that
+    of its column; notes.
+    """
+    column, dates = found.columns.get("time"), found.columns.get("date")
+    none = np.zeros(len(table.row_number))
+    if column is None:
+        return None, none, "", []
+    numbers = table.numbers(column.column)
+    numbers[np.abs(numbers) > LATEST] = np.nan
+    unit, notes, day = "", [], none
+    if np.isfinite(numbers).mean() < 0.5:
+        numbers, unit = si_values(table, found, "time"), "s"
+    else:
+        coded = of_digits(numbers)
+        if coded is not None:
+            numbers, day, form = coded
+            unit, notes = "s", [f"time: {column.column} read as {form}, by its digits"]
+        held = none if dates is None or day.any() else days_of(table.texts(dates.column))
+        if np.isfinite(held).all() and _overlap(numbers, held):
+            day = held
+        elif unit and not day.any():
+            numbers = over_midnight(numbers)
+    numbers, note = spread(numbers) if "section" not in found.columns else (numbers, "")
+    clock, more = usable(numbers)
+    return clock, day, unit, [*notes, *filter(None, (note, more))]
+
+
+def _overlap(times: Array, days: Array) -> bool:
+    """Whether the times of different days are times of the day: they begin anew."""
+    names = np.unique(days)
+    held = [times[(days == d) & np.isfinite(times)] for d in names[:100]]
+    spans = [(of_day.min(), of_day.max()) for of_day in held if len(of_day)]
+    return any(b[0] < a[1] for a, b in pairwise(spans))
+
+
+def _step_wise(raw: dict[str, Array], order: NDArray[np.int64], drive: Drive) -> list[str]:
+    """Distance that counts on is made the way since the record before, in place; and a note."""
+    if "distance" not in raw or len(drive.step) < 2:
+        return []
+    steps = np.diff(raw["distance"][order])
+    if (
+        not (np.nan_to_num(steps, nan=-1.0) >= 0.0).mean() > COUNTS_ON
+        or np.ptp(raw["distance"][order]) == 0.0
+    ):
+        return []
+    raw["distance"][order] = np.r_[np.nan, steps]
+    return ["distance: counts on, taken as the way between records"]
 
 
 def _crop(
@@ -213,24 +344,24 @@ def _as_harvested(values: dict[str, Array], found: ColumnMap, sheet: str) -> tup
 
 
 def _joined_sections(
-    table: Table, found: ColumnMap, lon_lat: Array, values: dict[str, Array]
+    found: ColumnMap, lon_lat: Array, raw: dict[str, Array], time: Array | None
 ) -> NDArray[np.bool_]:
     """The first record of each place and time, shape (n,): it gets the widths and flows of all sections."""
     count = len(lon_lat)
-    if "section" not in found.columns or "header_width" not in found.columns:
+    if "section" not in found.columns or "header_width" not in raw:
         return np.ones(count, dtype=bool)
-    when = values["time"] if "time" in found.columns else np.zeros(count)
-    keys = np.nan_to_num(np.column_stack([when, lon_lat]))
+    keys = np.nan_to_num(np.column_stack([np.zeros(count) if time is None else time, lon_lat]))
     _, index, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     group = group.ravel()
-    width = np.nan_to_num(values["header_width"])
+    width = np.nan_to_num(raw["header_width"])
     total = _sums(group, width)
     share = width / np.where(total > 0.0, total, 1.0)
     first = np.zeros(count, dtype=bool)
     first[index] = True
-    values["yield"] = _sums(group, share * np.nan_to_num(values["yield"]))
-    values["grain_flow"] = _sums(group, np.nan_to_num(values["grain_flow"]))
-    values["header_width"] = total
+    for key in FLOWS:
+        if key in raw:
+            raw[key] = _sums(group, (1.0 if key == "grain_flow" else share) * np.nan_to_num(raw[key]))
+    raw["header_width"] = total
     return first
 
 
@@ -292,16 +423,28 @@ def _lon_lat(table: Table, found: ColumnMap, path: Path) -> tuple[Array, str]:
     return transform(points, known_crs(text), "EPSG:4326"), ""
 
 
+def _places(lon_lat: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Positions that are numbers, that are on earth, and of these far from the others, shape (n,)."""
+    lon, lat = lon_lat.T
+    finite = np.asarray(np.isfinite(lon_lat).all(axis=1))
+    on_earth = np.asarray(
+        (np.abs(lon) <= 180.0) & (np.abs(lat) <= 84.0) & ((lon != 0.0) | (lat != 0.0)) & finite
+    )
+    if not on_earth.any():
+        return finite, on_earth, np.zeros(len(lon_lat), dtype=bool)
+    centre = np.median(lon_lat[on_earth], axis=0)
+    away = np.hypot((lon - centre[0]) * np.cos(np.radians(centre[1])), lat - centre[1]) * 111.2e3
+    return finite, on_earth, np.asarray(on_earth & (away > FARTHEST_M))
+
+
 def _broken(lon_lat: Array, values: dict[str, Array], found: ColumnMap) -> dict[str, NDArray[np.bool_]]:
     """Reason -> rows, shape (n,), that cannot be used."""
-    lon, lat = lon_lat.T
-    finite = np.isfinite(lon_lat).all(axis=1)
-    on_earth = finite & (np.abs(lon) <= 180.0) & (np.abs(lat) <= 84.0) & ((lon != 0.0) | (lat != 0.0))
-    reasons = {"position_not_a_number": ~finite, "position_out_of_range": finite & ~on_earth}
-    if on_earth.any():
-        centre = np.median(lon_lat[on_earth], axis=0)
-        away = np.hypot((lon - centre[0]) * np.cos(np.radians(centre[1])), lat - centre[1]) * 111.2e3
-        reasons["position_far_away"] = on_earth & (away > FARTHEST_M)
+    finite, on_earth, away = _places(lon_lat)
+    reasons = {
+        "position_not_a_number": ~finite,
+        "position_out_of_range": finite & ~on_earth,
+        "position_far_away": away,
+    }
     for key in _NEEDED:
         if key in found.columns:
             low, high = PLAUSIBLE[key]
@@ -350,8 +493,6 @@ def _assemble(
     if as_map:
         names, machine, order = ("1",), np.zeros_like(machine), np.arange(len(machine))
         time = order.astype(float)
-    else:
-        check_order(time, machine, east, north)
     if "machine" not in found.columns and not as_map:
         machine = separate_machines(time, east, north)
         names = tuple(str(i + 1) for i in range(machine.max() + 1))
@@ -361,7 +502,8 @@ def _assemble(
     machine, time, east, north = machine[order], time[order], east[order], north[order]
     values = {k: v[order] for k, v in values.items()}
     period, duration = duration_of(time, machine, values["duration"])
-    speed = speed_of(values, found, duration, machine, east, north)
+    time = unrounded(time, machine, period)
+    speed = speed_of(values, found, time, duration, machine, east, north)
     width = values["header_width"]
     if not np.isfinite(width).any():
         if as_map and "grain_flow" not in found.columns:

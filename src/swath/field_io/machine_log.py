@@ -88,6 +88,8 @@ def read_machine_log(path: Path, columns: Path | None = None) -> MachineLog:
     speed = np.nan_to_num(values["speed"])
     grade = _grade(values["elevation"], speed * duration, gap)
     measured = {k: values[k] for k in there}
+    assumed = [c for k, c in found.columns.items() if k in keys and c.is_assumed and not c.of_format]
+    notes += [f"{c.column}: unit taken as {c.unit}" for c in assumed]
     width = values["header_width"]
     return MachineLog(
         machine[order],

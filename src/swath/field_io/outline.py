@@ -1,6 +1,7 @@
 """The outline of a field: from a file, or the ground its passes covered."""
 
-import zipfile
+import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,66 +10,188 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
 from swath.documents.json_file import read_json
-from swath.documents.packed import open_archive, readable
+from swath.documents.packed import is_archive, open_archive, readable
+from swath.documents.text_file import read_bytes
+from swath.documents.xml_file import read_xml
 from swath.field.projection import known_crs, transform, utm_epsg
 from swath.field_io.clean import Cleaned
-from swath.field_io.shapefiles import read_shapes
-from swath.field_io.taskfiles import element_texts
+from swath.field_io.shapefiles import read_rings
 
 Array = NDArray[np.float64]
 CLOSING_WIDTHS = 1.1  # header widths: gaps between passes up to twice this are inside the field
 SMALLEST_HOLE = 400.0  # m2: what is left out inside the field and larger is no crop
-LARGEST_BYTES = 1 << 27
+LARGEST_BYTES, LARGEST_KML = 1 << 27, 1 << 25
 EMPTY_AREA = 100.0  # m2: less is no field
+LEAST_TOLD = 1.0  # m2: less is left out without a word
+MOST_SHAPES, MOST_PAIRS = 20_000, 100_000  # polygons of a file, and pairs of them that overlap
+PROBED = 1000  # records that say which field is meant
+WITHIN = 0.98  # share of a polygon that lies in another, from which on it is one within it
+ISLANDS = 0.5  # share of a field that islands have at most; more are zones or inner lines of it
+NAMES = ("name", "field", "fieldname", "field_name", "title", "schlag", "parcelle")  # of an area, in GeoJSON
 
 
-def read_outline(path: Path, epsg: int) -> Any:
-    """Polygon of a boundary file in the system epsg [m].
-
-    GeoJSON, KML (lon/lat) or a polygon shapefile, zipped too. Several polygons are united; the largest
-    part is the field. Raises InputError.
+@dataclass(frozen=True)
+class Outlines:
+    """Areas of crop that a boundary file holds, largest first, in metres of a system. names: of the areas, ''
+    where the file has none; notes: what within them was taken as what
     """
-    return _united(*_polygons(path), epsg, path)
+
+    areas: tuple[Any, ...]
+    names: tuple[str, ...]
+    epsg: int
+    notes: tuple[str, ...] = ()
+
+    def field(self, places: Array | None = None) -> tuple[Any, list[str]]:
+        """One polygon, with its holes, and what the user is told of it and of what is left out.
+
+        places: points (n, 2) [m] of the field that is meant; without them the largest area
+        """
+        some = np.zeros((0, 2)) if places is None else places[:: max(1, len(places) // PROBED)]
+        held = [int(inside(area, some).sum()) for area in self.areas]
+        index = int(np.argmax(held))
+        field, notes = self.areas[index], list(self.notes)
+        others = [i for i in range(len(self.areas)) if i != index]
+        left_out = sum(self.areas[i].area for i in others)
+        if left_out >= LEAST_TOLD:
+            named = ", ".join(repr(self.names[i]) for i in others[:5] if self.names[i])
+            count = "another area" if len(others) == 1 else f"{len(others)} other areas"
+            own = f" {self.names[index]!r}" if self.names[index] else ""
+            notes.append(
+                f"the field{own} of {field.area / 1e4:.2f} ha is taken, {count} of {left_out / 1e4:.2f} ha "
+                f"{'is' if len(others) == 1 else 'are'} left out{f': {named}' if named else ''}"
+            )
+        return field, notes
 
 
-def read_place(path: Path) -> tuple[Any, int]:
-    """Polygon of a boundary file as `read_outline` reads it, and the UTM system that it lies in."""
-    polygons, system = _polygons(path)
-    middle = transform(np.array(polygons[0].centroid.coords)[:, :2], system, "EPSG:4326")[0]
-    if not np.isfinite(middle).all():
-        raise InputError("boundary", None, f"expected places in {system}", file=path)
-    epsg = utm_epsg(*middle)
-    return _united(polygons, system, epsg, path), epsg
+@dataclass(frozen=True)
+class Shape:
+    """A polygon of a file. name: that it has there; group: of those that belong together, a folder in KML."""
+
+    polygon: Any
+    name: str = ""
+    group: int = 0
 
 
-def _polygons(path: Path) -> tuple[list[Any], str]:
-    """Polygons of a boundary file and their system."""
-    shapely = _shapely()
+def read_outlines(path: Path, epsg: int | None = None) -> Outlines:
+    """The areas of crop in a boundary file: GeoJSON, KML, KMZ or a polygon shapefile, zipped too.
+
+    epsg: of the system that they are wanted in, None: the UTM zone of their middle. Polygons that overlap or
+    touch are one area; one within another is an island, whichever way round its points stand. Raises
+    InputError.
+    """
     with readable("boundary", "GeoJSON, KML or a polygon shapefile", path):
         size = path.stat().st_size
         if size > LARGEST_BYTES:
             raise InputError("boundary", size, f"expected at most {LARGEST_BYTES} bytes", file=path)
-        zipped = zipfile.is_zipfile(path)
         if path.suffix.lower() in (".kml", ".kmz"):
-            geometries, crs = _from_kml(path)
-        elif zipped or path.is_dir() or path.suffix.lower() == ".shp":
-            geometries, crs = read_shapes(path, "boundary")
+            shapes, crs, notes = _from_kml(path)
+        elif is_archive(path) or path.is_dir() or path.suffix.lower() == ".shp":
+            shapes, crs, notes = *_from_shapefile(path), []
         else:
-            geometries, crs = _from_geojson(path)
-        shapes = [shapely.geometry.shape(g) for g in geometries]
-    polygons = [s for s in shapes if s.geom_type in ("Polygon", "MultiPolygon") and not s.is_empty]
-    if not polygons:
-        raise InputError("boundary", [s.geom_type for s in shapes][:3], "expected a polygon", file=path)
-    return polygons, known_crs(crs or "EPSG:4326")
+            shapes, crs, notes = *_from_geojson(path), []
+        if not shapes:
+            raise InputError("boundary", None, "expected a polygon", file=path)
+        if len(shapes) > MOST_SHAPES:
+            raise InputError("boundary", len(shapes), f"expected at most {MOST_SHAPES} polygons", file=path)
+        return _arranged(*_moved(shapes, known_crs(crs or "EPSG:4326"), epsg, path), notes, path)
 
 
-def _united(polygons: list[Any], system: str, epsg: int, path: Path) -> Any:
+def _moved(shapes: list[Shape], system: Any, epsg: int | None, path: Path) -> tuple[list[Shape], int]:
+    """The shapes in metres of the system epsg, None: of the UTM zone that they lie in."""
     shapely = _shapely()
-    moved = [shapely.transform(s, lambda p: transform(p[:, :2], system, f"EPSG:{epsg}")) for s in polygons]
-    if not all(np.isfinite(shapely.get_coordinates(s)).all() for s in moved):
+    polygons = [s.polygon for s in shapes]
+    if epsg is None:
+        middle = np.median(shapely.get_coordinates(polygons), axis=0)
+        middle = transform(middle[None], system, "EPSG:4326")[0]
+        if not np.isfinite(middle).all():
+            raise InputError("boundary", None, f"expected places in {system.name}", file=path)
+        epsg = utm_epsg(*middle)
+    moved = shapely.transform(polygons, lambda p: transform(p[:, :2], system, f"EPSG:{epsg}"))
+    if not np.isfinite(shapely.get_coordinates(moved)).all():
         expected = "expected lon/lat in degrees (GeoJSON in EPSG:4326), or a shapefile with its .prj"
         raise InputError("boundary", None, expected, file=path)
-    return largest(shapely.union_all([shapely.make_valid(s) for s in moved]), path)
+    return [replace(s, polygon=_surfaces(p)) for s, p in zip(shapes, moved, strict=True)], epsg
+
+
+def _arranged(shapes: list[Shape], epsg: int, notes: list[str], path: Path) -> Outlines:
+    """Islands out, what touches together."""
+    shapely = _shapely()
+    too_small = InputError("boundary", None, f"expected a field of more than {EMPTY_AREA:.0f} m2", file=path)
+    shapes = sorted((s for s in shapes if s.polygon.area > 0.0), key=lambda s: -s.polygon.area)
+    if not shapes:
+        raise too_small
+    beside = [s for s in shapes if s.group != shapes[0].group]
+    land, islands, others = _nested([s for s in shapes if s.group == shapes[0].group])
+    whole = shapely.union_all([s.polygon for s in land])
+    if islands:
+        ground = shapely.union_all([s.polygon for s in islands]).intersection(whole).area
+        if ground < ISLANDS * whole.area:
+            whole = whole.difference(shapely.union_all([s.polygon for s in islands]))
+            whole = shapely.union_all([whole, *(s.polygon for s in others)])
+            many = "an area" if len(islands) == 1 else f"{len(islands)} areas"
+            said = f"{many} of {ground / 1e4:.2f} ha within the field"
+            notes.append(f"{said} {'is an island' if len(islands) == 1 else 'are islands'} without crop")
+        else:
+            said = f"{len(islands)} outlines of {ground / 1e4:.2f} ha within another are not used"
+            notes.append(f"{said}: too large to be islands")
+    if beside:
+        within = shapely.union_all([s.polygon for s in beside]).intersection(whole).area
+        if within >= LEAST_TOLD:
+            notes.append(f"polygons of another folder within the field, {within / 1e4:.2f} ha, are not used")
+    areas = [p for p in _parts(whole) if p.area > EMPTY_AREA]
+    if not areas:
+        raise too_small
+    areas.sort(key=lambda p: -p.area)
+    names, tree = [], shapely.STRtree([s.polygon.representative_point() for s in land])
+    for area in areas:
+        own = [land[i] for i in sorted(tree.query(area.buffer(0.5), predicate="contains").tolist())]
+        names.append(own[0].name if len(own) == 1 else "")
+        if len(own) > 1:
+            sizes = " + ".join(f"{s.polygon.area / 1e4:.2f}" for s in own[:5])
+            more = " + ..." if len(own) > 5 else ""
+            notes.append(f"{len(own)} polygons that touch are one field ({sizes}{more} ha)")
+    outside = [s for s in beside if not s.polygon.intersects(whole)]
+    areas += [s.polygon for s in outside]
+    names += [s.name for s in outside]
+    return Outlines(tuple(areas), tuple(names), epsg, tuple(notes))
+
+
+def _nested(shapes: list[Shape]) -> tuple[list[Shape], list[Shape], list[Shape]]:
+    """Shapes that lie in no other, those within one (islands), and land within islands; largest first."""
+    shapely = _shapely()
+    tree = shapely.STRtree([s.polygon for s in shapes])
+    depths: list[int] = []
+    pairs_left = MOST_PAIRS
+    for i, shape in enumerate(shapes):
+        depth = 0
+        for j in sorted(tree.query(shape.polygon).tolist()):
+            if j >= i:
+                break
+            pairs_left -= 1
+            if pairs_left < 0:
+                raise ValueError(f"more than {MOST_PAIRS} pairs of polygons that overlap")
+            shared = shapes[j].polygon.intersection(shape.polygon).area
+            if shared > WITHIN * shape.polygon.area:
+                if shape.polygon.area > WITHIN * shapes[j].polygon.area:
+                    depth = -1  # the same once more
+                    break
+                depth = max(depth, depths[j] + 1)
+        depths.append(depth)
+    pairs = list(zip(shapes, depths, strict=True))
+    land, within = [s for s, d in pairs if d == 0], [s for s, d in pairs if d > 0 and d % 2 == 0]
+    return land, [s for s, d in pairs if d > 0 and d % 2 == 1], within
+
+
+def _surfaces(shape: Any) -> Any:
+    """The areas of a shape, valid."""
+    shapely = _shapely()
+    return shapely.union_all(_parts(shapely.make_valid(shape)))
+
+
+def _parts(shape: Any) -> list[Any]:
+    """The polygons of a shape."""
+    parts = getattr(shape, "geoms", [shape])
+    return [q for p in parts for q in (_parts(p) if hasattr(p, "geoms") else [p]) if q.geom_type == "Polygon"]
 
 
 def covered_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
@@ -137,38 +260,84 @@ def inside(polygon: Any, points: Array) -> NDArray[np.bool_]:
     return np.asarray(shapely.contains_xy(polygon, points[:, 0], points[:, 1]))
 
 
-def _from_geojson(path: Path) -> tuple[list[Any], str]:
+def _from_geojson(path: Path) -> tuple[list[Shape], str]:
     data = read_json(path, "boundary", "GeoJSON or a polygon shapefile")
     if not isinstance(data, dict) or "type" not in data:
         raise InputError("boundary", None, "expected GeoJSON", file=path)
-    name = (
-        data.get("crs", {}).get("properties", {}).get("name", "") if isinstance(data.get("crs"), dict) else ""
-    )
-    kind = data["type"]
-    if kind == "FeatureCollection":
-        return [f["geometry"] for f in data["features"] if f.get("geometry")], name
-    if kind == "Feature":
-        return [data["geometry"]], name
-    return [data], name
+    crs = data.get("crs")
+    name = crs.get("properties", {}).get("name", "") if isinstance(crs, dict) else ""
+    features = data["features"] if data["type"] == "FeatureCollection" else [data]
+    shapes = []
+    for feature in features:
+        geometry = feature["geometry"] if feature.get("type") == "Feature" else feature
+        told = feature.get("properties") or {}
+        called = next((str(v) for k, v in told.items() if k.lower() in NAMES and v), "")
+        if geometry:
+            shapes += [Shape(p, called[:60]) for p in _parts(_shapely().geometry.shape(geometry))]
+    return [s for s in shapes if not s.polygon.is_empty], name
 
 
-def _from_kml(path: Path) -> tuple[list[Any], str]:
+def _from_shapefile(path: Path) -> tuple[list[Shape], str]:
+    """Rings of a shape by even and odd: some programs write them the wrong way round."""
+    shapely = _shapely()
+    found, crs = read_rings(path, "boundary")
+    shapes = []
+    for rings in found:
+        polygons = [shapely.Polygon(ring) for ring in rings if len(ring) >= 4]
+        shapes += [Shape(p) for p in _parts(shapely.make_valid(shapely.MultiPolygon(polygons)))]
+    return shapes, crs
+
+
+def _from_kml(path: Path) -> tuple[list[Shape], str, list[str]]:
     """Polygons of a KML file, or of the first in a KMZ; lon/lat by its standard (OGC 12-007r2)."""
-    if zipfile.is_zipfile(path):
+    notes = []
+    if is_archive(path):
         with open_archive(path, "boundary") as archive:
-            data = archive.read(next(n for n in archive.namelist() if n.lower().endswith(".kml")))
+            names = [n for n in archive.namelist() if n.lower().endswith(".kml")]
+            if not names:
+                raise InputError("boundary", None, "expected a .kml in it", file=path)
+            if archive.getinfo(names[0]).file_size > LARGEST_KML:
+                raise InputError("boundary", None, f"expected KML of at most {LARGEST_KML} bytes", file=path)
+            data = archive.read(names[0])
+        if len(names) > 1:
+            notes.append(f"of {len(names)} .kml in {path.name} the first is read, {names[0]}")
     else:
-        data = path.read_bytes()
-    rings = element_texts(data, ("coordinates",))
-    polygons: list[Any] = []
-    for around, text in rings:
-        if "LinearRing" in around:
-            ring = [[float(c) for c in place.split(",")[:2]] for place in text.split()]
-            if "innerBoundaryIs" in around and polygons:
-                polygons[-1]["coordinates"].append(ring)
-            else:
-                polygons.append({"type": "Polygon", "coordinates": [ring]})
-    return polygons, ""
+        data = read_bytes(path, "boundary", "KML", LARGEST_KML)
+    shapes: list[Shape] = []
+    pending = [(read_xml(data), "", 0)]
+    folders = 0
+    while pending:
+        node, name, group = pending.pop()
+        tag = node.tag.rpartition(":")[2]
+        if tag in ("Folder", "Document"):
+            folders += 1
+            group = folders
+        if tag == "Placemark":
+            name = next((c.text or "" for c in node if c.tag.rpartition(":")[2] == "name"), "").strip()[:60]
+        if tag in ("Polygon", "LinearRing"):
+            rings: dict[str, list[Any]] = {"innerBoundaryIs": [], "outerBoundaryIs": []}
+            around = "outerBoundaryIs"
+            for part in node.iter():
+                kind = part.tag.rpartition(":")[2]
+                around = kind if kind in rings else around
+                if kind == "coordinates":
+                    rings[around].append(_ring(part.text or ""))
+            outer, inner = rings["outerBoundaryIs"], rings["innerBoundaryIs"]
+            if outer and len(outer[0]) >= 4:
+                holes = [r for r in inner if len(r) >= 4]
+                shapes.append(Shape(_shapely().Polygon(outer[0], holes), name, group))
+            continue
+        pending += [(child, name, group) for child in reversed(node)]
+    return shapes, "", notes
+
+
+def _ring(text: str) -> list[list[float]]:
+    """Closed lon/lat of `lon,lat[,height] ...`, blanks around the commas or not."""
+    places = [place.split(",") for place in re.sub(r"\s*,\s*", ",", text.strip()).split()]
+    if any(len(place) not in (2, 3) for place in places):
+        raise ValueError("a place is not longitude,latitude or longitude,latitude,height")
+    ring = [[float(c) for c in place[:2]] for place in places]
+    return ring if ring[:1] == ring[-1:] else [*ring, ring[0]]
 
 
 def largest(shape: Any, path: Path | None = None) -> Any:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
 from swath.field_io.folder import FieldFolder, read
 from swath.field_io.pass_scenario import edge_offset, speed_of, straight_stretches
 from swath.field_io.passes import Track
@@ -62,7 +63,7 @@ def write_pass_case(folder: Path) -> Path:
         passes=[t.index for t in picked], reached=LENGTH_M - 0.5,
     )  # fmt: skip
     path = folder / "passes.yaml"
-    path.write_text(text, encoding="utf-8")
+    write_whole(path, text)
     return path
 
 

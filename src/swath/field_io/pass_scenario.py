@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
 from swath.field.boundary import Array, Region
 from swath.field_io.folder import FieldFolder, read
 from swath.field_io.passes import Track
@@ -78,7 +79,7 @@ def write_pass_scenario(folder: Path) -> Path:
         length=distance, distance=distance, duration=duration, edge=edge, start=start, width=width,
         speed=speed, **said,
     )  # fmt: skip
-    path.write_text(text, encoding="utf-8")
+    write_whole(path, text)
     return path
 
 

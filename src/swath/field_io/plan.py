@@ -1,7 +1,9 @@
 """A field without a yield: boundary, guidance and working width of ISO 11783-10 task data, or an outline."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -17,62 +19,47 @@ from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import make_grid
 from swath.field_io.passes import Track, row_azimuth, straight_windows
 from swath.field_io.shapefiles import is_of_polygons
-from swath.field_io.taskfiles import Element, elements, hex_number, number, task_files
+from swath.field_io.taskdata import (
+    PATTERNS,
+    PIVOT,
+    SPIRAL,
+    Description,
+    Part,
+    Pattern,
+    Polygon,
+    drawn,
+    listed,
+    pivot_radius,
+    read_description,
+)
+from swath.field_io.taskfiles import task_files
 
 Array = NDArray[np.float64]
-WIDTHS = (67, 68, 70)  # DDI of the actual, default and maximum working width [mm]
-EXTERIOR, INTERIOR, GUIDANCE = "1", "2", "5"  # types of a line string
 OUTLINES = ".kml", ".kmz", ".geojson", ".json"
 SPEED = 2.0  # m/s, of a guidance line that nobody has driven yet
+BEYOND = 5000.0  # m: a straight line is drawn on by so much to both sides, then cut at the field
 
 
-@dataclass
-class Part:
-    """A field of the task data. rings: (type, lon/lat (n, 2)) of its boundary; lines: guidance, lon/lat."""
-
-    name: str
-    crop: str
-    rings: list[tuple[str, Array]] = field(default_factory=list)
-    lines: list[Array] = field(default_factory=list)
-
-
-def read_plan(path: Path) -> tuple[list[Part], float | None]:
-    """The fields of TASKDATA.XML and the working width [m] of its devices. Raises InputError."""
+def read_plan(path: Path) -> Description:
+    """What TASKDATA.XML says, of the fields those that have a boundary. Raises InputError."""
     with task_files(path) as files:
-        data = files.get("TASKDATA.XML", b"")
-    found, _ = elements(data, ("CTP", "PFD", "PLN", "GPN", "LSG", "PNT", "DPT"))
-    crops = {a.get("A", ""): a.get("B", "") for tag, a, _ in found if tag == "CTP"}
-    widths = [number(a.get("C"), 0.0) / 1000.0 for tag, a, _ in found if tag == "DPT" and _is_width(a)]
-    parts: dict[str, Part] = {}
-    for index, (tag, a, _) in enumerate(found):
-        if tag == "PFD":
-            parts[a.get("A", "")] = Part(a.get("C", ""), crops.get(a.get("G", ""), ""))
-        if tag == "LSG":
-            _take_line(found, index, parts)
-    return [p for p in parts.values() if p.rings], max(widths, default=0.0) or None
+        described = read_description(files)
+    whole = {key: part for key, part in described.parts.items() if part.boundary}
+    described.unused["field without a boundary"] += len(described.parts) - len(whole)
+    described.parts = whole
+    return described
 
 
-def _is_width(a: dict[str, str]) -> bool:
-    return hex_number(a.get("B")) in WIDTHS
-
-
-def _take_line(found: list[Element], index: int, parts: dict[str, Part]) -> None:
-    """Put a line string, whose points follow it, to its field."""
-    _, line, around = found[index]
-    owner = next((parts[b["A"]] for t, b in around if t == "PFD" and b.get("A") in parts), None)
-    points = []
-    for tag, a, _ in found[index + 1 :]:
-        if tag != "PNT":
-            break
-        points.append((number(a.get("D"), np.nan), number(a.get("C"), np.nan)))
-    places = np.array(points, dtype=float).reshape(-1, 2)
-    if owner is None or not np.isfinite(places).all():
-        return
-    kind = line.get("A", "")
-    if kind == GUIDANCE and len(places) >= 2:
-        owner.lines.append(places)
-    elif kind in (EXTERIOR, INTERIOR) and len(places) >= 3 and any(t == "PLN" for t, _ in around):
-        owner.rings.append((kind, places))
+def largest_part(described: Description) -> tuple[str, Any, int, list[str]]:
+    """Id of the largest field, its polygon without ground that bears no crop in UTM [m], the system, and what
+    of it is left out.
+    """
+    parts = described.parts
+    key = max(parts, key=lambda k: parts[k].rough_area)
+    part, (polygon, epsg, notes) = parts[key], _polygon(parts[key])
+    if len(parts) > 1:
+        notes = [f"{len(parts)} fields in it: the largest is taken, {part.name or 'without a name'}", *notes]
+    return key, polygon, epsg, notes
 
 
 def plan_field(
@@ -92,10 +79,13 @@ def plan_field(
     """
     import shapely
 
-    part, (polygon, epsg), stated, notes = _read(path)
-    sheet = crop or (trade.crop_of_rows([part.crop])[0] if part.crop else None) or trade.DEFAULT
+    part, polygon, epsg, stated, notes = _read(path, width)
+    named = [part.crop] if part.crop else []
+    sheet = crop or trade.crop_of_rows(named)[0] or trade.DEFAULT
+    if not (crop or named or is_outline(path)):
+        notes.append(f"crop: the task data name none, taken as {sheet} (--crop)")
     facts = load(sheet)
-    used = width or stated or 0.0
+    used = width or stated
     if not used:
         raise InputError(
             "header_width", None, "expected a working width in it, or --header-width-m", file=path
@@ -105,9 +95,14 @@ def plan_field(
     height = float(np.round(np.nanmedian(ground.values)))
     origin = Origin(epsg, float(np.round((west + east) / 2)), float(np.round((south + north) / 2)), height)
     corner = np.array([origin.easting, origin.northing])
-    tracks = tuple(
-        track for i, line in enumerate(part.lines) for track in _guidance(i, line, polygon, origin, used)
-    )
+    tracks: list[Track] = []
+    missed = 0
+    for pattern in part.guidance:
+        found = _guidance(len(tracks), pattern, polygon, origin, used)
+        tracks += found
+        missed += not found
+    if missed:
+        notes.append(f"not used: {listed({'guidance pattern': missed})} outside the field")
     stems = facts.stand.density
     grid = make_grid(polygon.bounds, cell, 0.0, epsg)
     x, y = np.meshgrid(*grid.centres())
@@ -121,18 +116,18 @@ def plan_field(
     rasters = {key: raster.shifted(*-corner) for key, raster in maps.items()}
     above = Raster(ground.values - np.float32(height), ground.x0, ground.y0, ground.cell, epsg)
     exterior, holes = outline.rings(polygon)
-    azimuth = row_azimuth(tracks) if tracks else outline.long_axis(polygon)
+    azimuth = row_azimuth(tuple(tracks)) if any(t.straights for t in tracks) else outline.long_axis(polygon)
     about = {
         "source": {"file": path.name, "profile": notes[0].partition(":")[0], "field": part.name},
         "machines": [{"name": "as given", "header_width_m": used}],
         "field": {"area_ha": polygon.area / 1e4, "guidance_lines": len(tracks)},
         "crop": {"name": sheet, "stems_per_m2": stems, "grain_g_per_stem": 1000.0 * facts.yields.grain_mass},
         "terrain": info,
-        "notes": notes,
+        "notes": [*notes, *ground.notes],
     }
     return FieldFolder(
         path=out, origin=origin, boundary=exterior - corner, holes=tuple(h - corner for h in holes),
-        row_azimuth=azimuth, tracks=tracks, obstacles=(), info=about, terrain=above.shifted(*-corner),
+        row_azimuth=azimuth, tracks=tuple(tracks), obstacles=(), info=about, terrain=above.shifted(*-corner),
         **rasters,
     )  # fmt: skip
 
@@ -142,30 +137,78 @@ def is_outline(path: Path) -> bool:
     return (path.is_file() and path.suffix.lower() in OUTLINES) or is_of_polygons(path)
 
 
-def _read(path: Path) -> tuple[Part, tuple[Any, int], float | None, list[str]]:
-    """The field, its polygon and system, the working width [m] and what was assumed."""
+def _read(path: Path, width: float | None) -> tuple[Part, Any, int, float, list[str]]:
+    """The field with its crop, its polygon and system, the working width [m], 0 = none, and what was assumed.
+
+    width [m]: that is given, which no other is sought beside
+    """
     if is_outline(path):
-        return Part("", ""), outline.read_place(path), None, ["an outline alone: the crop stands evenly"]
-    parts, stated = read_plan(path)
-    shapes = [_polygon(part) for part in parts]
-    part, place = max(zip(parts, shapes, strict=True), key=lambda pair: pair[1][0].area)
-    notes = ["ISO 11783-10 task data without a yield: the crop stands evenly"]
-    if len(parts) > 1:
-        notes.append(f"{len(parts)} fields in it: the largest is taken, {part.name or 'without a name'}")
-    return part, place, stated, notes
+        found = outline.read_outlines(path)
+        polygon, told = found.field()
+        return Part("", ""), polygon, found.epsg, 0.0, ["an outline alone: the crop stands evenly", *told]
+    described = read_plan(path)
+    key, polygon, epsg, left_out = largest_part(described)
+    notes = ["ISO 11783-10 task data without a yield: the crop stands evenly", *left_out]
+    stated, what = (0.0, "") if width else _width(described, key, path)
+    notes += [f"header width: {stated:g} m, {what}"] if stated else []
+    part = replace(described.parts[key], crop=described.crop_of(key))
+    for pattern in part.guidance:
+        if pattern.kind in (PIVOT, SPIRAL):
+            shape = (
+                f"its circle of {pivot_radius(pattern):.1f} m" if pattern.kind == PIVOT else "its own line"
+            )
+            notes.append(f"guidance: of a {PATTERNS[pattern.kind]} {shape}, none beside it")
+    unused = part.unused + described.unused
+    notes += [f"task data, not used: {listed(unused)}"] if unused.total() else []
+    return part, polygon, epsg, stated, [*notes, *described.problems]
 
 
-def _polygon(part: Part) -> tuple[Any, int]:
-    """The field in UTM metres without its holes, and the system."""
+def _width(described: Description, part: str, path: Path) -> tuple[float, str]:
+    """The working width of the machines of a field's tasks, else of all [m], 0 = none, and what it is."""
+    own = {d for task in described.tasks.values() if task.part == part for d in task.devices}
+    devices = [d for d in described.devices if d in own] or list(described.devices)
+    found = [width for d in devices if (width := described.width_of([d]))[0]]
+    if len({width for width, _ in found}) > 1:
+        named = ", ".join(f"{width:g} m ({what})" for width, what in found[:4])
+        raise InputError("header_width", named, "expected one, --header-width-m says which", file=path)
+    return found[0] if found else (0.0, "")
+
+
+def _polygon(part: Part) -> tuple[Any, int, list[str]]:
+    """The field in UTM metres without its holes and what bears no crop, the system, and what is left out."""
     import shapely
 
-    first = next((ring for kind, ring in part.rings if kind == EXTERIOR), part.rings[0][1])
-    epsg = utm_epsg(*np.median(first, axis=0))
-    made = {EXTERIOR: shapely.Polygon(), INTERIOR: shapely.Polygon()}
-    for kind, ring in part.rings:
-        shape = shapely.make_valid(shapely.Polygon(in_metres(ring, epsg)))
-        made[kind] = made[kind].union(shape)
-    return outline.largest(made[EXTERIOR].difference(made[INTERIOR])), epsg
+    epsg = utm_epsg(*np.median(part.boundary[0].exteriors[0], axis=0))
+
+    def shapes(polygons: Sequence[Polygon]) -> list[Any]:
+        rings = [ring for p in polygons for ring in (*p.exteriors, *p.interiors)]
+        ends = np.cumsum([len(ring) for ring in rings])[:-1]
+        places = iter(np.split(in_metres(np.concatenate(rings), epsg), ends) if rings else [])
+        made = []
+        for p in polygons:
+            sides = [[shapely.Polygon(next(places)) for _ in side] for side in (p.exteriors, p.interiors)]
+            outer, inner = (shapely.union_all(shapely.make_valid(side)) for side in sides)
+            made.append(outer.difference(inner))
+        return made
+
+    whole = shapely.union_all(shapes(part.boundary))
+    notes = [] if "field" in part.polygons else ["boundary: of main field and headland, the field has none"]
+    others = part.polygons.get("bare", [])
+    named = list(zip([p.name for p in others], shapes(others), strict=True))
+    shapely.prepare(whole)
+    is_in = [whole.intersects(shape) and whole.intersection(shape).area > 1.0 for _, shape in named]
+    inside = list(compress(named, is_in))
+    beside = Counter(name for (name, _), within in zip(named, is_in, strict=True) if not within)
+    bare = {name: shapely.union_all([s for n, s in inside if n == name]) for name in dict(inside)}
+    sizes = {name: whole.intersection(shape).area / 1e4 for name, shape in bare.items()}
+    if sizes:
+        notes.append(f"no crop in it: {', '.join(f'{name} {size:.2f} ha' for name, size in sizes.items())}")
+    notes += [f"beside it, not used: {listed(beside)}"] if beside else []
+    left = whole.difference(shapely.union_all(list(bare.values())))
+    polygon = outline.largest(left)
+    if left.area - polygon.area > outline.EMPTY_AREA:
+        notes.append(f"field in several parts: {(left.area - polygon.area) / 1e4:.2f} ha left out")
+    return polygon, epsg, notes
 
 
 def in_metres(ring: Array, epsg: int) -> Array:
@@ -176,25 +219,33 @@ def in_metres(ring: Array, epsg: int) -> Array:
     return found
 
 
-def _guidance(index: int, line: Array, polygon: Any, origin: Origin, width: float) -> list[Track]:
-    """A guidance line within the field; a straight one from end to end of it."""
+def local_line(pattern: Pattern, origin: Origin) -> Array:
+    """A pattern's own line in local metres, (n, 2); a straight one goes on far beyond its points."""
+    points = origin.to_local(drawn(pattern))
+    if len(points) != 2:
+        return points
+    way = points[1] - points[0]
+    beyond = way * (BEYOND / max(float(np.hypot(*way)), 1e-9))
+    return np.array([points[0] - beyond, points[1] + beyond])
+
+
+def _guidance(first: int, pattern: Pattern, polygon: Any, origin: Origin, width: float) -> list[Track]:
+    """Guidance within the field, from end to end of it; first: index of its first piece."""
     import shapely
 
-    points = origin.to_local(line)
+    points = local_line(pattern, origin)
     corner = np.array([origin.easting, origin.northing])
     if not np.isfinite(points).all() or not np.ptp(points, axis=0).any():
         return []
-    if len(points) == 2:
-        along = (points[1] - points[0]) / np.hypot(*(points[1] - points[0]))
-        points = np.array([points[0] - 5000.0 * along, points[1] + 5000.0 * along])
     inside = shapely.LineString(points + corner).intersection(polygon)
+    inside = shapely.line_merge(inside) if inside.geom_type == "MultiLineString" else inside
     pieces = [g for g in getattr(inside, "geoms", [inside]) if g.geom_type == "LineString" and g.length > 1.0]
-    if not pieces:
-        return []
-    best = max(pieces, key=lambda g: g.length)
-    local = np.asarray(best.coords, dtype=float)[:, :2] - corner
-    first, last = local[0], local[-1]
-    azimuth = float(np.arctan2(*(last - first)) % (2.0 * np.pi))
-    return [
-        Track(local, "guidance line", index, width, SPEED, 0.0, azimuth, best.length, straight_windows(local))
-    ]
+    tracks: list[Track] = []
+    for piece in pieces:
+        local = np.asarray(piece.coords, dtype=float)[:, :2] - corner
+        azimuth = float(np.arctan2(*(local[-1] - local[0])) % (2.0 * np.pi))
+        straights = straight_windows(local)
+        index = first + len(tracks)
+        made = Track(local, "guidance line", index, width, SPEED, 0.0, azimuth, piece.length, straights)
+        tracks.append(made)
+    return tracks

@@ -11,6 +11,8 @@ from swath.field_io.table import Table
 
 Array = NDArray[np.float64]
 TOP_SPEED = 15.0  # m/s, of a machine
+TOO_FAST = 3.0  # times the usual pace from one record to the next: not driven
+PAUSE = 5.0  # s between two records, longer: the machine does something else
 NEXT = 6  # records ahead among which one of the same machine follows, whichever others are between
 NEAR = 25.0  # m, to it
 LEAST_FOLLOWED = 0.5  # of the records of a log in driving order
@@ -38,18 +40,19 @@ def time_of(
     """Time of each record [s], in file order."""
     if "time" in found.columns:
         return values["time"] - values["time"].min(), ""
-    step = np.nan_to_num(values["duration"], nan=1.0) if "duration" in found.columns else np.ones(len(order))
+    step = np.nan_to_num(values["duration"], nan=1.0)
     sorted_time = np.cumsum(step[order])
     first = np.r_[True, np.diff(machine[order]) != 0]
     start = np.maximum.accumulate(np.where(first, sorted_time, 0.0))
     time = np.empty(len(order))
     time[order] = sorted_time - start
-    note = "" if "duration" in found.columns else "no time: records taken as 1 s apart"
+    is_known = np.isfinite(values["duration"]).any()
+    note = "" if is_known else "no time: records taken as 1 s apart"
     return time, note or "no clock: time counts from the first record of each machine"
 
 
 def duration_of(time: Array, machine: NDArray[np.int64], logged: Array) -> tuple[float, Array]:
-    """Nominal period of the log and time since the record before [s].
+    """Nominal period of the log and time since the record before [s]; after a pause one period.
 
     Logs round their clock (to 1e-5 days = 0.864 s in some), so steps below 1.8 periods count as one.
     """
@@ -58,27 +61,50 @@ def duration_of(time: Array, machine: NDArray[np.int64], logged: Array) -> tuple
     period = float(usual.mean()) if len(usual) else 1.0
     period = 1.0 if abs(period - 1.0) < 0.08 else period
     if np.isfinite(logged).mean() > 0.5:
-        return period, np.clip(np.nan_to_num(logged, nan=period), 0.05, 5.0)
-    one = (step < 1.8 * period) | (np.diff(machine, prepend=-1) != 0)
-    return period, np.clip(np.where(one, period, step), period, 5.0)
+        return period, np.clip(np.nan_to_num(logged, nan=period), 0.05, PAUSE)
+    one = (step < 1.8 * period) | (step > PAUSE) | (np.diff(machine, prepend=-1) != 0)
+    return period, np.maximum(np.where(one, period, step), period)
+
+
+def unrounded(time: Array, machine: NDArray[np.int64], period: float) -> Array:
+    """Times [s] of a clock whose rounding does not go with its period (1e-5 days), made even within stretches
+    without a pause; another clock as it is.
+    """
+    step = np.diff(time)
+    usual = step[(step > 0.0) & (step < 1.8 * period)]
+    if not len(usual):
+        return time
+    ticks, ratio = usual / usual.min(), period / usual.min()
+    if (np.abs(ticks - np.rint(ticks)) > 0.02).mean() > 0.02 or abs(ratio - np.rint(ratio)) < 0.05:
+        return time
+    stretch = np.cumsum(np.r_[True, (step >= 1.8 * period) | (np.diff(machine) != 0)]) - 1
+    late = time - period * np.arange(len(time))
+    mean = np.bincount(stretch, late) / np.bincount(stretch)
+    return np.asarray(period * np.arange(len(time)) + mean[stretch])
 
 
 def speed_of(
     values: dict[str, Array],
     found: ColumnMap,
+    time: Array,
     duration: Array,
     machine: NDArray[np.int64],
     east: Array,
     north: Array,
 ) -> Array:
-    """Ground speed [m/s]: logged, else logged distance over time, else from positions."""
+    """Ground speed [m/s]: logged, else distance over time, else from the positions before and after."""
     if "speed" in found.columns:
         return values["speed"]
-    step = np.hypot(np.diff(east, prepend=east[:1]), np.diff(north, prepend=north[:1]))
-    step = np.where(np.diff(machine, prepend=-1) != 0, 0.0, step)
+    step = np.hypot(np.diff(east), np.diff(north))
+    pace = step / duration[1:]
+    goes_on = (np.diff(machine) == 0) & (np.diff(time) <= PAUSE) & (pace <= TOO_FAST * np.median(pace))
+    way, took = np.where(goes_on, step, 0.0), np.where(goes_on, duration[1:], 0.0)
+    way, took = np.r_[0.0, way] + np.r_[way, 0.0], np.r_[0.0, took] + np.r_[took, 0.0]
+    speed = way / np.where(took > 0.0, took, 1.0)
     if "distance" in found.columns:
-        step = np.where(np.isfinite(values["distance"]), values["distance"], step)
-    return np.clip(step / duration, 0.0, TOP_SPEED)
+        logged = values["distance"] / duration
+        speed = np.where(np.isfinite(logged), logged, speed)
+    return np.asarray(np.clip(speed, 0.0, TOP_SPEED))
 
 
 def check_order(time: Array, machine: NDArray[np.int64], east: Array, north: Array) -> None:

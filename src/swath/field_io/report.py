@@ -33,12 +33,13 @@ class ImportReport:
     def lines(self) -> list[tuple[str, str, str]]:
         """What, how much, and more about it, for the terminal."""
         field, crop, terrain = self.field, self.crop, self.terrain
+        heights = ", {lowest_m:.1f} to {highest_m:.1f} m".format(**terrain) if "lowest_m" in terrain else ""
         if not self.rows:
             return [
                 ("area", f"{field['area_ha']:.2f} ha", self.source["profile"]),
                 ("guidance lines", f"{field['guidance_lines']}", ""),
                 ("crop", crop["name"], f"{crop['stems_per_m2']:.3g} stems/m2 everywhere"),
-                ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"]),
+                ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"] + heights),
                 *(("note", "", note) for note in self.notes),
             ]
         read = self.rows["read"]
@@ -51,7 +52,7 @@ class ImportReport:
             ("records used", f"{self.kept:,}", f"{100 * self.kept / max(read, 1):.1f} %"),
             *(
                 (f"machine {m['name']}", f"{m['records']:,}",
-                 f"flow delay {m['flow_delay_s']:+.1f} s, {m['flow_delay_method']}")
+                 f"flow delay {m['flow_delay_s']:+.1f}{_error(m)} s, {m['flow_delay_method']}")
                 for m in self.machines
             ),
             ("area", f"{field['area_ha']:.2f} ha", f"row direction {field['row_azimuth_deg']:.1f} deg"),
@@ -59,7 +60,7 @@ class ImportReport:
             ("yield", f"{crop['yield_t_ha']:.2f} t/ha", percentiles),
             ("crop", crop["name"], ""),
             ("stems", f"{crop['stems_per_m2']:.3g} /m2", f"{crop['grain_g_per_stem']:.2f} g of grain each"),
-            ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"]),
+            ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"] + heights),
             *(("note", "", note) for note in self.notes),
         ]  # fmt: skip
 
@@ -76,3 +77,8 @@ class ImportReport:
         for line in self.lines():
             table.add_row(*map(escape, line))
         return table
+
+
+def _error(machine: dict[str, Any]) -> str:
+    error = machine["flow_delay_error_s"]
+    return f" +-{error:.1f}" if error == error else ""

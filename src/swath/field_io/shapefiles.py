@@ -3,11 +3,10 @@
 import io
 import json
 import math
-import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -93,11 +92,17 @@ def read_points(path: Path, key: str) -> tuple[dict[str, list[Any]], Array, str,
         return columns, points, _crs(parts), _metadata(parts)
 
 
-def read_shapes(path: Path, key: str) -> tuple[list[Any], str]:
-    """Geometries as GeoJSON has them, and their crs (WKT)."""
+def read_rings(path: Path, key: str) -> tuple[list[list[Any]], str]:
+    """The rings of each polygon, points (x, y), and the crs (WKT)."""
     with shapefile_parts(path, key) as parts:
-        reader = _reader(shp=io.BytesIO(parts["shp"]()))
-        return [shape.__geo_interface__ for shape in reader.shapes()], _crs(parts)
+        shapes = _reader(shp=io.BytesIO(parts["shp"]())).shapes()
+        return [_rings(s) for s in shapes if s.shapeType in POLYGONS], _crs(parts)
+
+
+def _rings(shape: Any) -> list[Any]:
+    ends = [*shape.parts[1:], len(shape.points)]
+    points = [tuple(p[:2]) for p in shape.points]
+    return [points[a:b] for a, b in zip(shape.parts, ends, strict=True)]
 
 
 def _reader(**files: Any) -> Any:
@@ -135,11 +140,3 @@ def _metadata(parts: Parts) -> dict[str, Any]:
 def _point(shape: Any) -> tuple[float, float]:
     points: Sequence[Any] = shape.points
     return (float(points[0][0]), float(points[0][1])) if len(points) == 1 else (math.nan, math.nan)
-
-
-def is_zip_of_shapes(path: Path) -> bool:
-    """True for a zip archive with a .shp in it."""
-    if not zipfile.is_zipfile(path):
-        return False
-    with zipfile.ZipFile(path) as archive:
-        return any(PurePosixPath(n).suffix.lower() == ".shp" for n in archive.namelist())

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.documents.packed import LARGEST_BYTES, most_unpacked, readable
-from swath.field_io.columns import AG_LEADER, unit_symbol
+from swath.field_io.columns import AG_LEADER, AG_LEADER_2000, unit_symbol
 from swath.field_io.isoxml import is_taskdata, read_taskdata
 from swath.field_io.shapefiles import has_shapefile, read_points
+from swath.field_io.trade import sheet_of
 
 Array = NDArray[np.float64]
 LONGEST_ROW = 1 << 16  # characters
@@ -28,6 +29,7 @@ LONGEST_BLANK = 1 << 22  # characters between two rows: sheets are exported with
 MOST_COLUMNS = 1000
 ROWS_AT_ONCE = 8192
 SHAPES = b"\x00\x00\x27\x0a"  # of a .shp
+LEAST_HEIGHT = 25.0  # of a last column: a dilution of precision is below
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 OR_CP1252 = "swath.or_cp1252"
 _EXPECTED = "expected a yield log (CSV, shapefile or ISOXML)"
@@ -46,6 +48,7 @@ class Table:
     points: (x, y) of each record, shape (n, 2), when the file has geometry; crs: of the points (WKT), or ''
     broken: reason -> rows left out while reading; notes: what could not be read, file and byte
     units: column -> unit, and crop: what the maker's metadata say beside the table
+    stated_width: of the header [m], shape (n,), that the machines state and no record holds
     """
 
     columns: dict[str, Any]
@@ -56,6 +59,7 @@ class Table:
     notes: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     crop: str = ""
+    stated_width: Array | None = None
 
     def numbers(self, name: str) -> Array:
         """A column as numbers, nan where the text is none."""
@@ -112,7 +116,10 @@ def _read_isoxml(path: Path) -> Table:
     data = read_taskdata(path)
     places = sum(log.gaps for log in data.logs)
     rows, broken = np.arange(1, len(data) + 1), {"unreadable": places}
-    return Table(data.columns(), rows, None, "", broken, data.problems, crop=data.crop)
+    columns, width, notes = data.table()
+    crop = "" if "crop" in columns else max(data.crops)
+    told = (*notes, *data.problems)
+    return Table(columns, rows, None, "", broken, told, crop=crop, stated_width=width)
 
 
 def _or_cp1252(error: UnicodeError) -> tuple[str, int]:
@@ -155,9 +162,10 @@ def _read_csv(start: bytes, lines: "_Lines", path: Path) -> Table:
         raise InputError("log.header", first[:80], "expected at least three named columns", file=path, line=1)
     rows = _rows(lines, separator, path)
     line, names = next(rows)
-    if _is_ag_leader(names):
+    known = _without_header(names)
+    if known:
         rows = chain([(line, names)], rows)
-        names = list(AG_LEADER[: len(names)])
+        names = known
     header = _header(names, line, path)
     cells = {name: Cells() for name in header}
     numbers, wrong = array("q"), 0
@@ -167,25 +175,51 @@ def _read_csv(start: bytes, lines: "_Lines", path: Path) -> Table:
         numbers.extend(line for line, _ in whole)
         for name, column in zip(header, zip(*(row for _, row in whole), strict=True), strict=False):
             cells[name].append(_decimal_points(column) if separator != "," else column)
-    return Table(cells, np.array(numbers, dtype=np.int64), None, "", {"wrong_field_count": wrong})
+    notes: tuple[str, ...] = ()
+    if known and (last := header[-1]) in ("GPS status", "PDOP"):
+        if np.median(to_numbers(cells[last])) > LEAST_HEIGHT:
+            cells["Elevation"] = cells.pop(last)  # columns before it are left out
+        else:
+            notes = (f"no header line: column {len(header)} taken as {last}, not as the height",)
+    return Table(cells, np.array(numbers, dtype=np.int64), None, "", {"wrong_field_count": wrong}, notes)
 
 
-def _is_ag_leader(first: list[str]) -> bool:
-    """True for the first row of the Ag Leader advanced format: 13 to 17 cells, nine of them these numbers."""
+def _without_header(first: list[str]) -> list[str]:
+    """Names of the columns of a file whose first row holds no names: those of Ag Leader, else numbers; empty
+    for a header.
+    """
+    numbers = np.isfinite(to_numbers(first))
+    if numbers.sum() < 3 or numbers.mean() <= 0.5:
+        return []
+    return _ag_leader(first) or [f"column {i + 1}" for i in range(len(first))]
+
+
+def _ag_leader(first: list[str]) -> list[str]:
+    """Names where the row is one of Ag Leader: 13 to 17 cells, eight of them these numbers, then the header's
+    status.
+    """
     if not 13 <= len(first) <= len(AG_LEADER):
-        return False
-    lon, lat, flow, _, interval, _, width, moisture, status = to_numbers(first[:9])
-    is_number = np.isfinite(to_numbers(first[:9])).all()
+        return []
+    lon, lat, flow, _, interval, _, width, moisture = to_numbers(first[:8])
     limits = abs(lon) <= 180 and abs(lat) <= 90 and 0 <= flow < 300 and 0 < interval < 60
-    return bool(is_number and limits and 0 <= width < 1000 and 0 <= moisture < 100 and status >= 0)
+    if not (
+        np.isfinite(to_numbers(first[:8])).all() and limits and 0 <= width < 1000 and 0 <= moisture < 100
+    ):
+        return []
+    by_word = first[8].strip().lower() in ("up", "down")
+    if not by_word and not to_numbers(first[8:9])[0] >= 0:
+        return []
+    names = list(AG_LEADER_2000 if by_word else AG_LEADER)
+    usual = names.index("Crop")
+    crop = next((i for i in range(9, len(first)) if sheet_of(first[i].strip(' "'))), usual)
+    between = names[9:crop] if crop == usual else [f"column {i + 1}" for i in range(9, crop)]
+    return [*names[:9], *between, *names[usual:]][: len(first)]
 
 
 def _header(names: list[str], line: int, path: Path) -> list[str]:
     header = [name.strip() or f"column {i + 1}" for i, name in enumerate(names)]
     if len(header) > MOST_COLUMNS:
         raise InputError("log.header", len(header), f"expected at most {MOST_COLUMNS} columns", file=path)
-    if np.isfinite(to_numbers(header)).all():
-        raise InputError("log.header", ", ".join(header)[:80], "expected names in it", file=path, line=line)
     twice = sorted(name for name, count in Counter(header).items() if count > 1)
     if twice:
         raise InputError("log.header", twice[0], "expected each column name once", file=path, line=line)

@@ -1,19 +1,21 @@
 """The files of an ISO 11783-10 task data set: a folder or a zip, and XML read up to its first mistake."""
 
 import math
-import zipfile
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
 from xml.parsers import expat
 
 from swath.core.errors import InputError
-from swath.documents.packed import LARGEST_BYTES, open_archive, readable
+from swath.documents.packed import LARGEST_BYTES, is_archive, open_archive, readable
 
 DEEPEST = 32  # elements within each other; task data go to 8
-MOST_ELEMENTS = 100_000  # of the kinds that are asked for
+MOST_ELEMENTS = 100_000  # of the kinds that are read
+MOST_POINTS = 1_000_000  # of boundaries and lines
 _BROKEN = (expat.ExpatError, LookupError, ValueError)  # LookupError: an unknown encoding
 
 
@@ -44,7 +46,7 @@ class TaskFiles(Mapping[str, bytes]):
 def task_files(path: Path) -> Iterator[TaskFiles]:
     """The files of a folder or zip. InputError where it cannot be read, or is larger than task data are."""
     with readable("taskdata", "readable files", path):
-        if path.is_dir() or not zipfile.is_zipfile(path):
+        if path.is_dir() or not is_archive(path):
             folder = path if path.is_dir() else path.parent
             parts = [p for p in sorted(folder.iterdir()) if _is_part(p) and p.is_file()]
             total = sum(p.stat().st_size for p in parts)
@@ -65,26 +67,62 @@ def _is_part(path: PurePath) -> bool:
     return path.suffix.upper() in (".XML", ".BIN")
 
 
-Element = tuple[str, dict[str, str], tuple[tuple[str, dict[str, str]], ...]]
+@dataclass
+class Node:
+    """An element of a kind that is read. points: its PNT as (type, longitude, latitude [deg], nan = none)."""
+
+    tag: str
+    attributes: dict[str, str]
+    children: list["Node"] = field(default_factory=list)
+    points: list[tuple[str, float, float]] = field(default_factory=list)
+
+    def get(self, attribute: str) -> str:
+        """An attribute, '' where it is missing."""
+        return self.attributes.get(attribute, "")
+
+    def of(self, tag: str) -> list["Node"]:
+        """Its children of a kind."""
+        return [child for child in self.children if child.tag == tag]
 
 
-def elements(data: bytes, wanted: Collection[str]) -> tuple[list[Element], str]:
-    """(tag, attributes, those around it) of the wanted elements up to the first mistake; and what that is.
+@dataclass
+class Tree:
+    """An XML file. top: holds its outermost element; others: tag -> count of elements of kinds that are not
+    read, without what is inside them; problem: the first mistake, with its byte, up to which it is read.
+    """
+
+    top: Node
+    others: Counter[str]
+    problem: str = ""
+
+
+def read_tree(data: bytes, kinds: Collection[str]) -> Tree:
+    """The elements of some kinds and the outermost one, up to the first mistake.
 
     No entities are resolved: a file with a DOCTYPE is not task data.
     """
-    found: list[Element] = []
-    stack: list[tuple[str, dict[str, str]]] = []
+    top, others = Node("", {}), Counter[str]()
+    stack, counts = [(top, True)], Counter[str]()
     parser = expat.ParserCreate()
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        if len(stack) >= DEEPEST:
+        if len(stack) > DEEPEST:
             raise ValueError(f"more than {DEEPEST} elements within each other")
-        if tag in wanted:
-            if len(found) >= MOST_ELEMENTS:
-                raise ValueError(f"more than {MOST_ELEMENTS} elements {', '.join(sorted(wanted))}")
-            found.append((tag, attributes, tuple(stack)))
-        stack.append((tag, attributes))
+        node, (parent, is_kept) = Node(tag, attributes), stack[-1]
+        is_read = len(stack) == 1 or tag in kinds
+        if is_kept and tag == "PNT":
+            counts["points"] += 1
+            east, north = number(node.get("D"), math.nan), number(node.get("C"), math.nan)
+            parent.points.append((node.get("A"), east, north))
+        elif is_kept and is_read:
+            counts["elements"] += 1
+            parent.children.append(node)
+        elif is_kept:
+            others[tag] += 1
+        for key, most in (("elements", MOST_ELEMENTS), ("points", MOST_POINTS)):
+            if counts[key] > most:
+                raise ValueError(f"more than {most} {key} of the kinds that are read")
+        stack.append((node, is_kept and is_read))
 
     def refuse(*_: Any) -> None:
         raise ValueError("a DOCTYPE is not allowed")
@@ -95,36 +133,8 @@ def elements(data: bytes, wanted: Collection[str]) -> tuple[list[Element], str]:
     try:
         parser.Parse(data, True)
     except _BROKEN as error:
-        return found, f"byte {max(parser.CurrentByteIndex, 0)}: {error}"
-    return found, ""
-
-
-def element_texts(data: bytes, wanted: Collection[str]) -> list[tuple[tuple[str, ...], str]]:
-    """(tags around it, text) of the wanted elements, names without their namespace. Raises ValueError.
-
-    No entities are resolved, and a DOCTYPE is refused.
-    """
-    found: list[tuple[tuple[str, ...], str]] = []
-    stack: list[str] = []
-    pieces: list[str] = []
-
-    def start(tag: str, _: Any) -> None:
-        stack.append(tag.rpartition(":")[2])
-        pieces.clear()
-
-    def end(_: str) -> None:
-        tag = stack.pop()
-        if tag in wanted:
-            found.append((tuple(stack), "".join(pieces)))
-
-    def refuse(*_: Any) -> None:
-        raise ValueError("a DOCTYPE is not allowed")
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = pieces.append, refuse
-    parser.Parse(data, True)
-    return found
+        return Tree(top, others, f"byte {max(parser.CurrentByteIndex, 0)}: {error}")
+    return Tree(top, others)
 
 
 def number(text: str | None, default: float) -> float:

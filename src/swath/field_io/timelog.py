@@ -7,16 +7,17 @@ left out, counted, and said with file and byte.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field_io.ddi import DDI, label_name, slug, unit_name
-from swath.field_io.taskfiles import elements, hex_number
+from swath.field_io.taskdata import Description, Value
+from swath.field_io.taskfiles import hex_number, read_tree
 
 Array = NDArray[np.float64]
 EPOCH = np.datetime64("1980-01-01T00:00:00.000", "ms")
@@ -24,7 +25,9 @@ DAY_MS = 86_400_000
 MOST_CHANNELS = 256  # a record names them by a byte
 MOST_VALUES = 100_000_000  # records by channels of a set of task data: 700 hours at 1 Hz of 40 channels
 DAYS = (3652, 43_830)  # 1990 to 2100: a date outside is no date
+SEASON = 200  # days that the date of a record lies from the middle one of its log at most; else it is none
 NOT_AVAILABLE = -(2**31)  # a value that says that there is none
+NO_PLACE = (NOT_AVAILABLE, 2**31 - 1)  # latitudes and longitudes that say the same
 LONGEST_PAUSE = 600_000  # between two records by which reading finds its way back [ms]
 POSITION = {
     "A": ("north", "<i4", 1e-7), "B": ("east", "<i4", 1e-7), "C": ("up", "<i4", 1e-3),
@@ -55,7 +58,8 @@ class Channel:
 
 @dataclass(frozen=True)
 class TimeLog:
-    """One TLG. time: shape (n,), ms; lat, lon [deg], up [m], nan = none; position: the other fields by name.
+    """One TLG. time: shape (n,), ms, NaT before the terminal knew the date; lat, lon [deg], up [m], nan =
+    none; position: the other fields by name
 
     values: shape (n, channel_count), in the channels' units, the last one logged; problems: what was left
     out, each with file and byte; unread: bytes that were skipped, at so many places: gaps
@@ -78,30 +82,11 @@ class TimeLog:
     def __len__(self) -> int:
         return len(self.time)
 
-
-class Value(NamedTuple):
-    """How a device shows a logged integer: label, unit, and (integer + offset) * scale."""
-
-    label: str = ""
-    unit: str = ""
-    scale: float = 1.0
-    offset: float = 0.0
-
-
-@dataclass
-class Description:
-    """What TASKDATA.XML says of the logs.
-
-    values: by device and DDI; logs: name -> task; owners: device element
-    -> device; devices: id -> name; problems: what could not be read; crops: their names
-    """
-
-    values: dict[tuple[str, int], Value] = field(default_factory=dict)
-    logs: dict[str, str] = field(default_factory=dict)
-    owners: dict[str, str] = field(default_factory=dict)
-    devices: dict[str, str] = field(default_factory=dict)
-    problems: list[str] = field(default_factory=list)
-    crops: list[str] = field(default_factory=list)
+    @property
+    def begin(self) -> np.datetime64:
+        """Its first known time, the epoch where none is known."""
+        known = self.time[~np.isnat(self.time)]
+        return known[0] if len(known) else EPOCH
 
 
 def column_names(channels: tuple[Channel, ...]) -> list[str]:
@@ -134,21 +119,22 @@ def _read_layout(name: str, files: Mapping[str, bytes], described: Description) 
     file = f"{name}.xml"
     if f"{name}.XML" not in files:
         raise InputError(file, None, "missing: the time log cannot be read without it")
-    parts_found, problem = elements(files[f"{name}.XML"], ("TIM", "PTN", "DLV"))
-    if problem:
-        raise InputError(file, None, f"expected well-formed XML, {problem}")
-    tags = {tag: a for tag, a, _ in reversed(parts_found)}
-    if "TIM" not in tags or tags["TIM"].get("A", "x") != "":
-        raise InputError(
-            "TIM", tags.get("TIM"), "expected TIM with an empty A: time in every record", file=file
-        )
+    tree = read_tree(files[f"{name}.XML"], ("TIM", "PTN", "DLV"))
+    if tree.problem:
+        raise InputError(file, None, f"expected well-formed XML, {tree.problem}")
+    outermost = tree.top.children[0]
+    time = next((node for node in (outermost, *outermost.of("TIM")) if node.tag == "TIM"), None)
+    if time is None or time.attributes.get("A") != "":
+        said = None if time is None else time.attributes
+        raise InputError("TIM", said, "expected TIM with an empty A: time in every record", file=file)
     parts: list[tuple[str, str]] = [("ms", "<u4"), ("days", "<u2")]
     scales: dict[str, float] = {}
+    place = next(iter(time.of("PTN")), None)
     for attribute, (field_name, kind, scale) in POSITION.items():
-        if tags.get("PTN", {}).get(attribute) == "":
+        if place is not None and place.attributes.get(attribute) == "":
             parts.append((field_name, kind))
             scales[field_name] = scale
-    listed = [a for tag, a, _ in parts_found if tag == "DLV"]
+    listed = [node.attributes for node in time.of("DLV")]
     if len(listed) > MOST_CHANNELS:
         raise InputError("DLV", len(listed), f"expected at most {MOST_CHANNELS} channels", file=file)
     channels = tuple(_channel(a, described, file) for a in listed)
@@ -184,7 +170,8 @@ def read_time_log(
     size = layout.head.itemsize
     raw = np.frombuffer(data, np.uint8)
     heads = raw[starts[:, None] + np.arange(size)].copy().view(layout.head)[:, 0]
-    time = EPOCH + (heads["days"].astype(np.int64) * DAY_MS + heads["ms"]).astype("timedelta64[ms]")
+    time, told = _times(heads["days"].astype(np.int64), heads["ms"].astype(np.int64))
+    problems += [f"{name}.bin: {told}"] if told else []
     fields = {key: heads[key].astype(float) * scale for key, scale in layout.scales.items()}
     nothing = np.full(len(starts), np.nan)
     lat, lon = fields.pop("north", nothing), fields.pop("east", nothing)
@@ -196,9 +183,11 @@ def read_time_log(
         )
     lat, lon = np.where(nowhere, np.nan, lat), np.where(nowhere, np.nan, lon)
     values = _held(_values(raw, starts + size, layout))
-    back = np.flatnonzero(np.diff(time) < np.timedelta64(0, "ms"))
+    known = np.flatnonzero(~np.isnat(time))
+    back = np.flatnonzero(np.diff(time[known]) < np.timedelta64(0, "ms"))
     if len(back):
-        problems.append(f"{name}.bin: byte {starts[back[0] + 1]}: time goes back {len(back)} times")
+        first = starts[known[back[0] + 1]]
+        problems.append(f"{name}.bin: byte {first}: time goes back {len(back)} times")
     up = fields.pop("up", nothing)
     task = described.logs.get(name, "")
     owners = [described.owners.get(c.element, "") for c in layout.channels]
@@ -208,14 +197,46 @@ def read_time_log(
     )
 
 
+def _times(days: NDArray[np.int64], ms: NDArray[np.int64]) -> tuple[NDArray[np.datetime64], str]:
+    """Times of records, NaT where none is known, and what was assumed; of a log that never knows the date the
+    times of its own clock.
+
+    A terminal that starts without a date counts from one of its own, often with the right time of day: such
+    records come before the first with a date by their clock, else by the usual step.
+    """
+    clock = days * DAY_MS + ms
+    is_date = (days >= DAYS[0]) & (days <= DAYS[1])
+    if not is_date.any():
+        return EPOCH + clock.astype("timedelta64[ms]"), "no record has a date: times of its own clock"
+    middle = np.sort(days[is_date])[is_date.sum() // 2]
+    is_date &= np.abs(days - middle) <= SEASON
+    first, count = int(is_date.argmax()), int((~is_date).sum())
+    steps = np.diff(clock[:first])
+    told = f"{count} records without a date: their time is left out" if count else ""
+    if first and (steps >= 0).all() and (steps <= LONGEST_PAUSE).all():
+        gap = int(clock[first] - clock[first - 1]) % DAY_MS
+        usual = int(np.median(np.diff(clock[is_date]))) if is_date.sum() > 1 else 1000
+        clock[:first] += clock[first] - clock[first - 1] - (gap if gap <= LONGEST_PAUSE else usual)
+        told = f"{first} records without a date: put before the first that has one"
+        told += f", {count - first} later ones have no time" if count > first else ""
+        is_date[:first] = True
+    times = EPOCH + clock.astype("timedelta64[ms]")
+    times[~is_date] = np.datetime64("NaT")
+    return times, told
+
+
 def _record_end(data: bytes, at: int, layout: Layout) -> int:
-    """Byte behind the record at `at`; 0 when what stands there is no whole record."""
+    """Byte behind the record with a date at `at`; 0 when what stands there is no whole one."""
+    day = int.from_bytes(data[at + 4 : at + 6], "little")
+    return _any_record_end(data, at, layout) if DAYS[0] <= day <= DAYS[1] else 0
+
+
+def _any_record_end(data: bytes, at: int, layout: Layout) -> int:
+    """The same with any date."""
     size = layout.head.itemsize
     if at + size + 1 > len(data):
         return 0
     if int.from_bytes(data[at : at + 4], "little") >= DAY_MS + 1000:
-        return 0
-    if not DAYS[0] <= int.from_bytes(data[at + 4 : at + 6], "little") <= DAYS[1]:
         return 0
     end = at + size + 1 + 5 * data[at + size]
     if end > len(data):
@@ -225,13 +246,26 @@ def _record_end(data: bytes, at: int, layout: Layout) -> int:
     return end if is_whole else 0
 
 
+def _undated_end(data: bytes, at: int, layout: Layout) -> int:
+    """The same of one from before the terminal knew the date: on Earth or nowhere, and another follows."""
+    end = _any_record_end(data, at, layout)
+    if not end:
+        return 0
+    head = np.frombuffer(data, layout.head, 1, at)[0]
+    for key, limit in (("north", 90.0), ("east", 180.0)):
+        count = int(head[key]) if key in layout.scales else 0
+        if abs(count) * layout.scales.get(key, 0.0) > limit and count not in NO_PLACE:
+            return 0
+    return end if end == len(data) or _any_record_end(data, end, layout) else 0
+
+
 def _find_records(data: bytes, layout: Layout, file: str) -> tuple[NDArray[np.int64], list[str], int]:
     """First byte of each whole record, shape (n,); what was skipped, and how many bytes that were."""
     starts: list[int] = []
     problems: list[str] = []
     at = unread = 0
     while at < len(data):
-        end = _record_end(data, at, layout)
+        end = _record_end(data, at, layout) or _undated_end(data, at, layout)
         if end:
             starts.append(at)
             at = end

@@ -23,6 +23,7 @@ OTHERS = (
     r"|kartoffeln?|peanuts?|quinoa"
 )
 """Names of crops without a data sheet, where a name may also be that of a variety."""
+STEMS = (0.1, 2.0)  # plausible, of what the crop usually has: 50 to 1000 ears/m2 of wheat; others are clipped
 LEAST_SHARE = 0.02  # of the rows: a crop with fewer is a slip
 
 

@@ -18,6 +18,7 @@ from swath.documents.data_sheets import find_sheet
 from swath.documents.validation import validate
 from swath.documents.yaml_document import Document, KeyPath, parse_value, read_document
 from swath.job.lands import PlanSettings
+from swath.scenario.section_reader import NAME
 
 FORMAT = "swath fleet 1"
 Metre = Annotated[float, Ge(-1e6), Le(1e6)]
@@ -180,6 +181,10 @@ def _check(made: FleetFile, document: Document) -> None:
     if both:
         raise document.error(("carts", sorted(both)[0]), None, "expected another name, a combine has it")
     for section in ("combines", "carts"):
+        for name in getattr(made, section):
+            if not NAME.match(name):
+                expected = "expected a machine's name: letters, digits, - and _"
+                raise document.error((section, name), None, expected)
         if "truck" in getattr(made, section):
             raise document.error((section, "truck"), None, "expected another name, the truck has it")
     if made.unload.mode == "on_the_go" and not made.carts:

@@ -143,6 +143,9 @@ def with_ground(
     return tuple(done)
 
 
+LARGEST, LONGEST = 4e6, 10e3  # m2 and m, of a field that is planned whole: it takes about half a minute
+
+
 def shapely_here() -> Any:
     """The package shapely. Raises MissingExtra."""
     try:
@@ -164,5 +167,10 @@ def checked_ring(points: Any, key: str = "field.boundary_m") -> Array:
     if not polygon.is_valid or polygon.area < 100.0:
         expected = "expected a ring that does not cross itself, of 100 m2 at least"
         raise InputError(key, f"{polygon.area:.0f} m2", expected)
+    longest = float(np.ptp(ring, axis=0).max())
+    if polygon.area > LARGEST or longest > LONGEST:
+        size = f"{polygon.area / 1e4:.0f} ha, {longest / 1000.0:.1f} km long"
+        expected = f"expected at most {LARGEST / 1e4:.0f} ha and {LONGEST / 1000.0:.0f} km"
+        raise InputError(key, size, expected)
     ring = np.asarray(shapely.geometry.polygon.orient(polygon).exterior.coords)[:-1]
     return np.asarray(ring, dtype=float)

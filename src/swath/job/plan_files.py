@@ -3,7 +3,7 @@ alone.
 """
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,58 +13,79 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.documents.json_file import read_json
 from swath.documents.packed import readable
-from swath.field.projection import Origin, origin_at, transform, utm_epsg
+from swath.field.projection import Origin, origin_at
 from swath.field_io.isoxml import is_taskdata
-from swath.field_io.outline import read_outline, rings
-from swath.field_io.plan import EXTERIOR, in_metres, read_plan
+from swath.field_io.outline import read_outlines, rings
+from swath.field_io.plan import largest_part, local_line, read_plan
+from swath.field_io.taskdata import A_PLUS, AB, listed
 from swath.job.lands import PlanSettings, plan_field
 from swath.job.plan import FieldPlan, PlannedPass, checked_ring, shapely_here, with_ground
 
 Array = NDArray[np.float64]
-MERCATOR = 3857  # EPSG, to see where on Earth an outline lies
 BEYOND = 1.0  # m: lines shorter than this inside the field are none
+
+
+@dataclass(frozen=True)
+class FileField:
+    """ring (n, 2) and holes [m] of a field; notes: what the file has beside it."""
+
+    ring: Array
+    holes: tuple[Array, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def plan_from_file(path: Path, header: float, settings: PlanSettings, *, pipe: float) -> FieldPlan:
     """The plan of a file. Its lines are driven in the order in which they stand there, each from its first
     point; without lines the field inside its outline is planned by the settings. Guidance lines
-    of task data with two points, A and B, say the direction of all passes. Holes in a field are not driven
-    around: their ground counts as crop.
+    of task data with two points, A and B, say the direction of all passes. Islands are not driven around:
+    passes lead over them, and cut nothing there.
 
     header [m]; pipe: how far left a cart drives [m]. InputError for a file without lines and outline.
     """
     if not path.exists():
         raise InputError("field.file", str(path), "expected a file that is there")
     is_task = _is_task(path)
-    lines, ring = _of_taskdata(path) if is_task else _of_geojson(path)
+    lines, field = _of_taskdata(path) if is_task else _of_geojson(path)
     if is_task and lines and all(len(line) == 2 for line in lines):
         (ax, ay), (bx, by) = lines[0].tolist()
         settings = replace(settings, direction_deg=math.degrees(math.atan2(by - ay, bx - ax)))
         lines = []
     if not lines:
-        assert ring is not None
-        return plan_field(ring, header, settings, pipe=pipe)
+        assert field is not None
+        return _without_islands(plan_field(field.ring, header, settings, pipe=pipe), field, header, pipe)
     width = header - settings.overlap_m
-    if ring is None:
-        ring = _around(lines, header)
+    field = field or FileField(checked_ring(_around(lines, header), "field.file"))
+    ring = field.ring
     clipped = [part for line in lines for part in _inside(line, ring)]
     if not clipped:
         raise InputError("field.file", str(path), "expected lines inside the field")
     passes = with_ground([PlannedPass(line) for line in clipped], ring, header, pipe=pipe)
-    passes = tuple(p for p in passes if p.area > 0.02 * header * p.length)
     area = float(shapely_here().Polygon(ring).area)
-    done = FieldPlan(ring, passes, width, 0.0, area)
+    done = _without_islands(FieldPlan(ring, passes, width, 0.0, area), field, header, pipe)
+    passes = tuple(p for p in done.passes if p.area > 0.02 * header * p.length)
+    done = replace(done, passes=passes)
     left = done.area_left
     notes = (f"{left / 1e4:.2f} ha of the field lie under no line",) if left > 0.02 * area else ()
-    return FieldPlan(ring, passes, width, 0.0, area - left, notes=notes)
+    return replace(done, area=done.area - left, notes=(*done.notes, *notes))
+
+
+def _without_islands(plan: FieldPlan, field: FileField, header: float, pipe: float) -> FieldPlan:
+    """The plan with no crop on the islands, and what the user is told."""
+    if not field.holes:
+        return replace(plan, notes=(*plan.notes, *field.notes))
+    passes = with_ground(list(plan.passes), field.ring, header, holes=field.holes, pipe=pipe)
+    area = float(shapely_here().Polygon(field.ring, field.holes).area)
+    left = plan.area - area
+    said = f"{left / 1e4:.2f} ha of islands carry no crop, but passes lead over them as over bare ground"
+    return replace(plan, passes=passes, area=area, holes=field.holes, notes=(*plan.notes, *field.notes, said))
 
 
 def _is_task(path: Path) -> bool:
     return path.suffix.lower() not in (".geojson", ".json", ".kml", ".kmz") and is_taskdata(path)
 
 
-def _of_geojson(path: Path) -> tuple[list[Array], Array | None]:
-    """Lines and outline of a file in local metres, from its middle."""
+def _of_geojson(path: Path) -> tuple[list[Array], FileField | None]:
+    """Lines and field of a file in local metres, from its middle."""
     if path.suffix.lower() in (".kml", ".kmz", ".shp", ".zip") or path.is_dir():
         return [], _outline(path)
     data = read_json(path, "field.file", "GeoJSON")
@@ -84,11 +105,11 @@ def _of_geojson(path: Path) -> tuple[list[Array], Array | None]:
         return [], _outline(path)
     middle = np.median(np.concatenate(lon_lat), axis=0)
     origin = origin_at(float(middle[1]), float(middle[0]))
-    ring = None
+    field = None
     if has_outline:
-        exterior, _ = rings(read_outline(path, origin.epsg))
-        ring = checked_ring(exterior - (origin.easting, origin.northing), "field.file")
-    return [origin.to_local(line) for line in lon_lat], ring
+        polygon, notes = read_outlines(path, origin.epsg).field()
+        field = _field_of(polygon, notes, np.array([origin.easting, origin.northing]))
+    return [origin.to_local(line) for line in lon_lat], field
 
 
 def _geometry(feature: Any) -> tuple[str, Any]:
@@ -106,29 +127,34 @@ def _points(part: Any) -> Array:
     return points
 
 
-def _outline(path: Path) -> Array:
+def _outline(path: Path) -> FileField:
     """The outline of a file in local metres."""
-    rough, _ = rings(read_outline(path, MERCATOR))
-    lon, lat = transform(rough, f"EPSG:{MERCATOR}", "EPSG:4326").mean(axis=0).tolist()
-    exterior, _ = rings(read_outline(path, utm_epsg(lon, lat)))
-    return checked_ring(exterior - np.floor(exterior.min(axis=0)), "field.file")
+    return _field_of(*read_outlines(path).field())
 
 
-def _of_taskdata(path: Path) -> tuple[list[Array], Array]:
-    """Guidance lines and outline of the largest field of task data. A line of two points is one of many."""
-    parts, _ = read_plan(path)
-    if not parts:
+def _field_of(polygon: Any, notes: list[str], corner: Array | None = None) -> FileField:
+    """A polygon from a corner, by default its own."""
+    exterior, holes = rings(polygon)
+    corner = np.floor(exterior.min(axis=0)) if corner is None else corner
+    ring = checked_ring(exterior - corner, "field.file")
+    return FileField(ring, tuple(hole - corner for hole in holes), tuple(notes))
+
+
+def _of_taskdata(path: Path) -> tuple[list[Array], FileField]:
+    """Guidance lines and the largest field of task data, with what of it is not used."""
+    described = read_plan(path)
+    if not described.parts:
         raise InputError("field.file", str(path), "expected a field with a boundary", file=path)
-    made = []
-    for part in parts:
-        exterior = next((ring for kind, ring in part.rings if kind == EXTERIOR), part.rings[0][1])
-        epsg = utm_epsg(*np.median(exterior, axis=0))
-        ring = in_metres(exterior, epsg)
-        made.append((shapely_here().Polygon(ring).area, part, ring, epsg))
-    _, part, ring, epsg = max(made, key=lambda m: m[0])
-    corner = np.floor(ring.min(axis=0))
+    key, polygon, epsg, notes = largest_part(described)
+    part = described.parts[key]
+    corner = np.floor(rings(polygon)[0].min(axis=0))
     origin = Origin(epsg, float(corner[0]), float(corner[1]))
-    return [origin.to_local(line) for line in part.lines], checked_ring(ring - corner, "field.file")
+    if len(part.guidance) > 1 and all(p.kind in (AB, A_PLUS) for p in part.guidance):
+        notes.append(f"passes along the first of {len(part.guidance)} guidance lines")
+    unused = part.unused + described.unused
+    notes += [f"task data, not used: {listed(unused)}"] if unused.total() else []
+    notes += described.problems
+    return [local_line(pattern, origin) for pattern in part.guidance], _field_of(polygon, notes)
 
 
 def _around(lines: list[Array], header: float) -> Array:

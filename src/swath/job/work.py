@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.job.contact import PairClearance
+from swath.job.digest import digest_of
 from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.fleet import FleetFile
@@ -22,7 +23,6 @@ from swath.job.motion import Motion
 from swath.job.plan import FieldPlan, Shared
 from swath.job.plan_files import plan_from_file
 from swath.job.recorded import read_day, recorded_plan
-from swath.job.saved import digest_of
 from swath.job.spread import Spread
 from swath.job.standoff import Standoff
 from swath.job.swept import SweptGround, swept_ground, track_along

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from swath.core.errors import InputError
+from swath.core.foreign_code import is_left
 from swath.core.registry import Registry
 from swath.judge.evaluator import HasColumns, HasEvents, Metric
 from swath.record.tracks import column_names
@@ -45,9 +46,13 @@ SENSOR_METRICS = (
 
 @dataclass(frozen=True)
 class EvaluatorCatalogue:
-    """The evaluators of a scenario: the built-in ones, then its own. classes: evaluator classes."""
+    """The evaluators of a scenario: the built-in ones, then its own. classes: evaluator classes.
+
+    is_partial: some were left unread, so that metrics may be meant that are not known
+    """
 
     classes: tuple[Any, ...]
+    is_partial: bool = False
 
     def by_scope(self) -> dict[Scope, dict[str, Metric]]:
         """Metrics by name: of a machine, of the field, of the run."""
@@ -93,12 +98,15 @@ def load_evaluators(own: Sequence[str] = (), base: Path | None = None) -> Evalua
         return _built_in()
     classes = list(_built_in().classes)
     known = {m.name for c in classes for m in c.METRICS}
+    unread = [reference for reference in own if is_left(reference, base)]
     for reference in own:
+        if reference in unread:
+            continue
         found = REGISTRY.get(KIND, reference, base=base).component
         _check(found, reference, known)
         known |= {m.name for m in found.METRICS}
         classes.append(found)
-    return EvaluatorCatalogue(tuple(classes))
+    return EvaluatorCatalogue(tuple(classes), is_partial=bool(unread))
 
 
 @cache

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from swath.core.packed_state import saved_type
 from swath.judge.kept_rows import KeptRows
 from swath.record.messages import RecordedMachine
 from swath.signals import F64, MachineState
@@ -9,6 +10,7 @@ from swath.signals import F64, MachineState
 PATH_M = 0.02  # spacing of the stored path
 
 
+@saved_type("end", "_end", "_rows", "_next")
 class HeaderPath:
     """Places of a machine's header end, one every PATH_M. end: in the machine frame [m]."""
 

@@ -3,10 +3,10 @@
 import zlib
 from array import array
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 import numpy as np
 
+from swath.core.packed_state import saved_type
 from swath.core.unnamed_file import UnnamedFile
 from swath.record import packed_columns
 from swath.signals import F64
@@ -14,6 +14,7 @@ from swath.signals import F64
 BLOCK = 2048  # rows that are compressed together
 
 
+@saved_type("_width", "_newest", "older")
 class KeptRows:
     """Rows of `width` real numbers, in the order they come; older ones lie compressed, to the last bit, in a
     file that has no name.
@@ -28,13 +29,15 @@ class KeptRows:
     def __bool__(self) -> bool:
         return bool(self._older or self._newest)
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {"_width": self._width, "_older": [*self._blocks()], "_newest": self._newest}
+    @property
+    def older(self) -> list[tuple[str, int, bytes]]:
+        """How packed, rows, bytes of the blocks in the file; setting them begins a new file."""
+        return [*self._blocks()]
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        KeptRows.__init__(self, state["_width"])
-        self._newest = state["_newest"]
-        for block in state["_older"]:
+    @older.setter
+    def older(self, blocks: Iterable[tuple[str, int, bytes]]) -> None:
+        self._older, self._file = [], UnnamedFile()
+        for block in blocks:
             self._put(*block)
 
     def add(self, row: Iterable[float]) -> None:

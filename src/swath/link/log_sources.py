@@ -42,7 +42,7 @@ class Params:
 
     slot: machine.slot that was recorded, where it is called otherwise than here (our own recordings)
     topics: output: topic, or output.number: topic:path.in.message (other recordings)
-    values: output.number: value, for numbers that no topic has
+    constants: output.number: value, for numbers that no topic has; values: the same, its older name
     scale: output.number: factor, where a message has other units than SI and radians
     start_s: where in the recording the run starts, from its first message
     clock: a sample comes out when its message was received, or at its stamp
@@ -51,14 +51,15 @@ class Params:
     gap_s: longer ones are reported (default: three times the usual interval)
     mount: of the sensor (default: as recorded)
     origin: of NavSatFix positions (default: the first one); field_folder: or that of a field folder
-    antenna_m: x, y, z of the receiver on the machine
+    antenna_m: x, y, z of the receiver on the machine (default: as recorded, or by /tf_static)
     """
 
     file: str | None = None
     folder: str | None = None
     slot: str | None = None
     topics: dict[str, str] = field(default_factory=dict)
-    values: dict[str, float] = field(default_factory=dict)
+    constants: dict[str, bool | float] = field(default_factory=dict)
+    values: dict[str, bool | float] = field(default_factory=dict)
     scale: dict[str, float] = field(default_factory=dict)
     start_s: Annotated[float, Ge(0), Le(1e7)] = 0.0
     clock: Literal["received", "stamp"] = "received"
@@ -68,7 +69,12 @@ class Params:
     mount: Mount | None = None
     origin: GeoOrigin | None = None
     field_folder: str | None = None
-    antenna_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    antenna_m: tuple[float, float, float] | None = None
+
+    @property
+    def fixed(self) -> dict[str, bool | float]:
+        """`constants`, under either name."""
+        return {**self.values, **self.constants}
 
 
 @dataclass(frozen=True)
@@ -110,7 +116,10 @@ def choose_sources(
             if maker_for(port.signal, types[topic], context) is not None:
                 found.append(Source(port, (topic,)))
     if not found:
-        listed = ", ".join(f"{t} ({k.rpartition('/')[2]})" for t, k in types.items()) or "nothing"
+        fitting = sorted(
+            types, key=lambda t: not any(_can_be(p.signal, types[t], context) for p in ports.values())
+        )
+        listed = ", ".join(f"{t} ({types[t].rpartition('/')[2]})" for t in fitting) or "nothing"
         expected = f"expected topics for {', '.join(ports)}, the recording has no {recorded}; it has {listed}"
         raise InputError("topics", None, expected, file=log.path)
     return found
@@ -122,7 +131,7 @@ def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[
     context = Context(setup.control.machine.wheelbase)
     whole: dict[str, str] = {}
     numbers: dict[str, dict[str, tuple[str, str]]] = {}
-    for key in (*params.topics, *params.values):
+    for key in (*params.topics, *params.fixed):
         name, _, number = key.partition(".")
         if name not in ports:
             raise InputError("topics", key, f"expected output or output.number; outputs: {', '.join(ports)}")
@@ -133,13 +142,14 @@ def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[
         topic, _, path = text.partition(":")
         name, _, number = key.partition(".")
         if topic not in types:
-            raise InputError("topics", topic, f"expected one of {', '.join(types) or 'none'}")
+            signal = ports[name].signal
+            fitting = sorted(types, key=lambda t: not _can_be(signal, types[t], context))
+            raise InputError("topics", topic, f"expected one of {', '.join(fitting) or 'none'}")
         if number:
             numbers.setdefault(name, {})[number] = (topic, path or "data")
         else:
             signal = ports[name].signal
-            is_fix = types[topic] == FIX and signal is MachineState
-            if not is_fix and maker_for(signal, types[topic], context) is None:
+            if not _can_be(signal, types[topic], context):
                 expected = (
                     f"expected a topic of {', '.join(message_names(signal))}, or {name}.NUMBER: TOPIC:PATH"
                 )
@@ -148,14 +158,14 @@ def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[
     if both := sorted(set(whole) & set(numbers)):
         raise InputError("topics", both[0], "expected a topic for the output or for its numbers, not both")
     for name, given in numbers.items():
-        fixed = numbers_of(name, params.values)
+        fixed = numbers_of(name, params.fixed)
         lacking = [
             f.name
             for f in flat_fields(ports[name].signal).values()
             if f.default is None and f.name not in given and f.name not in fixed
         ]
         if lacking:
-            raise InputError("topics", name, f"expected topics or values for {', '.join(lacking)} too")
+            raise InputError("topics", name, f"expected topics or constants for {', '.join(lacking)} too")
     made = {n: Source(ports[n], (t,)) for n, t in whole.items()}
     made |= {
         n: Source(ports[n], tuple(dict.fromkeys(t for t, _ in given.values())), numbers=given)
@@ -164,7 +174,12 @@ def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[
     return [made[name] for name in ports if name in made]
 
 
-def numbers_of(port: str, given: Mapping[str, float]) -> dict[str, float]:
+def _can_be(signal: type[Signal], msgtype: str, context: Context) -> bool:
+    """Whether messages of a type can be made into samples."""
+    return (msgtype == FIX and signal is MachineState) or maker_for(signal, msgtype, context) is not None
+
+
+def numbers_of(port: str, given: Mapping[str, bool | float]) -> dict[str, bool | float]:
     """Those of `output.number: value` that belong to an output, by number."""
     lead = f"{port}."
     return {key.removeprefix(lead): value for key, value in given.items() if key.startswith(lead)}

@@ -56,11 +56,18 @@ def thread_count() -> int:
     return int(text)
 
 
-def ray_device() -> str:
-    """Where rays through crop are cast: SWATH_DEVICE, else `cpu`; SwathError if it is not there."""
-    name = os.environ.get("SWATH_DEVICE") or "cpu"
-    if name != "cpu":
-        known = [device.alias for device in start_warp().get_devices()]
-        if name not in known:
-            raise SwathError(f"SWATH_DEVICE = {name}: expected one of this machine's {', '.join(known)}")
-    return name
+def ray_device(name: str | None = None) -> str:
+    """Name of the device on which rays through crop are cast: `cpu`, `cuda:0`, `cuda:1` ...
+
+    name: as asked for, `cuda` is the first GPU; default SWATH_DEVICE, else `cpu`. SwathError where there is
+    none of that name.
+    """
+    asked = name or os.environ.get("SWATH_DEVICE") or "cpu"
+    if asked == "cpu":
+        return asked
+    known = [device.alias for device in start_warp().get_devices()]
+    found = "cuda:0" if asked == "cuda" else asked
+    if found not in known:
+        key = "device" if name else "SWATH_DEVICE"
+        raise SwathError(f"{key} = {asked}: expected one of this machine's {', '.join(known)}")
+    return found

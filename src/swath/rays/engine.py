@@ -28,7 +28,7 @@ NOT_COMPILED = "ray packets cannot be compiled on this machine: cast one by one,
 class RayCaster:
     """Casts rays into a field.
 
-    threads: CPU threads, default SWATH_THREADS or all cores; device: `cpu` or a Warp device as `cuda:0`,
+    threads: CPU threads, default SWATH_THREADS or all cores; device: `cpu`, `cuda` or `cuda:0`, `cuda:1` ...,
     default SWATH_DEVICE or `cpu`; notes: what its user should know, each once. On the CPU the kernels read
     the field's own memory. On another device the plain kernel runs, on a copy of that memory that is renewed
     after each change.
@@ -37,7 +37,7 @@ class RayCaster:
     def __init__(self, field: Field, *, threads: int | None = None, device: str | None = None) -> None:
         self.field = field
         self.threads = thread_count() if threads is None else threads
-        self.device = ray_device() if device is None else device
+        self.device = ray_device(device)
         self.scene = LiveScene(field, self.device)
         self._pool = ThreadPool(self.threads)
         self._packets: PacketTraversal | None = None
@@ -179,13 +179,15 @@ class RayCaster:
 
     def _run(self, wp: Any, kernel: Any, scene: list[Any], o: F64, d: F64, reach: float, hits: Hits) -> None:
         """A kernel of single rays over all of them."""
+        from swath.rays.kernel.cast import BLOCK
+
         rays = [self.scene.share(wp, o, wp.vec3d), self.scene.share(wp, d, wp.vec3d)]
         kinds = (wp.float32, wp.uint8, wp.float32, wp.float32)
         out = [self.scene.share(wp, a, kind) for a, kind in zip(hits.arrays, kinds, strict=True)]
 
         def run(first: int, count: int) -> None:
             inputs = [*scene, *rays, float(reach), first, *out]
-            wp.launch(kernel, dim=count, inputs=inputs, device=self.device)
+            wp.launch(kernel, dim=count, inputs=inputs, device=self.device, block_dim=BLOCK)
 
         if self.device == "cpu":
             self._pool.split(len(o), CHUNK_MIN, run)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.whole_file import new_file
 from swath.documents.packed import read_arrays, readable
 
 Array = NDArray[np.float64]
@@ -106,10 +107,8 @@ class HeightGrid:
         """Write the file in one go; the same grid gives the same bytes."""
         about = np.frombuffer(json.dumps(dict(self.about), sort_keys=True).encode(), np.uint8)
         arrays: dict[str, Any] = {key: np.asarray(getattr(self, name)) for key, (name, _) in STORED.items()}
-        part = path.with_name(path.name + ".part")
-        with part.open("wb") as file:
+        with new_file(path) as file:
             np.savez_compressed(file, format=np.array(FORMAT), **arrays, about=about)
-        part.replace(path)
 
 
 def lattice_height(ground: NDArray[Any], node: float, u: Any, v: Any) -> Array:

@@ -52,7 +52,7 @@ def _imu(source: Source, sample: Inertial) -> Any:
     """A sensor that does not know its noise has covariances of zeros: unknown, as REP 145 has it."""
     make = source.make
     least = EXACT if source.slot in source.machine.errors else 0.0
-    rate, force = max(sample.rate_sd**2, least), max(sample.force_sd**2, least)
+    rate, force = (max(sd**2, least) if sd >= 0.0 else 0.0 for sd in (sample.rate_sd, sample.force_sd))
     return make(
         "sensor_msgs/msg/Imu",
         header=make.header(sample.t, source.frame),

@@ -258,7 +258,9 @@ def _is_busy(values: np.ndarray) -> bool:
 
 
 def read_tracks(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a tracks.parquet as arrays, `machine` as strings. InputError for another or newer file."""
+    """Columns of a tracks.parquet as arrays, `machine` as strings. InputError for another or newer file, and
+    for one without a column that every run writes.
+    """
     import pyarrow.parquet as pq
 
     with readable("tracks", "a tracks.parquet", path), pq.ParquetFile(path, pre_buffer=False) as file:
@@ -268,7 +270,11 @@ def read_tracks(path: Path) -> dict[str, np.ndarray]:
             raise InputError("tracks", size, "expected fewer values in a file of its size", file=path)
         table = file.read(use_threads=False)  # no threads of Arrow that a run would end with
         check_format((table.schema.metadata or {}).get(b"format", b"").decode(), TRACKS, path)
-        return {name: table.column(name).to_numpy() for name in table.column_names}
+        found = {name: table.column(name).to_numpy() for name in table.column_names}
+    written = ["machine", *(c.name for c in signal_columns(MachineState, MachineState))]
+    if missing := [name for name in written if name not in found]:
+        raise InputError("tracks", ", ".join(missing), "expected this column, there is none", file=path)
+    return found
 
 
 def column_names() -> list[str]:

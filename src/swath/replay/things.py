@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.foreign_code import through
 from swath.field.contact import bounds, frames_along, parts_of
 from swath.field.memory_layout import Solids
 from swath.field.obstacles import Path, Thing
@@ -65,9 +66,9 @@ def _there(world: World, events: Sequence[Event]) -> Iterator[tuple[Thing, float
         if value not in (None, ""):
             text = value if isinstance(value, str) else json.dumps(value)
             file = world.scenario.file
-            wanted = parse_scenario(
-                world.scenario.resolved(), base=file and file.parent, sets=[f"field.obstacles=[{text}]"]
-            )
+            sets = [f"field.obstacles=[{text}]"]
+            with through(world.scenario.gate):
+                wanted = parse_scenario(world.scenario.resolved(), base=file and file.parent, sets=sets)
             for thing in things_in(wanted.field.obstacles, world.field):
                 yield replace(thing, name=key), begin, end_of(key, begin)
 

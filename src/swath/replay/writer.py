@@ -1,13 +1,14 @@
 """Writes replay.html: after a run, or from its folder."""
 
 import html
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.foreign_code import code_unread
 from swath.core.whole_file import write_whole
+from swath.documents.json_file import read_object
 from swath.record.tracks import read_tracks
 from swath.replay.collect import collect
 from swath.replay.machines import Columns
@@ -49,18 +50,19 @@ def write_replay(world: World, folder: Path, summary: Mapping[str, Any], *, out:
 def view(folder: Path, *, out: Path | None = None) -> Path:
     """The page of a finished run, from its folder alone. InputError where it is none."""
     from swath.runtime.assembly import assemble
+    from swath.scenario.code import slots_without_code
     from swath.scenario.scenario import load_scenario
+    from swath.scenario.slot_names import slot_names
 
     for name in ("scenario.yaml", "tracks.parquet"):
         if not (folder / name).is_file():
             raise InputError("RUN", str(folder), f"expected a run folder, it has no {name}")
-    try:
-        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        summary = {"incomplete": True}
-    except ValueError as error:
-        raise InputError("RUN", str(folder), f"expected a readable summary.json ({error})") from error
-    world = assemble(load_scenario(folder / "scenario.yaml"))
+    file = folder / "summary.json"
+    summary = read_object(file, "RUN", "a summary.json") if file.is_file() else {"incomplete": True}
+    with code_unread():
+        scenario = load_scenario(folder / "scenario.yaml")
+    made, every = slots_without_code(scenario), slot_names(scenario)
+    world = assemble(scenario, only=None if len(made) == len(every) else made)
     try:
         return write_replay(world, folder, summary, out=out)
     finally:

@@ -40,17 +40,18 @@ def render(
     the run, the built-in ones by default
     """
     expect = summary.get("expect") or []
-    facts = {"seed": "seed", "machine": "machine", "rays on": "device"}
+    evaluators = known or load_evaluators()
     return render_page(
         "run.html.j2",
         name=str(summary.get("name", "run")),
         about=str(summary.get("summary") or ""),
         head=_head(expect),
         incomplete=bool(summary.get("incomplete")),
-        run_facts={**{k: summary.get(v) for k, v in facts.items()}, **(summary.get("versions") or {})},
+        run_facts={key: summary.get(key) for key in ("machine", "seed")},
+        made_with={**(summary.get("versions") or {}), "rays on": summary.get("device")},
         digest=summary.get("digest"),
-        limits=[_limit_row(entry) for entry in expect],
-        results=list(_results(summary, known or load_evaluators())),
+        limits=[_limit_row(entry, evaluators.metrics) for entry in expect],
+        results=list(_results(summary, evaluators)),
         incidents=[_incident_row(event) for event in summary.get("incidents", [])],
         figures=figures,
         cost=_cost(summary) if summary.get("cost") else [],
@@ -67,13 +68,14 @@ def _head(expect: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
     return "pass", f"✓ All {len(expect)} limits pass", ", ".join(dict.fromkeys(e["name"] for e in expect))
 
 
-def _limit_row(entry: Mapping[str, Any]) -> dict[str, str]:
+def _limit_row(entry: Mapping[str, Any], metrics: Mapping[str, Metric]) -> dict[str, str]:
+    metric = metrics.get(entry["name"])  # None: a column of the tracks, whose name ends with its unit
     return {
         "subject": entry["subject"],
         "name": entry["name"],
-        "limit": limit_text(entry),
+        "limit": limit_text(entry) if metric is None else _bounds(metric, entry["limit"]),
         "window": window_text(entry),
-        "value": number(entry["value"]),
+        "value": number(entry["value"]) if metric is None else _shown(metric, entry["value"]),
         "result": entry["result"],
         "reason": entry.get("reason", ""),
     }
@@ -111,21 +113,23 @@ def _groups(
 
 
 def _metric_row(metric: Metric, value: Any, entry: Mapping[str, Any] | None) -> dict[str, str]:
-    limit = {} if entry is None else entry["limit"]
-    bounds = [
-        f"{sign} {_shown(metric, limit[key])}" for key, sign in (("min", "≥"), ("max", "≤")) if key in limit
-    ]
     return {
         "tip": f"{metric.name}: {metric.meaning}",
         "label": metric.label or metric.name.removesuffix("_" + metric.unit).replace("_", " "),
         "value": _shown(metric, value),
-        "limit": " ".join(bounds),
+        "limit": "" if entry is None else _bounds(metric, entry["limit"]),
         "result": "" if entry is None else entry["result"],
     }
 
 
+def _bounds(metric: Metric, limit: Mapping[str, Any]) -> str:
+    """The least and the greatest value that a limit on a metric allows."""
+    signs = (("min", "≥"), ("max", "≤"))
+    return " ".join(f"{sign} {_shown(metric, limit[key])}" for key, sign in signs if key in limit)
+
+
 def _shown(metric: Metric, value: Any) -> str:
-    """A value of a metric as a report shows it."""
+    """A value of a metric as a report shows it: its decimals, but four digits at most; counts are whole."""
     if value is None:
         return "–"
     unit = metric.shown or metric.unit
@@ -133,7 +137,11 @@ def _shown(metric: Metric, value: Any) -> str:
     if metric.decimals < 0:
         text = f"{scaled:.1e}" if scaled else "0"
     else:
-        text = f"{scaled:,.{metric.decimals}f}".replace(",", "\u202f").replace("-", "−")
+        whole = len(f"{abs(scaled):.0f}")
+        decimals = min(metric.decimals, max(4 - whole, 0))
+        if metric.decimals > 0 and whole > 4:
+            scaled = round(scaled, 4 - whole)
+        text = f"{scaled:,.{decimals}f}".replace(",", "\u202f").replace("-", "−")
     unit = PRETTY.get(unit, unit)
     return f"{text}\u00a0{unit}" if unit else text
 

@@ -17,6 +17,7 @@ from swath.core.abilities import (
 )
 from swath.core.component import Port, State
 from swath.core.errors import InputError, SwathError
+from swath.core.foreign_code import through
 from swath.core.frames import Pose
 from swath.core.graph import Graph, Node
 from swath.core.random import Stream
@@ -43,7 +44,7 @@ from swath.scenario.slots import SLOTS, TRUTH, kind_of
 from swath.signals import F64
 from swath.signals.setup import ControlSetup, LinkSetup
 
-_MOUNTED = "lidar", "scan_filter"  # slots whose mounting control is told
+_MOUNTED = "lidar", "scan_filter", "radar", "camera", "gnss", "imu"  # slots whose mounting control is told
 
 
 def assemble(
@@ -56,7 +57,8 @@ def assemble(
     fields: of worlds before; whoever gives them drives one world at a time
     """
     try:
-        return _assemble(scenario, only, fields)
+        with through(scenario.gate):
+            return _assemble(scenario, only, fields)
     except InputError as error:
         raise scenario.locate(error) from error
 
@@ -270,8 +272,9 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     if choice.found.is_link:
         fed = {port: source for port, (source, _) in choice.wires.items()}
         offered, gives = _offered(choice), choice.kind.outputs
+        ground = None if choice.kind.is_control else site.field.terrain.height
         return LinkSetup(
-            section.name, slot, offered, gives, control, site.base, fed, before_asking=site.before_asking
+            section.name, slot, offered, gives, control, site.base, fed, site.before_asking, ground
         )
     if choice.kind.is_control and not choice.found.sees_truth:
         return control

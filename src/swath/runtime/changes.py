@@ -22,7 +22,7 @@ from typing import Any
 
 from swath.core.abilities import Closes
 from swath.core.errors import InputError
-from swath.core.foreign_code import file_of, only_code
+from swath.core.foreign_code import allow_code, file_of, only_code, present_gate, through
 from swath.core.schedule import NS
 from swath.documents.json_file import read_json
 from swath.documents.yaml_document import parse_value
@@ -55,6 +55,8 @@ class Interventions:
     def __init__(self, world: World, allow: Iterable[str] = ()) -> None:
         self.world = world
         allowed = [file_of(text) for text in allow]
+        with through(world.scenario.gate), allow_code(allowed):
+            self._gate = present_gate()
         self._code = (*code_of(world.scenario), *allowed)
         self._files = files_of(world.scenario) | set(allowed)
         self.events: list[dict[str, Any]] = []
@@ -64,13 +66,14 @@ class Interventions:
     @cached_property
     def _now(self) -> Scenario:
         """The scenario as it stands; read when the first change comes."""
-        return _freshly_read(self.world.scenario, [])
+        with through(self._gate):
+            return _freshly_read(self.world.scenario, [])
 
     def set(self, t: int, key: str, value: Any) -> None:
         """Change `key` before the tick at t [ns]. SwathError, and no change, if it cannot be."""
         first, _, rest = key.partition(".")
         self._need_known_files(key, value)
-        with only_code(self._code):
+        with through(self._gate), only_code(self._code):
             if first == OBSTACLES and rest:
                 self._set_obstacle(t, rest, value)
             else:
@@ -80,7 +83,7 @@ class Interventions:
     def check(self, key: str, value: Any) -> None:
         """What `set` finds wrong by reading alone. SwathError."""
         self._need_known_files(key, value)
-        with only_code(self._code):
+        with through(self._gate), only_code(self._code):
             after_change(self._now, key, value)
 
     def _need_known_files(self, key: str, value: Any) -> None:

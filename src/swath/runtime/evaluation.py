@@ -1,5 +1,6 @@
 """The evaluators of a world."""
 
+from swath.core.foreign_code import through
 from swath.judge.catalogue import EvaluatorCatalogue, load_evaluators
 from swath.judge.evaluation import Evaluation
 from swath.judge.evaluator import SETTLING_M, EvaluatorSetup
@@ -23,6 +24,8 @@ def make_evaluation(world: World, catalogue: EvaluatorCatalogue | None = None) -
         for name, machine in world.machines.items()
     }
     expect = world.scenario.expect if catalogue is None else ()
-    made = Evaluation(catalogue or load_evaluators(world.scenario.evaluators), setups, expect)
+    with through(world.scenario.gate):
+        known = catalogue or load_evaluators(world.scenario.evaluators)
+    made = Evaluation(known, setups, expect)
     made.is_trial = world.scenario.run.distance_m <= SETTLING_M
     return made

@@ -13,7 +13,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from swath.core.errors import InputError
-from swath.core.whole_file import PART
+from swath.core.whole_file import PART, open_to_keep
+from swath.documents.json_file import read_object
 
 RUNS = "runs"  # where the folders lie whose place nobody chose
 RUN_FILES = (
@@ -64,8 +65,8 @@ def run_name(folder: Path) -> str | None:
     if not file.is_file() or not any((folder / f).is_file() for f in ("summary.json", "run.mcap", LOCK)):
         return None
     try:
-        name = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["name"]
-    except (OSError, ValueError, KeyError, TypeError):
+        name = read_object(folder / "summary.json", "run", "a summary.json")["name"]
+    except (InputError, KeyError):
         try:
             data = read_document(file).data
         except InputError:
@@ -100,10 +101,13 @@ def clear_run_folder(folder: Path) -> None:
     """
     for name in (*RUN_FILES[:-1], *(f"{n}{PART}" for n in RUN_FILES)):
         (folder / name).unlink(missing_ok=True)
-    for file in (*(folder / SAVES).glob(f"*{SAVED}"), folder / SAVES / PAGES):
+    saves = folder / SAVES
+    if saves.is_symlink():
+        saves.unlink()
+    for file in (*saves.glob(f"*{SAVED}"), saves / PAGES):
         file.unlink(missing_ok=True)
     with suppress(OSError):
-        (folder / SAVES).rmdir()
+        saves.rmdir()
 
 
 def _lock(folder: Path) -> int:
@@ -114,7 +118,7 @@ def _lock(folder: Path) -> int:
     path = folder / LOCK
     while True:
         folder.mkdir(parents=True, exist_ok=True)
-        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        file = open_to_keep(path, os.O_RDWR)
         try:
             _take(file, folder)
             if path.exists() and os.path.samestat(os.fstat(file), path.stat()):

@@ -270,7 +270,8 @@ class _Running:
             incomplete=incomplete,
             cost={n.slot.name: (n.cost_s, n.step_count) for n in world.graph.nodes},
         )
-        notes = [note for machine in world.machines.values() for note in machine.notes]
+        notes = world.field.notes
+        notes += [note for machine in world.machines.values() for note in machine.notes]
         notes += self.evaluation.notes()
         if not incomplete and not world.graph.ended and not has_arrived(world):
             run, driven = scenario.run, driven_m(world)

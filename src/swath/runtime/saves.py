@@ -15,9 +15,9 @@ from typing import Any
 
 from swath import __version__
 from swath.core.errors import InputError, SwathError
-from swath.core.packed_state import UnpackableState, pack, unpack
+from swath.core.packed_state import MAGIC, UnpackableState, pack, unpack
 from swath.core.schedule import NS
-from swath.core.whole_file import write_whole
+from swath.core.whole_file import new_file, open_to_append, own_folder, write_whole
 from swath.runtime.folder import PAGES, SAVED, SAVES
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
@@ -53,8 +53,7 @@ class Saves(RunHook):
         self._due = (run.world.graph.t // self._period + 1) * self._period
         self.refused = why_not(run)
         if not self.refused and run.out is not None:
-            (run.out / SAVES).mkdir(exist_ok=True)
-            (run.out / SAVES / PAGES).write_bytes(b"")
+            write_whole(own_folder(run.out / SAVES) / PAGES, b"")
             if run.start is not None:
                 self.times = copy_saves(run.start.folder, run.out, run.world.graph.t)
             run.world.graph.before_tick.insert(0, self._before_tick)
@@ -120,7 +119,7 @@ class Saves(RunHook):
             return page
         place = self._pages.get(page)
         if place is None:
-            with file.open("ab") as out:
+            with open_to_append(file) as out:
                 place = self._pages[page] = out.tell(), len(page)
                 out.write(page)
             self._bytes += len(page)
@@ -177,6 +176,13 @@ def saves_in(folder: Path) -> dict[int, Path]:
     return dict(sorted(found.items()))
 
 
+def is_readable(save: Path) -> bool:
+    """Whether a save begins as those of this version of swath do."""
+    with suppress(OSError, zlib.error), save.open("rb") as file:
+        return zlib.decompressobj().decompress(file.read(1024), len(MAGIC)) == MAGIC
+    return False
+
+
 def saved_before(folder: Path, at: int) -> Iterator[bytes]:
     """Saves of a run folder of times before `at` [ns], still packed, newest first."""
     for t, file in reversed(saves_in(folder).items()):
@@ -189,7 +195,8 @@ def copy_saves(source: Path, target: Path, until: int) -> list[int]:
     """Copy saves up to a time [ns] from a run folder to another; returns their times."""
     times = [t for t in saves_in(source) if t <= until]
     for name in [*(f"{t}{SAVED}" for t in times), *([PAGES] if times else [])]:
-        shutil.copyfile(source / SAVES / name, target / SAVES / name)
+        with (source / SAVES / name).open("rb") as read, new_file(target / SAVES / name) as written:
+            shutil.copyfileobj(read, written)
     return times
 
 

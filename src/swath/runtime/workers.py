@@ -7,18 +7,24 @@ once more, after those that are there already.
 import multiprocessing as mp
 import os
 import signal
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from math import inf
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
 
 from swath.core.collector import collect_rarely
 from swath.core.errors import SwathError
+from swath.core.foreign_code import Gate, present_gate, through
+from swath.core.stopping import stop
 
 STRIKES = 2  # workers that a job may kill before it counts as an error
+STOPS = (signal.SIGINT, signal.SIGTERM)
+LAST_WORDS = 10.0  # a worker that is stopped is killed after so long [s]
 AHEAD = 4  # jobs for each worker that are begun before those before them are through, where order counts
 T = TypeVar("T")
 R = TypeVar("R")
@@ -48,8 +54,10 @@ class _Worker(Generic[T, R]):
     def __init__(self, begin: Begin[T, R]) -> None:
         context = mp.get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, begin), daemon=True)
-        self.process.start()
+        self.process = context.Process(target=_serve, args=(theirs, begin, present_gate()), daemon=True)
+        resource_tracker.ensure_running()  # it would let signals in again while the worker starts
+        with _signals_held():
+            self.process.start()
         theirs.close()
         self.job: _Job[T] | None = None
         self.is_starting = True
@@ -70,9 +78,15 @@ class _Worker(Generic[T, R]):
             return (self.pipe.recv(),) if self.pipe.poll() else None
         return None
 
+    def ask_to_stop(self) -> None:
+        """A run in hand ends in order, marked as incomplete."""
+        self.pipe.close()
+        if self.job is not None:
+            self.process.terminate()
+
     def stop(self) -> None:
         self.pipe.close()
-        self.process.join(timeout=2.0)
+        self.process.join(timeout=LAST_WORDS)
         if self.process.is_alive():
             self.process.kill()
             self.process.join()
@@ -141,6 +155,8 @@ def in_workers(
                 return
     finally:
         for worker in pool:
+            worker.ask_to_stop()
+        for worker in pool:
             worker.stop()
 
 
@@ -159,13 +175,45 @@ def _check_begun(worker: _Worker[T, R], found: object) -> None:
         )
 
 
-def _serve(pipe: Connection, begin: Begin[Any, Any]) -> None:
-    """What a worker does until its pipe is closed. Ctrl-C is the driver's business."""
+@contextmanager
+def _signals_held() -> Iterator[None]:
+    """A process that is started inside the block gets no stop before it lets them in."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _serve(pipe: Connection, begin: Begin[Any, Any], gate: Gate) -> None:
+    """What a worker does until its pipe is closed. Ctrl-C is the driver's business; SIGTERM, which often goes
+    to all processes of a group, ends its run in order and the worker without a word. gate: of the driver
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _stop_once)
+    try:
+        if hasattr(signal, "pthread_sigmask"):
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
+        with through(gate):
+            _work(pipe, begin)
+    except KeyboardInterrupt:
+        sys.exit(128 + signal.SIGTERM)
+
+
+def _stop_once(number: int, frame: object) -> None:
+    """The driver may send a SIGTERM that the group got already: it must not cut the end of a run short."""
+    signal.signal(number, signal.SIG_IGN)
+    stop(number, frame)
+
+
+def _work(pipe: Connection, begin: Begin[Any, Any]) -> None:
     collect_rarely()
     os.environ.setdefault("SWATH_THREADS", "1")  # one core a job, as many jobs as cores
-    work = begin()
     with suppress(OSError):  # the driver is gone
+        work = begin()
         pipe.send(True)
         while True:
             try:

@@ -1,20 +1,49 @@
 """The code that a scenario brings along: Python files, FMUs, systems of FMUs."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
-from swath.core.foreign_code import NamesCode, file_of
+from swath.core.foreign_code import NamesCode, file_of, is_allowed, need_allowed
 from swath.scenario.resolved import LevelChoice
 from swath.scenario.scenario import Scenario
 
 
 def code_of(scenario: Scenario) -> list[Path]:
     """Files with code that a scenario names, without crop habits, which data sheets name."""
-    base = scenario.file.parent if scenario.file is not None else Path.cwd()
-    choices: list[LevelChoice | None] = [scenario.field.terrain, scenario.field.stand]
-    choices += [choice for machine in scenario.machines.values() for choice in machine.slots.values()]
-    choices += [choice for _, choice in scenario.realtime.cheaper] if scenario.realtime is not None else []
-    references = [r for choice in choices if choice is not None for r in _named(choice)]
-    return list(dict.fromkeys(file_of(r, base) for r in (*references, *scenario.evaluators)))
+    references = [r for _, choice in _choices(scenario) for r in _named(choice)]
+    return list(dict.fromkeys(file_of(r, _base(scenario)) for r in (*references, *scenario.evaluators)))
+
+
+def need_code(scenario: Scenario) -> None:
+    """InputError where a scenario that was only looked at names code that may not run."""
+    base = _base(scenario)
+    for key, choice in _choices(scenario):
+        for reference in _named(choice):
+            need_allowed(key, reference, base)
+    for reference in scenario.evaluators:
+        need_allowed("evaluators", reference, base)
+
+
+def slots_without_code(scenario: Scenario) -> list[str]:
+    """Full names of the slots that can be made with what may run."""
+    base = _base(scenario)
+    slots = [(f"{m.name}.{slot}", c) for m in scenario.machines.values() for slot, c in m.slots.items()]
+    return [name for name, choice in slots if all(is_allowed(r, base) for r in _named(choice))]
+
+
+def _choices(scenario: Scenario) -> Iterator[tuple[str, LevelChoice]]:
+    """Every level that a scenario chose, with its key."""
+    for name, ground in (("field.terrain", scenario.field.terrain), ("field.stand", scenario.field.stand)):
+        if ground is not None:
+            yield name, ground
+    for machine in scenario.machines.values():
+        yield from ((f"{machine.name}.{slot}", choice) for slot, choice in machine.slots.items())
+    if scenario.realtime is not None:
+        yield from scenario.realtime.cheaper
+
+
+def _base(scenario: Scenario) -> Path:
+    return scenario.file.parent if scenario.file is not None else Path.cwd()
 
 
 def _named(choice: LevelChoice) -> list[str]:

@@ -95,6 +95,8 @@ def _limits(
     columns_of: Mapping[str, list[str]],
 ) -> list[Expectation]:
     columns = [] if subject == FIELD else columns_of.get(subject, judged.columns)
+    if name not in metrics and name not in columns and judged.is_partial:
+        return []  # of an evaluator that was left unread
     if name not in metrics and name not in columns:
         what = "unknown metric"
         if name in judged.metrics:
@@ -120,10 +122,10 @@ def _fits(
     """Whether the limit's events and columns exist and the metric can be judged in a window."""
     before = len(reader.errors)
     for key, kind in (("after", limit.after), ("before", limit.before)):
-        if kind is not None and kind not in judged.events:
+        if kind is not None and kind not in judged.events and not judged.is_partial:
             reader.note((*path, key), kind, unknown_key(kind, judged.events, "unknown event"))
     for column in limit.while_:
-        if column not in columns:
+        if column not in columns and not judged.is_partial:
             reader.note((*path, "while", column), None, unknown_key(column, columns, "unknown column"))
     if limit.hold is not None and name not in columns:
         reader.note((*path, "hold"), limit.hold, f"expected no hold, {name} is a metric and no column")

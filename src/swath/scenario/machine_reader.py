@@ -111,6 +111,8 @@ def _instances(
             plural = [f"{s.name}_NAME" for s in reader.catalogue.slots if s.is_plural]
             known = [*MACHINE_KEYS, *(s.name for s in reader.catalogue.slots), *plural]
             reader.note((machine, key), None, unknown_key(key, known))
+        elif not NAME.match(key):
+            reader.note((machine, key), None, "expected a slot's name: letters, digits, - and _")
     slots = [slot for slot in kinds if not is_off(data.get(slot))]
     return [(kind, slot) for kind in reader.catalogue.slots for slot in slots if kinds[slot] is kind]
 

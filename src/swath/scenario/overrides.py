@@ -1,14 +1,24 @@
 """`--set combine.lidar.level=empirical`: changes to a scenario before it is checked."""
 
+import json
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from swath.core.errors import InputError, SwathError
+from swath.core.errors import InputError, SwathError, shortened
 from swath.documents.validation import known_keys
 from swath.documents.yaml_document import Document, KeyPath, Place, key_path, parse_value
 from swath.scenario.catalogue import Catalogue
 from swath.scenario.versions import short_key
+
+
+class Change(NamedTuple):
+    """A key and what it becomes. flag: what errors call it"""
+
+    flag: str
+    path: KeyPath
+    value: Any
 
 
 def apply_overrides(
@@ -18,19 +28,17 @@ def apply_overrides(
 
     flags: further changes, by the flag that stands for them: {"--seed 3": "seed=3"}.
     Their order does not matter: what holds for more comes first, a section before its level, a level before
-    its parameters; of the same key given twice the last one counts.
+    its parameters. Two that say different things about a key are an error.
     Choosing another level drops the parameters that only the level before it knew.
     """
-    changes = []
-    for flag, text in [*((f"--set {s}", s) for s in sets), *flags.items()]:
-        key, equals, value_text = text.partition("=")
-        path = key_path(short_key(key.strip()))
-        if not equals or "" in path:
-            raise InputError(flag, None, "expected --set key.key=value")
-        changes.append((flag, path, value_text))
-    changes.sort(key=lambda change: (len(change[1]), change[1][-1] != "level"))
-    for flag, path, value_text in changes:
-        value = parse_value(value_text, flag)
+    changes = [_change(flag, text) for flag, text in [*((f"--set {s}", s) for s in sets), *flags.items()]]
+    for number, change in enumerate(changes):
+        for other in changes[:number]:
+            if contradicts(other, change):
+                expected = f"expected one of the two, it contradicts {shortened(other.flag, 120)}"
+                raise InputError(shortened(change.flag, 120), None, expected)
+    changes.sort(key=lambda change: (len(change.path), change.path[-1] != "level"))
+    for flag, path, value in changes:
         if not isinstance(document.data, dict):
             raise document.error((), document.data, "expected a mapping of keys")
         _expand(document.data, path, catalogue)
@@ -41,6 +49,70 @@ def apply_overrides(
             del document.places[place]
         for end in range(1, len(path) + 1):
             document.places.setdefault(path[:end], Place(flag))
+
+
+def layered(*layers: Sequence[str]) -> list[str]:
+    """The changes of several layers as one list; where two contradict each other, the later layer counts."""
+    found: list[str] = []
+    for layer in layers:
+        new = [_change(f"--set {text}", text) for text in layer]
+        for change in new:
+            found = [kept for text in found if (kept := _without(text, change))]
+        found += layer
+    return found
+
+
+def _without(text: str, later: Change) -> str:
+    """A change as far as a later one does not contradict it."""
+    own = _change(f"--set {text}", text)
+    if not contradicts(own, later):
+        return text
+    if len(own.path) >= len(later.path) or not isinstance(own.value, dict | list):
+        return ""
+    value = deepcopy(own.value)
+    _put(value, later.path[len(own.path) :], later.value, later.flag)
+    return f"{text.partition('=')[0]}={json.dumps(value)}"
+
+
+def contradicts(one: Change, other: Change) -> bool:
+    """Whether two changes say different things about the same key."""
+    section, inner = sorted((one, other), key=lambda change: len(change.path))
+    if inner.path[: len(section.path)] != section.path:
+        return False
+    stated = _stated(section.value, inner.path[len(section.path) :])
+    return bool(stated) and stated[0] != inner.value
+
+
+def says_about(text: str, key: str) -> bool:
+    """Whether a change such as `combine.lidar.rate_hz=50` says what a key is, whatever the value."""
+    nothing = Change(key, key_path(short_key(key)), object())
+    return contradicts(_change(f"--set {text}", text), nothing)
+
+
+def _stated(value: Any, path: KeyPath) -> tuple[Any, ...]:
+    """What a value says about a key inside it, as a tuple of one; an empty one where it says nothing."""
+    for depth, part in enumerate(path):
+        if isinstance(value, dict):
+            if part not in value:
+                return ()
+            value = value[part]
+        elif isinstance(value, list):
+            if not isinstance(part, int) or part >= len(value):
+                return ()
+            value = value[part]
+        elif isinstance(value, str) and value != "off":  # a level's name stands for {level: name}
+            return (value,) if path[depth:] == ("level",) else ()
+        else:
+            return (value,)
+    return (value,)
+
+
+def _change(flag: str, text: str) -> Change:
+    key, equals, value_text = text.partition("=")
+    path = key_path(short_key(key.strip()))
+    if not equals or "" in path:
+        raise InputError(flag, None, "expected --set key.key=value")
+    return Change(flag, path, parse_value(value_text, flag))
 
 
 def _expand(data: dict[str, Any], path: KeyPath, catalogue: Catalogue) -> None:

@@ -77,17 +77,20 @@ def _value(entry: dict[str, Any], defs: dict[str, Any]) -> str:
         "boolean": "true, false",
         "null": "null",
     }
-    limits = [
-        f"{sign} {entry[name]:g}"
-        for name, sign in (
-            ("exclusiveMinimum", ">"),
-            ("minimum", ">="),
-            ("exclusiveMaximum", "<"),
-            ("maximum", "<="),
-        )
-        if name in entry
-    ]
-    return " ".join([words.get(str(kind), str(kind)), ", ".join(limits)]).strip()
+    low = _bound(entry, "> ", "exclusiveMinimum", ">= ", "minimum")
+    high = _bound(entry, "< ", "exclusiveMaximum", "<= ", "maximum")
+    if low and high:  # `0 to 5`, `> 0 to 5`
+        whole = "whole, " if kind == "integer" else ""
+        return f"{whole}{low.removeprefix('>= ')} to {high.removeprefix('<= ')}"
+    return f"{words.get(str(kind), str(kind))} {low}{high}".strip()
+
+
+def _bound(entry: dict[str, Any], *names: str) -> str:
+    """A limit of a number with its sign, empty without one. names: sign and key, twice"""
+    for sign, name in zip(names[::2], names[1::2], strict=True):
+        if name in entry:
+            return f"{sign}{entry[name]:g}"
+    return ""
 
 
 def _list(entry: dict[str, Any], defs: dict[str, Any]) -> str:

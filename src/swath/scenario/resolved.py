@@ -21,6 +21,13 @@ from swath.scenario.slots import SlotKind
 
 
 @dataclass(frozen=True)
+class UnreadParams:
+    """Parameters of a level whose code was left unread, as they were written."""
+
+    data: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class LevelChoice:
     """A chosen level and its validated parameters; `level` is the name, or `/path/file.py:Class`."""
 
@@ -143,6 +150,8 @@ class FieldSection:
 
 
 def _plain(params: Any) -> dict[str, Any]:
+    if isinstance(params, UnreadParams):
+        return dict(params.data)
     if params is None or not dataclasses.is_dataclass(params):
         return {}
     written: dict[str, Any] = adapter_of(params.__class__).dump_python((params,), mode="json")[0]

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.documents.data_sheets import find_sheet, sheet_names
-from swath.documents.hints import near_miss
+from swath.core.foreign_code import Gate, present_gate
+from swath.documents.data_sheets import find_sheet, other_kind, sheet_names
 from swath.documents.yaml_document import Document, dump, key_path, parse, read_document
 from swath.scenario.catalogue import CATALOGUE, Catalogue
 from swath.scenario.expectations import plain_expect
@@ -33,6 +33,7 @@ class Scenario:
     """A validated scenario. Two are equal when they would be written the same.
 
     expect: limits on metrics and columns; evaluators: its own, `/path/file.py:Class`
+    gate: which code might run where it was read, and may where it is run
     """
 
     name: str
@@ -45,6 +46,7 @@ class Scenario:
     evaluators: tuple[str, ...] = ()
     realtime: RealTimeSection | None = None
     document: Document = dataclasses.field(default_factory=lambda: Document(None), repr=False)
+    gate: Gate = dataclasses.field(default_factory=present_gate, repr=False)
 
     def __repr__(self) -> str:
         machines = ", ".join(self.machines)
@@ -180,8 +182,8 @@ def find_scenario(source: str | Path) -> Path:
         if isinstance(source, str) and path.suffix not in (".yaml", ".yml") and len(path.parts) == 1:
             return find_sheet("scenarios", source)
     except (InputError, OSError, ValueError):
-        names = scenario_names()
-        expected = f"expected a file or one of {', '.join(names)}{near_miss(source, names)}"
+        hint = other_kind("scenarios", str(source))
+        expected = f"expected a file or one of {', '.join(scenario_names())}{hint}"
         raise InputError("scenario", str(source), expected) from None
     expected = "expected a run folder, it has no scenario.yaml" if path.is_dir() else "there is no such file"
     raise InputError("scenario", str(source), expected)

@@ -197,10 +197,14 @@ def _slot(catalogue: Catalogue, kind: str, defs: dict[str, Node]) -> Node:
 
 
 def _choice(catalogue: Catalogue, kind: str, common: Node, defs: dict[str, Node]) -> Node:
-    names = catalogue.registry.names(kind)
-    members: list[Node] = [{"enum": names, "description": "the level, with its defaults"}, FOREIGN]
+    names, installed = catalogue.registry.names(kind), [*catalogue.registry.installed(kind)]
+    members: list[Node] = [
+        {"enum": names + installed, "description": "the level, with its defaults"},
+        FOREIGN,
+    ]
     members += [_level_of(catalogue, kind, name, kind, common, defs) for name in names]
-    members.append({"type": "object", "properties": {"level": FOREIGN, **common}, "required": ["level"]})
+    for other in (FOREIGN, *({"const": name} for name in installed)):
+        members.append({"type": "object", "properties": {"level": other, **common}, "required": ["level"]})
     return {"anyOf": members}
 
 

@@ -2,17 +2,19 @@
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError, SwathError
-from swath.core.foreign_code import NamesCode, is_allowed, refusal
+from swath.core.foreign_code import NamesCode, is_allowed, is_left, refusal
 from swath.core.registry import Level
 from swath.documents.data_sheets import find_sheet
 from swath.documents.hints import unknown_key
 from swath.documents.validation import known_keys, validate
-from swath.documents.yaml_document import Document, KeyPath
+from swath.documents.yaml_document import Document, KeyPath, read_document
 from swath.scenario.catalogue import Catalogue
+from swath.scenario.resolved import UnreadParams
 
 SHEETS = {"machine": "machines", "sensor": "sensors", "crop": "crops"}
 NAME = re.compile(r"^[A-Za-z_][A-Za-z0-9_-]{0,40}$")  # of a machine or an edge
@@ -106,6 +108,8 @@ class SectionReader:
 
     def params(self, found: Level, data: dict[str, Any], path: KeyPath, also: tuple[str, ...] = ()) -> Any:
         """Validated parameters. Unknown keys are noted here: they may be meant for the slot itself."""
+        if found.is_unread:
+            return UnreadParams(data)
         known = known_keys(found.params)
         for key in data:
             if key not in known:
@@ -114,7 +118,7 @@ class SectionReader:
         params = None if found.params is None else self.check(found.params, own, path)
         if isinstance(params, NamesCode):
             for reference in params.foreign_code:
-                if not is_allowed(reference, self.folder):
+                if not is_allowed(reference, self.folder) and not is_left(reference, self.folder):
                     self.note(path, reference, refusal())
         return params
 
@@ -147,7 +151,23 @@ class SectionReader:
         except (OSError, ValueError):
             self.note(path, value, "expected a name, or a YAML file")
             return value
-        return str(file.resolve()) if value.endswith((".yaml", ".yml")) else value
+        if not value.endswith((".yaml", ".yml")):
+            return value
+        if kind == "crops":
+            self._check_habit(file, path)
+        return str(file.resolve())
+
+    def _check_habit(self, sheet: Path, path: KeyPath) -> None:
+        """Note a habit of a crop that may not run; the rest of the sheet is read when the crop is made."""
+        data = None
+        with suppress(InputError):
+            data = read_document(sheet).data
+        habit = data.get("habit") if isinstance(data, dict) else None
+        habit = habit.get("value") if isinstance(habit, dict) else habit
+        if not isinstance(habit, str) or not habit.endswith(".py"):
+            return
+        if not is_allowed(habit, sheet.parent) and not is_left(habit, sheet.parent):
+            self.note(path, habit, refusal())
 
     def _existing(self, key: str, value: str, path: KeyPath) -> str:
         wants_folder = key.endswith("folder")

@@ -47,6 +47,16 @@ class Mount:
         return Pose.from_euler((x, y, self.z_m), self.roll_deg * DEG, self.pitch_deg * DEG, yaw * DEG)
 
 
+@dataclass(frozen=True)
+class LevelMount(Mount):
+    """Looks level from the axle. A sensor with another default place has a class of its own, so that a
+    scenario that writes one key gets the others of that sensor.
+    """
+
+    at: Literal["edge_end", "left_end", "right_end", "axle"] = "axle"
+    pitch_deg: Angle = 0.0
+
+
 def poses_at(states: Sequence[MachineState], times: F64) -> tuple[F64, F64]:
     """Machine positions (n, 3) [m] and rotations (n, 3, 3) at times [ns], between recorded states.
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.units import DEG
+from swath.core.whole_file import new_file, write_whole
 from swath.documents.packed import read_arrays, readable
 from swath.documents.yaml_document import dump, read_document
 from swath.rays.spread import SideSpread, Spread, SpreadTable
@@ -69,7 +70,7 @@ def save_table(table: SpreadTable, path: Path) -> list[Path]:
     arrays |= {SIDE_PREFIX + k: np.asarray(getattr(table.side, k), dtype=np.float32) for k in SIDE}
     extra = {k: np.float64(getattr(table, k)) for k in NUMBERS}
     everything: dict[str, Any] = {**arrays, **extra, "correlation": np.array(table.correlation)}
-    with path.open("wb") as file:  # numpy gives every member the same time stamp
+    with new_file(path) as file:  # numpy gives every member the same time stamp
         np.savez_compressed(file, **everything)
     about = {
         **table.about,
@@ -77,7 +78,7 @@ def save_table(table: SpreadTable, path: Path) -> list[Path]:
         "stubble_range": valid_range(table.stubble),
     }
     sheet = path.with_suffix(".yaml")
-    sheet.write_text(dump(about), encoding="utf-8")
+    write_whole(sheet, dump(about))
     return [path, sheet]
 
 

@@ -4,11 +4,13 @@ from enum import IntEnum
 from typing import Annotated
 
 from swath.core.frozen import frozen
+from swath.core.packed_state import saved_type
 from swath.core.signal import About, Quantity, Signal
 
 _NAN = float("nan")
 
 
+@saved_type()
 class Phase(IntEnum):
     """What a machine does. STANDS: to hand grain over; BESIDE: keeps a station; EMPTIES: its box."""
 

@@ -45,8 +45,8 @@ class Inertial(
     force_x: Annotated[float, Quantity("m/s2", "measured, x axis", column="imu_force_x_m_s2")]
     force_y: Annotated[float, Quantity("m/s2", "measured, y axis", column="imu_force_y_m_s2")]
     force_z: Annotated[float, Quantity("m/s2", "measured, z axis", column="imu_force_z_m_s2")]
-    rate_sd: Annotated[float, Quantity("rad/s", "white noise of a sample, 1 sigma")] = 0.0
-    force_sd: Annotated[float, Quantity("m/s2", "white noise of a sample, 1 sigma")] = 0.0
+    rate_sd: Annotated[float, Quantity("rad/s", "white noise of a sample, 1 sigma", nan="not known")] = 0.0
+    force_sd: Annotated[float, Quantity("m/s2", "white noise of a sample, 1 sigma", nan="not known")] = 0.0
 
 
 _FIX = (

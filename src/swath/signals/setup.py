@@ -136,7 +136,9 @@ class ControlSetup:
         poses = {port: pose for port, pose in self.mountings.items() if port != "inertial"}
         if len(poses) != 1:
             found = ", ".join(poses) or "none"
-            expected = "expected one sensor with a mounting, such as {scan: lidar.scan}"
+            expected = (
+                "expected one sensor with a mounting, such as {scan: lidar.scan}, of a log with `mount`"
+            )
             raise InputError("wires", found, expected)
         return next(iter(poses.values()))
 
@@ -154,6 +156,7 @@ class LinkSetup:
     base: folder that relative file names start from
     sources: input port -> slot that feeds it, e.g. `combine.lidar_left`
     before_asking: to be called before somebody outside is waited for, who may act on messages of the run
+    ground: height of the terrain [m] at x, y, (n,) each; None in a slot of control
     """
 
     machine_name: str
@@ -164,6 +167,7 @@ class LinkSetup:
     base: Path
     sources: Mapping[str, str] = field(default_factory=dict)
     before_asking: Sequence[Callable[[], None]] = ()
+    ground: Callable[[F64, F64], F64] | None = None
 
     @property
     def name(self) -> str:

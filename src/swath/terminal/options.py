@@ -6,11 +6,10 @@ from typing import Any
 
 
 def add_scenario_options(parser: argparse.ArgumentParser) -> None:
-    """`--out`, `--set`, `--seed` and `--no-code`."""
+    """`--out`, `--set` and `--seed`."""
     add_run_folder(parser)
     add_sets(parser, "change the scenario, e.g. combine.speed.speed_kmh=5; may be given several times")
     parser.add_argument("--seed", metavar="N", help="another seed")
-    add_no_code(parser)
 
 
 def add_run_folder(parser: argparse.ArgumentParser) -> None:
@@ -33,15 +32,6 @@ def add_allow(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="CODE",
         help="file.py:Class, FMU, or file that is read, that may be set while it runs; several times",
-    )
-
-
-def add_no_code(parser: argparse.ArgumentParser) -> None:
-    """`--no-code`, which holds for the whole command."""
-    parser.add_argument(
-        "--no-code",
-        action="store_true",
-        help="refuse code that files bring along: Python files, FMUs, systems of them (SECURITY.md)",
     )
 
 

@@ -1,5 +1,6 @@
 """Tables and titled paragraphs on stdout."""
 
+import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -7,11 +8,11 @@ PIPE_WIDTH = 1000  # columns of a pipe or file: lines stay whole
 
 
 def wide_console() -> Any:
-    """A console on stdout as wide as the terminal; as wide as it takes where there is none."""
+    """A console on stdout as wide as the terminal or COLUMNS; as wide as it takes where there is neither."""
     from rich.console import Console
 
     console = Console(highlight=False)
-    if not console.is_terminal:
+    if not console.is_terminal and not os.environ.get("COLUMNS", "").isdecimal():
         console.width = PIPE_WIDTH
     return console
 
@@ -23,11 +24,23 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 
     console = wide_console()
     made = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
-    for column in columns:
-        made.add_column(column, overflow="fold")
+    for place, column in enumerate(columns):
+        made.add_column(column, overflow="fold", no_wrap=place == 0)  # names stay whole
     for row in rows:
         made.add_row(*(str(cell).replace("[", "\\[") for cell in row))
     console.print(made)
+
+
+def as_json(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    """Print rows as a JSON list of objects with these keys."""
+    import json
+
+    print(json.dumps([dict(zip(columns, row, strict=True)) for row in rows], indent=1))
+
+
+def add_json(parser: Any) -> None:
+    """`--json` of a command that lists things."""
+    parser.add_argument("--json", action="store_true", help="print a JSON list")
 
 
 def paragraphs(items: Sequence[tuple[str, str]]) -> None:

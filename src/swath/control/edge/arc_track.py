@@ -14,6 +14,7 @@ import numpy as np
 
 from swath.control.edge.canopy_rays import EdgeFrame
 from swath.core.component import KeepsState
+from swath.core.packed_state import saved_type
 from swath.core.portable import product
 from swath.signals import F64
 
@@ -27,6 +28,7 @@ SCATTER, TURNS = 0.03, 0.05  # m of a point; rad that the arc may be off
 _ONE = np.eye(3)
 
 
+@saved_type()
 @dataclass(frozen=True)
 class Arc:
     """A point [m] of the edge, its angle [rad] and bend [1/m], their covariance (beside, angle, bend)

@@ -17,6 +17,7 @@ from swath.control.edge.canopy_classes import GROUND_REACH, GROUND_SPREAD
 from swath.control.edge.silent_beams import SilentBeams
 from swath.core.component import KeepsState, State
 from swath.core.frames import Pose
+from swath.core.packed_state import saved_type
 from swath.kernels import Row, filled, repeatable, start_warp
 from swath.signals import F64, Scan, beam_directions
 
@@ -34,6 +35,7 @@ class EdgeFrame:
     bend: float
 
 
+@saved_type()
 @dataclass(frozen=True)
 class RayAnswers:
     """What the rays of a scan say.

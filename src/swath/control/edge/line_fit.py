@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath.control.edge.shared import shared
+from swath.core.packed_state import saved_type
 from swath.core.portable import median, product, solve
 from swath.signals import F64
 
@@ -14,6 +15,7 @@ TUKEY = 4.685  # 95 % efficiency on normal errors; Beaton & Tukey 1974, doi:10.1
 MAD = 1.4826  # normal standard deviation / median absolute deviation
 
 
+@saved_type()
 class Line(NamedTuple):
     """u(x) = offset + slope (x - x0) + bend (x - x0)^2 / 2, all in metres of the (x, u) frame."""
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import cos, sin
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,15 +22,17 @@ class Following(KeepsState):
     port: of the sensor that it takes the mounting of
     """
 
-    kept = ("_tracks", "_pose", "_seen")
+    kept: ClassVar[tuple[str, ...]] = ("_tracks", "_pose", "_seen")
 
-    def __init__(self, setup: ControlSetup, port: str, side: float, confirm: int, keep: float) -> None:
+    def __init__(
+        self, setup: ControlSetup, port: str, side: float, confirm: int, keep: float, doubt: float = 0.0
+    ) -> None:
         own = {name: pose for name, pose in setup.mountings.items() if name == port}
         self._mounting, self._knife = replace(setup, mountings=own).mounting, setup.machine.knife_x
         self._out = 1.0 if setup.edge_side == "left" else -1.0
         ends = [setup.machine.header_end(end)[1] for end in ("right", "left")]
         self._strip = ends[0] - side, ends[1] + side
-        self._tracks = Tracks(confirm, keep)
+        self._tracks = Tracks(confirm, keep, doubt)
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing seen."""

@@ -2,28 +2,34 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import hypot
+from math import exp, hypot, inf
 
 from swath.core.component import KeepsState
 
 GATE = 0.8  # a heap belongs to the thing that is expected no farther from it [m]
 FASTEST = 4.0  # and this much more per second since it was seen [m/s]
 ALPHA, BETA = 0.5, 0.15  # of the place and the velocity, for scans some 0.1 s apart
+FAINT = 0.1  # what is less sure is not told
+LASTS = 0.7  # of the evidence of one scan in the next: both see much the same stems
 BELIEF, DOUBT = (
     0.4,
     0.1,
-)  # a scan that shows a thing takes this share of the way to 1, one that does not, to 0
+)  # share of the way to what a scan makes of a thing, and to 0 where it does not show it
 
 
 @dataclass(frozen=True)
 class Heap:
-    """x, y: its middle; length, width: along the machine's axes; top: above the ground under the axle [m]"""
+    """x, y: its middle; length, width: along the machine's axes; top: above the ground under the axle [m]
+
+    evidence: that it is a thing and not crop [nat]; infinite where the sensor cannot mistake crop for one
+    """
 
     x: float
     y: float
     length: float
     width: float
     top: float
+    evidence: float = inf
 
 
 @dataclass
@@ -35,13 +41,21 @@ class Track:
     place: tuple[float, float]
     velocity: tuple[float, float]
     heap: Heap
-    hits: int = 1
-    confidence: float = BELIEF
+    hits: int = 0
+    confidence: float = 0.0
+    evidence: float = 0.0
 
     def at(self, t: float) -> tuple[float, float]:
         """Where it is expected at a time [s]."""
         dt = t - self.t
         return self.place[0] + dt * self.velocity[0], self.place[1] + dt * self.velocity[1]
+
+    def believe(self, doubt: float) -> None:
+        """What its heap says; doubt: evidence that crop and things have equally often [nat]."""
+        self.hits += 1
+        self.evidence = LASTS * self.evidence + self.heap.evidence
+        sure = 1.0 / (1.0 + exp(min(doubt - self.evidence, 50.0)))
+        self.confidence += BELIEF * (sure - self.confidence)
 
     def take(self, t: float, heap: Heap) -> None:
         """It was seen there."""
@@ -51,17 +65,18 @@ class Track:
         self.place = x + ALPHA * dx, y + ALPHA * dy
         vx, vy = self.velocity
         self.velocity = vx + BETA / dt * dx, vy + BETA / dt * dy
-        self.t, self.heap, self.hits = t, heap, self.hits + 1
-        self.confidence += BELIEF * (1.0 - self.confidence)
+        self.t, self.heap = t, heap
 
 
 class Tracks(KeepsState):
-    """confirm: scans that show a thing before it counts; keep: seconds without being seen."""
+    """confirm: scans that show a thing before it counts; keep: seconds without being seen
+    doubt: evidence that crop and things have equally often [nat]
+    """
 
     kept = ("_tracks", "_number")
 
-    def __init__(self, confirm: int, keep: float) -> None:
-        self._confirm, self._keep = confirm, keep
+    def __init__(self, confirm: int, keep: float, doubt: float = 0.0) -> None:
+        self._confirm, self._keep, self._doubt = confirm, keep, doubt
         self.clear()
 
     def clear(self) -> None:
@@ -71,7 +86,7 @@ class Tracks(KeepsState):
 
     def confirmed(self) -> list[Track]:
         """Those that count."""
-        return [track for track in self._tracks if track.hits >= self._confirm]
+        return [t for t in self._tracks if t.hits >= self._confirm and t.confidence >= FAINT]
 
     def update(self, t: float, heaps: list[Heap], is_blind: Callable[[Track], bool]) -> None:
         """The heaps of a scan at t [s]: each to the nearest thing that was expected there, or a new one.
@@ -89,6 +104,7 @@ class Tracks(KeepsState):
         for _, i, j in sorted(away):
             if i not in taken and j not in used:
                 self._tracks[i].take(t, heaps[j])
+                self._tracks[i].believe(self._doubt)
                 taken.add(i)
                 used.add(j)
         for i, track in enumerate(self._tracks):
@@ -96,8 +112,10 @@ class Tracks(KeepsState):
                 track.t, track.velocity = t, (0.0, 0.0)
             elif i not in taken:
                 track.confidence *= 1.0 - DOUBT
+                track.evidence *= LASTS
         self._tracks = [track for track in self._tracks if t - track.t <= self._keep]
         for j, heap in enumerate(heaps):
             if j not in used:
                 self._number += 1
                 self._tracks.append(Track(self._number, t, (heap.x, heap.y), (0.0, 0.0), heap))
+                self._tracks[-1].believe(self._doubt)

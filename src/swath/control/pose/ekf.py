@@ -9,7 +9,7 @@ the receiver says that the machine moves, standing wheels are taken for faulty a
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import atan2, cos, exp, fsum, hypot, isfinite, sin, tan
 from typing import Annotated
 
@@ -17,7 +17,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.control.inclination import CRAB
-from swath.control.pose.dead_reckoning import wrapped
+from swath.control.pose.dead_reckoning import DeadReckoning, wrapped
 from swath.control.pose.kalman import (
     BIAS,
     EAST,
@@ -34,7 +34,7 @@ from swath.control.pose.kalman import (
     X,
     Y,
 )  # fmt: skip
-from swath.control.pose.receiver import AntennaPlace
+from swath.control.pose.receiver import AntennaPlace, ChordHeading
 from swath.control.pose.standing import AT_ONCE, GroundVelocity, Standing
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
@@ -56,6 +56,9 @@ ASSUMED: Mapping[str, tuple[float, float]] = {
     "float": (0.01, 300.0),
     "fix": (0.38, 120.0),
 }
+# Standard deviations of a receiver that reports none [m], [m/s] (docs/positioning.md).
+UNREPORTED_SD = {"single": 2.0, "dgps": 0.5, "float": 0.2, "fix": 0.012}
+UNREPORTED_SPEED_SD = 0.05
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,15 @@ class Params:
     course_from_m_s: Annotated[float, Gt(0), Le(5)] = 0.5
 
 
+def _complete(fix: Fix) -> Fix:
+    """The fix with what the filter assumes where the receiver does not say how sure it is."""
+    if isfinite(fix.horizontal_sd) and isfinite(fix.speed_sd):
+        return fix
+    sd = fix.horizontal_sd if isfinite(fix.horizontal_sd) else UNREPORTED_SD[FIX_QUALITIES[fix.quality]]
+    speed_sd = fix.speed_sd if isfinite(fix.speed_sd) else UNREPORTED_SPEED_SD
+    return replace(fix, horizontal_sd=sd, speed_sd=speed_sd)
+
+
 class EkfPose(KeepsState):
     """Extended Kalman filter."""
 
@@ -109,6 +121,8 @@ class EkfPose(KeepsState):
         "_moved_t",
         "_apart_t",
         "_are_faulty",
+        "_reckoning",
+        "_chord",
     )
 
     inputs = (
@@ -128,6 +142,7 @@ class EkfPose(KeepsState):
         self._turn = np.eye(3).tolist() if mounting is None else mounting.rotation.tolist()
         self._noise = Noise(0.3, 0.003, 2e-5, params.crab_deg * DEG, 30.0)
         self._filter, self._now = Kalman(self._noise), Kalman(self._noise)
+        self._reckoning, self._chord = DeadReckoning(), ChordHeading(self._antenna)
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing known."""
@@ -141,6 +156,8 @@ class EkfPose(KeepsState):
         self._apart_t = -1  # since then wheels stand and the receiver moves, -1: they do not
         self._are_faulty = False  # the wheels
         self._wheels = Odometry(0, 0.0, 0.0, 0.0)
+        self._reckoning.clear()  # until a heading is known
+        self._chord.clear()
         unknown = np.full((4, 4), NAN)
         return {"pose": PoseEstimate(0, NAN, NAN, NAN, 0.0, 0.0, unknown, NAN)}
 
@@ -152,9 +169,11 @@ class EkfPose(KeepsState):
         self._steps.append(m)
         if self._is_known:
             self._go(self._now, m)
+        else:
+            self._reckoning.take(inputs["odometry"])
         if fix is not None and isfinite(fix.x) and fix.t > self._fix_t and now - fix.t <= OLDEST:
             self._fix_t = fix.t
-            self._take(fix)
+            self._take(_complete(fix))
         while self._steps and self._steps[0].t <= now - OLDEST:
             old = self._steps.popleft()
             if self._is_known:
@@ -176,7 +195,8 @@ class EkfPose(KeepsState):
             p, q, r = (a * x + b * y + c * z for a, b, c in self._turn)
             up = self._tilt.up
             turn = p * float(up[0]) + q * float(up[1]) + r * float(up[2])
-            sd = hypot(own, (samples or ())[-1].rate_sd / len(rates) ** 0.5)
+            said = (samples or ())[-1].rate_sd
+            sd = hypot(own, (said if isfinite(said) else 0.0) / len(rates) ** 0.5)
         crab = self._tilt.crab(self._p.crab, last.speed * turn)
         rest = NAN
         if self._standing.take(last.speed, dt / NS):
@@ -216,8 +236,16 @@ class EkfPose(KeepsState):
         """The first position with a direction."""
         m = self._steps[-1]
         heading, sd = fix.heading, fix.heading_sd
-        if not isfinite(heading):
-            if not isfinite(fix.course) or fix.speed < self._p.course_from_m_s:
+        if not isfinite(heading) and not isfinite(fix.course):
+            if not self._reckoning.is_known:
+                return
+            here = self._reckoning.at(fix.t)
+            if (found := self._chord.take(fix, here, fix.horizontal_sd)) is None:
+                return
+            heading = here.heading + found[0] + m.crab
+            sd = hypot(found[1], self._p.crab_deg * DEG)
+        elif not isfinite(heading):
+            if fix.speed < self._p.course_from_m_s:
                 return
             heading = fix.course - self._antenna.course_lead(fix.speed, m.yaw_rate) + m.crab
             sd = hypot(fix.speed_sd / fix.speed, self._p.crab_deg * DEG)

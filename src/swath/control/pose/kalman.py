@@ -16,6 +16,7 @@ import numpy as np
 
 from swath.core import portable
 from swath.core.component import KeepsState
+from swath.core.packed_state import saved_type
 from swath.signals import F64
 
 X, Y, HEADING, SPEED, BIAS, SCALE, SLIP, EAST, NORTH = range(9)
@@ -36,6 +37,7 @@ class Noise(NamedTuple):
     slip_time: float
 
 
+@saved_type()
 class Wander(NamedTuple):
     """The receiver's wandering error. sd [m], time [s]"""
 
@@ -43,6 +45,7 @@ class Wander(NamedTuple):
     time: float
 
 
+@saved_type()
 class Motion(NamedTuple):
     """A step of the machine. seconds; yaw_rate: measured [rad/s], its sd over the step; crab: expected slip
     to the right [rad]; speed: by the wheels [m/s]; rest: yaw rate by the wheels while they stand [rad/s], nan

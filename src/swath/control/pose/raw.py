@@ -1,7 +1,8 @@
 """Pose level `raw`: the receiver's newest position, brought forward by the odometry; heading by its course.
 
 The heading goes on with the yaw rate and is drawn to the course over ground in `course_s`, at first as the
-mean of all courses; so it is the direction of travel, with the crab on slopes in it. No filter joins the
+mean of all courses; so it is the direction of travel, with the crab on slopes in it. Where the receiver gives
+no course, the way between its positions does. No filter joins the
 sensors: what the receiver is off by, the pose is off by.
 """
 
@@ -13,7 +14,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.control.pose.dead_reckoning import DeadReckoning, Step, seen_from, wrapped
-from swath.control.pose.receiver import AntennaPlace
+from swath.control.pose.receiver import AntennaPlace, ChordHeading
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -42,7 +43,7 @@ class Params:
 class RawPose(KeepsState):
     """Position of the newest fix, heading of a complementary filter."""
 
-    kept = ("_reckoning", "_heading", "_course_count", "_fix", "_fix_way", "_then", "_tilt")
+    kept = ("_reckoning", "_heading", "_course_count", "_fix", "_fix_way", "_then", "_tilt", "_chord")
 
     inputs = (
         Port("fix", Fix),
@@ -56,11 +57,13 @@ class RawPose(KeepsState):
         self._antenna = AntennaPlace(setup)
         self._reckoning = DeadReckoning()
         self._tilt = self._antenna.inclination
+        self._chord = ChordHeading(self._antenna)
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing known."""
         self._reckoning.clear()
         self._tilt.clear()
+        self._chord.clear()
         self._heading = NAN  # at the newest fix with a course, less the dead reckoning's
         self._course_count = 0
         self._fix: Fix | None = None
@@ -84,11 +87,19 @@ class RawPose(KeepsState):
         here = self._reckoning.at(fix.t)
         seconds = 0.0 if self._fix is None else (fix.t - self._fix.t) / NS
         self._fix, self._fix_way, self._then = fix, self._reckoning.distance, here
-        if not isfinite(fix.course) or fix.speed < self._p.course_from_m_s:
+        if not isfinite(fix.course):
+            if (found := self._chord.take(fix, here, 0.0)) is not None:
+                self._draw(found[0], seconds)
+            return
+        self._chord.clear()
+        if fix.speed < self._p.course_from_m_s:
             return
         lead = self._antenna.course_lead(here.speed, here.yaw_rate)
         backward = pi if here.speed < 0.0 else 0.0
-        turn = wrapped(fix.course - lead - backward - here.heading)
+        self._draw(wrapped(fix.course - lead - backward - here.heading), seconds)
+
+    def _draw(self, turn: float, seconds: float) -> None:
+        """Towards what a course says."""
         self._course_count += 1
         if not isfinite(self._heading):
             self._heading = turn

@@ -15,6 +15,7 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import DEG, PERCENT
+from swath.field.band import CROP_HEIGHT, STEMS
 from swath.field.crop_sheet import load_crop
 from swath.field.field_setup import FieldSetup, from_azimuth
 from swath.field.hashing import hash_uniform
@@ -102,8 +103,8 @@ class Maps(Uniform):
 
     def __init__(self, params: Params, setup: FieldSetup) -> None:
         density, height = (
-            None if name is None else Raster.from_geotiff(setup.folder / name, setup.origin)
-            for name in (params.density_file, params.height_file)
+            None if name is None else Raster.from_geotiff(setup.folder / name, setup.origin, quantity=of)
+            for name, of in ((params.density_file, STEMS), (params.height_file, CROP_HEIGHT))
         )
         self._take(params, setup, density, height)
 
@@ -120,6 +121,7 @@ class Maps(Uniform):
         Uniform.__init__(self, params, setup)
         self.params, self._stems = params, self.density_max
         self._density, self._height = density, height
+        self.notes = [note for of in (density, height) if of is not None for note in of.notes]
         stream = setup.stream.child("stand")
         self._density_waves = _variation(params.density_variation, stream.child("density"))
         self._height_waves = _variation(params.height_variation, stream.child("height"))

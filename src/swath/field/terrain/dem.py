@@ -4,7 +4,7 @@ Outside the map the height of its nearest edge holds; cells without a value take
 ring by ring. What is finer than the map's cells can be added as ISO 8608 roughness.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.registry import Level
+from swath.field.band import GROUND
 from swath.field.field_setup import FieldSetup
 from swath.field.raster import Raster
 from swath.field.waves import ROUGHNESS_CLASSES, Waves, make_roughness
@@ -22,7 +23,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """file: GeoTIFF in a projected system, whose middle is x = y = 0 unless there is a field folder
+    """file: GeoTIFF of heights, with their unit and scale, in a projected system; its middle is x = y = 0
+    unless there is a field folder
     datum_m: height above sea level of z = 0, by default the mean of the map
     roughness_class: added ISO 8608 roughness, or `none`; waviness: its exponent w
     """
@@ -34,10 +36,10 @@ class Params:
 
 
 class Dem:
-    """Heights on a raster. datum: height that z = 0 stands for [m]."""
+    """Heights on a raster. datum: height that z = 0 stands for [m]; notes: what was assumed of its file."""
 
     def __init__(self, params: Params, setup: FieldSetup) -> None:
-        raster = Raster.from_geotiff(setup.folder / params.file, setup.origin)
+        raster = Raster.from_geotiff(setup.folder / params.file, setup.origin, quantity=GROUND)
         self._take(raster, params.datum_m)
         self.waves = Waves.none()
         if params.roughness_class != "none":
@@ -59,7 +61,7 @@ class Dem:
             expected = f"expected near the map's mean of {float(np.nanmean(values)):.0f} m"
             raise InputError("field.terrain.datum_m", self.datum, expected)
         filled = (fill_gaps(values) - self.datum).astype(np.float32)
-        self.raster = Raster(filled, raster.x0, raster.y0, raster.cell, raster.epsg)
+        self.raster, self.notes = replace(raster, values=filled), raster.notes
 
     def height(self, x: Any, y: Any) -> Array:
         """Height [m] above the datum at world points."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.frames import Pose, wrap_angle
+from swath.core.packed_state import saved_type
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.present_edge import SIDE_M, STEP_M, crop_across, edges_of
@@ -53,6 +54,7 @@ class EdgeSeries:
     across: F64
 
 
+@saved_type()
 @dataclass
 class _Row:
     """A sample, its place, and whether crop stands on the line across the machine there, packed."""

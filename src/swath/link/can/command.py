@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.options import add_no_code, add_sets
+from swath.terminal.options import add_sets
 
 
 def add(parsers: Any) -> None:
@@ -13,7 +13,6 @@ def add(parsers: Any) -> None:
     box = parts.add_parser("box", help="run the controller box of a scenario", description=_BOX)
     box.add_argument("scenario", metavar="NAME|FILE", help="whose law of the slot steer to run")
     add_sets(box)
-    add_no_code(box)
     box.add_argument("--once", action="store_true", help="end when the machine has switched off")
     box.set_defaults(run=run_box)
     listen = parts.add_parser("listen", help="print the messages on a bus")

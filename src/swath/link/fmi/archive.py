@@ -8,6 +8,9 @@ import zlib
 from pathlib import Path
 from xml.etree import ElementTree
 
+from swath.core.errors import InputError
+from swath.documents.packed import open_archive
+
 # What an archive or a description that is broken, encrypted or packed in an unknown way may raise.
 BROKEN = (
     ArithmeticError,
@@ -29,11 +32,14 @@ def unpack_archive(file: Path, prefix: str) -> Path:
     """The archive in a new temporary folder, which the caller removes. ValueError with the reason."""
     folder = Path(tempfile.mkdtemp(prefix=prefix))
     try:
-        with zipfile.ZipFile(file) as archive:
+        with open_archive(file, "file") as archive:
             size, room = sum(i.file_size for i in archive.infolist()), shutil.disk_usage(folder).free
             if size > room:
                 raise ValueError(f"it would take {size / 1e6:.0f} MB, there is room for {room / 1e6:.0f}")
             archive.extractall(folder)
+    except InputError as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise ValueError(error.expected) from error
     except BROKEN as error:
         shutil.rmtree(folder, ignore_errors=True)
         raise ValueError(reason(error)) from error

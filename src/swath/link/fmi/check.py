@@ -8,6 +8,7 @@ from math import isfinite
 from pathlib import Path
 
 from swath.core.errors import SwathError
+from swath.core.foreign_code import need_allowed
 from swath.link.fmi.calls import FmuError
 from swath.link.fmi.child_process import ChildProcess
 from swath.link.fmi.description import Description, Variable, read_fmu
@@ -24,8 +25,9 @@ def check_fmu(
     """Run an FMU with its inputs at their start values; of a system, one component after the other.
 
     One row for each thing looked at; it can fill a slot when none is `bad`. InputError for a file that is
-    none at all.
+    none at all, or may not run.
     """
+    need_allowed("file", file)
     if file.suffix.lower() not in SUFFIXES:
         return _check(read_fmu(file), step_s, duration_s, timeout_s)
     return [

@@ -125,7 +125,7 @@ class ChildProcess:
         path = os.pathsep.join([folder, *filter(None, [os.environ.get("PYTHONPATH")])])
         with theirs:
             self.child = subprocess.Popen(
-                [sys.executable, "-m", "swath.link.fmi.child_process", str(theirs.fileno())],
+                [sys.executable, "-P", "-m", "swath.link.fmi.child_process", str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
                 env={**os.environ, "PYTHONPATH": path},

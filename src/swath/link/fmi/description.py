@@ -1,7 +1,6 @@
 """What an FMU says about itself: variables, units, capabilities, and the faults of its exporter."""
 
 import re
-import zipfile
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -12,6 +11,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from swath.core.errors import InputError, MissingExtra
+from swath.documents.packed import open_archive
 from swath.link.fmi.archive import BROKEN, reason
 from swath.link.fmi.repair import repaired
 from swath.link.fmi.units import BASE, Unit, known_unit
@@ -136,11 +136,10 @@ def read_fmu(file: Path, key: str = "file") -> Description:
         import fmpy
     except ImportError as error:
         raise MissingExtra("fmi", "an FMU") from error
-    try:
-        with zipfile.ZipFile(file) as archive:
-            names = archive.namelist()
-    except BROKEN as error:
-        raise InputError(key, str(file), f"expected an FMU, a zip archive: {reason(error)}") from error
+    if not file.is_file():
+        raise InputError(key, str(file), "expected an FMU, there is no such file")
+    with open_archive(file, key) as archive:
+        names = archive.namelist()
     if "modelDescription.xml" not in names:
         raise InputError(key, str(file), "expected an FMU, it has no modelDescription.xml")
     try:
@@ -293,7 +292,7 @@ def _unit(u: Any) -> Unit | None:
 
 def _root(file: Path) -> Element:
     """The description as it is written, for what fmpy does not read or not in every version."""
-    with zipfile.ZipFile(file) as archive:
+    with open_archive(file, "file") as archive:
         return ElementTree.fromstring(archive.read("modelDescription.xml"))
 
 

@@ -20,6 +20,7 @@ from typing import Any
 from swath import __version__
 from swath.core.errors import InputError, MissingExtra
 from swath.core.schedule import NS, from_hz
+from swath.core.whole_file import new_file
 from swath.documents.yaml_document import dump
 from swath.link.fmi.export_slave import FILE
 from swath.link.fmi.export_variables import Variable, list_variables
@@ -179,11 +180,9 @@ def _packed(data: Any, files: dict[str, bytes]) -> Any:
 
 def _write(out: Path, entries: dict[str, bytes]) -> None:
     out.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = out.with_name(out.name + ".part")
-    with zipfile.ZipFile(unfinished, "w", zipfile.ZIP_DEFLATED) as archive:
+    with new_file(out) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in entries.items():
             info = zipfile.ZipInfo(name, DATE)
             info.compress_type = zipfile.ZIP_DEFLATED
             info.external_attr = 0o644 << 16
             archive.writestr(info, data)
-    unfinished.replace(out)

@@ -1,7 +1,9 @@
 """Numbers for the inputs of an FMU, sub-step by sub-step, so that amounts neither vanish nor double."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from itertools import accumulate
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -18,17 +20,20 @@ class Feed:
     """Holds the newest values, and spreads amounts over the sub-steps in which they arose.
 
     A sample of amounts covers the time (t - dt, t]. What lies before the step of the FMU counts at its start.
-    silent: ports of which nothing came
+    A single number that is nan, which says that there is none, leaves the FMU the value before, at first its
+    start value; with passes_nan it gets nan.
+    silent: ports of which nothing came; unknown: port.field that is nan now -> what nan means
+    held: port.field -> steps in which the value before was held
     """
 
-    def __init__(self, inputs: Sequence[Into], starts: Sequence[float]) -> None:
+    def __init__(self, inputs: Sequence[Into], starts: Sequence[float], *, passes_nan: bool = False) -> None:
         ends = accumulate(i.variable.size for i in inputs)
         placed = [
             (into, slice(end - into.variable.size, end)) for into, end in zip(inputs, ends, strict=True)
         ]
-        self._held = [p for p in placed if p[0].mode == "last"]
-        self._amounts = [p for p in placed if p[0].mode != "last"]
-        self._starts = list(starts)
+        self._held = [p for p in placed if p[0].mode in ("last", "known")]
+        self._amounts = [p for p in placed if p[0].mode not in ("last", "known")]
+        self._starts, self._passes_nan = list(starts), passes_nan
         self.reset()
 
     def reset(self) -> None:
@@ -36,9 +41,12 @@ class Feed:
         self._numbers = list(self._starts)
         self._samples: dict[str, list[tuple[int, int, Signal]]] = {}
         self.silent: list[str] = []
+        self.unknown: dict[str, str] = {}
+        self.held: Counter[str] = Counter()
 
     def take(self, t: int, dt: int, inputs: Inputs) -> None:
         """The inputs of a step from t to t + dt [ns]."""
+        self.unknown = {}
         for into, place in self._held:
             sample = inputs.get(into.port)
             if sample is None and into.port not in self.silent:
@@ -46,7 +54,7 @@ class Feed:
             if isinstance(sample, tuple):
                 sample = sample[-1] if sample else None
             if sample is not None:
-                self._put(into, place, read(sample, into.field.name))
+                self._take(into, place, read(sample, into.field.name))
         for port in {into.port for into, _ in self._amounts}:
             self._samples[port] = [_span(s, t, t + dt) for s in inputs.get(port) or ()]
 
@@ -61,13 +69,27 @@ class Feed:
             self._put(into, place, total * NS / (b - a) if into.mode == "rate" else total)
         return list(self._numbers)
 
-    def save(self) -> list[float]:
+    def save(self) -> dict[str, Any]:
         """The values held."""
-        return list(self._numbers)
+        return {"numbers": list(self._numbers), "held": dict(self.held)}
 
-    def load(self, numbers: Sequence[float]) -> None:
+    def load(self, state: Mapping[str, Any]) -> None:
         """Back to them."""
-        self._numbers = list(numbers)
+        self._numbers, self.held = list(state["numbers"]), Counter(state["held"])
+
+    def _take(self, into: Into, place: slice, value: Any) -> None:
+        is_known = into.field.kind == "array" or not isnan(value)
+        name = f"{into.port}.{into.field.name}"
+        if into.mode == "known":
+            self._numbers[place.start] = float(is_known)
+        elif is_known or not into.field.quantity.nan:
+            self._put(into, place, value)
+        else:
+            self.unknown[name] = into.field.quantity.nan
+            if self._passes_nan:
+                self._put(into, place, value)
+            else:
+                self.held[name] += 1
 
     def _put(self, into: Into, place: slice, value: Any) -> None:
         if not into.variable.is_array:

@@ -16,7 +16,7 @@ from swath.core.schedule import NS
 from swath.link.fmi.calls import FmuError
 from swath.link.fmi.feed import Feed
 from swath.link.fmi.unit import Unit
-from swath.link.fmi.wiring import Wiring
+from swath.link.fmi.wiring import KNOWN, Wiring
 from swath.signals.flat import build
 from swath.signals.setup import LinkSetup
 
@@ -28,20 +28,34 @@ class FmuPart:
     """
 
     def __init__(
-        self, wiring: Wiring, unit: Unit, setup: LinkSetup, file: Path, step: int, notes: Sequence[str]
+        self,
+        wiring: Wiring,
+        unit: Unit,
+        setup: LinkSetup,
+        file: Path,
+        step: int,
+        notes: Sequence[str],
+        *,
+        passes_nan: bool = False,
     ) -> None:
         self.inputs, self.outputs = wiring.input_ports, wiring.output_ports
         self._wiring, self._unit, self._step_ns = wiring, unit, step
         self._slot, self._file, self._who = setup.slot, file.name, f"{setup.name}: {file.name}"
         self._notes = (*notes, *wiring.notes)
         starts = [i.variable.numbers(wiring.starts.get(i.variable.name)) for i in wiring.inputs]
-        self._feed = Feed(wiring.inputs, [x for numbers in starts for x in numbers])
+        flat = [x for numbers in starts for x in numbers]
+        self._feed = Feed(wiring.inputs, flat, passes_nan=passes_nan)
 
     @property
     def notes(self) -> list[str]:
         """What the user should know about the run."""
         silent = [f"nothing comes from {port}, its slot is off or silent" for port in self._feed.silent]
-        notes = (*self._notes, *self._unit.notes, *silent)
+        held = [
+            f"{name} was nan in {count} steps: the FMU got the value before; {name}{KNOWN} would tell it"
+            for name, count in self._feed.held.items()
+            if not self._is_told(name)
+        ]
+        notes = (*self._notes, *self._unit.notes, *silent, *held)
         return [f"{self._slot}: {self._file}: {note}" for note in notes]
 
     def reset(self, stream: Stream) -> Outputs:
@@ -57,7 +71,16 @@ class FmuPart:
             end = t + dt
             spans = pairwise([*range(t, end, self._step_ns), end])
             steps = [(at / NS, (to - at) / NS, self._feed.numbers(at, to)) for at, to in spans]
-            return samples_of(self._wiring, end, self._unit.run(steps))
+            numbers = self._unit.run(steps)
+            try:
+                return samples_of(self._wiring, end, numbers)
+            except FmuError as error:
+                nan = [f"{name} is nan ({means})" for name, means in self._feed.unknown.items()]
+                raise FmuError("; ".join([str(error), *nan])) from error
+
+    def _is_told(self, name: str) -> bool:
+        """Whether the FMU has an input that says so when it holds a value."""
+        return any(i.mode == "known" and f"{i.port}.{i.field.name}" == name for i in self._wiring.inputs)
 
     def save(self) -> State:
         """The state of the FMU. SwathError for an FMU that cannot save it."""

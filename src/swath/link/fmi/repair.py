@@ -1,12 +1,13 @@
 """Repairs descriptions that FMPy cannot read: removes wrong entries that are not needed to run the FMU."""
 
 import tempfile
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
+
+from swath.documents.packed import open_archive
 
 _FIXED = ("fixed", "tunable")
 _ALLOWED = {
@@ -17,6 +18,7 @@ _ALLOWED = {
     "output": ("constant", "discrete", "continuous"),
     "independent": ("continuous",),
 }
+DEFAULT = "continuous"  # variability of what says none (FMI 2.0.3, 2.2.7); FMPy reads it so for every type
 _VALUES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
 
@@ -27,7 +29,7 @@ def repaired(file: Path) -> Iterator[tuple[Path, list[str]]]:
     Left out: the model structure, derivatives, types that are not defined, variabilities that do not go with
     the causality.
     """
-    with zipfile.ZipFile(file) as archive:
+    with open_archive(file, "file") as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
     repairs: list[str] = []
     types = {node.get("name") for node in root.iterfind("TypeDefinitions/*")}
@@ -54,7 +56,8 @@ def _repair_variable(node: Any, types: set[str | None]) -> list[str]:
             repairs.append(f"variable {name} is of type {declared}, which is not defined")
     variability, causality = node.get("variability"), node.get("causality", "local")
     allowed = _ALLOWED.get(causality)
-    if variability is not None and allowed is not None and variability not in allowed:
-        repairs.append(f"variable {name} is {causality} and {variability}, which do not go together")
+    if allowed is not None and (variability or DEFAULT) not in allowed:
+        said = variability or f"{DEFAULT} (the default)"
+        repairs.append(f"variable {name} is {causality} and {said}, which do not go together")
         node.set("variability", allowed[-1] if allowed is not _FIXED else "fixed")
     return repairs

@@ -14,12 +14,16 @@ from swath.signals.flat import FlatField, amounts, flat_fields
 from swath.signals.setup import LinkSetup
 
 RATE = "/s"
+KNOWN = ".is_known"  # port.field.is_known: whether a number is there, for those that may be nan
 Value = Any  # number, boolean, list of numbers
 
 
 @dataclass(frozen=True)
 class Into:
-    """An FMU input and the number it gets. mode: last value, `sum` or `rate` (sum / time) over a step."""
+    """An FMU input and the number it gets.
+
+    mode: `last` value, `sum` or `rate` (sum / time) over a step, `known` = whether the last value is a number
+    """
 
     variable: Variable
     port: str
@@ -148,7 +152,7 @@ class _Maker:
         wanted, hits = _plain(variable.name), []
         for port in self.setup.inputs:
             for name in flat_fields(port.signal):
-                for target in (name, name + RATE) if amounts(port.signal) else (name,):
+                for target in (name, name + RATE) if amounts(port.signal) else (name, name + KNOWN):
                     spellings = _spellings(port.name, target)
                     if wanted in spellings:
                         hits.append((spellings.index(wanted), f"{port.name}.{target}"))
@@ -159,7 +163,7 @@ class _Maker:
         return best[0] if best else None
 
     def _into(self, variable: Variable, target: str) -> Into:
-        key, bare = f"inputs.{variable.name}", target.removesuffix(RATE)
+        key, bare = f"inputs.{variable.name}", target.removesuffix(RATE).removesuffix(KNOWN)
         if variable.causality != "input" and variable.variability != "tunable":
             text = f"expected an input of the FMU, it is of causality {variable.causality}"
             raise InputError(key, target, text)
@@ -168,6 +172,10 @@ class _Maker:
         if variable.is_array != (field.kind == "array"):
             what = "an array" if variable.is_array else "a single number"
             raise InputError(key, target, f"expected {what}, like {variable.name} of the FMU")
+        if target.endswith(KNOWN):
+            if not field.quantity.nan or variable.is_array:
+                raise InputError(key, target, f"expected {bare}: it is always known")
+            return Into(variable, port.name, field, "known", Scale())
         adds_up = field.quantity.is_amount
         if bare != target and not adds_up:
             raise InputError(key, target, f"expected {bare}: only amounts have a rate")

@@ -20,16 +20,21 @@ from swath.link.fmi.unit import Unit, make_unit
 from swath.link.fmi.wiring import make_wiring
 from swath.signals.setup import LinkSetup
 
+TOOL = "swath "  # what the FMUs that swath exports name as their tool; they know nan
+
 
 @dataclass(frozen=True)
 class Params:
     """file: the FMU (FMI 1, 2 or 3, co-simulation), or a system of several (.ssp, .ssd)
     inputs: variable of the FMU -> port.field that feeds it; where the names fit, it need not be written.
-    `flow.grain` of the header is the mass of a step [kg], `flow.grain/s` the flow [kg/s]
+    `flow.grain` of the header is the mass of a step [kg], `flow.grain/s` the flow [kg/s];
+    `edge.offset.is_known` is 1 where the number is there, 0 where it is nan
     outputs: port.field -> variable of the FMU, likewise
     constants: port.field -> value, for what the FMU does not give; `nan` where nan means nothing
     parameters: variable of the FMU -> start value, in the FMU's own unit
     units: variable of the FMU -> unit such as km/h, where the FMU names none or a wrong one
+    nan: what the FMU gets for a single number that is nan, `hold` = the value before, or `pass` = nan; null =
+    pass to FMUs that swath exported, else hold
     step_ms: step of the FMU within the slot's period; null = the whole period
     component: of a system, the one FMU that fills this slot; null = the whole system
     process: `here`, or `own` = a process of its own, whose crash or hang is an error that names it
@@ -42,6 +47,7 @@ class Params:
     constants: dict[str, bool | float | Literal["nan"] | list[float]] = field(default_factory=dict)
     parameters: dict[str, bool | float | str | list[float]] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
+    nan: Literal["hold", "pass"] | None = None
     step_ms: Annotated[float, Gt(0), Le(1e6)] | None = None
     component: str | None = None
     process: Literal["here", "own"] = "here"
@@ -67,7 +73,9 @@ def make_part(params: Params, setup: LinkSetup) -> FmuPart:
         unit: Unit = Composite(whole, setup.name, inputs, outputs, **where)
     else:
         unit = make_unit(whole, setup.name, inputs, outputs, **where)
-    return FmuPart(wiring, unit, setup, file, step, _notes(fmu, step))
+    is_own = fmu.tool.startswith(TOOL)
+    passes = is_own if params.nan is None else params.nan == "pass"
+    return FmuPart(wiring, unit, setup, file, step, _notes(fmu, step), passes_nan=passes)
 
 
 def _open(file: Path, params: Params) -> tuple[Description | System, Params]:

@@ -7,6 +7,7 @@ after its message was received.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -27,25 +28,31 @@ from swath.link.log_sources import (
     recording_path,
     to_local,
 )
+from swath.record.messages import OPTICAL_FRAME
 from swath.record.read import feed as feeds
-from swath.record.read.feed import Demux, Feed, Timed
-from swath.record.read.fields import Context, number_at, stamp_of
+from swath.record.read.feed import Demux, Feed, Record, Timed
+from swath.record.read.fields import Context, is_on_clock, number_at, stamp_in, stamp_of
 from swath.record.read.files import Log, open_log
 from swath.record.read.fixes import read_fixes, states_of_fixes
-from swath.record.read.frames import own_mounting, static_mounting
+from swath.record.read.frame_checks import Lift, check_gravity, lift_of
+from swath.record.read.frames import GROUND, own_mounting, static_links, static_mounting
 from swath.record.read.messages import maker_for
-from swath.signals import MachineState, Scan
+from swath.signals import Fix, Image, Inertial, MachineState, Scan
 from swath.signals.flat import build, flat_fields
+from swath.signals.radar import RadarTargets
 from swath.signals.setup import LinkSetup
 
+MOUNTED = (Scan, RadarTargets, Image, Fix, Inertial)  # samples of sensors whose place control is told
+CHECKED = 3000  # samples of a signal that say in which frame it is
 LATE_S = 1.0  # the first sample may come this much after the start [s]
 
 
 class LogPlayer:
     """Plays the outputs of a slot.
 
-    mounting: pose_machine_sensor, where it is known; ends_at: the time [ns] from which on there is nothing to
-    play, None while there is; ending: says so; notes: what the user should know
+    mounting: pose_machine_sensor, where it is known; optical: pose of a recorded camera's optical frame
+    ends_at: the time [ns] from which on there is nothing to play, None while there is; ending: says so
+    notes: what the user should know
     """
 
     inputs: tuple[Port, ...] = ()
@@ -63,23 +70,33 @@ class LogPlayer:
         self._context = Context(setup.control.machine.wheelbase, to_local(params, setup.base))
         self._fixes: dict[str, list[Timed]] = {}
         self._demux: Demux | None = None
+        self._told: list[str] = []
+        self._lifts: dict[str, Lift] = {}
         self.mounting = self._mounting()
+        if (optical := own_mounting(self.log, self.recorded + OPTICAL_FRAME)) is not None:
+            self.optical = optical
         self._log_end = self.log.end() - self._shift if params.end == "log" else 0
         self._check()
+        self._check_samples()
         self._rewind()
-        self._first()
-        self.close()
+        try:
+            self._first()
+        finally:
+            self.close()
 
     @property
     def notes(self) -> list[str]:
         """What was played and how, gaps, what was left out."""
         p, name = self.params, self.setup.slot
         found = [
-            f"{name}: plays {self.recorded if self._is_own else ', '.join(self._topics)} of {self.log.path}"
+            f"{name}: plays {self.recorded if self._is_own else ', '.join(self._topics)} of {self.log.path}",
+            *self._told,
         ]
         if self._is_own and not all(s.is_exact for s in self._sources):
             rounded = ", ".join(s.port.name for s in self._sources if not s.is_exact)
             found.append(f"{name}: {rounded} from standard messages, which round and leave out")
+        if p.values:
+            found.append(f"{name}: `values` is now `constants`, as in level fmu")
         if p.between == "interpolate":
             found.append(f"{name}: interpolated between recorded samples")
         if self._skipped:
@@ -92,7 +109,8 @@ class LogPlayer:
             if made.unordered_count:
                 text = f"{made.unordered_count} samples out of order were left out"
                 found.append(f"{name}.{source.port.name}: {text}")
-        return found + [f"{name}: {note} ({n})" for note, n in self.log.notes.items()]
+        noted = {**self._context.notes, **self.log.notes}
+        return found + [f"{name}: {note} ({n})" for note, n in noted.items()]
 
     def reset(self, stream: Stream) -> Outputs:
         """What was published up to the start; the first sample, where it comes a little later."""
@@ -162,12 +180,40 @@ class LogPlayer:
             if port not in outputs or number not in flat_fields(outputs[port]) or "." in number:
                 raise InputError("scale", name, f"expected output.number; outputs: {', '.join(outputs)}")
 
+    def _check_samples(self) -> None:
+        """What the samples of another's recording say of their frame: which way gravity points, how high they
+        lie. InputError where that cannot be."""
+        for source in self._sources:
+            kind, name = source.port.signal, source.port.name
+            if kind is Inertial and not source.is_exact:
+                turn = None if self.mounting is None else self.mounting.rotation
+                check_gravity(name, self._some(source), turn)
+            is_track = kind is MachineState or (kind is Fix and not source.is_exact)
+            if is_track and self.setup.ground is not None:
+                antenna = 0.0 if kind is MachineState or self.mounting is None else self.mounting.position[2]
+                lift = lift_of(self._some(source), self.setup.ground, float(antenna))
+                is_mended = kind is MachineState and not source.is_exact
+                if lift is not None:
+                    self._told.append(f"{self.setup.slot}.{name}: {lift.note(is_mended=is_mended)}")
+                if lift is not None and is_mended:
+                    self._lifts[name] = lift
+        self._context.notes.clear()
+
+    def _some(self, source: Source) -> list[Any]:
+        """The first samples from where the run starts; what is not readable is counted when it is played."""
+        demux = Demux(open_log(self.log.path).messages, source.topics)
+        late = (s for t, s in self._samples(source, demux) if t >= self._shift)
+        found = list(islice(late, CHECKED))
+        demux.close()
+        return found
+
     def end_reason(self, t: int) -> str:
         """Why the run ends at t [ns]: the log has nothing more to play."""
         return self.ending if self.ends_at is not None and t >= self.ends_at else ""
 
     def _rewind(self) -> None:
         self.close()
+        self._context.notes.clear()
         self._t = self._skipped = 0
         self.ends_at: int | None = None
         self.ending = ""
@@ -221,6 +267,7 @@ class LogPlayer:
     def _samples(self, source: Source, demux: Demux) -> Iterator[Timed]:
         """The samples of an output on the clock of the log."""
         records = demux.read(*source.topics)
+        records = records if source.is_exact else self._on_its_clock(records)
         if source.is_exact:
             samples = feeds.exact_samples(records)
         elif source.numbers:
@@ -236,12 +283,22 @@ class LogPlayer:
         if source.port.signal is MachineState and self.params.start_s > 0:
             samples = feeds.rebased(samples, self._shift)
         factors = numbers_of(source.port.name, self.params.scale)
-        return _scaled(samples, factors) if factors and not source.numbers else samples
+        samples = _scaled(samples, factors) if factors and not source.numbers else samples
+        lift = self._lifts.get(source.port.name)
+        return samples if lift is None else ((t, lift.lifted(sample)) for t, sample in samples)
+
+    def _on_its_clock(self, records: Iterator[Record]) -> Iterator[Record]:
+        """The records; counts those whose stamp is of another clock than the log's."""
+        for topic, t, message in records:
+            stamp = stamp_in(message)
+            if stamp is not None and not is_on_clock(stamp, t):
+                self._context.note(f"stamps of {topic} are not on the clock of the log, its own time counts")
+            yield topic, t, message
 
     def _from_numbers(self, source: Source, records: Iterator[tuple[str, int, Any]]) -> Iterator[Timed]:
         """A sample whenever one of its numbers came, once all have."""
         name = source.port.name
-        known: dict[str, Any] = numbers_of(name, self.params.values)
+        known: dict[str, Any] = numbers_of(name, self.params.fixed)
         for topic, t, message in records:
             for number, (where, path) in source.numbers.items():
                 if where == topic:
@@ -256,24 +313,51 @@ class LogPlayer:
 
     def _track(self, topic: str) -> list[Timed]:
         if topic not in self._fixes:
-            fixes, local = read_fixes(self.log.messages((topic,))), to_local(self.params, self.setup.base)
-            antenna, wheelbase = self.params.antenna_m, self._context.wheelbase
-            self._fixes[topic] = states_of_fixes(fixes, local, antenna, wheelbase)
+            fixes = read_fixes(self._on_its_clock(self.log.messages((topic,))))
+            local = to_local(self.params, self.setup.base)
+            antenna = self.params.antenna_m or self._antenna_of(topic)
+            self._fixes[topic] = states_of_fixes(fixes, local, antenna, self._context.wheelbase)
         return self._fixes[topic]
 
+    def _antenna_of(self, topic: str) -> tuple[float, float, float]:
+        """By /tf_static; where that does not say, below the antenna is the machine's origin."""
+        found = self._static_mounting(topic)
+        x, y, z = (0.0, 0.0, 0.0) if found is None else found.position.tolist()
+        return x, y, z
+
     def _mounting(self) -> Pose | None:
-        scans = [s for s in self._sources if s.port.signal is Scan]
-        if not scans:
+        """As said here, as swath recorded it, or by /tf_static; a scanner must have one."""
+        p, control = self.params, self.setup.control
+        signals = {s.port.signal: s for s in self._sources}
+        if p.mount is not None and p.antenna_m is not None:
+            raise InputError("antenna_m", p.antenna_m, "expected mount or antenna_m, not both")
+        if p.mount is not None:
+            return p.mount.pose(control.machine, control.edge_side)
+        if p.antenna_m is not None and Fix in signals:
+            return Pose.from_euler(p.antenna_m)
+        if (own := own_mounting(self.log, self.recorded)) is not None:
+            return own
+        source = next((signals[kind] for kind in MOUNTED if kind in signals), None)
+        if source is None:
             return None
-        if self.params.mount is not None:
-            return self.params.mount.pose(self.setup.control.machine, self.setup.control.edge_side)
-        found = own_mounting(self.log, self.recorded)
-        if found is None and not scans[0].is_exact:
-            found = static_mounting(self.log, scans[0].topics[0], self.setup.machine_name)
-        if found is None:
+        found = None if source.is_exact else self._static_mounting(source.topics[0])
+        if found is None and source.port.signal is Scan:
             expected = "expected where the sensor sits, /tf_static of the recording does not say"
             raise InputError("mount", None, expected)
         return found
+
+    def _static_mounting(self, topic: str) -> Pose | None:
+        links, first = static_links(self.log, topic)
+        frame = str(getattr(getattr(first, "header", None), "frame_id", "")).lstrip("/")
+        found = static_mounting(links, frame, self.setup.machine_name)
+        if found is None:
+            return None
+        ground, pose = found
+        x, y, z = pose.position
+        where = f"{x:.2f}, {y:.2f}, {z:.2f} m in {ground}"
+        more = "" if ground.endswith(GROUND[0]) else ", taken to lie on the ground"
+        self._told.append(f"{self.setup.slot}: {frame} is at {where} by /tf_static{more}")
+        return pose
 
 
 def _scaled(samples: Iterator[Timed], factors: Mapping[str, float]) -> Iterator[Timed]:

@@ -4,8 +4,6 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_no_code
-
 
 def add(parsers: Any) -> None:
     """Add the command."""
@@ -16,7 +14,6 @@ def add(parsers: Any) -> None:
         "--type", default="sd", metavar="T", help="sd = SensorData (default), sv = SensorView"
     )
     parser.add_argument("--slot", metavar="SLOT", help="a scanner or radar (default: the first recorded)")
-    add_no_code(parser)
     parser.set_defaults(run=run)
 
 

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.foreign_code import code_unread
+from swath.core.whole_file import new_file
 from swath.link.osi.messages import TYPES, Writer
 from swath.machine.machine_sheet import load_machine
 from swath.record.read.feed import exact_samples, exact_topic
@@ -31,7 +33,9 @@ def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = No
         raise InputError("--out", str(out), "expected a file such as x.osi")
     if not (run / "scenario.yaml").is_file():
         raise InputError("run", str(run), "expected a run folder, it has no scenario.yaml")
-    scenario, log = load_scenario(run), open_log(run)
+    log = open_log(run)
+    with code_unread():
+        scenario = load_scenario(run)
     sensors = _sensors(log)
     if slot not in (None, *sensors):
         listed = ", ".join(sensors)
@@ -51,14 +55,13 @@ def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = No
     make = writer.sensor_data if kind == "sd" else writer.sensor_view
     states = {name: list(_samples(log, f"{name}.motion", "state")) for name in sheets}
     out.parent.mkdir(parents=True, exist_ok=True)
-    unfinished, count = out.with_name(out.name + ".part"), 0
-    with unfinished.open("wb") as file:
+    count = 0
+    with new_file(out) as file:
         for sample in _samples(log, slot, sensors[slot]):
             message = make(sample, {name: _newest(found, sample.t) for name, found in states.items()})
             data = message.SerializeToString(deterministic=True)
             file.write(LENGTH.pack(len(data)) + data)
             count += 1
-    unfinished.replace(out)
     return count
 
 

@@ -5,17 +5,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlparse
-from xml.etree.ElementTree import Element, TreeBuilder
-from xml.parsers import expat
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.frames import Array
+from swath.documents.xml_file import XmlError, read_xml
 from swath.field.mesh_file import read_mesh
 from swath.machine.body import triangles
 
-BYTES_MAX, DEPTH_MAX, PARTS_MAX = 8 << 20, 64, 10_000
+BYTES_MAX, PARTS_MAX = 8 << 20, 10_000
+CHAIN_MAX = 100  # links or frames that hang on each other
+TOO_DEEP = f"expected a tree of links, at most {CHAIN_MAX} on each other: it hangs on itself, or on more"
 LENGTH_MAX = 100.0  # of a machine's part [m]
 
 
@@ -46,32 +48,12 @@ class ModelFile:
         size = self.path.stat().st_size
         if size > BYTES_MAX:
             raise self.error("the file", f"expected at most {BYTES_MAX} bytes, it has {size}")
-        builder, depth = TreeBuilder(), 0
-        parser = expat.ParserCreate()
-
-        def start(name: str, attributes: dict[str, str]) -> None:
-            nonlocal depth
-            depth += 1
-            if depth > DEPTH_MAX:
-                raise ValueError(f"more than {DEPTH_MAX} elements within each other")
-            builder.start(name, attributes)
-
-        def end(name: str) -> None:
-            nonlocal depth
-            depth -= 1
-            builder.end(name)
-
-        def refuse(*_: Any) -> None:
-            raise ValueError("a DOCTYPE is not allowed")
-
-        parser.StartElementHandler, parser.EndElementHandler = start, end
-        parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = builder.data, refuse
         try:
-            parser.Parse(self.path.read_bytes(), True)
-        except (expat.ExpatError, LookupError, ValueError) as error:
-            line = parser.CurrentLineNumber
-            raise self.error(f"line {line}", f"expected XML that can be read: {error}") from error
-        root = builder.close()
+            root = read_xml(self.path.read_bytes())
+        except XmlError as error:
+            raise self.error(
+                f"line {error.line}", f"expected XML that can be read: {error.reason}"
+            ) from error
         if root.tag != tag:
             raise self.error(f"<{root.tag}>", f"expected <{tag}>")
         return root

@@ -5,7 +5,7 @@ from xml.etree.ElementTree import Element
 
 from swath.core.frames import Pose
 from swath.core.units import DEG
-from swath.machine.body.model_xml import ModelFile, Part, checked, shape
+from swath.machine.body.model_xml import CHAIN_MAX, TOO_DEEP, ModelFile, Part, checked, shape
 
 MODEL = "__model__"
 
@@ -26,15 +26,16 @@ def read_sdf(path: Path, key: str) -> tuple[Part, ...]:
     above = {
         j.findtext("child", "").strip(): j.findtext("parent", "").strip() for j in model.iterfind("joint")
     }
+    known = {MODEL: Pose.identity()}
     parts = []
     for link in model.iterfind("link"):
         name = link.get("name", "")
-        pose = _in_model(file, name, frames, ())
+        pose = _in_model(file, name, frames, known)
         for index, visual in enumerate(link.iterfind("visual")):
             where = f"link {name}, visual {index}"
             corners = shape(file, visual.find("geometry"), where)
             other = _relative_to(visual)
-            base = pose if not other else _in_model(file, other, frames, ())
+            base = pose if not other else _in_model(file, other, frames, known)
             at = base @ _pose(file, visual, where)
             parts.append(Part(name, _group(file, name, above), at.apply(corners)))
     return checked(file, parts)
@@ -43,24 +44,28 @@ def read_sdf(path: Path, key: str) -> tuple[Part, ...]:
 def _group(file: ModelFile, name: str, above: dict[str, str]) -> tuple[str, ...]:
     group = [name]
     while group[-1] in above:
-        if above[group[-1]] in group:
-            raise file.error(f"link {name}", "expected a tree of links, it hangs on itself")
+        if len(group) >= CHAIN_MAX:
+            raise file.error(f"link {name}", TOO_DEEP)
         group.append(above[group[-1]])
     return tuple(group)
 
 
-def _in_model(file: ModelFile, name: str, frames: dict[str, Element], asked: tuple[str, ...]) -> Pose:
-    """A link's or frame's own frame in that of the model."""
-    if name == MODEL:
-        return Pose.identity()
-    if name not in frames or name in asked:
-        expected = (
-            f"expected one of {', '.join(sorted(frames))}" if name not in frames else "expected no circle"
-        )
-        raise file.error(f"relative_to {name!r}", expected)
-    node = frames[name]
-    on = _relative_to(node) or node.get("attached_to") or MODEL
-    return _in_model(file, on, frames, (*asked, name)) @ _pose(file, node, f"{node.tag} {name}")
+def _in_model(file: ModelFile, name: str, frames: dict[str, Element], known: dict[str, Pose]) -> Pose:
+    """A link's or frame's own frame in that of the model. known: of frames so far"""
+    chain = [name]
+    while chain[-1] not in known:
+        node = frames.get(chain[-1])
+        if node is None:
+            expected = f"expected one of {', '.join(sorted(frames))}"
+            raise file.error(f"relative_to {chain[-1]!r}", expected)
+        chain.append(_relative_to(node) or node.get("attached_to") or MODEL)
+        if len(chain) > CHAIN_MAX:
+            raise file.error(f"relative_to {name!r}", f"expected no circle, and at most {CHAIN_MAX} frames")
+    for link in chain[-2::-1]:
+        node = frames[link]
+        on = _relative_to(node) or node.get("attached_to") or MODEL
+        known[link] = known[on] @ _pose(file, node, f"{node.tag} {link}")
+    return known[name]
 
 
 def _relative_to(node: Element) -> str:

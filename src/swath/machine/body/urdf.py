@@ -7,7 +7,9 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from swath.core.frames import Pose
-from swath.machine.body.model_xml import ModelFile, Part, checked, shape
+from swath.machine.body.model_xml import CHAIN_MAX, TOO_DEEP, ModelFile, Part, checked, shape
+
+Placed = tuple[Pose, tuple[str, ...]]
 
 
 def read_urdf(path: Path, key: str) -> tuple[Part, ...]:
@@ -17,8 +19,9 @@ def read_urdf(path: Path, key: str) -> tuple[Part, ...]:
     links = {link.get("name", ""): link for link in root.iterfind("link")}
     above = _joints(file, root, set(links))
     parts = []
+    known: dict[str, Placed] = {}
     for name, link in links.items():
-        pose, group = _to_root(file, name, above)
+        pose, group = _to_root(file, name, above, known)
         for index, visual in enumerate(link.iterfind("visual")):
             where = f"link {name}, visual {index}"
             corners = shape(file, visual.find("geometry"), where)
@@ -42,16 +45,24 @@ def _joints(file: ModelFile, root: Element, links: set[str]) -> dict[str, tuple[
     return above
 
 
-def _to_root(file: ModelFile, name: str, above: dict[str, tuple[str, Pose]]) -> tuple[Pose, tuple[str, ...]]:
-    """The link's frame in the root's, and the links that it hangs on, its own first."""
-    pose, group = Pose.identity(), [name]
-    while group[-1] in above:
-        parent, step = above[group[-1]]
-        if parent in group:
-            raise file.error(f"link {name}", "expected a tree of links, it hangs on itself")
-        pose = step @ pose
-        group.append(parent)
-    return pose, tuple(group)
+def _to_root(
+    file: ModelFile, name: str, above: dict[str, tuple[str, Pose]], known: dict[str, Placed]
+) -> Placed:
+    """The link's frame in the root's, and the links that it hangs on, its own first; known: of others"""
+    chain = [name]
+    while chain[-1] not in known and chain[-1] in above:
+        chain.append(above[chain[-1]][0])
+        if len(chain) > CHAIN_MAX:
+            raise file.error(f"link {name}", TOO_DEEP)
+    if chain[-1] not in known:
+        known[chain[-1]] = Pose.identity(), (chain[-1],)
+    for link in chain[-2::-1]:
+        parent, step = above[link]
+        pose, group = known[parent]
+        if len(group) >= CHAIN_MAX:
+            raise file.error(f"link {name}", TOO_DEEP)
+        known[link] = pose @ step, (link, *group)
+    return known[name]
 
 
 def _origin(file: ModelFile, node: Element, where: str) -> Pose:

@@ -21,6 +21,7 @@ from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.machine_sheet import dynamics_of
 from swath.machine.towing import ports_of, refuse_reverse, towed_by
+from swath.machine.traction import DrivenWheels, traction_of
 from swath.machine.tyre import GRAVITY, ROLLING_SPEED, axle_stiffness, creep_damping
 from swath.signals import EngineState, HeapState, MachineState, SpeedCommand, SteerState
 
@@ -58,7 +59,7 @@ class _Moment:
 class Articulated(KeepsState):
     """Tractor and trailer. Lateral speed and yaw rate are those of the tractor's centre of gravity."""
 
-    kept = ("_q", "_speed", "_distance", "_towed", "_drawbar_pull")
+    kept = ("_q", "_wheels", "_distance", "_towed", "_drawbar_pull")
     inputs = (
         Port("steering", SteerState),
         Port("speed", SpeedCommand),
@@ -74,7 +75,7 @@ class Articulated(KeepsState):
         self._params, self._start, self._towed = params, setup.start, towed
         self._d, self._machine = dynamics_of(setup.machine), setup.machine
         self._follower = TerrainFollower(setup.field, setup.machine)
-        self._loop = SpeedLoop(self._d)
+        self._wheels = DrivenWheels(SpeedLoop(self._d))
         self._cg = self._d.cg_behind  # ahead of the fixed axle: the steered one is ahead
         self._stiffness = axle_stiffness(self._d.stiffness, self._d.understeer, steers_ahead=True)
         self._to_pin = self._cg - towed.sheet.hitch_x
@@ -85,7 +86,8 @@ class Articulated(KeepsState):
         x, y = float(self._start.position[0]), float(self._start.position[1])
         yaw = self._start.euler()[2]
         self._q: State = (x, y, yaw, 0.0, 0.0, yaw, 0.0, 0.0, 0.0, 0.0)
-        self._speed, self._distance = self._params.start_speed_kmh * KMH, 0.0
+        self._wheels.reset(self._params.start_speed_kmh * KMH)
+        self._distance = 0.0
         self._drawbar_pull = 0.0
         self._towed.place(x, y, yaw)
         self._follower.at(x, y, yaw)
@@ -104,10 +106,11 @@ class Articulated(KeepsState):
         steer: float = inputs["steering"].angle
         count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
         h = dt / NS / count
+        traction = traction_of(self._machine, towed=self._towed.mass)
         for _ in range(count):
-            end, travel = self._loop.advance(self._speed, wanted, h)
-            self._advance(self._moment(steer, (end - self._speed) / h, travel / h), h)
-            self._speed = end
+            before = self._wheels.speed
+            _, travel = self._wheels.advance(wanted, h, self._follower.stance.pitch, traction)
+            self._advance(self._moment(steer, (self._wheels.speed - before) / h, travel / h), h)
             self._follower.at(*self._q[:3])
         return self._output(t + dt, steer)
 
@@ -209,7 +212,7 @@ class Articulated(KeepsState):
     def _output(self, t: int, steer: float) -> Outputs:
         _, _, yaw, side, turn, *_ = self._q
         pose = self._follower.pose()
-        state = MachineState(t, pose, self._speed, side - self._cg * turn, turn, steer, self._distance)
+        state = MachineState(t, pose, self._wheels.speed, side - self._cg * turn, turn, steer, self._distance)
         w = self._towed
         pin = w.mass * GRAVITY * w.cg_ahead / w.sheet.drawbar
         loads = w.mass * GRAVITY - pin, pin, self._drawbar_pull

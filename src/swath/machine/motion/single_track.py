@@ -5,7 +5,7 @@ the drive's closed loop. Equations, signs and validation: docs/motion.md.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from math import ceil
 from typing import Annotated, Any
 
@@ -24,7 +24,7 @@ from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.machine_sheet import Dynamics, MachineSheet, dynamics_of, loaded
 from swath.machine.towing import ports_of, tow, towed_by, with_trailer
-from swath.machine.traction import pull, stiffness_of, wheels_of
+from swath.machine.traction import DrivenWheels, check_wheel_slip, pull, traction_of, wheels_of
 from swath.machine.tyre import GRAVITY, axle_stiffness
 from swath.signals import (
     EngineState,
@@ -75,7 +75,8 @@ class SingleTrack:
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         d = dynamics_of(setup.machine)
-        self._along = stiffness_of(setup.machine) if params.wheel_slip else 0.0
+        if params.wheel_slip:
+            check_wheel_slip(setup.machine)
         self._params, self._start = params, setup.start
         self._wheelbase, self._track = -setup.machine.steered_x, setup.machine.front_track
         self._sense = -1.0 if setup.machine.steers_ahead else 1.0
@@ -90,7 +91,7 @@ class SingleTrack:
         self._friction = _either(params.friction, d.friction)
         self._rolling = _either(params.rolling_resistance, d.rolling_resistance)
         self._follower = TerrainFollower(setup.field, setup.machine)
-        self._loop = SpeedLoop(d)
+        self._wheels = DrivenWheels(SpeedLoop(d))
         self._compile()
         self._weigh(d)
         self._dt, self._count, self._h = 0, 1, 0.0  # of the last step [ns], its substeps, their length [s]
@@ -105,11 +106,11 @@ class SingleTrack:
         self._fill(0.0)
         x, y, yaw = float(self._start.position[0]), float(self._start.position[1]), self._start.euler()[2]
         self._go_to(x, y, yaw, 0.0, 0.0, 0.0, 0.0, 0.0)
-        self._speed = self._params.start_speed_kmh * KMH
+        self._wheels.reset(self._params.start_speed_kmh * KMH)
         if self._towed is not None:
             self._towed.place(x, y, yaw)
         self._stand_there()
-        state = MachineState(0, self._follower.pose(), self._speed, 0.0, 0.0, 0.0, 0.0)
+        state = MachineState(0, self._follower.pose(), self._wheels.speed, 0.0, 0.0, 0.0, 0.0)
         return self._outputs(state, yaw, 0.0) if self._tells_more else {"state": state}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
@@ -123,13 +124,13 @@ class SingleTrack:
             self._dt = dt
             self._count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
             self._h = dt / NS / self._count
-        before = self._speed
+        before = self._wheels.speed
         state = self._drive_on(t + dt, steer, wanted) or self._drive_in_python(t + dt, steer, wanted)
         if not self._tells_more:
             return {"state": state}
         x, y, yaw, *_ = self._q.read()
         tow(self._towed, inputs, x, y, yaw)
-        return self._outputs(state, yaw, (self._speed - before) / (dt / NS))
+        return self._outputs(state, yaw, (self._wheels.speed - before) / (dt / NS))
 
     def _drive_on(self, t: int, steer: float, wanted: float) -> MachineState | None:
         """The state at t, after all substeps in one launch; None where that cannot be done."""
@@ -137,29 +138,31 @@ class SingleTrack:
             return None
         self._asked.write(self._count, self._h, steer, wanted)
         self._whole()
-        is_done, speed, z, _, _, _, _, xx, xy, xz, yx, yy, yz, zx, zy, zz, *rest = self._stand.read()
+        is_done, *speeds, z, _, _, _, _, xx, xy, xz, yx, yy, yz, zx, zy, zz, x, y, lateral, turn, distance = (
+            self._stand.read()
+        )
         if not is_done:
             return None
-        self._speed = speed
-        x, y, lateral, turn, distance = rest
+        w = self._wheels
+        w.speed, w.rim, w.slip = speeds
         pose = Pose.of_numbers([x, y, z], [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]])
-        return MachineState(t, pose, speed, lateral, turn, steer, distance)
+        return MachineState(t, pose, w.speed, lateral, turn, steer, distance)
 
     def _drive_in_python(self, t: int, steer: float, wanted: float) -> MachineState:
         """The same substeps one by one, where the ground is no lattice in memory, or not yet."""
         h, read = self._h, self._q.read
         self._follower.at(*read()[:3])
         for _ in range(self._count):
-            middle, _ = self._loop.advance(self._speed, wanted, 0.5 * h)
-            end, _ = self._loop.advance(self._speed, wanted, h)
-            self._drive.write(h, self._speed, middle, end, self._sense * steer, *self._follower.stance[1:])
+            start = self._wheels.speed
+            middle, _ = self._wheels.advance(wanted, h, self._follower.stance.pitch, self._traction)
+            end = self._wheels.speed
+            self._drive.write(h, start, middle, end, self._sense * steer, *self._follower.stance[1:])
             self._advance()
             self._follower.at(*read()[:3])
-            self._speed = end
         self._stand_there()
         _, _, _, side, turn, _, _, distance = read()
         lateral = side + self._ahead * turn
-        return MachineState(t, self._follower.pose(), self._speed, lateral, turn, steer, distance)
+        return MachineState(t, self._follower.pose(), self._wheels.speed, lateral, turn, steer, distance)
 
     @property
     def axle_loads(self) -> tuple[float, float]:
@@ -168,14 +171,15 @@ class SingleTrack:
         return fixed, steered
 
     def save(self) -> State:
-        """Place, heading, lateral speed of the centre of gravity, yaw rate, slips, distance, speed, grain."""
+        """Place, heading, lateral speed of the centre of gravity, yaw rate, slips, way, speeds, grain."""
         state = dict(zip(self._q.names, self._q.read(), strict=True))
         towed = None if self._towed is None else self._towed.save()
-        return {**state, "speed": self._speed, "grain": self._grain, "towed": towed}
+        return {**state, "wheels": self._wheels.save(), "grain": self._grain, "towed": towed}
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
-        self._speed, self._carried = state["speed"], None
+        self._carried = None
+        self._wheels.load(state["wheels"])
         self._fill(state["grain"])
         self._go_to(*(state[name] for name in self._q.names))
         self._stand_there()
@@ -210,7 +214,8 @@ class SingleTrack:
         """Tell the compiled step how fast the machine is, and how it stands."""
         if self._whole is None and isinstance(self._follower.footprint, Footprint):
             self._compile_whole(self._follower.footprint)
-        self._stand.write(0.0, self._speed, *self._follower.stance, *[0.0] * 14)
+        w = self._wheels
+        self._stand.write(0.0, w.speed, w.rim, w.slip, *self._follower.stance, *[0.0] * 14)
 
     def _go_to(self, x: float, y: float, yaw: float, *rest: float) -> None:
         self._q.write(x, y, yaw, *rest)
@@ -223,7 +228,8 @@ class SingleTrack:
         wheels = d.front.radius, d.rear.radius, d.front.relaxation, d.rear.relaxation
         tyres = *self._stiffness, self._friction, self._rolling
         body = self._ahead, self._behind, d.mass, d.yaw_inertia, d.cg_height, self._track
-        self._car.write(*body, *wheels, *tyres)
+        self._traction = traction_of(self._machine, d)
+        self._car.write(*body, *wheels, *tyres, *astuple(self._traction))
 
     def _carry(self, load: MachineLoad) -> None:
         """Follow the tank in steps of GRAIN_STEP; the speed of the fixed axle and the turn rate go on."""
@@ -251,7 +257,7 @@ class SingleTrack:
         dynamics = replace(dynamics_of(self._machine), rolling_resistance=self._rolling)
         force, t = pull(state, accel, self._grain, dynamics), state.t
         load = self.axle_loads[0] if t > 0 else GRAVITY * dynamics.mass * self._behind / self._wheelbase
-        return {**found, "wheels": wheels_of(t, state.speed, force, load, self._along)}
+        return {**found, "wheels": wheels_of(t, state.speed, force, load, self._traction)}
 
 
 def _either(given: float | None, sheet: float) -> float:

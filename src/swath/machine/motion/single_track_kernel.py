@@ -4,7 +4,7 @@ from math import pi
 
 import warp as wp
 
-from swath.machine import tyre
+from swath.machine import traction, tyre
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 real = wp.float64
@@ -13,14 +13,15 @@ CREEP_DAMPING = wp.constant(real(tyre.CREEP_DAMPING))
 GRAVITY = wp.constant(real(tyre.GRAVITY))
 ROLLING_SPEED = wp.constant(real(tyre.ROLLING_SPEED))
 PI = wp.constant(real(pi))
-LEAST_LOAD = wp.constant(real(0.02))  # an axle keeps this share of the weight: it does not tip over
+LEAST_LOAD = wp.constant(real(traction.LEAST_LOAD))
 HALF, ONE, TWO, THREE, SIX = (wp.constant(real(n)) for n in (0.5, 1.0, 2.0, 3.0, 6.0))
 
 
 @wp.struct
 class Car:
     """What stays. ahead, behind: of the centre of gravity to the fixed axle (front) and of the steered one
-    (rear) to it [m], both below 0 where the steered axle is ahead; SI.
+    (rear) to it [m], both below 0 where the steered axle is ahead; from along_stiffness on: as
+    `traction.Traction`; SI.
     """
 
     ahead: wp.float64
@@ -37,6 +38,12 @@ class Car:
     rear_stiffness: wp.float64
     friction: wp.float64
     rolling: wp.float64
+    along_stiffness: wp.float64
+    along_friction: wp.float64
+    along_relaxation: wp.float64
+    thrust: wp.float64
+    level_share: wp.float64
+    grade_share: wp.float64
 
 
 @wp.struct

@@ -6,7 +6,19 @@ The same operations in the same order as `SingleTrack` does them in Python.
 import warp as wp
 
 from swath.field.footprint_kernel import Place, Span, mean_height
-from swath.machine.motion.single_track_kernel import HALF, ONE, Car, Drive, Moment, Track, held, integrated
+from swath.machine.motion.single_track_kernel import (
+    GRAVITY,
+    HALF,
+    LEAST_LOAD,
+    ONE,
+    THREE,
+    Car,
+    Drive,
+    Moment,
+    Track,
+    held,
+    integrated,
+)
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 real = wp.float64
@@ -43,12 +55,15 @@ class Asked:
 @wp.struct
 class Stand:
     """Where the machine is after a step. is_done: 0 where the ground under it is not in memory or a number is
-    not finite, nothing has changed then; speed [m/s]; as `attitude.Stance`; rows of its rotation
+    not finite, nothing has changed then; speed over ground and of the rims [m/s], slip along; as
+    `attitude.Stance`; rows of its rotation
     place [m], speed to the left [m/s], yaw rate [rad/s], distance [m]
     """
 
     is_done: wp.float64
     speed: wp.float64
+    rim: wp.float64
+    slip: wp.float64
     z: wp.float64
     roll: wp.float64
     pitch: wp.float64
@@ -74,6 +89,10 @@ class Stand:
 def expm1(x: wp.float64) -> wp.float64: ...
 
 
+@wp.func_native("return __builtin_cbrt(x);")
+def cbrt(x: wp.float64) -> wp.float64: ...
+
+
 @wp.func
 def approached(
     value: wp.float64, target: wp.float64, dt: wp.float64, lag: wp.float64, limit: wp.float64
@@ -93,6 +112,35 @@ def approached(
     if rest > real(0.0):
         reached += -(target - reached) * expm1(-rest / lag)
     return reached
+
+
+@wp.func
+def grip(grade: wp.float64, car: Car) -> wp.float64:
+    """As `traction.Traction.grip`."""
+    share = car.level_share - car.grade_share * grade
+    return car.along_friction * wp.min(wp.max(share, LEAST_LOAD), ONE)
+
+
+@wp.func
+def given(before: wp.float64, after: wp.float64, grade: wp.float64, dt: wp.float64, car: Car) -> wp.float64:
+    """As `traction.Traction.given`."""
+    level = ONE / wp.sqrt(ONE + grade * grade)
+    most = wp.min(grip(grade, car) * level, car.thrust)
+    low = before + dt * (GRAVITY * (-most - grade * level))
+    high = before + dt * (GRAVITY * (most - grade * level))
+    return wp.min(wp.max(after, low), high)
+
+
+@wp.func
+def slipped(slip: wp.float64, grade: wp.float64, way: wp.float64, car: Car) -> wp.float64:
+    """As `traction.Traction.slip_after`."""
+    gone = -expm1(-way / car.along_relaxation)
+    free = ONE - wp.abs(grade) / grip(grade, car)
+    x = ONE
+    if free > real(0.0):
+        x = ONE - cbrt(free)
+    steady = wp.copysign(THREE * car.along_friction / car.along_stiffness * x, grade)
+    return slip + (steady - slip) * gone
 
 
 @wp.func
@@ -189,15 +237,25 @@ def drive(
     a = stands[0]
     m = moments[0]
     speed = a.speed
+    rim = a.rim
+    slip = a.slip
     d = Drive()
     d.h = ask.h
     d.steer = loop.sense * ask.steer
     is_done = wp.isfinite(ask.wanted)
     for _ in range(int(ask.count)):
         if is_done:
+            grade = -wp.sin(a.pitch) / wp.cos(a.pitch)
+            before = slip
+            slip = slipped(slip, grade, wp.abs(speed) * ask.h, car)
             d.start = speed
-            d.middle = driven(speed, ask.wanted, HALF * ask.h, loop)
-            d.end = driven(speed, ask.wanted, ask.h, loop)
+            d.middle = driven(rim, ask.wanted, HALF * ask.h, loop) / (ONE + HALF * (before + slip))
+            rim = driven(rim, ask.wanted, ask.h, loop)
+            free = rim / (ONE + slip)
+            d.end = given(speed, free, grade, ask.h, car)
+            if d.end != free:
+                rim = d.end * (ONE + slip)
+                d.middle = HALF * (speed + d.end)
             d.roll = a.roll
             d.pitch = a.pitch
             d.front_slope = a.front_slope
@@ -211,6 +269,8 @@ def drive(
         a = turned(a, q, car)
         a.is_done = ONE
         a.speed = speed
+        a.rim = rim
+        a.slip = slip
         stands[0] = a
         tracks[0] = q
         moments[0] = m

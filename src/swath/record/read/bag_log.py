@@ -36,6 +36,10 @@ class BagLog:
             expected = f"expected a readable rosbag ({error}); a broken one needs a new index first"
             raise InputError("recording", path.name, expected, file=path) from error
 
+    def forget_notes(self) -> None:
+        """Begin to count anew."""
+        self.notes.clear()
+
     def topics(self) -> dict[str, str]:
         """Topic -> type."""
         return dict(self._topics)

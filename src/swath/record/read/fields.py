@@ -1,7 +1,7 @@
 """What messages have in common: stamps, numbers by their path, poses; and the makers of samples from them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import hypot
 from typing import Any
 
@@ -21,10 +21,16 @@ class Context:
 
     to_local: (n, 3) longitude, latitude [deg], height [m] -> (n, 3) east, north, up [m]; None: the plane at
     the first position
+    notes: what had to be assumed of messages, with how often; grows while they are read
     """
 
     wheelbase: float
     to_local: Callable[[F64], F64] | None = None
+    notes: dict[str, int] = field(default_factory=dict)
+
+    def note(self, what: str) -> None:
+        """Count an assumption."""
+        self.notes[what] = self.notes.get(what, 0) + 1
 
 
 Makers = dict[tuple[type[Signal], str], Callable[[Context], Maker]]  # (sample type, name of the message)
@@ -32,11 +38,19 @@ Makers = dict[tuple[type[Signal], str], Callable[[Context], Maker]]  # (sample t
 
 def stamp_of(message: Any, t: int) -> int:
     """When it was measured: the stamp [ns] where it is on the clock of the log, else the log time `t`."""
+    own = stamp_in(message)
+    return t if own is None or not is_on_clock(own, t) else min(own, t)
+
+
+def is_on_clock(stamp: int, t: int) -> bool:
+    """Whether a stamp is on the clock of the log time `t`, both [ns]."""
+    return abs(stamp - t) < CLOCKS_AGREE
+
+
+def stamp_in(message: Any) -> int | None:
+    """The stamp of a message [ns]; None where it has none."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
-    if stamp is None:
-        return t
-    own = int(stamp.sec) * NS + int(stamp.nanosec)
-    return min(own, t) if abs(own - t) < CLOCKS_AGREE else t
+    return None if stamp is None else int(stamp.sec) * NS + int(stamp.nanosec)
 
 
 def number_at(message: Any, path: str) -> float:

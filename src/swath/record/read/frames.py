@@ -10,7 +10,10 @@ from swath.record.formats import ABOUT, read_about
 from swath.record.read.fields import pose_of_transform
 from swath.record.read.files import Log
 
-BASES = ("base_link", "base_footprint", "base")
+GROUND = ("base_footprint", "base_link", "base")
+"""Names of a machine's own frame, without those of a robot before them; the first stands on the ground."""
+
+Links = Mapping[str, tuple[str, Pose]]  # frame -> the frame above it, pose_parent_child
 
 
 def own_mounting(log: Log, slot: str) -> Pose | None:
@@ -22,28 +25,71 @@ def own_mounting(log: Log, slot: str) -> Pose | None:
         return None
 
 
-def static_mounting(log: Log, scans: str, machine: str) -> Pose | None:
-    """pose_machine_sensor from /tf_static: from the frame of the scans up to the machine's own."""
+def static_links(log: Log, topic: str) -> tuple[dict[str, tuple[str, Pose]], Any]:
+    """/tf_static, and the first message on a topic; None where there is none."""
     links: dict[str, tuple[str, Pose]] = {}
-    frame = ""
-    for topic, _, message in log.messages(("/tf_static",), also_first=scans):
-        if topic == scans:
-            frame = message.header.frame_id.lstrip("/")
+    first = None
+    for name, _, message in log.messages(("/tf_static",), also_first=topic):
+        if name == topic:
+            first = first or message
         else:
-            for link in message.transforms:
-                parent = link.header.frame_id.lstrip("/")
-                links[link.child_frame_id.lstrip("/")] = (parent, pose_of_transform(link.transform))
-    return chain(links, frame, (f"{machine}/base_link", f"{machine}/base", *BASES))
+            links |= links_of(message)
+    return links, first
 
 
-def chain(links: Mapping[str, tuple[str, Pose]], frame: str, ends: Any) -> Pose | None:
-    """The pose of a frame in the first of `ends` above it; None where none is."""
-    pose, at = Pose.identity(), frame
-    for _ in range(len(links) + 1):
-        if at in ends:
-            return pose
-        if at not in links:
-            return None
-        parent, link = links[at]
-        pose, at = link @ pose, parent
+def links_of(message: Any) -> dict[str, tuple[str, Pose]]:
+    """The links of a tf2_msgs/TFMessage."""
+    return {
+        link.child_frame_id.lstrip("/"): (
+            link.header.frame_id.lstrip("/"),
+            pose_of_transform(link.transform),
+        )
+        for link in message.transforms
+    }
+
+
+def ground_frame(links: Links, frame: str, machine: str = "") -> str | None:
+    """The frame of the machine that carries `frame`, on the ground where the links know one.
+
+    It may lie above, below or beside the frame. Where there are several of a name (robots in one recording),
+    the one above the frame counts, or the machine's own.
+    """
+    above, root = _up(links, frame)
+    tree = [*above, *(name for name in links if name not in above and _up(links, name)[1] == root)]
+    for wanted in GROUND:
+        found = [name for name in tree if name.rpartition("/")[2] == wanted]
+        over = [name for name in found if name in above or name == f"{machine}/{wanted}"]
+        if len(over or found) >= 1 and (over or len(found) == 1):
+            return (over or found)[0]
     return None
+
+
+def pose_between(links: Links, frame: str, other: str) -> Pose | None:
+    """The pose of `other` in `frame`, over the frame above both; None where nothing leads from one to the
+    other."""
+    a, b = _to_root(links, frame), _to_root(links, other)
+    return None if a[1] != b[1] else a[0].inverse() @ b[0]
+
+
+def static_mounting(links: Links, frame: str, machine: str) -> tuple[str, Pose] | None:
+    """pose_machine_sensor from /tf_static, and the frame that stands for the machine."""
+    ground = ground_frame(links, frame, machine)
+    pose = None if ground is None else pose_between(links, ground, frame)
+    return None if ground is None or pose is None else (ground, pose)
+
+
+def _up(links: Links, frame: str) -> tuple[list[str], str]:
+    """A frame and those above it; the last of them."""
+    found = [frame]
+    while found[-1] in links and (parent := links[found[-1]][0]) not in found:
+        found.append(parent)
+    return found, found[-1]
+
+
+def _to_root(links: Links, frame: str) -> tuple[Pose, str]:
+    """The pose of a frame in the last one above it."""
+    path, root = _up(links, frame)
+    pose = Pose.identity()
+    for name in path[:-1]:
+        pose = links[name][1] @ pose
+    return pose, root

@@ -42,6 +42,10 @@ class McapLog:
             if file.read(len(self.magic)) != self.magic:
                 raise InputError("recording", path.name, f"expected {self.kind}", file=path)
 
+    def forget_notes(self) -> None:
+        """Begin to count anew."""
+        self.notes.clear()
+
     def topics(self) -> dict[str, str]:
         """Topic -> type, in the order they were declared."""
         found = self._indexed_topics()

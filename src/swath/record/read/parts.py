@@ -25,6 +25,11 @@ class PartsLog:
                 found[note] = found.get(note, 0) + count
         return found
 
+    def forget_notes(self) -> None:
+        """Begin to count anew."""
+        for part in self._parts:
+            part.forget_notes()
+
     def topics(self) -> dict[str, str]:
         """Topic -> type."""
         return {topic: kind for part in self._parts for topic, kind in part.topics().items()}

@@ -1,31 +1,37 @@
 """Samples of a satellite receiver and of an inertial unit from their messages, for a time [ns] each."""
 
 from collections.abc import Callable
-from math import atan2, hypot, nan, radians, sqrt
+from functools import partial
+from math import atan2, hypot, isfinite, nan, radians, sqrt
 from typing import Any
 
 import numpy as np
 
 from swath.record.messages import UNKNOWN
-from swath.record.read.fields import Maker, Makers, stamp_of
+from swath.record.read.fields import Context, Maker, Makers, stamp_of
 from swath.record.read.tangent_plane import TangentPlane
 from swath.signals import F64, FIX_QUALITIES, Fix, Inertial
 
-# Horizontal sd up to which a position is called so, where a message does not say [m]
+# Horizontal sd up to which a position is called so [m]
 CALLED = (("fix", 0.05), ("float", 0.3), ("dgps", 1.0))
-DIFFERENTIAL = {-1: "none", 0: "single", 1: "dgps"}  # of NavSatStatus; above, the sd decides
+CLAIMED = {-1: "none", 0: "single", 1: "dgps", 2: "dgps"}  # by a NavSatStatus, at least
 
 
 class FixOfNavSat:
-    """NavSatFix -> Fix without speed. to_local: to the world's metres; None = plane at the first position."""
+    """NavSatFix -> Fix without speed. to_local: to the world's metres; None = plane at the first position.
 
-    def __init__(self, to_local: Callable[[F64], F64] | None = None) -> None:
-        self._to_local = to_local
+    Many drivers leave the status at 0, or the covariance away: what the receiver says of its accuracy decides
+    on the quality, else what its status claims at least. note: takes what is not known.
+    """
+
+    def __init__(
+        self, to_local: Callable[[F64], F64] | None = None, note: Callable[[str], None] = lambda what: None
+    ) -> None:
+        self._to_local, self._note = to_local, note
 
     def __call__(self, message: Any, t: int) -> Fix:
         """One sample; a height that is not known counts as 0."""
         status = int(message.status.status)
-        quality = DIFFERENTIAL.get(status)
         up = float(message.altitude)
         place = np.array([[message.longitude, message.latitude, up if np.isfinite(up) else 0.0]], dtype=float)
         if status < 0 or not np.isfinite(place).all():
@@ -36,29 +42,38 @@ class FixOfNavSat:
         wide = high = nan
         if message.position_covariance_type > 0:
             wide, high = _sd(message.position_covariance[::4])
-        called = quality or ("fix" if not wide > CALLED[0][1] else "float")
+        claimed = CLAIMED[min(status, 2)]
+        if not isfinite(wide):
+            self._note(f"fixes without their accuracy, called {claimed} by their status")
         earth = radians(place[0, 0]), radians(place[0, 1]), float(place[0, 2])
-        return Fix(t, x, y, z, nan, nan, wide, high, nan, FIX_QUALITIES.index(called), *earth)
+        quality = max(FIX_QUALITIES.index(claimed), FIX_QUALITIES.index(called(wide)))
+        return Fix(t, x, y, z, nan, nan, wide, high, nan, quality, *earth)
 
 
-def fix_of_odometry(message: Any, t: int) -> Fix:
+def called(sd: float) -> str:
+    """Quality of a position with that horizontal sd [m], `single` where it is not known."""
+    return next((name for name, limit in CALLED if sd <= limit), "single")
+
+
+def fix_of_odometry(context: Context, message: Any, t: int) -> Fix:
     """Position and speed; the course is the heading of the pose, where its variance says that it is known."""
     at, motion = message.pose.pose.position, message.twist.twist.linear
     wide, high = _sd(message.pose.covariance[:15:7])
     q = message.pose.pose.orientation
     course = atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
-    called = next((name for name, limit in CALLED if wide <= limit), "single")
+    if not isfinite(wide):
+        context.note("fixes without their accuracy, called single")
     return Fix(
         t,
         float(at.x),
         float(at.y),
         float(at.z),
         hypot(motion.x, motion.y),
-        course if message.pose.covariance[35] < UNKNOWN else nan,
+        course if 0.0 < message.pose.covariance[35] < UNKNOWN else nan,
         wide,
         high,
-        sqrt(message.twist.covariance[0]),
-        FIX_QUALITIES.index(called),
+        _root(message.twist.covariance[0]),
+        FIX_QUALITIES.index(called(wide)),
     )
 
 
@@ -69,14 +84,19 @@ def inertial_of_imu(message: Any, t: int) -> Inertial:
     return Inertial(
         t,
         *(float(v) for v in (rate.x, rate.y, rate.z, force.x, force.y, force.z)),
-        *(sqrt(max(float(v), 0.0)) for v in variances),
+        *(_root(v) for v in variances),
     )
 
 
 def _sd(variances: Any) -> tuple[float, float]:
     """(Horizontal, vertical) sd of an axis [m] from the variances of east, north and up."""
-    east, north, up = (max(float(v), 0.0) for v in variances)
-    return sqrt(0.5 * (east + north)), sqrt(up)
+    east, north, up = (_root(v) for v in variances)
+    return sqrt(0.5 * (east**2 + north**2)), up
+
+
+def _root(variance: Any) -> float:
+    """Standard deviation; nan for 0 and less: REP 145 and NavSatFix have 0 for what is not known."""
+    return sqrt(float(variance)) if variance > 0.0 else nan
 
 
 def _stamped(make: Maker) -> Maker:
@@ -84,7 +104,7 @@ def _stamped(make: Maker) -> Maker:
 
 
 MAKERS: Makers = {
-    (Fix, "NavSatFix"): lambda context: _stamped(FixOfNavSat(context.to_local)),
-    (Fix, "Odometry"): lambda context: _stamped(fix_of_odometry),
+    (Fix, "NavSatFix"): lambda context: _stamped(FixOfNavSat(context.to_local, context.note)),
+    (Fix, "Odometry"): lambda context: _stamped(partial(fix_of_odometry, context)),
     (Inertial, "Imu"): lambda context: _stamped(inertial_of_imu),
 }

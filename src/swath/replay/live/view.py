@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from swath.core.errors import shortened
 from swath.core.schedule import NS
 from swath.judge.evaluation import incident
 from swath.replay.charts import events_of
@@ -170,10 +171,13 @@ class LiveView(RunHook):
     def _answer(self, message: str | bytes) -> dict[str, Any]:
         try:
             asked = json.loads(message)
+            if not isinstance(asked, dict):
+                raise TypeError("no mapping")
             deed = self._deeds(asked)[asked["do"]]
             ok, text = deed()
-        except (ValueError, KeyError, TypeError) as error:
-            return {"id": None, "ok": False, "text": f"expected a request of this page ({error!r})"}
+        except (ValueError, LookupError, TypeError, ArithmeticError, RecursionError) as error:
+            said = shortened(repr(error), 100)
+            return {"id": None, "ok": False, "text": f"expected a request of this page ({said})"}
         return {"id": asked.get("id"), "ok": ok, "text": text}
 
     def _deeds(self, asked: Mapping[str, Any]) -> dict[str, Callable[[], Reply]]:

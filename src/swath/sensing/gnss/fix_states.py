@@ -12,6 +12,7 @@ from typing import Annotated, NamedTuple
 from annotated_types import Ge, Gt, Le
 
 from swath.core.component import KeepsState
+from swath.core.packed_state import saved_type
 from swath.signals import FIX_QUALITIES
 
 NONE, SINGLE, DGPS, FLOAT, FIX = range(len(FIX_QUALITIES))
@@ -45,6 +46,7 @@ class Times:
     wrong_s: Annotated[float, Gt(0), Le(1e5)] = 40.0
 
 
+@saved_type()
 class Heard(NamedTuple):
     """codes, carriers: satellites of which either is tracked; hdop; age: of the corrections [s]"""
 

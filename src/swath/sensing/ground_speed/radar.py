@@ -23,7 +23,7 @@ from swath.core.schedule import NS
 from swath.documents.data_sheets import read_sheet
 from swath.documents.sheet_fields import Quantity
 from swath.field.site_setup import SiteSetup
-from swath.sensing.mount import Mount, poses_at
+from swath.sensing.mount import Length, LevelMount, poses_at
 from swath.signals import GroundSpeed, MachineState
 
 LIGHT = 299_792_458.0  # m/s
@@ -77,6 +77,14 @@ def relative_noise(speed: float, sheet: GroundRadarSheet) -> float:
 
 
 @dataclass(frozen=True)
+class BellyMount(LevelMount):
+    """Below the body, behind the fixed axle."""
+
+    x_m: Length = -1.0
+    z_m: Length = 0.9
+
+
+@dataclass(frozen=True)
 class Params:
     """sensor: name in data/sensors, or the user's own YAML; mount: where it sits, its x axis is the level
     direction in which it looks down; pitch_deg: fitted that much steeper than the unit believes
@@ -85,7 +93,7 @@ class Params:
     """
 
     sensor: str = "ground-radar-24ghz"
-    mount: Mount = field(default_factory=lambda: Mount(at="axle", x_m=-1.0, z_m=0.9, pitch_deg=0.0))
+    mount: BellyMount = field(default_factory=BellyMount)
     pitch_error_deg: Annotated[float, Ge(-20), Le(20)] = 0.0
     noise: Literal["data_sheet", "none"] = "data_sheet"
 

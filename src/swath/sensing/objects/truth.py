@@ -15,7 +15,7 @@ from swath.core.registry import Level
 from swath.core.units import DEG
 from swath.field.site_setup import Body, SiteSetup
 from swath.rays.engine import RayCaster
-from swath.sensing.mount import Mount
+from swath.sensing.mount import Length, LevelMount
 from swath.signals import F64, OBSTACLE_KINDS, MachineState, Objects, objects_of
 
 ROWS, COLUMNS = 20, 3  # points on a thing that are looked at from the sensor
@@ -24,12 +24,20 @@ SKIN = 0.03  # off the thing, so that it does not hide itself [m]
 
 
 @dataclass(frozen=True)
+class RoofMount(LevelMount):
+    """The front edge of the cab's roof."""
+
+    x_m: Length = 1.5
+    z_m: Length = 3.6
+
+
+@dataclass(frozen=True)
 class Params:
     """mount: from where it is looked, for what is hidden; reach_m: in the plane, from there
     sector_deg: to both sides of the direction that the mount looks
     """
 
-    mount: Mount = field(default_factory=lambda: Mount(at="axle", x_m=1.5, z_m=3.6, pitch_deg=0.0))
+    mount: RoofMount = field(default_factory=RoofMount)
     reach_m: Annotated[float, Gt(0), Le(200)] = 40.0
     sector_deg: Annotated[float, Ge(1), Le(180)] = 90.0
 

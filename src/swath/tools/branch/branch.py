@@ -6,16 +6,17 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.core.foreign_code import file_of, only_code
+from swath.core.foreign_code import code_in, file_of, only_code
 from swath.core.schedule import NS
 from swath.documents.json_file import read_json
+from swath.documents.yaml_document import parse_value
 from swath.replay.writer import ReplayWriter
 from swath.report.report import ReportWriter
 from swath.runtime.branch import Start, branched_events
 from swath.runtime.changes import after_change, read_events
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import JobResult, run_job
-from swath.runtime.saves import EVERY_S, Saves, saves_in
+from swath.runtime.saves import EVERY_S, Saves, is_readable, saves_in
 from swath.scenario.code import code_of
 from swath.scenario.scenario import Scenario, load_scenario
 
@@ -25,7 +26,7 @@ OUTSIDE = ("ros2", "twist", "ackermann", "can")  # levels whose state another pr
 @dataclass(frozen=True)
 class PlannedBranch:
     """start: where it branches off; events: all changes of the new run; saved_s: time of the save from which
-    it goes on, 0 where it has to begin at the start [s]
+    it goes on, 0 where it has to begin at the start [s]; has_unreadable: it has saves of another version
     """
 
     scenario: Scenario
@@ -33,6 +34,7 @@ class PlannedBranch:
     events: Sequence[Mapping[str, Any]]
     saved_s: float
     allow: Sequence[str] = ()
+    has_unreadable: bool = False
 
     def run(
         self,
@@ -75,14 +77,16 @@ def plan_branch(run: Path, at_s: float, sets: Mapping[str, Any], allow: Sequence
     if not 0.0 < at_s <= end_s:
         raise InputError("--at", at_s, f"expected a time of the run, above 0 and up to {end_s:g} s")
     _check_repeats(scenario, summary)
+    allow = [*allow, *code_in([parse_value(str(value), key) for key, value in sets.items()])]
     with only_code((*code_of(scenario), *map(file_of, allow))):
         changed = scenario
         for event in branched_events(events, at_s, sets):
             changed = after_change(changed, event["set"], event["value"])
     start = Start(run, round(at_s * NS))
-    before = [t for t in saves_in(run) if t < start.at]
+    saves = {t: is_readable(file) for t, file in saves_in(run).items() if t < start.at}
     new = branched_events(events, at_s, sets)
-    return PlannedBranch(scenario, start, new, max(before, default=0) / NS, tuple(allow))
+    saved = max((t for t, is_good in saves.items() if is_good), default=0)
+    return PlannedBranch(scenario, start, new, saved / NS, tuple(allow), not all(saves.values()))
 
 
 def pairs(texts: Sequence[str]) -> dict[str, str]:

@@ -1,10 +1,11 @@
 """`swath branch`: go back in a run, change something, go on from there."""
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_allow, add_no_code, add_run_folder, add_sets
+from swath.terminal.options import add_allow, add_run_folder, add_sets
 
 
 def add(parsers: Any) -> None:
@@ -18,7 +19,6 @@ def add(parsers: Any) -> None:
     add_run_folder(parser)
     add_allow(parser)
     parser.add_argument("--save-every", type=float, metavar="S", help="as of swath run")
-    add_no_code(parser)
     parser.add_argument("--no-replay", action="store_true", help="do not write replay.html")
     parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
     parser.set_defaults(run=run)
@@ -34,6 +34,8 @@ def run(args: argparse.Namespace) -> int:
     plan = plan_branch(args.folder, args.at, pairs(args.sets), args.allow)
     scenario = plan.scenario
     out = choose_run_folder(scenario.name, scenario.seed, args.out, what="branch")
+    if plan.has_unreadable:
+        print("swath: saves of another version of swath, or damaged ones, are not read", file=sys.stderr)
     if not args.quiet:
         begin = f"from its save at {plan.saved_s:g} s" if plan.saved_s else "from the start, it has no save"
         print(f"going on {begin}", flush=True)

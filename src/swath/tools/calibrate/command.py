@@ -4,7 +4,6 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_no_code
 from swath.tools.calibrate.engine_command import add_engine
 
 
@@ -42,7 +41,6 @@ def add(parsers: Any) -> None:
     )
     lidar.add_argument("--quick", action="store_true", help="a coarse design, for a first try")
     lidar.add_argument("--seed", type=int, default=1, help="another seed")
-    add_no_code(lidar)
     lidar.set_defaults(run=run)
     add_engine(kinds)
 

@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from swath.core.whole_file import write_whole
+
 if TYPE_CHECKING:
     from swath.tools.calibrate.engine_fit import Prediction
 
@@ -78,7 +80,7 @@ def run_engine_fit(args: argparse.Namespace) -> int:
     table("fitted on all machines", head, _rows(made.after))
     table("each machine predicted by numbers fitted on the others", head, _rows(made.left_out))
     if args.out is not None:
-        args.out.write_text(dump(made.sheet.document.data, width=110), encoding="utf-8")
+        write_whole(args.out, dump(made.sheet.document.data, width=110))
         print(args.out)
     return 0
 

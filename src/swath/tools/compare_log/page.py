@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.whole_file import new_file, write_whole
 from swath.documents.yaml_document import dump
 from swath.judge.summary import json_safe
 from swath.report.html import signed, write_page
@@ -32,9 +33,10 @@ def write_comparison(made: LogComparison, out: Path) -> list[Path]:
         )
     out.mkdir(parents=True, exist_ok=True)
     fig = draw(made)
-    fig.savefig(out / "comparison.png", dpi=130, metadata={"Software": None})
+    with new_file(out / "comparison.png") as file:
+        fig.savefig(file, format="png", dpi=130, metadata={"Software": None})
     results = json.dumps(json_safe(made.to_dict()), indent=2, allow_nan=False)
-    (out / "results.json").write_text(results + "\n", encoding="utf-8")
+    write_whole(out / "results.json", results + "\n")
     write_page(
         out / "report.html",
         "compare_log.html.j2",
@@ -46,7 +48,7 @@ def write_comparison(made: LogComparison, out: Path) -> list[Path]:
         image=as_image(fig, kind="png", dpi=130),
         notes=made.log.notes,
     )
-    (out / "machine.yaml").write_text(dump(made.sheet, width=110), encoding="utf-8")
+    write_whole(out / "machine.yaml", dump(made.sheet, width=110))
     _write_series(made, out / "series.parquet")
     return [out / name for name in FILES]
 
@@ -63,7 +65,8 @@ def _write_series(made: LogComparison, path: Path) -> None:
     columns |= {"speed_m_s": log.speed, "flow_kg_s": log.flow, "grade": log.grade, "part": part.tolist()}
     for q, values in made.measured.items():
         columns |= {f"{q}_measured": values, f"{q}_simulated": made.simulated[q]}
-    pq.write_table(pa.table(columns), path)
+    with new_file(path) as file:
+        pq.write_table(pa.table(columns), file)
 
 
 def draw(made: LogComparison) -> Any:

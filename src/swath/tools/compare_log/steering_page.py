@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.whole_file import new_file, write_whole
 from swath.documents.yaml_document import dump
 from swath.judge.summary import json_safe
 from swath.report.html import write_page
@@ -47,15 +48,16 @@ def write_steering(made: SteeringComparison, out: Path) -> list[Path]:
         raise InputError("--out", str(out), expected)
     out.mkdir(parents=True, exist_ok=True)
     fig = draw(made)
-    fig.savefig(out / "comparison.png", dpi=130, metadata={"Software": None})
+    with new_file(out / "comparison.png") as file:
+        fig.savefig(file, format="png", dpi=130, metadata={"Software": None})
     results = json.dumps(json_safe(made.to_dict()), indent=2, allow_nan=False)
-    (out / "results.json").write_text(results + "\n", encoding="utf-8")
+    write_whole(out / "results.json", results + "\n")
     write_page(
         out / "report.html", "compare_steering.html.j2", model=made.model, log=made.log_name,
         fitted=fitted_rows(made), left=left_rows(made), image=as_image(fig, kind="png", dpi=130),
         notes=made.notes,
     )  # fmt: skip
-    (out / "machine.yaml").write_text(dump(made.sheet.document.data, width=110), encoding="utf-8")
+    write_whole(out / "machine.yaml", dump(made.sheet.document.data, width=110))
     return [out / name for name in FILES]
 
 

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_no_code, add_sets
+from swath.terminal.options import add_sets
 
 
 def add(parsers: Any) -> None:
@@ -26,7 +26,6 @@ def add(parsers: Any) -> None:
         "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
     )
     add_sets(parser, "change the scenario; what is set does not vary; may be given several times")
-    add_no_code(parser)
     parser.set_defaults(run=run)
 
 

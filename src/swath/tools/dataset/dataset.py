@@ -13,8 +13,11 @@ from typing import Any
 
 import swath
 from swath.core.errors import InputError, SwathError
-from swath.core.whole_file import write_whole
+from swath.core.whole_file import own_folder, write_whole
+from swath.documents.json_file import read_object
+from swath.documents.packed import readable
 from swath.runtime.workers import Lost, in_workers
+from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.scenario.slots import kind_of
 from swath.tools.dataset.coco import CATEGORIES
@@ -48,7 +51,7 @@ def settings_of(
         f"{machine}.{camera}.height_px={height}",
         f"{machine}.{camera}.channels=[colour, label, instance]",
     )
-    every = (*own, *usual, *sets)
+    every = tuple(layered(own, usual, sets))
     read = load_scenario(scenario, sets=list(every))
     varies = [
         part
@@ -83,7 +86,7 @@ def make_dataset(
     InputError where the folder holds a data set of other settings; SwathError where a picture cannot be made.
     """
     for folder in ("images", "masks", "parts"):
-        (out / folder).mkdir(parents=True, exist_ok=True)
+        own_folder(out / folder)
     _check_same(settings, out)
     jobs = missing(settings, out)
     there = settings.count - sum(len(job.pictures) for job in jobs)
@@ -112,11 +115,13 @@ def join(settings: Settings, out: Path) -> Path:
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
     for picture in range(settings.count):
-        part = json.loads(part_of(out, picture).read_text(encoding="utf-8"))
-        images.append(part["image"])
-        for annotation in part["annotations"]:
-            numbers = {"id": len(annotations) + 1, "image_id": part["image"]["id"]}
-            annotations.append({**numbers, **annotation})
+        file, what = part_of(out, picture), "what swath dataset wrote of a picture"
+        part = read_object(file, "part", what)
+        with readable("part", what, file):
+            images.append(part["image"])
+            for annotation in part["annotations"]:
+                numbers = {"id": len(annotations) + 1, "image_id": part["image"]["id"]}
+                annotations.append({**numbers, **annotation})
     info = {"description": f"swath {swath.__version__}: {settings.scenario}", "version": swath.__version__}
     whole: dict[str, Any] = {"info": info, "licenses": [], "images": images, "annotations": annotations}
     whole["categories"] = CATEGORIES
@@ -132,7 +137,7 @@ def _check_same(settings: Settings, out: Path) -> None:
     if not file.is_file():
         write_whole(file, json.dumps(said, indent=1))
         return
-    there = json.loads(file.read_text(encoding="utf-8"))
+    there = read_object(file, "--out", "settings of a data set")
     for key, value in said.items():
         if there.get(key) != value:
             expected = f"expected {there.get(key)}, as in {SETTINGS} there, or another folder"

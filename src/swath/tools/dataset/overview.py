@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.whole_file import new_file
 from swath.tools.dataset.coco import NAMES, mask_of
 
 COLOURS = {
@@ -38,7 +39,8 @@ def write_overview(out: Path) -> Path:
         axes[2 * k].set_title(image["file_name"], fontsize=7, loc="left", pad=2)
         _draw(axes[2 * k + 1], picture, own)
     file = out / "overview.png"
-    figure.savefig(file, metadata={"Software": None})
+    with new_file(file) as stream:
+        figure.savefig(stream, format="png", metadata={"Software": None})
     return file
 
 

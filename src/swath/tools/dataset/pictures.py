@@ -17,6 +17,7 @@ from swath.core.random import Stream
 from swath.core.whole_file import write_whole
 from swath.field.obstacles import things_of
 from swath.runtime.assembly import assemble
+from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.sensing.camera.pinhole import OPTICAL
 from swath.signals import OBSTACLE_KINDS, Image
@@ -85,7 +86,7 @@ def scenario_of(settings: Settings, scene: int) -> Scenario:
     own = scene_of(s.seed, scene, s.machine, s.camera, varies=s.varies)
     written = {text.split("=", 1)[0].strip() for text in s.sets}
     varied = [text for text in own.sets if not _is_written(text.split("=", 1)[0], written)]
-    return load_scenario(s.scenario, sets=[*varied, *s.sets])
+    return load_scenario(s.scenario, sets=layered(varied, s.sets))
 
 
 def _is_written(key: str, written: set[str]) -> bool:

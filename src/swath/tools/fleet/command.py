@@ -91,9 +91,10 @@ def _result(file: Any, base: Path | None, args: argparse.Namespace) -> Any:
         return _with_spread(file, base, args.spread, shares)
     if args.level != "sensors":
         return work_off(file, base, args.level, shares)
+    from swath.core.whole_file import no_link
     from swath.tools.fleet.whole import with_sensors
 
-    return with_sensors(file, base, None if args.out is None else args.out / "run")[0]
+    return with_sensors(file, base, None if args.out is None else no_link(args.out / "run"))[0]
 
 
 def _share_out() -> Any:

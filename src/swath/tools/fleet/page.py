@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.whole_file import new_file, write_whole
 from swath.job.standoff import Standoff
 from swath.job.timeline import STATES
 from swath.job.work import JobResult
@@ -110,9 +111,10 @@ def write_result(r: JobResult, out: Path) -> None:
     check_target(out)
     out.mkdir(parents=True, exist_ok=True)
     fig = draw(r)
-    fig.savefig(out / "job.png", dpi=130, metadata={"Software": None})
+    with new_file(out / "job.png") as file:
+        fig.savefig(file, format="png", dpi=130, metadata={"Software": None})
     text = json.dumps(json_safe(to_dict(r)), indent=2, allow_nan=False)
-    (out / "results.json").write_text(text + "\n", encoding="utf-8")
+    write_whole(out / "results.json", text + "\n")
     head, rows = machine_rows(r)
     write_page(
         out / "report.html",

@@ -21,6 +21,7 @@ from swath.core.random import Stream
 from swath.documents.hints import near_miss
 from swath.documents.validation import validate
 from swath.documents.yaml_document import Document, read_document
+from swath.scenario.overrides import layered
 from swath.scenario.sections import Bounds
 from swath.tools.function_test.files import from_beside
 
@@ -149,7 +150,7 @@ class Case:
         folder = (self.document.file or Path()).parent
         fixed = {**self.fixed, "expect": self.file.expect if expect is None else expect}
         varied = {self.file.vary[name].key: from_beside(value, folder) for name, value in point.items()}
-        return [f"{key}={json.dumps(value)}" for key, value in {**fixed, **varied}.items()]
+        return layered(*([f"{k}={json.dumps(v)}" for k, v in keys.items()] for keys in (fixed, varied)))
 
     def known(self, point: Point) -> str:
         """Why a failure at a point is known; "" where it is not."""

@@ -17,6 +17,7 @@ from threading import Lock, current_thread, main_thread
 from typing import Any
 
 from swath.core.errors import InputError, MissingExtra, SwathError
+from swath.core.foreign_code import Gate, present_gate, through
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import STRIKES
 from swath.tools.function_test.journal import Journal, read_journals
@@ -80,7 +81,9 @@ def run_on_cluster(
         while pending or not is_over:
             count = _worker_count(client)
             while len(pending) < count and (run := next(left, None)) is not None:
-                job = client.submit(_do, run, str(folder), work, code_hash(), key=f"run-{run.id}", pure=False)
+                job = client.submit(
+                    _do, run, str(folder), work, code_hash(), present_gate(), key=f"run-{run.id}", pure=False
+                )
                 pending[job] = run
             is_over = bool(count) and len(pending) < count
             alone = 0 if count else alone + 1
@@ -117,11 +120,11 @@ def _result(job: Any, run: PlannedRun, folder: Path, journal: Journal) -> Result
     return found
 
 
-def _do(run: PlannedRun, folder: str, work: Callable[..., Result], code: str) -> Result:
-    """On a worker: do a run and write it down."""
+def _do(run: PlannedRun, folder: str, work: Callable[..., Result], code: str, gate: Gate) -> Result:
+    """On a worker: do a run and write it down. gate: of the driver."""
     if code_hash() != code:
         raise SwathError(f"the worker {socket.gethostname()} has another version of swath than the driver")
-    with _LOCK:
+    with _LOCK, through(gate):
         journal, fields = _tools(folder)
         result = work(run, fields)
         journal.add(result)

@@ -3,11 +3,13 @@
 import argparse
 import os
 from collections import Counter
+from contextlib import nullcontext
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.foreign_code import code_unread
 from swath.terminal.options import add_sets
 from swath.tools.function_test import search_command
 from swath.tools.function_test.progress import CLUSTER, engine, progress
@@ -101,7 +103,8 @@ def _run(args: argparse.Namespace) -> int:
         shadow=args.shadow,
         level=args.level,
     )
-    session = begin(args.out, plan)
+    with code_unread() if args.plan_only else nullcontext():
+        session = begin(args.out, plan)
     left = sum(1 for _ in session.left())
     if args.plan_only:
         print(f"{left} runs to do: swath test work {args.out} --shard 1/N ... N/N")
@@ -118,6 +121,7 @@ def _work(args: argparse.Namespace) -> int:
     if not (share.isdecimal() and of.isdecimal() and 1 <= int(share) <= int(of)):
         raise InputError("--shard", args.shard, "expected I/N with I from 1 to N")
     session = open_session(args.folder)
+    session.plan.check()
     count = 0
 
     def done(result: dict[str, Any]) -> None:
@@ -165,6 +169,7 @@ def _compare(args: argparse.Namespace) -> int:
 
 
 def _again(args: argparse.Namespace) -> int:
+    from swath.core.whole_file import no_link
     from swath.replay.writer import ReplayWriter
     from swath.report.report import ReportWriter
     from swath.runtime.job import run_job
@@ -173,7 +178,7 @@ def _again(args: argparse.Namespace) -> int:
 
     session = open_session(args.folder)
     planned, result = session.run_of(args.name)
-    out = args.out or args.folder / "kept" / planned.id
+    out = args.out or no_link(no_link(args.folder / "kept") / planned.id)
     hooks = [ReportWriter(), ReplayWriter()]
     done = run_job(scenario_of(planned), out, progress=True, hooks=hooks)
     same = result is not None and result["digest"] == done.summary["digest"]

@@ -10,10 +10,10 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.judge.catalogue import load_evaluators
-from swath.scenario.scenario import load_scenario
 from swath.tools.function_test.fidelity import CHEAP, ERRORS, LEVEL_BIAS_M, detectors, scanners
 from swath.tools.function_test.journal import TABLE, Result, read_table
 from swath.tools.function_test.paired import ALPHA, Difference, difference, holm, paired_values, verdict_test
+from swath.tools.function_test.plan import looked_at
 from swath.tools.function_test.session import open_session
 
 VERDICTS = "verdicts"
@@ -128,7 +128,7 @@ def _detectors(source: str) -> tuple[set[tuple[str, str]], bool]:
             sets = run.shadows.get(candidate, run.sets if candidate in ("", run.candidate) else None)
             if run.case not in seen and sets is not None:
                 seen.add(run.case)
-                scenario = load_scenario(run.scenario, sets=sets)
+                scenario = looked_at(run.scenario, sets)
                 found |= set(detectors(scenario).items())
                 is_cheap |= bool(scanners(scenario, CHEAP))
     except InputError:  # the table alone is there, or the case is not as it was

@@ -42,9 +42,10 @@ def _why_not_in(scenario: Scenario) -> str:
         return f"the stand has {' and '.join(unseen)}"
     if abs(getattr(stand, "lean_deg", 0.0)) > 0.5 * LODGED_DEG:
         return f"the stand leans by {stand.lean_deg:g} deg"
-    name = table_name(stand.crop, "percentile")
+    crop = getattr(stand, "crop", "a stand of your own")
+    name = table_name(crop, "percentile")
     if name not in table_names():
-        return f"there is no table of {stand.crop}"
+        return f"there is no table of {crop}"
     low, high = valid_range(load_table(name).standing)["density_per_m2"]
     densities = [stand.stems_per_m2, *(band.stems_per_m2 for band in getattr(stand, "bands", ()))]
     for density in densities:

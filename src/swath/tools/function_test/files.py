@@ -1,5 +1,6 @@
 """Files that a case or a candidate names: relative to the file that names them."""
 
+from os.path import isfile  # of a name too long, too, it says no
 from pathlib import Path
 
 SUFFIXES = (".py", ".yaml", ".fmu", ".csv", ".npz")
@@ -13,6 +14,6 @@ def from_beside(value: object, folder: Path) -> object:
         return [from_beside(inner, folder) for inner in value]
     if isinstance(value, str):
         file, colon, name = value.partition(":")
-        if file.endswith(SUFFIXES) and (folder / file).is_file():
+        if file.endswith(SUFFIXES) and isfile(folder / file):
             return f"{(folder / file).resolve()}{colon}{name}"
     return value

@@ -16,7 +16,9 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from swath.core.whole_file import new_file, open_to_append, own_folder
 from swath.documents.packed import readable
+from swath.documents.text_file import MAX_BYTES
 
 Result = dict[str, Any]
 PRIVATE = ("cpu_s", "worker")  # of a line: not in the table
@@ -29,11 +31,11 @@ class Journal:
     """The journal of one worker, opened for appending."""
 
     def __init__(self, folder: Path, worker: str) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
+        own_folder(folder)
         self.worker = worker
         path = folder / f"{worker}.jsonl"
         is_torn = path.is_file() and path.stat().st_size > 0 and path.read_bytes()[-1:] != b"\n"
-        self._file = path.open("ab")
+        self._file = open_to_append(path)
         if is_torn:
             self._file.write(b"\n")
 
@@ -60,7 +62,7 @@ def _lines(path: Path) -> Iterator[tuple[int, Result]]:
     """Every whole line of a journal with where it begins."""
     with path.open("rb") as file:
         offset = 0
-        for line in file:
+        while line := file.readline(MAX_BYTES):
             if line.endswith(b"\n"):
                 with suppress(ValueError):  # torn by a kill, ended by the next one who wrote
                     yield offset, json.loads(line)
@@ -145,19 +147,14 @@ def write_rows(folder: Path, rows: Iterator[Mapping[str, Any]], metrics: Iterabl
     fields += [(name, pa.string()) for name in TEXTS[6:]] + [(f"metric.{m}", pa.float64()) for m in names]
     schema = pa.schema(fields)
     path = folder / TABLE
-    part = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with pq.ParquetWriter(part, schema, compression="zstd") as writer:
-            while some := list(islice(rows, ROWS)):
-                columns = {name: [row[name] for row in some] for name in (*TEXTS[:6], "seed")}
-                for name in TEXTS[6:]:
-                    columns[name] = [json.dumps(row[name], sort_keys=True) for row in some]
-                for name in names:
-                    columns[f"metric.{name}"] = [row["metrics"].get(name) for row in some]
-                writer.write_table(pa.table(columns, schema=schema))
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    with new_file(path) as file, pq.ParquetWriter(file, schema, compression="zstd") as writer:
+        while some := list(islice(rows, ROWS)):
+            columns = {name: [row[name] for row in some] for name in (*TEXTS[:6], "seed")}
+            for name in TEXTS[6:]:
+                columns[name] = [json.dumps(row[name], sort_keys=True) for row in some]
+            for name in names:
+                columns[f"metric.{name}"] = [row["metrics"].get(name) for row in some]
+            writer.write_table(pa.table(columns, schema=schema))
     return path
 
 

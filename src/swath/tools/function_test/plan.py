@@ -15,8 +15,10 @@ from typing import Any
 
 import swath
 from swath.core.errors import InputError
+from swath.core.foreign_code import code_unread
 from swath.documents.yaml_document import parse_value
-from swath.scenario.scenario import load_scenario
+from swath.scenario.overrides import layered, says_about
+from swath.scenario.scenario import Scenario, load_scenario
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases
 from swath.tools.function_test.fidelity import CHEAP, chosen_level, scanners
 
@@ -79,15 +81,15 @@ class Plan:
         number = 0
         for case in self.found:
             base = _base(case, self.code or code_hash())
-            changed = {name: [*self.sets, *sets] for name, sets in self.candidates.items()}
+            changed = {name: layered(self.sets, sets) for name, sets in self.candidates.items()}
             contents = {name: _contents_of_sets(sets) for name, sets in changed.items()}
             for seed, point in self._points_of(case):
                 own = case.sets(point, self.expects.get(case.name))
-                at = {name: [*own, *sets] for name, sets in changed.items()}
+                at = {name: layered(own, sets) for name, sets in changed.items()}
                 for name in self.steering:
                     more, why = self._level_at(case, at[name])
-                    shadows = {other: [*at[other], *more] for other in at if other not in self.steering}
-                    sets = [*at[name], *more]
+                    shadows = {other: layered(at[other], more) for other in at if other not in self.steering}
+                    sets = layered(at[name], more)
                     told: list[Any] = [base, contents[name], *sets, f"seed={seed}"]
                     told += [[other, contents[other], *shadows[other]] for other in shadows]
                     run_id = _sha(told)[:ID_LENGTH]
@@ -141,17 +143,24 @@ class Plan:
         if not self.level and not any(CHEAP in text for text in sets) and not _is_cheap(case.scenario):
             return [], ""
         try:
-            return chosen_level(load_scenario(case.scenario, sets=sets), self.level)
+            return chosen_level(looked_at(case.scenario, sets), self.level)
         except InputError:  # told as the result of the run
             return [], ""
 
     def check(self) -> None:
-        """Raise InputError where the scenario of the first point of a case cannot be read."""
+        """Raise InputError where the scenario of the first point of a case cannot be read, or a change is of
+        what a case varies.
+        """
         for case in self.found:
             for name, sets in self.candidates.items():
+                for varied in case.file.vary.values():
+                    for text in (*self.sets, *sets):
+                        if says_about(text, varied.key):
+                            expected = f"expected another key, {case.name} varies {varied.key}"
+                            raise InputError(f"--set {text}", None, expected)
                 try:
                     point = self._point_of(case, 0)[1]
-                    load_scenario(case.scenario, sets=[*case.sets(point), *self.sets, *sets])
+                    load_scenario(case.scenario, sets=layered(case.sets(point), self.sets, sets))
                 except InputError as error:
                     where = f"{case.name}, candidate {name}: {error.key}"
                     raise InputError(where, error.value, error.expected, file=case.document.file) from error
@@ -179,7 +188,13 @@ def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
 
 @cache
 def _is_cheap(scenario: str) -> bool:
-    return bool(scanners(load_scenario(scenario), CHEAP))
+    return bool(scanners(looked_at(scenario), CHEAP))
+
+
+def looked_at(scenario: str, sets: Sequence[str] = ()) -> Scenario:
+    """The scenario without its code: what a run is called must not depend on what may run."""
+    with code_unread():
+        return load_scenario(scenario, sets=sets)
 
 
 @cache
@@ -194,7 +209,7 @@ def _base(case: Case, code: str) -> str:
     """Hash of a case's scenario and of what it names."""
     fixed = [f"{key}={json.dumps(value)}" for key, value in case.fixed.items()]
     try:
-        scenario = load_scenario(case.scenario, sets=fixed)
+        scenario = looked_at(case.scenario, fixed)
     except InputError as error:
         raise InputError(
             f"{case.name}: {error.key}", error.value, error.expected, file=case.document.file

@@ -16,6 +16,8 @@ import numpy as np
 from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
 from swath.documents.hints import near_miss
+from swath.documents.json_file import read_object
+from swath.documents.text_file import read_text
 from swath.signals import F64
 from swath.tools.function_test.boundary import Boundary, first_points, next_points
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases
@@ -128,8 +130,11 @@ def open_search(session: Session) -> Searched | None:
     file = session.folder / SEARCH
     if not file.is_file():
         return None
-    data = json.loads(file.read_text(encoding="utf-8"))
-    search = Search(**{**data, "sets": tuple(data["sets"])})
+    data = read_object(file, "search", "a search")
+    try:
+        search = Search(**{**data, "sets": tuple(data["sets"])})
+    except (KeyError, TypeError) as error:
+        raise InputError(SEARCH, None, f"expected a search: {error}", file=file) from error
     return Searched(session.folder, search, session.plan.found[0], session.results())
 
 
@@ -173,7 +178,7 @@ def _claim(folder: Path, search: Search) -> None:
     """Make the folder one of this search. InputError where there is another one."""
     file, text = folder / SEARCH, json.dumps(asdict(search), indent=2, sort_keys=True) + "\n"
     if file.is_file():
-        if file.read_text(encoding="utf-8") != text:
+        if read_text(file, "--out", "a search") != text:
             expected = "expected a new folder: this one holds another search, or one of other code"
             raise InputError("--out", str(folder), expected)
         return

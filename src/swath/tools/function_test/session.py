@@ -10,6 +10,8 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
+from swath.documents.json_file import read_object
+from swath.documents.text_file import read_text
 from swath.runtime.kept import KeptFields
 from swath.tools.function_test.cells import Cell, cells_of
 from swath.tools.function_test.cluster import run_on_cluster
@@ -121,7 +123,7 @@ def begin(folder: Path, plan: Plan) -> Session:
     """A session in a new folder, or the one that is there with the same plan. InputError for another plan."""
     file = folder / PLAN
     text = plan.text
-    if file.is_file() and _but_limits(file.read_text(encoding="utf-8")) != _but_limits(text):
+    if file.is_file() and _but_limits(read_text(file, "--out", "a plan")) != _but_limits(text):
         expected = (
             "expected a new folder: in this one lie results of another plan, or of another version of swath"
         )
@@ -147,11 +149,10 @@ def open_session(folder: Path, *, same_code: bool = True) -> Session:
     """The session in a folder. InputError where there is none; same_code: or where it is of other code."""
     file = folder / PLAN
     try:
-        data: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        if not file.is_file():
+            expected = f"expected the folder of a function test, with {PLAN}"
+            raise InputError("folder", str(folder), expected)
+        data = read_object(file, PLAN, "a plan")
         return Session(folder, plan_of(data, same_code=same_code))
-    except FileNotFoundError:
-        raise InputError(
-            "folder", str(folder), f"expected the folder of a function test, with {PLAN}"
-        ) from None
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(PLAN, None, f"expected a plan: {error}", file=file) from error

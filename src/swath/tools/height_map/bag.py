@@ -1,14 +1,14 @@
 """Measured scans from a run folder, an MCAP file or a rosbag (1 and 2).
 
-Scans: sensor_msgs/LaserScan (the stamp is that of the first beam) or sensor_msgs/PointCloud2 (x, y, z,
-and if there `intensity` and `time`, seconds after the stamp). Poses: nav_msgs/Odometry,
-geometry_msgs/PoseStamped, PoseWithCovarianceStamped, or sensor_msgs/NavSatFix, which gives local metres and
-a course. Mounting: from /tf_static, between the pose's frame and the scan's.
+Scans: sensor_msgs/LaserScan (the stamp is that of the first beam) or sensor_msgs/PointCloud2, read as by the
+level `log`. Poses: nav_msgs/Odometry, geometry_msgs/PoseStamped, PoseWithCovarianceStamped, or
+sensor_msgs/NavSatFix, which gives local metres and a course. Mounting: from /tf_static, between the pose's
+frame and the scan's; poses are brought down to base_footprint where there is one.
 
 An MCAP file that ends in the middle is read up to there; so is whatever else breaks off while it is read.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.schedule import NS
-from swath.record.read.fields import pose_of_transform
 from swath.record.read.files import Log, open_log
 from swath.record.read.fixes import poses_of_fixes, read_fixes
-from swath.record.read.frames import BASES, chain
+from swath.record.read.frames import GROUND, Links, ground_frame, links_of, pose_between
 from swath.record.read.mcap_log import BROKEN
-from swath.record.read.scans import cloud_table
-from swath.tools.height_map.poses import PoseTrack, euler_of, make_track
+from swath.record.read.scans import beam_times, cloud_points
+from swath.tools.height_map.poses import PoseTrack, carried, euler_of, make_track
 from swath.tools.height_map.source import Echoes, Source, Wanted, polar_points
 
 Array = NDArray[np.float64]
@@ -49,15 +48,29 @@ def open_bag(path: Path, wanted: Wanted) -> Source:
     scans = _choose("--scans", wanted.scans, topics, SCANS, ("/lidar/scan_points", "/lidar/scan"), path)
     poses = _choose("--poses", wanted.poses, topics, POSES, ("/motion/state",), path)
     is_fix = topics[poses] == FIX
-    rows, body, mounts, scan_frame = _first_pass(reader, scans, poses, is_fix)
-    track = _track_of_fixes(reader, poses, wanted, path) if is_fix else _track(rows, poses, path)
+    rows, body, links, scan_frame = _first_pass(reader, scans, poses, is_fix)
+    told: list[str] = []
+    body = body if not is_fix else ground_frame(links, scan_frame) or ""
+    if is_fix:
+        track = _track_of_fixes(reader, poses, wanted, links, body, told, path)
+    else:
+        track = _track(rows, poses, path)
     is_world = scan_frame in WORLD and wanted.mount is None
-    mounting = wanted.mount or (
-        Pose.identity() if is_world else _mounting(mounts, BASES if is_fix else (body,), scan_frame, path)
-    )
-    source = Source(path.name, track, mounting, lambda: iter(()), reader.notes, frame_is_world=is_world)
-    source.sweeps = lambda: _sweeps(reader, scans, source, wanted)
+    mounting = wanted.mount or (Pose.identity() if is_world else _mounting(links, body, scan_frame, path))
+    ground = ground_frame(links, body)
+    if wanted.mount is None and not is_world and ground not in (None, body) and _stands(ground):
+        below = pose_between(links, body, ground or "")
+        assert below is not None
+        track, mounting = carried(track, below), below.inverse() @ mounting
+        told.append(f"poses of {body} brought down to {ground}, {-below.position[2]:.2f} m below it")
+    source = Source(path.name, track, mounting, lambda: iter(()), frame_is_world=is_world)
+    source.sweeps = lambda: _sweeps(reader, scans, source, wanted, told)
     return source
+
+
+def _stands(frame: str | None) -> bool:
+    """Whether a frame lies on the ground by its name."""
+    return (frame or "").endswith(GROUND[0])
 
 
 def _choose(
@@ -90,20 +103,18 @@ def _first_pass(
     """Poses, their frame, static transforms (child -> parent, pose_parent_child), the frame of the scans."""
     rows: list[tuple[float, ...]] = []
     body, frame = "", ""
-    mounts: dict[str, tuple[str, Pose]] = {}
+    links: dict[str, tuple[str, Pose]] = {}
     for topic, _, message in reader.messages((poses, "/tf_static"), also_first=scans):
         if topic == scans:
             frame = frame or message.header.frame_id.lstrip("/")
         elif topic == "/tf_static":
-            for link in message.transforms:
-                child, parent = link.child_frame_id.lstrip("/"), link.header.frame_id.lstrip("/")
-                mounts[child] = parent, pose_of_transform(link.transform)
+            links |= links_of(message)
         elif not is_fix:
             pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
             p, q = pose.position, pose.orientation
             rows.append((_seconds(message.header.stamp), p.x, p.y, p.z, q.x, q.y, q.z, q.w))
             body = body or getattr(message, "child_frame_id", "").lstrip("/")
-    return np.array(rows, dtype=float).reshape(-1, 8), body, mounts, frame
+    return np.array(rows, dtype=float).reshape(-1, 8), body, links, frame
 
 
 def _track(rows: Array, topic: str, path: Path) -> PoseTrack:
@@ -113,31 +124,42 @@ def _track(rows: Array, topic: str, path: Path) -> PoseTrack:
         raise InputError(topic, error.value, error.expected, file=path) from error
 
 
-def _track_of_fixes(reader: Log, topic: str, wanted: Wanted, path: Path) -> PoseTrack:
+def _track_of_fixes(
+    reader: Log, topic: str, wanted: Wanted, links: Links, body: str, told: list[str], path: Path
+) -> PoseTrack:
     """Positions of a receiver as the track of a level machine that drives forward."""
+    antenna = wanted.antenna
+    if antenna is None:
+        first = next((message for _, _, message in reader.messages((topic,))), None)
+        frame = "" if first is None else first.header.frame_id.lstrip("/")
+        found = pose_between(links, body, frame)
+        x, y, z = antenna = (0.0, 0.0, 0.0) if found is None else tuple(found.position.tolist())
+        where = "taken at the machine's origin on the ground, see --antenna"
+        told.append(f"antenna {where if found is None else f'at {x:g}, {y:g}, {z:g} m by /tf_static'}")
     try:
         fixes = read_fixes(reader.messages((topic,)))
-        position, yaw = poses_of_fixes(fixes, wanted.to_local, wanted.antenna)
+        position, yaw = poses_of_fixes(fixes, wanted.to_local, antenna)
         return make_track(fixes.t / NS, position, np.stack([0 * yaw, 0 * yaw, yaw], axis=1))
     except InputError as error:
         raise InputError(topic, error.value, error.expected, file=path) from error
 
 
-def _mounting(mounts: dict[str, tuple[str, Pose]], bodies: tuple[str, ...], frame: str, path: Path) -> Pose:
-    found = chain(mounts, frame, bodies)
+def _mounting(links: Links, body: str, frame: str, path: Path) -> Pose:
+    found = pose_between(links, body, frame)
     if found is None:
-        body = " or ".join(repr(b) for b in bodies if b) or "'the pose'"
-        expected = f"expected --mount, /tf_static does not lead from {body} to {frame!r}"
+        expected = f"expected --mount, /tf_static does not lead from {body or 'the pose'!r} to {frame!r}"
         raise InputError("--mount", None, expected, file=path)
     return found
 
 
-def _sweeps(reader: Log, topic: str, source: Source, wanted: Wanted) -> Iterator[Echoes]:
-    reader.notes.clear()
+def _sweeps(reader: Log, topic: str, source: Source, wanted: Wanted, told: Sequence[str]) -> Iterator[Echoes]:
+    reader.forget_notes()
+    source.notes.clear()
+    source.notes.update(dict.fromkeys(told, 1))
     for _, _, message in reader.messages((topic,)):
         try:
             is_plane = message.__msgtype__ == SCANS[0]
-            echoes = _of_scan(message) if is_plane else _of_cloud(message)
+            echoes = (_of_scan if is_plane else _of_cloud)(message, source.note)
         except (ValueError, IndexError, KeyError, TypeError):
             source.note(BROKEN)
             continue
@@ -147,14 +169,16 @@ def _sweeps(reader: Log, topic: str, source: Source, wanted: Wanted) -> Iterator
             if not source.frame_is_world:
                 good &= (far >= wanted.range_min) & (far <= wanted.range_max)
         found = echoes.time[good], echoes.points[good], echoes.intensity[good]
-        count, free = int(np.count_nonzero(~good)), echoes.silent
+        count, free = int(np.count_nonzero(~good)) + echoes.silent_count, echoes.silent
         if len(free):  # not known further than where echoes are not taken any more
             length = np.linalg.norm(free, axis=1, keepdims=True)
             free = free * np.minimum(wanted.range_max / np.maximum(length, 1e-9), 1.0)
         yield Echoes(*found, count, 1, free, echoes.silent_time)
+    for what, number in reader.notes.items():
+        source.note(what, number)
 
 
-def _of_scan(message: Any) -> Echoes:
+def _of_scan(message: Any, note: Callable[[str], None]) -> Echoes:
     ranges = np.asarray(message.ranges, dtype=np.float64)
     beam = np.arange(len(ranges))
     azimuth = np.asarray(message.angle_min + beam * float(message.angle_increment), dtype=np.float64)
@@ -163,26 +187,17 @@ def _of_scan(message: Any) -> Echoes:
     intensity = np.asarray(message.intensities, dtype=np.float64)
     if len(intensity) != len(ranges):
         intensity = np.full(len(ranges), np.nan)
-    time: Array = np.asarray(
-        _seconds(message.header.stamp) + beam * float(message.time_increment), np.float64
-    )
+    time: Array = _seconds(message.header.stamp) + beam_times(message, note)
     reach = np.full(int(gone.sum()), min(float(message.range_max), FARTHEST))
     free = polar_points(reach, azimuth[gone])
     with np.errstate(invalid="ignore"):
         return Echoes(time, polar_points(ranges, azimuth), intensity, silent=free, silent_time=time[gone])
 
 
-def _of_cloud(message: Any) -> Echoes:
-    table = cloud_table(message)
-    names = table.dtype.names or ()
-    count = len(table)
-    points = np.stack([table[n].astype(np.float64) for n in ("x", "y", "z")], axis=1)
-    time = np.full(count, _seconds(message.header.stamp))
-    if "time" in names and table.dtype["time"].kind == "f":
-        time += table["time"]
-    known = "intensity" in names
-    intensity = table["intensity"].astype(np.float64) if known else np.full(count, np.nan)
-    return Echoes(time, points, intensity)
+def _of_cloud(message: Any, note: Callable[[str], None]) -> Echoes:
+    stamp = message.header.stamp
+    cloud = cloud_points(message, int(stamp.sec) * NS + int(stamp.nanosec), note)
+    return Echoes(_seconds(stamp) + cloud.late, cloud.points, cloud.intensity, cloud.left_out)
 
 
 def _seconds(stamp: Any) -> float:

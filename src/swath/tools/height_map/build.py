@@ -19,6 +19,7 @@ from swath.tools.height_map.source import Echoes, Source, Wanted
 from swath.tools.height_map.tables import open_csv, open_npz
 
 Array = NDArray[np.float64]
+BELOW_M = 0.2  # low echoes further below the ground of the poses are more than noise and soft ground
 LOWEST_M = -1.0  # an echo further below the ground is none
 TIMES_MAX = 1 << 25  # numbers that are held of how often beams passed
 COUNTED = (
@@ -95,6 +96,8 @@ def build_height_map(
     samples, counts = _gather(source, settings, frame, lattice, progress)
     if settings.ground == "echoes":
         lattice, samples = _corrected(lattice, samples)
+    else:
+        _check_ground(counts["notes"], lattice, samples)
     pools = _cells(source, samples, settings, frame, lattice, progress)
     quantiles = np.stack(pools.quantiles)
     about = {
@@ -143,6 +146,14 @@ def _gather(
         what = ", ".join(f"{k.replace('_', ' ')} {n}" for k, n in counts.items() if n)
         raise InputError("source", source.name, f"expected echoes near the way; found {what or 'no scan'}")
     return gatherer.finish(), {**counts, "notes": dict(source.notes)}
+
+
+def _check_ground(notes: dict[str, int], lattice: Array, samples: Samples) -> None:
+    """Notes where echoes lie below what the wheels stood on: no crop is there."""
+    low = float(np.median(ground.low_echoes(samples, (lattice.shape[0], lattice.shape[1]), NODE_CELLS)))
+    if low < -BELOW_M:
+        where = f"the lowest echoes lie {-low:.2f} m below the ground that the poses give"
+        notes[f"{where}: poses above the ground, or --mount; --ground echoes takes theirs"] = 1
 
 
 def _tell(progress: Progress, echoes: Echoes, source: Source) -> None:

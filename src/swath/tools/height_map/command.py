@@ -97,8 +97,10 @@ def _mount(text: str | None) -> Any:
     return Pose.from_euler(numbers[:3], *(n * DEG for n in numbers[3:]))
 
 
-def _antenna(text: str | None) -> tuple[float, float, float]:
-    x, y, z = (0.0, 0.0, 0.0) if text is None else _numbers("--antenna", text, (3,))
+def _antenna(text: str | None) -> tuple[float, float, float] | None:
+    if text is None:
+        return None
+    x, y, z = _numbers("--antenna", text, (3,))
     return x, y, z
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.frames import rotation_matrices, wrap_angle
+from swath.core.frames import Pose, rotation_matrices, wrap_angle
 
 Array = NDArray[np.float64]
 SLACK_S = 0.1  # a beam may be this much before the first or after the last pose [s]
@@ -25,11 +25,20 @@ class PoseTrack:
     dropped_count: int = 0
 
     def at(self, time: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Positions (n, 3), rotations (n, 3, 3) at times, linear in between, and where the track knows."""
+        """Positions (n, 3), rotations (n, 3, 3) at times, linear in between, and where the track knows.
+
+        Up to SLACK_S beyond its ends it goes on at the speed of the SLACK_S before.
+        """
         known = (time >= self.time[0] - SLACK_S) & (time <= self.time[-1] + SLACK_S)
-        place = np.stack([np.interp(time, self.time, self.position[:, k]) for k in range(3)], axis=1)
-        roll, pitch, yaw = (np.interp(time, self.time, self.angle[:, k]) for k in range(3))
-        return place, rotation_matrices(roll, pitch, yaw), known
+        rows = np.hstack([self.position, self.angle])
+        inside = np.clip(time, self.time[0], self.time[-1])
+        pose = _between(inside, self.time, rows)
+        for end, inward in ((self.time[0], SLACK_S), (self.time[-1], -SLACK_S)):
+            near = float(np.clip(end + inward, self.time[0], self.time[-1]))
+            at_end, before = _between(np.array([end, near]), self.time, rows)
+            beyond = np.where(inside == end, time - inside, 0.0)
+            pose += beyond[:, None] * (at_end - before) / (end - near)
+        return pose[:, :3], rotation_matrices(*pose[:, 3:].T), known
 
     @property
     def heading(self) -> float:
@@ -47,6 +56,11 @@ class PoseTrack:
         return float(np.hypot(*np.diff(self.position[:, :2], axis=0).T).sum())
 
 
+def _between(at: Array, time: Array, rows: Array) -> Array:
+    """Columns of rows (m, k) at times, (n, k)."""
+    return np.stack([np.interp(at, time, column) for column in rows.T], axis=1)
+
+
 def make_track(time: Any, position: Any, angle: Any) -> PoseTrack:
     """A track from rows in any order. InputError when fewer than two of them are usable."""
     time = np.asarray(time, dtype=float).reshape(-1)
@@ -61,6 +75,15 @@ def make_track(time: Any, position: Any, angle: Any) -> PoseTrack:
     turn = angle[index]
     turn = turn[0] + np.cumsum(np.vstack([np.zeros(3), wrap_angle(np.diff(turn, axis=0))]), axis=0)
     return PoseTrack(time[index], position[index], turn, len(time) - len(index))
+
+
+def carried(track: PoseTrack, pose: Pose) -> PoseTrack:
+    """The track of another point of the machine. pose: of that in the frame whose poses the track has."""
+    turned = rotation_matrices(*track.angle.T)
+    place = track.position + turned @ pose.position
+    r = turned @ pose.rotation
+    roll, pitch = np.arctan2(r[:, 2, 1], r[:, 2, 2]), -np.arcsin(np.clip(r[:, 2, 0], -1.0, 1.0))
+    return make_track(track.time, place, np.stack([roll, pitch, np.arctan2(r[:, 1, 0], r[:, 0, 0])], axis=1))
 
 
 def euler_of(quaternion: Any) -> Array:

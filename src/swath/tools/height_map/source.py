@@ -57,7 +57,7 @@ class Wanted:
     scans, poses: topics; mount: pose_machine_sensor
     range_min, range_max [m]: other ranges are no echo
     to_local: longitude, latitude, height to local metres, None = the plane at the first fix
-    antenna: x, y, z of the receiver on the machine [m]
+    antenna: x, y, z of the receiver on the machine [m], None = by /tf_static
     """
 
     scans: str | None = None
@@ -66,7 +66,7 @@ class Wanted:
     range_min: float = 0.05
     range_max: float = 200.0
     to_local: Callable[[Array], Array] | None = None
-    antenna: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    antenna: tuple[float, float, float] | None = None
 
 
 def polar_points(ranges: Array, azimuth: Array, elevation: Array | float = 0.0) -> Array:

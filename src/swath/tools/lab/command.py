@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_no_code, add_sets
+from swath.terminal.options import add_sets
 
 
 def add(parsers: Any) -> None:
@@ -34,7 +34,6 @@ def add(parsers: Any) -> None:
         "--distance", type=float, default=5.0, metavar="M", help="of the crop along the beam (default 5)"
     )
     add_sets(made, "a parameter of the LiDAR, e.g. echo=nearest or noise=none; may be given several times")
-    add_no_code(made)
     made.set_defaults(run=run_stand)
 
 

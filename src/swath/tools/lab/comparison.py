@@ -6,6 +6,7 @@ band cannot be told from chance. Beyond it the limits GOOD and FAIR apply.
 """
 
 import csv
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import combinations
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.whole_file import new_file
 from swath.signals import F64
 from swath.tools.distributions import BIN, GROUND_BELOW, Agreement, compare
 from swath.tools.lab.lab import REFERENCE, CaseHeights, Lab
@@ -154,7 +156,7 @@ def bin_range(cases: Sequence[CaseComparison]) -> tuple[int, int]:
 def write_table(path: Path, cases: Sequence[CaseComparison]) -> Path:
     """Write lab.csv; returns its path."""
     rows = list_rows(cases)
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with new_file(path) as out, io.TextIOWrapper(out, "utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         for row in rows:

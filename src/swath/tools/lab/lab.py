@@ -192,11 +192,15 @@ class Bench:
 
     def heights(self, level: str) -> F64:
         """Heights of the first echoes above the ground [m], (stops * beams,), nan = no return."""
+        return np.concatenate([points[:, 2] for points in self.echoes(level)])
+
+    def echoes(self, level: str) -> list[F64]:
+        """First echoes in the world as the scanner places them [m], (beams, 3) for each stop, nan = none."""
         more = {}
         if level == "replay" and "file" not in self.settings.sets:
             more = {"file": str(self._record())}
         try:
-            return np.concatenate([points[:, 2] for _, points, _ in self._sweeps(level, self.stops(), more)])
+            return [points for _, points, _ in self._sweeps(level, self.stops(), more)]
         finally:
             if more:
                 Path(more["file"]).unlink()
@@ -274,7 +278,7 @@ def _choose_levels(settings: Settings, height: float) -> tuple[tuple[str, ...], 
     have = CATALOGUE.registry.names("lidar")
     asked = have if settings.levels is None else list(settings.levels)
     for name in asked:
-        if name not in have and ".py:" not in name:
+        if name not in have and ".py:" not in name and name not in CATALOGUE.registry.installed("lidar"):
             hint = near_miss(name, have)
             raise InputError("--levels", name, f"expected {', '.join(have)}, or file.py:Class{hint}")
     every = {

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.documents.text_file import text_lines
 from swath.signals import F64
 from swath.tools.lab.lab import Case
 
@@ -58,16 +59,20 @@ def read_measured(path: Path) -> MeasuredHeights:
 def _read_csv(path: Path) -> dict[str, NDArray[Any]]:
     found: dict[str, list[Any]] = {}
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            names = [n for n in (HEIGHT, *KEYS) if n in (reader.fieldnames or ())]
-            if HEIGHT not in names:
-                raise _no_height(", ".join(reader.fieldnames or ()), path)
-            found = {n: [] for n in names}
-            for row in reader:
-                for name in names:
-                    found[name].append(_value(name, row[name], path, reader.line_num))
-    except (UnicodeDecodeError, csv.Error) as error:
+        reader = csv.DictReader(text_lines(path, "--real", "a table"))
+        names = [n for n in (HEIGHT, *KEYS) if n in (reader.fieldnames or ())]
+        if HEIGHT not in names:
+            raise _no_height(", ".join(reader.fieldnames or ()), path)
+        if twice := next((n for n in names if list(reader.fieldnames or ()).count(n) > 1), None):
+            raise InputError("columns", twice, "expected once", file=path, line=1)
+        found = {n: [] for n in names}
+        for row in reader:
+            if any((cell or "").strip() for cell in row.get(None, ())):
+                expected = f"expected {len(reader.fieldnames or ())} cells, decimals with a point"
+                raise InputError("row", None, expected, file=path, line=reader.line_num)
+            for name in names:
+                found[name].append(_value(name, row[name], path, reader.line_num))
+    except csv.Error as error:
         raise InputError("--real", str(path), f"expected a readable table ({error})") from error
     return {n: np.array(v, dtype=str if n == "sensor" else np.float64) for n, v in found.items()}
 

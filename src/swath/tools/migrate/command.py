@@ -19,6 +19,7 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Rewrite the files, one line about each."""
+    from swath.documents.text_file import read_text
     from swath.tools.migrate.migrate import migrate_file
     from swath.tools.migrate.python_names import migrate_python, missing_names
 
@@ -27,6 +28,6 @@ def run(args: argparse.Namespace) -> int:
         what = ("would be rewritten" if args.dry_run else "rewritten") if is_changed else "is up to date"
         print(f"{file}: {what}")
         if file.suffix == ".py":
-            for line, text in missing_names(migrate_python(file.read_text(encoding="utf-8"))):
+            for line, text in missing_names(migrate_python(read_text(file, "file", "Python"))):
                 print(f"{file}:{line}: {text}")
     return 0

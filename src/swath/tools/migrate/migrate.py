@@ -4,7 +4,9 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
 from swath.documents.migrate_sheet import MARKS, migrate_sheet
+from swath.documents.text_file import read_text
 from swath.documents.yaml_document import parse
 from swath.scenario.catalogue import CATALOGUE
 from swath.scenario.migrate import migrate_scenario
@@ -36,10 +38,7 @@ def _is_machine(section: Any) -> bool:
 
 def migrate_file(file: Path, *, is_dry: bool = False) -> bool:
     """Rewrite a file in place; the old one stays beside it as `NAME.orig`. True where something changed."""
-    try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        raise InputError("file", str(file), f"could not be read as text: {error}") from error
+    text = read_text(file, "file", "a scenario, sheet or Python file")
     new = migrate_text(file, text)
     if new == text:
         return False
@@ -47,6 +46,6 @@ def migrate_file(file: Path, *, is_dry: bool = False) -> bool:
         kept = file.with_name(file.name + ".orig")
         if kept.exists():
             raise InputError("file", str(kept), "expected no such file: the old form would be kept there")
-        kept.write_text(text, encoding="utf-8")
-        file.write_text(new, encoding="utf-8")
+        write_whole(kept, text)
+        write_whole(file, new)
     return True

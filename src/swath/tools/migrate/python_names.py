@@ -53,7 +53,7 @@ def _imports(text: str) -> list[ast.Import | ast.ImportFrom]:
 def _import_lines(node: ast.ImportFrom) -> list[str]:
     """The statement anew, where it is not enough to give its module another name; else nothing."""
     module = node.module or ""
-    if node.level or not module.startswith("swath"):
+    if node.level or not f"{module}.".startswith("swath."):
         return []
     names = {alias: present_name(f"{module}.{alias.name}") for alias in node.names}
     if all(new == f"{present_name(module)}.{alias.name}" for alias, new in names.items()):

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_no_code, add_sets
+from swath.terminal.options import add_sets
 
 USUAL = "straight"
 
@@ -21,7 +21,6 @@ def add(parsers: Any) -> None:
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="for inputs.csv and outputs.csv")
     add_sets(parser)
-    add_no_code(parser)
     parser.set_defaults(run=run)
 
 
@@ -59,14 +58,13 @@ def _run(part: Any, source: Path, log: Any, out: Path) -> None:
     from swath.tools.part.table import read_table, write_table
     from swath.tools.rerun.comparison import RecordingComparison
 
-    arrivals = read_table(source, part) if log is None else part.recorded(log)
+    arrivals, end = read_table(source, part) if log is None else (part.recorded(log), log.end())
     comparison = None if log is None else RecordingComparison(log, [part.slot], played=())
-    end = 0 if log is None else log.end()
     given = part.run(arrivals, end=end, observers=[] if comparison is None else [comparison])
     out.mkdir(parents=True, exist_ok=True)
-    for name, samples in (("inputs.csv", arrivals), ("outputs.csv", given)):
+    for name, samples, last in (("inputs.csv", arrivals, end), ("outputs.csv", given, 0)):
         if not (out / name).exists() or not (out / name).samefile(source):
-            write_table(out / name, part, samples)
+            write_table(out / name, part, samples, last)
         print(f"{out / name}  {len(samples)} samples")
     if comparison is not None:
         for name, found in comparison.summarize(part.world.graph.t)["rerun"]["slots"].items():

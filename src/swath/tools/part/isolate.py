@@ -8,6 +8,7 @@ from typing import NamedTuple
 from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.core.graph import Observer
+from swath.core.schedule import NS
 from swath.record.read.feed import exact_samples, exact_topic
 from swath.record.read.files import Log
 from swath.runtime.assembly import assemble
@@ -57,12 +58,19 @@ class IsolatedPart:
         """From t = 0 to the last arrival, or to `end` [ns] where that is later; returns what the slot gave.
 
         At each of its steps the slot sees what it would see in the machine: what was published before, and
-        what slots that run earlier in the order of the scenario published at this very moment.
+        what slots that run earlier in the order of the scenario published at this very moment. InputError
+        where an output that it needs has no sample by its first step.
         """
         graph, rank = self.world.graph, {name: i for i, name in enumerate(self._order)}
         is_late = {o: self.node.slot.latch or rank.get(o[0], -1) > rank[self.slot] for o in self.ports}
         waiting = deque(sorted(arrivals, key=lambda a: (a.t, is_late[a.output])))
         end = max(end, waiting[-1].t if waiting else 0)
+        first, _ = next(((t, due) for t, due in graph.plan.walk(0, end) if due), (end + 1, ()))
+        there = {a.output for a in waiting if (a.t, is_late[a.output]) <= (first, False)}
+        lists = {self.node.wires[p.name] for p in self.node.component.inputs if p.history}
+        if first <= end and (lacking := sorted(".".join(o) for o in self.needed - there - lists)):
+            expected = f"expected a sample by its first step at {first / NS:g} s"
+            raise InputError(", ".join(lacking), None, expected)
         found: list[Arrival] = []
 
         def feed(t: int) -> None:

@@ -1,14 +1,15 @@
 """Samples as CSV: a row per moment `t_s`, a column `slot.output.number` per number, in SI units and radians.
 
 An array is one cell with its numbers in a row, separated by spaces, `[]` without any. A row without any
-number of an output says that no sample of it came; a single empty cell keeps the value before.
+number of an output says that no sample of it came; a single empty cell keeps the value before. The last row
+says how long the table lasts, even where it has a time only.
 """
 
 import csv
 import difflib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.core.whole_file import write_whole
+from swath.documents.text_file import text_lines
 from swath.signals.flat import FlatField, build, flat_fields, read
 from swath.tools.part.isolate import Arrival, IsolatedPart, Output
 
@@ -24,6 +26,13 @@ STAMP = "t"  # when a sample was valid [s], where that is not when it came
 MOST = 20  # bad cells named at once
 TRUTHS = {"true": True, "1": True, "false": False, "0": False}
 Column = tuple[Output, str]
+
+
+class Inputs(NamedTuple):
+    """Samples in the order of time; end: of the table [ns]."""
+
+    arrivals: list[Arrival]
+    end: int
 
 
 def columns_of(part: IsolatedPart, ports: dict[Output, Port]) -> dict[str, tuple[Output, FlatField]]:
@@ -35,27 +44,27 @@ def columns_of(part: IsolatedPart, ports: dict[Output, Port]) -> dict[str, tuple
     }
 
 
-def read_table(path: Path, part: IsolatedPart) -> list[Arrival]:
-    """The samples of a table. InputError; every unknown and every missing column is named at once."""
+def read_table(path: Path, part: IsolatedPart) -> Inputs:
+    """A table. InputError; every unknown and every missing column is named at once."""
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = csv.reader(file)
-            columns = _check_head([name.strip() for name in next(lines, [])], part, path)
-            return list(_samples(lines, columns, part, path))
-    except FileNotFoundError:
-        raise InputError("--input", str(path), "there is no such file or run folder") from None
-    except (UnicodeDecodeError, csv.Error) as error:
+        lines = csv.reader(text_lines(path, "--input", "a table or a run folder"))
+        columns = _check_head([name.strip() for name in next(lines, [])], part, path)
+        rows = list(_rows(lines, columns, part, path))
+        return Inputs([a for _, arrivals in rows for a in arrivals], rows[-1][0] if rows else 0)
+    except csv.Error as error:
         raise InputError("--input", str(path), f"expected a table in UTF-8 ({error})") from None
 
 
-def write_table(path: Path, part: IsolatedPart, samples: Sequence[Arrival]) -> None:
-    """Write samples, numbers with every digit."""
+def write_table(path: Path, part: IsolatedPart, samples: Sequence[Arrival], end: int = 0) -> None:
+    """Write samples, numbers with every digit. end: a last row has at least this time [ns]"""
     rows: dict[int, dict[str, str]] = {}
     for t, output, sample in samples:
         cells = rows.setdefault(t, {})
         cells[part.column(output, STAMP)] = repr(sample.t / NS)
         for name in flat_fields(type(sample)):
             cells[part.column(output, name)] = _written(read(sample, name))
+    if end > max(rows, default=0):
+        rows[end] = {}
     names = dict.fromkeys(name for cells in rows.values() for name in cells)
     lines = [",".join((TIME, *names))]
     lines += [",".join((repr(t / NS), *(rows[t].get(n, "") for n in names))) for t in sorted(rows)]
@@ -93,13 +102,17 @@ def _check_head(head: Sequence[str], part: IsolatedPart, path: Path) -> list[tup
     return [(name, known.get(name)) for name in head]
 
 
-def _samples(
+def _rows(
     lines: Iterator[list[str]], columns: Sequence[tuple[str, Column | None]], part: IsolatedPart, path: Path
-) -> Iterator[Arrival]:
+) -> Iterator[tuple[int, list[Arrival]]]:
+    """Time [ns] of each row that is not blank, and what came then."""
     held: dict[Output, dict[str, Any]] = {}
     before, errors = 0, []
     for line, cells in enumerate(lines, 2):
         now, fresh, stamps = None, {}, {}
+        if any(cell.strip() for cell in cells[len(columns) :]):
+            text = f"expected at most {len(columns)} cells, decimals with a point"
+            errors.append(InputError("row", ",".join(cells)[:80], text, file=path, line=line))
         for (name, column), cell in zip(columns, cells, strict=False):
             if not (text := cell.strip()):
                 continue
@@ -123,13 +136,14 @@ def _samples(
             if len(errors) >= MOST:
                 break
             continue
-        before = now
+        before, found = now, []
         for output in fresh:
             try:
                 sample = build(part.ports[output].signal, stamps.get(output, now), held[output])
             except InputError as error:
                 raise InputError(error.key, error.value, error.expected, file=path, line=line) from error
-            yield Arrival(now, output, sample)
+            found.append(Arrival(now, output, sample))
+        yield now, found
     _raise_all(errors)
 
 

@@ -29,7 +29,7 @@ def add(parsers: Any) -> None:
     parser.add_argument("--least", type=float, default=0.9, metavar="SHARE", help="that covers a place")
     parser.add_argument("--repeats", type=int, default=2, metavar="N", help="at each place (default 2)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="default 1")
-    parser.add_argument("--processes", type=int, metavar="N", help="default: all cores")
+    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: cores)")
     parser.set_defaults(run=run)
 
 
@@ -40,14 +40,20 @@ def run(args: argparse.Namespace) -> int:
     from swath.terminal.progress import progress_bar
     from swath.terminal.tables import table
     from swath.tools.reda.page import ASKED_HEAD, SCORE_HEAD, asked_rows, score_rows, write_all
-    from swath.tools.reda.reda import ASKED, run_reda
+    from swath.tools.reda.reda import ASKED, KEPT, run_reda
 
     settings = _settings(args)
     _check_out(args.out)
-    processes = args.processes or os.cpu_count() or 1
-    with progress_bar("looking") as progress:
-        found = run_reda(settings, processes=processes, progress=progress)
+    processes = args.workers or os.cpu_count() or 1
+    kept = args.out / KEPT
+    try:
+        with progress_bar("looking") as progress:
+            found = run_reda(settings, processes=processes, progress=progress, kept=kept)
+    except KeyboardInterrupt as error:
+        goes_on = f"; what is done is in {kept}, the same command goes on from there"
+        raise type(error)(f"stopped{goes_on if kept.is_file() else ', nothing was done yet'}") from None
     files = write_all(args.out, settings, found)
+    kept.unlink(missing_ok=True)
     table("scores", SCORE_HEAD, score_rows(settings, found))
     table(f"{ASKED:g} m inside the crop", ASKED_HEAD, asked_rows(settings, found))
     print(files[-1])
@@ -79,8 +85,9 @@ def _settings(args: argparse.Namespace) -> Any:
 
 def _check_out(out: Path) -> None:
     from swath.core.errors import InputError
+    from swath.tools.reda.reda import KEPT
 
-    known = {"reda.csv", "scores.csv", "report.html"}
+    known = {KEPT, "reda.csv", "scores.csv", "report.html"}
     if out.exists() and (not out.is_dir() or any(_is_strange(f.name, known) for f in out.iterdir())):
         raise InputError("--out", str(out), "expected a new or empty folder, or an earlier result")
 

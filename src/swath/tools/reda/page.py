@@ -1,8 +1,10 @@
 """What `swath reda` writes: report.html, reda.csv, scores.csv and a figure per condition."""
 
 import csv
+import io
 from pathlib import Path
 
+from swath.core.whole_file import new_file
 from swath.report import plots
 from swath.report.html import write_page
 from swath.report.page import Figure
@@ -69,7 +71,7 @@ def asked_rows(settings: Settings, found: list[Found]) -> list[tuple[str, ...]]:
 
 
 def _write_scores(path: Path, settings: Settings, found: list[Found]) -> Path:
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with new_file(path) as out, io.TextIOWrapper(out, "utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(SCORE_HEAD)
         writer.writerows(score_rows(settings, found))

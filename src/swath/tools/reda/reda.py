@@ -1,17 +1,23 @@
 """The run of `swath reda`: every condition, sensor and place."""
 
 import csv
+import io
+import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, astuple, dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+from swath import __version__
 from swath.core.errors import SwathError
+from swath.core.whole_file import new_file, write_whole
 from swath.runtime.workers import Lost, in_workers
 from swath.tools.reda.scene import Condition, Scene, Settings, places
 from swath.tools.reda.scores import Cell, Scores, scores_of
 from swath.tools.reda.sensors import SCANS, Sensor, make_sensor
 
+KEPT = "reda.part.jsonl"  # of a run that is not through
 ASKED = 3.0  # of the places in the crop, for the table [m]
 Progress = Callable[[int, int], None]
 
@@ -29,19 +35,63 @@ class Found:
         return scores_of(self.cells[sensor], least)
 
 
-def run_reda(settings: Settings, *, processes: int = 1, progress: Progress | None = None) -> list[Found]:
-    """All conditions in their order. The same settings give the same numbers, whatever the processes."""
+def run_reda(
+    settings: Settings,
+    *,
+    processes: int = 1,
+    progress: Progress | None = None,
+    kept: Path | None = None,
+) -> list[Found]:
+    """All conditions in their order. The same settings give the same numbers, whatever the processes.
+
+    kept: a file that holds every condition that is done, from which a run with the same settings goes on
+    """
     conditions = settings.conditions()
-    found = []
-    for done, made in enumerate(_made(settings, conditions, processes), 1):
+    found = [] if kept is None else _read_kept(kept, settings)
+    for done, made in enumerate(_made(settings, conditions[len(found) :], processes), len(found) + 1):
         found.append(made)
+        if kept is not None:
+            _keep(kept, settings, found)
         if progress is not None:
             progress(done, len(conditions))
     return found
 
 
+def _keep(path: Path, settings: Settings, found: list[Found]) -> None:
+    """What is done, a line of JSON each, after a line with the settings."""
+    lines = [json.dumps(_settings_of(settings))]
+    for made in found:
+        cells = {name: [astuple(c) for c in cells] for name, cells in made.cells.items()}
+        asked = [[*key, astuple(cell)] for key, cell in made.asked.items()]
+        lines.append(json.dumps({"cells": cells, "asked": asked}))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, "\n".join(lines) + "\n")
+
+
+def _read_kept(path: Path, settings: Settings) -> list[Found]:
+    """The conditions that are done; none where the file is of other settings, or of another version."""
+    try:
+        own, *lines = (json.loads(line) for line in path.read_text(encoding="utf-8").splitlines())
+        if own != json.loads(json.dumps(_settings_of(settings))):
+            return []
+        return [
+            Found(
+                condition,
+                {name: [Cell(*cell) for cell in cells] for name, cells in line["cells"].items()},
+                {(name, height): Cell(*cell) for name, height, cell in line["asked"]},
+            )
+            for condition, line in zip(settings.conditions(), lines, strict=False)
+        ]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return []
+
+
+def _settings_of(settings: Settings) -> dict[str, Any]:
+    return {**asdict(settings), "base": str(settings.base), "version": __version__}
+
+
 def _made(settings: Settings, conditions: list[Condition], processes: int) -> Iterator[Found]:
-    if processes < 2:
+    if processes < 2 or not conditions:
         yield from map(partial(measure, settings), conditions)
         return
     begin = partial(_begin, settings)
@@ -96,7 +146,7 @@ def _height(scene: Scene) -> float:
 
 def write_cells(path: Path, found: list[Found]) -> Path:
     """A row per condition, sensor and place."""
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with new_file(path) as out, io.TextIOWrapper(out, "utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         head = ("crop_height_m", "stems_per_m2", "weather", "sensor", "inside_m", "aside_m")
         writer.writerow((*head, "detected", "false", "net", "looks", "why"))

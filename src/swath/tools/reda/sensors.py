@@ -16,6 +16,7 @@ from swath.rays.engine import RayCaster
 from swath.sensing.lidar import plants
 from swath.sensing.mount import Mount
 from swath.sensing.radar import rays
+from swath.sensing.radar.ideal import RadarMount
 from swath.sensing.radar.solid_rays import aimed, distances
 from swath.sensing.weather import Weather
 from swath.signals import F64, MachineState
@@ -134,7 +135,7 @@ class RadarSensor:
         self._scene = scene
         params = rays.Params(
             sensor=name,
-            mount=Mount(at="axle", z_m=HOOD_M, pitch_deg=0.0),
+            mount=RadarMount(x_m=0.0, z_m=HOOD_M),
             straw_moisture_percent=scene.settings.moisture,
             rain_mm_h=scene.weather[1],
         )

@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.foreign_code import code_unread
+from swath.documents.json_file import read_object
 from swath.record.read.feed import own_outputs
 from swath.record.read.files import Log, open_log
 from swath.report.report import FinishedRun, ReportWriter
 from swath.runtime.changes import read_events
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import JobResult, run_job
+from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario, load_scenario, parse_scenario
 from swath.scenario.slot_names import slot_names
 from swath.scenario.slots import kind_of
@@ -59,9 +62,10 @@ def draw_report(folder: Path) -> Path:
     if not file.is_file():
         expected = "expected a run folder with a summary.json; a run that was killed before has to run again"
         raise InputError("run", str(folder), expected)
-    summary = json.loads(file.read_text(encoding="utf-8"))
+    summary = read_object(file, "run", "a summary.json")
     plan = plan_rerun(folder, slots=None, sets=["run.record=standard"], is_all=True)
-    writer = ReportWriter(of=FinishedRun(folder, summary, recorded_scenario(plan.log, folder, ())))
+    with code_unread():
+        writer = ReportWriter(of=FinishedRun(folder, summary, recorded_scenario(plan.log, folder, ())))
     with tempfile.TemporaryDirectory(prefix="swath-report-") as aside:
         run_job(plan.scenario, Path(aside) / "run", hooks=[writer])
     return folder / "report.html"
@@ -82,7 +86,8 @@ def plan_rerun(
     sets, seed: changes to the scenario, as of `swath run`. InputError where the source or a slot will not do
     """
     log = open_log(source)
-    recorded = recorded_scenario(log, source, ())
+    with code_unread():
+        recorded = recorded_scenario(log, source, ())
     recorded_outputs = {s: own_outputs(log, s) for s in slot_names(recorded)}
     exact = [s for s, outputs in recorded_outputs.items() if any(outputs.values())]
     if not exact:
@@ -91,7 +96,7 @@ def plan_rerun(
     played = _named(slots, exact) if slots is not None else _default_slots(exact, is_all)
     changes = [f"{slot}={_entry(recorded, slot, log.path)}" for slot in played]
     flags = {f"--seed {seed}": f"seed={seed}"} if seed is not None else {}
-    return Rerun(log, recorded_scenario(log, source, [*changes, *sets], flags), tuple(played))
+    return Rerun(log, recorded_scenario(log, source, layered(changes, sets), flags), tuple(played))
 
 
 def recorded_scenario(

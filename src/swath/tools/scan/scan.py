@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
 from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.report.scan_sampler import ScanSampler
 from swath.runtime.assembly import assemble
@@ -85,7 +86,7 @@ def scan_job(
             assert isinstance(image, Image)
             files += write_picture(parts, image)
         out.mkdir(parents=True, exist_ok=True)
-        return [Path(shutil.move(f, out / f.name)) for f in files]
+        return [write_whole(out / f.name, f.read_bytes()) for f in files]
     finally:
         shutil.rmtree(parts, ignore_errors=True)
 

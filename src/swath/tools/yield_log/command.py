@@ -4,8 +4,6 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_no_code
-
 
 def add(parsers: Any) -> None:
     """Add the command."""
@@ -27,7 +25,6 @@ def add(parsers: Any) -> None:
     parser.add_argument(
         "--at", metavar="LAT,LON", help="where a field without a place on Earth lies (default 52,9)"
     )
-    add_no_code(parser)
     parser.set_defaults(run=run)
 
 

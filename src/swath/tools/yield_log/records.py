@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.foreign_code import code_unread
 from swath.field.crop_sheet import load_crop
 from swath.field.projection import Origin, origin_at
 from swath.field_io.folder import read_origin
@@ -78,7 +79,9 @@ def records_of(
         raise InputError(
             "run", str(run), "expected a run folder with tracks.parquet (run.record other than none)"
         )
-    tracks, scenario = read_tracks(run / "tracks.parquet"), load_scenario(run)
+    tracks = read_tracks(run / "tracks.parquet")
+    with code_unread():
+        scenario = load_scenario(run)
     harvesters = [name for name, m in scenario.machines.items() if m.has("process")]
     name = machine or next(iter(harvesters), "")
     if name not in harvesters or "tank_grain_kg" not in tracks:
@@ -123,7 +126,11 @@ def _crop(scenario: Scenario) -> str:
 
     stand = scenario.field.stand
     if stand is not None:
-        return str(stand.params.crop)
+        crop = getattr(stand.params, "crop", None)
+        if crop is None:
+            expected = "expected a stand that names its `crop`; one of your own is read with --allow-code"
+            raise InputError("field.stand.level", stand.level, expected)
+        return str(crop)
     assert scenario.field.folder is not None
     folder = read(scenario.field.folder)
     return str(folder.path / folder.crop) if folder.crop.endswith(".yaml") else folder.crop

@@ -1,13 +1,16 @@
 """A yield log as CSV, or as task data of ISO 11783-10 with one time log."""
 
 import struct
+import zlib
 from datetime import datetime, timedelta
+from decimal import Decimal
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
+from typing import NamedTuple
 
 import numpy as np
 
-from swath.core.errors import InputError
+from swath import __version__
+from swath.core.errors import InputError, MissingExtra
 from swath.core.whole_file import write_whole
 from swath.tools.yield_log.records import Records
 
@@ -19,23 +22,35 @@ COLUMNS = (
     "timestamp", "latitude", "longitude", "elevation_m", "speed_kmh", "distance_m", "swath_m",
     "grain_flow_kg_s", "moisture_pct", "work_state", "machine", "crop",
 )  # fmt: skip
-CHANNELS = ((67, 1e-3), (87, 1e-6), (99, 1e-4), (141, 1.0), (397, 1e-3))
-"""DDI and unit per count: working width [m], crop flow [kg/s], moisture [%], work state, speed [m/s]."""
-HEADER = """<?xml version="1.0" encoding="UTF-8"?>
+
+
+class Channel(NamedTuple):
+    """A quantity of the time log. ddi: of ISO 11783-11; scale: unit per count; decimals: that are shown."""
+
+    ddi: int
+    scale: str
+    decimals: int
+    unit: str
+    name: str
+
+
+CHANNELS = (
+    Channel(67, "0.001", 2, "m", "Working width"),
+    Channel(87, "0.000001", 2, "kg/s", "Crop flow"),
+    Channel(99, "0.0001", 1, "%", "Moisture"),
+    Channel(141, "1", 0, "", "Work state"),
+    Channel(397, "0.001", 2, "m/s", "Speed"),
+)
+HARVESTER = 0xA00E_8000_FFE0_0000
+"""NAME of ISO 11783-5: sets its own address, agriculture, harvester, its first function, maker not known; the
+last 21 bits tell machines apart."""
+STRUCTURE = b"SWATH01".hex().upper()
+LOCALIZATION = "FF000000406E65"  # English, decimal points, 24 h, metric (ISO 11783-7, language command)
+LONGEST_NAME = 32  # characters of a designator
+TIME_LOG = """<?xml version="1.0" encoding="UTF-8"?>
 <TIM A="" D="4"><PTN A="" B="" C="" D=""/>
 {listed}
 </TIM>
-"""
-TASKDATA = """<?xml version="1.0" encoding="UTF-8"?>
-<ISO11783_TaskData VersionMajor="4" VersionMinor="2" DataTransferOrigin="2">
-  <CTP A="CTP1" B={crop}/>
-  <DVC A="DVC1" B={machine}>
-    <DET A="DET1" B="1" C="1" D={machine} E="0" F="0"/>
-  </DVC>
-  <TSK A="TSK1" B={name} G="4">
-    <TLG A="TLG00001" C="1"/>
-  </TSK>
-</ISO11783_TaskData>
 """
 
 
@@ -59,14 +74,63 @@ def write_isoxml(log: Records, folder: Path) -> Path:
     """Write TASKDATA.XML and TLG00001 into a new or empty folder. Raises InputError for another one."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError("--out", str(folder), "expected a new or empty folder, or a name that ends in .csv")
+    text = _task_data(log)
     folder.mkdir(parents=True, exist_ok=True)
-    listed = "\n".join(f'<DLV A="{ddi:04X}" B="" C="DET1"/>' for ddi, _ in CHANNELS)
-    (folder / "TLG00001.xml").write_text(HEADER.format(listed=listed), encoding="utf-8")
-    (folder / "TLG00001.bin").write_bytes(b"".join(_record(log, i) for i in range(len(log.time))))
-    names = {"crop": Path(log.crop).stem, "machine": log.machine, "name": log.name}
-    text = TASKDATA.format(**{key: quoteattr(value) for key, value in names.items()})
-    (folder / "TASKDATA.XML").write_text(text, encoding="utf-8")
+    listed = "\n".join(f'<DLV A="{c.ddi:04X}" B="" C="DET1"/>' for c in CHANNELS)
+    write_whole(folder / "TLG00001.xml", TIME_LOG.format(listed=listed))
+    write_whole(folder / "TLG00001.bin", b"".join(_record(log, i) for i in range(len(log.time))))
+    write_whole(folder / "TASKDATA.XML", text)
     return folder
+
+
+def _task_data(log: Records) -> str:
+    """TASKDATA.XML: one machine, one field of the size of the ground that was cut, its crop and one task."""
+    try:
+        from isoxml.models.base import v4 as iso
+        from isoxml.util.isoxml_io import isoxml_to_text
+    except ImportError as error:
+        raise MissingExtra("geo", "ISOXML task data") from error
+    name, machine = log.name[:LONGEST_NAME], log.machine[:LONGEST_NAME]
+    client = (HARVESTER | zlib.crc32(log.machine.encode()) & 0x1F_FFFF).to_bytes(8, "big")
+    first = 2  # object ids: the element is 1, then channels, then their presentations
+    presented = first + len(CHANNELS)
+    device = iso.Device(
+        id="DVC1", designator=machine, client_name=client, software_version=f"swath {__version__}",
+        structure_label=STRUCTURE, localization_label=LOCALIZATION,
+        elements=[
+            iso.DeviceElement(
+                id="DET1", object_id=1, type=iso.DeviceElementType.Device, designator=machine, number=0,
+                parent_object_id=0,
+                device_object_references=[iso.DeviceObjectReference(first + k) for k in range(len(CHANNELS))],
+            )
+        ],
+        process_data=[
+            iso.DeviceProcessData(
+                object_id=first + k, ddi=c.ddi.to_bytes(2, "big"), property=1, trigger_methods=1,
+                designator=c.name, device_value_presentation_object_id=presented + k,
+            )
+            for k, c in enumerate(CHANNELS)
+        ],
+        value_presentations=[
+            iso.DeviceValuePresentation(presented + k, 0, Decimal(c.scale), c.decimals, c.unit or None)
+            for k, c in enumerate(CHANNELS)
+        ],
+    )  # fmt: skip
+    cut = float((log.distance * log.width)[log.working].sum())
+    task = iso.Task(
+        id="TSK1", designator=name, partfield_id_ref="PFD1", status=iso.TaskStatus.Completed,
+        device_allocations=[iso.DeviceAllocation(client_name_value=client, device_id_ref="DVC1")],
+        time_logs=[iso.TimeLog(filename="TLG00001", type=iso.TimeLogType.BinaryTimelogFileType1)],
+    )  # fmt: skip
+    data = iso.Iso11783TaskData(
+        management_software_manufacturer="swath", management_software_version=__version__,
+        data_transfer_origin=iso.Iso11783TaskDataDataTransferOrigin.MICS,
+        task_controller_manufacturer="swath", task_controller_version=__version__,
+        crop_types=[iso.CropType(id="CTP1", designator=Path(log.crop).stem[:LONGEST_NAME])],
+        devices=[device], tasks=[task],
+        partfields=[iso.Partfield(id="PFD1", designator=name, area=round(cut), crop_type_id_ref="CTP1")],
+    )  # fmt: skip
+    return str(isoxml_to_text(data))
 
 
 def _record(log: Records, i: int) -> bytes:
@@ -77,6 +141,6 @@ def _record(log: Records, i: int) -> bytes:
         "<IHiiiB", when.seconds * 1000 + when.microseconds // 1000, when.days, round(log.lat[i] * 1e7),
         round(log.lon[i] * 1e7), round(log.height[i] * 1e3), 4,
     )  # fmt: skip
-    counts = np.rint([v / unit for v, (_, unit) in zip(values, CHANNELS, strict=True)]).astype(int)
+    counts = np.rint([v / float(c.scale) for v, c in zip(values, CHANNELS, strict=True)]).astype(int)
     pairs = b"".join(struct.pack("<Bi", k, int(count)) for k, count in enumerate(counts))
     return head + struct.pack("<B", len(counts)) + pairs

@@ -1,25 +1,10 @@
-"""A job as bytes in the middle of its work, and back; the digest of what it did."""
+"""The digest of what a job did."""
 
 import hashlib
 import struct
 
-from swath.core.errors import SwathError
-from swath.core.packed_state import pack, unpack
 from swath.job.engine import Job
 from swath.job.states import CartState, CombineState
-
-
-def save(job: Job) -> bytes:
-    """All that a job remembers, its machines included. Raises UnpackableState."""
-    return pack(job)
-
-
-def load(data: bytes) -> Job:
-    """The job that was saved; `run` goes on with it. Raises UnpackableState for anything else."""
-    job = unpack(data)
-    if not isinstance(job, Job):
-        raise SwathError(f"expected a saved job, found {type(job).__name__}")
-    return job
 
 
 def digest_of(job: Job) -> str:

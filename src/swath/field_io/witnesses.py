@@ -1,0 +1,360 @@
+"""What the numbers of a log say about their own units.
+
+Positions are in degrees or a known system. With them a log shows how far a machine drove, how fast, and how
+far apart its passes lie; grain flow and yield show each other. These witnesses decide units that nothing in
+the file says, and contradict units that are said wrongly.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError, MissingExtra
+from swath.field.crop_sheet import load_crop
+from swath.field_io import trade
+from swath.field_io.columns import FLOWS, QUANTITIES, UNITS, Column, ColumnMap
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+AHEAD = 6  # records among which the next one of the same machine is, whichever others are between
+LEAST_STEP = 0.05  # m between two records of a machine that drives
+LONGEST = 3.0  # usual steps, in way or time: a longer one is a pause or a jump
+FEWEST = 25  # steps, gaps or records that say something
+PLACES = 1500  # at which the distance to the next pass is taken
+FARTHEST_PASS = 45.0  # m to a neighbouring pass, 2.5 of the widest headers
+NARROWEST_PASS = 1.0  # m to a neighbouring pass: nearer lies the same one
+LEAST_REGULAR = 0.6  # of these distances that lie within 15 % of their median
+AGREES = (0.94, 1.065)  # what is measured twice; km/h and ft/s, the nearest of the units, lie 10 % apart
+ALIKE = 1.25  # of two units: nearer to each other, what contradicts one may have another cause
+HEADER_OVER_SPACING = (0.88, 1.45)  # passes overlap by up to 30 %, and hardly leave anything between
+SPEED_RANGE = (0.3, 6.0)  # m/s, in the middle of a harvest
+HEADER_RANGE = (1.2, 18.5)  # m, from plot combines to the widest drapers
+HEIGHT_RANGE = (-430.0, 5500.0)  # m, of fields
+MOISTURE_RANGE = (0.05, 0.45)  # share of the wet mass of grain
+NORTH_AMERICA = (-170.0, -50.0, 24.0, 72.0)  # deg: west, east, south, north of where acres are usual
+US_CUSTOMARY = {"ft", "in", "mph", "ft/s", "lb/s", "lb/ac", "bu/ac"}
+_YIELDS: tuple[tuple[str, ...], tuple[str, ...]] = (("kg/ha", "t/ha", "dt/ha", "bu/ac", "lb/ac"), ())
+CANDIDATES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "distance": (("m", "ft", "in"), ("cm", "mm", "km")),
+    "speed": (("m/s", "km/h", "mph"), ("kn", "ft/s")),
+    "header_width": (("m", "ft", "in"), ("cm", "mm")),
+    "moisture": (("%", "1"), ()),
+    "grain_flow": (("kg/s", "t/h", "lb/s"), ("kg/h", "g/s")),
+    "yield": _YIELDS,
+    "dry_yield": _YIELDS,
+    "elevation": (("m", "ft"), ("cm", "mm")),
+}
+"""Usual units of each quantity, and rare ones, which count where no usual one fits."""
+_NO_SYSTEM = {"%", "1"}
+CLOCK_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What positions show without any unit.
+
+    middle: lon, lat [deg]; here, after: records and those that follow them, shape (m,); step: way between
+    them [m]; spacing: between neighbouring parallel passes [m], nan = not regular
+    """
+
+    middle: tuple[float, float]
+    here: Indices
+    after: Indices
+    step: Array
+    spacing: float = np.nan
+
+    def paced(self, time: Array) -> "Drive":
+        """Without the steps across a pause."""
+        took = time[self.after] - time[self.here]
+        usual = _median(took)
+        driven = (took >= 0.0) & (took <= LONGEST * usual)
+        return replace(self, here=self.here[driven], after=self.after[driven], step=self.step[driven])
+
+    def speed(self, time: Array) -> float:
+        """Way over time [m per unit of time]; nan where it does not show."""
+        paced = self.paced(time)
+        total = float((time[paced.after] - time[paced.here]).sum())
+        return float(paced.step.sum()) / total if len(paced.step) >= FEWEST and total > 0.0 else np.nan
+
+
+def drive_of(position: Array, lon_lat: Array, order: Indices, machine: Indices, cutting: Mask) -> Drive:
+    """What the positions show.
+
+    position [m], lon_lat [deg], shape (n, 2); order: the records that count, as driven; machine: of each
+    record, cutting: whether grain flows, shape (n,)
+    """
+    x, y = position[order].T
+    best, follows = np.full(len(order), np.inf), np.zeros(len(order), dtype=np.int64)
+    for ahead in range(1, min(AHEAD, len(order) - 1) + 1):
+        way = np.hypot(x[ahead:] - x[:-ahead], y[ahead:] - y[:-ahead])
+        way[(machine[order[ahead:]] != machine[order[:-ahead]]) | (way < LEAST_STEP)] = np.inf
+        nearer = np.flatnonzero(way < best[:-ahead])
+        best[nearer], follows[nearer] = way[nearer], nearer + ahead
+    found = np.flatnonzero(best <= LONGEST * _median(best[np.isfinite(best)]))
+    lon, lat = np.median(lon_lat[order], axis=0) if len(order) else (0.0, 0.0)
+    drive = Drive((float(lon), float(lat)), order[found], order[follows[found]], best[found])
+    return replace(drive, spacing=_spacing(position, drive, cutting))
+
+
+def _spacing(position: Array, drive: Drive, cutting: Mask) -> float:
+    """Median distance from a cutting record to the nearest parallel pass on each side [m]."""
+    try:
+        from scipy.spatial import cKDTree
+    except ImportError as error:
+        raise MissingExtra("geo", "reading a yield log") from error
+    both = cutting[drive.here] & cutting[drive.after]
+    if both.sum() < FEWEST:
+        return np.nan
+    place, way = position[drive.here[both]], position[drive.after[both]] - position[drive.here[both]]
+    forward = way / np.hypot(*way.T)[:, None]
+    beside = 0.75 * float(np.median(drive.step))
+    some = np.unique(np.linspace(0, len(place) - 1, min(PLACES, len(place))).astype(int))
+    gaps: list[float] = []
+    for i, found in zip(some, cKDTree(place).query_ball_point(place[some], FARTHEST_PASS), strict=True):
+        near = np.asarray(found)
+        off = place[near] - place[i]
+        across = off @ np.array([-forward[i, 1], forward[i, 0]])
+        is_pass = np.abs(forward[near] @ forward[i]) > 0.98
+        is_pass &= (np.abs(off @ forward[i]) < beside) & (np.abs(across) > NARROWEST_PASS)
+        sides = (across[is_pass & (across > 0)], across[is_pass & (across < 0)])
+        gaps += [float(np.abs(side).min()) for side in sides if len(side)]
+    middle = _median(np.array(gaps))
+    if not np.isfinite(middle):
+        return np.nan
+    return middle if (np.abs(np.array(gaps) / middle - 1.0) < 0.15).mean() >= LEAST_REGULAR else np.nan
+
+
+@dataclass(frozen=True)
+class Witness:
+    """Whether a unit, as its factor to SI, can be. is_sure: measured twice, not only plausible."""
+
+    fits: Callable[[float], bool]
+    is_sure: bool
+
+
+def _near(value: float, shown: float, limits: tuple[float, float], *, is_sure: bool = True) -> list[Witness]:
+    """The witness that value times the factor over what is shown lies within limits; none of nan."""
+    if not np.isfinite(value) or not np.isfinite(shown):
+        return []
+    return [Witness(lambda factor: limits[0] <= value * factor / shown <= limits[1], is_sure)]
+
+
+def settle_units(
+    found: ColumnMap, raw: Mapping[str, Array], time: Array | None, drive: Drive, cutting: Mask,
+    width: float | None, sheet: str, path: Path,
+) -> tuple[ColumnMap, list[str]]:  # fmt: skip
+    """The columns with units that agree with the data, and what was inferred or is in doubt.
+
+    raw: all columns of found and found.beside in their own units; time [s], None = no clock; cutting: records
+    with grain; width: of the header, where the log holds none [m]; sheet: of the crop
+    Raises InputError for a unit that the data contradicts.
+    """
+    bench = _Bench(found, drive.middle, sheet, path)
+    steps = drive if time is None else drive.paced(time)
+    if "distance" in raw:
+        ratio = _median(raw["distance"][steps.after] / steps.step)
+        bench.decide("distance", _near(ratio, 1.0, AGREES), "the positions show it", is_needed=False)
+    speed = np.full(len(cutting), np.nan if time is None else drive.speed(time))
+    if time is not None:
+        speed[steps.after] = steps.step / _positive(time[steps.after] - time[steps.here])
+    if "speed" in raw:
+        shown = np.nan if time is None else drive.speed(time)
+        took = np.ones(len(steps.step)) if time is None else time[steps.after] - time[steps.here]
+        speeds = raw["speed"][steps.after]
+        own = speeds <= LONGEST * _median(speeds)
+        mean = float((speeds * took)[own].sum()) / max(float(took[own].sum()), 1e-9) if own.any() else np.nan
+        seen = _near(mean, shown, AGREES)
+        seen = seen or _near(_median(raw["speed"][cutting]), 1.0, SPEED_RANGE, is_sure=False)
+        by = f"{3.6 * shown:.2f} km/h by positions and times"
+        bench.decide("speed", seen, by if np.isfinite(shown) else "")
+        speed = raw["speed"] * bench.factor("speed")
+    header = np.full(len(cutting), np.nan if width is None else width)
+    if "header_width" in raw:
+        logged = _median(raw["header_width"][cutting])
+        can_be = _near(logged, 1.0, HEADER_RANGE, is_sure=False)
+        can_be += _near(logged, drive.spacing, HEADER_OVER_SPACING)
+        by = f"passes lie {drive.spacing:.2f} m apart"
+        bench.decide("header_width", can_be, by if np.isfinite(drive.spacing) else "")
+        header = raw["header_width"] * bench.factor("header_width")
+    _grain(bench, raw, cutting, header * speed)
+    if "elevation" in raw:
+        bench.decide("elevation", _near(_median(raw["elevation"]), 1.0, HEIGHT_RANGE, is_sure=False), "")
+    return replace(found, columns=bench.columns), bench.notes
+
+
+def _grain(bench: "_Bench", raw: Mapping[str, Array], cutting: Mask, area_rate: Array) -> None:
+    """Units of moisture and of what counts as grain. area_rate: width times speed [m2/s], nan = unknown."""
+    share = np.zeros(len(cutting))
+    if "moisture" in raw:
+        middle = _median(raw["moisture"][cutting])
+        grain = _near(middle, 1.0, MOISTURE_RANGE, is_sure=False)
+        bench.decide("moisture", grain, f"{middle:.3g} in the middle" if grain else "")
+        share = np.clip(np.nan_to_num(raw["moisture"] * bench.factor("moisture")), 0.0, MOISTURE_RANGE[1])
+    per_area = {k: raw[k] for k in FLOWS if k in raw}
+    if "grain_flow" in per_area:
+        per_area["grain_flow"] = per_area["grain_flow"] / _positive(area_rate)
+    if "dry_yield" in per_area:
+        per_area["dry_yield"] = per_area["dry_yield"] * np.where(
+            share > 0.0, trade.wet_over_dry(bench.sheet, share), 1.0
+        )
+    key = next((k for k in FLOWS if k in bench.columns), None)
+    if key is None:
+        return
+    crop = load_crop(bench.sheet)
+    usual = crop.stand.density * crop.yields.grain_mass
+    low, high = (limit * usual for limit in trade.STEMS)
+    middle = _median(per_area[key][cutting])
+    witnesses = _near(middle, 1.0, (low, high), is_sure=False) if usual > 0.0 else []
+    by = []
+    for other in [k for k in per_area if k != key]:
+        ratio = _median(per_area[key][cutting] / _positive(per_area[other][cutting]))
+        sizes = [bench.size(other, unit) for unit in bench.possible(other)]
+        if np.isfinite(ratio) and sizes and (other != "dry_yield" or (share > 0.0).any()):
+            witnesses.append(Witness(_any_near(ratio, sizes), True))
+            by.append(bench.found.beside[other].column)
+    text = f"{crop.name} yields {10 * low:.2g} to {10 * high:.2g} t/ha"
+    bench.decide(key, witnesses, ", ".join([*by, text]))
+
+
+def _any_near(ratio: float, sizes: list[float]) -> Callable[[float], bool]:
+    return lambda factor: any(AGREES[0] <= ratio * factor / size <= AGREES[1] for size in sizes)
+
+
+class _Bench:
+    """Where units are decided, one quantity after the other."""
+
+    def __init__(self, found: ColumnMap, middle: tuple[float, float], sheet: str, path: Path) -> None:
+        self.found, self.sheet, self.path = found, sheet, path
+        self.columns = dict(found.columns)
+        self.notes: list[str] = []
+        self._is_in_form = True  # no unit of a known form is contradicted by one of another system
+        stated = {**found.beside, **found.columns}
+        self._votes = [c.unit for k, c in stated.items() if k in CANDIDATES and not c.is_assumed]
+        west, east, south, north = NORTH_AMERICA
+        self._is_american = west <= middle[0] <= east and south <= middle[1] <= north
+
+    def size(self, key: str, unit: str) -> float:
+        """Factor of a unit to SI."""
+        bushel = trade.bushel_kg_factor(self.sheet) if unit == "bu/ac" else 1.0
+        return UNITS[QUANTITIES[key]][unit] * bushel
+
+    def factor(self, key: str) -> float:
+        """Factor to SI of the unit that a quantity has now."""
+        return self.size(key, self.columns[key].unit)
+
+    def system(self) -> tuple[bool, str]:
+        """Whether units are those of the USA, and by what."""
+        votes = {unit in US_CUSTOMARY for unit in self._votes if unit not in _NO_SYSTEM}
+        if len(votes) == 1:
+            return votes.pop(), f"as {', '.join(sorted(set(self._votes) - _NO_SYSTEM))} elsewhere in the log"
+        return self._is_american, f"as usual at {'an American' if self._is_american else 'its'} place"
+
+    def possible(self, key: str) -> list[str]:
+        """Units that a column beside may have."""
+        column = self.found.beside[key]
+        return self._own(CANDIDATES[key][0]) if column.is_assumed else [column.unit]
+
+    def _own(self, units: tuple[str, ...]) -> list[str]:
+        is_american, _ = self.system()
+        return [u for u in units if u in _NO_SYSTEM or (u in US_CUSTOMARY) == is_american]
+
+    def decide(self, key: str, witnesses: list[Witness], shown: str, *, is_needed: bool = True) -> None:
+        """Keep, find or refuse the unit of a column; one that is not needed is left out instead.
+
+        shown: what the witnesses say
+        """
+        if key not in self.columns:
+            return
+        column = self.columns[key]
+        usual, rare = CANDIDATES[key]
+        sure = [w for w in witnesses if w.is_sure]
+        pools = [self._fitting(key, units, witnesses) for units in (self._own(usual), usual, rare)]
+        pool = next((units for units in pools if units), [])
+        may_be = pool if column.is_assumed else self._fitting(key, [column.unit], witnesses)
+        if not (is_needed or may_be or column.is_given):
+            self.notes.append(f"{key}: {column.column} not used: {shown} otherwise")
+            del self.columns[key]
+            return
+        if not column.is_assumed:
+            self._check(key, column, sure, witnesses, self._fitting(key, usual, witnesses), shown)
+            return
+        of_format = column.of_format and self._is_in_form and not sure and column.unit in pools[1]
+        if pool:
+            unit = column.unit if column.unit in pool or of_format else pool[0]
+            system = "" if sure or unit in _NO_SYSTEM or pool is not pools[0] else self.system()[1]
+            also = [u for u in pool if u != unit]
+            doubt = f"; {' or '.join(also)} would fit as well" if also else ""
+            by = ", ".join(filter(None, (shown, system)))
+            text = f"{key}: {column.column} taken as {unit}{': ' if by else ''}{by}{doubt}"
+        else:
+            likely = [w for w in witnesses if not w.is_sure]
+            plausible = self._fitting(key, (*self._own(usual), *usual, *rare), likely)
+            if not plausible:
+                raise self._refused(key, column, shown, "")
+            unit = column.unit if column.unit in plausible else plausible[0]
+            text = f"{key}: {column.column} taken as {unit}, though {shown}"
+        if column.of_format and sure and pool:
+            self._is_in_form &= (unit in US_CUSTOMARY) == (column.unit in US_CUSTOMARY)
+        is_news = not (column.of_format and unit == column.unit and pool)
+        self.notes += [text] if is_news else []
+        self.columns[key] = replace(column, unit=unit, is_assumed=False)
+        self._votes += [unit] if sure and pool else []
+
+    def _fitting(self, key: str, units: Sequence[str], witnesses: list[Witness]) -> list[str]:
+        return [u for u in units if all(w.fits(self.size(key, u)) for w in witnesses)]
+
+    def _check(
+        self, key: str, column: Column, sure: list[Witness], witnesses: list[Witness], fitting: list[str],
+        shown: str,
+    ) -> None:  # fmt: skip
+        """A unit that the file or the user says: refused where another one would agree."""
+        size = self.size(key, column.unit)
+        if all(w.fits(size) for w in witnesses):
+            return
+        better = [u for u in fitting if not 1 / ALIKE < self.size(key, u) / size < ALIKE]
+        if better and not all(w.fits(size) for w in sure) and not column.is_given:
+            raise self._refused(key, column, shown, better[0])
+        self.notes.append(f"{key}: {column.column} in {column.unit}, though {shown}")
+
+    def _refused(self, key: str, column: Column, shown: str, better: str) -> InputError:
+        said = f"in {column.unit}" if not column.is_assumed else "without a unit"
+        agrees = f", which would be in {better}" if better else ", which no unit makes of it"
+        flag = f"{key}: {{unit: {better or column.unit}}}"
+        say = f"say the unit with --columns MAP.yaml, in it {flag}"
+        expected = f"expected what the data shows: {shown}{agrees}; {say}"
+        return InputError(key, f"{column.column} {said}", expected, file=self.path)
+
+
+def clock_unit(column: Column, time: Array, drive: Drive, path: Path) -> tuple[str, str]:
+    """Unit of a numeric clock by which the machine drives as machines do, and a note.
+
+    time: as logged. Raises InputError for a clock that is contradicted, or none.
+    """
+    pace = drive.speed(time)
+    sizes = {u: UNITS["time"][u] for u in CLOCK_UNITS}
+    fitting = [u for u, size in sizes.items() if SPEED_RANGE[0] <= pace / size <= SPEED_RANGE[1]]
+    if not np.isfinite(pace) or column.unit in fitting:
+        return column.unit, ""
+    speeds = {u: 3.6 * pace / size for u, size in sizes.items()}
+    by = f"{column.column}: by it as {column.unit} the machine drives {speeds[column.unit]:.3g} km/h"
+    if column.is_assumed and fitting:
+        return fitting[0], f"time: {column.column} taken as {fitting[0]}: {speeds[fitting[0]]:.1f} km/h"
+    if column.is_given or 0.2 < speeds[column.unit] < 50.0:
+        return column.unit, f"time: {by}"
+    better = f"time: {{unit: {fitting[0]}}}" if fitting else "time: null, for records one after the other"
+    known = "expected a clock of seconds, milliseconds, hours, days or HHMMSS"
+    raise InputError("time", by, f"{known}; say it with --columns MAP.yaml, in it {better}", file=path)
+
+
+def _median(values: Array) -> float:
+    """Of the positive ones; nan where there are too few."""
+    values = values[np.isfinite(values) & (values > 0.0)]
+    return float(np.median(values)) if len(values) >= FEWEST else np.nan
+
+
+def _positive(values: Array) -> Array:
+    return np.where(values > 0.0, values, np.nan)

@@ -1,0 +1,79 @@
+"""Ctrl-C and SIGTERM to all processes of a group: nothing but one line of the driver is printed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+BATCH = """
+import signal, sys, swath
+signal.signal(signal.SIGINT, lambda *_: sys.exit(9))
+signal.signal(signal.SIGTERM, lambda *_: sys.exit(9))
+if __name__ == "__main__":
+    sets = ["combine.lidar.level=empirical", "run.distance_m=200", "run.max_duration_s=200", "expect={}"]
+    runs = [{"scenario": "straight", "sets": sets, "seed": s, "out": f"out/{s}"} for s in (1, 2, 3, 4)]
+    print("up", flush=True)
+    for run in swath.batch(runs, processes=2):
+        print(run.index, run.error)
+"""
+TEST = [sys.executable, "-m", "swath", "test", "run", "straight-clean", "--workers", "2", "--out", "out"]
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="process groups of POSIX")
+
+
+def started(folder, words):
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with (folder / "said").open("wb") as said:
+        return subprocess.Popen(
+            words, cwd=folder, env=env, start_new_session=True, stdout=said, stderr=subprocess.STDOUT
+        )
+
+
+def members(group):
+    """Processes of a group, but for its leader."""
+    words = ["ps", "-o", "pid=", "-g", str(group)]
+    listed = subprocess.run(words, capture_output=True, text=True, check=False)
+    return [int(n) for n in listed.stdout.split() if int(n) != group]
+
+
+def wait_for(condition, seconds=90.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=lambda n: n.name)
+@pytest.mark.parametrize("moment", ["starting", "running"])
+@pytest.mark.parametrize("which", ["test", "batch"])
+def test_the_workers_of_a_stopped_group_say_nothing(tmp_path, which, moment, number):
+    (tmp_path / "runs.py").write_text(BATCH)
+    driver = started(tmp_path, TEST if which == "test" else [sys.executable, "runs.py"])
+    try:
+        wait_for(lambda: len(members(driver.pid)) >= 3)  # two workers and what counts the resources
+        if moment == "running":
+            journals = "out/**/worker-*" if which == "test" else "out/*/run.mcap*"
+            wait_for(lambda: list(tmp_path.glob(journals)))
+        os.killpg(driver.pid, number)
+        assert driver.wait(60) == (9 if which == "batch" else 128 + number)
+        said = (tmp_path / "said").read_text()
+        assert "Traceback" not in said
+        assert said.splitlines()[-1] == ("up" if which == "batch" else "swath: stopped")
+        wait_for(lambda: not members(driver.pid), 10.0)
+    finally:
+        if driver.poll() is None:
+            os.killpg(driver.pid, signal.SIGKILL)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=lambda n: n.name)
+def test_a_run_of_a_stopped_batch_is_marked_incomplete(tmp_path, number):
+    (tmp_path / "runs.py").write_text(BATCH)
+    driver = started(tmp_path, [sys.executable, "runs.py"])
+    wait_for(lambda: sum(f.stat().st_size > 0 for f in tmp_path.glob("out/*/run.mcap")) >= 2)
+    os.killpg(driver.pid, number)
+    driver.wait(60)
+    wait_for(lambda: not members(driver.pid), 10.0)
+    for folder in (tmp_path / "out").iterdir():
+        assert '"incomplete": true' in (folder / "summary.json").read_text()
