@@ -1,8 +1,9 @@
 """Waiting places: where each machine stands at the start, at the end, and a cart between two loads.
 
-They are along the outer edge of open ground, where they take least of it. Every place has a way in and a way out, searched with all places before it taken: to and from the field's
-gate, and the truck for who empties there. Their ground is kept clear of all later places, so that nobody
-who waits is ever in the way of another; what else stands in a yard is not known here.
+They are along the outer edge of open ground, where they take least of it. Every place has a way in and a way
+out, to and from the field's gate, and the truck for who empties there, searched with all places before it
+taken. The ground of these ways is kept clear of later places, so that nobody who waits is in the way of
+another. Who drives or stands elsewhere in a yard is not looked at here.
 """
 
 import math
@@ -24,15 +25,17 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Params:
     """ring_m: around the field in which nobody waits; dock_m, clear_m: before and behind the truck, and a
-    waiting place, that are kept clear; body_m: that the outline of who waits is wider; wide_m: that a way
-    keeps off machines that stand, more than a cell of the search and two gaps of bodies; edge_m: that it stands
-    off the outer edge of open ground; spots_m: between spots that are looked at; tries: of them that a way is searched to;
-    poses: that such a search looks at, so that a place is one to which a way is found fast
+    waiting place, that are kept clear; gate_m: from the field to who passes the gate; body_m: that the
+    outline of who waits is wider; wide_m: that a way keeps off machines that stand, more than a cell of the
+    search and two gaps of bodies; edge_m: that a place is off the outer edge; spots_m: between places that
+    are looked at; tries: of them that ways are searched to; poses: that such a search looks at, so that a
+    place is one to which a way is found fast
     """
 
     ring_m: float = 14.0
     dock_m: float = 25.0
     clear_m: float = 14.0
+    gate_m: float = 7.0
     body_m: float = 0.3
     wide_m: float = 0.5
     edge_m: float = 0.7
@@ -104,8 +107,8 @@ def _places(ground: Ground, bare: Any, clear: Any, body: Body) -> Iterator[Place
         )
         for (x, y), (u, v) in zip(here.tolist(), (ahead - before).tolist(), strict=True):
             far = round(math.dist((x, y), ground.gate), 3)
-            for heading in (math.atan2(v, u), math.atan2(-v, -u)):
-                spots.append((far, Place(x, y, heading, heading)))
+            turns = (math.atan2(v, u), math.atan2(-v, -u))
+            spots += [(far, Place(x, y, heading, heading)) for heading in turns]
     count = 0
     for _, place in sorted(spots):
         if fits(bare, body, place) and shapely.contains(clear, _runs(body, place)).all():
@@ -118,23 +121,28 @@ def _places(ground: Ground, bare: Any, clear: Any, body: Body) -> Iterator[Place
 def _ways(ground: Ground, finder: Finder, m: Waits, place: Place, taken: Sequence[Any]) -> list[Track] | None:
     """Ways of a machine from a place and to it, None where one is missing."""
     out: list[Track] = []
-    along = ground.dock.heading + 0.5 * math.pi  # from the gate to the truck
-    x, y = ground.gate[0] + 7.0 * math.cos(along), ground.gate[1] + 7.0 * math.sin(along)
-    gate = [Place(x, y, along + turn, along + turn) for turn in (0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi)]
-    for goals in (gate, [m.dock] if m.dock is not None else []):
+    groups = [at_gate(ground)] + ([[m.dock]] if m.dock is not None else [])
+    for goals in groups:
         for ends in ([(place, g) for g in goals], [(g, place) for g in goals]):
-            for start, goal in ends:
-                way = finder.find(
+            ways = (
+                finder.find(
                     ground.free_from, m.body, m.drive, start, goal, version=ground.version, stand=taken,
                     in_line=True, most=PARAMS.poses,
-                )  # fmt: skip
-                if way is not None:
-                    out.append(way)
-                    break
-            else:
-                if goals:
-                    return None
+                )
+                for start, goal in ends
+            )  # fmt: skip
+            way = next((w for w in ways if w is not None), None)
+            if way is None:
+                return None
+            out.append(way)
     return out
+
+
+def at_gate(ground: Ground) -> list[Place]:
+    """Places at the gate, in each direction: a machine passes in one of them at least."""
+    along = ground.dock.heading + 0.5 * math.pi  # from the gate to the truck
+    x, y = ground.gate[0] + PARAMS.gate_m * math.cos(along), ground.gate[1] + PARAMS.gate_m * math.sin(along)
+    return [Place(x, y, along + turn, along + turn) for turn in (0.5 * math.pi, -0.5 * math.pi, 0.0, math.pi)]
 
 
 def _swept(way: Track, body: Body) -> Any:
