@@ -68,6 +68,17 @@ def test_a_combine_backs_out_of_a_dead_end_and_a_cart_cannot():
     assert finder.find(free, CART, TOWS, start, goal, version=0) is None
 
 
+@pytest.mark.parametrize("goal", [(60.0, 62.0, math.pi), (75.0, 30.0, -math.pi / 2), (20.0, 40.0, 0.0)])
+def test_a_trailer_that_has_to_be_in_line_comes_straight_to_the_goal_at_once(goal):
+    free, finder = ground()
+    end = Place(*goal, goal[2])
+    way = finder.find(free, CART, TOWS, Place(40.0, 40.0, 0.0, 0.0), end, version=0, in_line=True, most=200)
+    x, y, heading, trailer = way.places[-1]
+    assert (x, y) == pytest.approx(goal[:2], abs=1e-6)
+    assert math.cos(heading - goal[2]) == pytest.approx(1.0)
+    assert math.cos(trailer - heading) > math.cos(math.radians(6.0))
+
+
 def test_a_trailer_settles_on_the_circle_of_the_tractrix():
     radius, hitch, drawbar = 15.0, CART.hitch, CART.drawbar
     track = driven(Place(0.0, 0.0, 0.0, 0.0), [(1.0 / radius, 200.0)], CART, spacing=0.05)

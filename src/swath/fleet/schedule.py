@@ -662,7 +662,7 @@ class _Scheduler:
         whole, dock_at = path, -1
         if empties:
             dock = self.cart_dock(k.spec)
-            way = self.way(name, body, drive, here, dock, time, other)
+            way = self.way(name, body, drive, here, dock, time, other, in_line=True)
             if way is None:
                 return None
             whole = _behind(whole, segments(way, times_along(way, drive), body, "to truck"))
