@@ -188,26 +188,32 @@ auto angle_of = [&](D a) { a = a - 2.0 * PI * floor(a / (2.0 * PI)); return a > 
 int count = 0, best_node = -1, best_word = 0, popped = 0, found_at = 0;
 D best_cost = 1e18, best_parts[4] = {0.0, 0.0, 0.0, 0.0};
 const D bends[4][3] = {{1, 0, 1}, {-1, 0, -1}, {1, 0, -1}, {-1, 0, 1}};
-// the free Dubins path from a node to the goal, or to where it comes straight to the goal, the shortest of four words
-auto shoot_to = [&](int n, D run_in) {
-  const D* q0 = nodes + ROW * n;
-  const D dx = m[6] - run_in * m[8] - q0[0], dy = m[7] - run_in * m[9] - q0[1], way = atan2(dy, dx), d = __builtin_sqrt(dx * dx + dy * dy) / radius;
-  const D a = angle_of(atan2(q0[3], q0[2]) - way), b = angle_of(atan2(m[9], m[8]) - way);
+// the parts [m] of a Dubins path of one of four words to the goal, or to a run-in before it; false where there is none
+auto word_to = [&](D x, D y, D c, D s, D run_in, int word, D* parts) {
+  const D dx = m[6] - run_in * m[8] - x, dy = m[7] - run_in * m[9] - y, way = atan2(dy, dx), d = __builtin_sqrt(dx * dx + dy * dy) / radius;
+  const D a = angle_of(atan2(s, c) - way), b = angle_of(atan2(m[9], m[8]) - way);
   const D sa = sin(a), sb = sin(b), ca = cos(a), cb = cos(b), cab = cos(a - b);
+  D square, t, q;
+  if (word == 0) square = 2.0 + d * d - 2.0 * cab + 2.0 * d * (sa - sb);
+  else if (word == 1) square = 2.0 + d * d - 2.0 * cab + 2.0 * d * (sb - sa);
+  else if (word == 2) square = -2.0 + d * d + 2.0 * cab + 2.0 * d * (sa + sb);
+  else square = -2.0 + d * d + 2.0 * cab - 2.0 * d * (sa + sb);
+  if (square < -1e-9) return false;
+  if (square < 0.0) square = 0.0;
+  const D p = __builtin_sqrt(square);
+  if (word == 0) { const D e = atan2(cb - ca, d + sa - sb); t = angle_of(e - a); q = angle_of(b - e); }
+  else if (word == 1) { const D e = atan2(ca - cb, d - sa + sb); t = angle_of(a - e); q = angle_of(e - b); }
+  else if (word == 2) { const D e = atan2(-ca - cb, d + sa + sb) - atan2(-2.0, p); t = angle_of(e - a); q = angle_of(e - b); }
+  else { const D e = atan2(ca + cb, d - sa - sb) - atan2(2.0, p); t = angle_of(a - e); q = angle_of(b - e); }
+  parts[0] = t * radius; parts[1] = p * radius; parts[2] = q * radius; parts[3] = run_in;
+  return true;
+};
+const D run_in_line = has_trailer && tolerance > -1.0 ? RUN_IN * drawbar : 0.0;
+auto shoot_to = [&](int n, D run_in) {  // the shortest of the four that is free
+  const D* q0 = nodes + ROW * n;
   for (int word = 0; word < 4; ++word) {
-    D square, t, p, q;
-    if (word == 0) square = 2.0 + d * d - 2.0 * cab + 2.0 * d * (sa - sb);
-    else if (word == 1) square = 2.0 + d * d - 2.0 * cab + 2.0 * d * (sb - sa);
-    else if (word == 2) square = -2.0 + d * d + 2.0 * cab + 2.0 * d * (sa + sb);
-    else square = -2.0 + d * d + 2.0 * cab - 2.0 * d * (sa + sb);
-    if (square < -1e-9) continue;
-    if (square < 0.0) square = 0.0;
-    p = __builtin_sqrt(square);
-    if (word == 0) { const D e = atan2(cb - ca, d + sa - sb); t = angle_of(e - a); q = angle_of(b - e); }
-    else if (word == 1) { const D e = atan2(ca - cb, d - sa + sb); t = angle_of(a - e); q = angle_of(e - b); }
-    else if (word == 2) { const D e = atan2(-ca - cb, d + sa + sb) - atan2(-2.0, p); t = angle_of(e - a); q = angle_of(e - b); }
-    else { const D e = atan2(ca + cb, d - sa - sb) - atan2(2.0, p); t = angle_of(a - e); q = angle_of(b - e); }
-    const D parts[4] = {t * radius, p * radius, q * radius, run_in};
+    D parts[4];
+    if (!word_to(q0[0], q0[1], q0[2], q0[3], run_in, word, parts)) continue;
     const D cost = q0[6] + (q0[AT_WAY] < 0.0 ? shift : 0.0) + (parts[0] + parts[2]) / turning + (parts[1] + run_in) / straight;
     if (cost >= best_cost - 1e-6) continue;
     State at = {q0[0], q0[1], q0[2], q0[3], q0[4], q0[5]};
@@ -226,9 +232,18 @@ auto shoot_to = [&](int n, D run_in) {
 };
 auto shoot = [&](int n) {  // a trailer that has to be in line behind a bend comes in line on a straight
   shoot_to(n, 0.0);
-  if (has_trailer && tolerance > -1.0) shoot_to(n, RUN_IN * drawbar);
+  if (run_in_line > 0.0) shoot_to(n, run_in_line);
 };
-auto estimate = [&](const State& q) { return (D)far[coarse_of(q.x, q.y)] / straight * WEIGHT; };
+// the time to the goal: on the grid, or of who cannot reverse along the shortest Dubins path, whichever is longer
+auto estimate = [&](const State& q) {
+  const D on_grid = far[coarse_of(q.x, q.y)];
+  if (reverses || on_grid < 0.0) return on_grid / straight * WEIGHT;
+  D least = 1e18, parts[4];
+  for (int word = 0; word < 4; ++word)
+    if (word_to(q.x, q.y, q.c, q.s, run_in_line, word, parts)) { const D t = (parts[0] + parts[2]) / turning + (parts[1] + parts[3]) / straight; if (t < least) least = t; }
+  const D alone = on_grid / straight * WEIGHT;
+  return least < 1e17 && least > alone ? least : alone;
+};
 auto bin_of = [&](const State& q) {
   const int i = (int)((q.x - west) / BIN), j = (int)((q.y - south) / BIN);
   const int wide = (int)(nx * cell / BIN) + 1, high = (int)(ny * cell / BIN) + 1;
