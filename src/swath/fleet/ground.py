@@ -68,7 +68,8 @@ class Frame:
 
 
 class Ground:
-    """field: crop at the start; open: may be driven on, crop or not; remaining: crop that no pass has been
+    """field: crop at the start; open: may be driven on, crop or not; around: the
+    outlines and the strip around them; remaining: crop that no pass has been
     given, all shapely, in the field's frame; dock: where a cart's box stands to empty, its truck to its left;
     gate: where the way to the truck leaves the field [m]; truck: the truck's outline; free_from: of each
     cell, the time from which it is free of crop [s], see `Finder.find`
@@ -89,6 +90,7 @@ class Ground:
         self.truck_place = self.dock.ahead(0.0, PARAMS.truck_m)
         self.truck = shapely.polygons(truck.outlines(np.array([self.truck_place]))[0, 0])
         around = shapely.union_all(parts).buffer(job.field.around_m, join_style="mitre", mitre_limit=2.0)
+        self.around = around
         self.open = shapely.difference(
             shapely.union_all([around, *self._yards(shapely, place)]), shapely.union_all([holes, self.truck])
         )

@@ -1,6 +1,6 @@
 """Waiting places: where each machine stands at the start, at the end, and a cart between two loads.
 
-They are along the outer edge of open ground, where they take least of it. Every place has a way in and a way
+They are along the outer edge of open ground but for the strip around the field, which is a way. Every place has a way in and a way
 out, to and from the field's gate, and the truck for who empties there, searched with all places before it
 taken. The ground of these ways is kept clear of later places, so that nobody who waits is in the way of
 another. Who drives or stands elsewhere in a yard is not looked at here.
@@ -24,22 +24,19 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """ring_m: around the field in which nobody waits; dock_m, clear_m: before and behind the truck, and a
-    waiting place, that are kept clear; gate_m: from the field to who passes the gate; body_m: that the
+    """dock_m: before and behind the truck, kept clear; gate_m: from the field to who passes the gate; body_m: that the
     outline of who waits is wider; wide_m: that a way keeps off machines that stand, more than a cell of the
     search and two gaps of bodies; edge_m: that a place is off the outer edge; spots_m: between places that
     are looked at; tries: of them that ways are searched to; poses: that such a search looks at, so that a
     place is one to which a way is found fast
     """
 
-    ring_m: float = 14.0
     dock_m: float = 25.0
-    clear_m: float = 14.0
     gate_m: float = 7.0
     body_m: float = 0.3
     wide_m: float = 0.5
-    edge_m: float = 0.7
-    spots_m: float = 4.0
+    edge_m: float = 2.0
+    spots_m: float = 5.0
     tries: int = 60
     poses: int = 3000
 
@@ -64,8 +61,7 @@ def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) ->
     InputError where there is none.
     """
     shapely = shapely_here()
-    clear = shapely.difference(ground.open, ground.field.buffer(0.5))
-    bare = shapely.difference(clear, ground.field.buffer(PARAMS.ring_m))
+    bare = shapely.difference(ground.open, ground.around)
     for m in machines:
         if m.dock is not None:
             lane = [run_of(m.body, m.dock, ahead, 3.0) for ahead in (PARAMS.dock_m, -PARAMS.dock_m)]
@@ -73,9 +69,9 @@ def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) ->
     taken: list[Any] = []
     places: dict[str, Place] = {}
     for m in sorted(machines, key=lambda m: -m.body.length_behind):
-        shapely.prepare([bare, clear])
+        shapely.prepare(bare)
         found = None
-        for place in _places(ground, bare, clear, m.body):
+        for place in _places(ground, bare, m.body):
             found = _ways(ground, finder, m, place, taken)
             if found is not None:
                 break
@@ -85,15 +81,14 @@ def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) ->
         places[m.name] = place
         taken.append(run_of(m.body, place, 0.0, WIDE))
         own = run_of(m.body, place, 0.0, 2.0)
-        clear = shapely.difference(clear, own)
-        used = [own, *_runs(m.body, place), *(_swept(t, m.body) for t in found)]
+        used = [own, *(_swept(t, m.body) for t in found)]
         bare = shapely.difference(bare, shapely.union_all(used))
     return [places[m.name] for m in machines]
 
 
-def _places(ground: Ground, bare: Any, clear: Any, body: Body) -> Iterator[Place]:
-    """Places along the outer edge of open ground, the nearest to the gate first, where a body is clear and
-    the ground straight before and behind it; not too many.
+def _places(ground: Ground, bare: Any, body: Body) -> Iterator[Place]:
+    """Places along the outer edge of open ground, the nearest to the gate first, where a body has room;
+    not too many.
     """
     shapely = shapely_here()
     inside = shapely.buffer(ground.open, -(body.half_width + PARAMS.edge_m))
@@ -111,7 +106,7 @@ def _places(ground: Ground, bare: Any, clear: Any, body: Body) -> Iterator[Place
             spots += [(far, Place(x, y, heading, heading)) for heading in turns]
     count = 0
     for _, place in sorted(spots):
-        if fits(bare, body, place) and shapely.contains(clear, _runs(body, place)).all():
+        if fits(bare, body, place):
             yield place
             count += 1
             if count == PARAMS.tries:
@@ -157,12 +152,6 @@ def run_of(body: Body, place: Place, ahead: float, gap: float = 0.3) -> Any:
     shapely = shapely_here()
     outlines = body.outlines(np.array([place, place.ahead(ahead)]), gap)
     return shapely.convex_hull(shapely.multipoints(outlines.reshape(-1, 2)))
-
-
-def _runs(body: Body, place: Place) -> list[Any]:
-    """What has to be clear so that a machine comes forwards to its waiting place, and away."""
-    both = (PARAMS.clear_m, -PARAMS.clear_m) if body.has_trailer else (-PARAMS.clear_m,)  # it backs out
-    return [run_of(body, place, ahead) for ahead in both]
 
 
 def fits(area: Any, body: Body, place: Place) -> bool:
