@@ -24,12 +24,14 @@ GRAIN = 1e-4  # m, that places in the frame are rounded to, so that turning a fi
 @dataclass(frozen=True)
 class Params:
     """yard_m: radius of open ground at the truck and where the way to it leaves the field; road_m: half width
-    of that way; truck_m: from the middle of a cart to that of the truck beside it. Estimates from yards seen.
+    of that way; truck_m: from the middle of a cart to that of the truck beside it; rough_m: that a pass
+    may lead over the edge, the gap around bodies and rounding. Estimates from yards seen.
     """
 
     yard_m: float = 45.0
     road_m: float = 10.0
     truck_m: float = 4.5
+    rough_m: float = 0.25
 
 
 PARAMS = Params()
@@ -69,7 +71,7 @@ class Frame:
 
 class Ground:
     """field: crop at the start; open: may be driven on, crop or not; around: the
-    outlines and the strip around them; remaining: crop that no pass has been
+    outlines and the strip around them; rough: open and a little over its edge; remaining: crop that no pass has been
     given, all shapely, in the field's frame; dock: where a cart's box stands to empty, its truck to its left;
     gate: where the way to the truck leaves the field [m]; truck: the truck's outline; free_from: of each
     cell, the time from which it is free of crop [s], see `Finder.find`
@@ -98,7 +100,8 @@ class Ground:
         self.west, self.south = math.floor(west) - 2.0, math.floor(south) - 2.0
         self.shape: tuple[int, int] = int((east - self.west) / CELL) + 5, int((north - self.south) / CELL) + 5
         self.free_from = self._raster(shapely)
-        shapely.prepare(self.open)
+        self.rough = self.open.buffer(PARAMS.rough_m)
+        shapely.prepare([self.open, self.rough])
 
     def _yards(self, shapely: Any, place: Array) -> list[Any]:
         yards = [shapely.Point(p).buffer(PARAMS.yard_m) for p in (place, self.gate)]

@@ -321,6 +321,8 @@ class _Scheduler:
         strips = _strips(task, c.spec.width, marks)
         areas = self.ground.crop_in(strips)
         cut = segments(run, run.distance, c.spec.body, "cut", marks)
+        if not shapely_here().contains(self.ground.rough, cut.swept).all():
+            return None  # its body would be in a hole or off open ground
         length = np.diff(marks)
         speed = [c.spec.speed_in(a * self.density / d) for a, d in zip(areas, length, strict=True)]
         cut.spent = length / np.array(speed)
