@@ -40,7 +40,7 @@ def test_a_field_that_is_turned_and_moved_takes_the_same_time():
     assert schedule_of(turned).ends == pytest.approx(schedule_of(job).ends, rel=0.002)
 
 
-def test_a_dispatcher_of_ones_own_takes_the_place_of_the_built_in_one(tmp_path):
+def test_a_dispatcher_of_ones_own_takes_the_place_of_the_built_in_one(tmp_path, code_allowed):
     (tmp_path / "mine.py").write_text(
         "class Never:\n"
         "    def decide(self, state):\n"

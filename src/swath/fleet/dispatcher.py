@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from swath.core.errors import InputError
-from swath.core.foreign_code import need_allowed
+from swath.core.foreign_code import load_python
 
 
 @dataclass(frozen=True)
@@ -77,20 +77,10 @@ def dispatcher_of(name: str, base: Path | None) -> Dispatcher:
 
 
 def _own(name: str, base: Path | None) -> Any:
-    from importlib.util import module_from_spec, spec_from_file_location
-
-    need_allowed("fleet.dispatcher", name, base)
     file, colon, kind = name.partition(":")
-    path = Path(file) if base is None or Path(file).is_absolute() else base / file
-    if not colon or path.suffix != ".py" or not path.is_file():
-        raise InputError(
-            "fleet.dispatcher", name, "expected `greedy` or `file.py:Class`, a file that is there"
-        )
-    spec = spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
+    if not colon or not file.endswith(".py"):
+        raise InputError("fleet.dispatcher", name, "expected `greedy` or `file.py:Class`")
+    module = load_python("fleet.dispatcher", name, base)
     if not hasattr(module, kind):
-        raise InputError("fleet.dispatcher", name, f"expected a class {kind} in {path.name}")
+        raise InputError("fleet.dispatcher", name, f"expected a class {kind} in {file}")
     return getattr(module, kind)()
