@@ -71,8 +71,9 @@ class Frame:
 
 class Ground:
     """field: crop at the start; open: may be driven on, crop or not; around: the
-    outlines and the strip around them; rough: open and a little over its edge; remaining: crop that no pass has been
-    given, all shapely, in the field's frame; dock: where a cart's box stands to empty, its truck to its left;
+    outlines and the strip around them; rough: open and a little over its edge; remaining: crop that no pass
+    has been given, all shapely, in the field's frame; dock: where a cart's box stands to empty, its truck to
+    its left;
     gate: where the way to the truck leaves the field [m]; truck: the truck's outline; free_from: of each
     cell, the time from which it is free of crop [s], see `Finder.find`
     """

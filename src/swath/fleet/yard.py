@@ -1,9 +1,9 @@
 """Waiting places: where each machine stands at the start, at the end, and a cart between two loads.
 
-They are along the outer edge of open ground but for the strip around the field, which is a way. Every place has a way in and a way
-out, to and from the field's gate, and the truck for who empties there, searched with all places before it
-taken. The ground of these ways is kept clear of later places, so that nobody who waits is in the way of
-another. Who drives or stands elsewhere in a yard is not looked at here.
+They are along the outer edge of open ground but for the strip around the field, which is a way. Every place
+has a way in and a way out, to and from the field's gate, and the truck for who empties there, searched with
+all places before it taken. The ground of these ways is kept clear of later places, so that nobody who waits
+is in the way of another. Who drives or stands elsewhere in a yard is not looked at here.
 """
 
 import math
@@ -24,11 +24,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """dock_m: before and behind the truck, kept clear; gate_m: from the field to who passes the gate; body_m: that the
-    outline of who waits is wider; wide_m: that a way keeps off machines that stand, more than a cell of the
-    search and two gaps of bodies; edge_m: that a place is off the outer edge; spots_m: between places that
-    are looked at; tries: of them that ways are searched to; poses: that such a search looks at, so that a
-    place is one to which a way is found fast
+    """dock_m: before and behind the truck, kept clear; gate_m: from the field to who passes the gate;
+    body_m: that the outline of who waits is wider; wide_m: that a way keeps off machines that stand, more
+    than a cell of the search and two gaps of bodies; edge_m: that a place is off the outer edge; spots_m:
+    between places that are looked at; tries: of them that ways are searched to; poses: that such a search
+    looks at, so that a place is one to which a way is found fast
     """
 
     dock_m: float = 25.0
