@@ -1,0 +1,247 @@
+"""The ground of a field: outlines, holes, what may be driven on around, what is cut when.
+
+All is in a frame of the field itself: its longest side is the x axis, from its first corner, so that nothing
+depends on how the field lies on the map.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError, MissingExtra
+from swath.fleet.bodies import Body, Place
+from swath.fleet.files import JobFile
+
+Array = NDArray[np.float64]
+CELL = 0.5  # m, of the grid of free ground
+TAKEN, CLOSED, BARE, STANDING = -3.0, -2.0, -1.0, 1e18  # of a cell, as in search.cpp
+GRAIN = 1e-4  # m, that places in the frame are rounded to, so that turning a field changes no decision
+
+
+@dataclass(frozen=True)
+class Params:
+    """yard_m: radius of open ground at the truck and where the way to it leaves the field; road_m: half width
+    of that way; truck_m: from the middle of a cart to that of the truck beside it; rough_m: that a pass
+    may lead over the edge, the gap around bodies and rounding. Estimates from yards seen.
+    """
+
+    yard_m: float = 45.0
+    road_m: float = 10.0
+    truck_m: float = 4.5
+    rough_m: float = 0.25
+
+
+PARAMS = Params()
+
+
+def shapely_here() -> Any:
+    """The module shapely, of the extra `geo`."""
+    try:
+        import shapely
+    except ImportError:
+        raise MissingExtra("plans of fields", "geo") from None
+    return shapely
+
+
+@dataclass(frozen=True)
+class Frame:
+    """From the map to the field: origin [m], direction of the x axis [rad]."""
+
+    x: float
+    y: float
+    direction: float
+
+    def to_field(self, points: Any) -> Array:
+        """Points (n, 2) of the map in the field's frame, rounded."""
+        c, s = math.cos(self.direction), math.sin(self.direction)
+        d = np.asarray(points, float) - (self.x, self.y)
+        return (
+            np.round(np.column_stack([c * d[:, 0] + s * d[:, 1], c * d[:, 1] - s * d[:, 0]]) / GRAIN) * GRAIN
+        )
+
+    def to_map(self, points: Any) -> Array:
+        """Points (n, 2) of the frame on the map."""
+        c, s = math.cos(self.direction), math.sin(self.direction)
+        p = np.asarray(points, float)
+        return np.column_stack([self.x + c * p[:, 0] - s * p[:, 1], self.y + s * p[:, 0] + c * p[:, 1]])
+
+
+class Ground:
+    """field: crop at the start; open: may be driven on, crop or not; around: the
+    outlines and the strip around them; rough: open and a little over its edge; remaining: crop that no pass
+    has been given, all shapely, in the field's frame; dock: where a cart's box stands to empty, its truck to
+    its left;
+    gate: where the way to the truck leaves the field [m]; truck: the truck's outline; free_from: of each
+    cell, the time from which it is free of crop [s], see `Finder.find`
+    """
+
+    def __init__(self, job: JobFile, truck: Body) -> None:
+        shapely = shapely_here()
+        self.frame = frame_of(job)
+        outlines = [job.field.boundary_m, *job.field.parts_m]
+        parts = [_polygon(ring, self.frame, "field.boundary_m") for ring in outlines]
+        holes = shapely.union_all([_polygon(r, self.frame, "field.holes_m") for r in job.field.holes_m])
+        self.holes = holes
+        self.field = shapely.difference(shapely.union_all(parts), holes)
+        self.remaining = self.field
+        self.version = 0
+        place = self.frame.to_field([(job.truck.x_m, job.truck.y_m)])[0]
+        self.gate, self.dock = _at_truck(shapely, self.field, holes, place, truck, job)
+        self.truck_place = self.dock.ahead(0.0, PARAMS.truck_m)
+        self.truck = shapely.polygons(truck.outlines(np.array([self.truck_place]))[0, 0])
+        around = shapely.union_all(parts).buffer(job.field.around_m, join_style="mitre", mitre_limit=2.0)
+        self.around = around
+        self.open = shapely.difference(
+            shapely.union_all([around, *self._yards(shapely, place)]), shapely.union_all([holes, self.truck])
+        )
+        west, south, east, north = self.open.bounds
+        self.west, self.south = math.floor(west) - 2.0, math.floor(south) - 2.0
+        self.shape: tuple[int, int] = int((east - self.west) / CELL) + 5, int((north - self.south) / CELL) + 5
+        self.free_from = self._raster(shapely)
+        self.rough = self.open.buffer(PARAMS.rough_m)
+        shapely.prepare([self.open, self.rough])
+
+    def _yards(self, shapely: Any, place: Array) -> list[Any]:
+        yards = [shapely.Point(p).buffer(PARAMS.yard_m) for p in (place, self.gate)]
+        road = shapely.LineString([self.gate, place]) if math.dist(self.gate, place) > 1.0 else None
+        return yards if road is None else [*yards, road.buffer(PARAMS.road_m)]
+
+    def _raster(self, shapely: Any) -> NDArray[np.float32]:
+        self.x, self.y = (
+            low + CELL * (np.arange(n) + 0.5)
+            for low, n in zip((self.west, self.south), self.shape, strict=True)
+        )
+        x, y = np.meshgrid(self.x, self.y, indexing="ij")
+        free = np.full(self.shape, CLOSED, np.float32)
+        for area, value in ((self.open, BARE), (self.field, STANDING)):
+            shapely.prepare(area)
+            free[shapely.contains_xy(area, x, y)] = value
+        self.edge = self._edge(shapely, x, y, free == CLOSED)
+        return free
+
+    @staticmethod
+    def _far(closed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Cells more than 2 m from any cell of the other kind."""
+        near = np.zeros_like(closed)
+        reach = int(2.0 / CELL)
+        for axis in (0, 1):
+            changes = np.diff(closed.astype(np.int8), axis=axis) != 0
+            rows = np.insert(changes, 0, False, axis=axis) | np.insert(
+                changes, changes.shape[axis], False, axis=axis
+            )
+            for shift in range(-reach, reach + 1):
+                near |= np.roll(rows, shift, axis=axis)
+        for shift in range(-reach, reach + 1):
+            near |= np.roll(near, shift, axis=1)
+        return ~near
+
+    def _edge(self, shapely: Any, x: Array, y: Array, closed: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Distance of each cell's middle to closed ground, < 0 in it; 9 beyond 2 m [m]."""
+        edge = np.where(closed, -9.0, 9.0).astype(np.float32)
+        near = ~self._far(closed)
+        line = shapely.boundary(self.open)
+        shapely.prepare(line)
+        away = shapely.distance(line, shapely.points(x[near], y[near]))
+        edge[near] = np.where(closed[near], -away, away)
+        return edge
+
+    def cut(self, strips: Any, times: Array) -> Array:
+        """Cut strips, polygons (n,), each at a time [s]: their crop leaves `remaining`, its areas [m2],
+        (n,).
+        """
+        shapely = shapely_here()
+        whole = shapely.union_all(strips)
+        areas = self.crop_in(strips)
+        before = self.remaining.area
+        self.remaining = shapely.difference(self.remaining, whole)
+        gone = before - self.remaining.area
+        for strip, time in zip(strips, times.tolist(), strict=True):
+            wide = shapely.buffer(strip, 0.25 * CELL, join_style="mitre")
+            i, j, inside = cells_of(wide, self.west, self.south, CELL, self.shape)
+            part = self.free_from[i, j]
+            part[inside & (part > time)] = time
+        self.version += 1
+        total = float(areas.sum())
+        return areas * (gone / total) if total > 0.0 else areas
+
+    def crop_in(self, strips: Any) -> Array:
+        """Crop of `remaining` in strips, polygons (n,) [m2]."""
+        shapely = shapely_here()
+        near = shapely.intersection(self.remaining, shapely.union_all(strips))
+        return np.asarray(shapely.area(shapely.intersection(near, strips)))
+
+    def is_free(self, areas: Any, time: float) -> NDArray[np.bool_]:
+        """Whether polygons (n,) lie on open ground where no crop stands at a time [s]."""
+        shapely = shapely_here()
+        free = np.atleast_1d(shapely.contains(self.open, areas))
+        for n, area in enumerate(np.atleast_1d(areas)):
+            if free[n]:
+                i, j, inside = cells_of(area, self.west, self.south, CELL, self.shape)
+                free[n] = bool((self.free_from[i, j][inside] <= time).all())
+        return free
+
+
+def cells_of(
+    area: Any, west: float, south: float, cell: float, shape: tuple[int, int]
+) -> tuple[slice, slice, NDArray[np.bool_]]:
+    """Cells about a polygon: their rows and columns, and whose middles are in it."""
+    low_x, low_y, high_x, high_y = area.bounds
+    i, j = (
+        slice(max(int((low - at) / cell) - 1, 0), min(int((high - at) / cell) + 2, n))
+        for low, high, at, n in ((low_x, high_x, west, shape[0]), (low_y, high_y, south, shape[1]))
+    )
+    x, y = west + cell * (np.arange(i.start, i.stop) + 0.5), south + cell * (np.arange(j.start, j.stop) + 0.5)
+    return i, j, shapely_here().contains_xy(area, *np.meshgrid(x, y, indexing="ij"))
+
+
+def frame_of(job: JobFile) -> Frame:
+    """The frame of a job's field: the longest side of all outlines is the x axis, the field to its left.
+
+    Of sides of one length the one that is nearest to the truck, so that it does not matter where a ring
+    begins.
+    """
+    best: tuple[float, float, Frame] | None = None
+    truck = np.array([job.truck.x_m, job.truck.y_m])
+    for ring in (job.field.boundary_m, *job.field.parts_m):
+        points = _anticlockwise(np.asarray(ring, float))
+        for a, b in zip(points, np.roll(points, -1, axis=0), strict=True):
+            side = float(np.hypot(*(b - a)))
+            far = float(np.hypot(*(0.5 * (a + b) - truck)))
+            if best is None or side > best[0] + 0.01 or (side > best[0] - 0.01 and far < best[1] - 0.01):
+                best = side, far, Frame(float(a[0]), float(a[1]), math.atan2(*(b - a)[::-1]))
+    assert best is not None
+    return best[2]
+
+
+def _anticlockwise(points: Array) -> Array:
+    x, y = (points - points[0]).T
+    area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    return points if area > 0.0 else points[::-1]
+
+
+def _polygon(ring: Any, frame: Frame, key: str) -> Any:
+    shapely = shapely_here()
+    polygon = shapely.Polygon(frame.to_field(ring))
+    if not polygon.is_valid or polygon.area < 1.0:
+        raise InputError(key, f"{len(ring)} points", "expected an outline that does not cross itself")
+    return polygon
+
+
+def _at_truck(
+    shapely: Any, field: Any, holes: Any, place: Array, truck: Body, job: JobFile
+) -> tuple[tuple[float, float], Place]:
+    """Where the way to the truck leaves the field, and the place of a cart's box beside the truck."""
+    point = shapely.Point(place)
+    nearest, _ = shapely.get_coordinates(
+        shapely.shortest_line(shapely.difference(field, holes), point)
+    ).tolist()
+    away = place - nearest
+    far = float(np.hypot(*away))
+    if far < 4.0:
+        value = f"{job.truck.x_m:g}, {job.truck.y_m:g}"
+        raise InputError("truck", value, "expected a place at least 4 m outside of the field")
+    heading = math.atan2(away[1], away[0]) - 0.5 * math.pi  # the truck on the far side, to the left
+    return (float(nearest[0]), float(nearest[1])), Place(float(place[0]), float(place[1]), heading, heading)

@@ -1,0 +1,159 @@
+"""What a job needs of its machines, in SI: bodies, speeds, flows, loads; from data sheets and its file."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from swath.core.errors import InputError
+from swath.core.units import KMH
+from swath.fleet.bodies import Body, Drive, body_of
+from swath.fleet.files import CartSettings, CombineSettings, JobFile
+from swath.machine.drivetrain_sheet import drivetrain_of
+from swath.machine.heap.surface import largest_heap, slope_of
+from swath.machine.machine_sheet import MachineSheet, dynamics_of, load_machine
+from swath.signals.setup import Pipe
+
+
+@dataclass(frozen=True)
+class Params:
+    """repose_deg: of wheat, published 22 to 27; backwards_m_s, shift_s: reversing, estimates; sideways_m_s2:
+    acceleration that drivers of carts keep in bends, 0.8 in job reports, an estimate; drop_m: of grain below
+    the pipe's mouth where it meets the heap, an estimate; beside_m: least gap between the strip of a header
+    and a cart beside it, twice what a machine steers off and the search's gap; off_m: most that the stream's
+    impact may be off the middle of the box, of which a heap loses 15 % (COOPERATION: 83 to 86 % of a box)
+    """
+
+    repose_deg: float = 25.0
+    backwards_m_s: float = 1.0
+    shift_s: float = 2.0
+    sideways_m_s2: float = 0.8
+    drop_m: float = 1.0
+    beside_m: float = 0.4
+    off_m: float = 0.5
+
+
+PARAMS = Params()
+
+
+@dataclass(frozen=True)
+class Combine:
+    """width, knife: of the header and ahead of the fixed axle [m]; speed: in the crop [m/s]; flow: most grain
+    [kg/s]; tank [kg]; auger [kg/s]; swing: until the pipe is out [s]; pipe_x: of its mouth ahead of the axle;
+    pipe_y: where the stream lands, leftward [m]; call: level of the tank from which a cart may come [kg]
+    """
+
+    name: str
+    sheet: MachineSheet
+    body: Body
+    drive: Drive
+    width: float
+    knife: float
+    speed: float
+    flow: float
+    tank: float
+    auger: float
+    swing: float
+    pipe_x: float
+    pipe_y: float
+    call: float
+
+    def speed_in(self, grain: float) -> float:
+        """Speed [m/s] in a crop with so much grain per metre of pass [kg/m]."""
+        return self.speed if grain <= 0.0 else min(self.speed, self.flow / grain)
+
+
+@dataclass(frozen=True)
+class Cart:
+    """load: at which it is full [kg]; leave: from which it drives to the truck [kg]; out: its auger [kg/s];
+    box_x: middle of its box ahead of the tractor's fixed axle, in line [m]
+    """
+
+    name: str
+    sheet: MachineSheet
+    body: Body
+    drive: Drive
+    load: float
+    leave: float
+    out: float
+    box_x: float
+
+
+@dataclass(frozen=True)
+class Machines:
+    """The machines of a job in the order of its file; density: of the grain in bulk [kg/m3]."""
+
+    combines: tuple[Combine, ...]
+    carts: tuple[Cart, ...]
+    truck: MachineSheet
+    density: float
+
+
+def machines_of(job: JobFile, base: Path | None = None) -> Machines:
+    """The machines of a job. InputError for one that cannot do its part."""
+    combines = tuple(_combine(n, s, base) for n, s in job.combines.items())
+    density = drivetrain_of(combines[0].sheet).bulk.density
+    carts = tuple(_cart(n, s, base, density) for n, s in job.carts.items())
+    truck = load_machine(job.truck.machine, base=base)
+    if truck.box is None:
+        raise InputError("truck.machine", job.truck.machine, "expected a machine with a box")
+    machines = Machines(combines, carts, truck, density)
+    for combine in combines:
+        for cart in carts:
+            beside(combine, cart)
+    return machines
+
+
+def _combine(name: str, s: CombineSettings, base: Path | None) -> Combine:
+    sheet = load_machine(s.machine, base=base, header_width_m=s.header_width_m)
+    if not sheet.has_header or sheet.pipe is None:
+        raise InputError(f"combines.{name}.machine", s.machine, "expected a machine with a header and a pipe")
+    train = drivetrain_of(sheet)
+    if train.tank <= 0.0 or train.unloading <= 0.0:
+        raise InputError(f"combines.{name}.machine", s.machine, "expected a grain tank and an auger")
+    drive = Drive(
+        s.turn_radius_m, s.turn_speed_kmh * KMH, max(s.transport_speed_kmh, s.turn_speed_kmh) * KMH,
+        PARAMS.backwards_m_s, dynamics_of(sheet).accel, PARAMS.shift_s,
+    )  # fmt: skip
+    pipe = sheet.pipe
+    return Combine(
+        name, sheet, body_of(sheet), drive, sheet.header_width, sheet.knife_x, s.speed_kmh * KMH,
+        flow=s.grain_kg_s or train.transport.grain_feed, tank=train.tank, auger=train.unloading,
+        swing=pipe.swing / pipe.rate, pipe_x=pipe.x, pipe_y=pipe.y + pipe.length + _thrown(pipe),
+        call=s.call_percent / 100.0 * train.tank,
+    )  # fmt: skip
+
+
+def _thrown(pipe: Pipe) -> float:
+    """How far beyond the mouth the stream lands [m]: thrown at its speed and angle, fallen by `drop_m`."""
+    down, out = pipe.exit_speed * math.sin(pipe.fall), pipe.exit_speed * math.cos(pipe.fall)
+    g = 9.81
+    return out * (math.sqrt(down**2 + 2.0 * g * PARAMS.drop_m) - down) / g
+
+
+def _cart(name: str, s: CartSettings, base: Path | None, density: float) -> Cart:
+    sheet = load_machine(s.machine, base=base)
+    if sheet.box is None or sheet.hitch is None:
+        raise InputError(f"carts.{name}.machine", s.machine, "expected a tractor with a box on a trailer")
+    most = largest_heap(sheet.box, slope_of(math.radians(PARAMS.repose_deg))) * density
+    load = s.fill_percent / 100.0 * most
+    speed = s.speed_kmh * KMH
+    bend = min(speed, math.sqrt(PARAMS.sideways_m_s2 * s.turn_radius_m))
+    drive = Drive(s.turn_radius_m, bend, speed, 0.0, dynamics_of(sheet).accel, PARAMS.shift_s)
+    return Cart(
+        name, sheet, body_of(sheet), drive, load, min(s.leave_percent / 100.0, 1.0) * load,
+        s.unload_l_s / 1000.0 * density, sheet.hitch.x - sheet.hitch.drawbar + sheet.box.x,
+    )  # fmt: skip
+
+
+def beside(combine: Combine, cart: Cart) -> tuple[float, float]:
+    """Where a cart's fixed axle is while it is poured into, seen from the combine's: ahead and leftward [m].
+
+    The middle of its box is under the stream, or so far off that its strip is clear of the header's.
+    InputError where the stream does not reach the box then.
+    """
+    clear = 0.5 * combine.width + cart.body.half_width + PARAMS.beside_m
+    if clear > combine.pipe_y + PARAMS.off_m:
+        most = 2.0 * (combine.pipe_y + PARAMS.off_m - cart.body.half_width - PARAMS.beside_m)
+        expected = f"expected a header of at most {most:.2f} m, the pipe does not reach {cart.name} beside it"
+        raise InputError(f"combines.{combine.name}.header_width_m", combine.width, expected)
+    return combine.pipe_x - cart.box_x, max(clear, combine.pipe_y)

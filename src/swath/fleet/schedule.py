@@ -1,0 +1,939 @@
+"""The schedule of a job: what each machine does when, on ground that is granted to it alone.
+
+The combine that is free first is next: its way to its next pass is searched on ground that is cut by then,
+a dispatcher takes one of the things it could do, and its path and that of the cart it meets are granted at
+the first times at which they meet nobody. Carts end at waiting places off all ways, so that they are never
+in the way of what comes later. A combine that meets one that stands lets that one go first; where all do,
+one makes room.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.fleet.bodies import Body, Place, body_of
+from swath.fleet.dispatcher import Dispatcher, Option, State, dispatcher_of
+from swath.fleet.files import JobFile
+from swath.fleet.ground import CELL, Ground, shapely_here
+from swath.fleet.machines import Cart, Combine, Machines, beside, machines_of
+from swath.fleet.plan import CLEAN, HEADLAND, Pass, Plan, plan_of, strip_of
+from swath.fleet.plan import PARAMS as PLAN
+from swath.fleet.table import Path, Table, segments, standing
+from swath.fleet.ways import Finder, Track, driven, joined, straight, times_along
+from swath.fleet.yard import PARAMS as YARD
+from swath.fleet.yard import WIDE, Waits, fits, run_of, waiting_places
+
+Array = NDArray[np.float64]
+SQUARE_M_PER_HA_T = 0.1  # t/ha in kg/m2
+LEFT_KG = 1e-6  # of grain, that is none
+
+
+@dataclass(frozen=True)
+class Params:
+    """cut_m: longest segment of a pass; align_s: until a cart that has come beside is in line; tries,
+    places: passes, and places to pour at, that are looked at, the nearest first; early_s: of what a combine
+    waits for a cart beyond what is known; soon_s: within which a machine stands that a way leads around;
+    out_percent: of the field that is left where no way leads
+    """
+
+    cut_m: float = 8.0
+    align_s: float = 10.0
+    tries: int = 4
+    places: int = 8
+    early_s: float = 2.0
+    soon_s: float = 30.0
+    out_percent: float = 0.5
+
+
+PARAMS = Params()
+
+
+@dataclass
+class CombineState:
+    """place, time [s]: where and when it is free; tank [kg]; home: its waiting place; todo: its own passes"""
+
+    spec: Combine
+    place: Place
+    home: Place
+    todo: list[Pass]
+    time: float = 0.0
+    tank: float = 0.0
+    is_done: bool = False
+
+
+@dataclass
+class CartState:
+    """home: its waiting place, where it is free at a time [s]; load [kg]"""
+
+    spec: Cart
+    home: Place
+    time: float = 0.0
+    load: float = 0.0
+
+
+@dataclass(frozen=True)
+class Poured:
+    """Grain handed over. source, target: machines; amount [kg]; begins, ends [s]"""
+
+    source: str
+    target: str
+    amount: float
+    begins: float
+    ends: float
+
+
+@dataclass
+class Schedule:
+    """table: what was granted; poured: grain handed over; cut: kg, m2 of each pass; ends: when all grain is
+    at the truck [s]; left: crop that no pass took [m2]; plan, machines, ground: of the job
+    """
+
+    plan: Plan
+    machines: Machines
+    ground: Ground
+    table: Table = field(default_factory=Table)
+    poured: list[Poured] = field(default_factory=list)
+    cut: list[tuple[str, float, float]] = field(default_factory=list)
+    ends: float = 0.0
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def harvested(self) -> float:
+        """Grain cut [kg]."""
+        return math.fsum(kg for _, kg, _ in self.cut)
+
+    @property
+    def delivered(self) -> float:
+        """Grain at the truck [kg]."""
+        return math.fsum(p.amount for p in self.poured if p.target == "truck")
+
+
+@dataclass
+class _Leg:
+    """What a combine is about to do: a path, what it cuts of which pass, and from which segment on."""
+
+    path: Path
+    task: Pass | None
+    masses: Array
+    areas: Array
+    strips: Any
+    first: int
+    not_before: float
+
+
+def schedule_of(job: JobFile, base: FilePath | None = None, dispatcher: Dispatcher | None = None) -> Schedule:
+    """The whole job. InputError where the field, or a machine on it, cannot be worked, with the reason."""
+    made = _Scheduler(job, base, dispatcher or dispatcher_of(job.fleet.dispatcher, base))
+    made.run()
+    return made.schedule
+
+
+class _Scheduler:
+    def __init__(self, job: JobFile, base: FilePath | None, dispatcher: Dispatcher) -> None:
+        machines = machines_of(job, base)
+        ground = Ground(job, body_of(machines.truck))
+        plan = plan_of(ground, machines.combines, job.plan)
+        self.job, self.dispatcher, self.ground, self.machines = job, dispatcher, ground, machines
+        self.schedule = Schedule(plan, machines, ground)
+        self.table = self.schedule.table
+        self.finder = Finder(ground.west, ground.south, CELL, ground.edge)
+        self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T
+        self.truck_free, self.truck_room = 0.0, math.inf
+        if job.truck.volume_m3 is not None:
+            self.truck_room = job.truck.volume_m3 * machines.density
+        homes = waiting_places(ground, self.finder, self.waits())
+        own = {i: [p for p in plan.passes if p.combine == i] for i in range(len(machines.combines))}
+        self.combines = [CombineState(c, homes[i], homes[i], own[i]) for i, c in enumerate(machines.combines)]
+        self.carts = [CartState(k, homes[len(self.combines) + i]) for i, k in enumerate(machines.carts)]
+        self.shared = [p for p in plan.passes if p.combine < 0 and p.kind == HEADLAND]
+        self.clean = [p for p in plan.passes if p.kind == CLEAN]
+        for c in self.combines:
+            self.table.stand(c.spec.name, standing(np.array(c.home), c.spec.body, 0.0, "home"))
+        for k in self.carts:
+            self.table.stand(k.spec.name, standing(np.array(k.home), k.spec.body, 0.0, "home"))
+        self.ground.version += 1
+        self.homes = {
+            w.name: run_of(w.body, home, 0.0, WIDE) for w, home in zip(self.waits(), homes, strict=True)
+        }
+        self.places = list(self._service_places())
+
+    def waits(self) -> list[Waits]:
+        """All machines that move, with their places at the truck."""
+        carts = self.machines.carts
+        combines = [
+            Waits(c.name, c.body, c.drive, None if carts else self.combine_dock(c))
+            for c in self.machines.combines
+        ]
+        return combines + [Waits(k.name, k.body, k.drive, self.cart_dock(k)) for k in carts]
+
+    def cart_dock(self, cart: Cart) -> Place:
+        """Where a cart empties into the truck."""
+        return self.ground.dock.ahead(-cart.box_x)
+
+    def combine_dock(self, combine: Combine) -> Place:
+        """Where a combine empties into the truck, which stands under its pipe."""
+        box = self.machines.truck.box
+        assert box is not None
+        return self.ground.truck_place.ahead(box.x - combine.pipe_x, -combine.pipe_y)
+
+    # the job
+    def run(self) -> None:
+        """Until all is cut and at the truck."""
+        room = 0
+        while any(not c.is_done for c in self.combines):
+            busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: (c.time, c.spec.name))
+            if any(self.turn(c) for c in busy):
+                room = 0
+                continue
+            room += 1
+            if room > len(busy) or not any(self.goes_home(c) for c in busy if c.place != c.home):
+                self.leave_out(busy)
+                room = 0
+        last = max(c.time for c in self.combines)
+        for k in sorted(self.carts, key=lambda k: k.time):
+            k.time = max(k.time, last)
+            if k.load > LEFT_KG and not self.empties(k):
+                raise InputError("carts", k.spec.name, "expected a way from its waiting place to the truck")
+        self.schedule.ends = max((p.ends for p in self.schedule.poured if p.target == "truck"), default=0.0)
+
+    def leave_out(self, busy: Sequence[CombineState]) -> None:
+        """Passes to which nobody finds a way stay uncut, with a note, as long as they are few."""
+        lists = (self.shared, self.clean, *(o.todo for o in self.combines))
+        passes = [p for todo in lists for p in todo]
+        crop = self.ground.crop_in(np.array([strip_of(p) for p in passes])).sum() if passes else math.inf
+        if crop > PARAMS.out_percent / 100.0 * self.ground.field.area:
+            raise self.stuck(busy)
+        for todo in lists:
+            todo.clear()
+        self.schedule.notes.append(
+            f"{len(passes)} passes, {crop:.0f} m2, left uncut: there is no way to them"
+        )
+
+    def stuck(self, busy: Sequence[CombineState]) -> InputError:
+        """What stands where, when no machine can go on."""
+        where = ", ".join(
+            f"{c.spec.name} at ({c.place.x:.0f}, {c.place.y:.0f}) in the field's frame" for c in busy
+        )
+        left = len(self.shared) + len(self.clean) + sum(len(c.todo) for c in self.combines)
+        expected = f"expected ground on which machines find a way; {left} passes left, {where}"
+        return InputError("field.around_m", self.job.field.around_m, expected)
+
+    def turn(self, c: CombineState) -> bool:
+        """The next thing of a combine; False where it has to wait for others."""
+        legs = self.next_legs(c)
+        if legs is None:
+            if c.tank > LEFT_KG:
+                return self.takes(c, list(self.emptied(c)))
+            c.is_done = self.goes_home(c)
+            return c.is_done
+        options: list[tuple[Option, Any]] = []
+        for leg in legs:
+            options = list(self.cuts(c, leg))
+            if options:
+                break
+        if not any(o.kind != "truck" and o.kind != "stand" for o, _ in options):
+            options += list(self.emptied(c)) if c.tank > LEFT_KG else []
+        return self.takes(c, options)
+
+    def takes(self, c: CombineState, options: list[tuple[Option, Any]]) -> bool:
+        """What the dispatcher decides, granted; False where there is nothing to decide."""
+        if not options:
+            return False
+        left = len(self.shared) + len(self.clean) + sum(len(o.todo) for o in self.combines)
+        carts = {k.spec.name: (k.time, k.spec.load - k.load) for k in self.carts}
+        state = State(
+            c.time, c.spec.name, c.tank, c.spec.tank, c.spec.call, carts, left, tuple(o for o, _ in options)
+        )
+        chosen = self.dispatcher.decide(state)
+        for option, grant in options:
+            if option is chosen:
+                grant()
+                return True
+        raise InputError("fleet.dispatcher", str(chosen), "expected one of the options of the state")
+
+    # passes
+    def candidates(self, c: CombineState) -> list[Pass]:
+        """Passes that a combine may cut next, the best first: headland, its own, others' lands, the rest."""
+        low = min((p.land for p in self.shared), default=0)
+        first = self.nearest(c, [p for p in self.shared if p.land == low]) + c.todo[: PARAMS.tries]
+        if c.todo:
+            return first
+        others = sorted((o for o in self.combines if len(o.todo) > 1), key=lambda o: -len(o.todo))
+        for other in others:
+            fits = [p for p in reversed(other.todo) if p.width <= c.spec.width + 1e-6]
+            if fits:
+                return first + fits[: PARAMS.tries]
+        if first or any(o.todo for o in self.combines):
+            return first
+        return self.nearest(c, [p for p in self.clean if p.width <= c.spec.width + 1e-6])
+
+    def drop_empty(self) -> None:
+        """Passes whose crop others have cut are no longer to be driven."""
+        for todo in (self.shared, self.clean, *(o.todo for o in self.combines)):
+            areas = self.ground.crop_in(np.array([strip_of(p) for p in todo])) if todo else ()
+            todo[:] = [p for p, area in zip(todo, areas, strict=True) if area > PLAN.least_m2]
+
+    def nearest(self, c: CombineState, passes: list[Pass]) -> list[Pass]:
+        """Passes by how far off their starts are."""
+        here = c.place.x, c.place.y
+        return sorted(passes, key=lambda p: (round(math.dist(here, p.start), 2), p.start))[: PARAMS.tries]
+
+    def next_legs(self, c: CombineState) -> Iterator[_Leg] | None:
+        """Ways to next passes and these passes, as far as there are ways; None where nothing is left for
+        it.
+        """
+        self.drop_empty()
+        passes = self.candidates(c)
+        return self.legs(c, passes) if passes else None
+
+    def legs(self, c: CombineState, passes: Sequence[Pass]) -> Iterator[_Leg]:
+        """Legs to passes, each in its own direction first, from now or from when all given is cut."""
+        for time in self.moments(c):
+            for p in passes:
+                for task in (p, p.reversed()):
+                    leg = self.leg(c, task, time)
+                    if leg is not None:
+                        yield leg
+
+    def moments(self, c: CombineState) -> list[float]:
+        """When a combine may set out: now, or when all have done what is granted to them."""
+        late = max(self.last_of(name).into for name in self.names())
+        return [c.time] if late <= c.time else [c.time, late]
+
+    def leg(self, c: CombineState, task: Pass, time: float) -> _Leg | None:
+        """A way to a pass and the pass."""
+        u = np.array([math.cos(task.heading), math.sin(task.heading)])
+        start = np.array(task.start) - c.spec.knife * u
+        place = Place(float(start[0]), float(start[1]), task.heading, task.heading)
+        way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, time)
+        if way is None:
+            return None
+        path = segments(way, times_along(way, c.spec.drive), c.spec.body, "way")
+        run = straight(place, task.length, c.spec.body)
+        marks = np.linspace(0.0, task.length, max(1, math.ceil(task.length / PARAMS.cut_m)) + 1)
+        strips = _strips(task, c.spec.width, marks)
+        areas = self.ground.crop_in(strips)
+        cut = segments(run, run.distance, c.spec.body, "cut", marks)
+        if not shapely_here().contains(self.ground.rough, cut.swept).all():
+            return None  # its body would be in a hole or off open ground
+        length = np.diff(marks)
+        speed = [c.spec.speed_in(a * self.density / d) for a, d in zip(areas, length, strict=True)]
+        cut.spent = length / np.array(speed)
+        return _Leg(_behind(path, cut), task, areas * self.density, areas, strips, len(path), time)
+
+    def way(
+        self,
+        name: str,
+        body: Body,
+        drive: Any,
+        start: Place,
+        goal: Place,
+        time: float,
+        beside: str = "",
+        **more: Any,
+    ) -> Track | None:
+        """A way around waiting places of others and what stands then or soon.
+
+        beside: who may be near, as those that are near at the start
+        """
+        if (
+            math.dist(start[:2], goal[:2]) < 1e-6
+            and abs(math.sin(0.5 * (start.heading - goal.heading))) < 1e-9
+        ):
+            return driven(start, [(0.0, 1e-3)], body)
+        shapes = [home for o, home in self.homes.items() if o != name]
+        own = run_of(body, start, 0.0)
+        for other in self.names():
+            s = self.last_of(other)
+            if other != name and s.into < time + PARAMS.soon_s:
+                wide = [p.buffer(YARD.wide_m, join_style="mitre") for p in s.path.swept[s.index]]
+                is_near = other == beside or shapely_here().intersects(own, wide).any()
+                shapes += list(s.path.swept[s.index]) if is_near else wide
+        free, version = self.ground.free_from, self.ground.version
+        return self.finder.find(
+            free, body, drive, start, goal, version=version, stand=shapes, time=time, **more
+        )
+
+    def names(self) -> list[str]:
+        """Of all machines that move."""
+        return [c.spec.name for c in self.combines] + [k.spec.name for k in self.carts]
+
+    def last_of(self, name: str) -> Any:
+        """The segment that a machine ends in, as far as is known."""
+        return self.table.segments[self.table.last[name]]
+
+    # what a combine can do
+    def cuts(self, c: CombineState, leg: _Leg) -> Iterator[tuple[Option, Any]]:
+        """Cut on: alone where the tank takes it, with carts beside; as much of it as the tank takes."""
+        levels = c.tank + np.concatenate([[0.0], np.cumsum(leg.masses)])
+        fits = bool(levels[-1] <= c.spec.tank + LEFT_KG)
+        meets = self.table.meets(leg.path, c.spec.name)
+        if fits:
+            times = self.table.earliest(c.spec.name, leg.path, max(c.time, leg.not_before), meets=meets)
+            if times is None:
+                return
+            ends = times[-1] + float(leg.path.spent[-1])
+            option = Option("cut", "", ends, ends, 0.0, float(levels[-1]), 0.0, 0.0)
+            yield option, lambda: self.grant_cut(c, leg, times, meets)
+        if levels[-1] >= c.spec.call:
+            for k in self.likely(c):
+                found = self.comes_beside(c, k, leg, levels)
+                if found is not None:
+                    yield found
+        if not fits and c.tank < 0.5 * c.spec.tank:
+            yield from self.cuts_part(c, leg, levels)
+
+    def likely(self, c: CombineState) -> list[CartState]:
+        """Carts with room, those that are free first."""
+        room = [k for k in self.carts if k.spec.load - k.load > 0.05 * k.spec.load]
+        far = {k.spec.name: math.dist(k.home[:2], c.place[:2]) / k.spec.drive.straight for k in room}
+        return sorted(room, key=lambda k: (max(k.time, c.time) + far[k.spec.name], k.spec.name))[:2]
+
+    def cuts_part(self, c: CombineState, leg: _Leg, levels: Array) -> Iterator[tuple[Option, Any]]:
+        """As much of a pass as the tank takes; what is left is a pass of its own."""
+        count = int(np.searchsorted(levels, c.spec.tank, side="right")) - 1
+        if count < 1 or leg.task is None:
+            return
+        path = _cut_off(leg.path, leg.first + count)
+        part = _Leg(
+            path,
+            leg.task,
+            leg.masses[:count],
+            leg.areas[:count],
+            leg.strips[:count],
+            leg.first,
+            leg.not_before,
+        )
+        times = self.table.earliest(c.spec.name, path, max(c.time, leg.not_before))
+        if times is None:
+            return
+        share = count / len(leg.masses)
+        middle = tuple((1 - share) * a + share * b for a, b in zip(leg.task.start, leg.task.end, strict=True))
+        rest = Pass(middle, leg.task.end, leg.task.width, leg.task.kind, leg.task.land, leg.task.combine)  # type: ignore[arg-type]
+        ends = times[-1] + float(path.spent[-1])
+        option = Option("cut", "", ends, ends, 0.0, float(levels[count]), 0.0, 0.0)
+        yield option, lambda: self.grant_cut(c, part, times, None, rest)
+
+    def grant_cut(
+        self, c: CombineState, leg: _Leg, times: list[float], meets: Any, rest: Pass | None = None
+    ) -> list[int]:
+        """A leg as given: its crop is cut, its grain in the tank."""
+        numbers = self.table.commit(c.spec.name, leg.path, times, meets)
+        assert leg.task is not None
+        into = np.array([*times[leg.first :], times[-1] + float(leg.path.spent[-1])])
+        areas = self.ground.cut(leg.strips, into[1:])
+        c.tank += float((areas * self.density).sum())
+        self.schedule.cut.append((c.spec.name, float((areas * self.density).sum()), float(areas.sum())))
+        c.place, c.time = leg.path.track.end, float(into[-1])
+        self._take_off(leg.task, rest)
+        return numbers
+
+    def _take_off(self, task: Pass, rest: Pass | None) -> None:
+        """A pass is no longer to be cut; what is left of it is."""
+        for todo in (self.shared, self.clean, *(o.todo for o in self.combines)):
+            for i, p in enumerate(todo):
+                if {p.start, p.end} == {task.start, task.end}:
+                    todo[i : i + 1] = [] if rest is None else [rest]
+                    return
+
+    def comes_beside(
+        self, c: CombineState, k: CartState, leg: _Leg, levels: Array
+    ) -> tuple[Option, Any] | None:
+        """A cart drives beside the combine in its pass, over cut ground, and is poured into."""
+        ahead, left = beside(c.spec, k.spec)
+        run = self.free_lane(c, k, leg, ahead, left)
+        if run is None:
+            return None
+        first, last = run
+        count = last - first
+        start = Place(*leg.path.track.places[leg.path.first[leg.first + first]].tolist()).ahead(ahead, left)
+        way = self.way(
+            k.spec.name,
+            k.spec.body,
+            k.spec.drive,
+            k.home,
+            start,
+            max(k.time, c.time),
+            c.spec.name,
+            in_line=True,
+        )
+        if way is None:
+            return None
+        to = segments(way, times_along(way, k.spec.drive), k.spec.body, "to combine")
+        lane = self.lane(k, leg, start, first, last)
+        approach = _behind(to, lane)
+        meets = self.table.meets(leg.path, c.spec.name)
+        begin = max(c.time, leg.not_before)
+        full = (
+            int(np.searchsorted(levels, c.spec.tank + LEFT_KG, side="right")) - 1
+        )  # segments that the tank takes
+        for _ in range(3):
+            mark = self.table.mark()
+            times = self.table.earliest(c.spec.name, leg.path, begin, meets=meets)
+            if times is None:
+                return None
+            self.table.commit(c.spec.name, leg.path, times, meets)
+            found, late = self.meets_there(c, k, leg, approach, len(to), (first, last), levels, times, full)
+            self.table.back(mark)
+            if found is not None or late <= 0.0 or full >= len(leg.masses):
+                break
+            begin = max(begin, times[0]) + late + PARAMS.early_s
+        if found is None or times is None or count < 1:
+            return None
+        granted = times
+        cart_path, cart_times, amounts, meet, exits = found
+        given = float(sum(amounts))
+        ends = times[-1] + float(leg.path.spent[-1])
+        into = [*times, ends]
+        at = leg.first + meet
+        pours = given / c.spec.auger
+        option = Option(
+            "beside", k.spec.name, into[at], ends, given, float(levels[-1]) - given, exits[1], pours
+        )
+
+        def grant() -> None:
+            own = self.grant_cut(c, leg, granted, meets)
+            numbers = self.table.commit(k.spec.name, cart_path, cart_times)
+            lane_at = len(to) + meet - first
+            self.table.together += [(own[at + i], numbers[lane_at + i]) for i in range(len(amounts))]
+            poured = Poured(c.spec.name, k.spec.name, given, into[at], into[at + len(amounts)])
+            self.hands_over(c, k, poured)
+            self.leaves(k, exits)
+
+        return option, grant
+
+    def hands_over(self, c: CombineState, k: CartState, poured: Poured) -> None:
+        """Grain from a tank into a box."""
+        self.schedule.poured.append(poured)
+        c.tank -= poured.amount
+        k.load += poured.amount
+
+    def leaves(self, k: CartState, exits: tuple[bool, float, list[Poured]]) -> None:
+        """What a cart did behind its load, until it was at its place again."""
+        _, k.time, poured = exits
+        for p in poured:
+            self.schedule.poured.append(p)
+            k.load -= p.amount
+            self.truck_free = max(self.truck_free, p.ends)
+            self.take_truck(p.amount)
+
+    def free_lane(
+        self, c: CombineState, k: CartState, leg: _Leg, ahead: float, left: float
+    ) -> tuple[int, int] | None:
+        """The longest run of segments of a pass beside which a cart may drive, from and up to."""
+        shapely = shapely_here()
+        count = len(leg.masses)
+        begin = leg.path.track.places[leg.path.first[leg.first :]]
+        ends = leg.path.track.places[leg.path.last[leg.first :]]
+        body, gap = k.spec.body, 0.3
+        half, front, behind = (
+            body.half_width + gap,
+            max(r.front for r in body.own) + gap,
+            body.length_behind + gap,
+        )
+        u = np.array([math.cos(begin[0, 2]), math.sin(begin[0, 2])])
+        v = np.array([-u[1], u[0]])
+        a = begin[:, :2] + (ahead - behind) * u + left * v
+        b = ends[:, :2] + (ahead + front) * u + left * v
+        boxes = shapely.polygons(np.stack([a - half * v, b - half * v, b + half * v, a + half * v], axis=1))
+        free = self.ground.is_free(boxes, c.time)
+        best: tuple[int, int] | None = None
+        i = 0
+        while i < count:
+            j = i
+            while j < count and free[j]:
+                j += 1
+            if j - i > (best[1] - best[0] if best else 1):
+                best = i, j
+            i = j + 1
+        return best
+
+    def lane(self, k: CartState, leg: _Leg, start: Place, first: int, last: int) -> Path:
+        """The cart's path beside a pass, in segments beside those of the pass."""
+        path = leg.path
+        at = path.track.distance[[*path.first[leg.first :], path.last[-1]]]
+        marks = at[first : last + 1] - at[first]
+        track = straight(start, float(marks[-1]), k.spec.body)
+        made = segments(track, track.distance, k.spec.body, "beside", marks)
+        made.spent = np.diff(marks) / k.spec.drive.straight
+        return made
+
+    def meets_there(
+        self, c: CombineState, k: CartState, leg: _Leg, approach: Path, ways: int, run: tuple[int, int],
+        levels: Array, times: list[float], full: int,
+    ) -> tuple[Any, float]:  # fmt: skip
+        """The cart's path up to the combine, beside it while it is poured into, and away; the combine's own
+        is granted. What is late, where it comes too late [s].
+        """
+        first, last = run
+        now = max(k.time, c.time)
+        came = self.table.earliest(k.spec.name, approach, now, stays=False)
+        if came is None:
+            return None, 0.0
+        into = [*times, times[-1] + float(leg.path.spent[-1])]
+        ready = max(PARAMS.align_s, c.spec.swing)
+        late = [came[ways + i - first] + ready - into[leg.first + i] for i in range(first, last)]
+        meet = next((first + i for i, x in enumerate(late) if x <= 0.0), None)
+        if meet is None or meet > full:
+            return None, late[min(full, last - 1) - first] if full >= first else 0.0
+        room, level = k.spec.load - k.load, float(levels[meet])
+        amounts: list[float] = []
+        for i in range(meet, last):
+            spent = into[leg.first + i + 1] - into[leg.first + i]
+            level += float(leg.masses[i])
+            given = min(c.spec.auger * spent, level, room - sum(amounts))
+            amounts.append(max(given, 0.0))
+            level -= amounts[-1]
+            if level <= LEFT_KG or sum(amounts) >= room - LEFT_KG:
+                break
+        if sum(amounts) < min(0.1 * c.spec.tank, 0.9 * room):
+            return None, 0.0
+        rest = float(levels[-1]) - sum(amounts)
+        if rest > c.spec.tank + LEFT_KG:
+            return None, 0.0
+        return self.cart_path(
+            k, approach, ways + meet - first, amounts, into[leg.first + meet :], c.spec.name, now
+        ), 0.0
+
+    def cart_path(
+        self,
+        k: CartState,
+        approach: Path,
+        lane_at: int,
+        amounts: list[float],
+        into: list[float],
+        other: str,
+        now: float,
+    ) -> Any:
+        """A cart's whole path: to the combine, beside it, to the truck or not, to its place."""
+        kept = _cut_off(approach, lane_at + len(amounts))
+        for i in range(len(amounts)):
+            kept.spent[lane_at + i] = into[i + 1] - into[i]
+            kept.kinds[lane_at + i] = "beside, pouring"
+        end = into[len(amounts)]
+        exact = {lane_at + i: into[i] for i in range(len(amounts))}
+        found = self.away(k, kept, now, end, k.load + sum(amounts), exact, other)
+        if found is None:
+            return None
+        path, times, exits = found
+        return path, times, amounts, lane_at - self._ways_of(kept), exits
+
+    @staticmethod
+    def _ways_of(path: Path) -> int:
+        return next(i for i, kind in enumerate(path.kinds) if kind.startswith("beside"))
+
+    def away(
+        self,
+        k: CartState,
+        path: Path,
+        now: float,
+        time: float,
+        load: float,
+        exact: dict[int, float],
+        other: str,
+    ) -> tuple[Path, list[float], tuple[bool, float, list[Poured]]] | None:
+        """A path with what follows: to the truck if the load is worth it, then to the cart's place."""
+        to_truck = load >= k.spec.leave or load >= 0.95 * k.spec.load
+        for empties in (True, False) if to_truck else (False,):
+            found = self.home_by(k, path, now, time, load, exact, empties, other)
+            if found is not None:
+                return found
+        return None
+
+    def home_by(
+        self,
+        k: CartState,
+        path: Path,
+        now: float,
+        time: float,
+        load: float,
+        exact: dict[int, float],
+        empties: bool,
+        other: str = "",
+    ) -> tuple[Path, list[float], tuple[bool, float, list[Poured]]] | None:
+        """A path and the way to the cart's place behind it, by the truck or not."""
+        here = path.track.end if len(path) else k.home
+        name, body, drive = k.spec.name, k.spec.body, k.spec.drive
+        whole, dock_at = path, -1
+        if empties:
+            dock = self.cart_dock(k.spec)
+            way = self.way(name, body, drive, here, dock, time, other, in_line=True)
+            if way is None:
+                return None
+            whole = _behind(whole, segments(way, times_along(way, drive), body, "to truck"))
+            dock_at = len(whole)
+            whole = _behind(whole, standing(way.places[-1], body, 0.0, "at truck"))
+            here = way.end
+        way = self.way(name, body, drive, here, k.home, time, other, in_line=True)
+        if way is None:
+            return None
+        whole = _behind(whole, segments(way, times_along(way, drive), body, "to its place"))
+        meets = self.table.meets(whole, name)
+        poured: list[Poured] = []
+        times: list[float] | None = None
+        for _ in range(3):
+            times = self.table.earliest(name, whole, now, exact=exact, meets=meets)
+            if times is None:
+                return None
+            if not empties:
+                break
+            poured = self.at_truck(name, load, k.spec.out, times[dock_at])
+            spent = poured[-1].ends + 0.5 * self.job.truck.dock_s - times[dock_at]
+            if abs(spent - whole.spent[dock_at]) < 1e-6:
+                break
+            whole.spent[dock_at] = spent
+        assert times is not None
+        return whole, times, (empties, times[-1] + float(whole.spent[-1]), poured)
+
+    def at_truck(self, name: str, load: float, rate: float, time: float) -> list[Poured]:
+        """What is poured into trucks by who has come beside at a time [s]; a full one is waited for."""
+        t = max(time, self.truck_free) + 0.5 * self.job.truck.dock_s
+        room, poured = self.truck_room, []
+        while load > LEFT_KG:
+            if room <= LEFT_KG:
+                assert self.job.truck.volume_m3 is not None
+                t += 60.0 * self.job.truck.away_min
+                room = self.job.truck.volume_m3 * self.machines.density
+            amount = min(load, room)
+            poured.append(Poured(name, "truck", amount, t, t + amount / rate))
+            t, load, room = t + amount / rate, load - amount, room - amount
+        return poured
+
+    def take_truck(self, amount: float) -> None:
+        """Room in the truck that stands there; the next one is there when it is needed."""
+        if self.truck_room <= LEFT_KG and self.job.truck.volume_m3 is not None:
+            self.truck_room = self.job.truck.volume_m3 * self.machines.density
+        self.truck_room -= amount
+
+    def emptied(self, c: CombineState) -> Iterator[tuple[Option, Any]]:
+        """A combine has its tank emptied where it stands, at a place where a cart can stand beside, or at the
+        truck.
+        """
+        if not self.carts:
+            at_truck = self.drives_to_truck(c)
+            if at_truck is not None:
+                yield at_truck
+            return
+        near = sorted(self.places, key=lambda p: round(math.dist(p[:2], c.place[:2]), 2))
+        found: list[tuple[Option, Any]] = []
+        looked = 0
+        for place in (c.place, *near):
+            for k in self.likely(c):
+                if looked < PARAMS.places and self.has_room(c, k, place):
+                    looked += 1
+                    one = self.stands(c, k, place)
+                    found += [one] if one is not None else []
+            if len(found) >= 2:
+                break
+        yield from found
+
+    def has_room(self, c: CombineState, k: CartState, place: Place) -> bool:
+        """Whether both can stand there, on open ground that is cut and where nobody stands."""
+        goal = place.ahead(*beside(c.spec, k.spec))
+        return self.is_room(k.spec, goal, c.time) and self.is_room(c.spec, place, c.time)
+
+    def drives_to_truck(self, c: CombineState) -> tuple[Option, Any] | None:
+        """A combine pours into the truck itself."""
+        dock = self.combine_dock(c.spec)
+        way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, dock, c.time)
+        if way is None:
+            return None
+        path = segments(way, times_along(way, c.spec.drive), c.spec.body, "to truck")
+        path = _behind(path, standing(way.places[-1], c.spec.body, 0.0, "at truck"))
+        times = self.table.earliest(c.spec.name, path, c.time)
+        if times is None:
+            return None
+        poured = self.at_truck(c.spec.name, c.tank, c.spec.auger, times[-1] + c.spec.swing)
+        path.spent[-1] = poured[-1].ends - times[-1]
+        ends = poured[-1].ends
+        option = Option("truck", "", poured[0].begins, ends, c.tank, 0.0, 0.0, c.tank / c.spec.auger)
+
+        def grant() -> None:
+            self.table.commit(c.spec.name, path, times)
+            for p in poured:
+                self.schedule.poured.append(p)
+                self.take_truck(p.amount)
+            c.tank, c.place, c.time, self.truck_free = 0.0, path.track.end, ends, ends
+
+        return option, grant
+
+    def stands(self, c: CombineState, k: CartState, place: Place) -> tuple[Option, Any] | None:
+        """A combine stands at a place and is emptied into a cart beside it."""
+        ahead, left = beside(c.spec, k.spec)
+        goal = place.ahead(ahead, left)
+        way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, c.time)
+        if way is None:
+            return None
+        amount = min(c.tank, k.spec.load - k.load)
+        pour = amount / c.spec.auger
+        path = segments(way, times_along(way, c.spec.drive), c.spec.body, "way to unload")
+        path = _behind(path, standing(way.places[-1], c.spec.body, 0.0, "waits for cart"))
+        path = _behind(path, standing(way.places[-1], c.spec.body, pour, "pours standing"))
+        meets = self.table.meets(path, c.spec.name)
+        times = self.table.earliest(c.spec.name, path, c.time, meets=meets)
+        if times is None:
+            return None
+        mark = self.table.mark()
+        self.table.commit(c.spec.name, path, times, meets)
+        found = self.joins(k, goal, c.spec.name, max(k.time, c.time), times[-1], pour, k.load + amount)
+        self.table.back(mark)
+        if found is None:
+            return None
+        cart_path, cart_times, exits, at = found
+        begin = cart_times[at]
+        path.spent[-2] = begin - times[-2]
+        ends = begin + pour
+        option = Option("stand", k.spec.name, begin, ends, amount, c.tank - amount, exits[1], pour)
+
+        def grant() -> None:
+            own = self.table.commit(c.spec.name, path, [*times[:-1], begin], meets)
+            path.spent[-2] = 0.0  # it waits for the cart alone
+            numbers = self.table.commit(k.spec.name, cart_path, cart_times)
+            self.table.together.append((own[-1], numbers[at]))
+            self.hands_over(c, k, Poured(c.spec.name, k.spec.name, amount, begin, ends))
+            c.place, c.time = path.track.end, ends
+            self.leaves(k, exits)
+
+        return option, grant
+
+    def joins(
+        self, k: CartState, goal: Place, other: str, now: float, time: float, pour: float, load: float
+    ) -> Any:
+        """A cart's path to beside a combine that stands there from a time on, poured into, and away."""
+        name, body, drive = k.spec.name, k.spec.body, k.spec.drive
+        way = self.way(name, body, drive, k.home, goal, now, other, in_line=True)
+        if way is None:
+            return None
+        path = segments(way, times_along(way, drive), body, "to combine")
+        path = _behind(path, standing(way.places[-1], body, PARAMS.align_s, "beside"))
+        at = len(path)
+        path = _behind(path, standing(way.places[-1], body, pour, "beside, pouring"))
+        came = self.table.earliest(name, path, now, stays=False)
+        if came is None:
+            return None
+        begin = max(came[at], time)
+        found = self.away(k, path, now, begin + pour, load, {at: begin}, other)
+        return None if found is None else (*found, at)
+
+    def is_room(self, machine: Combine | Cart, place: Place, time: float) -> bool:
+        """Whether a machine can stand at a place, on open ground that is cut, where no other one stands."""
+        shapely = shapely_here()
+        outlines = shapely.polygons(machine.body.outlines(np.array([place]), 0.2)[0])
+        others = (self.last_of(o) for o in self.names() if o != machine.name)
+        stand = np.concatenate([s.path.swept[s.index] for s in others])
+        if shapely.intersects(outlines[:, None], stand[None]).any():
+            return False
+        return bool(self.ground.is_free(outlines, time).all())
+
+    def empties(self, k: CartState) -> bool:
+        """A cart with the last grain drives to the truck."""
+        none = standing(np.array(k.home), k.spec.body, 0.0, "home")
+        found = self.home_by(k, none, k.time, k.time, k.load, {}, True)
+        if found is None:
+            return False
+        path, times, exits = found
+        self.table.commit(k.spec.name, path, times)
+        self.leaves(k, exits)
+        return True
+
+    def goes_home(self, c: CombineState) -> bool:
+        """A combine that is done, or in the way, drives to its waiting place."""
+        if c.place == c.home:
+            return True
+        for time in self.moments(c):
+            way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, c.home, time)
+            if way is None:
+                continue
+            path = segments(way, times_along(way, c.spec.drive), c.spec.body, "to its place")
+            times = self.table.earliest(c.spec.name, path, time)
+            if times is not None:
+                self.table.commit(c.spec.name, path, times)
+                c.place, c.time = c.home, times[-1] + float(path.spent[-1])
+                return True
+        return False
+
+    def _service_places(self) -> Iterator[Place]:
+        """Places on ground without crop where a combine can stand with a cart beside it."""
+        shapely = shapely_here()
+        if not self.carts:
+            return
+        bare = shapely.difference(self.ground.open, self.ground.field)
+        homes = [(k.spec.body, k.home) for k in self.carts] + [(c.spec.body, c.home) for c in self.combines]
+        docks = [(w.body, w.dock) for w in self.waits() if w.dock is not None]
+        taken = [shapely.polygons(b.outlines(np.array([p]), 2.0)[0]) for b, p in homes + docks]
+        bare = shapely.difference(bare, shapely.union_all(np.concatenate(taken)))
+        shapely.prepare(bare)
+        c = max((c.spec for c in self.combines), key=lambda c: c.width)
+        k = max((k.spec for k in self.carts), key=lambda k: k.body.half_width)
+        ahead, left = beside(c, k)
+        for place in _along(self.ground):
+            goal = place.ahead(ahead, left)
+            if fits(bare, c.body, place) and fits(bare, k.body, goal):
+                yield place
+
+
+def _along(ground: Ground) -> Iterator[Place]:
+    """Places beside the outlines, along them in both directions, and about the gate and the truck."""
+    shapely = shapely_here()
+    for part in shapely.get_parts(ground.field):
+        points = shapely.get_coordinates(part.exterior)
+        for a, b in pairwise(points):
+            length, heading = math.dist(a, b), math.atan2(*(b - a)[::-1])
+            count = max(1, int(length / 30.0))
+            for i in range(count):
+                middle = a + (i + 0.5) / count * (b - a)
+                for out in (7.0, 9.0, 12.0, 14.0):
+                    for turn in (0.0, math.pi):
+                        h = heading + turn
+                        x, y = middle + out * np.array([math.sin(heading), -math.cos(heading)])
+                        yield Place(float(x), float(y), h, h)
+    x0, y0 = ground.gate
+    for x in np.arange(-40.0, 41.0, 10.0):
+        for y in np.arange(-40.0, 41.0, 10.0):
+            for h in (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi):
+                h = h + ground.dock.heading
+                yield Place(x0 + float(x), y0 + float(y), h, h)
+
+
+def _strips(task: Pass, width: float, marks: Array) -> Any:
+    """What a header of a width goes over between marks along a pass, polygons."""
+    u = np.array([math.cos(task.heading), math.sin(task.heading)])
+    v = 0.5 * width * np.array([-u[1], u[0]])
+    at = np.array(task.start) + marks[:, None] * u
+    return shapely_here().polygons(np.stack([at[:-1] - v, at[1:] - v, at[1:] + v, at[:-1] + v], axis=1))
+
+
+def _behind(a: Path, b: Path) -> Path:
+    """Two paths, one after the other."""
+    if not len(a):
+        return b
+    track = joined([a.track, b.track])
+    shift = len(a.track.places) - 1
+    if len(b.track.places) < 2 or len(track.places) != shift + len(b.track.places):
+        raise ValueError("expected paths of at least two samples")
+    return Path(
+        track, np.concatenate([a.first, b.first + shift]), np.concatenate([a.last, b.last + shift]),
+        np.concatenate([a.swept, b.swept]), np.concatenate([a.spent, b.spent]), a.kinds + b.kinds,
+    )  # fmt: skip
+
+
+def _cut_off(path: Path, count: int) -> Path:
+    """The first segments of a path."""
+    n = int(path.last[count - 1]) + 1
+    t = path.track
+    track = Track(t.places[:n], t.distance[:n], t.ways[: n - 1], t.bends[: n - 1])
+    return Path(
+        track,
+        path.first[:count],
+        path.last[:count],
+        path.swept[:count],
+        path.spent[:count].copy(),
+        path.kinds[:count],
+    )

@@ -1,0 +1,48 @@
+"""The search for ways as a Warp kernel: search.cpp."""
+
+from pathlib import Path
+
+import warp as wp
+
+wp.set_module_options({"fuse_fp": False, "enable_backward": False})
+
+
+@wp.func_native((Path(__file__).parent / "search.cpp").read_text(encoding="utf-8"))
+def search(
+    numbers: wp.array(dtype=wp.float64),
+    body: wp.array(dtype=wp.float64),
+    ground: wp.array(dtype=wp.float32),
+    node_rows: wp.array(dtype=wp.float64),
+    heap_keys: wp.array(dtype=wp.float64),
+    heap_nodes: wp.array(dtype=wp.int32),
+    best_rows: wp.array(dtype=wp.float32),
+    distance: wp.array(dtype=wp.float32),
+    edge_rows: wp.array(dtype=wp.float32),
+    ground_alone: wp.array(dtype=wp.float32),
+    clearance_ever: wp.array(dtype=wp.float32),
+    clearance: wp.array(dtype=wp.float32),
+    found: wp.array(dtype=wp.float64),
+): ...
+
+
+@wp.kernel
+def find_way(
+    numbers: wp.array(dtype=wp.float64),
+    body: wp.array(dtype=wp.float64),
+    ground: wp.array(dtype=wp.float32),
+    node_rows: wp.array(dtype=wp.float64),
+    heap_keys: wp.array(dtype=wp.float64),
+    heap_nodes: wp.array(dtype=wp.int32),
+    best_rows: wp.array(dtype=wp.float32),
+    distance: wp.array(dtype=wp.float32),
+    edge_rows: wp.array(dtype=wp.float32),
+    ground_alone: wp.array(dtype=wp.float32),
+    clearance_ever: wp.array(dtype=wp.float32),
+    clearance: wp.array(dtype=wp.float32),
+    found: wp.array(dtype=wp.float64),
+):
+    """One thread; see search.cpp."""
+    search(
+        numbers, body, ground, node_rows, heap_keys, heap_nodes, best_rows, distance, edge_rows, ground_alone,
+        clearance_ever, clearance, found,
+    )  # fmt: skip

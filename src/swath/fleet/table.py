@@ -1,0 +1,375 @@
+"""Granted ground: who has which place when, and in which order machines pass each shared place.
+
+A machine's path is cut into segments: the ground that its bodies sweep there, and the time that it takes.
+It holds a segment from its entry until it enters the next one, and stands at the end of one as long as it
+has to wait. `Table` has the segments of all machines with their times; `earliest` gives the first times at
+which a new path meets nobody, waits put where they are free (safe intervals, Phillips and Likhachev 2011,
+DOI 10.1109/ICRA.2011.5980306).
+
+Where two machines sweep the same ground, only the order is kept for execution (an action dependency graph,
+Hoenig et al. 2019, DOI 10.1109/LRA.2019.2894217): who is second enters when who is first has left. All
+planned times agree with that order, so it has no circle: whatever is delayed, nothing overlaps and somebody
+can always go on.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.fleet.bodies import Body
+from swath.fleet.ground import shapely_here
+from swath.fleet.ways import Track
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Params:
+    """gap_m: that a body is wider all round than its data sheet says, for what a machine steers off; gap_s:
+    between who leaves a shared place and who enters it; straight_m, bend_m: longest segment, so that waiting
+    places are near each other and ground is not held for long. Estimates.
+    """
+
+    gap_m: float = 0.18
+    gap_s: float = 1.0
+    straight_m: float = 9.0
+    bend_m: float = 3.0
+
+
+PARAMS = Params()
+
+
+@dataclass
+class Path:
+    """track; first, last: samples of each segment; swept: polygons of all bodies, of each segment a row, (n,
+    rectangles); spent: time in each [s]; kinds: what is done there: way, cut, pour, dock ...
+    """
+
+    track: Track
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+    swept: Any
+    spent: Array
+    kinds: list[str]
+
+    def __len__(self) -> int:
+        return len(self.spent)
+
+
+def segments(track: Track, times: Array, body: Body, kind: str, marks: Array | None = None) -> Path:
+    """A track as segments. times: at its samples [s]; marks: distances where segments end [m], else by
+    length.
+    """
+    cuts = _cuts(track) if marks is None else np.unique(np.searchsorted(track.distance, marks - 1e-6))
+    cuts = np.unique(np.concatenate([[0], cuts, [len(track.places) - 1]]))
+    first, last = cuts[:-1], cuts[1:]
+    swept = _swept(body.outlines(track.places, PARAMS.gap_m), first, last)
+    return Path(track, first, last, swept, times[last] - times[first], [kind] * len(first))
+
+
+def _cuts(track: Track) -> NDArray[np.int64]:
+    cuts, begin = [0], 0
+    for i in range(1, len(track.distance) - 1):
+        most = PARAMS.bend_m if track.bends[begin:i].any() else PARAMS.straight_m
+        changed = track.ways[i] != track.ways[i - 1] or (track.bends[i] != 0.0) != (track.bends[i - 1] != 0.0)
+        if changed or track.distance[i + 1] - track.distance[begin] > most:
+            cuts.append(i)
+            begin = i
+    return np.array(cuts)
+
+
+def _swept(outlines: Array, first: NDArray[np.int64], last: NDArray[np.int64]) -> Any:
+    """Convex hulls of the corners of each rectangle over each segment, (segments, rectangles)."""
+    shapely = shapely_here()
+    count = last - first + 1
+    rows = np.concatenate([np.arange(a, b + 1) for a, b in zip(first, last, strict=True)])
+    owner = np.repeat(np.arange(len(first)), count)
+    out = []
+    for r in range(outlines.shape[1]):
+        corners = outlines[rows, r].reshape(-1, 2)
+        out.append(shapely.convex_hull(shapely.multipoints(corners, indices=np.repeat(owner, 4))))
+    return np.stack(out, axis=1)
+
+
+def standing(track_end: Array, body: Body, spent: float, kind: str) -> Path:
+    """One segment of a machine that stands. track_end: its place, row of `Track.places`."""
+    places = np.stack([track_end, track_end])
+    track = Track(places, np.zeros(2), np.ones(1), np.zeros(1))
+    zero, one = np.zeros(1, np.int64), np.ones(1, np.int64)
+    swept = _swept(body.outlines(places, PARAMS.gap_m), zero, one)
+    return Path(track, zero, one, swept, np.array([spent]), [kind])
+
+
+@dataclass
+class Segment:
+    """One of the table. path, index: which of a path; into, out: times of entry and of leaving [s]; next: the
+    one that the machine enters then, -1 if none is known
+    """
+
+    number: int
+    machine: str
+    path: Path
+    index: int
+    into: float
+    out: float = math.inf
+    next: int = -1
+
+    @property
+    def spent(self) -> float:
+        """Time that it takes at least [s]."""
+        return float(self.path.spent[self.index])
+
+    @property
+    def kind(self) -> str:
+        """What is done there."""
+        return self.path.kinds[self.index]
+
+
+@dataclass
+class Table:
+    """segments of all machines; last: of each machine; order: (a, b): b is entered when a is left; together:
+    (a, b): entered at once
+    """
+
+    segments: list[Segment] = field(default_factory=list)
+    last: dict[str, int] = field(default_factory=dict)
+    order: list[tuple[int, int]] = field(default_factory=list)
+    together: list[tuple[int, int]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Room for the swept ground of all."""
+        self._polygons: list[Any] = []
+        self._owner: list[int] = []
+        self._bounds = np.zeros((0, 4))
+        self._room = 0
+
+    def stand(self, machine: str, path: Path, time: float = 0.0) -> None:
+        """A machine's first place."""
+        self._append(machine, path, [time])
+
+    def meets(self, path: Path, but: str) -> list[list[int]]:
+        """Numbers of segments of others that sweep ground of each segment of a path."""
+        shapely = shapely_here()
+        flat = path.swept.ravel()
+        low = shapely.bounds(flat)
+        have = self._bounds[: len(self._polygons)]
+        found: list[set[int]] = [set() for _ in range(len(path))]
+        for begin in range(0, len(flat), 200):
+            some = low[begin : begin + 200]
+            near = (some[:, None, 0] < have[None, :, 2]) & (some[:, None, 2] > have[None, :, 0])
+            near &= (some[:, None, 1] < have[None, :, 3]) & (some[:, None, 3] > have[None, :, 1])
+            i, j = np.nonzero(near)
+            if not len(i):
+                continue
+            polygons = np.array(self._polygons, dtype=object)[j]
+            hit = shapely.intersects(flat[begin + i], polygons)
+            rects = path.swept.shape[1]
+            for a, b in zip(((begin + i[hit]) // rects).tolist(), j[hit].tolist(), strict=True):
+                owner = self._owner[b]
+                if self.segments[owner].machine != but:
+                    found[a].add(owner)
+        return [sorted(f) for f in found]
+
+    def earliest(
+        self, machine: str, path: Path, time: float, *, exact: Mapping[int, float] | None = None,
+        meets: Sequence[Sequence[int]] | None = None, stays: bool = True,
+    ) -> list[float] | None:  # fmt: skip
+        """First times of entry into the segments of a path [s], begun at a time at the earliest; None where
+        there are none. exact: times that are given; stays: it must be able to stand at the end for good
+        """
+        meets = self.meets(path, machine) if meets is None else meets
+        exact = exact or {}
+        labels: list[list[tuple[float, float, int]]] = []
+        for i in range(len(path)):
+            row: list[tuple[float, float, int]] = []
+            came = (
+                [(time, math.inf, -1)]
+                if i == 0
+                else [(t + float(path.spent[i - 1]), until, k) for k, (t, until, _) in enumerate(labels[-1])]
+            )
+            for low, high in self._safe(meets[i]):
+                best: tuple[float, float, int] | None = None
+                for t, until, k in came:
+                    enter = max(t, low, exact.get(i, -math.inf))
+                    if i in exact and enter > exact[i] + 1e-6:
+                        continue
+                    if enter <= until and enter < high and (best is None or enter < best[0]):
+                        best = enter, high, k
+                if best is not None:
+                    row.append(best)
+            if not row:
+                return None
+            labels.append(row)
+        spent = float(path.spent[-1])
+        ends = [
+            (t, k)
+            for k, (t, high, _) in enumerate(labels[-1])
+            if high == math.inf or (not stays and t + spent < high)
+        ]
+        if not ends:
+            return None
+        t, k = min(ends)
+        times = []
+        for row in reversed(labels):
+            times.append(row[k][0])
+            k = row[k][2]
+        return times[::-1]
+
+    def _safe(self, meets: Sequence[int]) -> list[tuple[float, float]]:
+        """Intervals of time in which nobody else has a place."""
+        taken = sorted(
+            (self.segments[m].into - PARAMS.gap_s, self.segments[m].out + PARAMS.gap_s) for m in meets
+        )
+        free, at = [], -math.inf
+        for low, high in taken:
+            if low > at:
+                free.append((at, low))
+            at = max(at, high)
+        if at < math.inf:
+            free.append((at, math.inf))
+        return free
+
+    def commit(
+        self, machine: str, path: Path, times: Sequence[float], meets: Sequence[Sequence[int]] | None = None
+    ) -> list[int]:
+        """Grant a path at times of entry; returns the numbers of its segments."""
+        meets = self.meets(path, machine) if meets is None else meets
+        before = self.segments[self.last[machine]]
+        numbers = self._append(machine, path, times)
+        before.out, before.next = times[0], numbers[0]
+        for number, others in zip(numbers, meets, strict=True):
+            self._order(self.segments[number], others)
+        return numbers
+
+    def _order(self, own: Segment, others: Sequence[int]) -> None:
+        """Of each other machine the last one before, and the first one after: those between follow."""
+        earlier: dict[str, Segment] = {}
+        later: dict[str, Segment] = {}
+        for o in (self.segments[k] for k in others):
+            if o.out <= own.into:
+                if o.machine not in earlier or earlier[o.machine].number < o.number:
+                    earlier[o.machine] = o
+            elif o.machine not in later or later[o.machine].number > o.number:
+                later[o.machine] = o
+        self.order += [(o.number, own.number) for o in earlier.values()]
+        self.order += [(own.number, o.number) for o in later.values()]
+
+    def _append(self, machine: str, path: Path, times: Sequence[float]) -> list[int]:
+        numbers: list[int] = []
+        for i, t in enumerate(times):
+            number = len(self.segments)
+            if numbers:
+                self.segments[numbers[-1]].out, self.segments[numbers[-1]].next = t, number
+            self.segments.append(Segment(number, machine, path, i, float(t)))
+            numbers.append(number)
+            self._polygons += list(path.swept[i])
+            self._owner += [number] * path.swept.shape[1]
+        bounds = shapely_here().bounds(path.swept[: len(times)].ravel())
+        count = len(self._polygons)
+        if count > len(self._bounds):
+            self._bounds = np.concatenate([self._bounds, np.zeros((count + 2000, 4))])
+        self._bounds[count - len(bounds) : count] = bounds
+        self.last[machine] = numbers[-1]
+        return numbers
+
+    def mark(self) -> tuple[int, int, int, int, dict[str, int]]:
+        """What `back` goes back to."""
+        sizes = len(self.segments), len(self._polygons), len(self.order), len(self.together)
+        return (*sizes, dict(self.last))
+
+    def back(self, mark: tuple[int, int, int, int, dict[str, int]]) -> None:
+        """Take back all that was granted since a mark."""
+        segments, polygons, order, together, last = mark
+        del self.segments[segments:], self._polygons[polygons:], self._owner[polygons:]
+        del self.order[order:], self.together[together:]
+        self.last = last
+        for number in last.values():
+            self.segments[number].out, self.segments[number].next = math.inf, -1
+
+    def blockers(self, meets: Sequence[Sequence[int]]) -> set[str]:
+        """Machines that stand for good, as far as is known, on ground of a path."""
+        return {self.segments[k].machine for row in meets for k in row if self.segments[k].out == math.inf}
+
+
+@dataclass
+class Order:
+    """The order of a table for execution, without its times.
+
+    spent: least time in each segment [s]; after: for each segment those that are left before it is entered,
+    as numbers of the ones entered then; groups: segments that are entered at once, in an order in which each
+    depends on earlier ones alone
+    """
+
+    spent: Array
+    next: NDArray[np.int64]
+    before: list[list[tuple[int, int]]]
+    groups: list[list[int]]
+
+    def times(self, spent: Array, gap: float = 0.0) -> Array:
+        """Times of entry, (n, draws), with times spent in the segments, (n, draws) [s]."""
+        into = np.zeros(spent.shape)
+        for group in self.groups:
+            t = np.zeros(spent.shape[1])
+            for number in group:
+                for other, waits in self.before[number]:
+                    t = np.maximum(t, into[other] + (spent[other] if waits else gap))
+            for number in group:
+                into[number] = t
+        return into
+
+
+def order_of(table: Table) -> Order:
+    """The order of a table. ValueError for a circle, which planned times exclude."""
+    count = len(table.segments)
+    before: list[list[tuple[int, int]]] = [[] for _ in range(count)]
+    for s in table.segments:
+        if s.next >= 0:
+            before[s.next].append((s.number, 1))
+    for a, b in table.order:
+        leaves = table.segments[a].next
+        if leaves < 0:
+            raise ValueError(f"segment {b} waits for {a}, which is never left")
+        before[b].append((leaves, 0))
+    group_of = list(range(count))
+    members = {i: [i] for i in range(count)}
+    for a, b in table.together:
+        if group_of[a] != group_of[b]:
+            gone = group_of[b]
+            for m in members[gone]:
+                group_of[m] = group_of[a]
+            members[group_of[a]] += members.pop(gone)
+    groups = _sorted(before, group_of, members)
+    spent = np.array([s.spent for s in table.segments])
+    following = np.array([s.next for s in table.segments], np.int64)
+    return Order(spent, following, before, groups)
+
+
+def _sorted(
+    before: list[list[tuple[int, int]]], group_of: list[int], members: dict[int, list[int]]
+) -> list[list[int]]:
+    """Groups, each behind all that it waits for. ValueError for a circle."""
+    needs = {g: {group_of[o] for m in ms for o, _ in before[m]} - {g} for g, ms in members.items()}
+    for g, ms in members.items():
+        if any(group_of[o] == g and o != m for m in ms for o, _ in before[m]):
+            raise ValueError(f"segments {ms} are entered at once and one after the other")
+    follows: dict[int, list[int]] = {g: [] for g in members}
+    for g, others in needs.items():
+        for o in others:
+            follows[o].append(g)
+    left = {g: len(n) for g, n in needs.items()}
+    ready = [g for g, n in left.items() if n == 0]
+    out = []
+    while ready:
+        g = ready.pop()
+        out.append(members[g])
+        for f in follows[g]:
+            left[f] -= 1
+            if left[f] == 0:
+                ready.append(f)
+    if len(out) < len(members):
+        raise ValueError(f"{len(members) - len(out)} segments wait for each other in a circle")
+    return out

@@ -1,0 +1,107 @@
+"""Plans: what passes cut, on fields with holes, dents and parts, however they lie on the map."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from swath.core.errors import InputError
+from swath.fleet.bodies import body_of
+from swath.fleet.files import CombineSettings, FieldSettings, JobFile, PlanSettings, TruckSettings
+from swath.fleet.ground import Ground, shapely_here
+from swath.fleet.machines import machines_of
+from swath.fleet.plan import plan_of, read_plan, strip_of
+
+SQUARE = [(0.0, 0.0), (150.0, 0.0), (150.0, 100.0), (0.0, 100.0)]
+DENT = [
+    (0.0, 0.0),
+    (200.0, 0.0),
+    (200.0, 150.0),
+    (140.0, 150.0),
+    (140.0, 60.0),
+    (60.0, 60.0),
+    (60.0, 150.0),
+    (0.0, 150.0),
+]
+POND = [(60.0, 40.0), (85.0, 35.0), (90.0, 60.0), (66.0, 66.0)]
+
+
+def job(ring=SQUARE, holes=(), parts=(), widths=(7.5,), rounds=1, truck=(-40.0, 50.0)):
+    return JobFile(
+        format="swath fleet 1",
+        field=FieldSettings(list(ring), [list(h) for h in holes], [list(p) for p in parts]),
+        combines={f"c{i}": CombineSettings(header_width_m=w) for i, w in enumerate(widths)},
+        plan=PlanSettings(headland_rounds=rounds),
+        truck=TruckSettings(*truck),
+    )
+
+
+def planned(made):
+    machines = machines_of(made)
+    ground = Ground(made, body_of(machines.truck))
+    return ground, plan_of(ground, machines.combines, made.plan)
+
+
+@pytest.mark.parametrize("rounds", [0, 1, 2])
+@pytest.mark.parametrize(
+    "what",
+    [{}, {"ring": DENT}, {"holes": [POND]}, {"parts": [[(170.0, 10.0), (230.0, 0.0), (220.0, 90.0)]]}],
+    ids=["square", "dent", "pond", "parts"],
+)
+def test_passes_cut_the_field_and_keep_off_holes(what, rounds):
+    ground, plan = planned(job(widths=(7.5, 9.0), rounds=rounds, **what))
+    strips = shapely_here().union_all([strip_of(p) for p in plan.passes])
+    left = ground.field.difference(strips).area
+    assert left == pytest.approx(plan.left, abs=1e-6)
+    assert left < 0.005 * ground.field.area
+    assert strips.intersection(ground.holes).area < 1e-6
+    assert ground.field.area == pytest.approx(area_of(what), rel=1e-6)
+
+
+def area_of(what):
+    shapely = shapely_here()
+    area = shapely.Polygon(what.get("ring", SQUARE)).area
+    area += sum(shapely.Polygon(p).area for p in what.get("parts", ()))
+    return area - sum(shapely.Polygon(h).area for h in what.get("holes", ()))
+
+
+@pytest.mark.parametrize("degrees", [17.0, 90.0, 133.0])
+def test_a_field_that_is_turned_and_moved_has_the_same_plan(degrees):
+    a = math.radians(degrees)
+
+    def placed(points):
+        c, s = math.cos(a), math.sin(a)
+        return [(5000.0 + c * x - s * y, s * x + c * y - 3000.0) for x, y in points]
+
+    here = job(ring=DENT, widths=(7.5, 9.0))
+    ((x, y),) = placed([(-40.0, 50.0)])
+    there = replace(here, field=FieldSettings(placed(DENT)), truck=TruckSettings(x, y))
+    one, other = planned(here)[1], planned(there)[1]
+    assert len(one.passes) == len(other.passes)
+    for p, q in zip(one.passes, other.passes, strict=True):
+        assert np.allclose([p.start, p.end], [q.start, q.end], atol=1e-3)
+
+
+def test_each_combine_has_passes_by_what_it_can_cut():
+    _, plan = planned(
+        job(ring=[(0.0, 0.0), (300.0, 0.0), (300.0, 200.0), (0.0, 200.0)], widths=(6.0, 12.0), rounds=0)
+    )
+    area = [sum(p.length * p.width for p in plan.passes if p.combine == i) for i in (0, 1)]
+    assert area[1] / area[0] == pytest.approx(2.0, rel=0.1)
+
+
+def test_a_plan_reads_back_as_it_was_written(tmp_path):
+    _, plan = planned(job(holes=[POND]))
+    plan.write(tmp_path / "plan.json")
+    assert read_plan(tmp_path / "plan.json") == plan
+
+
+def test_a_truck_in_the_crop_is_refused():
+    with pytest.raises(InputError, match="truck = 50, 50: expected a place at least 4 m outside"):
+        planned(job(truck=(50.0, 50.0)))
+
+
+def test_an_outline_that_crosses_itself_is_refused():
+    with pytest.raises(InputError, match="boundary_m"):
+        planned(job(ring=[(0.0, 0.0), (100.0, 100.0), (100.0, 0.0), (0.0, 100.0)]))

@@ -1,0 +1,99 @@
+"""Ways over free ground: closed forms, closed ground, reversing, a trailer."""
+
+import math
+
+import numpy as np
+import pytest
+
+from swath.fleet.bodies import Drive, Place, body_of
+from swath.fleet.ways import Finder, driven, straight, times_along
+from swath.machine.machine_sheet import load_machine
+
+COMBINE, CART = body_of(load_machine("lexion-700")), body_of(load_machine("tractor-grain-cart"))
+DRIVE = Drive(radius=6.4, turning=2.0, straight=3.0, backwards=1.0, accel=0.5, shift=2.0)
+TOWS = Drive(radius=9.0, turning=2.5, straight=4.0, backwards=0.0, accel=0.6, shift=2.0)
+
+
+def ground(closed=()):
+    """Open ground of 100 m by 80 m but for rectangles (west, east, south, north), and a search on it."""
+    free, edge = np.full((200, 160), -1.0, np.float32), np.full((200, 160), 9.0, np.float32)
+    for w, e, s, n in closed:
+        free[int(2 * w) : int(2 * e), int(2 * s) : int(2 * n)] = 1e18
+    return free, Finder(0.0, 0.0, 0.5, edge)
+
+
+@pytest.mark.parametrize(
+    ("goal", "length"),
+    [
+        ((70.0, 40.0, 0.0), 40.0),
+        ((30.0, 52.8, math.pi), math.pi * 6.4),  # half a circle
+        ((36.4, 56.4, math.pi / 2), 0.5 * math.pi * 6.4 + 10.0),  # a quarter and straight on
+    ],
+)
+def test_on_open_ground_the_shortest_way_is_the_dubins_path(goal, length):
+    free, finder = ground()
+    start, end = Place(30.0, 40.0, 0.0, 0.0), Place(*goal, goal[2])
+    way = finder.find(free, COMBINE, DRIVE, start, end, version=0)
+    assert way.length == pytest.approx(length, abs=0.01)
+    assert way.end[:2] == pytest.approx(goal[:2], abs=1e-6)
+
+
+def test_no_way_leads_through_crop_that_stands_and_one_around_it_is_found():
+    crop = [(48.0, 52.0, 0.0, 60.0)]
+    free, finder = ground(crop)
+    way = finder.find(
+        free, COMBINE, DRIVE, Place(30.0, 20.0, 0.0, 0.0), Place(70.0, 20.0, 0.0, 0.0), version=0
+    )
+    chassis = COMBINE.outlines(way.places)[:, 0]
+    inside = (chassis[..., 0] > 48.5) & (chassis[..., 0] < 51.5) & (chassis[..., 1] < 59.5)
+    assert not inside.any()
+    assert way.length > 2 * 40.0  # up to the end of the crop and back
+
+
+def test_crop_that_is_cut_by_then_is_open_ground():
+    free, finder = ground([(48.0, 52.0, 0.0, 80.0)])
+    start, goal = Place(20.0, 20.0, 0.0, 0.0), Place(80.0, 20.0, 0.0, 0.0)
+    assert finder.find(free, COMBINE, DRIVE, start, goal, version=0) is None
+    free[free > 1e17] = 500.0
+    assert finder.find(free, COMBINE, DRIVE, start, goal, version=1, time=100.0) is None
+    assert finder.find(free, COMBINE, DRIVE, start, goal, version=2, time=600.0) is not None
+
+
+def test_a_combine_backs_out_of_a_dead_end_and_a_cart_cannot():
+    walls = [(20.0, 61.0, 32.0, 36.0), (20.0, 61.0, 44.0, 48.0), (57.0, 61.0, 32.0, 48.0)]
+    free, finder = ground(walls)
+    start, goal = Place(44.0, 40.0, 0.0, 0.0), Place(12.0, 60.0, math.pi / 2, math.pi / 2)
+    way = finder.find(free, COMBINE, DRIVE, start, goal, version=0)
+    assert (way.ways < 0.0).any()
+    assert finder.find(free, CART, TOWS, start, goal, version=0) is None
+
+
+@pytest.mark.parametrize("goal", [(60.0, 62.0, math.pi), (75.0, 30.0, -math.pi / 2), (85.0, 55.0, 0.0)])
+def test_a_trailer_that_has_to_be_in_line_comes_straight_to_the_goal_at_once(goal):
+    free, finder = ground()
+    end = Place(*goal, goal[2])
+    way = finder.find(free, CART, TOWS, Place(40.0, 40.0, 0.0, 0.0), end, version=0, in_line=True, most=200)
+    x, y, heading, trailer = way.places[-1]
+    assert (x, y) == pytest.approx(goal[:2], abs=1e-6)
+    assert math.cos(heading - goal[2]) == pytest.approx(1.0)
+    assert math.cos(trailer - heading) > math.cos(math.radians(6.0))
+
+
+def test_a_trailer_settles_on_the_circle_of_the_tractrix():
+    radius, hitch, drawbar = 15.0, CART.hitch, CART.drawbar
+    track = driven(Place(0.0, 0.0, 0.0, 0.0), [(1.0 / radius, 200.0)], CART, spacing=0.05)
+    x, y, heading, trailer = track.places[-1]
+    axle = [
+        x + hitch * math.cos(heading) - drawbar * math.cos(trailer),
+        y + hitch * math.sin(heading) - drawbar * math.sin(trailer),
+    ]
+    assert math.dist(axle, (0.0, radius)) == pytest.approx(
+        math.sqrt(radius**2 + hitch**2 - drawbar**2), abs=0.02
+    )
+
+
+def test_times_are_those_of_a_speed_that_changes_by_its_acceleration():
+    way = straight(Place(0.0, 0.0, 0.0, 0.0), 100.0, COMBINE)
+    up = DRIVE.straight**2 / (2.0 * DRIVE.accel)
+    expected = 2.0 * DRIVE.straight / DRIVE.accel + (100.0 - 2.0 * up) / DRIVE.straight
+    assert times_along(way, DRIVE)[-1] == pytest.approx(expected, rel=0.01)
