@@ -179,8 +179,8 @@ def find_scenario(source: str | Path) -> Path:
             return path / "scenario.yaml"
         if path.is_file():
             return path
-        is_name = isinstance(source, str) and path.suffix not in (".yaml", ".yml") and len(path.parts) == 1
-        if is_name and not path.is_dir():
+        is_name = path.suffix not in (".yaml", ".yml") and len(path.parts) == 1 and not path.is_dir()
+        if isinstance(source, str) and is_name:
             return find_sheet("scenarios", source)
     except (InputError, OSError, ValueError):
         hint = other_kind("scenarios", str(source))
