@@ -137,7 +137,9 @@ def import_log(
         step("maps of the crop")
         grid = make_grid(polygon.bounds, settings.cell_m, MARGIN_M, records.epsg)
         x, y = np.meshgrid(*grid.centres())
-        crop = outline.inside(polygon, np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
+        middles = np.stack([x.ravel(), y.ravel()], axis=1)
+        touched = polygon.buffer(grid.cell / np.sqrt(2.0))  # the boundary says how much of a cell bears crop
+        crop = outline.inside(touched, middles).reshape(x.shape)
         settings = _of_crop(settings, crop_facts)
         assert settings.grain_g_per_stem is not None
         assert settings.crop_height_m is not None
@@ -306,7 +308,7 @@ def _report(
     azimuth = row_azimuth(tracks) if tracks else outline.long_axis(polygon)
     spacing, spread, count = pass_spacing(tracks, azimuth)
     grain = cleaned.grain[cleaned.kept] * 10.0
-    map_kg = float(np.nansum(maps.grain.values.astype(float))) * maps.grain.cell**2
+    map_kg = _mapped_kg(maps, polygon)
     logged_kg = float((log.flow * log.duration).sum())
     columns = {k: f"{c.column} [{c.unit}]" for k, c in log.column_map.columns.items()}
     field = {
@@ -339,6 +341,13 @@ def _report(
         out, source, rows, _machines(cleaned, tracks), cleaned.counts, int(cleaned.kept.sum()), field, crop,
         terrain, notes,
     )  # fmt: skip
+
+
+def _mapped_kg(maps: Maps, polygon: Any) -> float:
+    """Grain on the map [kg]: cells whose middle lies in the field stand for its area."""
+    x, y = np.meshgrid(*maps.grain.centres())
+    within = outline.inside(polygon, np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
+    return float(np.nansum(maps.grain.values[within].astype(float))) * maps.grain.cell**2
 
 
 def _doubts(
@@ -374,7 +383,7 @@ def _doubts(
         return notes
     own = np.ones(len(log), bool) if within is None else outline.inside(polygon, log.position)
     logged = float((log.flow * log.duration)[own].sum())
-    mapped = float(np.nansum(maps.grain.values.astype(float))) * maps.grain.cell**2
+    mapped = _mapped_kg(maps, polygon)
     ratio = logged / mapped if mapped > 0.0 else np.inf
     text = f"{logged / 1000:.1f} t logged, {mapped / 1000:.1f} t on the map of {polygon.area / 1e4:.2f} ha"
     if ratio > BALANCE[1]:
