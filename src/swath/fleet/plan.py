@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
 from swath.fleet.files import PlanSettings
 from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import Combine
@@ -87,7 +88,7 @@ class Plan:
     def write(self, path: Path) -> None:
         """As JSON, in the field's frame [m]."""
         rows = {"area_m2": self.area, "left_m2": self.left, "passes": [asdict(p) for p in self.passes]}
-        path.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        write_whole(path, json.dumps(rows, indent=1) + "\n")
 
 
 def read_plan(path: Path) -> Plan:
