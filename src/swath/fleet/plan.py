@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.portable import product
 from swath.core.whole_file import write_whole
 from swath.fleet.files import PlanSettings
 from swath.fleet.ground import Ground, shapely_here
@@ -265,8 +266,8 @@ class _Planner:
         middle = shapely.get_coordinates(part.representative_point())[0]
         for u in (np.array([1.0, 0.0]), np.array([0.0, 1.0])):
             left = np.array([-u[1], u[0]])
-            across = shapely.get_coordinates(part) @ left
-            offsets = (middle @ left, across.min() + 0.48 * header, across.max() - 0.48 * header)
+            across = product(shapely.get_coordinates(part), left)
+            offsets = (product(middle, left), across.min() + 0.48 * header, across.max() - 0.48 * header)
             lines += [(at * left, u) for at in offsets]
         found = []
         for at, u in lines:
@@ -289,7 +290,7 @@ def _parts(area: Any) -> list[Any]:
 
 
 def _reach(area: Any, at: Array, u: Array) -> tuple[float, float]:
-    along = (shapely_here().get_coordinates(area) - at) @ u
+    along = product(shapely_here().get_coordinates(area) - at, u)
     return float(along.min()) - 1.0, float(along.max()) + 1.0
 
 
@@ -299,7 +300,7 @@ def _spans(area: Any, at: Array, u: Array, least: float = 0.0) -> list[tuple[flo
     spans = []
     for part in _parts(area):
         if part.area > least:
-            along = (shapely.get_coordinates(part) - at) @ u
+            along = product(shapely.get_coordinates(part) - at, u)
             spans.append((float(along.min()), float(along.max())))
     return sorted(spans)
 
@@ -334,7 +335,7 @@ def _cells(strips: list[list[_Stretch]]) -> list[list[_Stretch]]:
         onto = [[c for c in open_ if c[-1].west < s.east and s.west < c[-1].east] for s in strip]
         goes_on = []
         for stretch, before in zip(strip, onto, strict=True):
-            follows = len(before) == 1 and sum(before[0] in o for o in onto) == 1
+            follows = len(before) == 1 and len([o for o in onto if before[0] in o]) == 1
             cell = before[0] if follows else []
             if not follows:
                 cells.append(cell)

@@ -489,7 +489,7 @@ class _Scheduler:
             return None
         granted = times
         cart_path, cart_times, amounts, meet, exits = found
-        given = float(sum(amounts))
+        given = float(math.fsum(amounts))
         ends = times[-1] + float(leg.path.spent[-1])
         into = [*times, ends]
         at = leg.first + meet
@@ -588,14 +588,14 @@ class _Scheduler:
         for i in range(meet, last):
             spent = into[leg.first + i + 1] - into[leg.first + i]
             level += float(leg.masses[i])
-            given = min(c.spec.auger * spent, level, room - sum(amounts))
+            given = min(c.spec.auger * spent, level, room - math.fsum(amounts))
             amounts.append(max(given, 0.0))
             level -= amounts[-1]
-            if level <= LEFT_KG or sum(amounts) >= room - LEFT_KG:
+            if level <= LEFT_KG or math.fsum(amounts) >= room - LEFT_KG:
                 break
-        if sum(amounts) < min(0.1 * c.spec.tank, 0.9 * room):
+        if math.fsum(amounts) < min(0.1 * c.spec.tank, 0.9 * room):
             return None, 0.0
-        rest = float(levels[-1]) - sum(amounts)
+        rest = float(levels[-1]) - math.fsum(amounts)
         if rest > c.spec.tank + LEFT_KG:
             return None, 0.0
         return self.cart_path(
@@ -619,7 +619,7 @@ class _Scheduler:
             kept.kinds[lane_at + i] = "beside, pouring"
         end = into[len(amounts)]
         exact = {lane_at + i: into[i] for i in range(len(amounts))}
-        found = self.away(k, kept, now, end, k.load + sum(amounts), exact, other)
+        found = self.away(k, kept, now, end, k.load + math.fsum(amounts), exact, other)
         if found is None:
             return None
         path, times, exits = found
