@@ -98,7 +98,7 @@ def levels(out: Path) -> Made:
 
 
 def flow(out: Path) -> Made:
-    """The parts of the demo as they are wired, and what each costs."""
+    """The parts of the demo as they are wired, with level and rate of each."""
     from swath.runtime.assembly import assemble
     from swath.scenario.scenario import load_scenario
 
@@ -343,7 +343,7 @@ def _told(summary: Mapping[str, Any]) -> str:
     cm = {name: 100.0 * summary[name] for name in ("lateral_rms_m", "lateral_p95_m", "edge_rmse_m")}
     return (
         f"Lateral error {cm['lateral_rms_m']:.1f} cm RMS, 95 % within {cm['lateral_p95_m']:.1f} cm; detected "
-        f"edge {cm['edge_rmse_m']:.1f} cm RMS, right in {100 * summary['detection_availability']:.0f} % of "
+        f"edge {cm['edge_rmse_m']:.1f} cm RMS, found in {100 * summary['detection_availability']:.0f} % of "
         f"the scans; {summary['distance_m']:.0f} m driven."
     )
 
