@@ -6,7 +6,7 @@
 
 `StationKeeper` keeps the station beside the combine; a strategy says where in the box grain comes down. This
 one fills two places in turn, each for `hold_s`, and is done when neither has room. Without `StationKeeper` a
-class will do whose output `station` is a `Station`: `docs/cart.md`.
+class will do whose output `station` is a `Station`: `docs/explanation/cart.md`.
 """
 
 from dataclasses import dataclass

@@ -8,7 +8,7 @@ The detected edge and the odometry go in, the wanted path curvature comes out. T
 machine drives the circle through a point of the edge line `preview_m` ahead of the fixed axle,
 kappa = 2 y / (x^2 + y^2), with y how far the header end is from where it should be there. The built-in
 `preview` knows the delays of the steering and the side slip; this one does not. `swath levels steer` lists
-what a law may see and what it must give; `docs/nomenclature.md` has frames and signs.
+what a law may see and what it must give; `docs/reference/nomenclature.md` has frames and signs.
 """
 
 from dataclasses import dataclass

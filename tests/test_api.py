@@ -79,7 +79,7 @@ def test_a_scan_at_a_rate_of_the_sensor_notes_nothing_of_it(tmp_path):
 
 
 def test_tick_by_tick_is_the_same_run():
-    """As in docs/python.md: every tick is one step of the loop, and all of them are the run."""
+    """As in docs/how-to/python.md: every tick is one step of the loop, and all of them are the run."""
     scenario = swath.load_scenario("straight", sets=SCAN)
     whole, single = Digest(), Digest()
     drive(assemble(scenario), [whole])

@@ -105,7 +105,7 @@ def test_alone_it_shows_five_real_command_lines(capsys):
 def test_every_command_is_in_the_documentation():
     from swath.commands.main import make_parser
 
-    page = (Path(__file__).parents[1] / "docs" / "commands.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[1] / "docs" / "reference" / "commands.md").read_text(encoding="utf-8")
     names = make_parser()[1]
     assert len(names) > 12
     assert [name for name in names if f"`swath {name}" not in page] == []

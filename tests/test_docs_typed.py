@@ -16,7 +16,7 @@ from tests.test_docs import LINES, ROOT
 SHORT = ["--set", "run.max_duration_s=0.4", "--set", "run.distance_m=2"]
 PAGES = sorted({page for page, _ in LINES} - {p.name for p in (ROOT / "docs" / "tutorials").glob("*.md")})
 BEFORE = {  # what the reader has by then
-    "replay-log.md": [["new", "detector", "my.py"]],
+    "again.md": [["new", "detector", "my.py"]],
 }
 SHEETS = {
     "my-scanner.yaml": "sick-lms511-hr",

@@ -1,4 +1,4 @@
-"""Makes the figure of docs/fleet.md: `python docs/figures/fleet.py` in the repository root."""
+"""Makes the figure of docs/how-to/fleet.md: `python docs/figures/fleet.py` in the repository root."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""docs/cases.md and its pictures: every bundled function test, drawn from its own scenario.
+"""docs/reference/cases.md and its pictures: every bundled function test, drawn from its own scenario.
 
 python -m docs.make.cases               writes the page anew
 python -m docs.make.cases --draw        and the pictures (some minutes); with names only those
@@ -17,11 +17,11 @@ from swath.tools.function_test.cells import Cell
 from swath.tools.function_test.session import open_session
 
 HERE = Path(__file__).parents[1]
-PAGE, PICTURES = HERE / "cases.md", HERE / "figures" / "cases"
+PAGE, PICTURES = HERE / "reference" / "cases.md", HERE / "figures" / "cases"
 HEADER = """\
 # The catalogue of function tests
 Made by `python -m docs.make.cases` from the files in `src/swath/data/tests`; edit those. How they are run and
-judged: [function-tests.md](function-tests.md).
+judged: [function-tests.md](../how-to/function-tests.md).
 
 {count} cases with {runs} runs on their grids. Each picture: the field from above at the last point of the
 grid, with the machine where it starts (it drives to the right, its header end on the edge), and one scan at
@@ -49,7 +49,7 @@ def _entry(case: Case) -> str:
     file = case.file
     lines = [
         f"### {case.name}",
-        f"![{file.objective}](figures/cases/{case.name}.webp)\n",
+        f"![{file.objective}](../figures/cases/{case.name}.webp)\n",
         f"{file.objective}.\n",
     ]
     for name, varied in file.vary.items():

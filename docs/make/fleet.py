@@ -1,4 +1,4 @@
-"""docs/fleet-file.md: the reference of all keys of a job file, made from the same classes that check them.
+"""The keys of a job file in docs/how-to/fleet.md, made from the same classes that check them.
 
 python -m docs.make.fleet     writes it anew
 """
@@ -20,12 +20,12 @@ from swath.job.fleet import (
 from swath.job.lands import PlanSettings
 from swath.scenario.reference import parameter_rows
 
-PAGE = Path(__file__).parents[1] / "fleet-file.md"
+PAGE = Path(__file__).parents[1] / "how-to" / "fleet.md"
+BEGIN = "## Job files\n"
 HEADER = """\
-# Job files
 Made by `python -m docs.make.fleet` from the classes that check a job; edit those.
 
-A job of [a whole field](fleet.md) is YAML, by the same rules as a [scenario](scenario.md): keys carry their unit, paths are
+A job is YAML, by the same rules as a [scenario](../reference/scenario.md): keys carry their unit, paths are
 relative to the file, and what is wrong is an error that names key, value, what was expected, file and line.
 `swath fleet run NAME|FILE --set combines.combine.speed_kmh=5` changes one key. `swath schema job --out job.schema.json`
 writes the same as JSON Schema: an editor with a YAML language server completes and checks the file whose first line is
@@ -36,22 +36,23 @@ writes the same as JSON Schema: an editor with a YAML language server completes 
 """
 NAMED = "The key is its name; there may be several.\n"
 SECTIONS = (
-    ("## field", FieldSettings, "One of `boundary_m`, `file` and `log`.\n"),
-    ("## plan", PlanSettings, ""),
-    ("## combines.NAME", CombineSettings, NAMED),
-    ("## carts.NAME", CartSettings, NAMED + "None: `unload.mode` is `standing` or `at_headland`.\n"),
-    ("## truck", TruckSettings, ""),
-    ("## unload", UnloadSettings, ""),
-    ("## team", TeamSettings, ""),
+    ("### field", FieldSettings, "One of `boundary_m`, `file` and `log`.\n"),
+    ("### plan", PlanSettings, ""),
+    ("### combines.NAME", CombineSettings, NAMED),
+    ("### carts.NAME", CartSettings, NAMED + "None: `unload.mode` is `standing` or `at_headland`.\n"),
+    ("### truck", TruckSettings, ""),
+    ("### unload", UnloadSettings, ""),
+    ("### team", TeamSettings, ""),
 )
 
 
 def reference(name: str = "small-field") -> str:
     """The whole page."""
+    before = PAGE.read_text(encoding="utf-8").partition(BEGIN)[0]
     example = find_sheet("jobs", name).read_text(encoding="utf-8")
-    parts = [HEADER.format(name=name, example=example)]
+    parts = [before + BEGIN + HEADER.format(name=name, example=example)]
     head = [row for row in parameter_rows(FleetFile) if row[0] in ("format", "name", "summary")]
-    parts += ["## Top level\n", table(head)]
+    parts += ["### Top level\n", table(head)]
     parts += [section(*each) for each in SECTIONS]
     return "\n".join(parts).rstrip() + "\n"
 

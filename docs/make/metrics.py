@@ -1,4 +1,4 @@
-"""The tables of docs/metrics.md, made from the declarations of the evaluators.
+"""The tables of docs/reference/metrics.md, made from the declarations of the evaluators.
 
 python -m docs.make.metrics     writes them anew
 """
@@ -8,12 +8,12 @@ from typing import Any
 
 from swath.scenario.catalogue import CATALOGUE
 
-PAGE = Path(__file__).parents[1] / "metrics.md"
+PAGE = Path(__file__).parents[1] / "reference" / "metrics.md"
 BEGIN, END = "<!-- made by docs/make/metrics.py -->\n", "<!-- end -->"
 
 
 def markdown(judged: Any) -> str:
-    """The generated part of docs/metrics.md."""
+    """The generated part of docs/reference/metrics.md."""
     groups: dict[str, list[str]] = {}
     for scope, metrics in judged.by_scope().items():
         for name, m in metrics.items():

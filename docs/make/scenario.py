@@ -1,4 +1,4 @@
-"""docs/scenario.md: the reference of all scenario keys, made from the same classes that check them.
+"""docs/reference/scenario.md: the reference of all scenario keys, made from the same classes that check them.
 
 python -m docs.make.scenario     writes it anew
 """
@@ -24,7 +24,7 @@ from swath.scenario.sections import (
 )
 
 Group = tuple[str, tuple[tuple[str, str, str], ...]]  # its name; keys without it, value, meaning
-PAGE = Path(__file__).parents[1] / "scenario.md"
+PAGE = Path(__file__).parents[1] / "reference" / "scenario.md"
 HEADER = """\
 # Scenario files
 Made by `python -m docs.make.scenario` from the classes that check a scenario; edit those.
@@ -43,13 +43,13 @@ it gives completion in editors with a YAML language server:
 Where a level is chosen, `steer: preview` stands for `steer: {{level: preview}}`. A level is a built-in name,
 an installed one (entry point group `swath.levels`, name `slot.level`), or your own `path/to/file.py:Class`,
 which runs, with your rights, only with `--allow-code` or where the command line names it
-([SECURITY.md](../SECURITY.md)).
+([SECURITY.md](../../SECURITY.md)).
 `--set combine.lidar.level=empirical` changes one key for one run; choosing another level drops the keys that
 only the old one knew. The order of changes does not matter; two that say different things about a key are an error.
 """
 
 REALTIME = """\
-Only with this section, or `swath run --real-time`, a run waits for the clock: [realtime.md](realtime.md).
+Only with this section, or `swath run --real-time`, a run waits for the clock: [hil.md](../how-to/hil.md#real-time-pace).
 `degrade` is a list of `{slot: machine.slot, level: name, ...}`, taken one after the other when `on_overrun`
 is `degrade`; keys of the present level that the cheaper one knows are kept.
 """
@@ -96,7 +96,7 @@ def reference(catalogue: Catalogue = CATALOGUE) -> str:
 def _field(catalogue: Catalogue, shared: dict[Group, str]) -> str:
     parts = [
         "## field",
-        "`folder: path` takes terrain and stand from an imported field (docs/field-folder.md).\n",
+        "`folder: path` takes terrain and stand from an imported field (docs/how-to/field.md).\n",
         _part(FieldCommon, shared),
     ]
     parts += [_levels(catalogue, kind, f"### field.{kind}", shared) for kind in catalogue.field_levels]

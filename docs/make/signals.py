@@ -1,4 +1,4 @@
-"""docs/signals.md and the table of messages in docs/run-folder.md, made from the declarations of the signals.
+"""docs/reference/signals.md and the table of messages in docs/reference/run-folder.md, made from the declarations of the signals.
 
 python -m docs.make.signals     writes both anew
 """
@@ -14,7 +14,7 @@ from swath.core.signal import Message, Quantity, Signal, quantities, signal_type
 from swath.scenario.slots import SLOTS
 from swath.signals.flat import ARRAYS
 
-DOCS = Path(__file__).parents[1]
+DOCS = Path(__file__).parents[1] / "reference"
 BEGIN, END = "<!-- made by docs/make/signals.py -->", "<!-- end -->"
 FRAMES = {
     "base": "`machine/base_link`",

@@ -64,5 +64,5 @@ def make(page: Path) -> None:
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:] or sorted(p.name for p in DOCS.glob("*.md")):
+    for name in sys.argv[1:] or sorted(str(p.relative_to(DOCS)) for p in DOCS.glob("**/*.md")):
         make(DOCS / name)

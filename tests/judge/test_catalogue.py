@@ -20,7 +20,7 @@ NAME = "steering_reversals_per_100_m"
 
 
 def test_the_page_of_metrics_is_up_to_date():
-    page = (ROOT / "docs" / "metrics.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "metrics.md").read_text(encoding="utf-8")
     made = page.partition(BEGIN)[2].partition(END)[0]
     code = "from docs.make.metrics import *; print(markdown(CATALOGUE.judged()), end='')"
     # in a process of its own, as other tests declare signals with columns of theirs

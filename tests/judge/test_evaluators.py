@@ -38,9 +38,9 @@ def test_prescribed_errors_are_measured_with_their_sign(side, radius):
 def test_errors_have_one_sign_everywhere():
     """Towards the standing crop is positive: in the table of signs, the definitions, metrics and columns."""
     docs = Path(__file__).parents[2] / "docs"
-    signs = (docs / "nomenclature.md").read_text(encoding="utf-8").partition("## Signs")[2]
+    signs = (docs / "reference" / "nomenclature.md").read_text(encoding="utf-8").partition("## Signs")[2]
     (row,) = [line for line in signs.splitlines() if "lateral error" in line]
-    definition = (docs / "metrics.md").read_text(encoding="utf-8").partition("**Sign.**")[2]
+    definition = (docs / "reference" / "metrics.md").read_text(encoding="utf-8").partition("**Sign.**")[2]
     said = [row, definition.replace("\n", " ").partition(" and negative")[0]]
     metrics = load_evaluators().metrics
     said += [metrics[name].meaning for name in ("lateral_bias_m", "edge_bias_m")]

@@ -17,7 +17,7 @@ pytest.importorskip("fmpy")
 pytestmark = [needs_cc, pytest.mark.usefixtures("code_allowed")]
 DOCS = Path(__file__).parents[2] / "docs"
 TUTORIAL = (DOCS / "tutorials" / "my-simulink-model.md").read_text(encoding="utf-8")
-PAGE = (DOCS / "fmi.md").read_text(encoding="utf-8") + TUTORIAL
+PAGE = (DOCS / "how-to" / "simulink.md").read_text(encoding="utf-8") + TUTORIAL
 
 
 def blocks(kind):

@@ -1,4 +1,4 @@
-"""What the signals declare is what is done, and what docs/signals.md says."""
+"""What the signals declare is what is done, and what docs/reference/signals.md says."""
 
 import re
 from dataclasses import replace
@@ -22,7 +22,7 @@ from swath.signals import CropEdge, Fix, Odometry, Scan
 from swath.signals.flat import build, flat_fields
 from tests.fake_run import ArcEdge, GridField, drive, machine
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[2] / "docs" / "reference"
 ORIGIN = Origin(32632, 500_000.0, 5_400_000.0, 300.0)
 
 

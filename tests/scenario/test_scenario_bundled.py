@@ -12,7 +12,7 @@ from swath.scenario.catalogue import CATALOGUE
 from swath.scenario.scenario import find_scenario, load_scenario, parse_scenario, scenario_names
 from swath.scenario.schema import scenario_schema
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[2] / "docs" / "reference"
 
 
 @pytest.fixture(scope="module")

@@ -98,7 +98,7 @@ def test_other_crops_agree_with_plants(crop, density):
         if (crop, pitch) == ("rye", 50.0):  # heights spread by 0.4 m: two stands differ by 21 mm
             assert found.wasserstein_m < 0.025
             found = replace(found, wasserstein_m=0.0)
-        if (crop, pitch) == ("rye", 10.0):  # the highest tops lie 2 cm low, docs/empirical.md
+        if (crop, pitch) == ("rye", 10.0):  # the highest tops lie 2 cm low, docs/explanation/lidar.md
             assert abs(found.p95_bias_m) < 0.025
             found = replace(found, p95_bias_m=0.0)
         assert found.is_good, (pitch, found)

@@ -79,7 +79,7 @@ def test_a_detector_on_stored_scans_needs_no_world(driven, monkeypatch):
 
 
 def test_the_five_lines_of_the_page_run(driven, capsys):
-    text = (ROOT / "docs" / "function-tests.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "how-to" / "function-tests.md").read_text(encoding="utf-8")
     lines = text.partition("```py\n")[2].partition("```")[0]
     own = f"{ROOT / 'examples' / 'my_edge_detector.py'}:MyEdgeDetector"
     lines = lines.replace("runs/tuesday", str(driven.folder)).replace("my_detector.py:MyDetector", own)

@@ -7,7 +7,7 @@
         share: Annotated[float, Quantity("", "water, share of the wet mass", column="moisture_share")]
 
 From this follow its flat numbers, columns of tracks.parquet, ROS 2 message, exact samples, FMI variables and
-its entry in docs/signals.md.
+its entry in docs/reference/signals.md.
 """
 
 from collections.abc import Callable

@@ -1,6 +1,6 @@
 """A field folder: one real field as rasters and vectors that any GIS opens, and back into local metres.
 
-docs/field-folder.md describes the files.
+docs/how-to/field.md describes the files.
 """
 
 import base64

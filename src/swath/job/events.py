@@ -37,7 +37,7 @@ STEADY = 0.02  # m/s, within which it has its speed
 LONGEST = 1e5  # s
 # s by which a way takes longer than the ride, for each other combine at work, and for each other cart: a turn
 # and a far way to the next pass, a cart's to a combine and to the truck. Estimate: driven machines of 20
-# layouts (docs/fleet.md)
+# layouts (docs/how-to/fleet.md)
 TURN_LOSES, FAR_LOSES = (1.0, 1.3, 0.0), (1.0, 4.8, 0.0)
 CART_LOSES, BACK_LOSES = (4.7, 2.4, 0.0), (7.0, 1.1, 0.0)
 # a cart's to a combine where it searches for it as with sensors. Estimate: 404 ways with sensors (likewise)

@@ -215,7 +215,7 @@ class SlotCommon(BaseModel):
         Field(description="of a slot that hears another machine: which one; default: that of the machine"),
     ] = None
     fault: Annotated[
-        FaultSection | None, Field(description="what goes wrong with what it sends: docs/faults.md")
+        FaultSection | None, Field(description="what goes wrong with what it sends: docs/explanation/obstacles.md")
     ] = None
     mount_error: Annotated[
         ByField | None,
@@ -275,5 +275,5 @@ class MachineCommon(BaseModel):
     ] = None
     body: Annotated[
         BodySection | None,
-        Field(description="its shape from your own file: docs/machines.md; default: boxes"),
+        Field(description="its shape from your own file: docs/reference/scenario.md; default: boxes"),
     ] = None

@@ -1,7 +1,7 @@
 """What flows between components: frozen, typed samples, SI and radians.
 
 Every sample carries `t`, the simulated time [ns] it is valid for. Arrays are read-only by convention. What a
-field means stands in its declaration (`core/signal.py`) and, as tables, in docs/signals.md.
+field means stands in its declaration (`core/signal.py`) and, as tables, in docs/reference/signals.md.
 """
 
 from swath.core.signal import Signal as Signal

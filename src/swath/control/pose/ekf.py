@@ -49,14 +49,14 @@ NEVER = -(10**18)  # ns
 FAULTY_AFTER = NS // 2  # ns, that the receiver has to say that a machine moves whose wheels stand
 OLDEST = NS  # a fix that was measured longer ago is left out [ns]
 # Share of the reported variance that is white, and correlation time of the rest [s], by the quality of the
-# fix: what the filter assumes of a receiver (docs/positioning.md).
+# fix: what the filter assumes of a receiver (docs/explanation/sensors.md).
 ASSUMED: Mapping[str, tuple[float, float]] = {
     "single": (0.003, 3600.0),
     "dgps": (0.004, 10_800.0),
     "float": (0.01, 300.0),
     "fix": (0.38, 120.0),
 }
-# Standard deviations of a receiver that reports none [m], [m/s] (docs/positioning.md).
+# Standard deviations of a receiver that reports none [m], [m/s] (docs/explanation/sensors.md).
 UNREPORTED_SD = {"single": 2.0, "dgps": 0.5, "float": 0.2, "fix": 0.012}
 UNREPORTED_SPEED_SD = 0.05
 

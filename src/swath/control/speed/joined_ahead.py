@@ -95,5 +95,5 @@ LEVEL = Level(
     Params,
     summary="constant throughput from scanner and map, each weighted by how right it was so far",
     cost="200 us per step",
-    tolerance="in time for what comes; on measured crop between scanner and feed_rate (docs/field-map.md)",
+    tolerance="in time for what comes; on measured crop between scanner and feed_rate (docs/how-to/field.md)",
 )

@@ -15,7 +15,7 @@ settles over the length a by itself (a point ahead of the fixed axle is minimum 
 curvature e = 0 is an equilibrium, because theta grows until beta equals it: the curvature of the edge is
 needed only to look across the time the steering takes. Pure pursuit from the axle,
 kappa = 2 (e + d theta) / d^2, is the same law with other weights; it overshoots by a fifth when a = d and
-cuts bends by kappa d^2 / 2 (docs/control.md).
+cuts bends by kappa d^2 / 2 (docs/explanation/steering.md).
 
 All this holds in the frame in which the machine will stand when the command has taken hold (dead time and
 lag), and the slip of the machine on slopes is observed.

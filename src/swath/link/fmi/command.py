@@ -122,7 +122,7 @@ def run_export(args: argparse.Namespace) -> int:
     table("", ("variable", "causality", "type", "unit", "description"), rows)
     print(
         f"{args.out}  FMI {args.fmi}, for Linux and Windows on x86-64: the importer needs a Python with "
-        f"swath {__version__}, see docs/fmu-export.md"
+        f"swath {__version__}, see docs/how-to/simulink.md"
     )
     print(f"a program that is no Python needs {elsewhere_line()}")
     print(f"a program that is no Python starts here with: {importer_line()}")

@@ -355,6 +355,6 @@ def need_library(description: Description, key: str = "file") -> str:
     wanted = fmpy.platform_tuple if description.major == 3 else fmpy.platform
     text = (
         f"expected an FMU with a binary for {wanted}, this one has {has}: export it for this system, or run "
-        "it where it can and connect it over ROS 2 or CAN (docs/ros2.md, docs/hil.md)"
+        "it where it can and connect it over ROS 2 or CAN (docs/how-to/ros2.md, docs/how-to/hil.md)"
     )
     raise InputError(key, str(description.file), text)

@@ -1,6 +1,6 @@
 """Level `fmu` of any slot: a model from Simulink, Modelica or elsewhere, exported as a co-simulation FMU.
 
-What it needs and gives is mapped to ports by name or in the scenario; docs/fmi.md has the rules.
+What it needs and gives is mapped to ports by name or in the scenario; docs/how-to/simulink.md has the rules.
 """
 
 from dataclasses import dataclass, field, replace

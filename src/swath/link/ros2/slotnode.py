@@ -85,7 +85,7 @@ class SlotNode:
             what = f"publishes on {topics[0]}" if listens else f"listens on {self.step_topic}"
             if now > deadline:
                 raise NodeSilent(
-                    f"{self._setup.name}: no node {what}; one must play this slot (docs/ros2.md), "
+                    f"{self._setup.name}: no node {what}; one must play this slot (docs/how-to/ros2.md), "
                     "with the same ROS_DOMAIN_ID"
                 )
             if now > told_at:

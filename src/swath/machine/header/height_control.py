@@ -1,7 +1,7 @@
 """Header level `height_control`: feelers, a controller and cylinders hold the knife over the ground.
 
 The knife is straight and stiff. Where it is above the ground decides the stubble, section by section.
-Equations, sources and validation: docs/header.md.
+Equations, sources and validation: docs/explanation/machine.md.
 """
 
 from dataclasses import dataclass

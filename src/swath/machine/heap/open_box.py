@@ -20,7 +20,7 @@ from swath.machine.heap.surface import Surface, largest_heap, outside
 from swath.signals import F64, HeapState, JobState, TrailerState
 
 STATION = 0.5  # between the places of the profile [m]
-REPOSE = {"wheat": 25.0, "maize": 23.0, "barley": 28.0, "rye": 25.0}  # degrees, docs/cart.md
+REPOSE = {"wheat": 25.0, "maize": 23.0, "barley": 28.0, "rye": 25.0}  # degrees, docs/explanation/cart.md
 OTHER_REPOSE = 25.0
 
 

@@ -2,7 +2,7 @@
 
 With the fixed axle as reference and the steered axle a distance L behind it: yaw rate = v tan(steer) / L
 (steer > 0 turns left; the rear wheel itself then points right). Turning costs no side slip: see
-docs/motion.md for what that hides. On a slope the wheels slip as in the other levels, along and
+docs/explanation/machine.md for what that hides. On a slope the wheels slip as in the other levels, along and
 across, behind by the relaxation lengths: both axles drift alike, so it crabs downhill and keeps its heading.
 """
 

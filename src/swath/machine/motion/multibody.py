@@ -1,7 +1,7 @@
 """Motion level `multibody`: bodies, joints and four wheels on rough ground, stepped by MuJoCo.
 
 Chassis with six degrees of freedom, rear pendulum axle with two kingpins after Ackermann, spinning wheels,
-feeder and header as masses, grain that shifts the centre of gravity. Equations: docs/motion.md.
+feeder and header as masses, grain that shifts the centre of gravity. Equations: docs/explanation/machine.md.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 """Motion level `single_track`: side slip, tyre lag and side slopes.
 
 One tyre per axle; lateral speed of the centre of gravity and yaw rate as in the textbooks; forward speed from
-the drive's closed loop. Equations, signs and validation: docs/motion.md.
+the drive's closed loop. Equations, signs and validation: docs/explanation/machine.md.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,7 @@
 """Powertrain level `hydrostat`: an engine that loses speed under load, and a drive that yields to it.
 
 J dw/dt = T - T_load, lag dT/dt = governed torque - T; belts take torque, the hydrostat takes power. Equations
-and sources: docs/process.md.
+and sources: docs/explanation/machine.md.
 """
 
 from dataclasses import dataclass

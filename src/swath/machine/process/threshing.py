@@ -1,7 +1,7 @@
 """Process level `threshing`: the path of grain and straw through the machine, and what each part loses.
 
 Header -> feeder house -> drum -> rotors -> straw outlet; what falls through -> shoe -> elevator -> tank, or
-back to the drum. Equations, sources and validation: docs/process.md.
+back to the drum. Equations, sources and validation: docs/explanation/machine.md.
 """
 
 from dataclasses import dataclass

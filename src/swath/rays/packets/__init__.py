@@ -1,1 +1,1 @@
-"""Ray packets: neighbouring beams go through the crop together (docs/rays.md)."""
+"""Ray packets: neighbouring beams go through the crop together (docs/explanation/lidar.md)."""

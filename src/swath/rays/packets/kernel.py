@@ -1,4 +1,4 @@
-"""Ray packet traversal as a Warp kernel: its body is native code, `native/`, explained in docs/rays.md."""
+"""Ray packet traversal as a Warp kernel: its body is native code, `native/`, explained in docs/explanation/lidar.md."""
 
 from pathlib import Path
 

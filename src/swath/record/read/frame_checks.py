@@ -17,7 +17,7 @@ NEAR_GRAVITY = 0.15  # of it, by which a mean force may be off: bias, scale, bra
 UPRIGHT_DEG = 45.0  # no machine at work leans as far
 DATUM_M = 0.5  # heights that differ by less from the terrain's differ by their errors
 CONSTANT_M = 1.0  # from the 5th to the 95th percentile: what differs by more is no other datum
-UNKNOWN_SD_M = 3.5  # of the height of a receiver without corrections (docs/positioning.md)
+UNKNOWN_SD_M = 3.5  # of the height of a receiver without corrections (docs/explanation/sensors.md)
 # Where the force of an upright machine points in the unit's axes -> what turns them to forward, left, up.
 LIKELY = {
     (2, 1): "z up, but turned by `mount` or /tf_static: `mount: {at: axle, pitch_deg: 0}`",

@@ -4,7 +4,7 @@
 
 mean and sd are those of the field, N is a random field of unit variance over cells. The map is smeared along
 the way as a yield monitor does it, is off by an offset and has cells. On wheat logs the neighbouring pass of
-the same day has r = 0.68 at 12 m, a map two years old 0.2 to 0.3 (docs/field-map.md).
+the same day has r = 0.68 at 12 m, a map two years old 0.2 to 0.3 (docs/how-to/field.md).
 """
 
 from dataclasses import dataclass

@@ -39,7 +39,7 @@ class Loss:
 
 @dataclass(frozen=True)
 class Params:
-    """receiver: whose figures count (docs/positioning.md); antenna: where it sits on the machine
+    """receiver: whose figures count (docs/explanation/sensors.md); antenna: where it sits on the machine
 
     second_antenna: place of another one, for the heading; heading_noise_mm: of its place relative to the
     first across the line between them, sd per sample, while the fix is one of carriers; an estimate

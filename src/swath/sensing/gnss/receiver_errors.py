@@ -28,7 +28,7 @@ class Figures:
         return sqrt(2.0 * self.noise**2 + 2.0 * self.wander**2 * (1.0 - exp(-lag / self.wander_time)))
 
 
-# What is behind each figure: docs/positioning.md. The vertical factor is 1.5 to 2 (uncited).
+# What is behind each figure: docs/explanation/sensors.md. The vertical factor is 1.5 to 2 (uncited).
 FIGURES = {
     "single": Figures(0.10, 2.0, 3600.0, velocity=0.05),
     "dgps": Figures(0.03, 0.5, 10_800.0, velocity=0.05),

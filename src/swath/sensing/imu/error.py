@@ -26,7 +26,7 @@ MILLI_G = 1e-3 * STANDARD_GRAVITY
 
 @dataclass(frozen=True)
 class Params:
-    """unit: whose noise counts (docs/positioning.md); mount: where it sits on the machine
+    """unit: whose noise counts (docs/explanation/sensors.md); mount: where it sits on the machine
 
     noise_factor: on its white noise; walk_factor: on the random walk of its bias
     gyro_bias_deg_s: sd of the bias at the start, drawn once per run and axis, as the three below; estimates

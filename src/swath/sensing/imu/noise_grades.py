@@ -43,7 +43,7 @@ def _unit(gyro_deg_s: float, gyro_deg_h: float, accel_ug: float, accel_mg: float
     return Unit(Axis(gyro_deg_s * DEG, gyro_deg_h * DEG / HOUR), accel)
 
 
-# deg/s/sqrt(Hz), deg/h, ug/sqrt(Hz), mg; where they are from: docs/positioning.md
+# deg/s/sqrt(Hz), deg/h, ug/sqrt(Hz), mg; where they are from: docs/explanation/sensors.md
 UNITS = {
     "mti-1": _unit(0.007, 10.0, 120.0, 0.03),
     "adis16470": _unit(0.34 / 60.0, 8.0, 0.037 / 60.0 / STANDARD_GRAVITY * 1e6, 0.013),

@@ -55,4 +55,4 @@ def run(args: argparse.Namespace) -> int:
 
 _DESCRIPTION = """Run a finished run again from one of its moments on, with something changed there, into a
 new folder: sample by sample what swath run --events gives with that change. Saves of the run (swath
-run --save-every) spare the way to that moment: docs/branch.md."""
+run --save-every) spare the way to that moment: docs/how-to/again.md."""

@@ -71,7 +71,7 @@ def hours_of(file: FleetFile, of: Shared, fleet: Fleet) -> float:
     """When the field is empty by events, if each cuts its own passes, turns as if these were not shared out,
     waits for no other one, and stands for carts as long as each other one, and carts drive up to the truck as
     with sensors: the mean of some draws of speeds, since a few seconds send another cart [s]. Which of them
-    stands how long is not the same with sensors (docs/fleet.md).
+    stands how long is not the same with sensors (docs/how-to/fleet.md).
     """
     draw, found = random.Random(1), []
     for _ in range(DRAWS):

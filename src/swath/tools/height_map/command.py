@@ -146,4 +146,4 @@ def _report(grid: Any) -> None:
 
 
 _DESCRIPTION = """Measured scans and the poses of the machine become plant heights above ground in a grid that
-keeps their distribution in every cell. The LiDAR level `replay` looks at it: docs/replay.md."""
+keeps their distribution in every cell. The LiDAR level `replay` looks at it: docs/how-to/again.md."""

@@ -113,4 +113,4 @@ def _check_out(out: Path) -> None:
 
 _DESCRIPTION = """Scan stands of known density with every level of the LiDAR and compare the
 distributions of measured height with each other, and with real ones where a file is given. Writes lab.csv
-and report.html; docs/lab.md says how to read them."""
+and report.html; docs/explanation/validation.md says how to read them."""

@@ -59,4 +59,4 @@ def _print_comparison(rerun: dict[str, Any]) -> None:
 
 _DESCRIPTION = """Runs a recording again. The chosen slots play the recorded signals, all others are
 computed: the open-loop test of a detector (`--set combine.edge.level=otsu`). Reports which of
-the computed slots came out as recorded: docs/replay-log.md."""
+the computed slots came out as recorded: docs/how-to/again.md."""

@@ -1,4 +1,4 @@
-// Ray packet traversal: the body of one native function (kernel.py), explained in docs/rays.md in the same words.
+// Ray packet traversal: the body of one native function (kernel.py), explained in docs/explanation/lidar.md in the same words.
 //
 // In: scene, index, and job_bytes, a Job. Each thread takes the next group until none is left (`run`, below).
 //
