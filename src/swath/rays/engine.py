@@ -81,8 +81,8 @@ class RayCaster:
         made into rays where they are cast; all of the result (n, s).
 
         Bundles side by side go through the crop together as packets (docs/explanation/lidar.md).
-        Whatever the rays are, they hit what `cast` says they hit; it only pays when the sub-rays of a bundle lie
-        close together.
+        Whatever the rays are, they hit what `cast` says they hit; it only pays when the sub-rays of a bundle
+        lie close together.
         More than 512 sub-rays go through `cast`, and so do all rays on another device than the CPU.
         """
         if isinstance(bundles, Spots):
