@@ -65,10 +65,38 @@ EXPECT = """\
 For each metric a limit or a list of limits, for columns of the tracks too: [metrics.md](metrics.md).
 With several machines the limits stand under a machine's name, or under `field`.
 """
-UNITS = (
-    "m mm cm m2 m3 m_s m_s2 kmh s ms min hz rad deg deg_s mrad percent kg t kg_s t_ha t_h l_s kw kn rpm c"
-    " per_m per_m2 m3_s"
-).split()
+UNITS = [
+    "m",
+    "mm",
+    "cm",
+    "m2",
+    "m3",
+    "m_s",
+    "m_s2",
+    "kmh",
+    "s",
+    "ms",
+    "min",
+    "hz",
+    "rad",
+    "deg",
+    "deg_s",
+    "mrad",
+    "percent",
+    "kg",
+    "t",
+    "kg_s",
+    "t_ha",
+    "t_h",
+    "l_s",
+    "kw",
+    "kn",
+    "rpm",
+    "c",
+    "per_m",
+    "per_m2",
+    "m3_s",
+]
 EDGES = """\
 ### field.edges
 Several edges by name, instead of `edge`: `edges: {west: {x_m: 0}, east: {x_m: 60, crop_side: left}}`. Each
@@ -108,8 +136,8 @@ def _field(catalogue: Catalogue, shared: dict[Group, str]) -> str:
     parts += [_levels(catalogue, kind, f"### field.{kind}", shared) for kind in catalogue.field_levels]
     for name, title in (("edge", "edge"), ("obstacles", "obstacles[]"), ("boundary", "boundary")):
         choice = {
-            "edge": "`shape` is one of the last column.\n",
-            "obstacles": "`kind` is one of the last column.\n",
+            "edge": "`shape` is one of the names above the tables.\n",
+            "obstacles": "`kind` is one of the names above the tables.\n",
         }
         parts.append(f"### field.{title}\n{choice.get(name, '')}")
         parts.append(_part(catalogue.part(name), shared))
@@ -134,7 +162,7 @@ def _part(kind: Any, shared: dict[Group, str]) -> str:
 def _merged(kinds: dict[str, list[Row]], shared: dict[Group, str]) -> str:
     """One table of the keys of several kinds, each key once, with the kinds that have it where not all do."""
     having: dict[Row, list[str]] = {}
-    for name, rows in kinds.items():
+    for name in kinds:
         for row in _shortened(_of_others(name, kinds), shared):
             having.setdefault(row, []).append(name)
     tables: dict[tuple[str, ...], list[Row]] = {}
