@@ -87,7 +87,7 @@ def low_echoes(samples: Samples, shape: tuple[int, int], node_cells: int) -> Arr
 
 
 def grown(field: Array) -> Array:
-    """The field, each unknown node filled outwards from the known ones by the mean of its known neighbours."""
+    """The field, each unknown node filled outwards from the known ones, by the mean of those beside it."""
     padded = np.pad(field, 1, constant_values=np.nan)
     inside = np.pad(np.ones(field.shape, bool), 1)
     shift = np.array([(j, i) for j in (-1, 0, 1) for i in (-1, 0, 1)])
