@@ -151,6 +151,18 @@ def test_a_run_is_named_by_all_that_it_depends_on(case_file, tmp_path):
     assert drawn[::1][:3] == [run.point for run in Plan(str(case_file), drawn=3).runs()][:3]
 
 
+def test_what_is_refused_of_a_candidate_names_the_file_where_it_stands(case_file, tmp_path, capsys):
+    (tmp_path / "mine.py").write_text("class Edge: pass")
+    (tmp_path / "own.yaml").write_text('mine: {combine.edge.level: "mine.py:Edge"}')
+    line = ["test", "run", str(case_file), "--out", str(tmp_path / "out")]
+    assert main([*line, "--with", str(tmp_path / "own.yaml")]) == 2
+    said = capsys.readouterr().err
+    assert "expected no code without --allow-code" in said
+    assert said.endswith("/own.yaml)\n")
+    assert main([*line, "--set", "combine.edge.level=otsuu"]) == 2
+    assert capsys.readouterr().err.endswith("(--set combine.edge.level=otsuu)\n")
+
+
 def test_a_run_that_kills_its_worker_is_named_and_costs_no_other(case_file, tmp_path, monkeypatch):
     runs = list(Plan(str(case_file), seeds=6).runs())
     monkeypatch.setenv("FAKE_WORK_KILLS", runs[3].id)
