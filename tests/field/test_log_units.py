@@ -340,7 +340,7 @@ def test_other_names_are_not_taken_for_those_that_begin_alike(name):
 
 HEADINGS = {"yield": "Yield (t/furlong)", "speed": "Speed [knotz]", "header_width": "Width (m x 10)",
             "moisture": "Moisture (per mille)"}  # fmt: skip
-SAID = {"yield": "t/ha", "speed": "km/h", "header_width": "m", "moisture": "%"}
+SAID = {"yield": "t/ha", "speed": "km/h", "header_width": "m", "moisture": '"%"'}
 
 
 @pytest.mark.parametrize("key", HEADINGS)
