@@ -125,9 +125,10 @@ def _changed_on_the_way(source: str) -> Path | None:
     from swath.runtime.changes import read_events
     from swath.scenario.scenario import find_scenario
 
-    folder = find_scenario(source).parent
+    file = find_scenario(source)
+    is_of_a_run = file.name == "scenario.yaml" and file.with_name("summary.json").is_file()
     try:
-        return folder if (folder / "summary.json").is_file() and read_events(folder) else None
+        return file.parent if is_of_a_run and read_events(file.parent) else None
     except InputError:
         return None  # a summary that nobody asked for
 
