@@ -271,7 +271,7 @@ def test_field_commands_hand_on_their_arguments(monkeypatch, capsys, tmp_path):
     said = capsys.readouterr().out.splitlines()
     assert said == [
         "3 records",
-        "drive along one of its passes: swath run field",
+        "drive in it: swath run field",
         "along many of them: swath test run field/passes.yaml --out DIR",
         "field/overview.png",
     ]

@@ -2,8 +2,10 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -129,19 +131,74 @@ def test_lines_stay_whole_in_a_pipe(command, capsys, monkeypatch):
     assert not [row for row in rows if len(row) - len(row.lstrip()) > 12]  # the rest of a folded cell
 
 
-@pytest.mark.parametrize("command", ["levels", "metrics", "scenarios"])
+@pytest.mark.parametrize("command", ["levels", "metrics", "scenarios", "sheets", "test list"])
 def test_lists_fit_the_columns_asked_for_and_come_as_json(command, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    assert main([command]) == 0
+    assert main(command.split()) == 0
     text = capsys.readouterr().out
     table = [line for line in text.splitlines() if line.startswith((" ", "\u2500"))]
     assert len(table) > 10
     assert max(map(len, table)) <= 80
-    assert main([command, "--json"]) == 0
+    assert main([*command.split(), "--json"]) == 0
     items = json.loads(capsys.readouterr().out)
     name = "level" if command == "levels" else "name"
     assert len(items) > 10
     assert all(item[name] in text for item in items)
+
+
+def test_a_sheet_comes_as_json_too(capsys):
+    assert main(["sheets", "sick-lms111", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["name"] == "SICK LMS1xx"
+    assert main(["sheets", "check", "sick-lms111", "--json"]) == 2
+
+
+def test_what_the_system_refuses_names_the_file_without_a_number(capsys, tmp_path):
+    (tmp_path / "out").symlink_to(tmp_path / "nowhere" / "x")
+    for line in (["run", "straight"], ["reda", "--sensor", "camera"], ["test", "run", "straight-clean"]):
+        assert main([*line, "--out", str(tmp_path / "out")]) == 2
+        said = capsys.readouterr().err
+        assert (
+            said == f"swath: {tmp_path / 'out'}: expected a file or folder, not a link to what is not there\n"
+        )
+    (tmp_path / "file").touch()
+    assert main(["schema", "--out", str(tmp_path / "file" / "schema.json")]) == 2
+    assert "Errno" not in capsys.readouterr().err
+
+
+LOADED = """
+import os, runpy, signal, sys
+
+class Hook:
+    def find_spec(self, name, path=None, target=None):
+        if name == loaded:
+            os.kill(os.getpid(), signal.SIGINT)
+
+_, loaded, *sys.argv = sys.argv
+sys.meta_path.insert(0, Hook())
+runpy.run_module("swath", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize(
+    "loaded", ["swath.commands.main", "importlib.metadata", "swath.core.errors", "swath.tools.reda"]
+)
+def test_ctrl_c_while_it_is_loaded_is_one_line(loaded):
+    line = [sys.executable, "-c", LOADED, loaded, "swath", "--version"]
+    done = subprocess.run(line, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "swath: stopped\n")
+
+
+def test_ctrl_c_while_a_command_imports_is_no_other_error(monkeypatch, capsys):
+    def importing(_):
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise ImportError("numpy.core.multiarray failed to import")  # as its C code makes of it
+
+    monkeypatch.setattr("swath.commands.metrics.run", importing)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    assert main(["metrics"]) == 130
+    signal.signal(signal.SIGINT, before)
+    assert capsys.readouterr().err == "swath: stopped\n"
 
 
 def test_levels_is_a_line_for_each_slot_with_its_default(capsys, monkeypatch):

@@ -116,7 +116,7 @@ def test_the_map_tells_slope_where_surfaces_have_edges():
     rng = np.random.default_rng(1)
     x, y = rng.uniform([5.0, -10.0], [25.0, 10.0], (4000, 2)).T
     z = 0.04 * x - 0.02 * y + np.where(y + 0.3 * x > 4.0, CANOPY, STUBBLE)
-    heights = HeightMap()
+    heights = HeightMap(10.0)
     heights.take(1.0, x, y, z)
     assert heights.slope == pytest.approx((0.04, -0.02), abs=0.01)
     assert np.isnan(heights.tops(20.0, x, y)).all()  # seen too long ago

@@ -338,6 +338,37 @@ def test_other_names_are_not_taken_for_those_that_begin_alike(name):
     assert list(found) == (["yield"] if name == "Yield" else [])
 
 
+HEADINGS = {"yield": "Yield (t/furlong)", "speed": "Speed [knotz]", "header_width": "Width (m x 10)",
+            "moisture": "Moisture (per mille)"}  # fmt: skip
+SAID = {"yield": "t/ha", "speed": "km/h", "header_width": "m", "moisture": '"%"'}
+
+
+@pytest.mark.parametrize("key", HEADINGS)
+def test_a_unit_that_cannot_be_read_is_said_or_the_column_dropped(tmp_path, key):
+    h = Harvest()
+    names = {
+        "yield": "yield_t_ha",
+        "speed": "speed_kmh",
+        "header_width": "width_m",
+        "moisture": "moisture_pct",
+    }
+    columns = {"yield": 10 * h.wet, "speed": 7.2 * h.one, "header_width": 9 * h.one, "moisture": 14 * h.one}
+    rest = {"time_s": h.t, **{names[k]: v for k, v in columns.items() if k != key}}
+    log = table(tmp_path / "log.csv", {**h.places(), HEADINGS[key]: columns[key], **rest})
+    (tmp_path / "map.yaml").write_text(f"{key}: {{unit: {SAID[key]}}}")
+    read = read_log(log, tmp_path / "map.yaml")
+    assert read.flow.mean() == pytest.approx(h.flow.mean(), rel=1e-3)
+    assert read.moisture == pytest.approx(0.14)
+    (tmp_path / "map.yaml").write_text(f"{key}: null")
+    if key == "yield":
+        with pytest.raises(InputError, match="grain_flow or yield"):
+            read_log(log, tmp_path / "map.yaml")
+        return
+    width = 9.0 if key == "header_width" else None
+    read = read_log(log, tmp_path / "map.yaml", header_width=width)
+    assert read.flow.mean() == pytest.approx(h.flow.mean(), rel=0.01)
+
+
 def without_unit(name):
     """A heading without the unit at its end or in brackets."""
     name = re.sub(r"\s*[\[(](?!M\)|Wet|Dry)[^\])]*[\])]$", "", name.strip('"'))

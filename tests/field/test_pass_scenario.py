@@ -1,11 +1,17 @@
 """The scenario that an import writes runs as it is."""
 
+import re
+
+import numpy as np
 import pytest
 
 from tests.field.made_log import COLUMNS, MadeLog
+from tests.field.unit_logs import Harvest, table
 
 pytest.importorskip("rasterio")
 
+from swath.commands.main import main
+from swath.field_io.folder import read
 from swath.field_io.importer import Settings, import_log
 from swath.field_io.pass_scenario import write_pass_scenario
 from swath.runtime.assembly import assemble
@@ -30,6 +36,34 @@ def test_machine_and_run_keep_inside_the_field(field):
     scenario = load_scenario(write_pass_scenario(field))
     assert scenario.run.distance_m == 150.0
     assemble(scenario).close()
+
+
+@pytest.mark.parametrize(("records", "width"), [(125, 9.0), (60, 9.0), (125, 2.0)])
+def test_a_single_pass_has_heights_and_says_why_nothing_drives_there(tmp_path, capsys, records, width):
+    h = Harvest(passes=1, width=width)
+    table(tmp_path / "log.csv", {
+        **h.places(), "time_s": h.t, "width_m": width * h.one, "yield_t_ha": 10 * h.wet, "elevation_m": h.z,
+    })  # fmt: skip
+    lines = (tmp_path / "log.csv").read_text().splitlines()
+    (tmp_path / "log.csv").write_text("\n".join(lines[: records + 1]))
+    out = tmp_path / "f"
+    assert main(["field", "import", str(tmp_path / "log.csv"), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "the field is no wider than the header there" in said
+    made = read(out)
+    assert 0.02 * 2.0 * (records - 25) < np.ptp(made.terrain.values) < 0.02 * 2.0 * records + 3.0
+    mapped = made.info["crop"]["grain_on_map_kg"] / made.info["crop"]["grain_logged_kg"]
+    assert mapped == pytest.approx(made.info["field"]["area_ha"] * 1e4 / (2.0 * width * records), rel=0.05)
+
+
+def test_heights_of_few_records_are_told(tmp_path):
+    h = Harvest(passes=3)
+    heights = np.where(np.arange(len(h)) < 100, h.z, np.nan)
+    table(tmp_path / "log.csv", {
+        **h.places(), "time_s": h.t, "width_m": 9 * h.one, "yield_t_ha": 10 * h.wet, "elevation_m": heights,
+    })  # fmt: skip
+    report = import_log(tmp_path / "log.csv", tmp_path / "f", progress=False)
+    assert re.fullmatch(r"flat: 100 of 37\d records have a height", report.terrain["source"])
 
 
 def test_without_a_straight_pass_it_goes_through_the_middle(field):

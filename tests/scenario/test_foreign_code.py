@@ -45,6 +45,17 @@ def test_an_override_is_refused_too(folder):
     assert not (folder / "mark").exists()
 
 
+@pytest.mark.parametrize("given", ["mine.py:Part", "absent.py:Part", "other_level"])
+def test_a_level_in_place_of_one_that_cannot_be_had(folder, given):
+    """Its parameters go with it, those of the slot stay."""
+    slot = f"    edge: {{level: {given}, some_key: 3, widest_m: 9, rate_hz: 7}}\n"
+    text = HEAD + "machines:\n  combine:\n    lidar: off\n" + slot
+    changed = parse_scenario(text, base=folder, sets=["combine.edge.level=likelihood_ratio"])
+    edge = changed.machines["combine"].slots["edge"]
+    assert (edge.level, edge.common.rate_hz) == ("likelihood_ratio", 7.0)
+    assert not (folder / "mark").exists()
+
+
 def test_only_what_is_named_may_run(folder):
     level = f"{folder / 'mine.py'}:Part"
     with allow_code([level]):

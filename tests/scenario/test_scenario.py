@@ -235,6 +235,11 @@ class TestOverrides:
         lidar = read(sets=["combine.lidar.level=empirical"]).machines["combine"].slots["lidar"]
         assert (lidar.level, lidar.common.rate_hz, lidar.params.spread_m) == ("empirical", 25.0, 0.1)
 
+    def test_a_machine_that_a_flag_adds_says_which_it_is(self):
+        sets = ["cart.start.x_m=9", "cart.start.y_m=9", "cart.machine=tractor-grain-cart"]
+        added = read(GOOD.partition("\nexpect:")[0], sets=sets)
+        assert list(added.machines) == ["combine", "cart"]
+
     def test_paths_in_a_flag_start_from_the_working_directory(self, tmp_path, monkeypatch):
         (tmp_path / "far").mkdir()
         (tmp_path / "map.tif").write_bytes(b"x")
@@ -258,6 +263,16 @@ class TestOverrides:
             ("combine.steer=prevew", "did you mean 'preview'? (--set combine.steer=prevew)"),
             ("foo", "--set foo: expected --set key.key=value"),
             ("foo=1", "foo: unknown key; a machine has keys such as"),
+            (
+                "combinee.lidar.level=empirical",
+                "combinee: unknown key, did you mean 'combine'? (--set combinee.",
+            ),
+            (
+                "machines.combin.edge_side=left",
+                "combin: unknown key, did you mean 'combine'? (--set machines.",
+            ),
+            ("felds.edge.level=truth", "felds: unknown key, did you mean 'field'? (--set felds."),
+            ("tractor.lidar.level=empirical", "tractor: unknown key, expected one of combine, name, summary"),
             ("seed=[[", "--set seed=[[: "),
             ("seed.x=1", "--set seed.x=1: seed has no keys inside"),
             ("field.obstacles.3.x_m=3", "expected a number below 1 instead of 3"),

@@ -11,6 +11,7 @@ from docs.make.cases import PAGE, PICTURES, page
 
 from swath.commands.main import main
 from swath.core.errors import InputError
+from swath.core.foreign_code import Gate, through
 from swath.tools.function_test.case import find_cases, read_case
 from swath.tools.function_test.cells import cells_of
 from swath.tools.function_test.journal import Journal, finished, results_of, write_table
@@ -149,6 +150,19 @@ def test_a_run_is_named_by_all_that_it_depends_on(case_file, tmp_path):
     assert not set(before) & {run.id for run in Plan(str(case_file), candidates=sets).runs()}
     drawn = [run.point for run in Plan(str(case_file), drawn=5).runs()]
     assert drawn[::1][:3] == [run.point for run in Plan(str(case_file), drawn=3).runs()][:3]
+
+
+def test_what_is_refused_of_a_candidate_names_the_file_where_it_stands(case_file, tmp_path, capsys):
+    (tmp_path / "mine.py").write_text("class Edge: pass")
+    (tmp_path / "own.yaml").write_text('mine: {combine.edge.level: "mine.py:Edge"}')
+    line = ["test", "run", str(case_file), "--out", str(tmp_path / "out")]
+    with through(Gate()):
+        assert main([*line, "--with", str(tmp_path / "own.yaml")]) == 2
+    said = capsys.readouterr().err
+    assert "expected no code without --allow-code" in said
+    assert said.endswith("/own.yaml)\n")
+    assert main([*line, "--set", "combine.edge.level=otsuu"]) == 2
+    assert capsys.readouterr().err.endswith("(--set combine.edge.level=otsuu)\n")
 
 
 def test_a_run_that_kills_its_worker_is_named_and_costs_no_other(case_file, tmp_path, monkeypatch):

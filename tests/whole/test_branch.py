@@ -210,3 +210,16 @@ def test_the_command_leaves_out_the_replay_where_that_is_wanted(saved, tmp_path,
     main(["branch", str(saved), *more, "--no-replay", "--out", str(tmp_path / "branch")])
     assert (tmp_path / "branch" / "report.html").is_file()
     assert not (tmp_path / "branch" / "replay.html").exists()
+
+
+def test_a_run_that_was_changed_says_how_it_is_repeated(fresh, tmp_path, capsys):
+    digest = json.loads((fresh / "summary.json").read_text())["digest"]
+    head = (fresh / "scenario.yaml").read_text().splitlines()[0]
+    assert head.startswith("# changed on the way: swath run THIS --events THIS repeats it")
+    again = ["run", str(fresh), "--no-replay", "--quiet", "--out", str(tmp_path / "again")]
+    for more, is_same in (([], False), (["--events", str(fresh)], True)):
+        assert main([*again, *more]) in (0, 1)
+        made = json.loads((tmp_path / "again" / "summary.json").read_text())["digest"]
+        assert (made == digest) is is_same
+        told = f"swath: {fresh} was changed on its way, --events {fresh} repeats that\n"
+        assert capsys.readouterr().err == ("" if is_same else told)

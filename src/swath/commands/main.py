@@ -6,6 +6,7 @@ import sys
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import Any, NoReturn
 
 from swath import __version__
@@ -14,7 +15,7 @@ from swath.core.collector import collect_rarely
 from swath.core.errors import InputError, SwathError, fitted, shortened
 from swath.core.foreign_code import SUFFIXES, allow_code, code_in
 from swath.core.registry import user_line
-from swath.core.stopping import Terminated, stoppable
+from swath.core.stopping import Terminated, raise_if_lost, stoppable
 from swath.field_io import command as field
 from swath.link.can import command as can
 from swath.link.fmi import command as fmu
@@ -119,11 +120,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     143 by SIGTERM.
     """
     debug = os.environ.get("SWATH_DEBUG") == "1"
-    collect_rarely()
-    _name_unknown_settings()
     try:
+        collect_rarely()
+        _name_unknown_settings()
         with stoppable():
-            code = _dispatch(list(sys.argv[1:] if argv is None else argv))
+            try:
+                code = _dispatch(list(sys.argv[1:] if argv is None else argv))
+            except Exception:
+                raise_if_lost()  # a library that is being imported makes its own error of Ctrl-C
+                raise
             sys.stdout.flush()
             return code
     except Terminated as error:
@@ -133,7 +138,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
-    except (SwathError, OSError) as error:
+    except OSError as error:
+        if debug:
+            traceback.print_exc()
+        return _say(_of_system(error), BAD_INPUT)
+    except SwathError as error:
         if debug:
             traceback.print_exc()
         others = error.others if isinstance(error, InputError) else ()
@@ -235,6 +244,16 @@ def _name_unknown_settings() -> None:
         near = difflib.get_close_matches(name, SETTINGS, 1)
         hint = f", did you mean {near[0]}?" if near else f"; there are {', '.join(SETTINGS)}"
         print(f"swath: {shortened(name, 80)} in the environment is no setting{hint}", file=sys.stderr)
+
+
+def _of_system(error: OSError) -> str:
+    """What the system says of a file: its name, and why it could not be."""
+    if error.filename is None or error.strerror is None:
+        return str(error)
+    file = Path(os.fsdecode(error.filename)) if isinstance(error.filename, str | bytes) else None
+    if file is not None and file.is_symlink() and not file.exists():
+        return f"{file}: expected a file or folder, not a link to what is not there"
+    return f"{error.filename}: {error.strerror}"
 
 
 def _say(text: str, code: int) -> int:

@@ -83,6 +83,8 @@ def run(args: argparse.Namespace) -> int:
     from swath.scenario.code import code_of
 
     events = read_events(args.events) if args.events is not None else []
+    if args.events is None and (changed := _changed_on_the_way(args.scenario)) is not None:
+        print(f"swath: {changed} was changed on its way, --events {changed} repeats that", file=sys.stderr)
     if not args.quiet and (code := code_of(scenario)):
         print(f"code of the scenario, run with your rights: {', '.join(map(str, code))}", flush=True)
     pages = [] if scenario.run.record == "none" else _pages(has_replay=not args.no_replay)
@@ -115,6 +117,20 @@ def run(args: argparse.Namespace) -> int:
 
         print_outcome(result.summary, out, scenario.evaluators)
     return int(result.exit_code)
+
+
+def _changed_on_the_way(source: str) -> Path | None:
+    """The folder of a run with events, where the scenario is that of a run."""
+    from swath.core.errors import InputError
+    from swath.runtime.changes import read_events
+    from swath.scenario.scenario import find_scenario
+
+    file = find_scenario(source)
+    is_of_a_run = file.name == "scenario.yaml" and file.with_name("summary.json").is_file()
+    try:
+        return file.parent if is_of_a_run and read_events(file.parent) else None
+    except InputError:
+        return None  # a summary that nobody asked for
 
 
 def _pages(*, has_replay: bool) -> list[Any]:

@@ -1,8 +1,11 @@
 """`swath sheets`: the bundled data sheets of sensors, machines and crops, to look at and to copy."""
 
 import argparse
+import json
 from pathlib import Path
 from typing import Any
+
+from swath.terminal.tables import add_json, as_json, table
 
 KINDS = ("sensors", "machines", "crops", "obstacles")
 
@@ -15,6 +18,7 @@ def add(parsers: Any) -> None:
     parser.add_argument(
         "words", nargs="*", metavar="NAME", help="print this data sheet, e.g. sick-lms111; or: check FILE ..."
     )
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
@@ -22,25 +26,37 @@ def run(args: argparse.Namespace) -> int:
     """Print a data sheet as it is and what its tags mean, check own ones, or print the names of all."""
     from swath.core.errors import InputError
     from swath.documents.data_sheets import TAGS, find_sheet, read_sheet, sheet_names
+    from swath.documents.yaml_document import read_document
 
-    if args.words[:1] == ["check"] and len(args.words) > 1:
+    if args.words[:1] == ["check"] and len(args.words) > 1 and not args.json:
         return max(_check(file) for file in args.words[1:])
     if len(args.words) > 1:
-        raise InputError("sheets", " ".join(args.words), "expected one NAME, or check FILE")
+        raise InputError(
+            "sheets", " ".join(args.words), "expected one NAME, or check FILE, which has no --json"
+        )
     if args.words:
         name = _bundled_name(args.words[0])
+        if args.json:
+            print(json.dumps(read_document(find_sheet(_kind_of(name), name)).data, indent=1))
+            return 0
         print(find_sheet(_kind_of(name), name).read_text(encoding="utf-8"), end="")
         print("# tags: " + "; ".join(f"{tag} {meaning}" for tag, meaning in TAGS.items()))
         return 0
-    from swath.terminal.tables import table
-
     rows = []
     for kind, name in [(folder, name) for folder in KINDS for name in sheet_names(folder)]:
         sheet = read_sheet(kind, name)
         tags = [str(entry.get("tag", "U")) for entry in sheet.numbers().values()]
-        counts = ", ".join(f"{sum(tag.startswith(t) for tag in tags)} {t}" for t in TAGS)
-        rows.append((kind, name, str(sheet.value("name")), counts))
-    table("", ("kind", "data sheet", "what it is", "numbers by tag"), rows)
+        rows.append(
+            (kind, name, str(sheet.value("name")), {t: sum(a.startswith(t) for a in tags) for t in TAGS})
+        )
+    if args.json:
+        as_json(("kind", "name", "what", "numbers_by_tag"), rows)
+        return 0
+    texts = [
+        (name, kind, what, ", ".join(f"{count} {tag}" for tag, count in counts.items()))
+        for kind, name, what, counts in rows
+    ]
+    table("", ("data sheet", "kind", "what it is", "numbers by tag"), texts)
     print("; ".join(f"{tag} {meaning}" for tag, meaning in TAGS.items()))
     print("Your own: swath sheets NAME > mine.yaml, change it, and give the file's name for the sheet's.")
     return 0

@@ -303,7 +303,8 @@ def find_columns(
     whole = {k: c for k, c in given.items() if c.column}
     of_base = {} if base is None else {k: _checked(c) for k, c in base.columns.items()}
     taken = {c.column for c in (*whole.values(), *of_base.values())}
-    rest = guess([name for name in header if name not in taken], path).columns
+    said = {key for key, column in given.items() if not column.column} | dropped
+    rest = guess([name for name in header if name not in taken], path, said).columns
     beside = {k: c for k, c in rest.items() if k in FLOWS}
     if base is not None:
         also = QUANTITIES.keys() - FLOWS if base.profile in _BY_NAME else _BESIDE
@@ -336,16 +337,17 @@ def _with_unit(key: str, unit: str, found: Mapping[str, Column], columns: Path |
     return Column(found[key].column, unit, is_given=True)
 
 
-def guess(header: Sequence[str], path: Path) -> ColumnMap:
+def guess(header: Sequence[str], path: Path, said: Collection[str] = ()) -> ColumnMap:
     """Columns by their usual names; a unit in the name ('speed_kmh', 'Flow (lb/s)') wins over the default.
 
+    said: quantities whatever the unit in the name
     A name of ten letters may be cut off. Raises InputError for a unit in brackets that is not known.
     """
     found: dict[str, Column] = {}
     free = list(header)
     for key, tiers in _NAMES.items():
         for names in tiers:
-            column = next((c for name in free if (c := _named(key, names, name, path))), None)
+            column = next((c for name in free if (c := _named(key, names, name, path, said))), None)
             if column is not None:
                 free.remove(column.column)
                 found[key] = column
@@ -357,11 +359,11 @@ def guess(header: Sequence[str], path: Path) -> ColumnMap:
     return ColumnMap({key: found[key] for key in _USUAL if key in found}, "usual names")
 
 
-def _named(key: str, names: Collection[str], name: str, path: Path) -> Column | None:
+def _named(key: str, names: Collection[str], name: str, path: Path, said: Collection[str]) -> Column | None:
     """The column of this name where it is one of these names, with its unit."""
     bare, unit = _split_unit(name)
     kinds = UNITS[QUANTITIES[key]]
-    if bare in names and (unit is None or unit in kinds or key in _WORDS):
+    if bare in names and (unit is None or unit in kinds or key in _WORDS or key in said):
         return _column(key, name, bare, unit)
     if _letters(name) in names:
         return _column(key, name, _letters(name), None)

@@ -66,7 +66,7 @@ def run_import(args: argparse.Namespace) -> int:
     console.print(report)
     try:
         write_pass_scenario(args.out)
-        console.print(f"drive along one of its passes: swath run {args.out}", highlight=False)
+        console.print(f"drive in it: swath run {args.out}", highlight=False)
     except InputError as error:
         console.print(f"no scenario written: {error}", highlight=False)
         return 0

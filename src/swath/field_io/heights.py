@@ -39,11 +39,14 @@ class Heights:
 
 
 def fit_terrain(cleaned: Cleaned, grid: Raster) -> Heights | None:
-    """Terrain on the cells of grid (values ignored; same coordinates as the log); None without heights."""
+    """Terrain on the cells of grid (values ignored; same coordinates as the log).
+
+    None where less than half of the records in passes have a height.
+    """
     log = cleaned.log
     in_pass = cleaned.pass_id >= 0
     usable = in_pass & np.isfinite(log.elevation)
-    if usable.sum() < 100 or usable.sum() < 0.5 * in_pass.sum():
+    if not usable.any() or usable.sum() < 0.5 * in_pass.sum():
         return None
     xy, z, group = log.position[usable], log.elevation[usable], cleaned.pass_id[usable]
     reach = float(np.median(log.width[log.width > 0])) * NEIGHBOUR_WIDTHS

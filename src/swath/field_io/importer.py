@@ -258,7 +258,12 @@ def _terrain(
     fit = None if dem is not None else fit_terrain(cleaned, grid)
     if fit is None:
         raster, info = _ground(grid, dem)
-        return (against_log(raster, cleaned.log) if dem is not None else raster), info
+        if dem is not None:
+            return against_log(raster, cleaned.log), info
+        of_passes = np.isfinite(cleaned.log.elevation[cleaned.pass_id >= 0])
+        if of_passes.any():
+            info["source"] = f"flat: {of_passes.sum():,} of {len(of_passes):,} records have a height"
+        return raster, info
     used = bool(np.any(fit.offset != 0.0))
     return fit.raster, {
         "source": "heights of the log" + (", drift between passes removed" if used else ""),
@@ -344,10 +349,9 @@ def _report(
 
 
 def _mapped_kg(maps: Maps, polygon: Any) -> float:
-    """Grain on the map [kg]: cells whose middle lies in the field stand for its area."""
-    x, y = np.meshgrid(*maps.grain.centres())
-    within = outline.inside(polygon, np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
-    return float(np.nansum(maps.grain.values[within].astype(float))) * maps.grain.cell**2
+    """Grain on the map [kg]: its cells in the mean on the area of the field."""
+    known = maps.grain.values[np.isfinite(maps.grain.values)]
+    return float(known.mean(dtype=float)) * polygon.area if len(known) else 0.0
 
 
 def _doubts(

@@ -63,6 +63,8 @@ def write_pass_scenario(folder: Path) -> Path:
     if found is None:
         start, width, speed = INSET_M, _header_width(field), USUAL_SPEED_KMH
         x, y, length = _middle(field, width)
+        if length < SHORTEST_M:
+            raise _no_stretch(field, width)
         heading = 90.0 - np.degrees(field.row_azimuth)
         edge = f"shape: straight, x_m: {x:.1f}, y_m: {y:.1f}, heading_deg: {heading:.2f}"
         said = {"remark": REMARK_MIDDLE, "along": "the middle of the field", "name": f"{name}-middle"}
@@ -100,7 +102,7 @@ def _header_width(field: FieldFolder) -> float:
 
 
 def _middle(field: FieldFolder, width: float) -> tuple[float, float, float]:
-    """Where a stretch along the rows near the middle of the field begins, and its length [m].
+    """Where a stretch along the rows near the middle of the field begins, and its length [m], 0 = none.
 
     It and the header on its right lie inside.
     """
@@ -117,10 +119,23 @@ def _middle(field: FieldFolder, width: float) -> tuple[float, float, float]:
             best = (*points[begin].tolist(), float(end - begin))
         if best[2] >= LENGTH_M + 20.0:
             break
-    if best[2] < SHORTEST_M:
-        expected = f"expected a straight stretch of at least {SHORTEST_M:.0f} m inside the field"
-        raise InputError("boundary", None, expected, file=field.path)
     return best
+
+
+def _no_stretch(field: FieldFolder, width: float) -> InputError:
+    """Why there is nothing to drive along; width: of the header [m]."""
+    lengths = [np.hypot(*(t.line[s.last] - t.line[s.first])) for t in field.tracks for s in t.straights]
+    least = SHORTEST_M + 2.0 * INSET_M
+    inside = f"{SHORTEST_M:.0f} m of straight way with a header of {width:.1f} m inside the field"
+    if not field.tracks:
+        return InputError("boundary", None, f"expected {inside}", file=field.path)
+    if max(lengths, default=0.0) < least:
+        cause = f"none of its passes is straight for {least:.0f} m"
+    else:
+        cause = (
+            f"passes are straight for {max(lengths):.0f} m, but the field is no wider than the header there"
+        )
+    return InputError("tracks", len(field.tracks), f"expected {inside}: {cause}", file=field.path)
 
 
 def _longest_straight(field: FieldFolder) -> tuple[Track, float, float] | None:

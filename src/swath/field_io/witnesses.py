@@ -5,6 +5,7 @@ far apart its passes lie; grain flow and yield show each other. These witnesses 
 the file says, and contradict units that are said wrongly.
 """
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,22 +21,6 @@ from swath.field_io.columns import FLOWS, QUANTITIES, UNITS, Column, ColumnMap
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.int64]
-AHEAD = 6  # records among which the next one of the same machine is, whichever others are between
-LEAST_STEP = 0.05  # m between two records of a machine that drives
-LONGEST = 3.0  # usual steps, in way or time: a longer one is a pause or a jump
-FEWEST = 25  # steps, gaps or records that say something
-PLACES = 1500  # at which the distance to the next pass is taken
-FARTHEST_PASS = 45.0  # m to a neighbouring pass, 2.5 of the widest headers
-NARROWEST_PASS = 1.0  # m to a neighbouring pass: nearer lies the same one
-LEAST_REGULAR = 0.6  # of these distances that lie within 15 % of their median
-AGREES = (0.94, 1.065)  # what is measured twice; km/h and ft/s, the nearest of the units, lie 10 % apart
-ALIKE = 1.25  # of two units: nearer to each other, what contradicts one may have another cause
-HEADER_OVER_SPACING = (0.88, 1.45)  # passes overlap by up to 30 %, and hardly leave anything between
-SPEED_RANGE = (0.3, 6.0)  # m/s, in the middle of a harvest
-HEADER_RANGE = (1.2, 18.5)  # m, from plot combines to the widest drapers
-HEIGHT_RANGE = (-430.0, 5500.0)  # m, of fields
-MOISTURE_RANGE = (0.05, 0.45)  # share of the wet mass of grain
-NORTH_AMERICA = (-170.0, -50.0, 24.0, 72.0)  # deg: west, east, south, north of where acres are usual
 US_CUSTOMARY = {"ft", "in", "mph", "ft/s", "lb/s", "lb/ac", "bu/ac"}
 _YIELDS: tuple[tuple[str, ...], tuple[str, ...]] = (("kg/ha", "t/ha", "dt/ha", "bu/ac", "lb/ac"), ())
 CANDIDATES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -51,6 +36,62 @@ CANDIDATES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 """Usual units of each quantity, and rare ones, which count where no usual one fits."""
 _NO_SYSTEM = {"%", "1"}
 CLOCK_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")
+
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """Where a witness speaks, agrees and contradicts. A range holds its lowest and highest value.
+
+    Of the drive, tuned on the logs of tests/field/test_log_units.py: Montana, Minnesota, a made harvest in
+    many forms:
+    ahead: records among which the next one of the same machine is, whichever others are between
+    least_step [m]: between two records of a machine that drives
+    longest: usual steps, in way or time; a longer one is a pause or a jump
+    fewest: steps, gaps or records that say something
+    places: at which the distance to the next pass is taken; more take longer and say the same
+    farthest_pass, narrowest_pass [m]: to a neighbouring pass; 2.5 of the widest headers, and nearer lies the
+    same one
+    parallel: cosine between two passes; beside: usual steps along, of what lies beside a record
+    regular: about the median of these distances, least_regular: share of them that must lie so near
+
+    Of agreement, derived:
+    agrees: two measures of one thing; km/h and ft/s, the nearest of the units, lie 10 % apart
+    alike: ratio of two units; where they are nearer, what contradicts one may have another cause
+    header_over_spacing: passes overlap by up to 30 %, and hardly leave anything between
+
+    What can be in the middle of a harvest, estimated:
+    speed [m/s]; header [m]: from plot combines to the widest drapers; height [m]: of fields
+    moisture: share of the wet mass of grain
+    drive [km/h]: in the mean of a log, stops and turns included
+    american [deg]: west, east, south, north of where acres are usual
+    """
+
+    ahead: int = 6
+    least_step: float = 0.05
+    longest: float = 3.0
+    fewest: int = 25
+    places: int = 1500
+    farthest_pass: float = 45.0
+    narrowest_pass: float = 1.0
+    parallel: float = 0.98
+    beside: float = 0.75
+    regular: float = 0.15
+    least_regular: float = 0.6
+    agrees: Range = (0.94, 1.065)
+    alike: float = 1.25
+    header_over_spacing: Range = (0.88, 1.45)
+    speed: Range = (0.3, 6.0)
+    header: Range = (1.2, 18.5)
+    height: Range = (-430.0, 5500.0)
+    moisture: Range = (0.05, 0.45)
+    drive: Range = (0.2, 50.0)
+    american: tuple[float, float, float, float] = (-170.0, -50.0, 24.0, 72.0)
+
+
+AT = Thresholds()
 
 
 @dataclass(frozen=True)
@@ -71,14 +112,14 @@ class Drive:
         """Without the steps across a pause."""
         took = time[self.after] - time[self.here]
         usual = _median(took)
-        driven = (took >= 0.0) & (took <= LONGEST * usual)
+        driven = (took >= 0.0) & (took <= AT.longest * usual)
         return replace(self, here=self.here[driven], after=self.after[driven], step=self.step[driven])
 
     def speed(self, time: Array) -> float:
         """Way over time [m per unit of time]; nan where it does not show."""
         paced = self.paced(time)
         total = float((time[paced.after] - time[paced.here]).sum())
-        return float(paced.step.sum()) / total if len(paced.step) >= FEWEST and total > 0.0 else np.nan
+        return float(paced.step.sum()) / total if len(paced.step) >= AT.fewest and total > 0.0 else np.nan
 
 
 def drive_of(position: Array, lon_lat: Array, order: Indices, machine: Indices, cutting: Mask) -> Drive:
@@ -89,12 +130,12 @@ def drive_of(position: Array, lon_lat: Array, order: Indices, machine: Indices, 
     """
     x, y = position[order].T
     best, follows = np.full(len(order), np.inf), np.zeros(len(order), dtype=np.int64)
-    for ahead in range(1, min(AHEAD, len(order) - 1) + 1):
+    for ahead in range(1, min(AT.ahead, len(order) - 1) + 1):
         way = np.hypot(x[ahead:] - x[:-ahead], y[ahead:] - y[:-ahead])
-        way[(machine[order[ahead:]] != machine[order[:-ahead]]) | (way < LEAST_STEP)] = np.inf
+        way[(machine[order[ahead:]] != machine[order[:-ahead]]) | (way < AT.least_step)] = np.inf
         nearer = np.flatnonzero(way < best[:-ahead])
         best[nearer], follows[nearer] = way[nearer], nearer + ahead
-    found = np.flatnonzero(best <= LONGEST * _median(best[np.isfinite(best)]))
+    found = np.flatnonzero(best <= AT.longest * _median(best[np.isfinite(best)]))
     lon, lat = np.median(lon_lat[order], axis=0) if len(order) else (0.0, 0.0)
     drive = Drive((float(lon), float(lat)), order[found], order[follows[found]], best[found])
     return replace(drive, spacing=_spacing(position, drive, cutting))
@@ -107,25 +148,26 @@ def _spacing(position: Array, drive: Drive, cutting: Mask) -> float:
     except ImportError as error:
         raise MissingExtra("geo", "reading a yield log") from error
     both = cutting[drive.here] & cutting[drive.after]
-    if both.sum() < FEWEST:
+    if both.sum() < AT.fewest:
         return np.nan
     place, way = position[drive.here[both]], position[drive.after[both]] - position[drive.here[both]]
     forward = way / np.hypot(*way.T)[:, None]
-    beside = 0.75 * float(np.median(drive.step))
-    some = np.unique(np.linspace(0, len(place) - 1, min(PLACES, len(place))).astype(int))
+    beside = AT.beside * float(np.median(drive.step))
+    some = np.unique(np.linspace(0, len(place) - 1, min(AT.places, len(place))).astype(int))
     gaps: list[float] = []
-    for i, found in zip(some, cKDTree(place).query_ball_point(place[some], FARTHEST_PASS), strict=True):
+    for i, found in zip(some, cKDTree(place).query_ball_point(place[some], AT.farthest_pass), strict=True):
         near = np.asarray(found)
         off = place[near] - place[i]
         across = off @ np.array([-forward[i, 1], forward[i, 0]])
-        is_pass = np.abs(forward[near] @ forward[i]) > 0.98
-        is_pass &= (np.abs(off @ forward[i]) < beside) & (np.abs(across) > NARROWEST_PASS)
+        is_pass = np.abs(forward[near] @ forward[i]) > AT.parallel
+        is_pass &= (np.abs(off @ forward[i]) < beside) & (np.abs(across) > AT.narrowest_pass)
         sides = (across[is_pass & (across > 0)], across[is_pass & (across < 0)])
         gaps += [float(np.abs(side).min()) for side in sides if len(side)]
     middle = _median(np.array(gaps))
     if not np.isfinite(middle):
         return np.nan
-    return middle if (np.abs(np.array(gaps) / middle - 1.0) < 0.15).mean() >= LEAST_REGULAR else np.nan
+    is_regular = (np.abs(np.array(gaps) / middle - 1.0) < AT.regular).mean() >= AT.least_regular
+    return middle if is_regular else np.nan
 
 
 @dataclass(frozen=True)
@@ -136,7 +178,7 @@ class Witness:
     is_sure: bool
 
 
-def _near(value: float, shown: float, limits: tuple[float, float], *, is_sure: bool = True) -> list[Witness]:
+def _near(value: float, shown: float, limits: Range, *, is_sure: bool = True) -> list[Witness]:
     """The witness that value times the factor over what is shown lies within limits; none of nan."""
     if not np.isfinite(value) or not np.isfinite(shown):
         return []
@@ -157,7 +199,7 @@ def settle_units(
     steps = drive if time is None else drive.paced(time)
     if "distance" in raw:
         ratio = _median(raw["distance"][steps.after] / steps.step)
-        bench.decide("distance", _near(ratio, 1.0, AGREES), "the positions show it", is_needed=False)
+        bench.decide("distance", _near(ratio, 1.0, AT.agrees), "the positions show it", is_needed=False)
     speed = np.full(len(cutting), np.nan if time is None else drive.speed(time))
     if time is not None:
         speed[steps.after] = steps.step / _positive(time[steps.after] - time[steps.here])
@@ -165,24 +207,24 @@ def settle_units(
         shown = np.nan if time is None else drive.speed(time)
         took = np.ones(len(steps.step)) if time is None else time[steps.after] - time[steps.here]
         speeds = raw["speed"][steps.after]
-        own = speeds <= LONGEST * _median(speeds)
+        own = speeds <= AT.longest * _median(speeds)
         mean = float((speeds * took)[own].sum()) / max(float(took[own].sum()), 1e-9) if own.any() else np.nan
-        seen = _near(mean, shown, AGREES)
-        seen = seen or _near(_median(raw["speed"][cutting]), 1.0, SPEED_RANGE, is_sure=False)
+        seen = _near(mean, shown, AT.agrees)
+        seen = seen or _near(_median(raw["speed"][cutting]), 1.0, AT.speed, is_sure=False)
         by = f"{3.6 * shown:.2f} km/h by positions and times"
         bench.decide("speed", seen, by if np.isfinite(shown) else "")
         speed = raw["speed"] * bench.factor("speed")
     header = np.full(len(cutting), np.nan if width is None else width)
     if "header_width" in raw:
         logged = _median(raw["header_width"][cutting])
-        can_be = _near(logged, 1.0, HEADER_RANGE, is_sure=False)
-        can_be += _near(logged, drive.spacing, HEADER_OVER_SPACING)
+        can_be = _near(logged, 1.0, AT.header, is_sure=False)
+        can_be += _near(logged, drive.spacing, AT.header_over_spacing)
         by = f"passes lie {drive.spacing:.2f} m apart"
         bench.decide("header_width", can_be, by if np.isfinite(drive.spacing) else "")
         header = raw["header_width"] * bench.factor("header_width")
     _grain(bench, raw, cutting, header * speed)
     if "elevation" in raw:
-        bench.decide("elevation", _near(_median(raw["elevation"]), 1.0, HEIGHT_RANGE, is_sure=False), "")
+        bench.decide("elevation", _near(_median(raw["elevation"]), 1.0, AT.height, is_sure=False), "")
     return replace(found, columns=bench.columns), bench.notes
 
 
@@ -191,9 +233,9 @@ def _grain(bench: "_Bench", raw: Mapping[str, Array], cutting: Mask, area_rate: 
     share = np.zeros(len(cutting))
     if "moisture" in raw:
         middle = _median(raw["moisture"][cutting])
-        grain = _near(middle, 1.0, MOISTURE_RANGE, is_sure=False)
+        grain = _near(middle, 1.0, AT.moisture, is_sure=False)
         bench.decide("moisture", grain, f"{middle:.3g} in the middle" if grain else "")
-        share = np.clip(np.nan_to_num(raw["moisture"] * bench.factor("moisture")), 0.0, MOISTURE_RANGE[1])
+        share = np.clip(np.nan_to_num(raw["moisture"] * bench.factor("moisture")), 0.0, AT.moisture[1])
     per_area = {k: raw[k] for k in FLOWS if k in raw}
     if "grain_flow" in per_area:
         per_area["grain_flow"] = per_area["grain_flow"] / _positive(area_rate)
@@ -221,7 +263,7 @@ def _grain(bench: "_Bench", raw: Mapping[str, Array], cutting: Mask, area_rate: 
 
 
 def _any_near(ratio: float, sizes: list[float]) -> Callable[[float], bool]:
-    return lambda factor: any(AGREES[0] <= ratio * factor / size <= AGREES[1] for size in sizes)
+    return lambda factor: any(AT.agrees[0] <= ratio * factor / size <= AT.agrees[1] for size in sizes)
 
 
 class _Bench:
@@ -234,7 +276,7 @@ class _Bench:
         self._is_in_form = True  # no unit of a known form is contradicted by one of another system
         stated = {**found.beside, **found.columns}
         self._votes = [c.unit for k, c in stated.items() if k in CANDIDATES and not c.is_assumed]
-        west, east, south, north = NORTH_AMERICA
+        west, east, south, north = AT.american
         self._is_american = west <= middle[0] <= east and south <= middle[1] <= north
 
     def size(self, key: str, unit: str) -> float:
@@ -315,7 +357,7 @@ class _Bench:
         size = self.size(key, column.unit)
         if all(w.fits(size) for w in witnesses):
             return
-        better = [u for u in fitting if not 1 / ALIKE < self.size(key, u) / size < ALIKE]
+        better = [u for u in fitting if not 1 / AT.alike < self.size(key, u) / size < AT.alike]
         if better and not all(w.fits(size) for w in sure) and not column.is_given:
             raise self._refused(key, column, shown, better[0])
         self.notes.append(f"{key}: {column.column} in {column.unit}, though {shown}")
@@ -323,7 +365,8 @@ class _Bench:
     def _refused(self, key: str, column: Column, shown: str, better: str) -> InputError:
         said = f"in {column.unit}" if not column.is_assumed else "without a unit"
         agrees = f", which would be in {better}" if better else ", which no unit makes of it"
-        flag = f"{key}: {{unit: {better or column.unit}}}"
+        unit = better or column.unit
+        flag = f"{key}: {{unit: {json.dumps(unit) if unit == '%' else unit}}}"
         say = f"say the unit with --columns MAP.yaml, in it {flag}"
         expected = f"expected what the data shows: {shown}{agrees}; {say}"
         return InputError(key, f"{column.column} {said}", expected, file=self.path)
@@ -336,14 +379,14 @@ def clock_unit(column: Column, time: Array, drive: Drive, path: Path) -> tuple[s
     """
     pace = drive.speed(time)
     sizes = {u: UNITS["time"][u] for u in CLOCK_UNITS}
-    fitting = [u for u, size in sizes.items() if SPEED_RANGE[0] <= pace / size <= SPEED_RANGE[1]]
+    fitting = [u for u, size in sizes.items() if AT.speed[0] <= pace / size <= AT.speed[1]]
     if not np.isfinite(pace) or column.unit in fitting:
         return column.unit, ""
     speeds = {u: 3.6 * pace / size for u, size in sizes.items()}
     by = f"{column.column}: by it as {column.unit} the machine drives {speeds[column.unit]:.3g} km/h"
     if column.is_assumed and fitting:
         return fitting[0], f"time: {column.column} taken as {fitting[0]}: {speeds[fitting[0]]:.1f} km/h"
-    if column.is_given or 0.2 < speeds[column.unit] < 50.0:
+    if column.is_given or AT.drive[0] < speeds[column.unit] < AT.drive[1]:
         return column.unit, f"time: {by}"
     better = f"time: {{unit: {fitting[0]}}}" if fitting else "time: null, for records one after the other"
     known = "expected a clock of seconds, milliseconds, hours, days or HHMMSS"
@@ -353,7 +396,7 @@ def clock_unit(column: Column, time: Array, drive: Drive, path: Path) -> tuple[s
 def _median(values: Array) -> float:
     """Of the positive ones; nan where there are too few."""
     values = values[np.isfinite(values) & (values > 0.0)]
-    return float(np.median(values)) if len(values) >= FEWEST else np.nan
+    return float(np.median(values)) if len(values) >= AT.fewest else np.nan
 
 
 def _positive(values: Array) -> Array:

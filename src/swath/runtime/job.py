@@ -31,6 +31,8 @@ from swath.runtime.resume import Resumed, UnusableSave
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 
+CHANGED = "# changed on the way: swath run THIS --events THIS repeats it, THIS being the folder of the run\n"
+
 
 @dataclass(frozen=True)
 class JobResult:
@@ -106,7 +108,7 @@ def _run_once(
     world = assemble(scenario, fields=fields)
     try:
         pacer = make_pacer(world)
-        with _folder(out, world):
+        with _folder(out, world, is_changed=bool(events)):
             running = _Running(world, out, pacer, hooks, allow)
             if begun is not None:
                 begun()
@@ -142,14 +144,17 @@ def _machines(world: World) -> str:
 
 
 @contextmanager
-def _folder(out: Path | None, world: World) -> Iterator[None]:
-    """Inside the block the run has the folder, with its scenario in it."""
+def _folder(out: Path | None, world: World, *, is_changed: bool) -> Iterator[None]:
+    """Inside the block the run has the folder, with its scenario in it.
+
+    is_changed: the run has changes on its way, which a scenario does not hold
+    """
     if out is None:
         yield
         return
     _spare_what_is_read(world, out)
     with occupied(out, world.scenario.name):
-        write_whole(out / "scenario.yaml", world.scenario.resolved())
+        write_whole(out / "scenario.yaml", (CHANGED if is_changed else "") + world.scenario.resolved())
         yield
 
 

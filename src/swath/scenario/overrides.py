@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from swath.core.errors import InputError, SwathError, shortened
+from swath.documents.hints import unknown_key
 from swath.documents.validation import known_keys
 from swath.documents.yaml_document import Document, KeyPath, Place, key_path, parse_value
 from swath.scenario.catalogue import Catalogue
-from swath.scenario.versions import short_key
+from swath.scenario.sections import SlotCommon
+from swath.scenario.versions import SECTIONS, short_key
 
 
 class Change(NamedTuple):
@@ -29,7 +31,8 @@ def apply_overrides(
     flags: further changes, by the flag that stands for them: {"--seed 3": "seed=3"}.
     Their order does not matter: what holds for more comes first, a section before its level, a level before
     its parameters. Two that say different things about a key are an error.
-    Choosing another level drops the parameters that only the level before it knew.
+    Choosing another level drops the parameters that only the level before it knew; where that one cannot be
+    had, all that the new one does not know. InputError for a key inside a machine that is not there.
     """
     changes = [_change(flag, text) for flag, text in [*((f"--set {s}", s) for s in sets), *flags.items()]]
     for number, change in enumerate(changes):
@@ -41,6 +44,7 @@ def apply_overrides(
     for flag, path, value in changes:
         if not isinstance(document.data, dict):
             raise document.error((), document.data, "expected a mapping of keys")
+        _check_machine(document.data, path, flag)
         _expand(document.data, path, catalogue)
         if path[-1] == "level" and len(path) == 3:
             _drop_foreign(document, path, value, catalogue)
@@ -49,6 +53,15 @@ def apply_overrides(
             del document.places[place]
         for end in range(1, len(path) + 1):
             document.places.setdefault(path[:end], Place(flag))
+
+
+def _check_machine(data: dict[str, Any], path: KeyPath, flag: str) -> None:
+    """InputError for a key inside a machine that is not there. One that is added says which it is."""
+    name = str(path[0])
+    if len(path) < 2 or name in data or name in SECTIONS or path[1] == "machine":
+        return
+    there = [key for key in data if key not in SECTIONS]
+    raise InputError(name, None, unknown_key(name, [*there, *SECTIONS]), file=flag)
 
 
 def layered(*layers: Sequence[str]) -> list[str]:
@@ -129,18 +142,24 @@ def _drop_foreign(document: Document, path: KeyPath, level: Any, catalogue: Cata
     kind = _kind(path, catalogue)
     if not isinstance(entry, dict) or not kind:
         return
-    base = document.file.resolve().parent if document.file else None
-    try:
-        before = known_keys(
-            catalogue.registry.get(
-                kind, str(entry.get("level", catalogue.default_level(kind))), base=base
-            ).params
-        )
-        after = known_keys(catalogue.registry.get(kind, str(level), base=Path.cwd()).params)
-    except (SwathError, OSError, ValueError):
+    after = _keys_of(catalogue, kind, level, Path.cwd())
+    if after is None:
         return  # reported when the scenario is read
-    for key in [k for k in entry if k in before and k not in after]:
+    base = document.file.resolve().parent if document.file else None
+    before = _keys_of(catalogue, kind, entry.get("level", catalogue.default_level(kind)), base)
+    of_slot = () if path[0] == "field" else tuple(SlotCommon.model_fields)
+    of_level = [key for key in entry if key not in ("level", *of_slot)]
+    for key in [k for k in of_level if k not in after and (before is None or k in before)]:
         del entry[key]
+
+
+def _keys_of(catalogue: Catalogue, kind: str, level: Any, base: Path | None) -> list[str] | None:
+    """Parameters of a level; None where it cannot be had, such as code that may not run."""
+    try:
+        found = catalogue.registry.get(kind, str(level), base=base)
+    except (SwathError, OSError, ValueError):
+        return None
+    return None if found.is_unread else known_keys(found.params)
 
 
 def _kind(path: KeyPath, catalogue: Catalogue) -> str:

@@ -32,17 +32,9 @@ from swath.signals import F64, CropEdge, Objects, Odometry, Scan, beam_direction
 from swath.signals.setup import ControlSetup
 
 Index = NDArray[np.int64]
-CELL = 0.25  # echoes in one cell, or with at most one empty cell between them, are one heap [m]
-UNDER = 0.05  # a thing whose top lies less than this above the lowest beam can get lost [rad]
-LINE = 0.25 * DEG  # beams whose elevations differ by less are of one line of the scan [rad]
-FRONT = 0.35  # along a line, over which the nearest echo is the front of the crop; no body is narrower [m]
 SCALE = 1.5  # ranges up to this ratio are closed over one number of beams
 SCALES = np.array([0.0, *(SCALE**k for k in range(1, 14))])  # from which on each holds [m]
-FINEST = 0.1  # depth into the crop that every scanner may find by its noise and the raggedness of a wall [m]
-LEAST, MOST = 1.5, 5.0  # such depths before the line where evidence begins, and where one echo's ends
 LEVEL_BEAM = 0.05  # a beam that goes down less counts as going down so much, per metre
-BODY = 0.4  # half the width within which the evidence of a heap is summed [m]
-APART = 0.05  # echoes nearer to each other than this see the same stems [m]
 
 
 @dataclass(frozen=True)
@@ -60,6 +52,21 @@ class Params:
     the knife meets is crop from this height on
     least_echoes: in a heap; confirm: scans that show a thing before it counts; keep_s: it is kept so long
     without being seen
+
+    Set on the same drawn cases:
+    line_deg: beams whose elevations differ by less are of one line of the scan
+    front_m: along a line, over which the nearest echo is the front of the crop; no body is narrower
+    finest_m: depth into the crop that every scanner may find by its noise and the raggedness of a wall
+    least_depths: so many depths, to which beams beside it get into the crop, an echo lies before its line
+    where evidence begins; most_depths: and where the evidence of one echo ends
+    stems_m: echoes nearer to each other than this see the same stems
+    cell_m: echoes in one cell, or with at most one empty cell between them, are one heap
+    body_m: half the width of a body: over it the evidence of a heap is summed, and beyond it lies the surface
+    before; around_m: so far around a heap lies the surface where none is known before it
+    blind_mrad: a thing whose top lies less than this above the lowest beam can get lost
+    memory_s: a height of the map counts so long; no machine drives half of the map in it
+    first_cells: of the map, as many as crop_m counts for, some 10 m of way across a header; lasting_cells:
+    over so many the height of the crop is a mean, some 500 m of way
     """
 
     reach_m: Annotated[float, Gt(0), Le(100)] = 20.0
@@ -76,6 +83,19 @@ class Params:
     least_echoes: Annotated[int, Ge(1), Le(1000)] = 3
     confirm: Annotated[int, Ge(1), Le(20)] = 2
     keep_s: Annotated[float, Ge(0), Le(10)] = 1.0
+    line_deg: Annotated[float, Gt(0), Le(5)] = 0.25
+    front_m: Annotated[float, Gt(0), Le(2)] = 0.35
+    finest_m: Annotated[float, Gt(0), Le(1)] = 0.1
+    least_depths: Annotated[float, Gt(0), Le(20)] = 1.5
+    most_depths: Annotated[float, Gt(0), Le(100)] = 5.0
+    stems_m: Annotated[float, Gt(0), Le(1)] = 0.05
+    cell_m: Annotated[float, Gt(0), Le(2)] = 0.25
+    body_m: Annotated[float, Gt(0), Le(2)] = 0.4
+    around_m: Annotated[float, Gt(0), Le(10)] = 1.5
+    blind_mrad: Annotated[float, Ge(0), Le(500)] = 50.0
+    memory_s: Annotated[float, Gt(0), Le(60)] = 10.0
+    first_cells: Annotated[float, Ge(1), Le(1e5)] = 400.0
+    lasting_cells: Annotated[float, Ge(1), Le(1e7)] = 20_000.0
 
 
 class Cluster(Following):
@@ -92,13 +112,13 @@ class Cluster(Following):
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         super().__init__(setup, "scan", params.side_m, params.confirm, params.keep_s, params.doubt_nat)
-        self._p, self._lines = params, Lines(self._mounting)
+        self._p, self._lines = params, Lines(self._mounting, params)
         self._across = np.arange(self._strip[0] + params.side_m, self._strip[1] - params.side_m, MAP_CELL)
-        self._map, self._crop = HeightMap(), CropHeight(params.crop_m, params.crop_sd_m)
+        self._map, self._crop = HeightMap(params.memory_s), CropHeight(params)
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing seen."""
-        self._map, self._crop = HeightMap(), CropHeight(self._p.crop_m, self._p.crop_sd_m)
+        self._map, self._crop = HeightMap(self._p.memory_s), CropHeight(self._p)
         return super().reset(stream)
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
@@ -121,7 +141,9 @@ class Cluster(Following):
         if x < self._knife:
             return False
         seen = self._mounting.inverse().apply(np.array([x, y, track.heap.top]))
-        return atan2(float(seen[2]), hypot(float(seen[0]), float(seen[1]))) < lowest + UNDER
+        return (
+            atan2(float(seen[2]), hypot(float(seen[0]), float(seen[1]))) < lowest + 1e-3 * self._p.blind_mrad
+        )
 
     def _image(self, scan: Scan, speed: float, age: float) -> tuple[F64, F64]:
         """Farthest echo of each beam: ranges (lines, beams) and where it is now (lines, beams, 3) [m], seen
@@ -160,16 +182,17 @@ class Cluster(Following):
         shown = (evidence > 0.0) | is_high
         surface = ~shown & (ahead > -1.0) & (ahead < MAP_AHEAD) & (np.abs(y) < MAP_ASIDE)
         self._map.take(t, wx[surface], wy[surface], z[surface])
-        weight = np.minimum(ranges[shown] * self._lines.step / APART, 1.0)
-        seen = np.column_stack(
-            [points[shown], evidence[shown] * weight, (MOST - LEAST) * weight * is_high[shown]]
-        )
-        return [heap for part in heaps_of(seen) if (heap := self._heap(t, part)) is not None]
+        weight = np.minimum(ranges[shown] * self._lines.step / self._p.stems_m, 1.0)
+        most = self._p.most_depths - self._p.least_depths
+        seen = np.column_stack([points[shown], evidence[shown] * weight, most * weight * is_high[shown]])
+        parts = heaps_of(seen, self._p.cell_m)
+        return [heap for part in parts if (heap := self._heap(t, part)) is not None]
 
     def _evidence(self, ranges: F64, asked: NDArray[np.bool_]) -> F64:
         """How much the echoes asked for speak for a thing before the crop, in nat; 0 for all others."""
         before, depth = self._lines.standing_out(ranges, asked, self._p.widest_m)
-        evidence = np.where(asked, np.clip(before / np.maximum(depth, FINEST), 0.0, MOST) - LEAST, 0.0)
+        depths = np.clip(before / np.maximum(depth, self._p.finest_m), 0.0, self._p.most_depths)
+        evidence = np.where(asked, depths - self._p.least_depths, 0.0)
         evidence[evidence < 0.0] = 0.0
         beside = np.zeros_like(evidence)
         beside[:, 1:] = evidence[:, :-1]
@@ -178,7 +201,7 @@ class Cluster(Following):
 
     def _heap(self, t: float, echoes: F64) -> Heap | None:
         """Of echoes (n, 5): place, evidence as narrow and as high; None where crop explains them."""
-        if len(echoes) < self._p.least_echoes or echoes[:, 3:].sum() < LEAST:
+        if len(echoes) < self._p.least_echoes or echoes[:, 3:].sum() < self._p.least_depths:
             return None
         eye = self._mounting.position
         steep = (eye[2] - echoes[:, 2]) / np.sqrt(((echoes[:, :3] - eye) ** 2).sum(axis=1))
@@ -189,12 +212,12 @@ class Cluster(Following):
         if len(counted) < self._p.least_echoes:
             return None
         apart = np.abs(counted[:, None, :2] - counted[None, :, :2]).max(axis=2)
-        total = float(((apart < BODY) * evidence).sum(axis=1).max())
-        if total < LEAST:
+        total = float(((apart < self._p.body_m) * evidence).sum(axis=1).max())
+        if total < self._p.least_depths:
             return None
         low, high = counted[:, :3].min(axis=0), counted[:, :3].max(axis=0)
         x, y = self._world(*(0.5 * (low[:2] + high[:2])))
-        length, width = np.maximum(high[:2] - low[:2], CELL).tolist()
+        length, width = np.maximum(high[:2] - low[:2], self._p.cell_m).tolist()
         return Heap(float(x), float(y), length, width, float(high[2]), total)
 
     def _before(self, t: float, echoes: F64) -> float:
@@ -207,11 +230,12 @@ class Cluster(Following):
         ux, uy = (to.mean(axis=0) / far.mean()).tolist()
         down = max(float(eye[2] - echoes[:, 2].max()), 0.1)
         apart = min(max(1.2 * self._lines.apart * float(far.min()) ** 2 / down, 1.0), 3.0)
-        along = far.min() - np.arange(CLEAR, CLEAR + apart, 0.5 * MAP_CELL)[:, None]
+        clear, aside = self._p.body_m, self._p.body_m * np.array([-1.0, 0.0, 1.0])
+        along = far.min() - np.arange(clear, clear + apart, 0.5 * MAP_CELL)[:, None]
         x, y = echoes[:, :2].mean(axis=0).tolist()
-        tops = self._tops_at(t, x, y, eye[0] + ux * along - uy * ASIDE, eye[1] + uy * along + ux * ASIDE)
+        tops = self._tops_at(t, x, y, eye[0] + ux * along - uy * aside, eye[1] + uy * along + ux * aside)
         if not np.isfinite(tops).any():
-            tops = self._tops_at(t, x, y, x + AROUND[0], y + AROUND[1])
+            tops = self._tops_at(t, x, y, *(np.array([[x], [y]]) + self._p.around_m * AROUND))
         return float(np.nanmax(tops)) if np.isfinite(tops).any() else self._crop.most
 
     def _tops_at(self, t: float, x: float, y: float, px: F64, py: F64) -> F64:
@@ -225,21 +249,20 @@ class Cluster(Following):
 MAP_CELL, MAP_SIZE = 0.5, 96  # of the map of heights [m], and its cells each way
 RUN, FEWEST = 4, 20  # cells over which the slope is taken, and pairs of them that tell it
 MAP_AHEAD, MAP_ASIDE = 40.0, 20.0  # what is farther from the knife would come round onto other cells [m]
-MEMORY = 10.0  # a height counts so long [s]: in this time no machine drives half of the map
-CLEAR = 0.4  # so far before a thing begins what is not of it [m]
-ASIDE = np.array([-0.4, 0.0, 0.4])  # and where beside that a surface is looked for [m]
-AROUND = 1.5 * np.array([(cos(a), sin(a)) for a in np.arange(0.0, 6.2, 0.5)]).T  # and where around it [m]
+AROUND = np.array([(cos(a), sin(a)) for a in np.arange(0.0, 6.2, 0.5)]).T  # directions around a place
 
 
 class HeightMap(KeepsState):
     """Top of what stands on each cell of the ground, in the frame of the dead reckoning; it goes on round.
 
+    memory: a height counts so long [s]
     slope: of its surfaces along x and y of that frame; most neighbours are of one surface, edges count little
     """
 
     kept = ("_top", "_seen", "slope")
 
-    def __init__(self) -> None:
+    def __init__(self, memory: float) -> None:
+        self._memory = memory
         self._top = np.full(MAP_SIZE * MAP_SIZE, np.nan)
         self._seen = np.full(MAP_SIZE * MAP_SIZE, -np.inf)
         self.slope = (0.0, 0.0)
@@ -256,7 +279,7 @@ class HeightMap(KeepsState):
     def tops(self, t: float, x: F64, y: F64) -> F64:
         """Heights there [m], nan = not known."""
         cell = _cell(x, y)
-        return np.where(t - self._seen[cell] > MEMORY, np.nan, self._top[cell])
+        return np.where(t - self._seen[cell] > self._memory, np.nan, self._top[cell])
 
 
 def _slope(grid: F64) -> float:
@@ -272,20 +295,19 @@ def _cell(x: F64, y: F64) -> Index:
 
 
 class CropHeight(KeepsState):
-    """Height of the crop: mean and spread of what was met, over the last LASTING places.
-
-    mean, sd: what is taken for FIRST places before any was met
-    """
+    """Height of the crop: mean and spread of what was met, at first what the parameters say."""
 
     kept = ("_count", "_mean", "_square")
 
-    def __init__(self, mean: float, sd: float) -> None:
-        self._count, self._mean, self._square = FIRST, mean, sd * sd
+    def __init__(self, params: Params) -> None:
+        self._lasting = params.lasting_cells
+        self._count, self._mean = params.first_cells, params.crop_m
+        self._square = params.crop_sd_m * params.crop_sd_m
 
     def take(self, tops: F64) -> None:
         """Heights that were met [m]."""
         for top in tops.tolist():
-            self._count = min(self._count + 1.0, LASTING)
+            self._count = min(self._count + 1.0, self._lasting)
             off, share = top - self._mean, 1.0 / self._count
             self._mean += share * off
             self._square += share * (off * off - self._square)
@@ -296,14 +318,11 @@ class CropHeight(KeepsState):
         return self._mean + 2.0 * sqrt(self._square)
 
 
-FIRST, LASTING = 400.0, 20_000.0  # cells of the map: some 10 and 500 m of way across a header
-
-
 class Lines:
     """The lines of a scan: beams of one elevation, by azimuth."""
 
-    def __init__(self, mounting: Pose) -> None:
-        self._mounting = mounting
+    def __init__(self, mounting: Pose, params: Params) -> None:
+        self._mounting, self._front, self._line = mounting, params.front_m, params.line_deg * DEG
         self._azimuth: Any = None
         self._elevation: Any = None
 
@@ -315,7 +334,7 @@ class Lines:
         """
         if scan.azimuth is not self._azimuth or scan.elevation is not self._elevation:
             self._azimuth, self._elevation = scan.azimuth, scan.elevation
-            line = np.round(scan.elevation / LINE)
+            line = np.round(scan.elevation / self._line)
             order = np.lexsort((scan.azimuth, line))
             order = order[np.isfinite(scan.azimuth[order])]
             starts = np.flatnonzero(np.diff(line[order], prepend=np.nan))
@@ -326,7 +345,7 @@ class Lines:
             self.ways = self._mounting.turn(beam_directions(a, e))
             self.down = np.maximum(-self.ways[..., 2], LEVEL_BEAM)
             gaps = np.diff(a, axis=1)
-            heights = np.unique(line[order]) * LINE
+            heights = np.unique(line[order]) * self._line
             self.apart = median(np.diff(heights)) if len(heights) > 1 else 0.0
             self.step = median(gaps[gaps > 1e-6]) if (gaps > 1e-6).any() else 1.0
         return self._order
@@ -346,9 +365,8 @@ class Lines:
             mine = asked & (scale == k)
             rows = np.flatnonzero(mine.any(axis=1))
             beam = self.step * SCALES[k] * SCALE**0.5
-            closed = (
-                closing(drops[rows], max(int(FRONT / beam), 1), max(ceil(widest / beam), 3)) / self.down[rows]
-            )
+            narrow, wide = max(int(self._front / beam), 1), max(ceil(widest / beam), 3)
+            closed = closing(drops[rows], narrow, wide) / self.down[rows]
             deeper = np.minimum(np.abs(ranges[rows] - closed), 1.0)
             reach = _mean_around(deeper, max(ceil(2.0 * widest / beam), 3))
             mine = mine[rows]
@@ -403,11 +421,11 @@ def _mean_around(a: F64, count: int) -> F64:
     return np.asarray(total / np.maximum(n, 1.0))
 
 
-def heaps_of(points: F64) -> list[F64]:
-    """Points (n, 2 or more) in heaps: those with at most one empty cell of the ground between them."""
+def heaps_of(points: F64, cell: float) -> list[F64]:
+    """Points (n, 2 or more) in heaps: those with at most one empty cell [m] of the ground between them."""
     if len(points) == 0:
         return []
-    cells, owner = np.unique(np.floor(points[:, :2] / CELL).astype(np.int64), axis=0, return_inverse=True)
+    cells, owner = np.unique(np.floor(points[:, :2] / cell).astype(np.int64), axis=0, return_inverse=True)
     apart = np.abs(cells[:, None] - cells[None]).max(axis=2)
     label = np.arange(len(cells))
     while True:

@@ -11,6 +11,7 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.core.foreign_code import code_unread
 from swath.terminal.options import add_sets
+from swath.terminal.tables import add_json
 from swath.tools.function_test import search_command
 from swath.tools.function_test.progress import CLUSTER, engine, progress
 
@@ -21,6 +22,7 @@ def add(parsers: Any) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     listing = verbs.add_parser("list", help="cases, what varies in them, what they ask")
     listing.add_argument("cases", nargs="?", default="catalogue", help=_CASES)
+    add_json(listing)
     listing.set_defaults(run=_list)
     run = verbs.add_parser("run", help="do the runs of cases; goes on where it was stopped")
     run.add_argument("cases", help=_CASES)
@@ -72,18 +74,23 @@ def add(parsers: Any) -> None:
 
 
 def _list(args: argparse.Namespace) -> int:
-    from swath.terminal.tables import table
+    from swath.terminal.tables import as_json, table
     from swath.tools.function_test.case import find_cases
 
     rows = []
     for case in find_cases(args.cases):
-        varied = "; ".join(f"{name} {', '.join(map(str, v.at))}" for name, v in case.file.vary.items())
+        varied = {name: list(v.at) for name, v in case.file.vary.items()}
         count = case.grid_size * len(case.seeds)
-        limits = ", ".join(str(name) for name in case.file.expect)
-        rows.append(
-            (case.name, case.file.objective, varied or "-", str(count), limits, ", ".join(case.file.tags))
-        )
-    table("", ("case", "objective", "varied", "runs", "limits on", "tags"), rows)
+        limits = [str(name) for name in case.file.expect]
+        rows.append((case.name, case.file.objective, varied, count, limits, list(case.file.tags)))
+    if args.json:
+        as_json(("name", "objective", "vary", "runs", "limits_on", "tags"), rows)
+        return 0
+    texts = []
+    for name, objective, varied, count, limits, tags in rows:
+        vary = "; ".join(f"{key} {', '.join(map(str, at))}" for key, at in varied.items())
+        texts.append((name, objective, vary or "-", str(count), ", ".join(limits), ", ".join(tags)))
+    table("", ("case", "objective", "varied", "runs", "limits on", "tags"), texts)
     return 0
 
 
@@ -104,7 +111,7 @@ def _run(args: argparse.Namespace) -> int:
         level=args.level,
     )
     with code_unread() if args.plan_only else nullcontext():
-        session = begin(args.out, plan)
+        session = begin(args.out, plan, args.candidates)
     left = sum(1 for _ in session.left())
     if args.plan_only:
         print(f"{left} runs to do: swath test work {args.out} --shard 1/N ... N/N")

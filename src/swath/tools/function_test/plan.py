@@ -147,9 +147,9 @@ class Plan:
         except InputError:  # told as the result of the run
             return [], ""
 
-    def check(self) -> None:
+    def check(self, file: Path | None = None) -> None:
         """Raise InputError where the scenario of the first point of a case cannot be read, or a change is of
-        what a case varies.
+        what a case varies. file: that names the candidates
         """
         for case in self.found:
             for name, sets in self.candidates.items():
@@ -163,7 +163,16 @@ class Plan:
                     load_scenario(case.scenario, sets=layered(case.sets(point), self.sets, sets))
                 except InputError as error:
                     where = f"{case.name}, candidate {name}: {error.key}"
-                    raise InputError(where, error.value, error.expected, file=case.document.file) from error
+                    source = self._source(error, sets, file) or case.document.file
+                    raise InputError(where, error.value, error.expected, file=source) from error
+
+    def _source(self, error: InputError, sets: Sequence[str], file: Path | None) -> Path | str | None:
+        """Where a change of a candidate or of all scenarios stands that is refused; None for any other."""
+        key = str(error.file).partition("=")[0]
+        for changes, place in ((sets, file or error.file), (self.sets, error.file)):
+            if any(key == f"--set {text.partition('=')[0]}" for text in changes):
+                return place
+        return None
 
     @property
     def text(self) -> str:

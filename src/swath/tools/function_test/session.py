@@ -119,8 +119,11 @@ def _about(run: PlannedRun) -> dict[str, Any]:
     return {"case": run.case, "candidate": run.candidate, "point": dict(run.point), "seed": run.seed}
 
 
-def begin(folder: Path, plan: Plan) -> Session:
-    """A session in a new folder, or the one that is there with the same plan. InputError for another plan."""
+def begin(folder: Path, plan: Plan, candidates: Path | None = None) -> Session:
+    """A session in a new folder, or the one that is there with the same plan. InputError for another plan.
+
+    candidates: the file that names them
+    """
     file = folder / PLAN
     text = plan.text
     if file.is_file() and _but_limits(read_text(file, "--out", "a plan")) != _but_limits(text):
@@ -130,7 +133,7 @@ def begin(folder: Path, plan: Plan) -> Session:
         raise InputError("--out", str(folder), expected)
     if not file.is_file() and folder.is_dir() and any(folder.iterdir()):
         raise InputError("--out", str(folder), "expected a new or empty folder, or one of a function test")
-    plan.check()
+    plan.check(candidates)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(file, text)
     return Session(folder, plan)
