@@ -51,7 +51,7 @@ def largest_error(turn, share, seed):
 
 @pytest.mark.parametrize("seed", [1, 9])
 def test_a_turn_of_clothoids_is_followed(seed):
-    """docs/explanation/steering.md: 5 cm with seed 1; seed 9 was not looked at before."""
+    """5 cm with seed 1; seed 9 was not looked at before."""
     assert largest_error(clothoid, 0.6, seed) < 0.08
 
 
