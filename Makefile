@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 OUT ?= out
 JOBS ?= 2
 
-.PHONY: demo test check bench docs replays clean
+.PHONY: demo test check bench docs results replays clean
 
 demo: $(VENV)/.base
 	$(BIN)/swath run laser-pilot --out $(OUT)/demo
@@ -24,6 +24,9 @@ bench: $(VENV)/.dev
 
 replays: $(VENV)/.dev
 	$(BIN)/python -m docs.make.replays
+
+results: $(VENV)/.dev
+	$(BIN)/python -m docs.make.tables $(ONLY)
 
 docs: $(VENV)/.docs
 	$(BIN)/sphinx-build -W --keep-going -n -q -b html docs $(OUT)/site

@@ -3,8 +3,7 @@
     python benchmarks/edge.py [--table runs|crops|dust|wind|terrain|dem|rows] [--metres 60] [--workers 2]
         [--set KEY=VALUE ...]
 
-Prints a Markdown table [cm]: `runs`, `dust`, `terrain` and `dem` of docs/explanation/steering.md, `crops` and `wind` of
-docs/explanation/crops.md, `rows` of docs/explanation/decisions.md. Wind: the mean of three seeds, terrain, dem and rows of
+Prints a Markdown table [cm]. Wind: the mean of three seeds, terrain, dem and rows of
 two. `dem`: measured heights of SWATH_DATA where they are steepest, as they are and 1.6 times as high.
 """
 

@@ -2,7 +2,7 @@
 
     python benchmarks/edge_closed_form.py [--scans 300] [--seeds 3]
 
-Prints the first table of "Measured" in docs/explanation/steering.md. Roll and pitch of 1 deg, in bends 0.5; errors count
+Roll and pitch of 1 deg, in bends 0.5; errors count
 from 3 s on, when some metres are learned.
 """
 

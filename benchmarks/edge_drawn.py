@@ -6,9 +6,8 @@
     python benchmarks/edge_drawn.py --figure docs/figures/edge_reliability.png --table runs.jsonl
 
 A run is a line of JSON; `--table` prints what the lines hold, and `--rows` picks rows by how their names
-begin. Draws depend on the pool, the row and the number alone: pool `judged` is what docs/explanation/edge-detection.md
-shows, `second` to `eighth` as well, each drawn after changes to the detector; `training` is for setting
-constants.
+begin. Draws depend on the pool, the row and the number alone: pools `judged` and
+`second` to `eighth` judge, each drawn after changes to the detector; `training` is for setting constants.
 """
 
 import argparse

@@ -52,7 +52,7 @@ def read(app: object, name: str, source: list[str]) -> None:
     def outside(found: re.Match[str]) -> str:
         text, path = found.groups()
         if path in INCLUDED:
-            return f"[{text}]({up}reference/project.md)"
+            return f"[{text}]({up}reference/packages.md)"
         if path == "README.md":
             return f"[{text}]({up}index.md)"
         is_folder = (ROOT / path).is_dir() and not (ROOT / "docs" / path).exists()
@@ -74,7 +74,7 @@ def with_replay(found: re.Match[str]) -> str:
 def included(app: object, relative: Path, parent: str, content: list[str]) -> None:
     """Links of the included files are those of the repository's root."""
     text = re.sub(r"\]\(docs/", "](../", PAGE.sub(r"[`\1`](../\1)", content[0]))
-    content[0] = re.sub(rf"\]\(({'|'.join(INCLUDED)})\)", "](project.md)", text)
+    content[0] = re.sub(rf"\]\(({'|'.join(INCLUDED)})\)", "](packages.md)", text)
 
 
 def setup(app: object) -> None:

@@ -1,4 +1,4 @@
-"""Makes the figures of docs/explanation/steering.md: `python docs/figures/control.py` in the repository root."""
+"""Makes the figures of docs/explanation/steering.md."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Makes the figure of docs/explanation/steering.md: `python docs/figures/guidance.py` in the repository root."""
+"""Makes the figure of docs/explanation/steering.md."""
 
 import tempfile
 from pathlib import Path

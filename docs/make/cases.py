@@ -49,26 +49,27 @@ def _entry(case: Case) -> str:
     file = case.file
     lines = [
         f"### {case.name}",
-        f"![{file.objective}](../figures/cases/{case.name}.webp)\n",
-        f"{file.objective}.\n",
+        f"![{case.name}](../figures/cases/{case.name}.webp)\n",
+        f"{file.objective[0].upper()}{file.objective[1:]}.\n",
     ]
+    varied_at, limits = [], [f"{name} {_limit(limit)}" for name, limit in file.expect.items()]
+    limits += [f"mean {name} {_limit(b.model_dump(exclude_none=True))}" for name, b in file.mean.items()]
     for name, varied in file.vary.items():
-        drawn = f", drawn from {varied.range[0]:g} to {varied.range[1]:g}" if varied.range else ""
-        lines.append(f"- `{name}` (`{varied.key}`): {', '.join(map(str, varied.at))}{drawn}")
-    lines += [f"- {name}: {_limit(limit)}" for name, limit in file.expect.items()]
-    lines += [
-        f"- mean of {name}: {_limit(bounds.model_dump(exclude_none=True))}"
-        for name, bounds in file.mean.items()
-    ]
-    lines.append(f"- source of the marks: {file.source}")
+        varied_at.append(f"`{name}` {', '.join(map(str, varied.at))}")
+    lines.append(f"- varied: {'; '.join(varied_at)}")
+    lines.append(f"- limits ({file.source}): {'; '.join(limits)}")
     whys = {known.why: [k.at for k in file.known if k.why == known.why] for known in file.known}
     lines += [f"- known failure at {', '.join(map(_point, at))}: {why}" for why, at in whys.items()]
     return "\n".join(lines) + "\n"
 
 
 def _limit(limit: Any) -> str:
-    parts = [f"{key} {_limit(v) if isinstance(v, dict) else v}" for key, v in limit.items()]
-    return ", ".join(parts)
+    """`<= 0.05`, `0.9..1`, and what else the limit says."""
+    low, high = limit.get("min"), limit.get("max")
+    bound = f"{low}..{high}" if None not in (low, high) else f">= {low}" if high is None else f"<= {high}"
+    more = {key: value for key, value in limit.items() if key not in ("min", "max")}
+    said = [f"{key} {_limit(v) if isinstance(v, dict) else v}" for key, v in more.items()]
+    return ", ".join([bound.replace(">= None", ""), *said]).strip(", ")
 
 
 def _point(at: Any) -> str:

@@ -12,7 +12,8 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[2]
-HEAD = """# What installs: extras, sizes, licences
+HEAD = """# What installs, security, contributing, changes
+## Extras and their sizes
 Made by `python -m docs.make.packages` from the installed packages (Linux, x86-64, Python 3.11). `pip install swath` brings
 what the first row says; an extra, `pip install 'swath[NAME]'`, what its row adds to that. Sizes are on disk [MB].
 
@@ -26,6 +27,10 @@ swath itself is Apache-2.0. Licences as the packages state them.
 | package | version | licence | with |
 |---|---|---|---|
 """
+INCLUDED = "".join(
+    f"\n```{{include}} ../../{name}.md\n:heading-offset: 1\n```\n"
+    for name in ("SECURITY", "CONTRIBUTING", "CHANGELOG")
+)
 SHORT = {  # what some packages say in their own words
     "BSD License": "BSD", "MIT License": "MIT", "Apache Software License": "Apache-2.0", "BSD 3-Clause": "BSD-3-Clause",
     "Apache License 2.0": "Apache-2.0", "Apache License, Version 2.0": "Apache-2.0", "MIT license": "MIT",
@@ -117,7 +122,7 @@ def page() -> str:
         ros.setdefault(licence(every[name]), []).append(name)
     for said, names in sorted(ros.items()):
         text += f"| {', '.join(names)} | | {said} | `ros2` |\n"
-    return text
+    return text + INCLUDED
 
 
 if __name__ == "__main__":

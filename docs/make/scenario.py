@@ -3,6 +3,7 @@
 python -m docs.make.scenario     writes it anew
 """
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -46,6 +47,8 @@ which runs, with your rights, only with `--allow-code` or where the command line
 ([SECURITY.md](../../SECURITY.md)).
 `--set combine.lidar.level=empirical` changes one key for one run; choosing another level drops the keys that
 only the old one knew. The order of changes does not matter; two that say different things about a key are an error.
+
+Ranges are intervals: `[0, 5)` holds 0 and not 5. Where no default stands, the key is needed; `null` = not given.
 """
 
 REALTIME = """\
@@ -60,8 +63,40 @@ A list of your own evaluators, `file.py:Class`, beside those that are built in: 
 """
 EXPECT = """\
 For each metric a limit or a list of limits, for columns of the tracks too: [metrics.md](metrics.md).
-Metrics: {metrics}. With several machines the limits stand under a machine's name, or under `field`.
+With several machines the limits stand under a machine's name, or under `field`.
 """
+UNITS = [
+    "m",
+    "mm",
+    "cm",
+    "m2",
+    "m3",
+    "m_s",
+    "m_s2",
+    "kmh",
+    "s",
+    "ms",
+    "min",
+    "hz",
+    "rad",
+    "deg",
+    "deg_s",
+    "mrad",
+    "percent",
+    "kg",
+    "t",
+    "kg_s",
+    "t_ha",
+    "t_h",
+    "l_s",
+    "kw",
+    "kn",
+    "rpm",
+    "c",
+    "per_m",
+    "per_m2",
+    "m3_s",
+]
 EDGES = """\
 ### field.edges
 Several edges by name, instead of `edge`: `edges: {west: {x_m: 0}, east: {x_m: 60, crop_side: left}}`. Each
@@ -88,8 +123,7 @@ def reference(catalogue: Catalogue = CATALOGUE) -> str:
     parts.append(_machine(catalogue, shared))
     parts.append(_shared_groups(shared))
     parts.append(EVALUATORS)
-    metrics = ", ".join(f"`{name}`" for name in catalogue.judged().metrics)
-    parts.append(section("## expect", Limit, EXPECT.format(metrics=metrics)))
+    parts.append(section("## expect", Limit, EXPECT))
     return "\n".join(parts).rstrip() + "\n"
 
 
@@ -102,8 +136,8 @@ def _field(catalogue: Catalogue, shared: dict[Group, str]) -> str:
     parts += [_levels(catalogue, kind, f"### field.{kind}", shared) for kind in catalogue.field_levels]
     for name, title in (("edge", "edge"), ("obstacles", "obstacles[]"), ("boundary", "boundary")):
         choice = {
-            "edge": "`shape` is one of the last column.\n",
-            "obstacles": "`kind` is one of the last column.\n",
+            "edge": "`shape` is one of the names above the tables.\n",
+            "obstacles": "`kind` is one of the names above the tables.\n",
         }
         parts.append(f"### field.{title}\n{choice.get(name, '')}")
         parts.append(_part(catalogue.part(name), shared))
@@ -128,13 +162,29 @@ def _part(kind: Any, shared: dict[Group, str]) -> str:
 def _merged(kinds: dict[str, list[Row]], shared: dict[Group, str]) -> str:
     """One table of the keys of several kinds, each key once, with the kinds that have it where not all do."""
     having: dict[Row, list[str]] = {}
-    for name, rows in kinds.items():
-        for row in _shortened(rows, shared):
+    for name in kinds:
+        for row in _shortened(_of_others(name, kinds), shared):
             having.setdefault(row, []).append(name)
-    if not having:
-        return ""
-    rows = [(*row, "" if len(has) == len(kinds) else ", ".join(has)) for row, has in having.items()]
-    return table(rows, "" if len(kinds) == 1 else "only in")
+    tables: dict[tuple[str, ...], list[Row]] = {}
+    for row, has in having.items():
+        tables.setdefault(tuple(has), []).append(row)
+    parts = []
+    for has in sorted(tables, key=lambda has: -len(has)):
+        named = ", ".join(f"`{name}`" for name in has)
+        parts.append((f"{named}:\n\n" if len(has) < len(kinds) else "") + table(tables[has]))
+    return "\n".join(parts)
+
+
+def _of_others(name: str, kinds: dict[str, list[Row]]) -> list[Row]:
+    """The rows of a level, with one in place of each group that is all the keys of another level."""
+    rows = kinds[name]
+    for head, (_, keys) in _groups(rows).items():
+        for other, its in kinds.items():
+            if its and keys == tuple((key, value, meaning) for key, value, _, meaning in its):
+                first = next(k for k, row in enumerate(rows) if row[0].startswith(f"{head}."))
+                rows = [row for row in rows if not row[0].startswith(f"{head}.")]
+                rows.insert(first, (head, f"keys of `{other}`", "", ""))
+    return rows
 
 
 def _machine(catalogue: Catalogue, shared: dict[Group, str]) -> str:
@@ -156,7 +206,9 @@ def _machine(catalogue: Catalogue, shared: dict[Group, str]) -> str:
     parts += [_levels(catalogue, slot.name, f"### {slot.name}", shared) for slot in catalogue.slots]
     if links := catalogue.registry.links():
         parts.append("### Somebody else's part\nLevels that any slot of a machine may have.\n")
-        parts += [_level(catalogue, catalogue.slots[0].name, name, name) for name in links]
+        levels = {name: catalogue.registry.get(catalogue.slots[0].name, name) for name in links}
+        parts += [f"- `{name}`: {level.summary}" for name, level in levels.items()]
+        parts.append("\n" + _merged({n: parameter_rows(level.params) for n, level in levels.items()}, {}))
     return "\n".join(parts)
 
 
@@ -165,7 +217,10 @@ def _types_with(slot: str, catalogue: Catalogue) -> str:
 
 
 def _wires(wires: Any) -> str:
-    return ", ".join(f"{port} ← {source}.{output}" for port, (source, output) in wires.items())
+    return ", ".join(
+        f"{source}.{output}" if port in (source, output) else f"{port}={source}.{output}"
+        for port, (source, output) in wires.items()
+    )
 
 
 def _levels(catalogue: Catalogue, kind: str, title: str, shared: dict[Group, str]) -> str:
@@ -194,9 +249,13 @@ def _shared(catalogue: Catalogue) -> dict[Group, str]:
         for name in catalogue.registry.names(kind):
             count.update(_groups(parameter_rows(catalogue.registry.get(kind, name).params)).values())
     names: dict[Group, str] = {}
+    same_keys: dict[tuple[tuple[str, str, str], ...], str] = {}
     for group in (group for group, times in count.items() if times > 1):
+        if group[1] in same_keys:
+            names[group] = same_keys[group[1]]
+            continue
         same = sum(other[0] == group[0] for other in names)
-        names[group] = group[0] + (f"-{same + 1}" if same else "")
+        names[group] = same_keys[group[1]] = group[0] + (f"-{same + 1}" if same else "")
     return names
 
 
@@ -216,17 +275,14 @@ def _shortened(rows: list[Row], shared: dict[Group, str]) -> list[Row]:
 
 
 def _shared_groups(shared: dict[Group, str]) -> str:
-    parts = ["## Keys that several levels have\n"]
+    parts, done = ["## Keys that several levels have\n"], set[str]()
     for (_, keys), name in shared.items():
+        if name in done:
+            continue
+        done.add(name)
         rows = [(key, value, "", meaning) for key, value, meaning in keys]
         parts.append(f"### Keys of {name}\n\n{table(rows)}")
     return "\n".join(parts)
-
-
-def _level(catalogue: Catalogue, kind: str, name: str, title: str) -> str:
-    level = catalogue.registry.get(kind, name)
-    rows = parameter_rows(level.params)
-    return f"`{title}`: {level.summary}\n" + ("\n" + table(rows) if rows else "")
 
 
 def section(title: str, kind: Any, text: str = "") -> str:
@@ -238,16 +294,32 @@ def section(title: str, kind: Any, text: str = "") -> str:
     )
 
 
-def table(rows: Sequence[tuple[str, ...]], more: str = "") -> str:
-    """Rows of keys, ranges, defaults, meanings, and what `more` says, in Markdown; empty columns are left out."""
-    head = ["key", "value", "default", "meaning", *([more] if more else [])]
-    shown = [
-        (f"`{key}`", value, f"`{default}`" if default else "", *rest) for key, value, default, *rest in rows
-    ]
+def table(rows: Sequence[tuple[str, ...]]) -> str:
+    """Rows of keys, ranges, defaults and meanings in Markdown; empty columns are left out."""
+    head = ("key", "value", "default", "meaning")
+    shown = [(f"`{key}`", _range(v), f"`{d}`" if d else "", _unitless(key, m)) for key, v, d, m in rows]
     used = [k for k in range(len(head)) if any(row[k] for row in shown)]
     lines = ["| " + " | ".join(head[k] for k in used) + " |", "|" + "---|" * len(used)]
     lines += ["| " + " | ".join(row[k].replace("|", "\\|") for k in used) + " |" for row in shown]
     return "\n".join(lines) + "\n"
+
+
+def _range(value: str) -> str:
+    """A range as an interval; that null may stand there says the default."""
+
+    def interval(found: re.Match[str]) -> str:
+        whole, above, low, below, high = found.groups()
+        return f"{whole or ''}{'(' if above else '['}{low}, {high}{')' if below else ']'}"
+
+    value = value.removesuffix(" or null")
+    return re.sub(r"(whole, )?(> )?(-?[\d.e+]+) to (< )?(-?[\d.e+]+)", interval, value)
+
+
+def _unitless(key: str, meaning: str) -> str:
+    """Without the unit at its end, where the key carries it."""
+    bare, _, unit = meaning.rpartition("[")
+    carries = any(key.endswith(f"_{one}") for one in UNITS)
+    return bare.rstrip() if carries and unit.endswith("]") else meaning
 
 
 if __name__ == "__main__":

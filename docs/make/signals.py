@@ -25,8 +25,8 @@ FRAMES = {
 HEAD = f"""\
 # Signals
 {BEGIN}
-What flows between the slots of a machine: samples in SI units and radians, each with a time `t` [ns]. Frames:
-[nomenclature.md](nomenclature.md); how samples are recorded: [run-folder.md](run-folder.md). *Amounts*
+What flows between the slots of a machine: samples in SI units and radians, each with a time `t` [ns]. Their
+messages and frames: [run folder](run-folder.md); words and signs: [nomenclature](nomenclature.md). *Amounts*
 belong to the step of their sample and add up, everything else is a state. Fields have the same names in ROS 2
 messages `swath_msgs/<Signal>`, in variables of FMUs (`port.field`) and in `swath.signals`. The numbers of a
 pose are `pose.x`, `pose.y`, `pose.z` [m], `pose.roll`, `pose.pitch`, `pose.yaw` [rad].
@@ -84,10 +84,10 @@ def messages_of(signal: type[Signal]) -> tuple[Message, ...]:
 
 def _section(signal: type[Signal]) -> str:
     about = signal.about
-    types = ", ".join(dict.fromkeys(m.type for m in messages_of(signal)))
     rate = ", at the rate of `tracks.parquet`" if about.is_thinned else ""
     lines = [f"## {signal.__name__}", inspect.getdoc(signal) or "", ""]
-    lines += [f"Frame: {FRAMES[about.frame]}. ROS 2: {types}{rate}.{SAMPLES[about.samples]}", ""]
+    if rate or SAMPLES[about.samples]:
+        lines += [f"ROS 2 messages{rate or ' at every sample'}.{SAMPLES[about.samples]}", ""]
     lines += ["| field | type | unit | meaning | nan | column of tracks |", "|---|---|---|---|---|---|"]
     hints, known = get_type_hints(signal), quantities(signal)
     lines += [_row(f.name, hints[f.name], known[f.name]) for f in fields(signal) if f.name in known]

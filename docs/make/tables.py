@@ -1,26 +1,33 @@
-"""Tables of results on the pages, each made by a command that stands above it:
+"""The results page: tables and listings, each made by the command above it.
 
     <!-- each row: swath run NAME --set KEY={} ; METRIC FORMAT ; METRIC FORMAT -->
+    <!-- output of: python benchmarks/NAME.py ... -->
 
-`{}` is the first cell of a row; the others are metrics of the summary of that run. tests/test_docs_tables.py
-makes them again and compares.
+`{}` is the first cell of a row; the others are metrics of the summary of that run. Below `output of` stands in a
+listing what the command prints. tests/test_docs_tables.py makes a row of each table again and compares.
 
-python -m docs.make.tables             makes all of them anew
-python -m docs.make.tables PAGE.md     and those of a page only
+make results                             all of docs/reference/results.md anew, with date, commit and processor
+make results ONLY='text in a command'    what has this text in its command
 """
 
 import re
 import shlex
+import subprocess
 import sys
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 from swath.api import batch
 from swath.commands.main import make_parser
+from swath.judge.summary import processor
 from swath.scenario.scenario import load_scenario
 
 DOCS = Path(__file__).parents[1]
+PAGE = DOCS / "reference" / "results.md"
 MARKED = re.compile(r"<!-- each row: ([^>]*?) -->\n(\|.*\n\|[-|]*\n)((?:\|.*\n)+)")
+LISTED = re.compile(r"<!-- output of: (.*?) -->\n```\n(.*?)```\n", re.DOTALL)
+STAMP = re.compile(r"<!-- made -->\n.*\n")
 
 
 @dataclass(frozen=True)
@@ -52,17 +59,35 @@ def _table(page: Path, found: re.Match[str]) -> Table:
     return Table(page, command, tuple((c.split()[0], c.split()[1]) for c in columns), rows)
 
 
-def make(page: Path) -> None:
-    """Write the tables of a page anew."""
+def make(page: Path, only: str = "") -> None:
+    """Write the tables and listings of a page anew whose command holds a text."""
 
-    def again(found: re.Match[str]) -> str:
+    def rows(found: re.Match[str]) -> str:
         table = _table(page, found)
-        rows = ("| " + " | ".join(table.made(row[0])) + " |\n" for row in table.rows)
-        return found[0].removesuffix(found[3]) + "".join(rows)
+        if only not in table.command:
+            return found[0]
+        made = ("| " + " | ".join(table.made(row[0])) + " |\n" for row in table.rows)
+        return found[0].removesuffix(found[3]) + "".join(made)
 
-    page.write_text(MARKED.sub(again, page.read_text(encoding="utf-8")), encoding="utf-8")
+    def listing(found: re.Match[str]) -> str:
+        command = " ".join(found[1].split())
+        if only not in command:
+            return found[0]
+        done = subprocess.run(
+            shlex.split(command), cwd=DOCS.parent, capture_output=True, text=True, check=True
+        )
+        return found[0].removesuffix(f"{found[2]}```\n") + f"{done.stdout.rstrip()}\n```\n"
+
+    text = LISTED.sub(listing, MARKED.sub(rows, page.read_text(encoding="utf-8")))
+    page.write_text(STAMP.sub(f"<!-- made -->\n{_made()}\n", text), encoding="utf-8")
+
+
+def _made() -> str:
+    """When, of what and where."""
+    asked = ["git", "describe", "--always", "--dirty"]
+    commit = subprocess.run(asked, cwd=DOCS.parent, capture_output=True, text=True, check=True).stdout.strip()
+    return f"Made on {datetime.now(UTC):%Y-%m-%d} of commit {commit}, on {processor()}."
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:] or sorted(str(p.relative_to(DOCS)) for p in DOCS.glob("**/*.md")):
-        make(DOCS / name)
+    make(PAGE, " ".join(sys.argv[1:]))

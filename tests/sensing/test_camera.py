@@ -175,7 +175,7 @@ def test_labels_and_depths_are_those_of_single_rays():
     np.testing.assert_allclose(d, by_hand / length[:, None], atol=1e-12)
     hits = caster.cast(np.tile(EYE, (len(d), 1)), d, range_max=60.0, solids=solids)
     assert len(np.unique(hits.organ)) >= 6
-    # Two kernels: they agree on 99.9 % of rays that may graze (docs/explanation/lidar.md), here on all on most machines.
+    # Two kernels: they agree on 99.9 % of rays that may graze, here on all on most machines.
     same = image.label.ravel() == hits.organ
     assert same.mean() >= 0.999
     np.testing.assert_allclose(image.depth.ravel()[same], (hits.distance / length)[same], rtol=1e-4)

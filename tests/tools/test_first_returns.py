@@ -31,7 +31,7 @@ TABLE = {
     (80, 600): ((0.54, 0.27, 0.67), (0.59, 0.23, 0.11), (0.70, 0.17, 0.01), (0.78, 0.11, 0.0)),
 }
 CELLS = [(b, n, w) for b, n in TABLE for w in WIDTHS]
-# The table has no ends of ears, which are discs of 12 mm seen from above. docs/explanation/validation.md has the numbers.
+# The table has no ends of ears, which are discs of 12 mm seen from above.
 ROUND_ENDS_COUNT = {(80, n, w) for n in (200, 600) for w in WIDTHS} | {(60, 600, 0.0)}
 
 

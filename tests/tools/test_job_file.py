@@ -27,7 +27,9 @@ def test_the_reference_is_made_from_the_classes_as_they_are():
 
 
 def test_every_key_of_the_reference_says_what_it_means():
-    rows = [line.split(" | ") for line in reference().partition(BEGIN)[2].splitlines() if line.startswith("| `")]
+    rows = [
+        line.split(" | ") for line in reference().partition(BEGIN)[2].splitlines() if line.startswith("| `")
+    ]
     assert len(rows) > 35
     assert [row[0] for row in rows if row[3].strip(" |") == ""] == []
 

@@ -281,7 +281,7 @@ def test_a_flatter_view_sees_higher_crop(echo):
 
 
 def test_a_larger_spot_sees_higher_crop():
-    """When the nearest touched thing counts; of the median of the spot it is not so (docs/explanation/validation.md)."""
+    """When the nearest touched thing counts; of the median of the spot it is not so."""
     found = trends("nearest")
     for density in (200.0, 600.0):
         for degrees in DEGREES:

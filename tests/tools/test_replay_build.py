@@ -18,6 +18,7 @@ from swath.record.mcap_file import McapFile
 from swath.record.read.mcap_log import CUT_OFF
 from swath.tools.height_map.build import Settings, build_height_map, open_source
 from swath.tools.height_map.gather import Gatherer, Samples, pool
+from swath.tools.height_map.ground import around, grown
 from swath.tools.height_map.passing import Passing, thicknesses
 from swath.tools.height_map.poses import PoseTrack, euler_of, make_track
 from swath.tools.height_map.source import Wanted
@@ -494,3 +495,15 @@ def test_real_scans_of_a_vineyard_are_driven_past():
     assert 1.2 < np.quantile(canopy, 0.95) < 1.7  # 1.45 m measured above ground
     unknown = sum(int((h.what == UNMEASURED).sum()) for h in nearer)
     assert 0 < unknown < 0.2 * 361 * len(nearer)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_ground_that_nobody_saw_is_filled_ring_by_ring(seed):
+    rng = np.random.default_rng(seed)
+    field = rng.normal(size=tuple(rng.integers(3, 40, 2)))
+    field[rng.random(field.shape) < 0.95] = np.nan
+    field[0, 0] = 1.0
+    slow = field.copy()
+    while np.isnan(slow).any():
+        slow = np.where(np.isnan(slow), around(slow), slow)
+    np.testing.assert_allclose(grown(field), slow, rtol=1e-12, atol=1e-12)

@@ -6,11 +6,15 @@ from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
 
 from swath.core.whole_file import write_whole
+from swath.documents.json_file import read_object
+from swath.documents.validation import validate
+from swath.documents.yaml_document import Document, Place
 from swath.judge.evaluation import Evaluation, incident
 from swath.judge.windows import FIELD
 from swath.rays.device import ray_device
@@ -18,6 +22,43 @@ from swath.signals import F64
 
 FORMAT = "swath summary 2"
 PARTS = ("swath", "numpy", "warp-lang")
+Seconds = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class _Limit(_Part):
+    subject: str
+    name: str
+    limit: dict[str, Any]
+    result: str
+    window: dict[str, Any] = {}
+
+
+class _Incident(_Part):
+    t_s: Seconds
+    end_t_s: Seconds | None = None
+    kind: str
+    machine: str
+    text: str
+
+
+class _Change(_Part):
+    t_s: Seconds
+    set: str
+    value: Any
+
+
+class _Summary(_Part):
+    """What readers of a summary rest on; metrics are read one by one."""
+
+    name: str = ""
+    expect: list[_Limit] = []
+    incidents: list[_Incident] = []
+    events: list[_Change] = []
+    simulated_s: Seconds = 0.0
 
 
 def make_summary(
@@ -68,6 +109,15 @@ def make_summary(
             "cost": {slot: {"seconds": s, "steps": n} for slot, (s, n) in cost.items()},
         }
     )
+
+
+def read_summary(file: Path, key: str = "RUN") -> dict[str, Any]:
+    """A summary.json. InputError: with this key where it is none, else with the key in it that is wrong."""
+    data = read_object(file, key, "a summary.json")
+    _, errors = validate(_Summary, data, (), Document(data, file, {(): Place(str(file))}, kind="summary"))
+    if errors:
+        raise errors[0]
+    return data
 
 
 def json_safe(value: Any) -> Any:

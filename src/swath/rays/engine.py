@@ -80,8 +80,9 @@ class RayCaster:
         """As `cast`, for the sub-rays of beams: origins and directions (n, s, 3), or `Spots`, which are
         made into rays where they are cast; all of the result (n, s).
 
-        Bundles side by side go through the crop together as packets (docs/explanation/lidar.md). Whatever the rays are,
-        they hit what `cast` says they hit; it only pays when the sub-rays of a bundle lie close together.
+        Bundles side by side go through the crop together as packets (docs/explanation/lidar.md).
+        Whatever the rays are, they hit what `cast` says they hit; it only pays when the sub-rays of a bundle
+        lie close together.
         More than 512 sub-rays go through `cast`, and so do all rays on another device than the CPU.
         """
         if isinstance(bundles, Spots):

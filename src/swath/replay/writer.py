@@ -8,7 +8,7 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.core.foreign_code import code_unread
 from swath.core.whole_file import write_whole
-from swath.documents.json_file import read_object
+from swath.judge.summary import read_summary
 from swath.record.tracks import read_tracks
 from swath.replay.collect import collect
 from swath.replay.machines import Columns
@@ -58,7 +58,7 @@ def view(folder: Path, *, out: Path | None = None) -> Path:
         if not (folder / name).is_file():
             raise InputError("RUN", str(folder), f"expected a run folder, it has no {name}")
     file = folder / "summary.json"
-    summary = read_object(file, "RUN", "a summary.json") if file.is_file() else {"incomplete": True}
+    summary = read_summary(file) if file.is_file() else {"incomplete": True}
     with code_unread():
         scenario = load_scenario(folder / "scenario.yaml")
     made, every = slots_without_code(scenario), slot_names(scenario)

@@ -215,7 +215,8 @@ class SlotCommon(BaseModel):
         Field(description="of a slot that hears another machine: which one; default: that of the machine"),
     ] = None
     fault: Annotated[
-        FaultSection | None, Field(description="what goes wrong with what it sends: docs/explanation/obstacles.md")
+        FaultSection | None,
+        Field(description="errors of what it sends: docs/explanation/obstacles.md"),
     ] = None
     mount_error: Annotated[
         ByField | None,

@@ -85,7 +85,8 @@ class Params(UniformParams):
     """As `uniform`, changed by maps. density_file: stems per m2; height_file: height of the crop [m]; both
     GeoTIFF; where they hold nothing, nothing grows, or the crop has its own height. height_variation,
     density_variation: smooth random change on top. patches, lodging: lodged places. tramlines: bare tracks.
-    wind: that sways the crop; detail: `reduced` = the same plants of fewer primitives (docs/explanation/crops.md).
+    wind: that sways the crop; detail: `reduced` = the same plants of fewer primitives
+    (docs/explanation/crops.md).
     """
 
     lean_azimuth_deg: Azimuth = 90.0

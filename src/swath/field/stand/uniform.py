@@ -24,7 +24,8 @@ class Params:
     row_spacing_m: 0 = no rows, none = the crop's own; row_azimuth_deg: direction of the rows, clockwise from
     north; height_factor: plant length relative to the crop's own; lean_deg, lean_azimuth_deg: mean lean of
     all stems on top of their own, and where to, clockwise from north; weeds: under the crop;
-    wind: that sways the crop; detail: `reduced` = the same plants of fewer primitives (docs/explanation/crops.md).
+    wind: that sways the crop; detail: `reduced` = the same plants of fewer primitives
+    (docs/explanation/crops.md).
     """
 
     crop: str = "wheat"

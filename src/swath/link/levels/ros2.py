@@ -1,8 +1,8 @@
 """Any slot played by a ROS 2 node, in lock-step: every step waits for that node's answer.
 
 Per step swath publishes the inputs of the slot on `/machine/slot/step` and waits for the answer with the
-same stamp on `/machine/slot/answer`; docs/how-to/ros2.md has the messages. Simulated time stands still meanwhile,
-so a node that computes the same from the same numbers gives the same bytes as the law in process.
+same stamp on `/machine/slot/answer`; docs/how-to/ros2.md has the messages. Simulated time stands still
+meanwhile, so a node that computes the same from the same numbers gives the same bytes as the law in process.
 """
 
 import dataclasses

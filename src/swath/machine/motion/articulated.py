@@ -1,7 +1,8 @@
 """Motion level `articulated`: a tractor and its trailer as two bodies on slipping tyres, joined at the pin.
 
 The tractor is the single track of `single_track`; the trailer has one axle with the same tyre. Its load grows
-while grain falls in: mass, yaw inertia, centre of gravity, axle and drawbar loads. Equations: docs/explanation/machine.md.
+while grain falls in: mass, yaw inertia, centre of gravity, axle and drawbar loads.
+Equations: docs/explanation/machine.md.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,7 @@
-"""The equations of `single_track`, compiled: one classical Runge-Kutta step of order 4 (docs/explanation/machine.md)."""
+"""The equations of `single_track`, compiled: one classical Runge-Kutta step of order 4.
+
+Derived in docs/explanation/machine.md.
+"""
 
 from math import pi
 

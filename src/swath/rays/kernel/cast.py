@@ -24,7 +24,7 @@ SOLID = wp.constant(7)
 STRAW_DEPTH = wp.constant(0.005)  # thinner straw does not hide the soil [m]
 MARGIN = wp.constant(0.005)  # what may rise above tile_top: round ends of clipped stems [m]
 SLACK = wp.constant(0.001)  # rounding of tile planes [m]
-BLOCK = 64  # threads of a CUDA block; 1,024 on a multiprocessor leave 64 registers each (docs/explanation/lidar.md)
+BLOCK = 64  # threads of a CUDA block; 1,024 on a multiprocessor leave 64 registers each
 
 
 @wp.func

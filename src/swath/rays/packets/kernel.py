@@ -1,4 +1,7 @@
-"""Ray packet traversal as a Warp kernel: its body is native code, `native/`, explained in docs/explanation/lidar.md."""
+"""Ray packet traversal as a Warp kernel: its body is native code, `native/`.
+
+How: docs/explanation/lidar.md.
+"""
 
 from pathlib import Path
 

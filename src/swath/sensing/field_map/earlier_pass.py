@@ -1,7 +1,7 @@
 """Field map level `earlier_pass`: what this machine, or another one, measured today beside the place.
 
-Measured on wheat logs, values of passes d apart correlate as r = 0.82 exp(-d / 60 m) (docs/how-to/field.md). So
-the best guess at a place is the mean of all, plus r of the difference of what was measured near it.
+Measured on wheat logs, values of passes d apart correlate as r = 0.82 exp(-d / 60 m) (docs/how-to/field.md).
+So the best guess at a place is the mean of all, plus r of the difference of what was measured near it.
 """
 
 from collections import deque

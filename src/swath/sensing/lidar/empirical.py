@@ -163,5 +163,5 @@ LEVEL = Level(
     Params,
     "bodies, one ray per beam, with a fitted spread of the measured height",
     cost="1/40 to 1/56 of plants with 37 sub-rays (docs/explanation/lidar.md)",
-    tolerance="heights against plants: Wasserstein-1 2 cm, KS 0.10, ground share 0.05 (docs/explanation/lidar.md)",
+    tolerance="heights against plants: Wasserstein-1 2 cm, KS 0.10, ground share 0.05",
 )

@@ -8,8 +8,8 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.core.foreign_code import code_in, file_of, only_code
 from swath.core.schedule import NS
-from swath.documents.json_file import read_json
 from swath.documents.yaml_document import parse_value
+from swath.judge.summary import read_summary
 from swath.replay.writer import ReplayWriter
 from swath.report.report import ReportWriter
 from swath.runtime.branch import Start, branched_events
@@ -69,9 +69,9 @@ def plan_branch(run: Path, at_s: float, sets: Mapping[str, Any], allow: Sequence
     for name in ("scenario.yaml", "summary.json"):
         if not (run / name).is_file():
             raise InputError("RUN", str(run), f"expected a run folder, it has no {name}")
-    summary = read_json(run / "summary.json", "RUN", "the summary of a run")
+    summary = read_summary(run / "summary.json")
     scenario, events = load_scenario(run / "scenario.yaml"), read_events(run)
-    end_s = summary.get("simulated_s") if isinstance(summary, dict) else None
+    end_s = summary.get("simulated_s")
     if not isinstance(end_s, int | float):
         raise InputError("RUN", str(run), "expected a summary.json with simulated_s")
     if not 0.0 < at_s <= end_s:

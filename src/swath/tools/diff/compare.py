@@ -10,8 +10,8 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.schedule import NS
-from swath.documents.json_file import read_object
 from swath.documents.yaml_document import read_document
+from swath.judge.summary import read_summary
 from swath.record.digest import encode
 from swath.record.read.feed import Timed, exact_samples
 from swath.record.read.files import Log, open_log
@@ -111,7 +111,7 @@ def _read(folder: Path, other: Path) -> Run:
     for name in ("scenario.yaml", "summary.json", "tracks.parquet"):
         if not (folder / name).is_file():
             raise InputError("RUN", str(folder), f"expected a run folder, it has no {name}")
-    summary = read_object(folder / "summary.json", "RUN", "a summary.json")
+    summary = read_summary(folder / "summary.json")
     tracks = {name: derived(columns) for name, columns in tracks_of(folder).items()}
     label = folder.name if folder.name != other.name else str(folder)
     return Run(folder, label, summary, read_document(folder / "scenario.yaml").data, tracks)

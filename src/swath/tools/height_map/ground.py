@@ -81,11 +81,25 @@ def low_echoes(samples: Samples, shape: tuple[int, int], node_cells: int) -> Arr
         low[low > _windows(low, NEAR, np.nanmin) + PLANT_M] = np.nan
     if np.isnan(low).all():
         return np.zeros(shape)
-    while np.isnan(low).any():  # grow outwards
-        low = np.where(np.isnan(low), around(low), low)
-    smooth = around(low)
+    smooth = around(grown(low))
     nodes = np.pad(smooth, ((1, 0), (1, 0)), mode="edge")  # patch middles to nodes
     return np.asarray(0.25 * (nodes[:-1, :-1] + nodes[1:, :-1] + nodes[:-1, 1:] + nodes[1:, 1:]))
+
+
+def grown(field: Array) -> Array:
+    """The field, each unknown node filled outwards from the known ones by the mean of its known neighbours."""
+    padded = np.pad(field, 1, constant_values=np.nan)
+    inside = np.pad(np.ones(field.shape, bool), 1)
+    shift = np.array([(j, i) for j in (-1, 0, 1) for i in (-1, 0, 1)])
+    known = np.argwhere(~np.isnan(padded))
+    while len(known):
+        near = np.unique((known[:, None] + shift).reshape(-1, 2), axis=0)
+        near = near[inside[tuple(near.T)] & np.isnan(padded[tuple(near.T)])]
+        if len(near):
+            j, i = (near[:, None] + shift).transpose(2, 0, 1)
+            padded[tuple(near.T)] = np.nanmean(padded[j, i], axis=1)
+        known = near
+    return padded[1:-1, 1:-1]
 
 
 def around(field: Array) -> Array:

@@ -11,6 +11,7 @@ from swath.core.frames import Pose, rotation_matrices, wrap_angle
 
 Array = NDArray[np.float64]
 SLACK_S = 0.1  # a beam may be this much before the first or after the last pose [s]
+LATEST_S = 1e12  # beyond every clock: 30,000 years
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ def make_track(time: Any, position: Any, angle: Any) -> PoseTrack:
     position = np.asarray(position, dtype=float).reshape(-1, 3)
     angle = np.asarray(angle, dtype=float).reshape(-1, 3)
     good = np.isfinite(time) & np.isfinite(position).all(axis=1) & np.isfinite(angle).all(axis=1)
-    good &= (np.abs(position) < 1e7).all(axis=1)
+    good &= (np.abs(position) < 1e7).all(axis=1) & (np.abs(time) < LATEST_S)
     index = np.flatnonzero(good)
     index = index[np.unique(time[index], return_index=True)[1]]
     if len(index) < 2:

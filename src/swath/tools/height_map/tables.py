@@ -27,6 +27,7 @@ from swath.tools.height_map.source import Echoes, Source, Wanted, polar_points
 Array = NDArray[np.float64]
 OPTIONAL_POSE = ("z_m", "roll_deg", "pitch_deg", "yaw_deg")
 KNOWN = ("t_s", "range_m", "azimuth_deg", "elevation_deg", "x_m", "y_m", "intensity", *OPTIONAL_POSE)
+FINITE = ("elevation_deg", "beam_time_s")  # a beam without them is nowhere
 SCANS_AT_ONCE = 64
 
 
@@ -139,6 +140,8 @@ def _array(
     if not fits or value.dtype.kind not in "biuf":
         raise InputError(key, str(value.shape), f"expected {expected}", file=path)
     numbers = np.asarray(value, dtype=np.float64)
+    if key in FINITE and not np.isfinite(numbers).all():
+        raise InputError(key, None, "expected finite numbers", file=path)
     if key == "angle_deg" and not (np.abs(numbers) <= 720.0).all():
         raise InputError(key, None, "expected angles within 720 degrees", file=path)
     return numbers

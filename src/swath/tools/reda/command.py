@@ -6,8 +6,8 @@ from typing import Any
 
 _DESCRIPTION = """A person on a grid of places before and behind a crop edge, seen by a LiDAR, two radars and
 a camera, for every combination of crop height, density and weather: maps of the share of looks that detect
-the person, three scores, and whether and why a sensor sees somebody 3 m inside the crop. docs/explanation/validation.md says
-how."""
+the person, three scores, and whether and why a sensor sees somebody 3 m inside the crop.
+How: docs/explanation/validation.md."""
 
 
 def add(parsers: Any) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.foreign_code import code_unread
-from swath.documents.json_file import read_object
+from swath.judge.summary import read_summary
 from swath.record.read.feed import own_outputs
 from swath.record.read.files import Log, open_log
 from swath.report.report import FinishedRun, ReportWriter
@@ -62,7 +62,7 @@ def draw_report(folder: Path) -> Path:
     if not file.is_file():
         expected = "expected a run folder with a summary.json; a run that was killed before has to run again"
         raise InputError("run", str(folder), expected)
-    summary = read_object(file, "run", "a summary.json")
+    summary = read_summary(file, "run")
     plan = plan_rerun(folder, slots=None, sets=["run.record=standard"], is_all=True)
     with code_unread():
         writer = ReportWriter(of=FinishedRun(folder, summary, recorded_scenario(plan.log, folder, ())))
@@ -106,12 +106,17 @@ def recorded_scenario(
     for folder in (source, log.path.parent):
         if (folder / "scenario.yaml").is_file():
             return load_scenario(folder / "scenario.yaml", sets=sets, flags=flags)
-    text = log.attachment("scenario.yaml")
-    if text is None:
+    stored = log.attachment("scenario.yaml")
+    if stored is None:
         expected = "expected a recording of swath; for any other, make a scenario with level: log"
         raise InputError("recording", log.path.name, expected, file=log.path)
+    try:
+        text = stored.decode()
+    except UnicodeDecodeError:
+        expected = "expected its scenario.yaml in UTF-8"
+        raise InputError("recording", log.path.name, expected, file=log.path) from None
     more = [f"{change}" for change in (flags or {}).values()]
-    return parse_scenario(text.decode(), base=log.path.resolve().parent, sets=[*sets, *more])
+    return parse_scenario(text, base=log.path.resolve().parent, sets=[*sets, *more])
 
 
 def _default_slots(exact: Sequence[str], is_all: bool) -> list[str]:

@@ -91,7 +91,7 @@ def records_of(
     own = tracks["machine"] == name
     columns = {k: np.asarray(v[own], dtype=float) for k, v in tracks.items() if k != "machine"}
     t = columns["t_s"]
-    at_record = np.arange(interval, t[-1] + 1e-9, interval)
+    at_record = np.arange(interval, t[-1] + 1e-9, interval) if len(t) else t
     if not len(at_record):
         raise InputError("run", str(run), f"expected a run of at least {interval:g} s")
     tank = np.nan_to_num(columns["tank_grain_kg"])
