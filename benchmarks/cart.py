@@ -1,4 +1,4 @@
-"""A cart beside a combine: every row of docs/explanation/cart.md, with the number that comes out now.
+"""A cart beside a combine: what comes out, beside what it is held against.
 
 python benchmarks/cart.py                          all of them
 python benchmarks/cart.py --seen [DRAWS [SEED]]    the box by LiDAR and cameras in day, dust, dusk

@@ -3,7 +3,7 @@
     python benchmarks/edge_drawn.py --out runs.jsonl [--number 20] [--rows NAME ...] [--pool training]
                                     the same line goes on after a stop: runs that the file holds stay
     python benchmarks/edge_drawn.py --table runs.jsonl
-    python benchmarks/edge_drawn.py --figure docs/figures/edge_reliability.png --table runs.jsonl
+    python benchmarks/edge_drawn.py --figure reliability.png --table runs.jsonl
 
 A run is a line of JSON; `--table` prints what the lines hold, and `--rows` picks rows by how their names
 begin. Draws depend on the pool, the row and the number alone: pools `judged` and

@@ -1,4 +1,4 @@
-"""Makes the figures of docs/explanation/steering.md."""
+"""Makes the figures of docs/explanation/steering.md and edge-detection.md."""
 
 import sys
 from pathlib import Path

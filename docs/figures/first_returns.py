@@ -1,4 +1,4 @@
-"""Prints the table of docs/explanation/validation.md: upright stems with ears, rays against the closed form.
+"""Prints a table of first returns: upright stems with ears, rays against the closed form.
 
 Run from the repository root: `python -m docs.figures.first_returns`.
 """

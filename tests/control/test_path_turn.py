@@ -51,7 +51,7 @@ def largest_error(turn, share, seed):
 
 @pytest.mark.parametrize("seed", [1, 9])
 def test_a_turn_of_clothoids_is_followed(seed):
-    """docs/explanation/steering.md: 5 cm with seed 1; seed 9 was not looked at before."""
+    """5 cm with seed 1; seed 9 was not looked at before."""
     assert largest_error(clothoid, 0.6, seed) < 0.08
 
 
@@ -79,5 +79,5 @@ def error_in_planned_turn(shift, seed, distance=6.0, **more):
 
 @pytest.mark.parametrize(("shift", "seed"), [(11.7, 1), (23.4, 9)])
 def test_a_turn_that_the_job_plans_is_followed(shift, seed):
-    """docs/explanation/steering.md: 14 cm at most with seeds 1 and 9."""
+    """14 cm at most with seeds 1 and 9."""
     assert error_in_planned_turn(shift, seed) < 0.2

@@ -281,7 +281,7 @@ def test_axle_loads_add_up_and_follow_the_grade(pitch_grade):
     ("speed", "expected"), [(1.0, (35, 47, 57)), (2.0, (10, 22, 34)), (2.8, (1, 10, 21)), (5.0, (0, 0, 3))]
 )
 def test_the_yaw_overshoot_at_half_and_twice_the_estimated_relaxation(speed, expected):
-    """Percent over the settled yaw rate after a step of 3 deg: the table of docs/explanation/machine.md."""
+    """Percent over the settled yaw rate after a step of 3 deg."""
     for scale, percent in zip((0.5, 1.0, 2.0), expected, strict=True):
         front, rear = (replace(axle, relaxation=scale * axle.relaxation) for axle in (D.front, D.rear))
         machine = replace(SHEET, dynamics=replace(D, front=front, rear=rear))

@@ -1,4 +1,4 @@
-"""A cart beside a combine: the rows of docs/explanation/cart.md, on level ground with kinematic machines."""
+"""A cart beside a combine: station, fill, silence, on level ground with kinematic machines."""
 
 import pickle
 from pathlib import Path

@@ -2,7 +2,7 @@
 
 A state machine with times: ambiguities are fixed a while after the carrier is tracked, and now and then to
 wrong numbers, which nobody notices until a later test does. How often and how long is not published for farm
-machines as a whole: the defaults are estimates, docs/explanation/sensors.md names what is behind each.
+machines as a whole: the defaults are estimates.
 """
 
 from dataclasses import dataclass
