@@ -206,7 +206,10 @@ def test_levels_of_a_slot_that_hears_another_machine(capsys):
     ("words", "said"),
     [
         (("run", "straight", "--set", "field.wind.speed_m_s=3"), "did you mean field.stand.wind?"),
-        (("run", "harvest-field"), "harvest-field is one of the jobs of whole fields: swath fleet run"),
+        (
+            ("run", "harvest-field"),
+            "this is a job, the work on a whole field: swath fleet run harvest-field; expected a scenario",
+        ),
         (("run", "straight", "--set", "field.slope_percent=3"), "did you mean field.terrain.slope_percent?"),
         (("test", "run", "my.py", "--out", "t"), "swath test run bend --set combine.edge.level=my.py:Class"),
     ],

@@ -13,34 +13,33 @@ from swath.scenario.scenario import scenario_names
 
 SOURCE = Path(swath.__file__).parent
 MODULES = ("fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios", "tty")
-FROM_OS = (
-    "O_CLOEXEC", "O_DIRECTORY", "O_NOFOLLOW", "O_NONBLOCK", "SCHED_FIFO", "WNOHANG", "chown", "fchmod", "fchown",
-    "fork", "forkpty", "getegid", "geteuid", "getgid", "getgroups", "getloadavg", "getpgid", "getpgrp", "getpriority",
-    "getsid", "getuid", "killpg", "lchown", "mkfifo", "mknod", "nice", "posix_fadvise", "posix_fallocate",
-    "posix_spawn", "posix_spawnp", "pread", "preadv", "pwrite", "pwritev", "register_at_fork", "sched_getaffinity",
-    "sched_getparam", "sched_getscheduler", "sched_param", "sched_setaffinity", "sched_setscheduler", "sendfile",
-    "setpgid", "setsid", "statvfs", "sysconf", "ttyname", "uname", "wait", "wait3", "wait4",
-)  # fmt: skip
-FROM_SIGNAL = (
-    "SIGALRM", "SIGBUS", "SIGCHLD", "SIGCONT", "SIGHUP", "SIGKILL", "SIGPIPE", "SIGQUIT", "SIGSTOP", "SIGUSR1",
-    "SIGUSR2", "alarm", "pthread_kill", "pthread_sigmask", "setitimer", "sigpending", "sigtimedwait", "sigwait",
-)  # fmt: skip
+FROM_OS = """
+    O_CLOEXEC O_DIRECTORY O_NOFOLLOW O_NONBLOCK SCHED_FIFO WNOHANG chown fchmod fchown fork forkpty
+    getegid geteuid getgid getgroups getloadavg getpgid getpgrp getpriority getsid getuid killpg lchown
+    mkfifo mknod nice posix_fadvise posix_fallocate posix_spawn posix_spawnp pread preadv pwrite pwritev
+    register_at_fork sched_getaffinity sched_getparam sched_getscheduler sched_param sched_setaffinity
+    sched_setscheduler sendfile setpgid setsid statvfs sysconf ttyname uname wait wait3 wait4
+"""
+FROM_SIGNAL = """
+    SIGALRM SIGBUS SIGCHLD SIGCONT SIGHUP SIGKILL SIGPIPE SIGQUIT SIGSTOP SIGUSR1 SIGUSR2 alarm
+    pthread_kill pthread_sigmask setitimer sigpending sigtimedwait sigwait
+"""
 # The packages of others come first: they have branches of their own for Windows, taken by its name.
 HIDDEN = f"""
-import asyncio, concurrent.futures, multiprocessing, multiprocessing.resource_tracker, platform, shutil, subprocess
-import tempfile, os, runpy, signal, sys
-import jinja2, matplotlib.pyplot, mcap.reader, mcap.writer, numpy, pyarrow.parquet, pydantic, rich.console, rosbags.typesys
-import ruamel.yaml, warp
+import asyncio, concurrent.futures, multiprocessing.resource_tracker, os, platform, runpy, shutil, signal
+import subprocess, sys, tempfile
+import jinja2, matplotlib.pyplot, mcap.reader, mcap.writer, numpy, pyarrow.parquet, pydantic, rich.console
+import rosbags.typesys, ruamel.yaml, warp
 HIDDEN = {MODULES}
 for name in HIDDEN:
     sys.modules[name] = None
-for name in {FROM_OS}:
+for name in '''{FROM_OS}'''.split():
     vars(os).pop(name, None)
-for name in {FROM_SIGNAL}:
+for name in '''{FROM_SIGNAL}'''.split():
     vars(signal).pop(name, None)
 """
 IMPORT_ALL = """
-import importlib, pathlib, pkgutil, traceback, swath
+import importlib, pkgutil, traceback, swath
 for found in pkgutil.walk_packages(swath.__path__, "swath."):
     if found.name.startswith(("swath.data.", "swath.examples")):
         continue
@@ -49,7 +48,7 @@ for found in pkgutil.walk_packages(swath.__path__, "swath."):
     except ImportError as error:
         *_, at = (f for f in traceback.extract_tb(error.__traceback__) if "importlib" not in f.filename)
         missing = (error.name or "").partition(".")[0]
-        if pathlib.Path(at.filename).is_relative_to(swath.__path__[0]) and (missing in HIDDEN or missing == "swath"):
+        if at.filename.startswith(swath.__path__[0]) and missing in (*HIDDEN, "swath"):
             raise  # else an extra is missing, or needs POSIX itself
 from swath.scenario.scenario import load_scenario, scenario_names
 print(sum(bool(load_scenario(name)) for name in scenario_names()), "scenarios")

@@ -59,13 +59,9 @@ BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE, TERMINATED = 2, 70, 130, 141, 143
 EXAMPLES = """\
 swath: a simulator for harvest machines that act on what they sense
 
-  swath scenarios                                   what is there to run
-  swath run laser-pilot                             a combine steers itself along the crop edge
-  swath run bend --set combine.speed.speed_kmh=5    the same at another speed, on a bend
-  swath levels lidar                                levels of a slot and their parameters
-  swath field import harvest.csv --out my-field     your yield log becomes a field to drive in
-
-swath --help lists all commands."""
+  swath run laser-pilot    a combine steers itself along the crop edge: a minute, then two pages to look at
+  swath scenarios          what else there is to run
+  swath --help             all commands"""
 
 
 class UsageError(SwathError):

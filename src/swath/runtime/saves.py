@@ -38,7 +38,7 @@ class Saves(RunHook):
 
     def __init__(self, every_s: float = EVERY_S) -> None:
         if not every_s >= SHORTEST_S:
-            raise InputError("--save-every", every_s, f"expected at least {SHORTEST_S:g} s")
+            raise InputError("--save-every-s", every_s, f"expected at least {SHORTEST_S:g} s")
         self._period = round(every_s * NS)
         self.refused, self.times = "", list[int]()
         self._run: ActiveRun | None = None

@@ -11,7 +11,7 @@ def add(parsers: Any) -> None:
         "diff", help="what differs between two runs, as text and page", description=_DESCRIPTION
     )
     parser.add_argument("first", type=Path, metavar="RUN", help="a run folder")
-    parser.add_argument("second", type=Path, metavar="RUN", help="another")
+    parser.add_argument("second", type=Path, metavar="RUN", help="another run folder")
     parser.add_argument(
         "--out", type=Path, metavar="FILE", help="the page (default: diff.html in the second)"
     )
