@@ -31,6 +31,7 @@ from swath.field.obstacles import things_of
 from swath.field.solids import merge
 from swath.runtime.assembly import exchange, make_part
 from swath.runtime.world import World
+from swath.scenario.catalogue import CATALOGUE
 from swath.scenario.code import code_of
 from swath.scenario.named_files import files_of, folder_of, named_files
 from swath.scenario.resolved import SlotChoice
@@ -107,6 +108,15 @@ class Interventions:
         for name in self._fixed:
             found[f"{OBSTACLES}.{name}"] = json.dumps(plain[int(name)])
         return found | {f"{OBSTACLES}.{name}": text for name, text in self._added.items()}
+
+    def levels(self) -> dict[str, list[str]]:
+        """The levels that swath has for each slot, by the key that sets one."""
+        return {
+            f"{machine.name}.{slot}.level": CATALOGUE.registry.names(kind.name)
+            for machine in self._now.machines.values()
+            for slot in machine.slots
+            if (kind := CATALOGUE.kind_of(slot)) is not None
+        }
 
     def _set_slot(self, key: str, value: Any) -> None:
         slot, before, after, wanted = _slot_after(self._now, key, value)
