@@ -1,6 +1,7 @@
 // What a picture of a run shows, from the page's own data: machines, what stands beside their paths, what is
 // special in the edge and in the scans; and the free camera from which it is all in the picture, as large as can be.
 (near) => {
+  const { applied, cross, moved, placeOn, times, unit, CAMERAS, FOV } = swath.geometry;
   const { app } = swath, { machines, cameras, time } = app, corners = ([x0, x1, y, z0, z1], m) =>
     [x0, x1].flatMap((x) => [-y, y].flatMap((v) => [z0, z1].map((z) => applied(m, [x, v, z]))));
   const bodies = machines.map((m) => {
@@ -17,7 +18,7 @@
   }).filter(([c]) => away(c, middle) < 30);
   const heading = (a, b) => Math.atan2(b[1] - a[1], b[0] - a[0]), spread = (angles) =>
     Math.max(...angles.map((a) => Math.abs(Math.atan2(Math.sin(a - angles[0]), Math.cos(a - angles[0])))));
-  const ahead = app.edges.initial[0].filter((p) => away(p, middle) < 45), turns = ahead.slice(1).map((p, k) => heading(ahead[k], p));
+  const ahead = app.edges.initial[0].filter((p) => away(p, middle) < 32), turns = ahead.slice(1).map((p, k) => heading(ahead[k], p));
   const bend = ahead.length > 2 && spread(turns) > 0.15 ? ahead : [];
   const several = app.scans.scanners.filter((s) => s.machine === own).length > 1;
   const echoes = several ? app.scans.scanners.flatMap((s) => {
@@ -27,7 +28,7 @@
   }) : [];
   const [width, knife, shift] = own.header, side = own.side === "right" ? -1 : 1, yaw = own.calmYaw(time);
   const end = applied(own.pose(time), [knife, shift + side * width / 2, 0.5]);
-  let all = [...bodies.flat(), ...things.flat(), ...bend, ...echoes];
+  let all = [...bodies.flat(), ...things.flat(), ...(several ? echoes : bend)];
   if (near) all = [end, applied(own.pose(time), [knife + 5, shift + side * width / 2, 0]), applied(own.pose(time), [knife - 3, shift + side * width / 2 + 2, 0]), applied(own.pose(time), [knife, 0, 2])];
   const tall = Math.tan(FOV / 2) * 0.88, wide = tall * app.canvas.width / app.canvas.height;
   const fit = (turn, pitch) => {

@@ -214,6 +214,7 @@ readData(element("data").textContent).then((data) => {
     },
     // Where the camera is and what it looks at, in the scene.
     get view() { return app.cameras.place(app.machine, app.time); },
+    geometry: { applied, cross, moved, placeOn, times, unit, CAMERAS, FOV },
     stems: (x, y, reach, t) => app.stand.countStems(x, y, reach, t),
   };
   if (data.live) globalThis.swath.live = new Live(app, data);

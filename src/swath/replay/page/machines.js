@@ -139,11 +139,11 @@ class Machine {
       const high = this.heapHeight(t), m = times(carrier, moved(this.box.x, 0, this.box.floor));
       found.push([this.heapShape, times(m, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, high, 0, 0, 0, 0, 1])]);
     }
-    if (this.pipeShape) found.push([this.pipeShape, this.pipe(t)]);
+    if (this.pipeShape) found.push([this.pipeShape, this.pipePose(t)]);
     return found;
   }
 
-  pipe(t) {
+  pipePose(t) {
     const { x, y, z } = this.about.pipe, angle = this.track.at("unload_angle_rad", t) || 0;
     return times(times(this.pose(t), moved(x, y, z)), turned("z", -angle));
   }
@@ -151,7 +151,7 @@ class Machine {
   // Grain in the air, from the spout down to the heap in the box of a machine below, or to the ground.
   stream(t, machines) {
     if (!this.pipeShape || !(this.track.at("unload_flow_kg_s", t) > 0.5)) return [];
-    const spout = times(this.pipe(t), moved(-this.about.pipe.length - 0.2, 0, -0.35)), [x, y, z] = applied(spout, [0, 0, 0]);
+    const spout = times(this.pipePose(t), moved(-this.about.pipe.length - 0.2, 0, -0.35)), [x, y, z] = applied(spout, [0, 0, 0]);
     const low = Math.max(applied(this.pose(t), [0, 0, 0])[2], ...machines.map((m) => m.heapAt(x, y, t)));
     const high = Math.max(0.1, z - low);
     return [[this.streamShape, times(spout, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, high, 0, 0, 0, 0, 1])]];
