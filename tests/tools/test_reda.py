@@ -159,5 +159,5 @@ def test_the_command_says_what_is_kept(tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr(reda, "run_reda", stopped)
     assert main(["reda", "--out", str(tmp_path / "out")]) == 130
-    assert "the same command goes on from there" in capsys.readouterr().err
+    assert "the same command resumes from there" in capsys.readouterr().err
     assert main(["reda", "--out", str(tmp_path / "out")]) == 130  # the folder is one of its own

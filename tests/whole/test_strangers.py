@@ -279,7 +279,7 @@ def test_from_python(ran, tmp_path, monkeypatch):
         lambda: swath.branch("run", 0.3),
         lambda: swath.detect("run"),
         lambda: next(iter(swath.batch(["s.yaml"]))).summary,
-        lambda: next(iter(swath.batch(["s.yaml"], processes=2))).summary,
+        lambda: next(iter(swath.batch(["s.yaml"], workers=2))).summary,
     ]
     for act in acts:
         with pytest.raises(InputError, match=r"code=True"):

@@ -9,7 +9,19 @@ from contextlib import ExitStack, suppress
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import completion, levels, metrics, new, report, run, scenarios, schema, sheets, view
+from swath.commands import (
+    completion,
+    docs,
+    levels,
+    metrics,
+    new,
+    report,
+    run,
+    scenarios,
+    schema,
+    sheets,
+    view,
+)
 from swath.core.collector import collect_rarely
 from swath.core.errors import InputError, SwathError, fitted, shortened
 from swath.core.foreign_code import SUFFIXES, allow_code, code_in
@@ -39,8 +51,8 @@ from swath.tools.scan import command as scan
 from swath.tools.yield_log import command as yield_log
 
 COMMANDS = {
-    "start": (run, paper, scenarios, levels, metrics, sheets, new, scan),
-    "look at a run, go on from it, use its recording": (view, report, diff, branch, rerun, part, yield_log),
+    "start": (run, paper, scenarios, levels, metrics, sheets, new, scan, docs),
+    "look at a run, continue it, use its recording": (view, report, diff, branch, rerun, part, yield_log),
     "use measured data": (field, height_map, calibrate, compare, lab),
     "many runs, whole fields": (function_test, fleet, reda, dataset),
     "connect and set up": (ros2, fmu, can, osi, schema, migrate, completion),
@@ -195,7 +207,9 @@ def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
         for module in modules:
             module.add(parsers)
         shown.append("\n".join([f"{group}:", *parsers.lines[first:]]))
-    parser.description = "\n\n".join([*shown, "swath COMMAND --help says more of a command."])
+    parser.description = "\n\n".join(
+        [*shown, "swath COMMAND --help explains a command, swath docs lists the documentation."]
+    )
     for each in _leaves(parser):
         each.add_argument("--allow-code", action="store_true", help=ALLOW_CODE)
         each.add_argument("--no-code", action="store_true", help=argparse.SUPPRESS)  # of version 0.2

@@ -287,7 +287,7 @@ def _step_wise(raw: dict[str, Array], order: NDArray[np.int64], drive: Drive) ->
     ):
         return []
     raw["distance"][order] = np.r_[np.nan, steps]
-    return ["distance: counts on, taken as the way between records"]
+    return ["distance: a running count, taken as the distance between records"]
 
 
 def _crop(

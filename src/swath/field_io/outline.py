@@ -215,7 +215,9 @@ def covered_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
     field = shapely.Polygon(field.exterior, holes)
     bare = 1.0 - strips.intersection(field).area / field.area
     if bare > 0.05:
-        notes.append(f"{bare:.0%} of the field has no pass in the log: its crop is taken from beside it")
+        notes.append(
+            f"{bare:.0%} of the field has no pass in the log: its crop is that of the passes next to it"
+        )
     return field, notes
 
 

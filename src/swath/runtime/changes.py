@@ -135,7 +135,7 @@ class Interventions:
             if isinstance(component, Closes):
                 component.close()
             if isinstance(error, (LookupError, TypeError, ValueError)):
-                text = f"cannot change on the way, the state of the part does not fit ({error})"
+                text = f"cannot change while it runs, the state of the part does not fit ({error})"
                 raise InputError(name, None, text) from error
             raise
 

@@ -152,11 +152,11 @@ def _culprit(state: Mapping[str, Any]) -> str:
 
 
 def why_not(run: ActiveRun) -> str:
-    """Why a run cannot be saved on the way, empty where it can or a part has still to be asked."""
+    """Why a run cannot be saved while it runs, empty where it can or a part has still to be asked."""
     if run.out is None or run.recorder.file is None:
-        return "a run without a recording cannot be saved on the way"
+        return "a run without a recording cannot be saved while it runs"
     if run.world.scenario.is_paced:
-        return "a run at the pace of real time cannot be saved on the way, it does not repeat"
+        return "a run at the pace of real time cannot be saved while it runs, it does not repeat"
     return ""
 
 

@@ -1,4 +1,4 @@
-"""`swath branch`: go back in a run, change something, go on from there."""
+"""`swath branch`: go back in a run, change something, continue from there."""
 
 import argparse
 import sys
@@ -11,7 +11,7 @@ from swath.terminal.options import add_allow, add_run_folder, add_sets
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser(
-        "branch", help="go back in a run, change something, go on from there", description=_DESCRIPTION
+        "branch", help="go back in a run, change something, continue from there", description=_DESCRIPTION
     )
     parser.add_argument("folder", metavar="RUN", type=Path, help="a run folder")
     parser.add_argument("--at", type=float, required=True, metavar="S", help="time of the change [s]")

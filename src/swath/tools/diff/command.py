@@ -41,5 +41,5 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-_DESCRIPTION = """Compare two runs: scenario, exact samples, metrics, events, tracks over the way driven.
+_DESCRIPTION = """Compare two runs: scenario, exact samples, metrics, events, tracks over the distance driven.
 Prints where they first differ and writes one page with both."""

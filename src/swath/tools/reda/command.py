@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
         with progress_bar("looking") as progress:
             found = run_reda(settings, processes=processes, progress=progress, kept=kept)
     except KeyboardInterrupt as error:
-        goes_on = f"; what is done is in {kept}, the same command goes on from there"
+        goes_on = f"; what is done is in {kept}, the same command resumes from there"
         raise type(error)(f"stopped{goes_on if kept.is_file() else ', nothing was done yet'}") from None
     files = write_all(args.out, settings, found)
     kept.unlink(missing_ok=True)
