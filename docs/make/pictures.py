@@ -168,7 +168,7 @@ def moving(_: list[str]) -> None:
 
 
 def live(_: list[str]) -> None:
-    """The page of a run that goes on, paused."""
+    """The page of a run that is paused, with another speed and one obstacle more."""
     import threading
 
     from swath.replay.live.view import LiveView
@@ -178,7 +178,7 @@ def live(_: list[str]) -> None:
 
     control = RunControl(is_paused=True)
     view = LiveView(control)
-    scenario = load_scenario("person-at-edge", sets=["run.max_duration_s=8", "expect={}"])
+    scenario = load_scenario("straight", sets=["run.max_duration_s=6", "expect={}"])
     with tempfile.TemporaryDirectory() as folder:
         run = threading.Thread(
             target=run_job, args=(scenario, Path(folder) / "run"), kwargs={"hooks": [view]}
@@ -187,9 +187,13 @@ def live(_: list[str]) -> None:
         try:
             with Browser((1200, 750), limit_s=120.0) as page:
                 page.open(view.address, ready="globalThis.swath && swath.live && swath.live.frames > 0")
+                page.ask("swath.live.ask('set', {key: 'combine.speed.speed_kmh', value: '6'})")
+                page.ask(
+                    "swath.live.ask('set', {key: 'obstacles.pole', value: '{kind: post, x_m: -4, y_m: 16}'})"
+                )
                 page.ask("swath.live.ask('speed', {value: 0.5})")
                 page.ask("swath.live.ask('pause', {value: false})")
-                while page.ask("swath.live.at") < 4.0:
+                while page.ask("swath.live.at") < 3.0:
                     time.sleep(0.2)
                 page.ask("swath.live.ask('pause', {value: true})")
                 picture_of(page).save(FIGURES / "live.webp", quality=80, method=6)
