@@ -222,3 +222,18 @@ def test_a_first_try_is_told_the_way(capsys, words, said):
 def test_a_machine_is_printed_by_the_name_that_scenarios_take(capsys):
     assert main(["sheets", "lexion-700"]) == 0
     assert "wheelbase_m" in capsys.readouterr().out
+
+
+def test_a_flag_with_a_unit_says_it_in_its_name():
+    from swath.commands.main import _leaves, make_parser
+
+    units = {"M": "-m", "S": "-s", "DEG": "-deg", "PX": "-px", "PERCENT": "-percent"}
+    flags = {
+        (flag, units[action.metavar])
+        for parser in _leaves(make_parser()[0])
+        for action in parser._actions
+        for flag in action.option_strings
+        if isinstance(action.metavar, str) and action.metavar in units and "fleet" not in parser.prog
+    }
+    assert len(flags) > 10
+    assert [flag for flag, unit in flags if not flag.endswith(unit)] == []

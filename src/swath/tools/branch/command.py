@@ -14,7 +14,7 @@ def add(parsers: Any) -> None:
         "branch", help="go back in a run, change something, continue from there", description=_DESCRIPTION
     )
     parser.add_argument("folder", metavar="RUN", type=Path, help="a run folder")
-    parser.add_argument("--at", type=float, required=True, metavar="S", help="time of the change [s]")
+    parser.add_argument("--at-s", type=float, required=True, metavar="S", help="time of the change")
     add_sets(parser, "what changes from then on, e.g. combine.speed.speed_kmh=5; may be given several times")
     add_run_folder(parser)
     add_allow(parser)
@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     from swath.terminal.outcome import print_outcome
     from swath.tools.branch.branch import pairs, plan_branch
 
-    plan = plan_branch(args.folder, args.at, pairs(args.sets), args.allow)
+    plan = plan_branch(args.folder, args.at_s, pairs(args.sets), args.allow)
     scenario = plan.scenario
     out = choose_run_folder(scenario.name, scenario.seed, args.out, what="branch")
     if plan.has_unreadable:

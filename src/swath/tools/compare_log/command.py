@@ -34,7 +34,7 @@ def add(parsers: Any) -> None:
         "--share",
         type=float,
         default=0.5,
-        metavar="S",
+        metavar="SHARE",
         help="fit on this first share of the log, test on the rest (default 0.5)",
     )
     log.add_argument(
