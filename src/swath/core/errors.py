@@ -131,7 +131,7 @@ def _printable(text: str) -> str:
 
 
 def _shown(value: Any) -> str:
-    """At most a line of a value; more of a path, which is told from others by its end."""
+    """At most a line of a value; more of a path, which is recognised by its end."""
     text = str(value) if isinstance(value, str | Path) else _written(value)
     return fitted(text, _LONGEST_PLACE if "/" in text and " " not in text else _LONGEST_VALUE)
 

@@ -42,7 +42,7 @@ class Outlines:
     notes: tuple[str, ...] = ()
 
     def field(self, places: Array | None = None) -> tuple[Any, list[str]]:
-        """One polygon, with its holes, and what the user is told of it and of what is left out.
+        """One polygon, with its holes, and notes on it and on what is left out.
 
         places: points (n, 2) [m] of the field that is meant; without them the largest area
         """

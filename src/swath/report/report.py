@@ -156,7 +156,7 @@ class FinishedRun:
 
 
 class ReportWriter(RunHook):
-    """Writes report.html once a run is complete; of: for that one, not the one it goes with."""
+    """Writes report.html once a run is complete. of: another run to write it for."""
 
     def __init__(self, *, of: FinishedRun | None = None) -> None:
         self._of = of

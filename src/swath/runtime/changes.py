@@ -178,7 +178,7 @@ def after_change(scenario: Scenario, key: str, value: Any) -> Scenario:
 
 
 def _slot_after(scenario: Scenario, key: str, value: Any) -> tuple[str, SlotChoice, SlotChoice, Scenario]:
-    """Slot, what it is, what it is to be, and the scenario with that."""
+    """Slot, old choice, new choice, and the changed scenario."""
     machine, slot, part = [*key.split(".", 2), "", ""][:3]
     section = scenario.machines.get(machine)
     if section is None or slot not in section.slots or not part:

@@ -70,7 +70,7 @@ def add(parsers: Any) -> None:
         metavar="NAME",
         help="compare this metric instead of the default ones",
     )
-    versus.add_argument("--within", type=float, metavar="VALUE", help="largest difference that does not matter")
+    versus.add_argument("--within", type=float, metavar="VALUE", help="differences up to this count as equal")
     versus.set_defaults(run=_compare)
     again = verbs.add_parser("again", help="repeat one run as a full run folder and check its digest")
     again.add_argument("folder", type=Path)
