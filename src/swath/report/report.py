@@ -156,7 +156,7 @@ class FinishedRun:
 
 
 class ReportWriter(RunHook):
-    """Writes report.html once a run is complete. of: another run to write it for."""
+    """Writes report.html once a run is complete. of: a finished run to write it for, instead of its own."""
 
     def __init__(self, *, of: FinishedRun | None = None) -> None:
         self._of = of
