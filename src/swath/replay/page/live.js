@@ -164,7 +164,7 @@ class Live {
     this.speed.disabled = state.is_paced;
     this.tellState();
     element("go-back").hidden = Boolean(state.no_way_back);
-    element("no-way-back").textContent = state.no_way_back ? `cannot go back: ${state.no_way_back}` : "";
+    element("no-way-back").textContent = state.no_way_back ? `cannot branch: ${state.no_way_back}` : "";
     this.fillKeys();
     this.obstacles.replaceChildren(...Object.keys(state.values).filter((key) => key.startsWith("obstacles.")).map((key) => {
       const item = document.createElement("li");
