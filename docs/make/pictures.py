@@ -208,7 +208,7 @@ def camera(_: list[str]) -> None:
     """What `swath scan --camera` draws."""
     mount = "{x_m: -1.5, y_m: 0.4, z_m: 3.2, pitch_deg: 24}"
     keys = f"combine.camera={{samples_per_pixel: 4, horizontal_fov_deg: 50, mount: {mount}}}"
-    _copied(["scan", "straight", "--camera", "--set", keys, "--format", "png"], "camera.png", "camera.png")
+    _copied(["scan", "straight", "--camera", "--set", keys, "--format", "png"], "scan.camera.png", "camera.png")
 
 
 def unloading(_: list[str]) -> None:
@@ -223,7 +223,7 @@ def unloading(_: list[str]) -> None:
             swath.run(
                 "unload-on-the-go",
                 Path(folder) / "run",
-                sets={"combine.lidar": "off", "combine.edge.level": "truth"},
+                sets={"combine.lidar": "off", "combine.scan_filter": "off", "combine.edge": "truth"},
             )
     finally:
         report.unloading_figure = before
