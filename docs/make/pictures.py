@@ -4,7 +4,7 @@ python -m docs.make.pictures [NAME ...]                 all, or those named
 python -m docs.make.pictures gallery [SCENARIO ...]     writes docs/reference/gallery.md, too
 
 Results are made by what measures them: edge_reliability.png by benchmarks/edge_drawn.py, reda.png by `swath reda`,
-compare-log-*.png by `swath compare log` from logs that are not here, crop-mesh.png from meshes that are not here.
+compare-log-*.png by `swath compare log` from logs that are not here.
 architecture.svg is drawn by hand. Pictures of runs are drawn by headless Chromium from their replays.
 """
 
@@ -208,7 +208,9 @@ def camera(_: list[str]) -> None:
     """What `swath scan --camera` draws."""
     mount = "{x_m: -1.5, y_m: 0.4, z_m: 3.2, pitch_deg: 24}"
     keys = f"combine.camera={{samples_per_pixel: 4, horizontal_fov_deg: 50, mount: {mount}}}"
-    _copied(["scan", "straight", "--camera", "--set", keys, "--format", "png"], "scan.camera.png", "camera.png")
+    _copied(
+        ["scan", "straight", "--camera", "--set", keys, "--format", "png"], "scan.camera.png", "camera.png"
+    )
 
 
 def unloading(_: list[str]) -> None:
