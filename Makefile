@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 OUT ?= out
 JOBS ?= 2
 
-.PHONY: demo test check bench docs results replays clean
+.PHONY: demo test check bench docs pictures results replays clean
 
 demo: $(VENV)/.base
 	$(BIN)/swath run laser-pilot --out $(OUT)/demo
@@ -21,6 +21,10 @@ check: $(VENV)/.dev
 
 bench: $(VENV)/.dev
 	$(BIN)/python benchmarks/run.py --out $(OUT)/bench
+
+# needs Chromium; ONLY="gallery moving" makes some
+pictures: $(VENV)/.dev
+	$(BIN)/python -m docs.make.pictures $(ONLY)
 
 replays: $(VENV)/.dev
 	$(BIN)/python -m docs.make.replays

@@ -1,4 +1,4 @@
-"""Puts the examples into the package and the README into its metadata; the rest is in pyproject.toml."""
+"""Puts examples and pages into the package, the README into its metadata; the rest is in pyproject.toml."""
 
 import re
 import shutil
@@ -9,15 +9,21 @@ from setuptools.command.build_py import build_py
 
 
 class WithExamples(build_py):
-    """`examples/` as `swath/examples`, for `swath new`."""
+    """`examples/` as `swath/examples`, for `swath new`; the pages of `docs/` for `swath docs`."""
 
     def run(self) -> None:
-        """Copy the packages, then the examples."""
+        """Copy the packages, then the examples and the pages."""
         super().run()
         if not self.editable_mode:
             target = Path(self.build_lib) / "swath" / "examples"
             shutil.rmtree(target, ignore_errors=True)
             shutil.copytree("examples", target, ignore=shutil.ignore_patterns("__pycache__"))
+            pages = Path(self.build_lib) / "swath" / "docs"
+            shutil.rmtree(pages, ignore_errors=True)
+            for page in Path("docs").rglob("*.md"):
+                to = pages / page.relative_to("docs")
+                to.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(page, to)
 
 
 def without_relative_links(text: str) -> str:
@@ -34,6 +40,6 @@ def _named(link: re.Match[str]) -> str:
 setup(
     cmdclass={"build_py": WithExamples},
     long_description=without_relative_links(Path("README.md").read_text(encoding="utf-8"))
-    + "\n\nPages named `docs/...` are in the source distribution.\n",
+    + "\n\n`swath docs` lists the pages named `docs/...` and prints them.\n",
     long_description_content_type="text/markdown",
 )

@@ -65,7 +65,7 @@ def test_a_batch_gives_what_single_runs_give(singles, processes, tmp_path):
         "kills": {"scenario": "straight", "sets": {**SETS, "combine.edge.level": f"{parts}:Kills"}},
         "recorded": {"scenario": swath.load_scenario("straight", **CASES["b"]), "out": tmp_path / "out"},
     }
-    runs = list(swath.batch((entries[name] for name in wanted), processes=processes))
+    runs = list(swath.batch((entries[name] for name in wanted), workers=processes))
     assert [run.index for run in runs] == list(range(len(wanted)))
     found = dict(zip(wanted, runs, strict=True))  # of `a` the second, after all others
     for name, single in {**singles, "recorded": singles["b"]}.items():
@@ -96,8 +96,8 @@ def test_entries_are_taken_as_they_are_needed():
     assert taken == []
     assert str(next(runs).error) == "entry.nonsense: unknown key, expected one of scenario, sets, seed, out"
     assert taken == [0]
-    with pytest.raises(InputError, match="processes = 0"):
-        swath.batch(entries(), processes=0)
+    with pytest.raises(InputError, match="workers = 0"):
+        swath.batch(entries(), workers=0)
 
 
 def test_a_run_that_is_over_is_gone_from_memory_at_once(monkeypatch):

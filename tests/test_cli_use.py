@@ -263,7 +263,10 @@ def test_levels_of_a_slot_that_hears_another_machine(capsys):
     ("words", "said"),
     [
         (("run", "straight", "--set", "field.wind.speed_m_s=3"), "did you mean field.stand.wind?"),
-        (("run", "harvest-field"), "harvest-field is one of the jobs of whole fields: swath fleet run"),
+        (
+            ("run", "harvest-field"),
+            "this is a job, the work on a whole field: swath fleet run harvest-field; expected a scenario",
+        ),
         (("run", "straight", "--set", "field.slope_percent=3"), "did you mean field.terrain.slope_percent?"),
         (("test", "run", "my.py", "--out", "t"), "swath test run bend --set combine.edge.level=my.py:Class"),
     ],
@@ -276,3 +279,18 @@ def test_a_first_try_is_told_the_way(capsys, words, said):
 def test_a_machine_is_printed_by_the_name_that_scenarios_take(capsys):
     assert main(["sheets", "lexion-700"]) == 0
     assert "wheelbase_m" in capsys.readouterr().out
+
+
+def test_a_flag_with_a_unit_says_it_in_its_name():
+    from swath.commands.main import _leaves, make_parser
+
+    units = {"M": "-m", "S": "-s", "DEG": "-deg", "PX": "-px", "PERCENT": "-percent"}
+    flags = {
+        (flag, units[action.metavar])
+        for parser in _leaves(make_parser()[0])
+        for action in parser._actions
+        for flag in action.option_strings
+        if isinstance(action.metavar, str) and action.metavar in units and "fleet" not in parser.prog
+    }
+    assert len(flags) > 10
+    assert [flag for flag, unit in flags if not flag.endswith(unit)] == []

@@ -47,7 +47,8 @@ def shortened(words):
     if words[:2] == ["test", "run"]:
         return [*words, "--plan-only"]
     if words[0] == "branch":  # of a run that was shortened, too
-        return [*words[: words.index("--at")], "--at", "0.2", *words[words.index("--at") + 2 :]]
+        at = next(k for k, word in enumerate(words) if word in ("--at", "--at-s"))
+        return [*words[:at], "--at-s", "0.2", *words[at + 2 :]]
     if words[0] not in ("run", "rerun"):
         return words
     unrecorded = [] if "--out" in words or words[0] == "rerun" else ["--set", "run.record=none"]

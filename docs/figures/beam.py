@@ -9,7 +9,7 @@ from matplotlib.patches import Circle
 
 from swath.core.random import Stream
 from swath.report import plots
-from swath.sensing.beam import spot_pattern, sub_rays
+from swath.sensing.beam import spot_pattern, spots
 from swath.sensing.echo import Bundle, Receiver, least_energy, merging_gap, receive
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.weather import Weather, disturb
@@ -65,7 +65,7 @@ def draw_edge(ax: Any, *, far: float) -> None:
         axis=2,
     )
     pattern = spot_pattern(61, sheet.beam.profile)
-    start, aim = sub_rays(np.zeros((len(azimuth), 3)), axes, sheet.beam, pattern.position[None])
+    start, aim = spots(np.zeros((len(azimuth), 3)), axes, sheet.beam, pattern.position[None]).rays()
     to_near, to_far = ((wall - start[..., 0]) / aim[..., 0] for wall in (near, far))
     distance = np.where(start[..., 1] + to_near * aim[..., 1] > 0.0, to_near, to_far)
     bundle = Bundle(distance, pattern.weight, np.full_like(distance, 0.5))

@@ -12,8 +12,8 @@ import matplotlib.pyplot as plt
 from swath.control.edge.profile import Reach, make_profile
 from swath.core.component import Outputs
 from swath.field.present_edge import STEP_M, crop_across, edges_of
+from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
-from swath.runtime.world import assemble
 from swath.scenario.scenario import load_scenario
 
 HERE = Path(__file__).parent
@@ -25,8 +25,8 @@ CROP, STUBBLE, EDGE, TRUTH = "#2a7f3e", "#b07d2b", "#c2185b", "#333333"
 
 
 def profile_figure() -> None:
-    """A scan of the scenario `straight` after 20 m, with what the detector makes of it."""
-    world = assemble(load_scenario("straight"))
+    """A scan of the scenario `straight` after 20 m, with what the detector `otsu` makes of it."""
+    world = assemble(load_scenario("straight", sets=["combine.edge=otsu"]))
     seen: Outputs = {}
 
     def look(slot: str, t: int, outputs: Outputs) -> None:

@@ -128,7 +128,7 @@ def scan(
 
 
 def detect(recording: str | Path, *, sets: Sets = (), slot: str = "edge", code: bool = False) -> list[Any]:
-    """What a detector says of the stored scans of a run: every sample that its slot sends, in order.
+    """Run a detector over the stored scans of a run: every sample that its slot sends, in order.
 
     No world is built. recording: a run folder or a run.mcap with `run.record: exact`; sets: another level, or
     parameters, of the slot, such as {"combine.edge.level": "mine.py:MyDetector"}; slot: of control, of the
@@ -184,7 +184,7 @@ def branch(
 ) -> RunResult:
     """Go back in a finished run, change something, go on from there into another folder, as `swath branch`.
 
-    folder: of the earlier run; at_s: time of the change [s]; sets: what is other from then on, as in `run`
+    folder: of the earlier run; at_s: time of the change [s]; sets: what changes then, as in `run`
     out, report, progress, code: as in `run`
     Raises InputError.
     """
@@ -236,27 +236,30 @@ class BatchRun:
         return _BAD_INPUT if self.error is not None else int(is_failed(self.summary["expect"]))
 
 
-def batch(entries: Iterable[Entry], *, processes: int = 1, code: bool = False) -> Iterator[BatchRun]:
+def batch(
+    entries: Iterable[Entry], *, workers: int = 1, code: bool = False, processes: int | None = None
+) -> Iterator[BatchRun]:
     """Run many scenarios; gives each result as soon as it and those before it are there.
 
     entries: names, files or scenarios, or {"scenario": ..., "sets": ..., "seed": ..., "out": ...}, all but
     the first as in `run`; without `out` nothing is recorded. They are taken as they are needed.
-    processes: how many do the work; 1 = this one. A script that gives more needs
-    `if __name__ == "__main__":`
+    workers: processes that do the work; 1 = this one (`processes` in version 0.2). A script that gives more
+    needs `if __name__ == "__main__":`
     code: as in `load_scenario`
 
     A run gives the same bytes as alone. An entry that is wrong, a part that crashes and a run that kills its
     process are the `error` of that run; the others go on. What one run has read and made serves the next:
     data sheets, compiled parts, and the field where another run has the same one.
     """
-    if processes < 1:
-        raise InputError("processes", processes, "expected >= 1")
-    if processes > 1:
-        return _in_processes(entries, processes, code)
+    workers = workers if processes is None else processes
+    if workers < 1:
+        raise InputError("workers", workers, "expected >= 1")
+    if workers > 1:
+        return _in_workers(entries, workers, code)
     return map(partial(_run_entry, KeptFields(), code), enumerate(entries))
 
 
-def _in_processes(entries: Iterable[Entry], processes: int, code: bool) -> Iterator[BatchRun]:
+def _in_workers(entries: Iterable[Entry], workers: int, code: bool) -> Iterator[BatchRun]:
     given: dict[int, Entry] = {}
 
     def jobs() -> Iterator[tuple[int, Any]]:
@@ -264,7 +267,7 @@ def _in_processes(entries: Iterable[Entry], processes: int, code: bool) -> Itera
             given[index] = entry
             yield index, _sendable(entry)
 
-    for (index, _), found in in_workers(jobs(), partial(_begin, code), processes, in_order=True):
+    for (index, _), found in in_workers(jobs(), partial(_begin, code), workers, in_order=True):
         error = SwathError(f"entry {index}: {found}") if isinstance(found, Lost) else None
         run = BatchRun(index, "", error=error) if isinstance(found, Lost) else found
         yield replace(run, entry=given.pop(index))

@@ -59,7 +59,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
     beside the header end, and odometry, as `OBSERVED` names them; 0 where no edge is found (confidence 0).
 
     The sum of all rewards of an episode is the share of `run.distance_m` that was driven, less, for every
-    limit under `expect`, how far it is broken at the end: the way outside its bound over the bound, at most
+    limit under `expect`, how far it is broken at the end: the excess relative to the bound, at most
     1. `info["reward"]` has these parts of each step, `info["limits"]` each limit's entry as in summary.json.
     Limits of the field count at the end. Terminated: the distance is driven, or something ended the run;
     truncated: `run.max_duration_s`.
@@ -144,7 +144,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         return self._observation(), fsum(parts.values()), terminated, truncated, info
 
     def close(self) -> None:
-        """Let go of the world."""
+        """Close the world."""
         if self.world is not None:
             self.world.close()
             self.world = None
@@ -198,7 +198,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
 
 
 def _excess(entry: Mapping[str, Any]) -> float:
-    """How far a limit is broken: the way outside its bound over the bound, at most 1; 1 for no value."""
+    """How far a limit is broken: the excess relative to the bound, at most 1; 1 for no value."""
     if entry["result"] == "pass":
         return 0.0
     if entry["value"] is None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import swath
-from swath.core.errors import LONGEST, InputError, MissingExtra, SwathError
+from swath.core.errors import LONGEST, InputError, MissingExtra, SwathError, capped, some_of
 from swath.scenario.reader import ScenarioError
 
 
@@ -103,3 +103,11 @@ def test_a_list_that_fits_stays_as_it_is():
     text = "expected one of a, b, c, d, e"
     assert str(InputError("key", "d", text)) == f"key = d: {text}"
     assert str(SwathError(text)) == text
+
+
+def test_a_list_that_is_cut_says_how_many_more_there_are():
+    names = [f"n{k}" for k in range(7)]
+    assert some_of(names, 7) == "n0, n1, n2, n3, n4, n5, n6"
+    assert some_of(iter(names), 2, " + ") == "n0 + n1 and 5 more"
+    assert capped(names, 2) == ["n0", "n1", "and 5 more"]
+    assert capped(names[:2], 2) == ["n0", "n1"]

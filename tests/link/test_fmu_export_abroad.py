@@ -274,7 +274,7 @@ def test_keys_of_the_field_become_parameters(tmp_path):
 @needs_cc
 def test_a_program_that_is_no_python_runs_it_by_the_line_that_export_prints(tmp_path, capsys):
     fmu = tmp_path / "process.fmu"
-    assert main(["fmu", "export", "feed-rate", "--part", "process", "--out", str(fmu)]) == 0
+    assert main(["fmu", "export", "feed-rate", "--slot", "process", "--out", str(fmu)]) == 0
     *_, elsewhere, line = capsys.readouterr().out.strip().splitlines()
     for needed in ("Windows", "python3.dll", "PYTHONHOME", "PYTHONPATH"):
         assert needed in elsewhere

@@ -338,11 +338,20 @@ def test_a_browser_shows_it(tmp_path):
             browser.open(going.view.address, ready=ready)
             before = browser.ask("swath.live.at")
             assert browser.ask("swath.live.ask('step')")["ok"]
+            shown = "document.getElementById('verdict').textContent"
+            assert browser.ask(shown) == "paused"
+            levels = "swath.live.key.value = 'combine.edge.level', swath.live.fillValue(), "
+            levels += "[...swath.live.change.elements.value.options].map((o) => o.value)"
+            assert {"otsu", "truth"} <= set(browser.ask(levels))
             assert browser.ask("swath.live.ask('set', {key: 'combine.speed.speed_kmh', value: '6'})")["ok"]
             assert before < going.control._now() / 1e9 < 0.1
             assert browser.told == []
             outside = [r for r in browser.requests if r != going.view.address and not r.startswith("data:")]
             assert outside == []
+            browser.ask("document.getElementById('play').click()")  # the one control of the run
+            waited = f"new Promise((done) => {{ const look = () => ({shown}.includes('over') ? "
+            waited += f"done({shown}) : setTimeout(look, 50)); look(); }})"
+            assert browser.ask(waited) == "the run is over at 3 s"
     except NoBrowser as missing:
         pytest.skip(str(missing))
     finally:

@@ -16,7 +16,7 @@ if __name__ == "__main__":
     sets = ["combine.lidar.level=empirical", "run.distance_m=200", "run.max_duration_s=200", "expect={}"]
     runs = [{"scenario": "straight", "sets": sets, "seed": s, "out": f"out/{s}"} for s in (1, 2, 3, 4)]
     print("up", flush=True)
-    for run in swath.batch(runs, processes=2):
+    for run in swath.batch(runs, workers=2):
         print(run.index, run.error)
 """
 TEST = [sys.executable, "-m", "swath", "test", "run", "straight-clean", "--workers", "2", "--out", "out"]

@@ -82,7 +82,7 @@ def test_pycocotools_reads_the_same_masks(made, capsys):
 def test_a_killed_job_goes_on_to_the_same_bytes(made, tmp_path):
     out = tmp_path / "part"
     command = [sys.executable, "-m", "swath", "dataset", "straight", "--out", str(out), "--workers", "1"]
-    command += ["--count", "4", "--per-scene", "2", "--width", "64", "--height", "48", "--set", SETS[0]]
+    command += ["--count", "4", "--per-scene", "2", "--width-px", "64", "--height-px", "48", "--set", SETS[0]]
     job = subprocess.Popen(command, start_new_session=True)
     while job.poll() is None and len(list((out / "parts").glob("*.json"))) < 2:
         time.sleep(0.05)

@@ -184,7 +184,7 @@ def test_bad_real_heights(tmp_path, text, said):
 
 
 def lab_command(out, *more):
-    flags = ["--density", "150", "--sensor", "sick-lms511-hr", "--depression", "45", "--seeds", "2"]
+    flags = ["--stems-per-m2", "150", "--sensor", "sick-lms511-hr", "--depression-deg", "45", "--seeds", "2"]
     return main(["lab", "stand", "--out", str(out), *flags, *more])
 
 
@@ -213,8 +213,8 @@ def test_command(tmp_path, capsys):
         (["--levels", "plant"], "did you mean 'plants'"),
         (["--set", "ecko=nearest"], "did you mean 'echo'"),
         (["--set", "echo=nearer", "--levels", "plants"], "echo = nearer"),
-        (["--density", "0"], "--density"),
-        (["--depression", "90"], "--depression"),
+        (["--stems-per-m2", "0"], "--stems-per-m2"),
+        (["--depression-deg", "90"], "--depression-deg"),
         (["--sensor", "sick-lms512"], "sick-lms512"),
         (["--crop", "what"], "what"),
         (["--seeds", "0"], "--seeds"),

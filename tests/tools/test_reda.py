@@ -87,7 +87,17 @@ def test_command(tmp_path, capsys, monkeypatch):
     """What it writes: a row per place, scores, a figure per condition, a page."""
     monkeypatch.setattr(reda, "places", lambda: [p for p in places() if p[0] in (-1.0, 3.0)])
     monkeypatch.setattr("swath.tools.reda.plots.INSIDE", (-1.0, 3.0))
-    line = ["reda", "--height", "0.85", "--density", "300", "--weather", "rain", "--sensor", "camera"]
+    line = [
+        "reda",
+        "--crop-height-m",
+        "0.85",
+        "--stems-per-m2",
+        "300",
+        "--weather",
+        "rain",
+        "--sensor",
+        "camera",
+    ]
     line += ["--repeats", "1", "--workers", "1", "--out", str(tmp_path / "made")]
     assert main(line) == 0
     rows = list(csv.DictReader((tmp_path / "made" / "reda.csv").read_text(encoding="utf-8").splitlines()))
@@ -104,7 +114,7 @@ def test_command(tmp_path, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("settings", "key"),
     [
-        ({"heights": (9.0,)}, "--height"),
+        ({"heights": (9.0,)}, "--crop-height-m"),
         ({"weathers": ("fog",)}, "--weather"),
         ({"sensors": ("eye",)}, "--sensor"),
     ],
@@ -149,5 +159,5 @@ def test_the_command_says_what_is_kept(tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr(reda, "run_reda", stopped)
     assert main(["reda", "--out", str(tmp_path / "out")]) == 130
-    assert "the same command goes on from there" in capsys.readouterr().err
+    assert "the same command resumes from there" in capsys.readouterr().err
     assert main(["reda", "--out", str(tmp_path / "out")]) == 130  # the folder is one of its own

@@ -47,7 +47,7 @@ def test_a_sensor_further_on_shifts_the_flow_alone(run):
 def test_an_import_reads_back_what_was_written(run, tmp_path, capsys, name):
     if name == "TASKDATA":
         pytest.importorskip("isoxml", reason="needs the extra geo: isoxml")
-    assert main(["yield-log", str(run), "--out", str(tmp_path / name), "--at", "48.1,11.2"]) == 0
+    assert main(["yield-log", str(run), "--out", str(tmp_path / name), "--origin", "48.1,11.2"]) == 0
     assert "records" in capsys.readouterr().out
     made, log = records_of(run, at=(48.1, 11.2)), read_log(tmp_path / name)
     assert log.crop == "wheat"
@@ -65,7 +65,7 @@ def test_an_import_reads_back_what_was_written(run, tmp_path, capsys, name):
 def isoxml(run, tmp_path_factory):
     pytest.importorskip("isoxml", reason="needs the extra geo: isoxml")
     folder = tmp_path_factory.mktemp("iso") / "TASKDATA"
-    assert main(["yield-log", str(run), "--out", str(folder), "--at", "48.1,11.2"]) == 0
+    assert main(["yield-log", str(run), "--out", str(folder), "--origin", "48.1,11.2"]) == 0
     return folder
 
 
@@ -143,7 +143,7 @@ def test_what_is_no_run_or_no_place_is_refused(run, tmp_path):
         records_of(tmp_path)
     with pytest.raises(InputError, match="expected a harvester of the run: combine"):
         records_of(run, machine="cart")
-    assert main(["yield-log", str(run), "--out", str(tmp_path / "x.csv"), "--at", "here"]) == 2
+    assert main(["yield-log", str(run), "--out", str(tmp_path / "x.csv"), "--origin", "here"]) == 2
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "letter").write_text("dear")
     assert main(["yield-log", str(run), "--out", str(tmp_path / "full")]) == 2

@@ -90,7 +90,7 @@ def test_without_saves_or_with_torn_ones_it_begins_at_the_start(saved, fresh, tm
     made = swath.branch(torn, AT_S, tmp_path / "b", sets=CHANGE, report=False)
     assert made.summary["branch"]["saved_s"] == 0.0
     shutil.rmtree(torn / SAVES)
-    line = ["branch", str(torn), "--at", str(AT_S), "--out", str(tmp_path / "c"), "--no-code"]
+    line = ["branch", str(torn), "--at-s", str(AT_S), "--out", str(tmp_path / "c"), "--no-code"]
     assert main([*line, *(f"--set={k}={v}" for k, v in CHANGE.items())]) == 0
     assert "going on from the start, it has no save" in capsys.readouterr().out
     digest = json.loads((fresh / "summary.json").read_text())["digest"]
@@ -120,7 +120,7 @@ def test_saves_of_another_version_are_not_read_and_told(saved, tmp_path):
     ],
 )
 def test_what_cannot_be_is_said_and_leaves_no_folder(saved, tmp_path, capsys, at, key, words):
-    assert main(["branch", str(saved), "--at", at, "--set", key, "--out", str(tmp_path / "no")]) == 2
+    assert main(["branch", str(saved), "--at-s", at, "--set", key, "--out", str(tmp_path / "no")]) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "no").exists()
 
@@ -206,7 +206,7 @@ def test_folders_of_branches_have_numbers(tmp_path):
 def test_the_command_leaves_out_the_replay_where_that_is_wanted(saved, tmp_path, capsys):
     from swath.commands.main import main
 
-    more = ["--at", "1.2", "--set", "combine.speed.speed_kmh=5", "--quiet"]
+    more = ["--at-s", "1.2", "--set", "combine.speed.speed_kmh=5", "--quiet"]
     main(["branch", str(saved), *more, "--no-replay", "--out", str(tmp_path / "branch")])
     assert (tmp_path / "branch" / "report.html").is_file()
     assert not (tmp_path / "branch" / "replay.html").exists()

@@ -138,7 +138,7 @@ def test_a_box_that_dies_is_a_named_error_and_the_folder_is_kept(port, tmp_path,
             "--out", str(out), *set_flags([*QUICK, *outside]),
         ]  # fmt: skip
         runner = subprocess.Popen(code, stderr=subprocess.PIPE, text=True)
-        assert box.process.stdout.readline().startswith("a machine is there")
+        assert box.process.stdout.readline().startswith("machine connected")
         time.sleep(1.0)
         box.process.kill()
         _, error = runner.communicate(timeout=60)

@@ -34,7 +34,7 @@ expect:
 """
 # Of every command that writes: its line with {new}, where it writes, and {run}, a finished run to read.
 WRITES = {
-    "run": "run {s} --out {new} --save-every 0.1",
+    "run": "run {s} --out {new} --save-every-s 0.1",
     "report": "report {run}",
     "view": "view {run}",
     "branch": "branch {run} --at 0.3 --out {new}",
@@ -42,16 +42,16 @@ WRITES = {
     "new": "new scenario {new}/my.yaml",
     "field import": f"field import {LOG} --out {{new}}/field",
     "fleet run": "fleet run small-field --out {new}",
-    "lab stand": "lab stand --out {new} --density 200 --sensor sick-lms111 --depression 30 --seeds 1",
+    "lab stand": "lab stand --out {new} --stems-per-m2 200 --sensor sick-lms111 --seeds 1",
     "height-map build": "height-map build {run} --out {new}/map.npz",
     "test run": "test run {case} --workers 1 --out {new}",
     "test search": "test search {case} --budget 8 --workers 1 --out {new}",
     "rerun": "rerun {run} --out {new}",
     "part": "part process --scenario {s} --out {new}",
     "scan": "scan {s} --out {new}",
-    "dataset": "dataset straight --count 1 --width 64 --height 48 --out {new}",
+    "dataset": "dataset straight --count 1 --width-px 64 --height-px 48 --out {new}",
     "yield-log": "yield-log {run} --out {new}/log.csv --interval-s 0.1",
-    "fmu export": "fmu export {s} --part process --out {new}/x.fmu",
+    "fmu export": "fmu export {s} --slot process --out {new}/x.fmu",
     "ros2 package": "ros2 package --out {new}",
     "osi": "osi {run} --out {new}/x.osi",
     "schema": "schema --out {new}/schema.json",

@@ -146,7 +146,7 @@ class Folder:
             "part": [["process", "--scenario", s, "--out", next(new)]],
             "scan": [[s, "--out", next(new)]],
             "dataset": [[s, "--count", "1", "--out", next(new)]],
-            "fmu export": [[s, "--part", "process", "--out", f"{next(new)}.fmu"]],
+            "fmu export": [[s, "--slot", "process", "--out", f"{next(new)}.fmu"]],
             "can box": [[s, "--interface", "virtual", "--once"]],
             "migrate": [[s]],
         }
@@ -183,7 +183,7 @@ class Folder:
             "fmu show": models,
             "fmu check": models,
             "ros2 package": [["--out", next(new)]],
-            "can listen": [["--interface", "virtual", "--channel", "a", "--for", "0.1"]],
+            "can listen": [["--interface", "virtual", "--channel", "a", "--duration-s", "0.1"]],
             "can dbc": [[]],
             "schema": [[]],
             "migrate": [[f"{p}/mine.py"]],
@@ -279,7 +279,7 @@ def test_from_python(ran, tmp_path, monkeypatch):
         lambda: swath.branch("run", 0.3),
         lambda: swath.detect("run"),
         lambda: next(iter(swath.batch(["s.yaml"]))).summary,
-        lambda: next(iter(swath.batch(["s.yaml"], processes=2))).summary,
+        lambda: next(iter(swath.batch(["s.yaml"], workers=2))).summary,
     ]
     for act in acts:
         with pytest.raises(InputError, match=r"code=True"):

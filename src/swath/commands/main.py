@@ -10,7 +10,19 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import completion, levels, metrics, new, report, run, scenarios, schema, sheets, view
+from swath.commands import (
+    completion,
+    docs,
+    levels,
+    metrics,
+    new,
+    report,
+    run,
+    scenarios,
+    schema,
+    sheets,
+    view,
+)
 from swath.core.collector import collect_rarely
 from swath.core.errors import InputError, SwathError, fitted, shortened
 from swath.core.foreign_code import SUFFIXES, allow_code, code_in
@@ -40,8 +52,8 @@ from swath.tools.scan import command as scan
 from swath.tools.yield_log import command as yield_log
 
 COMMANDS = {
-    "start": (run, paper, scenarios, levels, metrics, sheets, new, scan),
-    "look at a run, go on from it, use its recording": (view, report, diff, branch, rerun, part, yield_log),
+    "start": (run, paper, scenarios, levels, metrics, sheets, new, scan, docs),
+    "look at a run, continue it, use its recording": (view, report, diff, branch, rerun, part, yield_log),
     "use measured data": (field, height_map, calibrate, compare, lab),
     "many runs, whole fields": (function_test, fleet, reda, dataset),
     "connect and set up": (ros2, fmu, can, osi, schema, migrate, completion),
@@ -60,13 +72,9 @@ BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE, TERMINATED = 2, 70, 130, 141, 143
 EXAMPLES = """\
 swath: a simulator for harvest machines that act on what they sense
 
-  swath scenarios                                   what is there to run
-  swath run laser-pilot                             a combine steers itself along the crop edge
-  swath run bend --set combine.speed.speed_kmh=5    the same at another speed, on a bend
-  swath levels lidar                                levels of a slot and their parameters
-  swath field import harvest.csv --out my-field     your yield log becomes a field to drive in
-
-swath --help lists all commands."""
+  swath run laser-pilot    a combine steers itself along the crop edge: a minute, then two pages to look at
+  swath scenarios          what else there is to run
+  swath --help             all commands"""
 
 
 class UsageError(SwathError):
@@ -208,7 +216,9 @@ def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
         for module in modules:
             module.add(parsers)
         shown.append("\n".join([f"{group}:", *parsers.lines[first:]]))
-    parser.description = "\n\n".join([*shown, "swath COMMAND --help says more of a command."])
+    parser.description = "\n\n".join(
+        [*shown, "swath COMMAND --help explains a command, swath docs lists the documentation."]
+    )
     for each in _leaves(parser):
         each.add_argument("--allow-code", action="store_true", help=ALLOW_CODE)
         each.add_argument("--no-code", action="store_true", help=argparse.SUPPRESS)  # of version 0.2

@@ -23,7 +23,9 @@ def run(args: argparse.Namespace) -> int:
     judged = CATALOGUE.judged()
     metrics = judged.metrics
     if args.name is not None and args.name not in metrics:
-        raise InputError("metric", args.name, unknown_key(args.name, metrics, "unknown metric"))
+        raise InputError(
+            "metric", args.name, unknown_key(args.name, metrics, "unknown metric", "swath metrics")
+        )
     rows = [
         (m.group, name, m.unit or "-", scope, m.better, m.meaning)
         for scope, group in judged.by_scope().items()

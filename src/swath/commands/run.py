@@ -51,7 +51,7 @@ def add(parsers: Any) -> None:
         "--save-field", type=Path, metavar="FILE", help="write the state of the field after the run, a .npz"
     )
     parser.add_argument(
-        "--save-every",
+        "--save-every-s",
         type=float,
         metavar="S",
         help="save the world every S simulated seconds, for swath branch (default: 0 = never; with --view 5)",
@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
     begun = None if args.quiet or args.no_defaults else partial(print_defaults, scenario, whole=args.defaults)
     try:
         saves: list[Any] = [] if args.save_field is None else [SavesField(args.save_field)]
-        every_s = args.save_every if args.save_every is not None else EVERY_S if args.view else 0.0
+        every_s = args.save_every_s if args.save_every_s is not None else EVERY_S if args.view else 0.0
         saves += [Saves(every_s)] if every_s else []
         with _steered(args, saves, is_paced=scenario.is_paced) as steering:
             result = run_job(

@@ -10,7 +10,11 @@ def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("schema", help="JSON Schema of scenario and job files, for editors")
     parser.add_argument(
-        "of", nargs="?", choices=("scenario", "job"), default="scenario", help="of which files (scenario)"
+        "kind",
+        nargs="?",
+        choices=("scenario", "job"),
+        default="scenario",
+        help="kind of file (default scenario)",
     )
     parser.add_argument("--out", type=Path, metavar="F", help="file to write (default: print it)")
     parser.set_defaults(run=run)
@@ -19,10 +23,10 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print or write it."""
     if args.out is None:
-        print(schema_text(args.of), end="")
+        print(schema_text(args.kind), end="")
     else:
         args.out.parent.mkdir(parents=True, exist_ok=True)
-        write_schema(args.out, args.of)
+        write_schema(args.out, args.kind)
     return 0
 
 

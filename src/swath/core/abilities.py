@@ -74,7 +74,7 @@ class HasNotes(Protocol, metaclass=ByMembers):
 
 @runtime_checkable
 class Closes(Protocol, metaclass=ByMembers):
-    """A part that holds something outside: a process, a node, a bus. close: let go; twice does nothing."""
+    """A part that holds something outside: a process, a node, a bus. close: twice does nothing."""
 
     def close(self) -> None: ...
 

@@ -2,6 +2,7 @@
 
 import pickle
 import re
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -94,8 +95,19 @@ def fitted(text: str, limit: int = LONGEST, like: str = "") -> str:
     return shortened(text, limit)
 
 
-def _first_of(names: list[str], count: int) -> str:
-    return f"{', '.join(names[:count])} and {len(names) - count} more"
+def some_of(names: Iterable[str], most: int, between: str = ", ") -> str:
+    """The first names of a list, at most `most`, and how many more there are."""
+    every = list(names)
+    return between.join(every) if len(every) <= most else _first_of(every, most, between)
+
+
+def capped(texts: Sequence[str], most: int) -> list[str]:
+    """The first of some lines, at most `most`, and one that says how many more there are."""
+    return [*texts[:most], *([f"and {len(texts) - most} more"] if len(texts) > most else [])]
+
+
+def _first_of(names: list[str], count: int, between: str = ", ") -> str:
+    return f"{between.join(names[:count])} and {len(names) - count} more"
 
 
 def _likeness(name: str, like: str) -> float:
@@ -119,7 +131,7 @@ def _printable(text: str) -> str:
 
 
 def _shown(value: Any) -> str:
-    """At most a line of a value; more of a path, which is told from others by its end."""
+    """At most a line of a value; more of a path, which is recognised by its end."""
     text = str(value) if isinstance(value, str | Path) else _written(value)
     return fitted(text, _LONGEST_PLACE if "/" in text and " " not in text else _LONGEST_VALUE)
 

@@ -31,7 +31,12 @@ TAGS = {
 """What a number rests on. `S/D` and the like: between two of them."""
 # Folder -> word of the format line.
 KINDS = {"sensors": "sensor", "machines": "machine", "crops": "crop", "obstacles": "obstacle"}
-USED_BY = {"jobs": " of whole fields: swath fleet run", "scenarios": ": swath run"}
+# Folder -> what is in it, and the command that takes its names.
+USED_BY = {
+    "scenarios": ("a scenario", "swath run"),
+    "jobs": ("a job, the work on a whole field", "swath fleet run"),
+    **{kind: (f"a data sheet of {kind}", "swath sheets") for kind in KINDS},
+}
 VERSION = 2
 T = TypeVar("T")
 
@@ -60,17 +65,15 @@ def find_sheet(kind: str, name: str, base: Path | None = None) -> Path:
         path = sheet_folder(kind) / f"{name}.yaml"
     if path.is_file():
         return path
-    raise InputError(
-        kind, name, f"expected a file or one of {', '.join(sheet_names(kind))}{other_kind(kind, name)}"
-    )
+    raise InputError(kind, name, expected_name(kind, name))
 
 
-def other_kind(kind: str, name: str) -> str:
-    """What to say of a name that no bundled file of a kind has: it is of another kind, or a near one."""
-    for other in ("scenarios", "jobs", *KINDS):
+def expected_name(kind: str, name: str) -> str:
+    """What to say of a name that no bundled file of a kind has: what it is where another kind has it."""
+    for other, (what, command) in USED_BY.items():
         if name in sheet_names(other):
-            return f"; {name} is one of the {other}{USED_BY.get(other, '')}"
-    return near_miss(name, sheet_names(kind))
+            return f"this is {what}: {command} {name}; expected {USED_BY[kind][0]}"
+    return f"expected a file or one of {', '.join(sheet_names(kind))}{near_miss(name, sheet_names(kind))}"
 
 
 @dataclass(frozen=True)

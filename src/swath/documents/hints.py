@@ -16,8 +16,11 @@ PATTERNS = {
 _NUMBER_AND_UNIT = re.compile(r"^\s*[-+]?[0-9.,]+(?:[eE][-+]?[0-9]+)?\s*([A-Za-z°%µ].*)?$")
 
 
-def unknown_key(key: str, known: Iterable[str], what: str = "unknown key") -> str:
-    """The text after an unknown key: the nearest known one, and its unit when only the unit differs."""
+def unknown_key(key: str, known: Iterable[str], what: str = "unknown key", command: str = "") -> str:
+    """The text after an unknown key: the nearest known one, and its unit when only the unit differs.
+
+    command: which lists the known ones where they are many
+    """
     names = list(known)
     quantity = split_unit(key)[0]
     same = [n for n in names if split_unit(n)[0] == quantity and split_unit(n)[1]]
@@ -29,7 +32,9 @@ def unknown_key(key: str, known: Iterable[str], what: str = "unknown key") -> st
     if near:
         meant = near[0] if near[0] in names else next(n for n in names if split_unit(n)[0] == near[0])
         return f"{what}, did you mean {meant!r}?"
-    return f"{what}, expected one of {', '.join(names)}" if 0 < len(names) <= 16 else what
+    if 0 < len(names) <= 16:
+        return f"{what}, expected one of {', '.join(names)}"
+    return f"{what}, {command} lists them" if command else what
 
 
 def near_miss(value: Any, names: Iterable[str]) -> str:

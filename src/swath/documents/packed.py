@@ -53,7 +53,7 @@ def member_names(path: Path) -> list[str]:
 
 
 class _Archive(zipfile.ZipFile):
-    """A zip archive of which a damaged member is told as such, whatever its damage raises."""
+    """A zip archive whose damaged members raise one kind of error, whatever their damage raises."""
 
     def read(self, name: Any, pwd: bytes | None = None) -> bytes:
         """As `zipfile.ZipFile`."""

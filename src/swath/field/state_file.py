@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, some_of
 from swath.core.whole_file import write_whole
 from swath.documents.packed import read_arrays, readable
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES
@@ -91,9 +91,10 @@ def _inflatable(array: NDArray[np.uint8], size: int) -> bytes:
 def _check_same(path: Path, theirs: Mapping[str, Any], ours: Mapping[str, Any]) -> None:
     keys = [k for k in dict.fromkeys((*ours, *theirs)) if ours.get(k) != theirs.get(k)]
     if keys:
-        told = [f"{k} {_said(theirs, k)}, here {_said(ours, k)}" for k in keys[:NAMED]]
-        more = f" and {len(keys) - NAMED} more" if len(keys) > NAMED else ""
-        raise InputError(KEY, str(path), f"expected the state of this field, it has {'; '.join(told)}{more}")
+        told = [f"{k} {_said(theirs, k)}, here {_said(ours, k)}" for k in keys]
+        raise InputError(
+            KEY, str(path), f"expected the state of this field, it has {some_of(told, NAMED, '; ')}"
+        )
 
 
 def _said(values: Mapping[str, Any], key: str) -> str:

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from swath.core import units
-from swath.core.errors import InputError
+from swath.core.errors import InputError, some_of
 from swath.core.units import ACRE, DEG, POUND, SUFFIXES, factors, split_unit
 from swath.documents.yaml_document import Document, read_document
 
@@ -455,7 +455,7 @@ def _entry(key: str, value: object, header: Sequence[str], document: Document) -
 def _require(
     found: Collection[str], header: Sequence[str], path: Path, has_points: bool, needs_width: bool
 ) -> None:
-    shown = ", ".join(h[:24] for h in header[:12])
+    shown = some_of((h[:24] for h in header), 12)
     missing: dict[str, tuple[str, ...]] = {}
     if not has_points and not ({"lat", "lon"} <= set(found) or {"easting", "northing"} <= set(found)):
         missing["lat and lon (or easting and northing)"] = ("lat", "lon")

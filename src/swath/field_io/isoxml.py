@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, capped, some_of
 from swath.documents.packed import member_names
 from swath.field_io.ddi import DDI, TOGETHER, slug
 from swath.field_io.taskdata import WIDTHS, YIELDS, Description, Device, listed, read_description
@@ -77,7 +77,7 @@ class TaskData:
             made["crop"] = np.repeat(np.array(crops), count).tolist()
         unsaid = [log.name for log, crop in zip(self.logs, crops, strict=True) if _marks(log) and not crop]
         if unsaid and any(crops):
-            notes[f"crop: the tasks of {', '.join(unsaid[:5])} name none, taken as the others"] += 1
+            notes[f"crop: the tasks of {some_of(unsaid, 5)} name none, taken as the others"] += 1
         start, is_logged = 0, False
         for log in self.logs:
             rows = slice(start, start + len(log))
@@ -182,8 +182,7 @@ def _of_machine(log: TimeLog, described: Description, there: dict[str, int], rul
 
 def _shown(elements: list[str], medians: dict[str, float]) -> str:
     """Some elements with the medians of their values."""
-    shown = ", ".join(f"{e} ({medians[e]:g})" for e in elements[:4])
-    return shown if len(elements) <= 4 else f"{shown} ... {len(elements)} in all"
+    return some_of((f"{e} ({medians[e]:g})" for e in elements), 4)
 
 
 def _is_off(log: TimeLog, element: str) -> NDArray[np.bool_]:
@@ -217,7 +216,7 @@ def read_taskdata(path: Path) -> TaskData:
         expected = f"expected at least one time log with a whole record{why}"
         raise InputError("taskdata", None, expected, file=path)
     logs.sort(key=lambda log: (log.begin, log.name))
-    return TaskData(path, tuple(logs), described, tuple(problems[:MOST_PROBLEMS]))
+    return TaskData(path, tuple(logs), described, tuple(capped(problems, MOST_PROBLEMS)))
 
 
 def _read_logs(path: Path, files: TaskFiles, described: Description) -> tuple[list[TimeLog], list[str]]:

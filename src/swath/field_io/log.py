@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, capped
 from swath.field.projection import known_crs, transform, utm_epsg
 from swath.field_io import trade
 from swath.field_io.clock import MILLISECONDS, days_of, of_digits, over_midnight, seconds_of, spread, usable
@@ -125,7 +125,7 @@ def read_log(
         list(table.columns), path, columns, table.points is not None, units=table.units,
         needs_width=header_width is None and not as_map,
     )  # fmt: skip
-    notes = list(table.notes[:MOST_NOTES])
+    notes = capped(table.notes, MOST_NOTES)
     row_count = len(table.row_number) + sum(table.broken.values())
     if len(table.row_number) < FEWEST_RECORDS:
         raise InputError(
@@ -287,7 +287,7 @@ def _step_wise(raw: dict[str, Array], order: NDArray[np.int64], drive: Drive) ->
     ):
         return []
     raw["distance"][order] = np.r_[np.nan, steps]
-    return ["distance: counts on, taken as the way between records"]
+    return ["distance: a running count, taken as the distance between records"]
 
 
 def _crop(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import InputError, MissingExtra, some_of
 from swath.documents.json_file import read_json
 from swath.documents.packed import is_archive, open_archive, readable
 from swath.documents.text_file import read_bytes
@@ -42,7 +42,7 @@ class Outlines:
     notes: tuple[str, ...] = ()
 
     def field(self, places: Array | None = None) -> tuple[Any, list[str]]:
-        """One polygon, with its holes, and what the user is told of it and of what is left out.
+        """One polygon, with its holes, and notes on it and on what is left out.
 
         places: points (n, 2) [m] of the field that is meant; without them the largest area
         """
@@ -53,7 +53,7 @@ class Outlines:
         others = [i for i in range(len(self.areas)) if i != index]
         left_out = sum(self.areas[i].area for i in others)
         if left_out >= LEAST_TOLD:
-            named = ", ".join(repr(self.names[i]) for i in others[:5] if self.names[i])
+            named = some_of((repr(self.names[i]) for i in others if self.names[i]), 5)
             count = "another area" if len(others) == 1 else f"{len(others)} other areas"
             own = f" {self.names[index]!r}" if self.names[index] else ""
             notes.append(
@@ -147,9 +147,8 @@ def _arranged(shapes: list[Shape], epsg: int, notes: list[str], path: Path) -> O
         own = [land[i] for i in sorted(tree.query(area.buffer(0.5), predicate="contains").tolist())]
         names.append(own[0].name if len(own) == 1 else "")
         if len(own) > 1:
-            sizes = " + ".join(f"{s.polygon.area / 1e4:.2f}" for s in own[:5])
-            more = " + ..." if len(own) > 5 else ""
-            notes.append(f"{len(own)} polygons that touch are one field ({sizes}{more} ha)")
+            sizes = some_of((f"{s.polygon.area / 1e4:.2f}" for s in own), 5, " + ")
+            notes.append(f"{len(own)} polygons that touch are one field ({sizes} ha)")
     outside = [s for s in beside if not s.polygon.intersects(whole)]
     areas += [s.polygon for s in outside]
     names += [s.name for s in outside]
@@ -216,7 +215,9 @@ def covered_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
     field = shapely.Polygon(field.exterior, holes)
     bare = 1.0 - strips.intersection(field).area / field.area
     if bare > 0.05:
-        notes.append(f"{bare:.0%} of the field has no pass in the log: its crop is taken from beside it")
+        notes.append(
+            f"{bare:.0%} of the field has no pass in the log: its crop is that of the passes next to it"
+        )
     return field, notes
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, some_of
 from swath.field.crop import Crop
 from swath.field.projection import Origin, transform, utm_epsg
 from swath.field.raster import Raster
@@ -169,7 +169,7 @@ def _width(described: Description, part: str, path: Path) -> tuple[float, str]:
     devices = [d for d in described.devices if d in own] or list(described.devices)
     found = [width for d in devices if (width := described.width_of([d]))[0]]
     if len({width for width, _ in found}) > 1:
-        named = ", ".join(f"{width:g} m ({what})" for width, what in found[:4])
+        named = some_of((f"{width:g} m ({what})" for width, what in found), 4)
         raise InputError("header_width", named, "expected one, --header-width-m says which", file=path)
     return found[0] if found else (0.0, "")
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, some_of
 from swath.core.units import DEG
 from swath.field_io.clock import usable
 from swath.field_io.columns import Column, ColumnMap, guess, read_map
@@ -149,7 +149,7 @@ def _require(found: ColumnMap, table: Table, path: Path) -> None:
     if not (has_place or {"yaw_rate", "steer_command", "command_curvature"} & there.keys()):
         missing.append("yaw_rate, positions or steer_command")
     if missing:
-        shown = ", ".join(name[:24] for name in list(table.columns)[:12])
+        shown = some_of((name[:24] for name in table.columns), 12)
         expected = f"expected a column for {', '.join(missing)}; say which with --columns MAP.yaml"
         raise InputError("log.header", shown, expected, file=path)
 

@@ -96,7 +96,7 @@ class Truth(Protocol):
 
 @dataclass(frozen=True)
 class EvaluatorSetup:
-    """What an evaluator is told.
+    """What an evaluator knows of the run.
 
     field: the truth; machines: all of the run, by name; name: of the machine to judge, "" for the whole field
     settling_m: driven before it judges [m]; 0 in a window

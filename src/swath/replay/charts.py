@@ -30,8 +30,8 @@ class Chart:
 
 CHARTS = (
     Chart("Edge", "cm", (
-        Curve("lateral_error_m", "header end beside its line", 100.0),
-        Curve("edge_error_m", "detected edge beside the true one", 100.0),
+        Curve("lateral_error_m", "header end off its line", 100.0),
+        Curve("edge_error_m", "detected edge off the true one", 100.0),
     ), of_header=True),
     Chart("Speed", "km/h", (
         Curve("speed_m_s", "driven", 3.6),
@@ -79,7 +79,7 @@ WORST = (
     ),
     Worst(
         "edge_error_m",
-        "edge detected {:.1f} cm off",
+        "detected edge {:.1f} cm off",
         100.0,
         beyond_m=SETTLED_M,
         at_least=0.01,
@@ -87,7 +87,7 @@ WORST = (
     ),
     Worst("engine_load", "engine load {:.0f} %", 100.0, at_least=0.5),
     Worst("loss_share", "{:.1f} % of the grain lost", 100.0, at_least=0.02),
-    Worst("clearance_m", "{:.2f} m clear of what is nearest", 1.0, is_least=True),
+    Worst("clearance_m", "least clearance {:.2f} m", 1.0, is_least=True),
 )
 
 

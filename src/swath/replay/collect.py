@@ -30,7 +30,7 @@ def collect(
     layers = Layers(world, moved, origin_of(moved))
     area = area_of(layers)
     if area.until_s < np.inf:
-        layers.notes.append(f"the field is shown as far as the first {area.until_s:.0f} s went")
+        layers.notes.append(f"the field is shown as it was after the first {area.until_s:.0f} s went")
     layers.add_field(area, duration)
     layers.add_machines()
     layers.add_recorded(recorded(folder, {n: m.slots_of("lidar") for n, m in layers.machines.items()}))

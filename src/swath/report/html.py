@@ -21,11 +21,14 @@ def write_page(path: Path, template: str, **values: Any) -> Path:
 
 
 def signed(value: float, digits: int) -> str:
-    """A number with a real minus sign, and without one where it rounds to 0; a dash for nan."""
+    """A number with a real minus sign, and without one where it rounds to 0; a dash for nan.
+
+    Thousands are set off by narrow spaces.
+    """
     if value != value:
         return "–"
-    text = f"{value:.{digits}f}"
-    return text.replace("-", "" if float(text) == 0.0 else "−")
+    text = f"{value:,.{digits}f}"
+    return text.replace("-", "−" if text.strip("-0.") else "").replace(",", "\u202f")
 
 
 @cache

@@ -6,7 +6,7 @@ from typing import Any
 
 from swath.judge.catalogue import EvaluatorCatalogue, load_evaluators
 from swath.judge.evaluator import Metric
-from swath.report.html import render_page
+from swath.report.html import render_page, signed
 from swath.terminal.outcome import incident_text, limit_text, window_text
 from swath.terminal.tables import number
 
@@ -141,7 +141,7 @@ def _shown(metric: Metric, value: Any) -> str:
         decimals = min(metric.decimals, max(4 - whole, 0))
         if metric.decimals > 0 and whole > 4:
             scaled = round(scaled, 4 - whole)
-        text = f"{scaled:,.{decimals}f}".replace(",", "\u202f").replace("-", "−")
+        text = signed(scaled, decimals)
     unit = PRETTY.get(unit, unit)
     return f"{text}\u00a0{unit}" if unit else text
 

@@ -156,7 +156,7 @@ class FinishedRun:
 
 
 class ReportWriter(RunHook):
-    """Writes report.html once a run is complete; of: for that one, not the one it goes with."""
+    """Writes report.html once a run is complete. of: a finished run to write it for, instead of its own."""
 
     def __init__(self, *, of: FinishedRun | None = None) -> None:
         self._of = of
@@ -289,7 +289,7 @@ def _errors(data: ReportData, own: MachineReport) -> page.Figure:
             if is_ours and "window" not in entry and "max" in entry["limit"]:
                 bands[part] = float(entry["limit"]["max"])
     fig = plots.errors_figure(own.path, own.edges, settling=SETTLING_M, bands=bands)
-    caption = "Above: the header end against where it should be beside the initial edge."
+    caption = "Above: distance of the header end from its line along the initial edge."
     if own.edges is not None:
         caption += " Below: the detected edge against the true one, where the detector reports it."
     if bands:
@@ -309,15 +309,15 @@ def _scans(own: MachineReport, slot: str) -> page.Figure:
 
 def _pictures(slot: str, pictures: Sequence[KeptPicture], *, alone: bool) -> page.Figure:
     image = plots.as_image(pictures_figure(pictures), kind="webp", dpi=110)
-    caption = "What the camera saw on the way; boxes are the truth of what is seen of each thing."
+    caption = "Camera pictures of the run; boxes: the visible part of each object, from the truth."
     return page.Figure("Pictures" if alone else f"Pictures of {slot}", image, caption)
 
 
 def _stand(stand: Stand, own: MachineReport, scan: KeptScan) -> page.Figure:
     fig = stand_figure(stand, scan, own.machine, own.edge)
     caption = (
-        f"The stems about the edge ahead of the machine at {scan.distance:.1f} m, every one as the "
-        "rays met it, seen along the drive from above the cut ground, with the echoes of the last scan."
+        f"Every stem around the edge ahead of the machine at {scan.distance:.1f} m, as the rays met it, with "
+        "the echoes of the last scan; seen from above the cut ground, along the drive."
     )
     return page.Figure("The stand", plots.as_image(fig, kind="webp", dpi=150), caption)
 
@@ -330,7 +330,7 @@ def _drive(own: MachineReport) -> page.Figure:
 def _drivetrain(own: MachineReport) -> page.Figure:
     fig = plots.process_figure(dict(own.tracks))
     caption = (
-        "What reaches the feeder house; how much of its grain the crop that leaves at that moment has lost; "
-        "the engine: above 100 % it loses speed."
+        "Flow into the feeder house; share of its grain that the crop leaving the machine has lost; engine "
+        "load: above 100 % the engine loses speed."
     )
     return page.Figure("Crop and engine", plots.as_image(fig), caption)

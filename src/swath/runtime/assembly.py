@@ -44,7 +44,7 @@ from swath.scenario.slots import SLOTS, TRUTH, kind_of
 from swath.signals import F64
 from swath.signals.setup import ControlSetup, LinkSetup
 
-_MOUNTED = "lidar", "scan_filter", "radar", "camera", "gnss", "imu"  # slots whose mounting control is told
+_MOUNTED = "lidar", "scan_filter", "radar", "camera", "gnss", "imu"  # slots whose mounting control knows
 
 
 def assemble(
@@ -106,7 +106,7 @@ def _base(scenario: Scenario) -> Path:
 
 
 def _reduced(section: MachineSection, only: Collection[str] | None) -> MachineSection:
-    """The machine with the slots asked for, and the sensors whose mounting their control is told."""
+    """The machine with the slots asked for, and the sensors whose mounting their control knows."""
     if only is None:
         return section
     named = {slot for slot in section.slots if f"{section.name}.{slot}" in only}
@@ -243,8 +243,8 @@ def exchange(
 ) -> None:
     """From its next step on, another component plays the slot `name`; the old one is kept as retired.
 
-    state: of the component before, which is of the same level: it goes on where that one stood, and that one
-    is let go. Without it only exchangeable slots can: the state of the others is the machine's own.
+    state: of the component before, of the same level: the new one resumes from it, the old one is
+    released. Without it only exchangeable slots can: the state of the others is the machine's own.
     InputError, WiringError.
     """
     machine_name, _, slot = name.partition(".")
@@ -263,7 +263,7 @@ def exchange(
 
 
 def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
-    """What the level of a slot is told: the site, or for control and links less."""
+    """The setup of a level: the site, or for control and links less."""
     section, site = place.section, place.site
     period = from_hz(choice.common.rate_hz) * 1e-9
     mountings, height = _mountings(place, choice), site.field.crop_height

@@ -31,6 +31,7 @@ from swath.field.obstacles import things_of
 from swath.field.solids import merge
 from swath.runtime.assembly import exchange, make_part
 from swath.runtime.world import World
+from swath.scenario.catalogue import CATALOGUE
 from swath.scenario.code import code_of
 from swath.scenario.named_files import files_of, folder_of, named_files
 from swath.scenario.resolved import SlotChoice
@@ -108,6 +109,15 @@ class Interventions:
             found[f"{OBSTACLES}.{name}"] = json.dumps(plain[int(name)])
         return found | {f"{OBSTACLES}.{name}": text for name, text in self._added.items()}
 
+    def levels(self) -> dict[str, list[str]]:
+        """The levels that swath has for each slot, by the key that sets one."""
+        return {
+            f"{machine.name}.{slot}.level": CATALOGUE.registry.names(kind.name)
+            for machine in self._now.machines.values()
+            for slot in machine.slots
+            if (kind := CATALOGUE.kind_of(slot)) is not None
+        }
+
     def _set_slot(self, key: str, value: Any) -> None:
         slot, before, after, wanted = _slot_after(self._now, key, value)
         self._exchange(slot, before, after)
@@ -125,7 +135,7 @@ class Interventions:
             if isinstance(component, Closes):
                 component.close()
             if isinstance(error, (LookupError, TypeError, ValueError)):
-                text = f"cannot change on the way, the state of the part does not fit ({error})"
+                text = f"cannot change while it runs, the state of the part does not fit ({error})"
                 raise InputError(name, None, text) from error
             raise
 
@@ -168,7 +178,7 @@ def after_change(scenario: Scenario, key: str, value: Any) -> Scenario:
 
 
 def _slot_after(scenario: Scenario, key: str, value: Any) -> tuple[str, SlotChoice, SlotChoice, Scenario]:
-    """Slot, what it is, what it is to be, and the scenario with that."""
+    """Slot, old choice, new choice, and the changed scenario."""
     machine, slot, part = [*key.split(".", 2), "", ""][:3]
     section = scenario.machines.get(machine)
     if section is None or slot not in section.slots or not part:

@@ -7,7 +7,6 @@ was killed leaves that file behind; the lock itself goes with the process.
 import atexit
 import json
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -130,10 +129,10 @@ def _lock(folder: Path) -> int:
 
 
 def _take(file: int, folder: Path) -> None:
-    if sys.platform == "win32":
+    try:
+        import fcntl
+    except ImportError:  # no POSIX system
         return
-    import fcntl
-
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -147,7 +146,8 @@ def _take(file: int, folder: Path) -> None:
 def _who(file: int) -> str:
     """The run that holds a lock, in words."""
     with suppress(OSError, ValueError, TypeError, KeyError):
-        held = json.loads(os.pread(file, 1000, 0))
+        os.lseek(file, 0, os.SEEK_SET)
+        held = json.loads(os.read(file, 1000))
         return f"another run (process {int(held['pid'])}, {held['scenario']})"
     return "another run"
 

@@ -142,7 +142,7 @@ class RunControl(RunHook):
     def back_refused(self) -> str:
         """Why the run cannot go back, empty where it can."""
         if self.saves is None:
-            return "the run is not saved on the way, which --save-every does"
+            return "the run is not saved while it runs (--save-every-s)"
         return self.saves.refused
 
     def save(self) -> Reply:

@@ -38,7 +38,7 @@ class Saves(RunHook):
 
     def __init__(self, every_s: float = EVERY_S) -> None:
         if not every_s >= SHORTEST_S:
-            raise InputError("--save-every", every_s, f"expected at least {SHORTEST_S:g} s")
+            raise InputError("--save-every-s", every_s, f"expected at least {SHORTEST_S:g} s")
         self._period = round(every_s * NS)
         self.refused, self.times = "", list[int]()
         self._run: ActiveRun | None = None
@@ -152,11 +152,11 @@ def _culprit(state: Mapping[str, Any]) -> str:
 
 
 def why_not(run: ActiveRun) -> str:
-    """Why a run cannot be saved on the way, empty where it can or a part has still to be asked."""
+    """Why a run cannot be saved while it runs, empty where it can or a part has still to be asked."""
     if run.out is None or run.recorder.file is None:
-        return "a run without a recording cannot be saved on the way"
+        return "a run without a recording cannot be saved while it runs"
     if run.world.scenario.is_paced:
-        return "a run at the pace of real time cannot be saved on the way, it does not repeat"
+        return "a run at the pace of real time cannot be saved while it runs, it does not repeat"
     return ""
 
 

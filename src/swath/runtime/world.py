@@ -209,7 +209,7 @@ class World:
                 self._lift_header(machine, height if isinstance(height, HeaderState) else None)
 
     def close(self) -> None:
-        """Let go of what parts hold outside: processes, nodes, buses. Calling it again does nothing."""
+        """Close what parts hold outside: processes, nodes, buses. Calling it again does nothing."""
         for machine in self.machines.values():
             for part in machine.all_parts:
                 if isinstance(part, Closes):

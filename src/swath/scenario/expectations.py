@@ -103,7 +103,9 @@ def _limits(
             what = f"expected under {FIELD}" if subject != FIELD else "expected under a machine's name"
             reader.note(path, None, what)
         else:
-            reader.note(path, None, unknown_key(name, dict.fromkeys([*metrics, *columns]), what))
+            reader.note(
+                path, None, unknown_key(name, dict.fromkeys([*metrics, *columns]), what, "swath metrics")
+            )
         return []
     found = []
     for index, entry in enumerate(data if isinstance(data, list) else [data]):

@@ -17,7 +17,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.foreign_code import Gate, present_gate
-from swath.documents.data_sheets import find_sheet, other_kind, sheet_names
+from swath.documents.data_sheets import expected_name, find_sheet, sheet_names
 from swath.documents.yaml_document import Document, dump, key_path, parse, read_document
 from swath.scenario.catalogue import CATALOGUE, Catalogue
 from swath.scenario.expectations import plain_expect
@@ -183,8 +183,6 @@ def find_scenario(source: str | Path) -> Path:
         if isinstance(source, str) and is_name:
             return find_sheet("scenarios", source)
     except (InputError, OSError, ValueError):
-        hint = other_kind("scenarios", str(source))
-        expected = f"expected a file or one of {', '.join(scenario_names())}{hint}"
-        raise InputError("scenario", str(source), expected) from None
+        raise InputError("scenario", str(source), expected_name("scenarios", str(source))) from None
     expected = "expected a run folder, it has no scenario.yaml" if path.is_dir() else "there is no such file"
     raise InputError("scenario", str(source), expected)

@@ -31,8 +31,15 @@ def add_allow(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="CODE",
-        help="file.py:Class, FMU, or file that is read, that may be set while it runs; several times",
+        help="file.py:Class, FMU or file that may be set while it runs; may be given several times",
     )
+
+
+def former(parser: argparse.ArgumentParser, **names: str) -> None:
+    """Names that options had in version 0.2, `new="--old"`: taken, not shown."""
+    for action in parser._actions:
+        if action.dest in names:
+            parser._option_string_actions[names[action.dest]] = action
 
 
 def add_ros2_network(parser: argparse.ArgumentParser) -> None:

@@ -157,7 +157,7 @@ def run_box(box: ControllerBox, node: Node, *, once: bool, say: Callable[[str], 
         box.serve(timeout=0.2)
         if box.answer_count and not was_on:
             was_on = True
-            say("a machine is there")
+            say("machine connected")
         if was_on and box.is_switched_off:
             say(f"the machine has switched off after {box.answer_count} commands")
             was_on = False

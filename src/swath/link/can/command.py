@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.options import add_sets
+from swath.terminal.options import add_sets, former
 
 
 def add(parsers: Any) -> None:
@@ -11,20 +11,25 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("can", help="a controller box on a CAN bus, a monitor of its messages")
     parts = parser.add_subparsers(metavar="PART", required=True)
     box = parts.add_parser("box", help="run the controller box of a scenario", description=_BOX)
-    box.add_argument("scenario", metavar="NAME|FILE", help="whose law of the slot steer to run")
+    box.add_argument("scenario", metavar="NAME|FILE", help="scenario whose steering law runs in the box")
     add_sets(box)
     box.add_argument("--once", action="store_true", help="end when the machine has switched off")
     box.set_defaults(run=run_box)
     listen = parts.add_parser("listen", help="print the messages on a bus")
     for each in (box, listen):
-        each.add_argument("--interface", metavar="NAME", help="of python-can, e.g. socketcan")
-        each.add_argument("--channel", metavar="NAME", help="of that interface, e.g. can0")
+        each.add_argument("--interface", metavar="NAME", help="interface of python-can, e.g. socketcan")
+        each.add_argument("--channel", metavar="NAME", help="its channel, e.g. can0")
         each.add_argument(
-            "--option", action="append", default=[], metavar="KEY=VALUE", help="further keys of the interface"
+            "--option",
+            action="append",
+            default=[],
+            metavar="KEY=VALUE",
+            help="further settings of the interface",
         )
-    box.add_argument("--address", type=int, metavar="N", help="of the box (default 28)")
-    listen.add_argument("--for", type=float, dest="seconds", metavar="S", help="end after S seconds")
+    box.add_argument("--address", type=int, metavar="N", help="CAN address of the box (default 28)")
+    listen.add_argument("--duration-s", type=float, metavar="S", help="end after S seconds")
     listen.add_argument("--count", type=int, metavar="N", help="end after N frames")
+    former(listen, duration_s="--for")
     listen.set_defaults(run=run_listen)
     dbc = parts.add_parser("dbc", help="print where the DBC file is")
     dbc.set_defaults(run=run_dbc)
@@ -80,7 +85,7 @@ def run_listen(args: argparse.Namespace) -> int:
 
     codec, bus, began, left = Codec(), open_bus(_where(args, Params().where)), time.monotonic(), args.count
     try:
-        while left != 0 and (args.seconds is None or time.monotonic() - began < args.seconds):
+        while left != 0 and (args.duration_s is None or time.monotonic() - began < args.duration_s):
             frame = bus.recv(0.2)
             if frame is None or not frame.is_extended_id:
                 continue

@@ -84,7 +84,7 @@ def export_fmu(
     if version not in PACKAGES:
         raise InputError("--fmi", version, "expected 2 or 3")
     package, binaries = PACKAGES[version], find_binaries(version)
-    names = find_slots(scenario, slots, key="--part")
+    names = find_slots(scenario, slots, key="--slot")
     variables, given = list_variables(scenario, names, parameters)
     if version == 2:
         variables = [v for v in variables if not _is_wide(v)]

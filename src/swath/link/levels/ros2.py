@@ -63,8 +63,8 @@ class Ros2Slot:
         if self._p.mode == "lockstep" or not self._steps:
             return []
         return [
-            f"{self._setup.slot}: a node in free mode, the result depends on the clock on the wall; "
-            f"{self._stale} of {self._steps} steps went on without a new answer"
+            f"{self._setup.slot}: a node in free mode, the result depends on the wall clock; "
+            f"{self._stale} of {self._steps} steps ran without a new answer"
         ]
 
     def reset(self, stream: Stream) -> Outputs:

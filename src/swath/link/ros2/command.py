@@ -20,7 +20,9 @@ def add(parsers: Any) -> None:
     play.set_defaults(run=run_play)
     text = "write swath_msgs, the package of swath's own message types, for colcon to build"
     package = verbs.add_parser("package", help=text, description=text)
-    package.add_argument("--out", type=Path, default=Path(), metavar="DIR", help="where to (default: here)")
+    package.add_argument(
+        "--out", type=Path, default=Path(), metavar="DIR", help="where to write (default: here)"
+    )
     package.set_defaults(run=run_package)
 
 

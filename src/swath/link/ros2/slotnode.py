@@ -145,7 +145,7 @@ class SlotNode:
         """One line for the error: which node did not answer which step."""
         present = self._speakers()
         if self._names and not present:
-            who = f"the node {self._names[0]} is gone"
+            who = f"the node {self._names[0]} has ended"
         elif names := present or self._names:
             who = f"the node {names[0]} is silent"
         else:

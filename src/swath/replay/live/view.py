@@ -67,7 +67,11 @@ class LiveView(RunHook):
         run.world.graph.before_tick.insert(0, self._before_tick)
 
     def finish(self, summary: Mapping[str, Any]) -> None:
-        """Tell the pages how it ended."""
+        """Show the pages the end, and tell them how it ended."""
+        if self._frames is not None and self._run is not None:
+            last = self._frames.frame(self._run.world.graph.t)
+            for viewer in self._viewers:
+                viewer.put(last)
         word = "stopped" if summary["incomplete"] else "over"
         self._tell({"over": f"the run is {word} at {summary['simulated_s']:g} s"})
 
@@ -123,6 +127,7 @@ class LiveView(RunHook):
             "no_way_back": self._control.back_refused,
             "folder": "" if run.out is None else run.out.name,
             "values": changes.values(),
+            "levels": changes.levels(),
             "events": changes.events,
             "marks": events_of({"incidents": incidents, "events": changes.events}, {}),
             "things": things,

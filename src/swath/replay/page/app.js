@@ -53,6 +53,7 @@ class App {
 
   seek(t) {
     this.time = Math.min(Math.max(t, 0), this.data.duration);
+    if (this.live) this.live.sought();
     this.touch();
   }
 
@@ -143,12 +144,15 @@ class App {
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     const inCab = this.cameras.name === "cab";
     const parts = this.machines.flatMap((m, k) => m.parts(time).slice(inCab && k === this.machineAt ? 1 : 0));
-    this.solids.draw(view, [...parts, ...this.things.parts(time)]);
+    parts.push(...this.machines.flatMap((m) => m.stream(time, this.machines)));
     this.stand.draw({ ...view, zoom: seen.zoom, clip: seen.clip }, this.detail);
     this.ground.draw(view);
     this.straw.draw(view);
     gl.enable(gl.BLEND);
     if (element("edges").checked) this.edges.draw(view, time);
+    gl.disable(gl.BLEND);
+    this.solids.draw(view, [...parts, ...this.things.parts(time)]);  // after the edges, which crop does not hide
+    gl.enable(gl.BLEND);
     this.scans.draw(view, time, { scans: element("scans").checked, beams: element("beams").checked });
     this.edges.drawFrusta(view, time);
     gl.disable(gl.BLEND);
@@ -210,6 +214,7 @@ readData(element("data").textContent).then((data) => {
     },
     // Where the camera is and what it looks at, in the scene.
     get view() { return app.cameras.place(app.machine, app.time); },
+    geometry: { applied, cross, moved, placeOn, times, unit, CAMERAS, FOV },
     stems: (x, y, reach, t) => app.stand.countStems(x, y, reach, t),
   };
   if (data.live) globalThis.swath.live = new Live(app, data);

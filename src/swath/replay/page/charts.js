@@ -72,7 +72,7 @@ class Charts {
 
 const PAD = 8;  // at both ends of charts and time line [px]
 const colourOf = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-const readable = (v) => v.toFixed(Math.abs(v) < 10 ? 1 : 0).replace("-", "−");
+const readable = (v) => v.toFixed(Math.abs(v) < 10 ? 1 : 0).replace(/^-(?=0\.?0*$)/, "").replace("-", "−");
 
 // Limits that hold all but the rarest values, so that one outlier does not flatten the rest.
 function bounds(chart) {

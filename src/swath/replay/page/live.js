@@ -1,18 +1,15 @@
 // A run that goes on: rows and scans as they come, the knife's way, and the controls of the run.
 
-const MOST_LIVE_ROWS = 20000, TRAIL_SCANS = 12;
+const MOST_LIVE_ROWS = 20000, TRAIL_SCANS = 12, SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 10, 0];  // 0: as fast as possible
 
 class Live {
   constructor(app, data) {
     Object.assign(this, { app, data, at: 0, follows: true, drawnAt: 0, ids: 0, waiting: new Map(), state: {}, frames: 0, bytes: 0 });
     app.machines.forEach((machine, k) => this.makeRoom(machine.track, data.live.columns[k]));
     app.scans.scanners.forEach((scanner) => { scanner.kept = []; });
-    element("verdict").textContent = "live";
-    element("time").addEventListener("input", () => {
-      this.follows = false;
-      this.back.value = Math.max(0.1, this.at - Number(element("time").value)).toFixed(1);
-    });
+    this.tell("connecting …");
     this.panel();
+    app.live = this;
     this.connect();
   }
 
@@ -31,7 +28,7 @@ class Live {
     this.socket = new WebSocket(`ws://${location.host}/live${location.search}`);
     this.socket.binaryType = "arraybuffer";
     this.socket.addEventListener("message", (e) => this.take(e.data));
-    this.socket.addEventListener("close", () => this.end(this.over || "the run is no longer there"));
+    this.socket.addEventListener("close", () => this.end(this.over || "connection lost: swath or this page was stopped", !this.over));
   }
 
   take(message) {
@@ -161,13 +158,14 @@ class Live {
   takeState(state) {
     const { app, data } = this;
     this.state = state;
-    this.pauseButton.textContent = state.paused ? "go on" : "pause";
+    app.timeline.label(!state.paused);
     this.stepButton.disabled = !state.paused;
     this.speed.value = String(state.speed);
     this.speed.disabled = state.is_paced;
+    this.tellState();
     element("go-back").hidden = Boolean(state.no_way_back);
-    element("no-way-back").textContent = state.no_way_back ? `cannot go back: ${state.no_way_back}` : "";
-    this.keys.replaceChildren(...Object.entries(state.values).map(([key, value]) => new Option(`${value}`, key)));
+    element("no-way-back").textContent = state.no_way_back ? `cannot branch: ${state.no_way_back}` : "";
+    this.fillKeys();
     this.obstacles.replaceChildren(...Object.keys(state.values).filter((key) => key.startsWith("obstacles.")).map((key) => {
       const item = document.createElement("li");
       item.append(`${key.slice(10)} `, this.button("remove", () => this.ask("set", { key, value: null })));
@@ -192,10 +190,80 @@ class Live {
     this.answer.className = ok ? "pass" : "fail";
   }
 
-  end(text) {
-    element("verdict").textContent = text;
-    this.box.querySelectorAll("button, input, select").forEach((part) => { part.disabled = true; });
+  // The run is over, or cannot be reached: play and speed are those of what was seen.
+  end(text, isLost = false) {
+    this.isOver = true;
+    this.tell(text, isLost ? "fail" : "");
+    for (const part of [...this.box.querySelectorAll("button, input, select"), this.stepButton, this.now]) part.disabled = true;
+    this.speed.replaceChildren(...SPEEDS.filter((v) => v).map((v) => new Option(`${v}×`, v, v === 1, v === 1)));
+    this.speed.disabled = false;
+    this.app.timeline.label();
     this.say("what was seen stays here until the page is closed", true);
+  }
+
+  tell(text, kind = "") {
+    element("verdict").textContent = text;
+    element("verdict").className = kind;
+  }
+
+  // Another moment is looked at; that of the run is followed.
+  sought() {
+    const ago = this.at - this.app.time;
+    this.follows = ago < 0.05;
+    if (!this.follows) this.back.value = Math.max(0.1, ago).toFixed(1);
+    this.tellState();
+  }
+
+  tellState() {
+    const { paused } = this.state, past = this.follows ? "" : `, shown at ${clock(this.app.time)}`;
+    if (!this.isOver && paused !== undefined) this.tell((paused ? "paused" : "running") + past, paused ? "" : "pass");
+  }
+
+  // Play and pause are those of the run, also when an earlier moment is looked at.
+  plays() {
+    if (this.isOver) return false;
+    if (!this.state.paused) this.ask("pause", { value: true });
+    else {
+      this.toNow();
+      this.ask("pause", { value: false });
+    }
+    return true;
+  }
+
+  toNow() {
+    this.app.seek(this.at);
+  }
+
+  // Keys of the run by machine and slot, levels first; the last entry is for any other key.
+  fillKeys() {
+    const { values, levels } = this.state, chosen = this.key.value, groups = new Map();
+    for (const key of [...Object.keys(levels), ...Object.keys(values)]) {
+      const name = key.split(".").slice(0, 2).join("."), keys = groups.get(name) || new Set();
+      if (!key.startsWith("obstacles.")) groups.set(name, keys.add(key));
+    }
+    this.key.replaceChildren(...[...groups].sort().map(([name, keys]) => {
+      const group = document.createElement("optgroup");
+      group.label = name;
+      for (const key of keys) group.append(new Option(key, key));
+      return group;
+    }), new Option("another key …", ""));
+    this.key.value = chosen;
+    if (this.key.selectedIndex < 0 || !this.hasKeys) this.key.selectedIndex = 0;
+    if (!this.hasKeys || !this.change.contains(document.activeElement)) this.fillValue();
+    this.hasKeys = true;
+  }
+
+  // A list of levels, yes or no, or a field with the present value.
+  fillValue() {
+    const key = this.key.value, value = this.state.values[key], levels = this.state.levels[key];
+    const choices = levels || (typeof value === "boolean" ? ["true", "false"] : null), text = value === undefined ? "" : String(value);
+    this.otherKey.hidden = Boolean(key);
+    this.otherKey.required = !key;
+    const field = document.createElement(choices ? "select" : "input");
+    if (choices) field.append(...[...new Set([...choices, text].filter(Boolean))].map((each) => new Option(each, each)));
+    else field.autocomplete = "off";
+    Object.assign(field, { name: "value", required: true, value: typeof value === "object" ? JSON.stringify(value) : text });
+    this.change.elements.value.replaceWith(field);
   }
 
   button(text, deed) {
@@ -210,37 +278,36 @@ class Live {
     this.box = document.createElement("section");
     this.box.id = "live";
     this.box.setAttribute("aria-label", "control of the run");
-    this.box.innerHTML = `<h2>Run</h2><p class="row" id="run"></p>
-<form id="change"><label>change <input name="key" list="keys" placeholder="combine.speed.speed_kmh" required autocomplete="off"></label>
-<label>to <input name="value" required autocomplete="off"></label><button>set</button>
-<span id="go-back"><button name="branch" title="a new run goes on from there, in a folder of its own">go back</button>
-<label><input name="back" type="number" min="0.1" step="0.1" value="10"> s and set it there</label></span>
-<small id="no-way-back"></small><datalist id="keys"></datalist></form>
+    this.box.innerHTML = `<h2>Change the run</h2>
+<form id="change"><label>set <select name="key"></select></label>
+<input name="other" placeholder="machine.slot.key" aria-label="key" autocomplete="off" hidden>
+<label>to <input name="value" required autocomplete="off"></label><button>now</button>
+<span id="go-back"><button name="branch" title="a new run begins there, in a folder of its own">branch</button>
+<label><input name="back" type="number" min="0.1" step="0.1" value="10"> s ago</label></span>
+<small id="no-way-back"></small></form>
 <form id="obstacle"><label>obstacle <input name="name" value="pole" required pattern="[^.]+"></label>
-<label>is <input name="value" value="{kind: post, x_m: 12, y_m: 3}" required></label><button>put in</button>
+<label>is <input name="value" value="{kind: post, x_m: 12, y_m: 3}" required></label><button>add</button>
 <ul id="there"></ul></form><p id="answer" role="status"></p>`;
     document.querySelector("aside").prepend(this.box);
-    this.keys = element("keys");
     this.obstacles = element("there");
     this.answer = element("answer");
-    this.pauseButton = this.button("pause", () => this.ask("pause", { value: !this.state.paused }));
-    this.stepButton = this.button("step", () => this.ask("step"));
-    this.speed = document.createElement("select");
+    this.stepButton = this.button("step", () => { this.toNow(); this.ask("step"); });
+    this.stepButton.title = "one tick of a paused run";
+    this.now = this.button("live", () => this.toNow());
+    this.now.title = "back to the present of the run";
+    element("play").after(this.stepButton, this.now);
+    this.speed = element("speed");
     this.speed.setAttribute("aria-label", "speed of the run");
-    for (const v of [0.1, 0.25, 0.5, 1, 2, 4, 10, 0]) this.speed.append(new Option(v ? `${v}×` : "as fast as it can", v));
-    this.speed.addEventListener("change", () => this.ask("speed", { value: Number(this.speed.value) }));
-    const now = this.button("now", () => { this.follows = true; this.app.seek(this.at); });
-    now.title = "follow the run again";
-    element("run").append(this.pauseButton, this.stepButton, this.speed, now);
-    const changed = element("change"), put = element("obstacle");
-    changed.elements.key.addEventListener("change", () => {
-      const value = this.state.values[changed.elements.key.value];
-      if (value !== undefined) changed.elements.value.value = typeof value === "object" ? JSON.stringify(value) : value;
-    });
+    this.speed.replaceChildren(...SPEEDS.map((v) => new Option(v ? `${v}×` : "max", v)));
+    this.speed.addEventListener("change", () => { if (!this.isOver) this.ask("speed", { value: Number(this.speed.value) }); });
+    const changed = this.change = element("change"), put = element("obstacle");
+    this.key = changed.elements.key;
+    this.otherKey = changed.elements.other;
+    this.key.addEventListener("change", () => this.fillValue());
     this.back = changed.elements.back;
     changed.addEventListener("submit", (e) => {
       e.preventDefault();
-      const change = { key: changed.elements.key.value, value: changed.elements.value.value };
+      const change = { key: this.key.value || this.otherKey.value, value: changed.elements.value.value };
       if (e.submitter && e.submitter.name === "branch") this.ask("branch", { ...change, at_s: Math.max(0.001, this.at - Number(this.back.value)) });
       else this.ask("set", change);
     });

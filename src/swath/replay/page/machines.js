@@ -7,7 +7,7 @@ const PAINTS = [
   { body: [0.60, 0.22, 0.20], dark: [0.42, 0.15, 0.14], header: [0.30, 0.32, 0.34] },
 ];
 const GLASS = [0.13, 0.18, 0.22], STEEL = [0.62, 0.64, 0.66], RUBBER = [0.10, 0.10, 0.11], RIM = [0.85, 0.80, 0.62];
-const CHASSIS = [0.17, 0.18, 0.19], GRAIN = [0.86, 0.66, 0.27], ROOF = [0.88, 0.89, 0.88];
+const CHASSIS = [0.17, 0.18, 0.19], GRAIN = [0.86, 0.66, 0.27], ROOF = [0.88, 0.89, 0.88], STREAM = [1.0, 0.90, 0.52];
 
 class Machine {
   // own: triangles of a body from a file, corner by corner, and of its header; none = made from the data sheet
@@ -31,6 +31,9 @@ class Machine {
       shape: new Shape().wheel(about.radii[k], Math.max(0.3, about.widths[k]), RUBBER, rim).upload(gl),
     })));
     this.sensorShape = new Shape().box(-0.09, 0.09, -0.09, 0.09, -0.1, 0.1, [0.0, 0.32, 0.55]).upload(gl);
+    this.bracketShape = new Shape();
+    for (const sensor of this.sensors) bracket(this.bracketShape, about, sensor.position);
+    this.bracketShape.upload(gl);
     if (about.trailer && tracks.columns.trailer_x_m) this.addTrailer(gl);
     this.box = about.box;
     if (about.box && tracks.columns.heap_level) {
@@ -50,7 +53,7 @@ class Machine {
         .rod([0.24, 0, 0], [mouth, 0, 0], 0.2, this.paint.dark)
         .rod([mouth, 0, 0.1], [mouth - 0.25, 0, -0.45], 0.18, this.paint.dark)
         .upload(gl);
-      this.streamShape = new Shape().rod([0, 0, 0], [-0.5, 0, -1.4], 0.1, GRAIN, 8, 0.22).upload(gl);
+      this.streamShape = streamBody(new Shape()).upload(gl);
     }
     if (tracks.columns.tank_level) this.grainShape = new Shape().box(-0.5, 0.5, -0.5, 0.5, -1, 0, GRAIN).upload(gl);
   }
@@ -121,10 +124,10 @@ class Machine {
     for (const sensor of this.sensors) {
       found.push([this.sensorShape, times(body, frameMatrix(sensor.position, sensor.rotation))]);
     }
+    if (this.sensors.length) found.push([this.bracketShape, body]);
     if (!this.own && this.track.at("tank_level", t) > 0) found.push([this.grainShape, times(body, this.grain(t))]);
-    let carrier = body;
+    const carrier = this.carrier(t);
     if (this.trailerShape) {
-      carrier = this.trailerPose(t);
       found.push([this.trailerShape, carrier]);
       const { track, radius } = this.about.trailer;
       for (const s of [-1, 1]) {
@@ -133,17 +136,38 @@ class Machine {
       }
     }
     if (this.heapShape) {
-      const high = Math.max(0.02, 0.9 * this.box.depth * Math.min(1.1, this.track.at("heap_level", t) || 0));
-      const m = times(carrier, moved(this.box.x, 0, this.box.floor));
+      const high = this.heapHeight(t), m = times(carrier, moved(this.box.x, 0, this.box.floor));
       found.push([this.heapShape, times(m, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, high, 0, 0, 0, 0, 1])]);
     }
-    if (this.pipeShape) {
-      const { x, y, z, length } = this.about.pipe, angle = this.track.at("unload_angle_rad", t) || 0;
-      const pipe = times(times(body, moved(x, y, z)), turned("z", -angle));
-      found.push([this.pipeShape, pipe]);
-      if (this.track.at("unload_flow_kg_s", t) > 0.5) found.push([this.streamShape, times(pipe, moved(-length, 0, 0))]);
-    }
+    if (this.pipeShape) found.push([this.pipeShape, this.pipePose(t)]);
     return found;
+  }
+
+  pipePose(t) {
+    const { x, y, z } = this.about.pipe, angle = this.track.at("unload_angle_rad", t) || 0;
+    return times(times(this.pose(t), moved(x, y, z)), turned("z", -angle));
+  }
+
+  // Grain in the air, from the spout down to the heap in the box of a machine below, or to the ground.
+  stream(t, machines) {
+    if (!this.pipeShape || !(this.track.at("unload_flow_kg_s", t) > 0.5)) return [];
+    const spout = times(this.pipePose(t), moved(-this.about.pipe.length - 0.2, 0, -0.35)), [x, y, z] = applied(spout, [0, 0, 0]);
+    const low = Math.max(applied(this.pose(t), [0, 0, 0])[2], ...machines.map((m) => m.heapAt(x, y, t)));
+    const high = Math.max(0.1, z - low);
+    return [[this.streamShape, times(spout, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, high, 0, 0, 0, 0, 1])]];
+  }
+
+  carrier(t) { return this.trailerShape ? this.trailerPose(t) : this.pose(t); }
+
+  heapHeight(t) { return Math.max(0.02, 0.9 * this.box.depth * Math.min(1.1, this.track.at("heap_level", t) || 0)); }
+
+  // Height in the scene of the grain in its box at a place; -Infinity beside the box.
+  heapAt(x, y, t) {
+    if (!this.heapShape) return -Infinity;
+    const m = times(this.carrier(t), moved(this.box.x, 0, this.box.floor)), d = [x - m[12], y - m[13]];
+    const along = d[0] * m[0] + d[1] * m[1], across = d[0] * m[4] + d[1] * m[5];
+    const inside = Math.abs(along) < this.box.length / 2 && Math.abs(across) < this.box.width / 2;
+    return inside ? m[14] + this.heapHeight(t) : -Infinity;
   }
 
   grain(t) {
@@ -151,6 +175,30 @@ class Machine {
     const m = moved(front - 2.9, 0, top - 0.75 + 0.8 * level);
     return times(m, [1.9, 0, 0, 0, 0, 1.8 * half, 0, 0, 0, 0, 0.6, 0, 0, 0, 0, 1]);
   }
+}
+
+// Post and arm from the nearest part of the machine to a sensor: end plate or back of the header, or the body.
+function bracket(shape, about, [x, y, z]) {
+  const within = (v, low, high) => Math.min(Math.max(v, low), high), far = (p) => Math.hypot(p[0] - x, p[1] - y, p[2] - z);
+  const [rear, front, half, bottom, top] = about.body, deep = 0.35;  // into the body, whose outline is no box
+  let foot = [within(x, rear + deep, front - deep), within(y, -half + deep, half - deep), within(z, bottom + deep, top - deep)];
+  const [width, knife, middle, high, back] = about.header;
+  if (width > 0) {
+    const plate = within(y, middle - width / 2, middle + width / 2), isEnd = Math.abs(y - middle) > width / 2 - 0.3;
+    const on = isEnd ? [within(x, knife - back, knife), plate, 0.4] : [knife - back, plate, 0.1 + high];
+    if (far([on[0], on[1], within(z, 0.1, 0.1 + high)]) < far(foot)) foot = on;
+  }
+  shape.rod(foot, [foot[0], foot[1], z], 0.035, STEEL, 8).rod([foot[0], foot[1], z], [x, y, z], 0.03, STEEL, 8);
+}
+
+// A stream that falls by 1: it widens, and is brighter than the heap that it falls on.
+function streamBody(shape) {
+  const at = (s) => [-0.45 * Math.sqrt(s), 0, -s], wide = (s) => 0.13 + 0.15 * s, steps = 8;
+  for (let k = 0; k < steps; k++) {
+    const a = k / steps, b = (k + 1) / steps;
+    shape.rod(at(a), at(b), wide(a), STREAM, 10, wide(b));
+  }
+  return shape;
 }
 
 function meshShape(c, paint) {

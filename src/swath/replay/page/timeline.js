@@ -26,15 +26,16 @@ class Timeline {
   get speed() { return Number(element("speed").value); }
 
   toggle() {
+    if (this.app.live && this.app.live.plays()) return;
     this.playing = !this.playing;
     if (this.playing && this.app.time >= this.duration) this.app.seek(0);
     this.label();
     this.app.touch();
   }
 
-  label() {
-    element("play").textContent = this.playing ? "❚❚" : "►";
-    element("play").setAttribute("aria-label", this.playing ? "pause" : "play");
+  label(playing = this.playing) {
+    element("play").textContent = playing ? "❚❚" : "►";
+    element("play").setAttribute("aria-label", playing ? "pause" : "play");
   }
 
   // Moves on by wall time [s]; stops at the end.

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from swath.core.component import Outputs
-from swath.core.errors import InputError
+from swath.core.errors import InputError, some_of
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.crop_sheet import copied_from, load_crop
@@ -139,7 +139,7 @@ def _original(crop: str) -> tuple[str, str]:
     if found is None:
         return crop, ""
     name, differing = found
-    shown = ", ".join(differing[:MOST_SHOWN]) + (", ..." if len(differing) > MOST_SHOWN else "")
+    shown = some_of(differing, MOST_SHOWN)
     other = f"other numbers are {shown}" if differing else "all numbers are the same"
     return (
         name,

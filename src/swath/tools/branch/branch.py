@@ -75,7 +75,7 @@ def plan_branch(run: Path, at_s: float, sets: Mapping[str, Any], allow: Sequence
     if not isinstance(end_s, int | float):
         raise InputError("RUN", str(run), "expected a summary.json with simulated_s")
     if not 0.0 < at_s <= end_s:
-        raise InputError("--at", at_s, f"expected a time of the run, above 0 and up to {end_s:g} s")
+        raise InputError("--at-s", at_s, f"expected a time of the run, above 0 and up to {end_s:g} s")
     _check_repeats(scenario, summary)
     allow = [*allow, *code_in([parse_value(str(value), key) for key, value in sets.items()])]
     with only_code((*code_of(scenario), *map(file_of, allow))):

@@ -1,4 +1,4 @@
-"""`swath branch`: go back in a run, change something, go on from there."""
+"""`swath branch`: go back in a run, change something, continue from there."""
 
 import argparse
 import sys
@@ -11,14 +11,14 @@ from swath.terminal.options import add_allow, add_run_folder, add_sets
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser(
-        "branch", help="go back in a run, change something, go on from there", description=_DESCRIPTION
+        "branch", help="go back in a run, change something, continue from there", description=_DESCRIPTION
     )
     parser.add_argument("folder", metavar="RUN", type=Path, help="a run folder")
-    parser.add_argument("--at", type=float, required=True, metavar="S", help="time of the change [s]")
-    add_sets(parser, "what is other from then on, e.g. combine.speed.speed_kmh=5; may be given several times")
+    parser.add_argument("--at-s", type=float, required=True, metavar="S", help="time of the change")
+    add_sets(parser, "what changes from then on, e.g. combine.speed.speed_kmh=5; may be given several times")
     add_run_folder(parser)
     add_allow(parser)
-    parser.add_argument("--save-every", type=float, metavar="S", help="as of swath run")
+    parser.add_argument("--save-every-s", type=float, metavar="S", help="as in swath run")
     parser.add_argument("--no-replay", action="store_true", help="do not write replay.html")
     parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
     parser.set_defaults(run=run)
@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     from swath.terminal.outcome import print_outcome
     from swath.tools.branch.branch import pairs, plan_branch
 
-    plan = plan_branch(args.folder, args.at, pairs(args.sets), args.allow)
+    plan = plan_branch(args.folder, args.at_s, pairs(args.sets), args.allow)
     scenario = plan.scenario
     out = choose_run_folder(scenario.name, scenario.seed, args.out, what="branch")
     if plan.has_unreadable:
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"going on {begin}", flush=True)
     try:
         result = plan.run(
-            out, progress=not args.quiet, save_every_s=args.save_every, replay=not args.no_replay
+            out, progress=not args.quiet, save_every_s=args.save_every_s, replay=not args.no_replay
         )
     except InputError as error:
         remove_empty(out)
@@ -55,4 +55,4 @@ def run(args: argparse.Namespace) -> int:
 
 _DESCRIPTION = """Run a finished run again from one of its moments on, with something changed there, into a
 new folder: sample by sample what swath run --events gives with that change. Saves of the run (swath
-run --save-every) spare the way to that moment: docs/how-to/again.md."""
+run --save-every-s) save the time up to that moment: docs/how-to/again.md."""

@@ -9,13 +9,11 @@ from swath.tools.calibrate.engine_command import add_engine
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser(
-        "calibrate", help="fits a LiDAR table or a machine's engine to what was measured"
-    )
+    parser = parsers.add_parser("calibrate", help="fit a LiDAR table or a machine's engine to measurements")
     kinds = parser.add_subparsers(metavar="WHAT", required=True)
     lidar = kinds.add_parser("lidar", help="the table of the LiDAR level empirical", description=_DESCRIPTION)
     lidar.add_argument(
-        "--out", type=Path, required=True, metavar="FILE.npz", help="table to write, a .yaml lies beside it"
+        "--out", type=Path, required=True, metavar="FILE.npz", help="table to write, with a .yaml beside it"
     )
     lidar.add_argument(
         "--from",
@@ -25,10 +23,26 @@ def add(parsers: Any) -> None:
         help="plants (default), or a CSV of measured beams over known stands",
     )
     lidar.add_argument("--crop", default="wheat", help="crop (default wheat)")
-    lidar.add_argument("--echo", choices=("percentile", "nearest"), default="percentile", help="echo rule")
-    lidar.add_argument("--percentile", type=float, default=50.0, metavar="P", help="of the spot (default 50)")
-    lidar.add_argument("--sub-rays", type=int, default=37, metavar="N", help="per beam (default 37)")
-    lidar.add_argument("--profile", choices=("gaussian", "uniform"), default="gaussian", help="of the spot")
+    lidar.add_argument(
+        "--echo",
+        choices=("percentile", "nearest"),
+        default="percentile",
+        help="echo rule (default percentile)",
+    )
+    lidar.add_argument(
+        "--percentile",
+        type=float,
+        default=50.0,
+        metavar="P",
+        help="of the ranges in a spot, for --echo percentile (default 50)",
+    )
+    lidar.add_argument("--sub-rays", type=int, default=37, metavar="N", help="sub-rays per beam (default 37)")
+    lidar.add_argument(
+        "--profile",
+        choices=("gaussian", "uniform"),
+        default="gaussian",
+        help="intensity over the spot (default gaussian)",
+    )
     lidar.add_argument(
         "--sensor",
         default="sick-lms111",
@@ -37,10 +51,10 @@ def add(parsers: Any) -> None:
     )
     lidar.add_argument("--lines", type=int, metavar="N", help="scan lines of 24 beams per place (default 80)")
     lidar.add_argument(
-        "--narrow", action="store_true", help="spots up to 90 mm and usual stands only: a smaller table"
+        "--narrow", action="store_true", help="only spots up to 90 mm and usual stands: a smaller table"
     )
     lidar.add_argument("--quick", action="store_true", help="a coarse design, for a first try")
-    lidar.add_argument("--seed", type=int, default=1, help="another seed")
+    lidar.add_argument("--seed", type=int, default=1, metavar="N", help="seed (default 1)")
     lidar.set_defaults(run=run)
     add_engine(kinds)
 
@@ -137,5 +151,5 @@ def _report(table: Any, held_out: Any) -> None:
 
 _DESCRIPTION = """Fit the spread table of the LiDAR level empirical: from the level plants over a design of
 stands, or from measured beams over known stands (CSV with the columns
-stems_per_m2, crop_height_m, depression_deg, spot_mm, height_m). Prints how the table agrees with what was
-held out."""
+stems_per_m2, crop_height_m, depression_deg, spot_mm, height_m). Prints how well the table predicts the part
+of the data that was not fitted."""

@@ -25,11 +25,15 @@ def add_engine(kinds: Any) -> None:
         action="append",
         default=[],
         metavar="KEY",
-        help="of the data sheet (rated power, idle fuel, auxiliary power, drum work)",
+        help="key of the data sheet to fit (default: rated power, idle fuel, auxiliary power, drum work)",
     )
-    parser.add_argument("--straw", type=float, default=0.65, metavar="R", help="straw per grain (0.65)")
-    parser.add_argument("--resamples", type=int, default=1000, metavar="N", help="of the bootstrap (1000)")
-    parser.add_argument("--seed", type=int, default=1, help="of the bootstrap")
+    parser.add_argument(
+        "--straw", type=float, default=0.65, metavar="R", help="straw per grain (default 0.65)"
+    )
+    parser.add_argument(
+        "--resamples", type=int, default=1000, metavar="N", help="bootstrap resamples (default 1000)"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="seed of the bootstrap")
     parser.add_argument("--columns", type=Path, metavar="MAP.yaml", help="which column of the log is what")
     parser.add_argument("--out", type=Path, metavar="SHEET.yaml", help="write the data sheet as fitted")
     parser.set_defaults(run=run_engine_fit)

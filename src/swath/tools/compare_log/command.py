@@ -27,26 +27,46 @@ def add(parsers: Any) -> None:
         action="append",
         default=[],
         metavar="QUANTITY",
-        help="to fit to (engine_load); of a steering angle: yaw_rate or place",
+        help="quantity to fit to (default engine_load; for a steering angle yaw_rate or place)",
     )
     log.add_argument("--machine", metavar="NAME", help="fit on this machine of the log, test on the others")
     log.add_argument(
-        "--share", type=float, default=0.5, metavar="S", help="else: fit on the first share (0.5)"
+        "--share",
+        type=float,
+        default=0.5,
+        metavar="SHARE",
+        help="fit on this first share of the log, test on the rest (default 0.5)",
     )
-    log.add_argument("--alternate", action="store_true", help="else: on every other stretch between pauses")
-    log.add_argument("--process", default="threshing", metavar="LEVEL", help="of the process (threshing)")
-    log.add_argument("--engine", default="ideal", metavar="LEVEL", help="of the powertrain (ideal)")
-    log.add_argument("--straw", type=float, default=0.65, metavar="R", help="straw per grain (0.65)")
-    log.add_argument("--whole-crop", action="store_true", help="the logged flow is all of the crop")
-    log.add_argument("--flow-floor", type=float, default=0.0, metavar="F", help="logged without crop [kg/s]")
+    log.add_argument(
+        "--alternate",
+        action="store_true",
+        help="fit on every other stretch between pauses, test on the others",
+    )
+    log.add_argument(
+        "--process", default="threshing", metavar="LEVEL", help="level of the process (default threshing)"
+    )
+    log.add_argument(
+        "--engine", default="ideal", metavar="LEVEL", help="level of the powertrain (default ideal)"
+    )
+    log.add_argument("--straw", type=float, default=0.65, metavar="R", help="straw per grain (default 0.65)")
+    log.add_argument("--whole-crop", action="store_true", help="the logged flow is grain and straw together")
+    log.add_argument(
+        "--flow-floor",
+        type=float,
+        default=0.0,
+        metavar="F",
+        help="flow that is logged without crop [kg/s] (default 0)",
+    )
     log.add_argument(
         "--load-over", choices=("present", "largest"), default="present",
-        help="logged load over the torque at the present speed, or over the largest",
+        help="what 100 %% of logged load is: torque at the present speed, or the largest torque",
     )  # fmt: skip
-    log.add_argument("--friction", type=float, default=0.0, metavar="P", help="logged load of no torque [%%]")
+    log.add_argument(
+        "--friction", type=float, default=0.0, metavar="P", help="logged load at zero torque [%%] (default 0)"
+    )
     log.add_argument(
         "--antenna", type=float, nargs=2, metavar=("X", "Y"),
-        help="of logged positions: ahead of the fixed axle and to the left of it [m] (0 0)",
+        help="GNSS antenna, ahead of the fixed axle and left of it [m] (default 0 0)",
     )  # fmt: skip
     log.add_argument("--columns", type=Path, metavar="MAP.yaml", help="which column of the log is what")
     log.set_defaults(run=run_log)

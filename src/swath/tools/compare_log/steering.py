@@ -81,7 +81,7 @@ def compare_steering(
     elif asked["motion"]:
         notes.append("the log has no yaw rate and no positions: the motion is as it was")
     if not parts:
-        raise InputError("fit", ", ".join(fit), "expected numbers that this log can tell")
+        raise InputError("fit", ", ".join(fit), "expected numbers that this log determines")
     notes += [
         f"{f.key}: this log does not show it, left as it was"
         for p in parts

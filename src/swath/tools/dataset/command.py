@@ -16,11 +16,17 @@ def add(parsers: Any) -> None:
     parser.add_argument("scenario", metavar="NAME|FILE", help="a bundled scenario, or a YAML file")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to write")
     parser.add_argument("--count", type=int, default=100, metavar="N", help="pictures (default 100)")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="another one, other pictures")
-    parser.add_argument("--width", type=int, default=640, metavar="PX", help="of a picture (default 640)")
-    parser.add_argument("--height", type=int, default=480, metavar="PX", help="of a picture (default 480)")
     parser.add_argument(
-        "--per-scene", type=int, default=5, metavar="N", help="of a field in one light (default 5)"
+        "--seed", type=int, default=1, metavar="N", help="another seed, other pictures (default 1)"
+    )
+    parser.add_argument(
+        "--width-px", type=int, default=640, metavar="PX", help="width of a picture (default 640)"
+    )
+    parser.add_argument(
+        "--height-px", type=int, default=480, metavar="PX", help="height of a picture (default 480)"
+    )
+    parser.add_argument(
+        "--per-scene", type=int, default=5, metavar="N", help="pictures per field and light (default 5)"
     )
     parser.add_argument(
         "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
@@ -43,8 +49,8 @@ def run(args: argparse.Namespace) -> int:
         count=args.count,
         seed=args.seed,
         sets=tuple(args.sets),
-        width=args.width,
-        height=args.height,
+        width=args.width_px,
+        height=args.height_px,
         per_scene=args.per_scene,
     )
     with progress_bar("pictures") as progress:
@@ -55,5 +61,5 @@ def run(args: argparse.Namespace) -> int:
 
 
 _DESCRIPTION = """Pictures of a scenario's camera with masks and boxes of everything in them, as COCO. Field,
-light, air, place of the camera and things around vary from the seed. A command that was stopped goes on where
-it was when it is given again."""
+light, air, place of the camera and things around vary from the seed. A command that was stopped resumes when
+it is given again."""

@@ -42,7 +42,7 @@ def settings_of(
     The camera is the first of the first machine that has one; where there is none, the first machine gets one
     of level `error`.
     """
-    for key, value, low in (("--count", count, 1), ("--per-scene", per_scene, 1), ("--width", width, 16)):
+    for key, value, low in (("--count", count, 1), ("--per-scene", per_scene, 1), ("--width-px", width, 16)):
         if value < low:
             raise InputError(key, value, f"expected >= {low}")
     machine, camera, own = _camera_of(load_scenario(scenario, sets=list(sets)))

@@ -11,7 +11,7 @@ def add(parsers: Any) -> None:
         "diff", help="what differs between two runs, as text and page", description=_DESCRIPTION
     )
     parser.add_argument("first", type=Path, metavar="RUN", help="a run folder")
-    parser.add_argument("second", type=Path, metavar="RUN", help="another")
+    parser.add_argument("second", type=Path, metavar="RUN", help="another run folder")
     parser.add_argument(
         "--out", type=Path, metavar="FILE", help="the page (default: diff.html in the second)"
     )
@@ -41,5 +41,5 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-_DESCRIPTION = """Compare two runs: scenario, exact samples, metrics, events, tracks over the way driven.
+_DESCRIPTION = """Compare two runs: scenario, exact samples, metrics, events, tracks over the distance driven.
 Prints where they first differ and writes one page with both."""

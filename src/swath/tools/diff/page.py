@@ -47,7 +47,7 @@ def _figures(found: Comparison, machine: str) -> list[Figure]:
         curves = Figure(
             f"Tracks of {machine}",
             as_image(_curves(tracks, names)),
-            "Over the way driven, so that speeds may differ.",
+            "Over the distance driven, so that speeds may differ.",
         )
     return [way, curves]
 
@@ -61,7 +61,7 @@ def _way(tracks: tuple[Columns, Columns], names: tuple[str, str]) -> Any:
     left.legend()
     way, apart = _apart(*tracks)
     right.plot(way, 100.0 * apart, color="#6B6F76")
-    right.set(xlabel="driven [m]", ylabel="apart after the same way [cm]")
+    right.set(xlabel="driven [m]", ylabel="apart after the same distance [cm]")
     return fig
 
 

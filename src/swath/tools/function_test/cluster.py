@@ -88,7 +88,7 @@ def run_on_cluster(
             is_over = bool(count) and len(pending) < count
             alone = 0 if count else alone + 1
             if alone > PATIENCE:
-                raise SwathError("no worker is left; the same command goes on with what is not finished")
+                raise SwathError("no worker is left; the same command resumes with what is not finished")
             if not pending:
                 time.sleep(0.0 if is_over else LOOK_S)
                 continue

@@ -20,53 +20,61 @@ def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("test", help="run and judge cases many times", description=_DESCRIPTION)
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    listing = verbs.add_parser("list", help="cases, what varies in them, what they ask")
+    listing = verbs.add_parser("list", help="list cases: parameters, limits")
     listing.add_argument("cases", nargs="?", default="catalogue", help=_CASES)
     add_json(listing)
     listing.set_defaults(run=_list)
-    run = verbs.add_parser("run", help="do the runs of cases; goes on where it was stopped")
+    run = verbs.add_parser("run", help="do the runs of cases; resumes where it was stopped")
     run.add_argument("cases", help=_CASES)
     run.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
     run.add_argument("--with", type=Path, dest="candidates", metavar="FILE", help="candidates to compare")
     run.add_argument("--seeds", type=int, metavar="N", help="seeds 1 to N instead of those of the cases")
+    run.add_argument("--draw", type=int, default=0, metavar="N", help="N random points instead of the grid")
     run.add_argument(
-        "--draw", type=int, default=0, metavar="N", help="N points at random instead of the grid"
+        "--draw-seed", type=int, default=1, metavar="N", help="seed of the random points (default 1)"
     )
-    run.add_argument("--draw-seed", type=int, default=1, metavar="N", help="seed of the points (default 1)")
-    run.add_argument("--only", action="append", default=[], metavar="TAG", help="cases with this tag")
-    add_sets(run, "of every scenario")
+    run.add_argument("--only", action="append", default=[], metavar="TAG", help="only cases with this tag")
+    add_sets(run, "change every scenario")
     run.add_argument(
         "--level",
         choices=("empirical", "plants"),
         default="",
-        help="of scanners; empirical only where it can carry the limits",
+        help="LiDAR level; empirical is used only where it is accurate enough for the limits",
     )
     run.add_argument(
         "--shadow",
         action="store_true",
-        help="the first candidate steers, the others see its scans: open loop",
+        help="the first candidate steers, the others only see its scans (open loop)",
     )
     run.add_argument(
         "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
     )
     run.add_argument("--cluster", default="", metavar="WHERE", help=CLUSTER)
-    run.add_argument("--plan-only", action="store_true", help="write the plan, for `swath test work`")
+    run.add_argument("--plan-only", action="store_true", help="write the plan only, for swath test work")
     run.set_defaults(run=_run)
     search_command.add(verbs)
-    work = verbs.add_parser("work", help="do one share of a plan, on any machine that sees the folder")
+    work = verbs.add_parser("work", help="do one share of a plan, on any computer that sees the folder")
     work.add_argument("folder", type=Path)
-    work.add_argument("--shard", required=True, metavar="I/N", help="which share, such as 3/200")
+    work.add_argument("--shard", required=True, metavar="I/N", help="share to do, e.g. 3/200")
     work.set_defaults(run=_work)
-    report = verbs.add_parser("report", help="judge stored results against the present limits; runs nothing")
+    report = verbs.add_parser("report", help="judge stored results by the present limits; runs nothing")
     report.add_argument("folder", type=Path)
     report.set_defaults(run=_report)
-    versus = verbs.add_parser("compare", help="two results pair by pair; exit code 1: something is worse")
+    versus = verbs.add_parser(
+        "compare", help="compare two results run by run; exit code 1: something is worse"
+    )
     versus.add_argument("old", metavar="OLD", help="a folder of results, or FOLDER:CANDIDATE")
     versus.add_argument("new", metavar="NEW", help="another, or the same with another candidate")
-    versus.add_argument("--metric", action="append", default=[], metavar="NAME", help="not the usual ones")
-    versus.add_argument("--within", type=float, metavar="M", help="a difference up to this does not matter")
+    versus.add_argument(
+        "--metric",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="compare this metric instead of the default ones",
+    )
+    versus.add_argument("--within", type=float, metavar="VALUE", help="differences up to this count as equal")
     versus.set_defaults(run=_compare)
-    again = verbs.add_parser("again", help="one run once more as a full run folder; is the digest the same?")
+    again = verbs.add_parser("again", help="repeat one run as a full run folder and check its digest")
     again.add_argument("folder", type=Path)
     again.add_argument("name", metavar="RUN", help="the run, or the beginning of its name")
     again.add_argument("--out", type=Path, metavar="DIR", help="default: FOLDER/kept/RUN")

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-CLUSTER = "on workers of dask: local, slurm or the address of a scheduler"
+CLUSTER = "run on dask workers: local, slurm, or the address of a scheduler"
 
 
 @contextmanager

@@ -63,7 +63,7 @@ class Searched:
     def boundary(self) -> Boundary:
         """What the runs say. InputError for fewer than a search has."""
         if len(self.results) < FEWEST:
-            expected = f"expected {FEWEST} runs or more: go on with the search"
+            expected = f"expected {FEWEST} runs or more: continue the search"
             raise InputError("search", len(self.results), expected, file=self.folder / SEARCH)
         points = self.in_cube([result["point"] for result in self.results])
         return Boundary(list(self.ranges), points, self.margins(self.results))

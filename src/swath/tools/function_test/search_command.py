@@ -11,14 +11,18 @@ from swath.tools.function_test.progress import CLUSTER, engine, progress
 
 def add(verbs: Any) -> None:
     """Add the verb."""
-    search = verbs.add_parser("search", help="the boundary of failure in the ranges of a case's parameters")
+    search = verbs.add_parser(
+        "search", help="search the boundary of failure within the parameter ranges of a case"
+    )
     search.add_argument("case", help="a case file or a bundled case; parameters with a range are searched")
     search.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
     search.add_argument("--limit", default="", metavar="NAME", help="only this limit (default: all together)")
-    search.add_argument("--budget", type=int, default=64, metavar="N", help="runs in all (default 64)")
-    search.add_argument("--batch", type=int, default=4, metavar="N", help="runs of a round (default 4)")
+    search.add_argument("--budget", type=int, default=64, metavar="N", help="runs in total (default 64)")
+    search.add_argument("--batch", type=int, default=4, metavar="N", help="runs per round (default 4)")
     add_sets(search, "of every scenario")
-    search.add_argument("--check", type=Path, metavar="DIR", help="other runs of the case: foretold right?")
+    search.add_argument(
+        "--check", type=Path, metavar="DIR", help="other results of the case, to check the boundary against"
+    )
     search.add_argument(
         "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
     )
@@ -59,8 +63,7 @@ def tell(found: Any, check: Path | None = None) -> int:
     print(f"{len(found.results)} runs, {int((boundary.margins >= 0.0).sum())} of them pass")
     print(f"passes in {100 * passing:.0f} % of the ranges; in {100 * unknown:.0f} % it is not known (95 %)")
     if checked is not None:
-        print(
-            f"{checked[0]} of {checked[1]} other runs foretold right: {100 * checked[0] / checked[1]:.1f} %"
-        )
+        share = 100 * checked[0] / checked[1]
+        print(f"{checked[0]} of {checked[1]} other runs predicted correctly: {share:.1f} %")
     print(f"report  {page}")
     return 0

@@ -32,8 +32,8 @@ def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = 
         facts={
             "passes": f"{100 * passing:.0f} % of the ranges",
             "not known (95 %)": f"{100 * unknown:.0f} % of the ranges",
-            "left out, foretold right": f"{100 * boundary.right_of_left_out:.0f} % of the runs",
-            "other runs, foretold right": None if checked is None else f"{checked[0]} of {checked[1]}",
+            "left out, predicted correctly": f"{100 * boundary.right_of_left_out:.0f} % of the runs",
+            "other runs, predicted correctly": None if checked is None else f"{checked[0]} of {checked[1]}",
         },
         maps=[_map(found, boundary, x, y) for x, y in combinations(range(len(found.ranges)), 2)]
         or [_line(found, boundary)],

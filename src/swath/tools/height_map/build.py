@@ -144,7 +144,7 @@ def _gather(
     counts["echoes"] = gatherer.echo_count
     if gatherer.echo_count == 0:
         what = ", ".join(f"{k.replace('_', ' ')} {n}" for k, n in counts.items() if n)
-        raise InputError("source", source.name, f"expected echoes near the way; found {what or 'no scan'}")
+        raise InputError("source", source.name, f"expected echoes near the path; found {what or 'no scan'}")
     return gatherer.finish(), {**counts, "notes": dict(source.notes)}
 
 

@@ -20,12 +20,15 @@ def add(parsers: Any) -> None:
         help="where the scanner sits [m, deg], seen from the poses (default: from /tf_static, or 0)",
     )
     made.add_argument(
-        "--field", type=Path, metavar="DIR", help="positions (NavSatFix) become local metres of this folder"
+        "--field",
+        type=Path,
+        metavar="DIR",
+        help="field folder whose local metres GNSS fixes are converted to",
     )
     made.add_argument(
         "--origin",
         metavar="LAT,LON[,HEIGHT]",
-        help="or those of the plane that touches the ellipsoid there [deg, m] (default: the first fix)",
+        help="without --field: origin of the local metres [deg, m] (default: the first fix)",
     )
     made.add_argument(
         "--antenna", metavar="X,Y,Z", help="where the receiver sits on the machine [m] (default: 0,0,0)"
@@ -34,19 +37,19 @@ def add(parsers: Any) -> None:
         "--ground",
         choices=("pose", "echoes"),
         default="pose",
-        help="the ground is where the machine stood, or that corrected by the lowest echoes",
+        help="ground from the poses alone, or corrected by the lowest echoes",
     )
     for key, unit, text in (
         ("cell", "M", "side of a cell [m] (default 0.05)"),
-        ("along", "M", "heights within this length along the way share a distribution [m] (default 0.5)"),
-        ("across", "M", "and within this width across it [m] (default 0.05)"),
+        ("along", "M", "length along the path whose heights share a distribution [m] (default 0.5)"),
+        ("across", "M", "width across the path, likewise [m] (default 0.05)"),
         ("fill", "M", "a cell this near to an echo counts as measured [m] (default 0.1)"),
-        ("reach", "M", "leave out what is further from the way [m] (default 30)"),
+        ("reach", "M", "leave out echoes further from the path [m] (default 30)"),
         ("range-min", "M", "smaller ranges are no echo [m] (default 0.05)"),
         ("range-max", "M", "larger ranges are no echo [m] (default 200)"),
     ):
         made.add_argument(f"--{key}-m", type=float, metavar=unit, help=text)
-    made.add_argument("--per-cell", type=int, metavar="N", help="heights kept of a cell (default 32)")
+    made.add_argument("--per-cell", type=int, metavar="N", help="heights kept per cell (default 32)")
     made.add_argument("--picture", type=Path, metavar="PNG", help="the picture (default: beside the file)")
     made.set_defaults(run=run_build)
 

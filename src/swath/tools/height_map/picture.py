@@ -57,7 +57,7 @@ def draw_height_map(grid: HeightGrid, path: Path, way: Array | None = None) -> P
             if way is not None:
                 ax.plot(*grid.to_local(way[:, 0], way[:, 1]), color="#c1272d", lw=1.2)
             ax.set(title=title, ylabel="left of it [m]", xlim=extent[:2], ylim=extent[2:])
-        axes[2].set_xlabel("along the way of the machine (red) [m]")
+        axes[2].set_xlabel("along the path of the machine (red) [m]")
         _across(axes[3], low, high, extent)
         with new_file(path) as file:
             fig.savefig(file, format="png", dpi=110)
@@ -90,4 +90,4 @@ def _across(ax: Any, low: Array, high: Array, extent: Any) -> None:
         ax.fill_between(across[known], lower, upper, step="mid", color="#7fb069", alpha=0.5, lw=0)
         ax.step(across[known], upper, where="mid", color="#33691e", lw=1.2)
     ax.set(xlabel="left of the way's frame [m]", ylabel="height [m]", xlim=extent[2:])
-    ax.set_title("across the way, mean over its middle half: 5 to 95 % of the heights above ground")
+    ax.set_title("across the path, mean over its middle half: 5 to 95 % of the heights above ground")

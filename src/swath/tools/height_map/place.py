@@ -29,7 +29,7 @@ class Frame:
         low = path.min(axis=0) - reach
         count = np.ceil((np.ptp(path, axis=0) + 2 * reach) / (TILE * cell))
         if not np.prod(count) <= TILES_MAX:
-            raise InputError("poses", None, "expected a way within one region, or larger cells (--cell-m)")
+            raise InputError("poses", None, "expected a path within one region, or larger cells (--cell-m)")
         self.tiles = int(count[1]), int(count[0])
         self.origin = np.array([self._c * low[0] - self._s * low[1], self._s * low[0] + self._c * low[1]])
         self.width, self.length = self.tiles[1] * TILE, self.tiles[0] * TILE

@@ -1,39 +1,51 @@
-"""`swath lab`: what scanners measure over stands that are known."""
+"""`swath lab`: what scanners measure over stands of known density."""
 
 import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_sets
+from swath.terminal.options import add_sets, former
 
 
 def add(parsers: Any) -> None:
     """Add the command and its verb."""
-    parser = parsers.add_parser("lab", help="what scanners measure over stands that are known")
+    parser = parsers.add_parser("lab", help="what scanners measure over stands of known density")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     made = verbs.add_parser(
         "stand", help="measured heights by density, scanner and view", description=_DESCRIPTION
     )
     made.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to write")
-    made.add_argument("--density", nargs="+", type=float, metavar="N", help="stems/m2 (default 200 600)")
-    made.add_argument("--sensor", nargs="+", metavar="NAME", help="scanners (default the LMS511 HR and SR)")
     made.add_argument(
-        "--depression",
+        "--stems-per-m2", nargs="+", type=float, metavar="N", help="density of the stands (default 200 600)"
+    )
+    made.add_argument("--sensor", nargs="+", metavar="NAME", help="scanners (default: LMS511 HR and SR)")
+    made.add_argument(
+        "--depression-deg",
         nargs="+",
         type=float,
         metavar="DEG",
-        help="how far beams look down (default 15 30 45 60)",
+        help="angle of the middle beam below the horizontal (default 15 30 45 60)",
     )
     made.add_argument("--crop", default="wheat", metavar="NAME|FILE", help="crop (default wheat)")
-    made.add_argument("--height", type=float, metavar="M", help="of the crop (default: the crop's own)")
-    made.add_argument("--real", type=Path, metavar="FILE", help="heights measured in the field (CSV)")
-    made.add_argument("--levels", nargs="+", metavar="LEVEL", help="of the LiDAR (default: all there are)")
-    made.add_argument("--seeds", type=int, default=5, metavar="N", help="stands of each kind (default 5)")
-    made.add_argument("--seed", type=int, default=1, metavar="N", help="the first of them (default 1)")
     made.add_argument(
-        "--distance", type=float, default=5.0, metavar="M", help="of the crop along the beam (default 5)"
+        "--crop-height-m",
+        type=float,
+        metavar="M",
+        help="height of the crop (default: that of its data sheet)",
+    )
+    made.add_argument("--real", type=Path, metavar="FILE", help="heights measured in the field (CSV)")
+    made.add_argument("--levels", nargs="+", metavar="LEVEL", help="LiDAR levels to compare (default: all)")
+    made.add_argument("--seeds", type=int, default=5, metavar="N", help="stands per case (default 5)")
+    made.add_argument("--seed", type=int, default=1, metavar="N", help="first of the seeds (default 1)")
+    made.add_argument(
+        "--distance-m",
+        type=float,
+        default=5.0,
+        metavar="M",
+        help="to the crop along the middle beam (default 5)",
     )
     add_sets(made, "a parameter of the LiDAR, e.g. echo=nearest or noise=none; may be given several times")
+    former(made, crop_height_m="--height", stems_per_m2="--density")
     made.set_defaults(run=run_stand)
 
 
@@ -72,13 +84,13 @@ def _settings(args: argparse.Namespace) -> Any:
     from swath.tools.lab.lab import Settings
 
     lists = {
-        "densities": args.density,
+        "densities": args.stems_per_m2,
         "sensors": args.sensor,
-        "depressions_deg": args.depression,
+        "depressions_deg": args.depression_deg,
         "levels": args.levels,
     }
     given: dict[str, Any] = {k: tuple(v) for k, v in lists.items() if v is not None}
-    given |= {"crop": args.crop, "height_m": args.height, "distance_m": args.distance}
+    given |= {"crop": args.crop, "height_m": args.crop_height_m, "distance_m": args.distance_m}
     given |= {"seed": args.seed, "seeds": args.seeds, "sets": _sets(args.sets)}
     return Settings(**given)
 

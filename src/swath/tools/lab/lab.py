@@ -73,10 +73,10 @@ class Settings:
     def __post_init__(self) -> None:
         """InputError for a value that cannot be used."""
         for key, values, low, high in (
-            ("--density", self.densities, 1.0, 3000.0),
-            ("--depression", self.depressions_deg, 5.0, 85.0),
-            ("--height", () if self.height_m is None else (self.height_m,), 0.05, 4.0),
-            ("--distance", (self.distance_m,), 1.0, 30.0),
+            ("--stems-per-m2", self.densities, 1.0, 3000.0),
+            ("--depression-deg", self.depressions_deg, 5.0, 85.0),
+            ("--crop-height-m", () if self.height_m is None else (self.height_m,), 0.05, 4.0),
+            ("--distance-m", (self.distance_m,), 1.0, 30.0),
             ("--seeds", (self.seeds,), 1, 100),
             ("--seed", (self.seed,), 0, 2**31),
         ):
@@ -84,9 +84,9 @@ class Settings:
                 if not low <= value <= high:
                     raise InputError(key, value, f"expected {low:g} to {high:g}")
         lists: dict[str, tuple[object, ...]] = {
-            "--density": self.densities,
+            "--stems-per-m2": self.densities,
             "--sensor": self.sensors,
-            "--depression": self.depressions_deg,
+            "--depression-deg": self.depressions_deg,
             "--levels": self.levels or (),
         }
         for key, names in lists.items():

@@ -12,7 +12,9 @@ loop. Writes index.html and a run folder for each case of the closed loop; takes
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("paper", help="the paper's figures, made here", description=_DESCRIPTION)
-    parser.add_argument("--out", type=Path, default=Path("paper"), metavar="FOLDER", help="default: paper")
+    parser.add_argument(
+        "--out", type=Path, default=Path("paper"), metavar="DIR", help="where to write (default: paper)"
+    )
     parser.set_defaults(run=run)
 
 

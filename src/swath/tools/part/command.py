@@ -14,12 +14,15 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("part", help="one slot of a scenario on its own", description=_DESCRIPTION)
     parser.add_argument("slot", metavar="SLOT", help="combine.process, or process where there is one machine")
     parser.add_argument(
-        "--input", type=Path, metavar="X.csv|RUN", help="what it takes; without it, print the columns"
+        "--input",
+        type=Path,
+        metavar="X.csv|RUN",
+        help="its inputs: a table, or a run; without it, print the columns",
     )
     parser.add_argument(
-        "--scenario", metavar="NAME|FILE", help=f"whose slot it is (default: of RUN, else {USUAL})"
+        "--scenario", metavar="NAME|FILE", help=f"scenario of the slot (default: that of RUN, else {USUAL})"
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="for inputs.csv and outputs.csv")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for inputs.csv and outputs.csv")
     add_sets(parser)
     parser.set_defaults(run=run)
 
@@ -46,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
         if args.input is None:
             _print_columns(part)
         elif args.out is None:
-            raise InputError("--out", None, "expected a folder for inputs.csv and outputs.csv")
+            raise InputError("--out", None, "expected a folder folder for inputs.csv and outputs.csv")
         else:
             _run(part, args.input, log, args.out)
     finally:

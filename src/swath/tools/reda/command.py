@@ -4,6 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import former
+
 _DESCRIPTION = """A person on a grid of places before and behind a crop edge, seen by a LiDAR, two radars and
 a camera, for every combination of crop height, density and weather: maps of the share of looks that detect
 the person, three scores, and whether and why a sensor sees somebody 3 m inside the crop.
@@ -16,20 +18,54 @@ def add(parsers: Any) -> None:
         "reda", help="where sensors detect a person in crop", description=_DESCRIPTION
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to write")
-    parser.add_argument("--height", nargs="+", type=float, metavar="M", help="of the crop (default 0.6 0.85)")
-    parser.add_argument("--density", nargs="+", type=float, metavar="N", help="stems/m2 (default 300 500)")
-    parser.add_argument("--weather", nargs="+", metavar="NAME", help="of clear, dust, rain (default all)")
-    parser.add_argument("--sensor", nargs="+", metavar="NAME", help="lidar, radar sheets, camera (default 4)")
-    parser.add_argument("--target", default="person", choices=("person", "animal"), help="default person")
-    parser.add_argument("--target-height", type=float, metavar="M", help="default: its sheet's")
+    parser.add_argument(
+        "--crop-height-m", nargs="+", type=float, metavar="M", help="height of the crop (default 0.6 0.85)"
+    )
+    parser.add_argument(
+        "--stems-per-m2", nargs="+", type=float, metavar="N", help="density of the stand (default 300 500)"
+    )
+    parser.add_argument("--weather", nargs="+", metavar="NAME", help="clear, dust or rain (default: all)")
+    parser.add_argument(
+        "--sensor",
+        nargs="+",
+        metavar="NAME",
+        help="lidar, camera, or data sheets of radars (default: lidar, camera, two radars)",
+    )
+    parser.add_argument(
+        "--target", default="person", choices=("person", "animal"), help="what to detect (default person)"
+    )
+    parser.add_argument(
+        "--target-height-m", type=float, metavar="M", help="its height (default: that of its data sheet)"
+    )
     parser.add_argument("--crop", default="wheat", metavar="NAME|FILE", help="crop (default wheat)")
-    parser.add_argument("--moisture", type=float, default=12.0, metavar="PERCENT", help="of the straw")
-    parser.add_argument("--camera-px", type=int, default=1280, metavar="N", help="width (default 1280)")
-    parser.add_argument("--camera-least-px", type=float, default=40.0, metavar="N", help="a detector needs")
-    parser.add_argument("--least", type=float, default=0.9, metavar="SHARE", help="that covers a place")
-    parser.add_argument("--repeats", type=int, default=2, metavar="N", help="at each place (default 2)")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="default 1")
+    parser.add_argument(
+        "--moisture-percent",
+        type=float,
+        default=12.0,
+        metavar="PERCENT",
+        help="moisture of the straw (default 12)",
+    )
+    parser.add_argument(
+        "--camera-px", type=int, default=1280, metavar="N", help="width of the camera picture (default 1280)"
+    )
+    parser.add_argument(
+        "--camera-least-px",
+        type=float,
+        default=40.0,
+        metavar="N",
+        help="pixels that a detector needs on the target (default 40)",
+    )
+    parser.add_argument(
+        "--least",
+        type=float,
+        default=0.9,
+        metavar="SHARE",
+        help="share of looks from which a place counts as covered (default 0.9)",
+    )
+    parser.add_argument("--repeats", type=int, default=2, metavar="N", help="persons per place (default 2)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed (default 1)")
     parser.add_argument("--workers", type=int, metavar="N", help="processes (default: cores)")
+    former(parser, crop_height_m="--height", stems_per_m2="--density")
     parser.set_defaults(run=run)
 
 
@@ -50,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
         with progress_bar("looking") as progress:
             found = run_reda(settings, processes=processes, progress=progress, kept=kept)
     except KeyboardInterrupt as error:
-        goes_on = f"; what is done is in {kept}, the same command goes on from there"
+        goes_on = f"; what is done is in {kept}, the same command resumes from there"
         raise type(error)(f"stopped{goes_on if kept.is_file() else ', nothing was done yet'}") from None
     files = write_all(args.out, settings, found)
     kept.unlink(missing_ok=True)
@@ -64,23 +100,15 @@ def _settings(args: argparse.Namespace) -> Any:
     from swath.tools.reda.scene import Settings
 
     lists = {
-        "heights": args.height,
-        "densities": args.density,
+        "heights": args.crop_height_m,
+        "densities": args.stems_per_m2,
         "weathers": args.weather,
         "sensors": args.sensor,
     }
     given: dict[str, Any] = {k: tuple(v) for k, v in lists.items() if v is not None}
-    names = (
-        "target",
-        "target_height",
-        "crop",
-        "moisture",
-        "camera_px",
-        "camera_least_px",
-        "least",
-        "repeats",
-    )
-    return Settings(**given, **{name: getattr(args, name) for name in names}, seed=args.seed)
+    given |= {"target_height": args.target_height_m, "moisture": args.moisture_percent}
+    names = ("target", "crop", "camera_px", "camera_least_px", "least", "repeats", "seed")
+    return Settings(**given, **{name: getattr(args, name) for name in names})
 
 
 def _check_out(out: Path) -> None:

@@ -86,9 +86,9 @@ class Settings:
     def __post_init__(self) -> None:
         """InputError for a value that cannot be used."""
         for key, values, low, high in (
-            ("--height", self.heights, 0.2, 3.0),
-            ("--density", self.densities, 10.0, 1500.0),
-            ("--moisture", (self.moisture,), 0.0, 80.0),
+            ("--crop-height-m", self.heights, 0.2, 3.0),
+            ("--stems-per-m2", self.densities, 10.0, 1500.0),
+            ("--moisture-percent", (self.moisture,), 0.0, 80.0),
             ("--camera-px", (self.camera_px,), 64.0, 20000.0),
             ("--camera-least-px", (self.camera_least_px,), 1.0, 2000.0),
             ("--least", (self.least,), 0.01, 1.0),

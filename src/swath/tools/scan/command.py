@@ -12,7 +12,7 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("scan", help="one scan of a scenario, as a picture and a file")
     parser.add_argument("scenario", metavar="NAME|FILE", help="a bundled scenario, or a YAML file")
     add_scenario_options(parser)
-    parser.add_argument("--at", metavar="S", help="after S seconds of driving (default: where it starts)")
+    parser.add_argument("--at-s", metavar="S", help="after S seconds of driving (default: where it starts)")
     parser.add_argument(
         "--format",
         metavar="LIST",
@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     from swath.core.errors import InputError
     from swath.runtime.folder import choose_scan_folder
 
-    at = _seconds(args.at)
+    at = _seconds(args.at_s)
     scenario = _with_camera(args) if args.camera else load(args)
     out = choose_scan_folder(scenario.name, scenario.seed, args.out)
     from swath.tools.scan import scan
@@ -70,5 +70,5 @@ def _seconds(text: str | None) -> float:
     except ValueError:
         value = -1.0
     if not 0.0 <= value <= 1e5:
-        raise InputError("--at", text, "expected seconds, 0 to 100000")
+        raise InputError("--at-s", text, "expected seconds, 0 to 100000")
     return value

@@ -4,6 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import former
+
 
 def add(parsers: Any) -> None:
     """Add the command."""
@@ -12,19 +14,24 @@ def add(parsers: Any) -> None:
     )
     parser.add_argument("run_folder", type=Path, metavar="RUN", help="a run folder")
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="F", help="X.csv, or a folder for ISOXML task data"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR|FILE.csv",
+        help="a CSV, or a folder for ISOXML task data",
     )
     parser.add_argument("--machine", metavar="NAME", help="which machine (default: the first that harvests)")
     parser.add_argument(
-        "--interval-s", type=float, default=1.0, metavar="S", help="of the records (default 1)"
+        "--interval-s", type=float, default=1.0, metavar="S", help="between records (default 1)"
     )
     parser.add_argument(
         "--sensor-delay-s", type=float, default=0.0, metavar="S",
-        help="from the tank's inlet to the sensor, on top of the machine's own delay (default 0)",
+        help="from the tank inlet to the sensor, added to the machine's own delay (default 0)",
     )  # fmt: skip
     parser.add_argument(
-        "--at", metavar="LAT,LON", help="where a field without a place on Earth lies (default 52,9)"
+        "--origin", metavar="LAT,LON", help="where a field without coordinates lies (default 52,9)"
     )
+    former(parser, origin="--at")
     parser.set_defaults(run=run)
 
 
@@ -35,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
 
     log = records_of(
         args.run_folder, machine=args.machine, interval=args.interval_s, delay=args.sensor_delay_s,
-        at=place(args.at),
+        at=place(args.origin),
     )  # fmt: skip
     file = write_csv(log, args.out) if args.out.suffix.lower() == ".csv" else write_isoxml(log, args.out)
     print(f"{file}  {len(log.time)} records, {log.grain_kg:.1f} kg")

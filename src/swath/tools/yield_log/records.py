@@ -55,9 +55,9 @@ def place(text: str | None) -> tuple[float, float]:
     try:
         lat, lon = (float(part) for part in text.split(","))
     except ValueError:
-        raise InputError("--at", text, "expected LAT,LON in degrees, like 52,9") from None
+        raise InputError("--origin", text, "expected LAT,LON in degrees, like 52,9") from None
     if not (abs(lat) <= 84.0 and abs(lon) <= 180.0):
-        raise InputError("--at", text, "expected a latitude of at most 84 and a longitude of at most 180")
+        raise InputError("--origin", text, "expected a latitude of at most 84 and a longitude of at most 180")
     return lat, lon
 
 
