@@ -22,6 +22,14 @@ def add(parsers: Any) -> None:
         "--real-time", action="store_true", help="at the pace of real time (section realtime)"
     )
     parser.add_argument(
+        "--device",
+        action="append",
+        default=[],
+        dest="devices",
+        metavar="SLOT=ADDRESS",
+        help="serve a slot as a device, e.g. lidar=lms://127.0.0.1:2111; several times",
+    )
+    parser.add_argument(
         "--ros2", action="store_true", help="publish everything as ROS 2 topics, offer services (extra ros2)"
     )
     add_ros2_network(parser)
