@@ -279,8 +279,9 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
         fed = {port: source for port, (source, _) in choice.wires.items()}
         offered, gives = _offered(choice), choice.kind.outputs
         ground = None if choice.kind.is_control else site.field.terrain.height
+        to_local = None if site.origin is None else site.origin.to_field
         return LinkSetup(
-            section.name, slot, offered, gives, control, site.base, fed, site.before_asking, ground
+            section.name, slot, offered, gives, control, site.base, fed, site.before_asking, ground, to_local
         )
     if choice.kind.is_control and not choice.found.sees_truth:
         return control

@@ -223,7 +223,7 @@ class SlotCommon(BaseModel):
     ] = None
     device: Annotated[
         str | None,
-        Field(description="address at which it is served as a device, such as lms://: docs/how-to/devices.md"),
+        Field(description="address at which it is served as a device: docs/how-to/devices.md"),
     ] = None
 
 

@@ -59,7 +59,7 @@ def load(args: argparse.Namespace) -> Any:
 
 
 def _devices(texts: list[str], scenario: Any) -> dict[str, str]:
-    """`--device lidar=lms://` as changes of the scenario. InputError where it is not clear whose slot it is."""
+    """`--device lidar=lms://` as changes of the scenario. InputError where the slot is not clear."""
     from swath.core.errors import InputError
 
     flags = {}

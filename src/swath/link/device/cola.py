@@ -1,10 +1,10 @@
 """CoLa, the command language of SICK's sensors: frames and values, as text (A) and binary (B).
 
     A   02 text 03, words between blanks, numbers as hexadecimal text, or decimal with a sign
-    B   02 02 02 02, length (4 bytes), content, XOR of the content; numbers big-endian, a blank behind the name
+    B   02 02 02 02, length (4 bytes), content, XOR of the content; numbers big-endian, a blank after the name
 
-Source: SICK, Telegram Listing Ranging Sensors LMS1xx, LMS5xx, TiM2xx, TiM5xx, TiM7xx, LMS1000, MRS1000, NAV310
-(8014631); operating instructions LMS4000 (8023198), tables 12 to 17.
+Source: SICK, Telegram Listing Ranging Sensors (8014631); operating instructions LMS4000 (8023198), tables 12
+to 17.
 """
 
 import struct

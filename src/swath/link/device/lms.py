@@ -1,7 +1,7 @@
 """SICK LMS1xx and LMS5xx: the telegram of a scan, and what the sensor answers to commands.
 
 Angles of the sensor are in 1/10000 deg, counter-clockwise seen from above, 90 deg straight ahead; a distance
-is in mm times the scale factor, 0 where there is no echo. Source: as `cola`; `LMDscandata` table 16 of 8023198.
+is in mm times the scale factor, 0 where there is no echo. Source: as `cola`; `LMDscandata`: its table 16.
 
 An echo's RSSI is its intensity relative to a white target times RSSI_WHITE (16 bit) or RSSI_WHITE / 100 (8
 bit): the sensors' own curve is not published.
@@ -48,9 +48,9 @@ class Telegram:
     def scan(self, t: int) -> Scan:
         """As a sample that ends at t [ns]."""
         count = len(self.ranges)
-        azimuth = self.start + self.step * np.arange(count)
+        azimuth = self.start + self.step * np.arange(count, dtype=np.float64)
         turn = 1.0 / self.frequency if self.frequency > 0.0 else 0.0
-        beam_t = (azimuth - azimuth[-1]) / (2.0 * np.pi) * turn if count else azimuth
+        beam_t = (np.arange(count, dtype=np.float64) - (count - 1)) * (self.step / (2.0 * np.pi) * turn)
         return Scan(
             t=t, beam_t=beam_t, azimuth=azimuth, elevation=np.zeros(count),
             ranges=self.ranges.astype(np.float32), intensity=self.intensity.astype(np.float32),

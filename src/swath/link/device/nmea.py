@@ -1,8 +1,8 @@
 """GNSS as NMEA 0183 sentences: GGA, VTG, RMC, HDT, THS, GST, and PANDA and PAOGI of AgOpenGPS.
 
-Courses and headings are from true north: the grid's convergence is taken off. Heights are above the ellipsoid,
-told as a geoid separation of 0. Sources: NMEA 0183 as in the receivers' manuals (u-blox M8 interface
-description UBX-13003221, 31); PANDA and PAOGI as AgOpenGPS reads them, `SourceCode/AgIO/Source/Forms/
+Courses and headings are from true north: the grid's convergence is taken off. Heights are above the
+ellipsoid, told as a geoid separation of 0. Sources: NMEA 0183 as in the receivers' manuals (u-blox M8
+interface description UBX-13003221, 31); PANDA and PAOGI as AgOpenGPS reads them, `SourceCode/AgIO/Source/Forms/
 NMEA.Designer.cs` (github.com/AgOpenGPS-Official/AgOpenGPS), 65535 = no IMU as its firmware sends it.
 """
 
@@ -13,7 +13,6 @@ from datetime import UTC, datetime, timedelta
 from functools import reduce
 from operator import xor
 
-from swath.core.schedule import NS
 from swath.signals import Fix
 
 TALKER = "GN"

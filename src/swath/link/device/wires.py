@@ -250,7 +250,8 @@ class Terminal:
                 self._path.unlink()
             self._path.symlink_to(os.ttyname(self._theirs))
         except OSError as error:
-            os.close(self._ours), os.close(self._theirs)
+            os.close(self._ours)
+            os.close(self._theirs)
             raise SwathError(f"device {where}: could not be made: {error.strerror or error}") from error
         self.lost = 0
 
@@ -271,7 +272,8 @@ class Terminal:
             return
         with suppress(OSError):
             self._path.unlink()
-        os.close(self._ours), os.close(self._theirs)
+        os.close(self._ours)
+        os.close(self._theirs)
         self._ours = self._theirs = -1
 
 
@@ -284,7 +286,7 @@ class Reader:
 
     def __init__(self, where: Address, tell: Tell, *, hello: bytes = b"") -> None:
         self._where, self._tell, self._hello = where, tell, hello
-        self._pieces: deque[tuple[int, bytes]] = deque(maxlen=MOST_WAITING)
+        self._pieces: deque[tuple[int, bytes, Any]] = deque(maxlen=MOST_WAITING)
         self._arrived = threading.Event()
         self._is_open = True
         self._socket: socket.socket | None = listening(where) if where.transport == "udp" else None
@@ -293,8 +295,8 @@ class Reader:
         self._thread = threading.Thread(target=run, name=f"device {where}", daemon=True)
         self._thread.start()
 
-    def take(self) -> list[tuple[int, bytes]]:
-        """What has come since the last call: time on the monotonic clock [ns] and bytes."""
+    def take(self) -> list[tuple[int, bytes, Any]]:
+        """What has come since the last call: time on the monotonic clock [ns], bytes, sender of a datagram."""
         self._arrived.clear()
         found = []
         while self._pieces:
@@ -313,8 +315,8 @@ class Reader:
             self._socket.close()
             self._socket = None
 
-    def _came(self, data: bytes) -> None:
-        self._pieces.append((time.monotonic_ns(), data))
+    def _came(self, data: bytes, sender: Any = None) -> None:
+        self._pieces.append((time.monotonic_ns(), data, sender))
         self._arrived.set()
 
     def _read_udp(self) -> None:
@@ -322,12 +324,12 @@ class Reader:
         self._socket.settimeout(POLL_S)
         while self._is_open:
             try:
-                data, _ = self._socket.recvfrom(DATAGRAM)
+                data, sender = self._socket.recvfrom(DATAGRAM)
             except TimeoutError:
                 continue
             except OSError:
                 return
-            self._came(data)
+            self._came(data, sender)
 
     def _read_tcp(self) -> None:
         is_told = False
