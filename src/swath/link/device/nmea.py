@@ -2,8 +2,9 @@
 
 Courses and headings are from true north: the grid's convergence is taken off. Heights are above the
 ellipsoid, told as a geoid separation of 0. Sources: NMEA 0183 as in the receivers' manuals (u-blox M8
-interface description UBX-13003221, 31); PANDA and PAOGI as AgOpenGPS reads them, `SourceCode/AgIO/Source/Forms/
-NMEA.Designer.cs` (github.com/AgOpenGPS-Official/AgOpenGPS), 65535 = no IMU as its firmware sends it.
+interface description UBX-13003221, 31); PANDA and PAOGI as AgOpenGPS reads them,
+`AgIO/Source/Forms/NMEA.Designer.cs` (github.com/AgOpenGPS-Official/AgOpenGPS), 65535 = no IMU as its
+firmware sends it.
 """
 
 import math

@@ -74,9 +74,9 @@ class TcpServer:
         self.port = int(self._socket.getsockname()[1])
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._socket, selectors.EVENT_READ)
-        self._wake, woken = socket.socketpair()
-        woken.setblocking(False)
-        self._selector.register(woken, selectors.EVENT_READ, woken)
+        self._wake, self._woken = socket.socketpair()
+        self._woken.setblocking(False)
+        self._selector.register(self._woken, selectors.EVENT_READ, self._woken)
         self._is_open = True
         self._thread = threading.Thread(target=self._serve, name=f"device {where}", daemon=True)
 
@@ -116,6 +116,7 @@ class TcpServer:
         self._socket.close()
         self._selector.close()
         self._wake.close()
+        self._woken.close()
 
     def _put(self, client: Client, data: bytes) -> bool:
         client.waiting += data
@@ -296,7 +297,7 @@ class Reader:
         self._thread.start()
 
     def take(self) -> list[tuple[int, bytes, Any]]:
-        """What has come since the last call: time on the monotonic clock [ns], bytes, sender of a datagram."""
+        """What has come since the last call: monotonic time [ns], bytes, sender of a datagram."""
         self._arrived.clear()
         found = []
         while self._pieces:

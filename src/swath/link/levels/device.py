@@ -1,9 +1,9 @@
 """Level `device`: a real sensor fills a slot, by its own telegrams.
 
-A `lidar` by a SICK LMS1xx or LMS5xx (`lms://HOST:PORT`) or a Velodyne VLP-16 (`velodyne://ADDRESS:PORT`, where
-its packets are heard), a `gnss` by NMEA 0183 (`nmea+tcp://`, `nmea+udp://`, `nmea+pty://PATH`, which may be a
-serial port). A sample's time is the device's own, put onto the clock of the run by the arrival that was
-quickest so far.
+A `lidar` by a SICK LMS1xx or LMS5xx (`lms://HOST:PORT`) or a Velodyne VLP-16 (`velodyne://ADDRESS:PORT`,
+where its packets are heard), a `gnss` by NMEA 0183 (`nmea+tcp://`, `nmea+udp://`, `nmea+pty://PATH`, which
+may be a serial port). A sample's time is the device's own, put onto the clock of the run by the arrival that
+was quickest so far.
 """
 
 import math
@@ -91,7 +91,7 @@ class DeviceSlot:
             raise InputError("address", params.address, expected)
         self._p, self._setup, self._name = params, setup, setup.name
         self.inputs: tuple[Port, ...] = ()
-        self.outputs = (replace(port, shape=None) if signal is Scan else port,)
+        self.outputs = (port,)
         self._output = port.name
         self.mounting = self._mounting(signal)
         make = {"lms": _LmsStream, "velodyne": _VelodyneStream, "nmea": _NmeaStream}[self._where.protocol]
@@ -177,10 +177,11 @@ class DeviceSlot:
         """The samples that have come, oldest first; end: the run's time now [ns]"""
         if self._reader is None:
             raise SwathError(f"{self._name}: the device is closed")
-        now, found = time.monotonic_ns(), []
+        now = time.monotonic_ns()
+        found: list[Any] = []
         for arrived, data, _ in self._reader.take():
-            for sample in self._stream.feed(data, end - (now - arrived)):
-                found.append(replace(sample, t=min(sample.t, end)))
+            samples = self._stream.feed(data, end - (now - arrived))
+            found += [replace(sample, t=min(sample.t, end)) for sample in samples]
         return found
 
     def _mounting(self, signal: type) -> Pose:
