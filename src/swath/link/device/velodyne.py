@@ -71,17 +71,18 @@ def packets(scan: Scan, grid: Grid) -> list[bytes]:
     azimuth = np.concatenate([grid.azimuth, grid.azimuth[-1] + step * np.arange(1, padded - count + 1)])
     # The lines of a firing are measured at once here, and one after another there: their middle is right.
     turn = step * LINE_S / FIRING_S * 0.5 * (LINES - 1)
-    made = np.zeros(padded // (2 * BLOCKS), PACKET)
-    blocks = made["blocks"].reshape(-1)
-    blocks["flag"] = 0xFFEE
-    blocks["azimuth"] = np.round(azimuth[::2] - turn).astype(np.int64) % 36_000
     ranges, intensity = scan.ranges[:, 0][grid.order], scan.intensity[:, 0][grid.order]
-    returns = blocks["returns"].reshape(-1, LINES)
+    returns = np.zeros((padded, LINES), RETURN)
     distance = np.round(ranges.astype(np.float64) / UNIT)
     is_told = np.isfinite(ranges) & (distance < 1 << 16)
     returns["distance"][:count] = np.where(is_told, distance, 0.0)
     told = np.round(intensity.astype(np.float64) * WHITE).clip(0, 255)
     returns["reflectivity"][:count] = np.where(is_told & np.isfinite(told), told, 0.0)
+    blocks = np.zeros(padded // 2, BLOCK)
+    blocks["flag"], blocks["returns"] = 0xFFEE, returns.reshape(-1, 2, LINES)
+    blocks["azimuth"] = np.round(azimuth[::2] - turn).astype(np.int64) % 36_000
+    made = np.zeros(padded // (2 * BLOCKS), PACKET)
+    made["blocks"] = blocks.reshape(-1, BLOCKS)
     firing = np.minimum(np.arange(0, padded, 2 * BLOCKS), count - 1)
     made["time"] = (scan.t // 1000 + np.round(grid.beam_t[firing] * 1e6).astype(np.int64)) % HOUR
     made["mode"], made["product"] = STRONGEST, VLP16
