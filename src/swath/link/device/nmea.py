@@ -64,7 +64,7 @@ def _angle(value: float, degrees: int) -> str:
 def _place(fix: Fix) -> str:
     if fix.quality == 0 or math.isnan(fix.latitude) or math.isnan(fix.longitude):
         return ",,,"
-    north, east = "SN"[fix.latitude >= 0.0], "WE"[fix.longitude >= 0.0]
+    north, east = "N" if fix.latitude >= 0.0 else "S", "E" if fix.longitude >= 0.0 else "W"
     return f"{_angle(fix.latitude, 2)},{north},{_angle(fix.longitude, 3)},{east}"
 
 
