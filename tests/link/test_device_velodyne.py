@@ -69,13 +69,15 @@ def test_read_again_every_range_and_time_is_the_scan_s():
     found = []
     for one in (scan, later):
         for packet in velodyne.packets(one, velodyne.grid_of(one)):
-            if (whole := turns.feed(packet, PERIOD)) is not None:
-                found.append(whole)
+            found.append(turns.feed(packet, PERIOD))
+    found = [whole for whole in found if whole is not None]
     assert (turns.lost, turns.late, turns.wrong) == (0, 0, 0)
     (told, end) = found[0]
     assert abs(end - scan.t // 1000) < 200  # us
     order = velodyne.grid_of(scan).order
-    np.testing.assert_allclose(told.ranges[:, 0], scan.ranges[order.ravel(), 0], atol=0.5 * velodyne.UNIT + 1e-4)
+    np.testing.assert_allclose(
+        told.ranges[:, 0], scan.ranges[order.ravel(), 0], atol=0.5 * velodyne.UNIT + 1e-4
+    )
     apart = beam_directions(told.azimuth, told.elevation) - beam_directions(
         scan.azimuth[order.ravel()], scan.elevation[order.ravel()]
     )
@@ -102,7 +104,10 @@ def test_packets_go_out_over_udp_at_each_scan():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heard:
         heard.bind(("127.0.0.1", 0))
         heard.settimeout(2.0)
-        made, rng = device(f"velodyne://127.0.0.1:{heard.getsockname()[1]}", Scan, period=0.1), np.random.default_rng(5)
+        made, rng = (
+            device(f"velodyne://127.0.0.1:{heard.getsockname()[1]}", Scan, period=0.1),
+            np.random.default_rng(5),
+        )
         scan = turn(0, rng, first=-30, last=30)
         made("combine.slot", 0, {"scan": scan})
         made("combine.slot", 100_000_000, {"scan": turn(100_000_000, rng, first=-30, last=30)})

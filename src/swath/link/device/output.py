@@ -29,6 +29,7 @@ PROTOCOLS: dict[str, tuple[Sequence[str], int]] = {
     "agopengps": (("udp",), 9999),
 }
 SENT: dict[str, type[Signal]] = {"lms": Scan, "velodyne": Scan, "nmea": Fix, "agopengps": Fix}
+STAYS = 50.0  # so far from a place its convergence holds, to 1e-5 rad [m]
 STEP = 10.0  # to the north, of which the grid's convergence is taken [m]
 
 
@@ -243,7 +244,7 @@ class Nmea(Device):
         if setup.origin is None:
             expected = "expected a field that lies on Earth: set field.origin, or import one"
             raise InputError("device", where.text, expected)
-        self._convergence: float | None = None
+        self._turned = math.nan, math.nan, 0.0  # place [m] and convergence there [rad]
         self._wire: Any = None
 
     def _open(self) -> None:
@@ -262,12 +263,14 @@ class Nmea(Device):
     def _send(self, sample: Any, t: int) -> int:
         if t == 0:
             return 0
-        if self._convergence is None and math.isfinite(sample.x):
-            self._convergence = convergence(self.setup.origin, sample.x, sample.y)
+        x, y, turned = self._turned
+        if math.isfinite(sample.x) and not math.hypot(sample.x - x, sample.y - y) < STAYS:
+            turned = convergence(self.setup.origin, sample.x, sample.y)
+            self._turned = sample.x, sample.y, turned
         names = self._names
         if self._is_agopengps and "sentences" not in self.where.options:
             names = ("PANDA",) if math.isnan(sample.heading) else ("PAOGI",)
-        data = nmea.sentences(sample, names, self._begun, self._convergence or 0.0)
+        data = nmea.sentences(sample, names, self._begun, turned)
         if isinstance(self._wire, TcpServer):
             return self._wire.send(lambda session: data)
         return int(self._wire.send(data))

@@ -62,9 +62,8 @@ def steer_response(angle: float, *, is_free: bool) -> bytes:
     """PGN 253. angle: of the wheels, > 0 turns left [rad], nan = not known; is_free: it may steer"""
     switches = 0 if is_free else STEER_SWITCH_OFF
     heading, roll = NO_HEADING.to_bytes(2, "little"), NO_ROLL.to_bytes(2, "little")
-    return framed(
-        FROM_MODULE, STEER_RESPONSE, _hundredths(angle) + heading + roll + bytes([switches, 0, 0])
-    )  # fmt: skip
+    data = _hundredths(angle) + heading + roll + bytes([switches, 0])
+    return framed(FROM_MODULE, STEER_RESPONSE, data)
 
 
 def hello(angle: float) -> bytes:

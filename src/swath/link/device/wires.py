@@ -360,6 +360,9 @@ class Reader:
                 data = connection.recv(DATAGRAM)
             except TimeoutError:
                 continue
+            except OSError as error:
+                self._tell(f"the connection broke off: {error.strerror or error}")
+                return
             if not data:
                 self._tell("the device has closed the connection")
                 return
