@@ -50,6 +50,7 @@ def test_a_slot_filled_by_an_lms_has_its_scans(dialect):
     part = DeviceSlot(
         Params(f"lms://127.0.0.1:{made.port}?cola={dialect}", mount=Mount()), setup("lidar", Scan)
     )
+
     def send():
         for n in range(1, 30):
             time.sleep(0.02)
@@ -92,7 +93,7 @@ def test_lost_late_and_broken_telegrams_are_told_and_the_last_scan_counts():
         part = DeviceSlot(
             Params(f"lms://127.0.0.1:{server.getsockname()[1]}", mount=Mount()), setup("lidar", Scan)
         )
-            threading.Thread(target=part.reset, args=(Stream(0, "x"),)).start()
+        threading.Thread(target=part.reset, args=(Stream(0, "x"),)).start()
         connection, _ = server.accept()
         connection.sendall(lms_bytes(65_534, rng, 1))
         time.sleep(0.3)
@@ -122,7 +123,8 @@ def test_a_slot_filled_by_a_velodyne_has_its_turns():
             Params("velodyne://127.0.0.1:23681", mount=Mount()),
             setup("lidar", Scan, period=PERIOD),
         )
-            def send():
+
+        def send():
             time.sleep(0.1)
             for n in (1, 2):
                 scan = turn(n * 100_000_000, rng)

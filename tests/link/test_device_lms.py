@@ -19,8 +19,8 @@ from tests.link.lms_client import Lms, parse
 # Telegram listing 8014631, example of sRN LMDscandata: 21 values from 10 deg on, every 0.5 deg, 50 Hz.
 EXAMPLE = (
     b"sRA LMDscandata 1 1 89A27F 0 0 343 347 27477BA9 2747813B 0 0 7 0 0 1388 168 0 1 DIST1 3F800000 "
-    b"00000000 186A0 1388 15 8A1 8A5 8AB 8AC 8A6 8AC 8B6 8C8 8C2 8C9 8CB 8C4 8E4 8E1 8EB 8E0 8F5 908 8FC 907 906 "
-    b"0 0 0 0 0 0"
+    b"00000000 186A0 1388 15 8A1 8A5 8AB 8AC 8A6 8AC 8B6 8C8 8C2 8C9 8CB 8C4 8E4 8E1 8EB 8E0 8F5 908 8FC "
+    b"907 906 0 0 0 0 0 0"
 )
 
 

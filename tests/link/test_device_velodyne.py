@@ -68,8 +68,7 @@ def test_read_again_every_range_and_time_is_the_scan_s():
     turns, later = velodyne.Turns(), turn(223_456_000, np.random.default_rng(3))
     found = []
     for one in (scan, later):
-        for packet in velodyne.packets(one, velodyne.grid_of(one)):
-            found.append(turns.feed(packet, PERIOD))
+        found += [turns.feed(packet, PERIOD) for packet in velodyne.packets(one, velodyne.grid_of(one))]
     found = [whole for whole in found if whole is not None]
     assert (turns.lost, turns.late, turns.wrong) == (0, 0, 0)
     (told, end) = found[0]
