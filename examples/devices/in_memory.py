@@ -1,4 +1,4 @@
-"""The functions of `box.py` as levels of swath: `edge: in_memory.py:Edge`, `steer: in_memory.py:Steer`."""
+"""The functions of `my_box.py` as levels of swath: `edge: in_memory.py:Edge`, `steer: in_memory.py:Steer`."""
 
 import math
 import sys
@@ -12,7 +12,7 @@ from swath.signals import CropEdge, Scan, SteerCommand
 from swath.signals.setup import ControlSetup
 
 sys.path.insert(0, str(Path(__file__).parent))
-import box
+import my_box
 
 
 class Edge:
@@ -30,7 +30,7 @@ class Edge:
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         scan = inputs["scan"]
         ranges = np.nan_to_num(scan.ranges[:, 0].astype(float))
-        return {"edge": self.told(t + dt, box.crop_edge(scan.azimuth, ranges))}
+        return {"edge": self.told(t + dt, my_box.crop_edge(scan.azimuth, ranges))}
 
     def told(self, t: int, edge: tuple[float, float] | None) -> CropEdge:
         nan = float("nan")
@@ -51,7 +51,7 @@ class Steer:
 
     inputs = (Port("edge", CropEdge),)
     outputs = (Port("command", SteerCommand),)
-    overlap = box.OVERLAP
+    overlap = my_box.OVERLAP
 
     def __init__(self, params: None, setup: ControlSetup) -> None:
         self.x = setup.machine.header_end(setup.edge_side)[0]
@@ -59,7 +59,7 @@ class Steer:
         self.wheelbase = setup.machine.wheelbase
 
     def reset(self, stream: Stream) -> Outputs:
-        self.smooth, self.seen = box.Smooth(), -1
+        self.smooth, self.seen = my_box.Smooth(), -1
         self.command = SteerCommand(0, 0.0, False)
         return {"command": self.command}
 

@@ -1,5 +1,6 @@
 """Slots served as devices without a run: drawn samples, and a device that is fed with them."""
 
+import socket
 import time
 
 import numpy as np
@@ -48,3 +49,10 @@ def until(condition, seconds=5.0):
     while not condition():
         assert time.monotonic() < end, "it did not happen"
         time.sleep(0.005)
+
+
+def free_port():
+    """A port that nobody has."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]

@@ -16,12 +16,7 @@ pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
 client = pytest.importorskip("websockets.sync.client")
 
 from swath.link.foxglove import Foxglove  # noqa: E402
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+from tests.link.device_rig import free_port  # noqa: E402
 
 
 class Viewer(threading.Thread):

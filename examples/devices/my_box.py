@@ -1,10 +1,10 @@
 """A Laser Pilot box of your own, without a line of swath: scanner in over TCP, steering out over UDP.
 
-    python examples/devices/box.py --telegrams CoLaB &
+    python examples/devices/my_box.py --telegrams CoLaB &
     swath run examples/devices/wire.yaml
 
-It logs in to a SICK LMS, wants every scan, finds the crop edge in it and sends the steering angle as AgOpenGPS
-does (PGN 254). The same two functions run inside swath in `examples/devices/memory.yaml`, by
+It logs in to a SICK LMS, wants every scan, finds the crop edge in it and sends the steering angle as
+AgOpenGPS does (PGN 254). The same two functions run inside swath in `examples/devices/memory.yaml`, by
 `examples/devices/in_memory.py`: what the wire adds is the difference of the two runs.
 """
 
@@ -87,14 +87,18 @@ def main() -> None:
                 intervals.append(came - last)
             last = came
     if len(intervals) > 10:
-        p99 = statistics.quantiles(intervals, n=100)[98]
-        print(f"{len(intervals)} scans, every {1e3 * statistics.median(intervals):.1f} ms, p99 {1e3 * p99:.1f} ms")
-        print(f"answered within {1e3 * statistics.median(lags):.2f} ms, p99 {1e3 * max(lags):.2f} ms at most")
+        median, p99 = (
+            1e3 * f(intervals) for f in (statistics.median, lambda x: sorted(x)[len(x) * 99 // 100])
+        )
+        print(f"{len(intervals)} scans, every {median:.1f} ms, p99 {p99:.1f} ms")
+        print(f"answered within {1e3 * statistics.median(lags):.2f} ms, {1e3 * max(lags):.2f} ms at most")
 
 
 def steer_message(speed: float, angle: float) -> bytes:
     """PGN 254 of AgOpenGPS: speed [km/h], on, angle > 0 to the right there."""
-    body = struct.pack("<BBBHBhBBB", 0x7F, 254, 8, round(10 * speed), 1, -round(math.degrees(angle) * 100), 255, 0, 0)
+    body = struct.pack(
+        "<BBBHBhBBB", 0x7F, 254, 8, round(10 * speed), 1, -round(math.degrees(angle) * 100), 255, 0, 0
+    )
     return b"\x80\x81" + body + bytes([sum(body) & 0xFF])
 
 
