@@ -208,7 +208,7 @@ class Velodyne(Device):
         if t == 0:
             return 0
         made = velodyne.packets(sample, self._grid)
-        return int(sum(self._wire.send(packet) for packet in made) == len(made))
+        return int(all([self._wire.send(packet) for packet in made]))
 
     def _close(self) -> None:
         self._wire.close()

@@ -8,6 +8,8 @@ github.com/AgOpenGPS-Official/Boards. Steering angles there are > 0 to the right
 
 import math
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 
 HEAD = b"\x80\x81"
 FROM_AGOPENGPS, FROM_MODULE = 0x7F, 0x7E
@@ -31,12 +33,12 @@ class SteerData:
 def framed(source: int, number: int, data: bytes) -> bytes:
     """A message."""
     body = bytes([source, number, len(data)]) + data
-    return HEAD + body + bytes([sum(body) & 0xFF])
+    return HEAD + body + bytes([_check(body)])
 
 
 def unframed(data: bytes) -> tuple[int, int, bytes] | None:
     """Source, number and data of a message; None where it is none."""
-    if len(data) < 6 or data[:2] != HEAD or len(data) != 6 + data[4] or sum(data[2:-1]) & 0xFF != data[-1]:
+    if len(data) < 6 or data[:2] != HEAD or len(data) != 6 + data[4] or _check(data[2:-1]) != data[-1]:
         return None
     return data[2], data[3], data[5:-1]
 
@@ -69,6 +71,11 @@ def steer_response(angle: float, *, is_free: bool) -> bytes:
 def hello(angle: float) -> bytes:
     """The module's answer to a hello of AgOpenGPS."""
     return framed(FROM_MODULE, FROM_MODULE, _hundredths(angle) + bytes(3))
+
+
+def _check(body: bytes) -> int:
+    """The low byte of the sum."""
+    return reduce(add, body, 0) & 0xFF
 
 
 def _hundredths(angle: float) -> bytes:

@@ -45,7 +45,7 @@ class Grid:
 def grid_of(scan: Scan) -> Grid:
     """InputError where the beams are not those of a VLP-16 that turns to the right."""
     lines = np.round(scan.elevation / DEG, 3)
-    column = np.argsort(np.argsort(ELEVATION))
+    column = np.argsort(np.argsort(ELEVATION, kind="stable"), kind="stable")
     by_line = [np.flatnonzero(lines == e) for e in sorted(ELEVATION)]
     counts = {len(beams) for beams in by_line}
     if len(counts) != 1 or not counts.pop() or len(lines) != LINES * len(by_line[0]):
