@@ -128,7 +128,7 @@ class World:
     driven: the real pass that the edge follows, (n, 2) world [m], if it does
     added: obstacles that came while the run went, those of them that go
     before_asking: called before a part waits for somebody outside, who may act on messages of the run
-    devices: slots that are served as devices (`link.device.output.Device`)
+    devices: slots that are served as devices (`link.device.output.Device`) once they are opened
     """
 
     scenario: Scenario
@@ -179,7 +179,6 @@ class World:
 
     def reset(self) -> None:
         """Everything as at the start: the field uncut, the machines where they begin."""
-        self.open_devices()
         self.field.reset()
         self.bodies.reset()
         for machine in self.machines.values():

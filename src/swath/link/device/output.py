@@ -74,7 +74,7 @@ class Device:
 
     def wait(self, t: int) -> None:
         """Before the first tick: wait for somebody to listen, as long as `wait_s` says. SwathError."""
-        if not self._wait:
+        if not self._wait or not self._is_open:
             return
         until, self._wait = time.monotonic() + self._wait, 0.0
         while not self._is_met():
@@ -208,7 +208,8 @@ class Velodyne(Device):
         if t == 0:
             return 0
         made = velodyne.packets(sample, self._grid)
-        return int(all([self._wire.send(packet) for packet in made]))
+        unsent = [packet for packet in made if not self._wire.send(packet)]
+        return int(not unsent)
 
     def _close(self) -> None:
         self._wire.close()
