@@ -101,6 +101,17 @@ def test_a_scan_on_request_and_what_is_refused(served):
     client.close()
 
 
+def test_another_level_with_other_beams_goes_on(served):
+    made, send, _ = served
+    client = Lms(made.port, binary=True)
+    client.subscribe()
+    send(1)
+    made("combine.slot", 2 * STEP, {"scan": plane_scan(2 * STEP, np.random.default_rng(4), count=181)})
+    assert [len(client.scan()["channels"]["DIST1"][4]) for _ in range(2)] == [361, 181]
+    assert any("181 beams now, 361 before" in text for _, text in made.events.list)
+    client.close()
+
+
 def test_the_vendor_s_example_is_understood():
     told = lms.read_scan(cola.Values(EXAMPLE, binary=False))
     assert told.frequency == 50.0

@@ -165,10 +165,8 @@ class Lms(Device):
 
     def _send(self, sample: Any, t: int) -> int:
         assert self._server is not None
-        if self._plane is None:
-            setup = self.setup
-            limit = 80.0 if math.isnan(setup.range_max) else setup.range_max
-            self._plane = lms.plane_of(sample, self._model, setup.period, limit)
+        if self._plane is None or len(sample.azimuth) != self._plane.count:
+            self._describe(sample)
             self._server.start()
         if t == 0:  # no sweep yet
             return 0
@@ -184,7 +182,20 @@ class Lms(Device):
 
         return self._server.send(of)
 
+    def _describe(self, scan: Scan) -> None:
+        """What the sensor is, by a scan of it: the first, or one of another level."""
+        limit = 80.0 if math.isnan(self.setup.range_max) else self.setup.range_max
+        plane = lms.plane_of(scan, self._model, self.setup.period, limit)
+        if self._plane is None:
+            self._plane = plane
+        else:  # sessions hold it
+            self.events(f"the scanner has {plane.count} beams now, {self._plane.count} before")
+            vars(self._plane).update(vars(plane))
+
     def _is_met(self) -> bool:
+        if self._plane is None:  # a level that sends nothing at the start
+            self.events("nobody was waited for: there is no scan yet to offer")
+            return True
         return self._server is not None and self._server.has_client(lambda session: session.is_subscribed)
 
     def _close(self) -> None:
@@ -203,7 +214,7 @@ class Velodyne(Device):
         self._wire = UdpSender(self.where, self.events)
 
     def _send(self, sample: Any, t: int) -> int:
-        if self._grid is None:
+        if self._grid is None or self._grid.order.size != len(sample.azimuth):
             self._grid = velodyne.grid_of(sample)
         if t == 0:
             return 0
