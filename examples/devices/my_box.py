@@ -4,7 +4,8 @@
     swath run examples/devices/wire.yaml
 
 It logs in to a SICK LMS, wants every scan, finds the crop edge in it and sends the steering angle as
-AgOpenGPS does (PGN 254). The same two functions run inside swath in `examples/devices/memory.yaml`, by
+AgOpenGPS does (PGN 254); with `--can udp_multicast`, or another interface of python-can, as the guidance
+command of ISO 11783. The same two functions run inside swath in `examples/devices/memory.yaml`, by
 `examples/devices/in_memory.py`: what the wire adds is the difference of the two runs.
 """
 
@@ -13,6 +14,7 @@ import math
 import socket
 import statistics
 import struct
+import threading
 import time
 
 import numpy as np
@@ -69,23 +71,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="a box between a SICK LMS and a steering module")
     parser.add_argument("--scanner", default="127.0.0.1:2111", help="host:port of the LMS")
     parser.add_argument("--module", default="127.0.0.1:8888", help="host:port of the steering module")
+    parser.add_argument("--can", metavar="INTERFACE", help="steer over CAN instead, by python-can")
+    parser.add_argument("--channel", default="239.74.163.2", help="of the CAN interface")
+    parser.add_argument("--can-port", type=int, help="of udp_multicast")
     parser.add_argument("--telegrams", choices=("CoLaA", "CoLaB"), default="CoLaB")
     parser.add_argument("--speed", type=float, default=7.0, help="told to the module [km/h]")
     args = parser.parse_args()
-    host, _, port = args.module.rpartition(":")
-    module = (host, int(port))
+    out = Can(args.can, args.channel, args.can_port) if args.can else Module(args.module, args.speed)
     link = Scanner(args.scanner, binary=args.telegrams == "CoLaB")
     smooth, lags, intervals, last = Smooth(), [], [], None
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
-        while (scan := link.scan()) is not None:
-            came = time.monotonic()
-            angle = smooth(crop_edge(*scan))
-            if angle is not None:
-                out.sendto(steer_message(args.speed, angle), module)
-                lags.append(time.monotonic() - came)
-            if last is not None:
-                intervals.append(came - last)
-            last = came
+    while (scan := link.scan()) is not None:
+        came = time.monotonic()
+        angle = smooth(crop_edge(*scan))
+        if angle is not None:
+            out.steer(angle)
+            lags.append(time.monotonic() - came)
+        if last is not None:
+            intervals.append(came - last)
+        last = came
     if len(intervals) > 10:
         median, p99 = (
             1e3 * f(intervals) for f in (statistics.median, lambda x: sorted(x)[len(x) * 99 // 100])
@@ -94,12 +97,51 @@ def main() -> None:
         print(f"answered within {1e3 * statistics.median(lags):.2f} ms, {1e3 * max(lags):.2f} ms at most")
 
 
-def steer_message(speed: float, angle: float) -> bytes:
-    """PGN 254 of AgOpenGPS: speed [km/h], on, angle > 0 to the right there."""
-    body = struct.pack(
-        "<BBBHBhBBB", 0x7F, 254, 8, round(10 * speed), 1, -round(math.degrees(angle) * 100), 255, 0, 0
-    )
-    return b"\x80\x81" + body + bytes([sum(body) & 0xFF])
+class Module:
+    """A steering module of AgOpenGPS. speed: told to it [km/h]"""
+
+    def __init__(self, where: str, speed: float) -> None:
+        host, _, port = where.rpartition(":")
+        self.where, self.speed = (host, int(port)), speed
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def steer(self, angle: float) -> None:
+        """PGN 254: speed, on, angle > 0 to the right there."""
+        numbers = round(10 * self.speed), 1, -round(math.degrees(angle) * 100)
+        body = struct.pack("<BBBHBhBBB", 0x7F, 254, 8, *numbers, 255, 0, 0)
+        self.socket.sendto(b"\x80\x81" + body + bytes([sum(body) & 0xFF]), self.where)
+
+
+class Can:
+    """A machine that steers by the guidance command of ISO 11783-7 (PGN 44288)."""
+
+    ADDRESS, COMMAND, STATUS, CLAIMED = 28, 0xAD00, 0xAC00, 0xEE00
+
+    def __init__(self, interface: str, channel: str, port: int | None) -> None:
+        import can
+
+        options = {"fd": False, **({"port": port} if port else {})} if interface == "udp_multicast" else {}
+        self.can, self.bus = can, can.Bus(interface=interface, channel=channel, **options)
+        self.must_release = False
+        threading.Thread(target=self.listen, daemon=True).start()
+
+    def listen(self) -> None:
+        """Claim the address again and again; hear whether the machine wants us to let go once."""
+        while True:
+            self.send(self.CLAIMED, 6, (1 << 63 | 2 << 60 | 255 << 40 | 1234).to_bytes(8, "little"))
+            frame = self.bus.recv(0.2)
+            if frame is not None and frame.arbitration_id >> 16 & 0x3FF == self.STATUS >> 8:
+                self.must_release = frame.data[2] >> 6 == 1
+
+    def steer(self, angle: float) -> None:
+        """Curvature [1/km], > 0 to the right there, in steps of 0.25 from -8032 on; 1 = we steer."""
+        curvature = round((-1000.0 * math.tan(angle) / WHEELBASE + 8032.0) / 0.25)
+        steers = 0xFC | int(not self.must_release)
+        self.send(self.COMMAND, 3, struct.pack("<HB", curvature, steers) + b"\xff" * 5)
+
+    def send(self, pgn: int, priority: int, data: bytes) -> None:
+        identifier = priority << 26 | (pgn | 0xFF) << 8 | self.ADDRESS
+        self.bus.send(self.can.Message(arbitration_id=identifier, data=data))
 
 
 class Scanner:
