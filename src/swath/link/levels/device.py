@@ -317,7 +317,7 @@ LEVEL = Level(
     DeviceSlot,
     Params,
     summary="slots lidar and gnss: a real device, by its own telegrams",
-    cost="0.3 ms per scan of a SICK LMS, 3 ms per turn of a VLP-16",
+    cost="0.1 to 0.3 ms per scan of a SICK LMS, 4 ms per turn of a VLP-16",
     tolerance="as exact as the telegrams; depends on the clock on the wall",
     is_link=True,
 )
