@@ -29,6 +29,8 @@ ELSEWHERE = {  # begin of a line: why it is not typed here, and which test does 
     "calibrate engine": "a log of the reader's: tests/tools/test_calibrate_engine.py",
     "can ": "a box on a bus: tests/link/test_can.py",
     "run examples/can/hil.yaml": "a box on a bus, at the pace of the clock: tests/link/test_can_udp.py",
+    "run examples/devices/wire.yaml": "a box in another process: tests/link/test_device_loop.py",
+    "run straight --real-time --foxglove": "a viewer: tests/link/test_foxglove.py",
     "dataset straight": "hundreds of pictures: tests/tools/test_dataset.py",
     "lab stand": "a minute: tests/tools/test_lab.py",
     "migrate my-scenario.yaml": "files of version 0.1: tests/tools/test_migrate.py",

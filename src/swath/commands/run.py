@@ -22,6 +22,14 @@ def add(parsers: Any) -> None:
         "--real-time", action="store_true", help="at the pace of real time (section realtime)"
     )
     parser.add_argument(
+        "--device",
+        action="append",
+        default=[],
+        dest="devices",
+        metavar="SLOT=ADDRESS",
+        help="serve a slot as a device, e.g. lidar=lms://127.0.0.1:2111; several times",
+    )
+    parser.add_argument(
         "--ros2", action="store_true", help="publish everything as ROS 2 topics, offer services (extra ros2)"
     )
     add_ros2_network(parser)
@@ -29,6 +37,13 @@ def add(parsers: Any) -> None:
         "--view",
         action="store_true",
         help="serve a page to watch and control the run, on this machine alone (extra view)",
+    )
+    parser.add_argument(
+        "--foxglove",
+        nargs="?",
+        const="127.0.0.1:8765",
+        metavar="HOST:PORT",
+        help="serve everything to Foxglove over a WebSocket, on this machine alone (extra foxglove)",
     )
     parser.add_argument(
         "--paused",
@@ -162,8 +177,8 @@ def print_defaults(scenario: Any, *, whole: bool = True) -> None:
 
 @contextmanager
 def _steered(args: argparse.Namespace, saves: list[Any], *, is_paced: bool) -> Iterator[list[Any]]:
-    """The ROS 2 bridge with --ros2, the page with --view: both over one run control."""
-    if not (args.ros2 or args.view):
+    """The ROS 2 bridge with --ros2, the page with --view, both over one run control; --foxglove looks on."""
+    if not (args.ros2 or args.view or args.foxglove):
         yield []
         return
     from swath.runtime.run_control import RunControl
@@ -184,6 +199,12 @@ def _steered(args: argparse.Namespace, saves: list[Any], *, is_paced: bool) -> I
             if args.paused and not args.quiet:
                 call = "ros2 service call /swath/pause std_srvs/srv/SetBool '{data: false}'"
                 print(f"paused before the first tick, start it with: {call}", file=sys.stderr)
+        if args.foxglove:
+            from swath.link.foxglove import Foxglove
+
+            hooks.append(Foxglove(args.foxglove))
+            stack.callback(hooks[-1].close)
+            print(f"Foxglove WebSocket at {hooks[-1].address}", file=sys.stderr, flush=True)
         if args.view:
             from swath.replay.live.view import LiveView
 

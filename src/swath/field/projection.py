@@ -24,6 +24,11 @@ class Origin:
         """Lon/lat [deg], shape (n, 2), as local east and north [m], shape (n, 2)."""
         return transform(lon_lat, "EPSG:4326", f"EPSG:{self.epsg}") - (self.easting, self.northing)
 
+    def to_field(self, places: ArrayLike) -> Array:
+        """Lon/lat [deg] and height [m], shape (n, 3), as local east, north and up [m], shape (n, 3)."""
+        places = np.asarray(places, dtype=float)
+        return np.column_stack([self.to_local(places[:, :2]), places[:, 2] - self.height])
+
     def to_lon_lat(self, local: ArrayLike) -> Array:
         """Local east and north [m], shape (n, 2), as lon/lat [deg], shape (n, 2)."""
         grid = np.asarray(local, dtype=float) + np.array([self.easting, self.northing])

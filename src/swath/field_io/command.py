@@ -6,7 +6,7 @@ from typing import Any
 
 
 def add(parsers: Any) -> None:
-    """Add the command and its two verbs."""
+    """Add the command and its verbs."""
     parser = parsers.add_parser("field", help="make a field from a yield log, look at one")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     imports = verbs.add_parser("import", help="make a field folder from a combine's yield log")
@@ -15,7 +15,8 @@ def add(parsers: Any) -> None:
         type=Path,
         metavar="LOG",
         help="CSV, a point shapefile (bare, folder or zip), ISOXML (TASKDATA folder or zip, one TLG file), "
-        "or the bundled sample-log; an outline (KML, GeoJSON, polygons of a shapefile) for an even crop",
+        "or the bundled sample-log; an outline (KML, GeoJSON, polygons of a shapefile) or a field folder of "
+        "AgOpenGPS for an even crop",
     )
     imports.add_argument("--out", type=Path, required=True, metavar="DIR", help="the field folder to make")
     imports.add_argument("--dem", type=Path, metavar="F", help="GeoTIFF of heights (default: the log's own)")
@@ -47,6 +48,11 @@ def add(parsers: Any) -> None:
     shows = verbs.add_parser("show", help="draw a field folder as a picture")
     shows.add_argument("folder", type=Path, metavar="DIR", help="a field folder")
     shows.set_defaults(run=run_show)
+    text = "write a field folder as a field of AgOpenGPS"
+    gives = verbs.add_parser("agopengps", help=text, description=text)
+    gives.add_argument("folder", type=Path, metavar="DIR", help="a field folder")
+    gives.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to make")
+    gives.set_defaults(run=run_agopengps)
 
 
 def run_import(args: argparse.Namespace) -> int:
@@ -83,4 +89,14 @@ def run_show(args: argparse.Namespace) -> int:
     from swath.field_io.importer import show
 
     print(show(args.folder))
+    return 0
+
+
+def run_agopengps(args: argparse.Namespace) -> int:
+    """Write the folder, print where it is."""
+    from swath.field_io.agopengps import write_agopengps
+    from swath.field_io.folder import read
+
+    write_agopengps(read(args.folder), args.out)
+    print(args.out)
     return 0

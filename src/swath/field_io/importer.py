@@ -17,6 +17,7 @@ from swath.field.crop_sheet import load_crop
 from swath.field.projection import Origin
 from swath.field.raster import Raster
 from swath.field_io import folder, outline
+from swath.field_io.agopengps import is_agopengps
 from swath.field_io.clean import Cleaned, clean, clean_map
 from swath.field_io.columns import FLOWS, ColumnsMissing
 from swath.field_io.dem import against_log, read_dem
@@ -81,7 +82,7 @@ def import_log(
     """Make a field folder from a yield log.
 
     log: CSV, CSV.gz, point shapefile (bare, folder, zip), ISOXML folder or zip, or the bundled `sample-log`;
-    or an outline, KML or GeoJSON, on which the crop stands evenly
+    or an outline, KML or GeoJSON, or a field of AgOpenGPS, on which the crop stands evenly
     dem: GeoTIFF of heights [m]; boundary: GeoJSON, KML or shapefile; columns: YAML map of columns
     Nothing is written unless all went well, but a map to fill in where columns are missing.
     Raises SwathError.
@@ -92,7 +93,7 @@ def import_log(
     folder.check_target(out)
     with steps(6, shown=progress) as step:
         step("reading the log")
-        if is_outline(log):
+        if is_outline(log) or is_agopengps(log):
             return _import_plan(log, out, dem, settings)
         try:
             records = _read(log, columns, settings)

@@ -15,6 +15,7 @@ from swath.field.crop import Crop
 from swath.field.projection import Origin, transform, utm_epsg
 from swath.field.raster import Raster
 from swath.field_io import outline, trade
+from swath.field_io.agopengps import HEADLAND_LINE, is_agopengps, read_agopengps
 from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import make_grid
 from swath.field_io.passes import Track, row_azimuth, straight_windows
@@ -83,7 +84,7 @@ def plan_field(
     named = [part.crop] if part.crop else []
     sheet = crop or trade.crop_of_rows(named)[0] or trade.DEFAULT
     if not (crop or named or is_outline(path)):
-        notes.append(f"crop: the task data name none, taken as {sheet} (--crop)")
+        notes.append(f"crop: it names none, taken as {sheet} (--crop)")
     facts = load(sheet)
     used = width or stated
     if not used:
@@ -146,6 +147,17 @@ def _read(path: Path, width: float | None) -> tuple[Part, Any, int, float, list[
         found = outline.read_outlines(path)
         polygon, told = found.field()
         return Part("", ""), polygon, found.epsg, 0.0, ["an outline alone: the crop stands evenly", *told]
+    if is_agopengps(path):
+        field = read_agopengps(path)
+        part = field.part(path.name)
+        polygon, epsg, left_out = _polygon(part)
+        return (
+            part,
+            polygon,
+            epsg,
+            0.0,
+            ["a field of AgOpenGPS: the crop stands evenly", *left_out, *field.notes],
+        )
     described = read_plan(path)
     key, polygon, epsg, left_out = largest_part(described)
     notes = ["ISO 11783-10 task data without a yield: the crop stands evenly", *left_out]
@@ -244,8 +256,8 @@ def _guidance(first: int, pattern: Pattern, polygon: Any, origin: Origin, width:
     for piece in pieces:
         local = np.asarray(piece.coords, dtype=float)[:, :2] - corner
         azimuth = float(np.arctan2(*(local[-1] - local[0])) % (2.0 * np.pi))
-        straights = straight_windows(local)
+        straights = () if pattern.name == HEADLAND_LINE else straight_windows(local)
         index = first + len(tracks)
-        made = Track(local, "guidance line", index, width, SPEED, 0.0, azimuth, piece.length, straights)
+        made = Track(local, pattern.name, index, width, SPEED, 0.0, azimuth, piece.length, straights)
         tracks.append(made)
     return tracks

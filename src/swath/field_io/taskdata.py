@@ -63,7 +63,7 @@ class Polygon(NamedTuple):
 class Pattern:
     """Guidance as it is stored. kind: of PATTERNS; types: of its points, lon/lat [deg], shape (n, 2).
 
-    heading: clockwise from north [deg], radius [m], nan = none; turn: of a pivot
+    heading: clockwise from north [deg], radius [m], nan = none; turn: of a pivot; name: of its tracks
     """
 
     kind: str
@@ -72,6 +72,7 @@ class Pattern:
     heading: float = np.nan
     radius: float = np.nan
     turn: str = ""
+    name: str = "guidance line"
 
 
 @dataclass

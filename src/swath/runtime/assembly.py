@@ -13,6 +13,7 @@ from swath.core.abilities import (
     HasMounting,
     HasOpticalFrame,
     HasOverlap,
+    HasRange,
     NeedsRealTime,
 )
 from swath.core.component import Port, State
@@ -44,6 +45,7 @@ from swath.scenario.slots import SLOTS, TRUTH, kind_of
 from swath.signals import F64
 from swath.signals.setup import ControlSetup, LinkSetup
 
+DEVICES = "swath.link.device.output"  # loaded where a scenario asks for one
 _MOUNTED = "lidar", "scan_filter", "radar", "camera", "gnss", "imu"  # slots whose mounting control knows
 
 
@@ -92,12 +94,16 @@ def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFiel
         nodes = [*scene_nodes(ground.things, ground.field, site.bodies, tuple(machines)), *nodes]
     graph = Graph(nodes, scenario.seed, outside=None if only is None else outside_of(nodes))
     walkers = Walkers(ground.field, site.bodies)
+    devices = [] if only is not None else _devices(scenario, machines)
     world = World(
         scenario, ground.field, ground.obstacles, ground.driven, site.bodies, graph, machines, walkers,
-        before_asking,
+        before_asking, devices,
     )  # fmt: skip
     graph.before_tick.append(world.end_with_parts)
     world.watch_bodies()
+    for device in devices:
+        graph.watches[device.setup.name] = device
+        graph.before_tick.append(device.wait)
     return world
 
 
@@ -273,8 +279,9 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
         fed = {port: source for port, (source, _) in choice.wires.items()}
         offered, gives = _offered(choice), choice.kind.outputs
         ground = None if choice.kind.is_control else site.field.terrain.height
+        to_local = None if site.origin is None else site.origin.to_field
         return LinkSetup(
-            section.name, slot, offered, gives, control, site.base, fed, site.before_asking, ground
+            section.name, slot, offered, gives, control, site.base, fed, site.before_asking, ground, to_local
         )
     if choice.kind.is_control and not choice.found.sees_truth:
         return control
@@ -388,6 +395,30 @@ def _node(
         return Node(timing, component, wires, make_fault(choice, component))
     except InputError as error:
         raise InputError(f"{section.name}.{slot}.{error.key}", error.value, error.expected) from error
+
+
+def _devices(scenario: Scenario, machines: Mapping[str, Machine]) -> list[Any]:
+    """Slots that are served as devices of their own (`swath.link.device.output`), with their addresses."""
+    made = []
+    for machine in machines.values():
+        for slot, choice in machine.section.slots.items():
+            if choice.common.device is None:
+                continue
+            key, output = f"{machine.name}.{slot}", import_module(DEVICES)
+            part, section = machine.parts[slot], scenario.realtime
+            if not scenario.is_paced or section is None:
+                expected = "expected a run with --real-time: a device sends at the pace of the clock"
+                raise InputError(f"{key}.device", choice.common.device, expected)
+            limit = part.range_limits[1] if isinstance(part, HasRange) else float("nan")
+            setup = output.DeviceSetup(
+                key, part.outputs, from_hz(choice.common.rate_hz) * 1e-9, limit, machine.origin,
+                section.common.factor,
+            )  # fmt: skip
+            try:
+                made.append(output.make_device(choice.common.device, setup))
+            except InputError as error:
+                raise InputError(f"{key}.device", error.value, error.expected) from error
+    return made
 
 
 def _check_pace(scenario: Scenario, machine: Machine) -> None:

@@ -108,6 +108,7 @@ def _run_once(
     world = assemble(scenario, fields=fields)
     try:
         pacer = make_pacer(world)
+        world.open_devices()
         with _folder(out, world, is_changed=bool(events)):
             running = _Running(world, out, pacer, hooks, allow)
             if begun is not None:
@@ -278,6 +279,9 @@ class _Running:
         notes = world.field.notes
         notes += [note for machine in world.machines.values() for note in machine.notes]
         notes += self.evaluation.notes()
+        if world.devices:
+            summary["devices"] = {device.setup.name: device.summary() for device in world.devices}
+            notes += [note for device in world.devices for note in device.notes]
         if not incomplete and not world.graph.ended and not has_arrived(world):
             run, driven = scenario.run, driven_m(world)
             what = f"the run ended at max_duration_s = {run.max_duration_s:g}"

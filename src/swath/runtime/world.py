@@ -1,7 +1,7 @@
 """The world: a field, the machines in it, and the graph that runs their parts. `assembly.py` builds it."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -128,6 +128,7 @@ class World:
     driven: the real pass that the edge follows, (n, 2) world [m], if it does
     added: obstacles that came while the run went, those of them that go
     before_asking: called before a part waits for somebody outside, who may act on messages of the run
+    devices: slots that are served as devices (`link.device.output.Device`) once they are opened
     """
 
     scenario: Scenario
@@ -139,6 +140,7 @@ class World:
     machines: Mapping[str, Machine]
     added: Walkers
     before_asking: list[Callable[[], None]] = dataclasses.field(default_factory=list)
+    devices: Sequence[Any] = ()
 
     @property
     def leader(self) -> Machine:
@@ -208,8 +210,15 @@ class World:
                 height = self.graph.latest(f"{name}.header", "height")
                 self._lift_header(machine, height if isinstance(height, HeaderState) else None)
 
+    def open_devices(self) -> None:
+        """Let the devices listen. SwathError where one cannot; calling it again does nothing."""
+        for device in self.devices:
+            device.open()
+
     def close(self) -> None:
         """Close what parts hold outside: processes, nodes, buses. Calling it again does nothing."""
+        for device in self.devices:
+            device.close()
         for machine in self.machines.values():
             for part in machine.all_parts:
                 if isinstance(part, Closes):

@@ -222,6 +222,10 @@ class SlotCommon(BaseModel):
         ByField | None,
         Field(description="keys of the sensor's `mount`: how far off it really sits, unknown to control"),
     ] = None
+    device: Annotated[
+        str | None,
+        Field(description="address at which it is served as a device: docs/how-to/devices.md"),
+    ] = None
 
 
 BodyPlace = Annotated[float, Field(ge=-50, le=50)]

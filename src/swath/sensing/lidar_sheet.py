@@ -39,7 +39,7 @@ class LidarSheet:
     """What the maker says about a scanner.
 
     fov: (first, last) azimuth [rad]; step: azimuth between beams [rad]; rates_hz: the first is the default
-    elevations: of the lines [rad], (0,) for a 2-D scanner
+    elevations: of the lines [rad], (0,) for a 2-D scanner; turns: where it sweeps to, seen from above
     range_min, range_max [m]; range_10: reach on a 10 % diffuse target [m]
     noise_mm: rows (range [m], one-sigma [mm]); systematic: half width of the constant error band [m]
     resolution: step of the reported range [m]; wavelength [m]
@@ -58,6 +58,7 @@ class LidarSheet:
     step: Annotated[float, Quantity("deg", 1e-3, 10, key="scan.step")]
     rates_hz: Annotated[tuple[float, ...], Quantity("", 0.01, 10_000, key="scan.rates_hz")]
     elevations: Annotated[tuple[float, ...], Quantity("deg", -90, 90, key="scan.line_elevation")]
+    turns: Annotated[Literal["left", "right"], Key("scan.turns")] = "left"
     angle_noise: Annotated[float, Quantity("deg", 0, 5, key="scan.angle_noise")] = 0.0
     range_min: Annotated[float, Quantity("m", 0, 10, key="range.min")]
     range_max: Annotated[float, Quantity("m", 1, 1000, key="range.max")]

@@ -73,7 +73,9 @@ class Scanner:
         self.line_count = len(lines)
         self.azimuth = np.repeat(azimuth, len(lines))
         self.elevation = np.tile(lines, len(azimuth)).copy()
-        self.beam_t = (self.azimuth - azimuth[-1]) / (2 * np.pi) * setup.period
+        is_left = self.sheet.turns == "left"
+        to_go = self.azimuth - azimuth[-1] if is_left else azimuth[0] - self.azimuth  # of the sweep, <= 0
+        self.beam_t = to_go / (2 * np.pi) * setup.period
         for held in (self.azimuth, self.elevation, self.beam_t):  # every scan has them
             held.setflags(write=False)
         self.axes = _beam_axes(self.azimuth, self.elevation)

@@ -157,6 +157,8 @@ class LinkSetup:
     sources: input port -> slot that feeds it, e.g. `combine.lidar_left`
     before_asking: to be called before somebody outside is waited for, who may act on messages of the run
     ground: height of the terrain [m] at x, y, (n,) each; None in a slot of control
+    to_local: longitude, latitude [deg], height [m], (n, 3), as east, north, up of the field [m]; None where
+    it lies nowhere on Earth
     """
 
     machine_name: str
@@ -168,6 +170,7 @@ class LinkSetup:
     sources: Mapping[str, str] = field(default_factory=dict)
     before_asking: Sequence[Callable[[], None]] = ()
     ground: Callable[[F64, F64], F64] | None = None
+    to_local: Callable[[F64], F64] | None = None
 
     @property
     def name(self) -> str:

@@ -60,4 +60,26 @@ def load(args: argparse.Namespace) -> Any:
         flags["--real-time"] = "realtime.pace=real_time"
     if getattr(args, "field_state", None) is not None:
         flags[f"--field-state {args.field_state}"] = f"field.state_file={args.field_state}"
+    if getattr(args, "devices", None):
+        flags |= _devices(args.devices, load_scenario(args.scenario, sets=args.sets, flags=flags))
     return load_scenario(args.scenario, sets=args.sets, flags=flags)
+
+
+def _devices(texts: list[str], scenario: Any) -> dict[str, str]:
+    """`--device lidar=lms://` as changes of the scenario. InputError where the slot is not clear."""
+    from swath.core.errors import InputError
+
+    flags = {}
+    for text in texts:
+        slot, equals, address = text.partition("=")
+        if not equals or not slot or not address:
+            raise InputError("--device", text, "expected SLOT=ADDRESS, such as lidar=lms://127.0.0.1:2111")
+        if "." not in slot:
+            names = [n for n, machine in scenario.machines.items() if slot in machine.slots]
+            names = names or list(scenario.machines)
+            if len(names) != 1:
+                several = " or ".join(f"{name}.{slot}" for name in names)
+                raise InputError("--device", text, f"expected one of the machines: {several}")
+            slot = f"{names[0]}.{slot}"
+        flags[f"--device {text}"] = f"{slot}.device={address}"
+    return flags

@@ -1,0 +1,285 @@
+"""GNSS as NMEA 0183 sentences: GGA, VTG, RMC, HDT, THS, GST, and PANDA and PAOGI of AgOpenGPS.
+
+Courses and headings are from true north: the grid's convergence is taken off. Heights are above the
+ellipsoid, told as a geoid separation of 0. Sources: NMEA 0183 as in the receivers' manuals (u-blox M8
+interface description UBX-13003221, 31); PANDA and PAOGI as AgOpenGPS reads them,
+`AgIO/Source/Forms/NMEA.Designer.cs` (github.com/AgOpenGPS-Official/AgOpenGPS), 65535 = no IMU as its
+firmware sends it.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from functools import reduce
+from operator import xor
+
+from swath.signals import Fix
+
+TALKER = "GN"
+SENTENCES = ("GGA", "VTG", "RMC", "GST", "HDT", "THS", "PANDA", "PAOGI")
+USUAL = ("GGA", "VTG", "RMC", "GST", "HDT")
+KNOT = 1852.0 / 3600.0  # m/s
+BEGUN = "2026-07-15T10:00:00Z"  # the receiver's clock where a run begins, unless it is told
+GGA_QUALITY = (0, 1, 2, 5, 4)  # by number of a Fix: none, single, dgps, float, fix
+FIX_QUALITY = {0: 0, 1: 1, 2: 2, 3: 1, 4: 4, 5: 3, 9: 2}
+RMC_MODE = "NADFR"
+LONGEST = 4096  # bytes without an end of line
+
+
+def utc_of(text: str) -> datetime:
+    """A date and time of ISO 8601. ValueError where it is none."""
+    at = datetime.fromisoformat(text)
+    return at.replace(tzinfo=UTC) if at.tzinfo is None else at.astimezone(UTC)
+
+
+def sentence(body: str) -> bytes:
+    """A sentence with its checksum and end of line."""
+    return f"${body}*{reduce(xor, body.encode('ascii'), 0):02X}\r\n".encode("ascii")
+
+
+def sentences(fix: Fix, names: Sequence[str], begun: datetime, convergence: float) -> bytes:
+    """The sentences of a fix, those of a heading where there is one.
+
+    convergence: of the grid, from true to grid north, clockwise [rad]
+    """
+    at = begun + timedelta(microseconds=fix.t // 1000)
+    made = (WRITERS[name](fix, at, convergence) for name in names)
+    return b"".join(sentence(body) for body in made if body)
+
+
+def _time(at: datetime) -> str:
+    hundredths = (at.microsecond + 5_000) // 10_000
+    at = at + timedelta(microseconds=hundredths * 10_000 - at.microsecond)
+    return f"{at:%H%M%S}.{at.microsecond // 10_000:02d}"
+
+
+def _angle(value: float, degrees: int) -> str:
+    """An angle [rad] as degrees and minutes, to 0.2 mm."""
+    units = round(math.degrees(abs(value)) * 60e7)
+    whole, rest = divmod(units, 600_000_000)
+    return f"{whole:0{degrees}d}{rest // 10_000_000:02d}.{rest % 10_000_000:07d}"
+
+
+def _place(fix: Fix) -> str:
+    if fix.quality == 0 or math.isnan(fix.latitude) or math.isnan(fix.longitude):
+        return ",,,"
+    north, east = "N" if fix.latitude >= 0.0 else "S", "E" if fix.longitude >= 0.0 else "W"
+    return f"{_angle(fix.latitude, 2)},{north},{_angle(fix.longitude, 3)},{east}"
+
+
+def _number(value: float, form: str) -> str:
+    return "" if math.isnan(value) else format(value, form)
+
+
+def _bearing(angle: float, convergence: float) -> float:
+    """An angle from grid east [rad, nan where not known] as degrees clockwise from true north."""
+    turned = math.degrees(math.pi / 2.0 - angle + convergence) % 360.0
+    return 0.0 if turned >= 359.9995 else turned
+
+
+def _used(fix: Fix) -> int:
+    return 0 if fix.quality == 0 else max(fix.satellites, 12) if fix.satellites < 0 else fix.satellites
+
+
+def _gga(fix: Fix, at: datetime, convergence: float) -> str:
+    height, age = _number(fix.height, ".3f"), _number(fix.age, ".1f")
+    hdop = _number(1.0 if math.isnan(fix.hdop) and fix.quality else fix.hdop, ".1f")
+    if fix.quality == 0:
+        return f"{TALKER}GGA,{_time(at)},,,,,0,00,99.9,,,,,,"
+    quality = GGA_QUALITY[fix.quality]
+    place = _place(fix)
+    return f"{TALKER}GGA,{_time(at)},{place},{quality},{_used(fix):02d},{hdop},{height},M,0.0,M,{age},"
+
+
+def _vtg(fix: Fix, at: datetime, convergence: float) -> str:
+    course, speed = _number(_bearing(fix.course, convergence), ".3f"), fix.speed
+    knots, kmh = _number(speed / KNOT, ".4f"), _number(speed * 3.6, ".4f")
+    return f"{TALKER}VTG,{course},T,,M,{knots},N,{kmh},K,{RMC_MODE[fix.quality]}"
+
+
+def _rmc(fix: Fix, at: datetime, convergence: float) -> str:
+    valid = "A" if fix.quality else "V"
+    knots, course = _number(fix.speed / KNOT, ".4f"), _number(_bearing(fix.course, convergence), ".3f")
+    mode = RMC_MODE[fix.quality]
+    return f"{TALKER}RMC,{_time(at)},{valid},{_place(fix)},{knots},{course},{at:%d%m%y},,,{mode}"
+
+
+def _gst(fix: Fix, at: datetime, convergence: float) -> str:
+    if fix.quality == 0 or math.isnan(fix.horizontal_sd):
+        return f"{TALKER}GST,{_time(at)},,,,,,,"
+    sd, up = f"{fix.horizontal_sd:.4f}", _number(fix.vertical_sd, ".4f")
+    return f"{TALKER}GST,{_time(at)},{sd},{sd},{sd},0.0,{sd},{sd},{up}"
+
+
+def _hdt(fix: Fix, at: datetime, convergence: float) -> str:
+    return "" if math.isnan(fix.heading) else f"{TALKER}HDT,{_bearing(fix.heading, convergence):.3f},T"
+
+
+def _ths(fix: Fix, at: datetime, convergence: float) -> str:
+    if math.isnan(fix.heading):
+        return f"{TALKER}THS,,V"
+    return f"{TALKER}THS,{_bearing(fix.heading, convergence):.3f},A"
+
+
+def _agopengps(name: str, heading: str, fix: Fix, at: datetime) -> str:
+    if fix.quality == 0:
+        return f"{name},{_time(at)},,,,,0,0,99.9,,,,{heading},0,0,0"
+    knots, height = _number(fix.speed / KNOT, ".4f"), _number(fix.height, ".3f")
+    hdop = "1.0" if math.isnan(fix.hdop) else f"{fix.hdop:.1f}"
+    age = _number(fix.age, ".1f") or "0.0"
+    quality = GGA_QUALITY[fix.quality]
+    return (
+        f"{name},{_time(at)},{_place(fix)},{quality},{_used(fix)},{hdop},{height},{age},{knots},"
+        f"{heading},0,0,0"
+    )
+
+
+def _panda(fix: Fix, at: datetime, convergence: float) -> str:
+    return _agopengps("PANDA", "65535", fix, at)
+
+
+def _paogi(fix: Fix, at: datetime, convergence: float) -> str:
+    if math.isnan(fix.heading):
+        return ""
+    return _agopengps("PAOGI", f"{_bearing(fix.heading, convergence):.3f}", fix, at)
+
+
+WRITERS: dict[str, Callable[[Fix, datetime, float], str]] = {
+    "GGA": _gga, "VTG": _vtg, "RMC": _rmc, "GST": _gst, "HDT": _hdt, "THS": _ths, "PANDA": _panda,
+    "PAOGI": _paogi,
+}  # fmt: skip
+
+
+@dataclass
+class Epoch:
+    """What the sentences of one time of day said. seconds: of the day; angles [rad], bearings from north"""
+
+    seconds: float
+    latitude: float = math.nan
+    longitude: float = math.nan
+    height: float = math.nan
+    quality: int = 0
+    satellites: int = -1
+    hdop: float = math.nan
+    age: float = math.nan
+    speed: float = math.nan
+    course: float = math.nan
+    heading: float = math.nan
+    horizontal_sd: float = math.nan
+    vertical_sd: float = math.nan
+
+
+@dataclass
+class Listener:
+    """Epochs out of a stream of sentences. An epoch is complete when one of another time of day begins, or
+    when `flush` is called. wrong: lines so far that were no sentence, or had another checksum
+    """
+
+    wrong: int = 0
+    _rest: bytes = b""
+    _epoch: Epoch | None = None
+    _done: list[Epoch] = field(default_factory=list)
+
+    def feed(self, data: bytes) -> list[Epoch]:
+        """More bytes; the epochs that are complete."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > LONGEST:
+            self._rest, self.wrong = b"", self.wrong + 1
+        for line in lines:
+            if line.strip():
+                self._take(line.strip())
+        done, self._done = self._done, []
+        return done
+
+    def flush(self) -> Epoch | None:
+        """The epoch that is under way, which is over."""
+        epoch, self._epoch = self._epoch, None
+        return epoch
+
+    def _take(self, line: bytes) -> None:
+        body, star, check = line.removeprefix(b"$").partition(b"*")
+        try:
+            is_right = line[:1] == b"$" and (not star or int(check[:2], 16) == reduce(xor, body, 0))
+            name, *words = body.decode("ascii").split(",")
+            if not is_right:
+                raise ValueError
+            kind = name if name.startswith("P") else name[2:]
+            if kind in ("GGA", "RMC", "GST", "PANDA", "PAOGI"):
+                self._at(words[0])
+            if self._epoch is not None and kind in READERS:
+                READERS[kind](self._epoch, words)
+        except (ValueError, IndexError):
+            self.wrong += 1
+
+    def _at(self, text: str) -> None:
+        if not text:
+            raise ValueError
+        seconds = int(text[:2]) * 3600.0 + int(text[2:4]) * 60.0 + float(text[4:])
+        if self._epoch is not None and self._epoch.seconds != seconds:
+            self._done.append(self._epoch)
+            self._epoch = None
+        if self._epoch is None:
+            self._epoch = Epoch(seconds)
+
+
+def _read(text: str, factor: float = 1.0) -> float:
+    return float(text) * factor if text else math.nan
+
+
+def _read_angle(text: str, side: str) -> float:
+    """Degrees and minutes [rad]."""
+    if not text:
+        return math.nan
+    value = float(text)
+    if side not in ("N", "S", "E", "W") or not 0.0 <= value <= 18000.0:
+        raise ValueError
+    degrees = value // 100.0
+    angle = math.radians(degrees + (value - 100.0 * degrees) / 60.0)
+    return -angle if side in ("S", "W") else angle
+
+
+def _read_gga(epoch: Epoch, words: Sequence[str]) -> None:
+    epoch.latitude, epoch.longitude = _read_angle(words[1], words[2]), _read_angle(words[3], words[4])
+    epoch.quality = FIX_QUALITY.get(int(words[5] or 0), 0)
+    epoch.satellites, epoch.hdop = int(words[6] or -1), _read(words[7])
+    separation = _read(words[10])
+    epoch.height = _read(words[8]) + (0.0 if math.isnan(separation) else separation)
+    epoch.age = _read(words[12])
+
+
+def _read_vtg(epoch: Epoch, words: Sequence[str]) -> None:
+    epoch.course = math.radians(_read(words[0]))
+    epoch.speed = _read(words[6], 1.0 / 3.6) if words[6] else _read(words[4], KNOT)
+
+
+def _read_rmc(epoch: Epoch, words: Sequence[str]) -> None:
+    if math.isnan(epoch.speed):
+        epoch.speed, epoch.course = _read(words[6], KNOT), math.radians(_read(words[7]))
+
+
+def _read_gst(epoch: Epoch, words: Sequence[str]) -> None:
+    north, east = _read(words[5]), _read(words[6])
+    epoch.horizontal_sd = math.sqrt(0.5 * (north * north + east * east))
+    epoch.vertical_sd = _read(words[7])
+
+
+def _read_heading(epoch: Epoch, words: Sequence[str]) -> None:
+    if words[1] != "V":
+        epoch.heading = math.radians(_read(words[0]))
+
+
+def _read_agopengps(epoch: Epoch, words: Sequence[str]) -> None:
+    epoch.latitude, epoch.longitude = _read_angle(words[1], words[2]), _read_angle(words[3], words[4])
+    epoch.quality = FIX_QUALITY.get(int(words[5] or 0), 0)
+    epoch.satellites, epoch.hdop, epoch.height = int(words[6] or -1), _read(words[7]), _read(words[8])
+    epoch.age, epoch.speed = _read(words[9]), _read(words[10], KNOT)
+    heading = _read(words[11])
+    if heading <= 360.0:
+        epoch.heading = math.radians(heading)
+
+
+READERS: dict[str, Callable[[Epoch, Sequence[str]], None]] = {
+    "GGA": _read_gga, "VTG": _read_vtg, "RMC": _read_rmc, "GST": _read_gst, "HDT": _read_heading,
+    "THS": _read_heading, "PANDA": _read_agopengps, "PAOGI": _read_agopengps,
+}  # fmt: skip

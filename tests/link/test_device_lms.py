@@ -1,0 +1,218 @@
+"""A slot as a SICK LMS: an independent client, the vendor's own example, clients that hang, garbage."""
+
+import socket
+import struct
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swath.core.errors import InputError, SwathError
+from swath.link.device import cola, lms
+from swath.link.device.wires import BUFFER, MOST_CLIENTS
+from swath.signals import Scan
+from tests.link.device_rig import STEP, device, plane_scan, until
+from tests.link.lms_client import Lms, parse
+
+# Telegram listing 8014631, example of sRN LMDscandata: 21 values from 10 deg on, every 0.5 deg, 50 Hz.
+EXAMPLE = (
+    b"sRA LMDscandata 1 1 89A27F 0 0 343 347 27477BA9 2747813B 0 0 7 0 0 1388 168 0 1 DIST1 3F800000 "
+    b"00000000 186A0 1388 15 8A1 8A5 8AB 8AC 8A6 8AC 8B6 8C8 8C2 8C9 8CB 8C4 8E4 8E1 8EB 8E0 8F5 908 8FC "
+    b"907 906 0 0 0 0 0 0"
+)
+
+
+@pytest.fixture
+def served():
+    """A sensor that has made its first scan, and its scans by number."""
+    made, rng = device("lms://127.0.0.1:0", Scan), np.random.default_rng(1)
+    scans = {n: plane_scan(n * STEP, rng, echoes=3) for n in range(9)}
+    made("combine.slot", 0, {"scan": scans[0]})
+    yield made, lambda n: made("combine.slot", n * STEP, {"scan": scans[n]}), scans
+    made.close()
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_a_client_of_the_vendor_s_description_gets_every_scan(served, binary):
+    made, send, scans = served
+    client = Lms(made.port, binary)
+    client.login()
+    client.subscribe()
+    for n in (1, 2):
+        send(n)
+        told, scan = client.scan(), scans[n]
+        scale, offset, start, step, numbers = told["channels"]["DIST1"]
+        assert (offset, start, step, len(numbers)) == (0.0, 0.0, 0.5, 361)
+        assert told["frequency_hz"] == 25.0
+        assert told["scans"] == n - 1
+        assert told["sent_us"] == n * STEP // 1000
+        assert abs(told["sent_us"] - told["since_start_us"] - 20_000) <= 1  # half a turn of 40 ms
+        first = scan.ranges[:, 0].astype(float)
+        np.testing.assert_allclose(np.array(numbers) * scale, np.nan_to_num(first * 1000), atol=0.5)
+        rssi = np.array(told["channels"]["RSSI1"][4]) / lms.RSSI_WHITE
+        np.testing.assert_allclose(rssi, np.nan_to_num(scan.intensity[:, 0].astype(float)), atol=1e-4)
+    client.subscribe(on=False)
+    client.close()
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_what_a_client_configures_is_what_it_gets(served, binary):
+    made, send, scans = served
+    client = Lms(made.port, binary)
+    client.login()
+    sector = struct.pack(">HIii", 1, 5000, 450_000, 1_350_000)
+    client.ask("sWN LMPoutputRange 1 1388 +450000 +1350000", sector)
+    client.ask("sWN LMDscandatacfg 01 00 1 0 0 00 00 0 0 0 0 +2", bytes([1, 0, 1, 0] + [0] * 7 + [0, 2]))
+    client.ask("sWN FREchoFilter 2", b"\x02")
+    answer = client.ask("sRN LMPscancfg")
+    wanted = struct.pack(">IHIii", 2500, 1, 5000, 0, 1_800_000)
+    assert answer == b"sRA LMPscancfg " + (wanted if binary else b"9C4 1 1388 0 1B7740")
+    client.subscribe()
+    send(1), send(2), send(3)
+    told = [client.scan(), client.scan()]
+    assert [t["sent_us"] for t in told] == [STEP // 1000, 3 * STEP // 1000]
+    scale, _, start, _, numbers = told[0]["channels"]["DIST1"]
+    assert (start, len(numbers)) == (45.0, 181)
+    last = np.nan_to_num(np.nanmax(np.where(np.isnan(r := scans[1].ranges), -np.inf, r), axis=1).clip(0))
+    np.testing.assert_allclose(np.array(numbers) * scale, last[90:271].astype(float) * 1000, atol=0.5)
+    assert max(told[0]["channels"]["RSSI1"][4]) <= 200  # 8 bit: 100 for white, 2 at most here
+    client.close()
+
+
+def test_a_scan_on_request_and_what_is_refused(served):
+    made, send, _ = served
+    client = Lms(made.port, binary=False)
+    assert client.ask("sRN LMDscandata") == b"sFA 4"  # none yet
+    send(1)
+    assert parse(client.ask("sRN LMDscandata"), False)["sent_us"] == STEP // 1000
+    assert client.ask("sWN LMPoutputRange 1 1388 0 0") == b"sFA 1"  # not logged in
+    assert client.ask("sMN SetAccessMode 03 00000000") == b"sAN SetAccessMode 0"
+    assert client.ask("sRN Nonsense") == b"sFA 3"
+    assert client.ask("sMN Nonsense") == b"sFA 2"
+    assert client.ask("sEN Nonsense 1") == b"sFA F"
+    assert client.ask("sXX LMDscandata") == b"sFA C"
+    assert client.ask("sMN SetAccessMode") == b"sFA 5"
+    client.login()
+    answer = client.ask("sMN mLMPsetscancfg +5000 +1 +5000 -450000 +2250000")
+    assert answer == b"sAN mLMPsetscancfg 1 9C4 1 1388 0 1B7740"  # the scenario says 25 Hz
+    assert any("the scenario says 25 Hz" in text for _, text in made.events.list)
+    client.close()
+
+
+def test_another_level_with_other_beams_goes_on(served):
+    made, send, _ = served
+    client = Lms(made.port, binary=True)
+    client.subscribe()
+    send(1)
+    made("combine.slot", 2 * STEP, {"scan": plane_scan(2 * STEP, np.random.default_rng(4), count=181)})
+    assert [len(client.scan()["channels"]["DIST1"][4]) for _ in range(2)] == [361, 181]
+    assert any("181 beams now, 361 before" in text for _, text in made.events.list)
+    client.close()
+
+
+def test_the_vendor_s_example_is_understood():
+    told = lms.read_scan(cola.Values(EXAMPLE, binary=False))
+    assert told.frequency == 50.0
+    assert (told.begun, told.sent, told.counter) == (0x27477BA9, 0x2747813B, 0x347)
+    np.testing.assert_allclose(np.degrees(told.start), 10.0 - 90.0)
+    np.testing.assert_allclose(np.degrees(told.step), 0.5)
+    np.testing.assert_allclose(told.ranges[:3, 0], [2.209, 2.213, 2.219])
+    assert told.ranges.shape == (21, 1)
+    assert np.isnan(told.intensity).all()
+
+
+def test_two_clients_in_two_dialects_and_one_more_than_there_is_room_for(served):
+    made, send, _ = served
+    clients = [Lms(made.port, binary=n % 2 == 0) for n in range(MOST_CLIENTS)]
+    for client in clients:
+        client.subscribe()
+    extra = socket.create_connection(("127.0.0.1", made.port), 5.0)
+    assert extra.recv(10) == b""
+    extra.close()
+    send(1)
+    found = [client.scan() for client in clients]
+    assert all(f == found[0] for f in found)
+    assert any("was refused: there are 8 already" in text for _, text in made.events.list)
+    for client in clients:
+        client.close()
+    until(lambda: not made._server.has_client())
+    client = Lms(made.port, binary=True)
+    assert client.ask("sRN SCdevicestate") == b"sRA SCdevicestate \x01"
+    client.close()
+
+
+def test_a_client_that_hangs_is_let_go_and_holds_nobody_up(served):
+    made, _, scans = served
+    hung, client = Lms(made.port, binary=False), Lms(made.port, binary=True)
+    hung.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    hung.subscribe(), client.subscribe()
+    for n in range(1, 2000):
+        made("combine.slot", n * STEP, {"scan": scans[1]})
+        assert client.scan()["scans"] == (n - 1) & 0xFFFF
+        if any("does not read" in text for _, text in made.events.list):
+            break
+    else:
+        pytest.fail("it was never let go")
+    assert n * 3000 > BUFFER
+    hung.close(), client.close()
+
+
+@given(st.binary(max_size=400), st.integers(0, 400))
+def test_garbage_between_telegrams_loses_none_of_those_behind_it(noise, cut):
+    """Whatever comes before: a telegram that is whole, once what was begun has ended, is found."""
+    good = cola.telegram("sRN", "DeviceIdent", binary=True)
+    splitter = cola.Splitter()
+    stream = noise + b"\x03" + bytes(cola.LONGEST + 9) + good
+    found = splitter.feed(stream[:cut]) + splitter.feed(stream[cut:])
+    assert found[-1] == (b"sRN DeviceIdent", True)
+
+
+@given(st.binary(max_size=200), st.booleans())
+def test_no_telegram_breaks_a_session(content, binary):
+    told = []
+    scan = plane_scan(STEP, np.random.default_rng(2), count=11)
+    session = lms.Session(lms.plane_of(scan, "LMS1xx", 0.04, 40.0), lambda: (scan, 1), told.append)
+    for command in (b"", b"sRN ", b"sWN LMDscandatacfg ", b"sMN SetAccessMode ", b"sEN LMDscandata "):
+        session.feed(cola.framed(command + content, binary=binary))
+    with np.errstate(all="raise"), suppress(cola.Garbage):
+        lms.read_scan(cola.Values(b"sRA LMDscandata " + content, binary=binary))
+
+
+def test_what_cannot_be_a_sensor_is_refused():
+    rng = np.random.default_rng(3)
+    uneven = plane_scan(0, rng)
+    uneven = Scan(0, uneven.beam_t, uneven.azimuth**3, uneven.elevation, uneven.ranges, uneven.intensity)
+    made = device("lms://127.0.0.1:0", Scan)
+    with pytest.raises(InputError, match="one plane at even angles"):
+        made("combine.slot", 0, {"scan": uneven})
+    made.close()
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(SwathError, match=f"127.0.0.1:{port}: could not listen: the port is in use"):
+            device(f"lms://127.0.0.1:{port}", Scan)
+
+
+@pytest.mark.parametrize(
+    ("address", "expected"),
+    [
+        ("lms", "expected lms://, velodyne://, nmea://, agopengps:// with host and port"),
+        ("sick://", "expected lms://"),
+        ("lms+udp://", "expected lms[+]tcp://"),
+        ("lms://127.0.0.1:99999", "expected protocol://host:port"),
+        ("lms://?cola=c", "unknown"),
+        ("lms://?wait_s=-1", "expected wait_s to be a number from 0 to 3600"),
+        ("nmea+pty://", "expected nmea[+]pty://PATH"),
+        ("nmea://", "expected a slot such as gnss"),
+    ],
+)
+def test_an_address_that_is_none_is_one_error(address, expected):
+    with pytest.raises(InputError, match=expected):
+        device(address, Scan)
+
+
+def test_it_listens_on_this_machine_alone_unless_an_address_is_named():
+    made = device("lms://:0", Scan)
+    assert made._server._socket.getsockname()[0] == "127.0.0.1"
+    made.close()

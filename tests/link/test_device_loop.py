@@ -1,0 +1,204 @@
+"""The box closed: scans out over TCP, a process of its own, steering in over UDP; and runs with devices."""
+
+import os
+import re
+import socket
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from swath.commands.main import main
+from swath.core.errors import InputError, SwathError
+from swath.core.foreign_code import allow_code
+from swath.runtime.hooks import RunHook
+from swath.runtime.job import run_job, run_unrecorded
+from swath.scenario.scenario import load_scenario
+from tests.link.device_rig import free_port
+from tests.link.lms_client import Lms
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "devices"
+DISTANCE = "run.distance_m=42"  # into the bend, which begins at 30 m
+
+
+def closed(flags, sets):
+    """The run with `my_box.py` in a process of its own: its summary, and what the box printed."""
+    scanner = free_port()
+    box = [sys.executable, str(EXAMPLES / "my_box.py"), "--scanner", f"127.0.0.1:{scanner}", *flags]
+    sets = [DISTANCE, f"combine.lidar.device=lms://127.0.0.1:{scanner}?wait_s=60", *sets]
+    env = {**os.environ, "OMP_NUM_THREADS": "1"}
+    with subprocess.Popen(box, stdout=subprocess.PIPE, text=True, env=env) as process:
+        try:
+            summary = run_unrecorded(load_scenario(EXAMPLES / "wire.yaml", sets=sets))
+            said = process.communicate(timeout=20)[0]
+        finally:
+            process.kill()
+    return summary, said
+
+
+@pytest.fixture(scope="module")
+def in_memory():
+    with allow_code(None):
+        return run_unrecorded(load_scenario(EXAMPLES / "memory.yaml", sets=[DISTANCE]))
+
+
+def over_udp():
+    module = f"127.0.0.1:{free_port()}"
+    sets = [f"combine.steer.listen={module}", f"combine.steer.reply=127.0.0.1:{free_port()}"]
+    return ["--module", module], sets
+
+
+def over_can():
+    pytest.importorskip("can")
+    port = free_port()
+    level = f"combine.steer={{level: can, overlap_m: 0.1, options: {{port: {port}}}}}"
+    return ["--can", "udp_multicast", "--can-port", str(port)], [level]
+
+
+@pytest.mark.parametrize(
+    ("way", "telegrams"), [(over_udp, "CoLaA"), (over_udp, "CoLaB"), (over_can, "CoLaB")]
+)
+def test_the_box_on_the_wire_steers_as_it_does_in_memory(in_memory, way, telegrams):
+    flags, sets = way()
+    summary, said = closed([*flags, "--telegrams", telegrams], sets)
+    wire, memory = summary["lateral_rms_m"], in_memory["lateral_rms_m"]
+    device = summary["devices"]["combine.lidar"]
+    print(f"{telegrams} {way.__name__}: lateral RMS {wire:.4f} m on the wire, {memory:.4f} m in memory")
+    print(f"scans sent: {device['sent']}, jitter {device['jitter_ms']}; the box: {said.strip()}")
+    assert abs(wire - memory) <= 0.01
+    assert device["sent"] == device["samples"] >= 500
+    assert int(re.search(r"(\d+) scans", said).group(1)) == device["sent"] - 1
+
+
+def test_a_device_needs_the_pace_of_the_clock():
+    with pytest.raises(InputError, match=r"combine.lidar.device = lms://: expected a run with --real-time"):
+        run_unrecorded(load_scenario("straight", sets=["combine.lidar.device=lms://"]))
+
+
+def test_a_port_in_use_ends_the_command_before_there_is_a_folder(tmp_path, capsys):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        address = f"lidar=lms://127.0.0.1:{taken.getsockname()[1]}"
+        code = main(
+            ["run", "straight", "--real-time", "--device", address, "--out", str(tmp_path / "r"), "--quiet"]
+        )
+    assert code == 2
+    assert "could not listen: the port is in use" in capsys.readouterr().err
+    assert not (tmp_path / "r").exists()
+
+
+@pytest.mark.parametrize(
+    ("flag", "expected"),
+    [
+        ("lidar", "expected SLOT=ADDRESS, such as lidar=lms://127.0.0.1:2111"),
+        ("lidar=sick://", "combine.lidar.device = sick://: expected lms://"),
+        ("steer=lms://", "expected a slot such as lidar, that sends a Scan"),
+        ("gnss=nmea+tcp://", "expected a field that lies on Earth: set field.origin"),
+        ("nothing=lms://", "unknown key"),
+    ],
+)
+def test_a_flag_that_does_not_fit_is_one_error(flag, expected, capsys):
+    assert main(["run", "straight", "--real-time", "--device", flag, "--quiet"]) == 2
+    assert expected in capsys.readouterr().err
+
+
+def test_a_slot_of_several_machines_has_to_be_named(capsys):
+    assert main(["run", "two-combines", "--real-time", "--device", "lidar=lms://", "--quiet"]) == 2
+    assert re.search(r"expected one of the machines: \w+\.lidar or \w+\.lidar", capsys.readouterr().err)
+
+
+def test_nobody_who_asks_within_wait_s_is_one_error():
+    address = f"lms://127.0.0.1:{free_port()}?wait_s=0.5"
+    sets = ["realtime.pace=real_time", f"combine.lidar.device={address}", "run.distance_m=1"]
+    with pytest.raises(SwathError, match=r"nobody asked lms://127\.0\.0\.1:\d+ for data within wait_s"):
+        run_unrecorded(load_scenario("straight", sets=sets))
+
+
+def test_a_device_changes_no_result_and_the_port_is_free_again(tmp_path):
+    port = free_port()
+    sets = ["run.distance_m=2", "combine.lidar.level=empirical"]
+    paced = [*sets, "realtime.pace=real_time", f"combine.lidar.device=lms://127.0.0.1:{port}"]
+    digests = {run_unrecorded(load_scenario("straight", sets=s))["digest"] for s in (sets, paced, paced)}
+    assert len(digests) == 1
+    with socket.create_server(("127.0.0.1", port)):
+        pass
+
+
+def test_one_run_s_scanner_is_another_s_sensor(tmp_path):
+    """Level `device` fed by a slot that is served: the scans arrive, and the run of the other goes on."""
+    port = free_port()
+    feeding = ["run", "straight", "--real-time", "--device", f"lidar=lms://127.0.0.1:{port}?wait_s=60"]
+    feeding += ["--set", "run.distance_m=8", "--set", "combine.lidar.level=empirical", "--quiet"]
+    feeding += ["--set", "run.record=none", "--out", str(tmp_path / "feeding")]
+    sets = [
+        "realtime.pace=real_time", "run.distance_m=3",
+        f"combine.lidar={{level: device, address: 'lms://127.0.0.1:{port}', mount: {{}}, wait_s: 60}}",
+    ]  # fmt: skip
+    command = [
+        sys.executable,
+        "-c",
+        "import sys; from swath.commands.main import main; sys.exit(main(sys.argv[1:]))",
+    ]
+    with subprocess.Popen([*command, *feeding], stdout=subprocess.DEVNULL) as process:
+        result = run_job(load_scenario("straight", sets=sets), tmp_path / "fed")
+        process.wait(60)
+    notes = "\n".join(result.summary["notes"])
+    count = int(re.search(r"lidar: (\d+) samples from lms", notes).group(1))
+    assert count >= 25
+
+
+class Watch(RunHook):
+    """The samples of a run."""
+
+    def __init__(self):
+        self.scans = {}
+
+    def begin(self, run):
+        run.observers.append(self)
+
+    def __call__(self, slot, t, outputs):
+        if slot == "combine.lidar" and t:
+            self.scans[t] = outputs["scan"]
+
+
+def test_a_client_hears_the_scans_that_the_recording_gets(tmp_path):
+    port, heard = free_port(), []
+
+    def listen():
+        client = connected(port)
+        client.subscribe()
+        with suppress(AssertionError):  # the sensor has closed the connection
+            while True:
+                heard.append(client.scan())
+        client.close()
+
+    sets = [
+        "realtime.pace=real_time", "run.distance_m=2", "combine.lidar.level=empirical",
+        f"combine.lidar.device=lms://127.0.0.1:{port}?wait_s=30",
+    ]  # fmt: skip
+    thread, watch = threading.Thread(target=listen), Watch()
+    thread.start()
+    run_job(load_scenario("straight", sets=sets), tmp_path / "run", hooks=[watch])
+    thread.join(10)
+    assert len(heard) >= 20
+    for told in heard:
+        scan = watch.scans[told["sent_us"] * 1000]
+        scale, _, start, step, numbers = told["channels"]["DIST1"]
+        azimuth = np.radians(start + step * np.arange(len(numbers)) - 90.0)
+        np.testing.assert_allclose(azimuth, scan.azimuth, atol=1e-6 * len(numbers))
+        ranges = np.nan_to_num(scan.ranges[:, 0].astype(float))
+        np.testing.assert_allclose(np.array(numbers) * scale * 1e-3, ranges, atol=0.5e-3 * scale + 1e-6)
+
+
+def connected(port):
+    """A client, once there is a sensor."""
+    end = time.monotonic() + 30.0
+    while time.monotonic() < end:
+        with suppress(ConnectionRefusedError):
+            return Lms(port, binary=True)
+        time.sleep(0.05)
+    raise AssertionError("there is no sensor")

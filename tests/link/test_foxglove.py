@@ -1,0 +1,90 @@
+"""A run as a Foxglove WebSocket, heard by a client of the published protocol (foxglove.sdk.v1)."""
+
+import json
+import socket
+import struct
+import threading
+from types import SimpleNamespace
+
+import pytest
+
+from swath.core.errors import InputError, SwathError
+from swath.runtime.job import run_job
+from swath.scenario.scenario import load_scenario
+
+pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
+client = pytest.importorskip("websockets.sync.client")
+
+from swath.link.foxglove import Foxglove  # noqa: E402
+from tests.link.device_rig import free_port  # noqa: E402
+
+
+class Viewer(threading.Thread):
+    """Subscribes to every topic; messages by topic: (time [ns], bytes)."""
+
+    def __init__(self, link):
+        super().__init__(daemon=True)
+        self.link = link
+        self.channels, self.messages, self.times = {}, {}, []
+        self.info = json.loads(self.link.recv(5))
+        self.start()
+
+    def run(self):
+        count = 0
+        for frame in self.link:
+            if isinstance(frame, str):
+                for channel in json.loads(frame).get("channels", []):
+                    count += 1
+                    self.channels[count] = channel
+                    wanted = [{"id": count, "channelId": channel["id"]}]
+                    self.link.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+            elif frame[0] == 1:
+                number, t = struct.unpack("<IQ", frame[1:13])
+                topic = self.channels[number]["topic"]
+                self.messages.setdefault(topic, []).append((t, frame[13:]))
+            elif frame[0] == 2:
+                self.times.append(struct.unpack("<Q", frame[1:9])[0])
+
+
+def test_a_viewer_gets_what_the_recording_gets(tmp_path):
+    port = free_port()
+    hook = Foxglove(f"127.0.0.1:{port}")
+    recorded = {}
+
+    def tap(topic, t, data, build, is_latched):
+        recorded.setdefault(topic, []).append((t, data))
+
+    def begin(run):
+        Foxglove.begin(hook, run)
+        run.recorder.file.taps.append(tap)
+
+    with client.connect(hook.address, subprotocols=["foxglove.sdk.v1"], max_size=None) as link:
+        viewer = Viewer(link)
+        assert viewer.info["name"] == "swath"
+        assert viewer.info["capabilities"] == ["time"]  # nothing that could change the run
+        sets = ["run.distance_m=2", "combine.lidar.level=empirical", "realtime.pace=real_time"]
+        watch = SimpleNamespace(begin=begin, summarize=hook.summarize, finish=hook.finish)
+        result = run_job(load_scenario("straight", sets=sets), tmp_path / "run", hooks=[watch])
+        viewer.join(0.5)
+        hook.close()
+        viewer.join(5.0)
+    count = result.summary["foxglove"]["messages"]
+    assert count == sum(map(len, recorded.values()))
+    kinds = {
+        c["topic"]: (c["encoding"], c["schemaName"], c["schemaEncoding"]) for c in viewer.channels.values()
+    }
+    assert kinds["/combine/lidar/scan"] == ("cdr", "sensor_msgs/msg/LaserScan", "ros2msg")
+    late = {"/tf_static", "/robot_description", "/combine/field_markers"} & recorded.keys()
+    assert late, "latched topics, which were sent before anybody could subscribe"
+    for topic, sent in recorded.items():
+        assert set(viewer.messages.get(topic, [])) <= set(sent)
+        assert viewer.messages[topic][-1] == sent[-1], topic
+    assert sum(map(len, viewer.messages.values())) >= 0.9 * count
+    assert viewer.times == sorted(viewer.times)
+
+
+def test_a_port_in_use_and_an_address_that_is_none_are_one_error():
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(SwathError, match="could not listen"):
+        Foxglove(f"127.0.0.1:{taken.getsockname()[1]}")
+    with pytest.raises(InputError, match="expected host:port, such as 127"):
+        Foxglove("8765")
