@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 
-def add(parsers: Any) -> None:
-    """Add the command and its two verbs."""
-    parser = parsers.add_parser("field", help="make a field from a yield log, look at one")
+def add(parsers: Any) -> Any:
+    """Add the command and its two verbs. Returns the verbs, for more of them."""
+    parser = parsers.add_parser("field", help="make a field from a yield log, look at one, take one away")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     imports = verbs.add_parser("import", help="make a field folder from a combine's yield log")
     imports.add_argument(
@@ -47,6 +47,7 @@ def add(parsers: Any) -> None:
     shows = verbs.add_parser("show", help="draw a field folder as a picture")
     shows.add_argument("folder", type=Path, metavar="DIR", help="a field folder")
     shows.set_defaults(run=run_show)
+    return verbs
 
 
 def run_import(args: argparse.Namespace) -> int:
