@@ -247,7 +247,7 @@ def test_a_survey_read_by_laspy_meets_ground_crop_and_things_where_they_are(worl
     points = np.stack([las.x, las.y, las.z], axis=1)
     kind = np.asarray(las.classification)
     ground = world.field.ground_height(*points[:, :2].T)
-    assert np.abs(points[kind == 2, 2] - ground[kind == 2]).max() < 0.002
+    assert np.abs(points[kind == 2, 2] - ground[kind == 2]).max() < 0.006  # straw of 5 mm hides no soil
     assert (kind == 2).sum() > 1000
     stands = world.field.standing(*points[:, :2].T)
     crop = np.isin(kind, (3, 4, 5))
