@@ -1,5 +1,6 @@
 """A machine as a terminal sees it: frames read by cantools, a task controller on the stack of can-j1939."""
 
+import json
 import logging
 import struct
 import time
@@ -10,6 +11,7 @@ import j1939 as other_stack
 import numpy as np
 import pytest
 
+from swath.commands.main import main
 from swath.core.schedule import NS
 from swath.link.can.bus import open_bus
 from swath.link.can.codec import dbc_file
@@ -333,3 +335,36 @@ def test_garbage_breaks_nothing_and_a_stranger_is_not_obeyed(seed):
     made, bus = activated()
     made.hear(0xCB00, bytes([0x12, 0, 87, 0, 0, 0, 0, 0]), 3, NS, {87: 1.0})
     assert [d for _, d, to in bus.sent if to == 3] == []
+
+
+def test_a_run_on_the_command_line_has_the_machine_on_the_bus(tmp_path):
+    where, out = own_bus(), tmp_path / "run"
+    listener = open_bus(where)
+    sets = ["--set", "combine.lidar=off", "--set", "combine.edge=truth", "--set", "run.max_duration_s=1"]
+    bus = f"{where.interface}:{where.channel}"
+    assert main(
+        ["run", "feed-rate", "--isobus", bus, "--out", str(out), "--quiet", "--no-replay", *sets]
+    ) in (0, 1)
+    frames = 0
+    while listener.recv(0.05) is not None:
+        frames += 1
+    listener.shutdown()
+    summary = json.loads((out / "summary.json").read_text())
+    assert frames == summary["isobus"]["frames"] + 2 > 80
+    assert main(["run", "feed-rate", "--out", str(tmp_path / "plain"), "--quiet", "--no-replay", *sets]) in (
+        0,
+        1,
+    )
+    assert json.loads((tmp_path / "plain" / "summary.json").read_text())["digest"] == summary["digest"]
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("can0", "--isobus = can0: expected INTERFACE:CHANNEL"),
+        ("nope:can0", "interface = nope: expected one of"),
+    ],
+)
+def test_a_bus_that_is_none_is_refused(word, said, tmp_path, capsys):
+    assert main(["run", "feed-rate", "--isobus", word, "--out", str(tmp_path / "run")]) == 2
+    assert said in capsys.readouterr().err
