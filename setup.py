@@ -1,4 +1,6 @@
-"""Puts the examples into the package, the README and links into its metadata; the rest is in pyproject.toml."""
+"""Puts the examples into the package, the README and links into its metadata; the rest is in
+pyproject.toml.
+"""
 
 import os
 import re
@@ -33,7 +35,8 @@ def _named(link: re.Match[str]) -> str:
 
 
 def project_links() -> dict[str, str]:
-    """Links by their label, to where PROJECT_URL says that the project is at home; those of an sdist are its own.
+    """Links by their label, to where PROJECT_URL says that the project is at home; those of an sdist are its
+    own.
 
     None without either.
     """

@@ -1,6 +1,8 @@
-"""One version everywhere: pyproject.toml, swath.__version__, CITATION.cff, CHANGELOG.md and, where given, the tag.
+"""One version everywhere: pyproject.toml, swath.__version__, CITATION.cff, CHANGELOG.md and, where given,
+the tag.
 
-python .ci/versions.py [v0.2.0]    exit code 1 where they differ, or where a tag's changes still stand under Unreleased
+python .ci/versions.py [v0.2.0]    exit code 1 where they differ, or where a tag's changes still stand under
+Unreleased
 """
 
 import re

@@ -3,9 +3,11 @@
     python examples/nav2/controller_node.py &
     swath run examples/nav2/field.yaml --ros2 --real-time
 
-The planner publishes nav_msgs/Path on /plan, latched, as planner_server does. The controller follows the newest /plan
-from the pose on /odom by pure pursuit, as controller_server does, and publishes geometry_msgs/Twist on /cmd_vel at 20 Hz.
-With a Nav2 of your own start that instead: nav2_params.yaml beside this file has the names of frames and topics.
+The planner publishes nav_msgs/Path on /plan, latched, as planner_server does. The controller follows the
+newest /plan from the pose on /odom by pure pursuit, as controller_server does, and publishes
+geometry_msgs/Twist on /cmd_vel at 20 Hz.
+With a Nav2 of your own start that instead: nav2_params.yaml beside this file has the names of frames and
+topics.
 """
 
 from contextlib import suppress

@@ -60,8 +60,8 @@ class Env(gymnasium.Env):  # type: ignore[misc]
     Action, in [-1, 1]: path curvature as a share of the tightest turn, > 0 left; with `speed` also the wanted
     speed, from 0 to `speed_kmh`. Observation, float32, shape (8,), what control may see: the detected edge
     beside the header end, and odometry, as `OBSERVED` names them; 0 where no edge is found (confidence 0).
-    With `picture` a dict of these `values` and the newest `picture` of the machine's first camera, sRGB uint8,
-    (height, width, 3), black before there is one.
+    With `picture` a dict of these `values` and the newest `picture` of the machine's first camera, sRGB
+    uint8, (height, width, 3), black before there is one.
 
     The sum of all rewards of an episode is the share of `run.distance_m` that was driven, less, for every
     limit under `expect`, how far it is broken at the end: the way outside its bound over the bound, at most
@@ -71,7 +71,8 @@ class Env(gymnasium.Env):  # type: ignore[misc]
 
     A reset with a seed is the scenario with that seed, without one the seed is drawn. machine: which one, by
     default the first; period_s: between two actions; code: as in `swath.load_scenario`, as the InputError.
-    render_mode `rgb_array`: `render` gives the field from above as it is, the machine in the middle, north up.
+    render_mode `rgb_array`: `render` gives the field from above as it is, the machine in the middle, north
+    up.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -160,7 +161,9 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         return self._observation(), fsum(parts.values()), terminated, truncated, info
 
     def render(self) -> np.ndarray | None:
-        """With `rgb_array` 30 m by 30 m around the machine, uint8 (300, 300, 3); None without a render mode."""
+        """With `rgb_array` 30 m by 30 m around the machine, uint8 (300, 300, 3); None without a render
+        mode.
+        """
         if self.render_mode is None:
             return None
         from swath.report.top_view import top_view

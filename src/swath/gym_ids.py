@@ -1,5 +1,5 @@
-"""Ids of gymnasium, `swath/SCENARIO`, for every bundled scenario: known as soon as swath and gymnasium are both
-imported, whichever comes first. swath itself does not import gymnasium.
+"""Ids of gymnasium, `swath/SCENARIO`, for every bundled scenario: known as soon as swath and gymnasium are
+both imported, whichever comes first. swath itself does not import gymnasium.
 """
 
 import sys

@@ -27,8 +27,8 @@ CONTROLLER = 247
 
 
 class Controller:
-    """A task controller: takes descriptions, asks for values. refuse: error that it answers to ...; script: commands
-    that it sends when a client is active
+    """A task controller: takes descriptions, asks for values. refuse: error that it answers to ...; script:
+    commands that it sends when a client is active
     """
 
     def __init__(self, where, script=(), refuse=()):
@@ -57,8 +57,14 @@ class Controller:
             return
         first, data = data[0], bytes(data)
         self.heard.append(first)
-        answer = {0x00: [0x10, 4, 0, 0, 0, 1, 1, 16], 0x01: [0x11], 0x41: [0x51, self.refuse.get(0x41, 0)],
-                  0x61: [0x71, self.refuse.get(0x61, 0)], 0x81: [0x91, self.refuse.get(0x81, 0)]}.get(first)  # fmt: skip
+        refused = self.refuse.get(first, 0)
+        answer = {
+            0x00: [0x10, 4, 0, 0, 0, 1, 1, 16],
+            0x01: [0x11],
+            0x41: [0x51, refused],
+            0x61: [0x71, refused],
+            0x81: [0x91, refused],
+        }.get(first)
         if first == 0x61:
             self.pool = data[1:]
         if first & 0xF in (3, 0xD):
@@ -142,7 +148,9 @@ def test_the_description_is_whole_and_every_reference_leads_somewhere():
 
 
 def driven(hook, seconds, slow_s=0.0, sets=()):
-    """The bundled scenario feed-rate with the hook, each tick of it so slow. (samples of the engine, world)"""
+    """The bundled scenario feed-rate with the hook, each tick of it so slow. (samples of the engine,
+    world)
+    """
     world = assemble(load_scenario("feed-rate", sets=[*QUICK, *sets]))
     seen = {}
 

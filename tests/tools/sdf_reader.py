@@ -1,6 +1,7 @@
 """What libsdformat, the parser of Gazebo, makes of a world: python sdf_reader.py world.sdf, prints JSON.
 
-Drake carries that library; it is read in a process of its own. Where the file breaks the format, the error ends it.
+Drake carries that library; it is read in a process of its own. Where the file breaks the format, the error
+ends it.
 """
 
 import json

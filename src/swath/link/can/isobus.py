@@ -1,8 +1,9 @@
 """A run's machine on the bus, as a terminal sees it: engine, speeds, header, and a task controller's client.
 
-Messages of ISO 11783-7 and J1939 on the clock of the run: EEC1 every 20 ms, EEC2 every 50 ms, wheel- and ground-based speed and the state of the
-header (front hitch) every 100 ms; the client is in task_client.py. Values are what the machine's own sensors and control
-units send, never the truth; what it does not measure is `not available` or no part of the description.
+Messages of ISO 11783-7 and J1939 on the clock of the run: EEC1 every 20 ms, EEC2 every 50 ms, wheel- and
+ground-based speed and the state of the header (front hitch) every 100 ms; the client is in task_client.py.
+Values are what the machine's own sensors and control units send, never the truth; what it does not measure
+is `not available` or no part of the description.
 """
 
 from collections.abc import Mapping
@@ -95,7 +96,8 @@ class IsobusMachine(RunHook):
     def _tick(self, t: int) -> None:
         self._integrate(t)
         node, client, values = self._node, self._client, self._values()
-        assert node is not None and client is not None
+        assert node is not None
+        assert client is not None
         while (message := node.receive()) is not None:
             if message.pgn in TASK_PGNS:
                 client.hear(message.pgn, message.data, message.source, t, values)

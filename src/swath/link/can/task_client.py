@@ -1,9 +1,10 @@
 """The client of a task controller (ISO 11783-10): what the machine can report, and the reports asked for.
 
-It waits for a task controller's status message, says what it is (working set master, version), hands its description
-over (device descriptor object pool, by the transport protocol of J1939-21), and then answers requests for values, once or
-in intervals of time, way or change. Message numbers and object layouts: ISO 11783-10:2015 annexes A and B, as in the public
-AgIsoStack++; data identifiers: isobus.net. A pool is sent whole, anew at each start: nothing is kept by label.
+It waits for a task controller's status message, says what it is (working set master, version), hands its
+description over (device descriptor object pool, by the transport protocol of J1939-21), and then answers
+requests for values, once or in intervals of time, way or change. Message numbers and object layouts: ISO
+11783-10:2015 annexes A and B, as in the public AgIsoStack++; data identifiers: isobus.net. A pool is sent
+whole, anew at each start: nothing is kept by label.
 """
 
 import struct
@@ -31,8 +32,8 @@ Send = Callable[[int, bytes, int], None]
 
 @dataclass(frozen=True)
 class Datum:
-    """What the machine reports. ddi: data identifier; element: 0 the machine, 1 its header; scale: unit of the data over
-    that of the value; unit: of the value, as shown
+    """What the machine reports. ddi: data identifier; element: 0 the machine, 1 its header; scale: unit of
+    the data over that of the value; unit: of the value, as shown
     """
 
     ddi: int
@@ -44,7 +45,9 @@ class Datum:
 
 @dataclass
 class _Report:
-    """A value that is sent by itself. every: ns, mm or steps; last: of the time or way, or value, sent last"""
+    """A value that is sent by itself. every: ns, mm or steps; last: of the time or way, or value, sent
+    last
+    """
 
     how: int
     every: float
@@ -53,7 +56,10 @@ class _Report:
 
 @dataclass
 class TaskClient:
-    """send: PGN, data, destination; data: what it reports; label: 7 bytes that change with the pool; name: NAME"""
+    """send: PGN, data, destination; data: what it reports; name: NAME of ISO 11783-5
+
+    designator: of the device; width_mm, offset_mm: of the header, and how far ahead of the axle its knife is
+    """
 
     send: Send
     data: tuple[Datum, ...]
@@ -235,8 +241,8 @@ class TaskClient:
 def object_pool(
     data: tuple[Datum, ...], name: bytes, designator: str, width_mm: int, offset_mm: int
 ) -> bytes:
-    """The description: a device with two elements, the machine and its header, the data of each, the header's width
-    (DDI 70) and how far ahead it is mounted (134), and the unit of each.
+    """The description: a device with two elements, the machine and its header, the data of each, the
+    header's width (DDI 70) and how far ahead it is mounted (134), and the unit of each.
     """
     objects: list[bytes] = []
     kinds = sorted({(d.scale, d.unit) for d in data})

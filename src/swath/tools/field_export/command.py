@@ -96,6 +96,6 @@ def _place(text: str | None) -> tuple[float, float] | None:
     return x, y
 
 
-_DESCRIPTION = """Writes what lies around a place of a field: the ground, plants within a radius, what is cut, straw,
-obstacles and machines, as they stand. sdf: a world for Gazebo Harmonic; glb: for Blender and others; las: points of
-a virtual survey (LAZ where the name ends so). Says how large it becomes before it writes."""
+_DESCRIPTION = """Writes what lies around a place of a field: the ground, plants within a radius, what is cut,
+straw, obstacles and machines, as they stand. sdf: a world for Gazebo Harmonic; glb: for Blender and others;
+las: points of a virtual survey (LAZ where the name ends so). Says how large it becomes before it writes."""

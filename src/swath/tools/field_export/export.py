@@ -24,7 +24,8 @@ SUFFIXES = {"sdf": ("",), "glb": (".glb",), "las": (".las", ".laz")}
 
 @dataclass(frozen=True)
 class Wanted:
-    """to: sdf, glb or las; out: folder or file; place: middle [m], None = where the first machine meets the crop;
+    """to: sdf, glb or las; out: folder or file; place: middle [m], None = where the first machine meets the
+    crop;
     ground: side of the square [m]; plants: radius [m]; per_m2: pulses of a survey; most: size [bytes]
     """
 
@@ -45,9 +46,7 @@ def export(world: World, wanted: Wanted, tell: Callable[[str], None]) -> list[Pa
     if suffix not in known:
         raise InputError("--out", str(wanted.out), f"expected {_named(wanted.to)}")
     place = meeting_point(world) if wanted.place is None else np.array(wanted.place)
-    tell(
-        f"place     x = {place[0]:.2f} m, y = {place[1]:.2f} m, ground {wanted.ground:g} m x {wanted.ground:g} m"
-    )
+    tell(f"place     x = {place[0]:.2f} m, y = {place[1]:.2f} m, {wanted.ground:g} m x {wanted.ground:g} m")
     if wanted.to == "las":
         return _survey(world, wanted, place, tell)
     if wanted.to == "glb":
@@ -88,7 +87,7 @@ def _tell_scene(scene: FieldScene, wanted: Wanted, size: float, tell: Callable[[
     tell(f"heights   {len(scene.ground.x)} x {len(scene.ground.y)}, {low:.3f} m to {high:.3f} m")
     if (share := scene.ground.unknown_share) > 0.0:
         tell(
-            f"note      {100 * share:.1f} % of the ground is beyond the map of the terrain and lies at {low:.3f} m"
+            f"note      {100 * share:.1f} % of the ground is beyond the terrain's map, taken as {low:.3f} m high"
         )
     counts = ", ".join(f"{s.name} {len(s.faces):,}" for s in scene.plants) or "none"
     tell(f"plants    within {wanted.plants:g} m, triangles: {counts}")

@@ -23,7 +23,9 @@ def need_trimesh() -> Any:
 
 
 def glb_bytes(scene: FieldScene) -> bytes:
-    """The file. One node for the ground, with its picture, one for each organ, straw and body, by their names."""
+    """The file. One node for the ground, with its picture, one for each organ, straw and body, by their
+    names.
+    """
     trimesh = need_trimesh()
     found = trimesh.Scene()
     found.add_geometry(_ground(scene.ground), node_name="ground", geom_name="ground")

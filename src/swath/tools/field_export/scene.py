@@ -49,9 +49,9 @@ class Surface:
 
 @dataclass(frozen=True)
 class Ground:
-    """A square of ground. x, y: of its columns and rows [m]; heights: (rows, columns) [m], the first row in the
-    south, nan beyond the map of the terrain; colours: sRGB (rows, columns, 3), the first row in the north: crop,
-    stubble, straw, bare ground
+    """A square of ground. x, y: of its columns and rows [m]; heights: (rows, columns) [m], the first row in
+    the south, nan beyond the map of the terrain; colours: sRGB (rows, columns, 3), the first row in the
+    north: crop, stubble, straw, bare ground
     """
 
     x: F64
@@ -77,7 +77,8 @@ class Ground:
 
 @dataclass(frozen=True)
 class FieldScene:
-    """Everything. place: its middle in the world, (2,) [m]; bodies: obstacles and machines as sensors see them;
+    """Everything. place: its middle in the world, (2,) [m]; bodies: obstacles and machines as sensors see
+    them;
     plants, straw: surfaces; origin: where on Earth the world's zero lies, if that is known
     """
 
@@ -96,8 +97,8 @@ class FieldScene:
 
 
 def make_scene(world: World, place: F64, *, ground_m: float, plants_m: float) -> FieldScene:
-    """The scene as the world stands. place: (2,) [m]; ground_m: side of the square of ground; plants_m: radius
-    in which plants are drawn, 0 = none. InputError where the ground is not known at all.
+    """The scene as the world stands. place: (2,) [m]; ground_m: side of the square of ground; plants_m:
+    radius in which plants are drawn, 0 = none. InputError where the ground is not known at all.
     """
     origin = next((m.origin for m in world.machines.values()), None)
     plants = plants_near(world.field, place, plants_m) if plants_m > 0.0 else ()
@@ -170,7 +171,9 @@ def surface_of(organs: Organs, kind: Organ) -> Surface:
 
 
 def expected_pieces(field: Field, place: F64, radius: float) -> tuple[float, float]:
-    """About how many rods and blades the plants within a radius have, before any is made; stubble is not counted."""
+    """About how many rods and blades the plants within a radius have, before any is made; stubble is not
+    counted.
+    """
     library = field.library
     is_own = ((library.base >= 0.0) & (library.base < library.tile_size)).all(axis=1)
     is_rod = library.shape == Shape.CAPSULE

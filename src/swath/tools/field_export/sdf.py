@@ -29,8 +29,8 @@ DRIVE = ("gz-sim-velocity-control-system", "gz::sim::systems::VelocityControl")
 
 
 def write_sdf(folder: Path, scene: FieldScene, world: World) -> list[Path]:
-    """`world.sdf` with `ground.png` (heights), `cover.png` (what lies there) and meshes; the machines obey Twist
-    on `/model/NAME/cmd_vel`. Returns the files.
+    """`world.sdf` with `ground.png` (heights), `cover.png` (what lies there) and meshes; the machines obey
+    Twist on `/model/NAME/cmd_vel`. Returns the files.
     """
     files = {
         "ground.png": height_bytes(scene.ground),
@@ -58,7 +58,9 @@ def sdf_size(scene: FieldScene) -> int:
 
 
 def height_bytes(ground: Ground) -> bytes:
-    """Heights as a 16 bit PNG, 0 = lowest, 65535 = highest, the first row in the north, as Gazebo reads them."""
+    """Heights as a 16 bit PNG, 0 = lowest, 65535 = highest, the first row in the north, as Gazebo reads
+    them.
+    """
     from PIL import Image
 
     share = (ground.filled - ground.low) / span(ground)

@@ -65,7 +65,9 @@ def survey(world: World, place: F64, *, side: float, per_m2: float) -> tuple[Clo
 
 
 def _classes(organs: np.ndarray, above: F64) -> np.ndarray:
-    """ASPRS classes of what was hit, so many metres above the ground; straw and stubble are low vegetation."""
+    """ASPRS classes of what was hit, so many metres above the ground; straw and stubble are low
+    vegetation.
+    """
     found = np.where(above < LOW_M, LOW, np.where(above < MEDIUM_M, MEDIUM, HIGH)).astype(np.uint8)
     for organ, number in HARD.items():
         found[organs == organ] = number
