@@ -24,17 +24,17 @@ ENGINE, LOAD, HEADER = "ElectronicEngineController1", "ElectronicEngineControlle
 EVERY = {ENGINE: NS // 50, LOAD: NS // 20, guidance.WHEEL: NS // 10}
 ADDRESS = 128  # the first that a control function may choose itself (ISO 11783-5)
 IN_WORK_M = 0.5  # a knife lower than that is at work: the standard leaves the threshold to the maker
-DIESEL_KG_M3 = 835.0  # EN 590: 820 to 845 at 15 degrees
+DIESEL_KG_L = 0.835  # EN 590: 0.820 to 0.845 at 15 degrees
 RPM = 60.0 / (2.0 * 3.141592653589793)
 DATA = (  # DDI and scale: ISO 11783-11 as in the public dictionary, isobus.net
     Datum(141, 0, "work state", 1.0, ""),
     Datum(397, 0, "speed", 1e-3, "m/s"),
-    Datum(149, 0, "fuel rate", 1e-9, "m3/s"),
+    Datum(149, 0, "fuel rate", 3.6e-3, "l/h"),
     Datum(67, 1, "working width", 1e-3, "m"),
     Datum(116, 1, "area", 1.0, "m2"),
     Datum(87, 1, "grain flow", 1e-6, "kg/s"),
     Datum(90, 1, "grain", 1.0, "kg"),
-    Datum(99, 1, "moisture", 1e-6, ""),
+    Datum(99, 1, "moisture", 1e-4, "%"),
 )
 NEEDS = {141: CropFlow, 397: Odometry, 149: EngineState, 67: CropFlow, 116: CropFlow, 87: YieldReading,
          90: YieldReading, 99: YieldReading}  # fmt: skip
@@ -48,6 +48,7 @@ class IsobusMachine(RunHook):
         self._where = where
         self._node: Node | None = None
         self._client: TaskClient | None = None
+        self._latest: dict[type[Signal], Any] = {}
         self.count = 0
 
     def begin(self, run: ActiveRun) -> None:
@@ -148,9 +149,9 @@ class IsobusMachine(RunHook):
             width = flow.header_fill * self._machine.sheet.header_width
             found |= {141: float(flow.header_fill > 0.0), 67: width, 116: self._area}
         if engine is not None:
-            found[149] = engine.fuel / DIESEL_KG_M3
+            found[149] = 3600.0 * engine.fuel / DIESEL_KG_L
         if grain is not None:
-            found |= {87: grain.flow, 90: self._grain, 99: grain.moisture}
+            found |= {87: grain.flow, 90: self._grain, 99: 100.0 * grain.moisture}
         return {ddi: value for ddi, value in found.items() if value == value}
 
     def _send(self, name: str, values: Values) -> None:

@@ -266,8 +266,8 @@ def object_pool(
         objects.append(
             b"DPT" + struct.pack("<HHi", number, ddi, value) + _text(title) + struct.pack("<H", lengths)
         )
-    for (scale, unit), number in [*unit_of.items(), ((1e-3, "m"), lengths)]:
-        objects.append(b"DVP" + struct.pack("<HifB", number, 0, scale, 3) + _text(unit))
+    for (scale, shown), number in [*unit_of.items(), ((1e-3, "m"), lengths)]:
+        objects.append(b"DVP" + struct.pack("<HifB", number, 0, scale, 3) + _text(shown))
     body = b"".join(objects)
     device = b"DVC" + struct.pack("<H", 0) + _text(designator) + _text("swath") + name + _text("1")
     return device + _label(body) + b"en\x00\x00\x00\x00\xff" + body

@@ -86,9 +86,7 @@ def _tell_scene(scene: FieldScene, wanted: Wanted, size: float, tell: Callable[[
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
     tell(f"heights   {len(scene.ground.x)} x {len(scene.ground.y)}, {low:.3f} m to {high:.3f} m")
     if (share := scene.ground.unknown_share) > 0.0:
-        tell(
-            f"note      {100 * share:.1f} % of the ground is beyond the terrain's map, taken as {low:.3f} m high"
-        )
+        tell(f"note      {100 * share:.1f} % of the ground is beyond the terrain's map: taken as its lowest")
     counts = ", ".join(f"{s.name} {len(s.faces):,}" for s in scene.plants) or "none"
     tell(f"plants    within {wanted.plants:g} m, triangles: {counts}")
     tell(f"bodies    {', '.join(body.name for body in scene.bodies) or 'none'}")

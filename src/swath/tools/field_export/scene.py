@@ -152,7 +152,7 @@ def straw_around(field: Field, place: F64, side: float) -> tuple[Surface, ...]:
 
 def plants_near(field: Field, place: F64, radius: float) -> tuple[Surface, ...]:
     """Plants and stubble whose feet stand within a radius [m], a surface for each organ."""
-    field.ensure(*place, radius + field.library.reach + field.library.tile_size)
+    field.ensure(float(place[0]), float(place[1]), radius + field.library.reach + field.library.tile_size)
     organs = organs_near(field, float(place[0]), float(place[1]), radius)
     kinds = (Organ(int(kind)) for kind in np.unique(organs.organ))
     return tuple(surface_of(organs.take(organs.organ == kind), kind) for kind in kinds)

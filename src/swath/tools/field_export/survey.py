@@ -9,7 +9,7 @@ from swath.field.memory_layout import Organ
 from swath.field.solids import merge
 from swath.rays.engine import RayCaster
 from swath.runtime.world import World
-from swath.signals import F64
+from swath.signals import F64, U8
 from swath.tools.scan.point_cloud import RECORD, Cloud
 
 HEIGHT_M = 40.0  # of the scanner above the ground in the middle
@@ -28,14 +28,14 @@ def pulse_count(side: float, per_m2: float) -> int:
     return int(side**2 * per_m2)
 
 
-def survey(world: World, place: F64, *, side: float, per_m2: float) -> tuple[Cloud, F64]:
+def survey(world: World, place: F64, *, side: float, per_m2: float) -> tuple[Cloud, U8]:
     """Points of one line flown over the middle of a square, along the rows, and their ASPRS classes.
 
     place: middle, (2,) [m]; per_m2: pulses on level ground. Exact places, no noise; intensity is reflectance
     times the cosine of incidence.
     """
     field, count = world.field, pulse_count(side, per_m2)
-    field.ensure(*place, 0.5 * side * 2**0.5 + HEIGHT_M)
+    field.ensure(float(place[0]), float(place[1]), 0.5 * side * 2**0.5 + HEIGHT_M)
     flat = (np.arange(1, count + 1)[:, None] * np.array(GOLDEN)) % 1.0 - 0.5
     aim = place + side * flat
     along = rotation_matrix(0.0, 0.0, field.stand_yaw)[:2, 0]
@@ -64,7 +64,7 @@ def survey(world: World, place: F64, *, side: float, per_m2: float) -> tuple[Clo
     return cloud, _classes(hits.organ[seen], above)
 
 
-def _classes(organs: np.ndarray, above: F64) -> np.ndarray:
+def _classes(organs: U8, above: F64) -> U8:
     """ASPRS classes of what was hit, so many metres above the ground; straw and stubble are low
     vegetation.
     """
