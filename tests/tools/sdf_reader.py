@@ -35,7 +35,7 @@ def main(path):
             )  # fmt: skip
         name = plant.GetModelInstanceName(model)
         found[name] = {"at": pose.translation().tolist(), "x": pose.rotation().matrix()[:, 0].tolist(),
-                       "mass": None if body.is_floating() is False else body.default_mass(),
+                       "mass": body.default_mass(),
                        "shapes": shapes}  # fmt: skip
     print(json.dumps(found))
 

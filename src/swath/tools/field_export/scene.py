@@ -115,15 +115,20 @@ def ground_around(field: Field, place: F64, side: float) -> Ground:
     steps, pixels = (np.linspace(-0.5, 0.5, NODES), (np.arange(PIXELS) + 0.5) / PIXELS - 0.5)
     x, y = place[0] + side * steps, place[1] + side * steps
     xy = np.meshgrid(x, y)
-    heights = np.asarray(field.terrain.height(*xy), dtype=float)
-    if isinstance(field.terrain, HasExtent):
-        heights = np.where(field.terrain.covers(*xy), heights, np.nan)
-    if np.isnan(heights).all():
-        raise InputError(
-            "--place", f"{place[0]:g},{place[1]:g}", "expected a place on the map of the terrain"
-        )
+    heights = np.where(known_ground(field, *xy), np.asarray(field.terrain.height(*xy), dtype=float), np.nan)
     at = np.meshgrid(place[0] + side * pixels, place[1] - side * pixels)
     return Ground(x, y, heights, ground_colours(field, *at))
+
+
+def known_ground(field: Field, x: F64, y: F64) -> NDArray[np.bool_]:
+    """Where the map of the terrain reaches. InputError where it reaches none of these points."""
+    known: NDArray[np.bool_] = np.isfinite(np.asarray(field.terrain.height(x, y), dtype=float))
+    if isinstance(field.terrain, HasExtent):
+        known = known & field.terrain.covers(x, y)
+    if not known.any():
+        place = f"{x.mean():.6g},{y.mean():.6g}"
+        raise InputError("--place", place, "expected a place on the map of the terrain")
+    return known
 
 
 def ground_surface(ground: Ground) -> tuple[F64, NDArray[np.int64], F64]:

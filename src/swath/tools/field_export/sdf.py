@@ -1,4 +1,4 @@
-"""A scene as a world for Gazebo Harmonic: SDFormat 1.10, heightmap, meshes as STL."""
+"""A scene as a world for Gazebo Harmonic: SDFormat 1.10, height map, plants as STL, other meshes as OBJ."""
 
 import io
 from collections.abc import Iterator
@@ -83,6 +83,14 @@ def stl_bytes(corners: F64) -> bytes:
     return b"swath".ljust(80) + np.uint32(len(rows)).tobytes() + rows.tobytes()
 
 
+def obj_bytes(corners: F64) -> bytes:
+    """Triangles (n, 3, 3) as a Wavefront OBJ file, which every reader of SDF can collide with."""
+    points, faces = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    lines = [f"v {_numbers(point)}" for point in points]
+    lines += [f"f {a} {b} {c}" for a, b, c in (faces.reshape(-1, 3) + 1).tolist()]
+    return "\n".join([*lines, ""]).encode("ascii")
+
+
 def _level_bytes() -> bytes:
     """A map of normals that all point up."""
     from PIL import Image
@@ -158,8 +166,8 @@ def _body(world: Element, body: Sighted, scene: FieldScene, whole: World, files:
     for number, (at, geometry, mesh) in enumerate(_shapes(body.solids)):
         inner = pose.inverse() @ at
         if mesh is not None:
-            uri = f"meshes/{name}_{number}.stl"
-            files[uri] = stl_bytes(mesh)
+            uri = f"meshes/{name}_{number}.obj"
+            files[uri] = obj_bytes(mesh)
             geometry = Element("geometry")
             _tell(SubElement(geometry, "mesh"), uri=uri)
         for tag in ("collision", "visual"):
@@ -224,7 +232,7 @@ def _pose(pose: Pose) -> str:
 
 
 def _numbers(values: F64 | list[float]) -> str:
-    return " ".join(_number(float(v)) for v in values)
+    return " ".join(_number(float(v) + 0.0) for v in values)
 
 
 def _number(value: float) -> str:

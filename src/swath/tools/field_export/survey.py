@@ -10,6 +10,7 @@ from swath.field.solids import merge
 from swath.rays.engine import RayCaster
 from swath.runtime.world import World
 from swath.signals import F64, U8
+from swath.tools.field_export.scene import known_ground
 from swath.tools.scan.point_cloud import RECORD, Cloud
 
 HEIGHT_M = 40.0  # of the scanner above the ground in the middle
@@ -32,19 +33,19 @@ def survey(world: World, place: F64, *, side: float, per_m2: float) -> tuple[Clo
     """Points of one line flown over the middle of a square, along the rows, and their ASPRS classes.
 
     place: middle, (2,) [m]; per_m2: pulses on level ground. Exact places, no noise; intensity is reflectance
-    times the cosine of incidence.
+    times the cosine of incidence. Pulses go to known ground alone; InputError where there is none.
     """
-    field, count = world.field, pulse_count(side, per_m2)
+    field, number = world.field, np.arange(1, pulse_count(side, per_m2) + 1)
+    aim = place + side * ((number[:, None] * np.array(GOLDEN)) % 1.0 - 0.5)
+    aim = aim[known_ground(field, *aim.T)]
     field.ensure(float(place[0]), float(place[1]), 0.5 * side * 2**0.5 + HEIGHT_M)
-    flat = (np.arange(1, count + 1)[:, None] * np.array(GOLDEN)) % 1.0 - 0.5
-    aim = place + side * flat
     along = rotation_matrix(0.0, 0.0, field.stand_yaw)[:2, 0]
     way = (aim - place) @ along
     order = np.argsort(way, kind="stable")
     aim, way = aim[order], way[order]
     ground = np.asarray(field.ground_height(*aim.T), dtype=float)
     top = float(np.nanmax(ground)) + HEIGHT_M
-    origins = np.column_stack([place + way[:, None] * along, np.full(count, top)])
+    origins = np.column_stack([place + way[:, None] * along, np.full(len(aim), top)])
     to = np.column_stack([aim, ground]) - origins
     directions = to / np.linalg.norm(to, axis=1)[:, None]
     solids = merge(*(body.solids for body in world.bodies.in_sight("")))
