@@ -22,6 +22,7 @@ from swath.signals import CropFlow, EngineState, GroundSpeed, HeaderState, Odome
 
 ENGINE, LOAD, HEADER = "ElectronicEngineController1", "ElectronicEngineController2", "FrontHitchStatus"
 EVERY = {ENGINE: NS // 50, LOAD: NS // 20, guidance.WHEEL: NS // 10}
+MOST_HEARD = 1000  # messages between two ticks: a bus that is flooded does not stop the run
 ADDRESS = 128  # the first that a control function may choose itself (ISO 11783-5)
 IN_WORK_M = 0.5  # a knife lower than that is at work: the standard leaves the threshold to the maker
 DIESEL_KG_L = 0.835  # EN 590: 0.820 to 0.845 at 15 degrees
@@ -99,7 +100,10 @@ class IsobusMachine(RunHook):
         node, client, values = self._node, self._client, self._values()
         assert node is not None
         assert client is not None
-        while (message := node.receive()) is not None:
+        for _ in range(MOST_HEARD):
+            message = node.receive()
+            if message is None:
+                break
             if message.pgn in TASK_PGNS:
                 client.hear(message.pgn, message.data, message.source, t, values)
         client.tick(t, 1000.0 * self._way, values)
