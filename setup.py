@@ -1,5 +1,6 @@
-"""Puts examples and pages into the package, the README into its metadata; the rest is in pyproject.toml."""
+"""Puts examples and pages into the package, README and links into its metadata; the rest is in pyproject.toml."""
 
+import os
 import re
 import shutil
 from pathlib import Path
@@ -37,9 +38,29 @@ def _named(link: re.Match[str]) -> str:
     return words if words.strip("`") == path else f"{words} ({path})"
 
 
+def project_links() -> dict[str, str]:
+    """Links by their label, to where PROJECT_URL says that the project is at home; those of an sdist are its
+    own.
+
+    None without either.
+    """
+    about = Path("PKG-INFO")
+    if home := os.environ.get("PROJECT_URL", "").rstrip("/"):
+        at = {
+            "Source": "",
+            "Documentation": "/tree/main/docs",
+            "Changelog": "/blob/main/CHANGELOG.md",
+            "Issues": "/issues",
+        }
+        return {label: home + path for label, path in at.items()}
+    text = about.read_text(encoding="utf-8") if about.is_file() else ""
+    return dict(re.findall(r"^Project-URL: (.+?), (.+)$", text, re.MULTILINE))
+
+
 setup(
     cmdclass={"build_py": WithExamples},
     long_description=without_relative_links(Path("README.md").read_text(encoding="utf-8"))
     + "\n\n`swath docs` lists the pages named `docs/...` and prints them.\n",
     long_description_content_type="text/markdown",
+    project_urls=project_links(),
 )

@@ -40,6 +40,7 @@ ELSEWHERE = {  # begin of a line: why it is not typed here, and which test does 
     "test again": "results of many runs: tests/tools/test_function_test.py",
     "test report": "results of many runs: tests/tools/test_function_test.py",
     "test run gap": "the reader's candidates: tests/test_tutorials.py",
+    "run feed-rate --isobus": "a CAN bus: tests/link/test_isobus.py",
     "run laser-pilot --ros2": "a ROS 2 domain: tests/link/test_ros2_tutorial.py",
 }
 

@@ -1,6 +1,8 @@
 """A scenario as an environment of gymnasium."""
 
 import runpy
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -9,6 +11,7 @@ import pytest
 
 import swath
 from swath.core.errors import InputError
+from swath.scenario.scenario import scenario_names
 
 pytest.importorskip("gymnasium")
 EXAMPLE = Path(__file__).parents[1] / "examples" / "gym_steering.py"
@@ -33,11 +36,86 @@ def episode(env, action, seed=3):
 
 
 def test_the_checker_of_gymnasium_passes():
+    import gymnasium
     from gymnasium.utils.env_checker import check_env
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(swath.Env("straight", sets=SETS), skip_render_check=True)
+        check_env(gymnasium.make("swath/straight", sets=SETS, render_mode="rgb_array").unwrapped)
+
+
+@pytest.mark.parametrize("order", ["import swath, gymnasium", "import gymnasium, swath"])
+def test_ids_are_known_whichever_is_imported_first(order):
+    ask = "print(*[name for name in gymnasium.registry if name.startswith('swath/')])"
+    run = subprocess.run(
+        [sys.executable, "-c", f"{order}; {ask}"], capture_output=True, text=True, check=True
+    )
+    assert run.stdout.split() == [f"swath/{name}" for name in scenario_names()]
+
+
+def test_gymnasium_makes_one_and_several_by_id():
+    import gymnasium
+
+    env = gymnasium.make("swath/straight", sets=SETS, render_mode="rgb_array", machine="combine")
+    env.reset(seed=3)
+    env.step(np.zeros(1, np.float32))
+    assert env.render().shape == (300, 300, 3)
+    env.close()
+    many = gymnasium.make_vec("swath/straight", num_envs=2, vectorization_mode="sync", sets=SETS)
+    seen, _ = many.reset(seed=3)
+    assert seen.shape == (2, 8)
+    many.close()
+
+
+def test_the_picture_from_above_shows_crop_stubble_and_the_machine_where_they_are():
+    env = swath.Env("straight", sets={**SETS, "run.distance_m": 20}, render_mode="rgb_array")
+    env.reset(seed=3)
+    before = env.render()
+    for _ in range(40):
+        env.step(np.zeros(1, np.float32))
+    world, picture = env.world, env.render()
+    x0, y0, _ = world.bodies.pose_of("combine").position
+    assert picture[150, 150].tolist() == [0x00, 0x72, 0xB2]
+    rows, columns = np.meshgrid(np.arange(5, 300, 10), np.arange(5, 300, 10), indexing="ij")
+    stands = world.field.standing(x0 + 0.1 * (columns + 0.5 - 150), y0 - 0.1 * (rows + 0.5 - 150))
+    shown = picture[rows, columns]
+    is_body = (shown == [0x00, 0x72, 0xB2]).all(axis=-1)
+    assert ((shown == [0xE9, 0xC4, 0x6A]).all(axis=-1) == stands)[~is_body].all()
+    assert 100 < stands.sum() < 800
+    assert (before != picture).any()
+    env.close()
+
+
+def test_a_picture_is_an_observation():
+    from gymnasium.utils.env_checker import check_env
+
+    camera = {"combine.camera": {"level": "rays", "rate_hz": 10, "width_px": 32, "height_px": 24}}
+    env = swath.Env("straight", sets=SETS | camera, picture=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env, skip_render_check=True)
+    env.reset(seed=1)
+    for _ in range(3):
+        seen, *_ = env.step(np.zeros(1, np.float32))
+    image = env.world.graph.latest("combine.camera", "image")
+    assert seen["picture"].shape == (24, 32, 3)
+    assert seen["picture"].std() > 10
+    assert np.array_equal(seen["picture"], image.colour)
+    assert np.array_equal(seen["values"], env._observed())
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"picture": True}, "picture = True: expected a machine with a camera"),
+        ({"render_mode": "human"}, "render_mode = human: expected rgb_array"),
+        ({"picture": True, "sets": {"combine.camera": {"level": "rays", "channels": ["depth"]}}}, "colour"),
+    ],
+)
+def test_what_cannot_be_shown_is_refused(words, said):
+    with pytest.raises(InputError, match=said):
+        swath.Env("straight", **words)
 
 
 def test_the_return_is_the_share_driven_less_what_is_broken():

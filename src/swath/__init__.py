@@ -6,11 +6,14 @@ result = swath.run("straight", sets={"combine.speed.speed_kmh": 5})
 result.summary["lateral_rms_m"]
 
 `run`, `batch`, `branch`, `scan`, `detect`, `load_scenario` and `read_field` are in swath/api.py, imported
-when one of them is used; so is `Env`, a scenario as an environment of gymnasium.
+when one of them is used; so is `Env`, a scenario as an environment of gymnasium, which also makes one by id:
+`gymnasium.make("swath/straight")`.
 """
 
 from importlib import import_module
 from typing import Any
+
+from swath import gym_ids
 
 __version__ = "0.2.0"
 _OFFERED = {
@@ -33,3 +36,6 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return [*globals(), *_OFFERED]
+
+
+gym_ids.offer()

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from math import fsum, tan
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive, driven_m, has_arrived
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
+from swath.scenario.slots import kind_of
+from swath.sensing.camera.rays import SceneCamera
 from swath.signals import Signal, SpeedCommand, SteerCommand
 
 try:
@@ -32,6 +34,7 @@ OBSERVED = (  # name, largest size; the edge's offset counts from the header end
     ("offset_sd_m", 10.0), ("speed_m_s", 20.0), ("yaw_rate_rad_s", 3.0), ("steer_rad", 1.6),
 )  # fmt: skip
 TRACK_PERIOD = NS // 50
+Seen = np.ndarray | dict[str, np.ndarray]
 
 
 class Commanded(KeepsState):
@@ -57,6 +60,8 @@ class Env(gymnasium.Env):  # type: ignore[misc]
     Action, in [-1, 1]: path curvature as a share of the tightest turn, > 0 left; with `speed` also the wanted
     speed, from 0 to `speed_kmh`. Observation, float32, shape (8,), what control may see: the detected edge
     beside the header end, and odometry, as `OBSERVED` names them; 0 where no edge is found (confidence 0).
+    With `picture` a dict of these `values` and the newest `picture` of the machine's first camera, sRGB
+    uint8, (height, width, 3), black before there is one.
 
     The sum of all rewards of an episode is the share of `run.distance_m` that was driven, less, for every
     limit under `expect`, how far it is broken at the end: the excess relative to the bound, at most
@@ -66,9 +71,11 @@ class Env(gymnasium.Env):  # type: ignore[misc]
 
     A reset with a seed is the scenario with that seed, without one the seed is drawn. machine: which one, by
     default the first; period_s: between two actions; code: as in `swath.load_scenario`, as the InputError.
+    render_mode `rgb_array`: `render` gives the field from above as it is, the machine in the middle, north
+    up.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
 
     def __init__(
         self,
@@ -80,21 +87,31 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         speed: bool = False,
         speed_kmh: float = 10.0,
         code: bool = False,
+        picture: bool = False,
+        render_mode: str | None = None,
     ) -> None:
-        self.scenario, self.sets, self.code = scenario, sets, code
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise InputError("render_mode", render_mode, "expected rgb_array or None")
+        self.scenario, self.sets, self.code, self.render_mode = scenario, sets, code, render_mode
+        self.metadata = {**self.metadata, "render_fps": max(1, round(1.0 / period_s))}
         first = load_scenario(scenario, sets=sets, code=code)
         self.machine = machine or next(iter(first.machines))
         if self.machine not in first.machines:
             raise InputError("machine", machine, f"expected one of {', '.join(first.machines)}")
         self.period, self.with_speed, self.top = round(period_s * NS), speed, speed_kmh * KMH
         size = np.array([largest for _, largest in OBSERVED], dtype=np.float32)
-        self.observation_space = spaces.Box(-size, size, dtype=np.float32)
+        self._values = self.observation_space = spaces.Box(-size, size, dtype=np.float32)
+        self._camera = self._camera_of(first) if picture else ""
+        if picture:
+            shape = self._picture_shape(first)
+            seen = spaces.Box(0, 255, shape=shape, dtype=np.uint8)
+            self.observation_space = spaces.Dict({"values": self._values, "picture": seen})
         self.action_space = spaces.Box(-1.0, 1.0, shape=(2 if speed else 1,), dtype=np.float32)
         self.world: World | None = None
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+    ) -> tuple[Seen, dict[str, Any]]:
         """Begin an episode. Returns the observation and what is known of it."""
         super().reset(seed=seed)
         own = int(self.np_random.integers(1, 2**31)) if seed is None else seed
@@ -123,7 +140,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         self._driven, self._excess = 0.0, dict.fromkeys(range(len(self.evaluation.expect)), 0.0)
         drive(world, [self.evaluation, self._note], until_s=0.0)
 
-    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: np.ndarray) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
         """Drive for one period. Returns observation, reward, terminated, truncated, info. InputError for an
         action that is no finite number or not one for each axis of the space; what is out of it is cut.
         """
@@ -142,6 +159,16 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         parts, limits = self._judged(is_end=terminated or truncated)
         info = {"reward": parts, "limits": limits, "t_s": world.graph.t / NS, "ended": world.graph.ended}
         return self._observation(), fsum(parts.values()), terminated, truncated, info
+
+    def render(self) -> np.ndarray | None:
+        """With `rgb_array` 30 m by 30 m around the machine, uint8 (300, 300, 3); None without a render
+        mode.
+        """
+        if self.render_mode is None:
+            return None
+        from swath.report.top_view import top_view
+
+        return top_view(self._running(), self.machine)
 
     def close(self) -> None:
         """Close the world."""
@@ -177,7 +204,35 @@ class Env(gymnasium.Env):  # type: ignore[misc]
             self._excess[index] = excess
         return parts, limits
 
-    def _observation(self) -> np.ndarray:
+    def _camera_of(self, scenario: Scenario) -> str:
+        """The machine's first camera slot. InputError without one."""
+        slots = ((slot, kind_of(slot)) for slot in scenario.machines[self.machine].slots)
+        found = next((slot for slot, kind in slots if kind is not None and kind.name == "camera"), None)
+        if found is None:
+            expected = f"expected a machine with a camera, such as sets={{'{self.machine}.camera': 'rays'}}"
+            raise InputError("picture", True, expected)
+        return found
+
+    def _picture_shape(self, scenario: Scenario) -> tuple[int, int, int]:
+        """Height, width, 3. InputError of a camera that has no colours or no size before it has seen."""
+        name = f"{self.machine}.{self._camera}"
+        world = assemble(scenario, only=[name])
+        part = world.machines[self.machine].parts[self._camera]
+        world.close()
+        if not isinstance(part, SceneCamera) or "colour" not in part.params.channels:
+            raise InputError(name, None, "expected a camera of level rays or error with the channel colour")
+        return part.pinhole.height, part.pinhole.width, 3
+
+    def _observation(self) -> Seen:
+        values = self._observed()
+        if not self._camera:
+            return values
+        image: Any = self._running().graph.latest(f"{self.machine}.{self._camera}", "image")
+        shape = self.observation_space["picture"].shape
+        is_there = image is not None and image.colour.shape == shape
+        return {"values": values, "picture": image.colour.copy() if is_there else np.zeros(shape, np.uint8)}
+
+    def _observed(self) -> np.ndarray:
         graph = self._running().graph
         edge: Any = graph.latest(f"{self.machine}.edge", "edge")
         odometry: Any = graph.latest(f"{self.machine}.odometry", "odometry")
@@ -192,7 +247,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
                 edge.offset_sd,
             ]
         values += [odometry.speed, odometry.yaw_rate, odometry.steer_angle] if odometry else [0.0] * 3
-        low, high = self.observation_space.low, self.observation_space.high
+        low, high = self._values.low, self._values.high
         seen: np.ndarray = np.clip(np.nan_to_num(np.array(values)), low, high).astype(np.float32)
         return seen
 

@@ -33,11 +33,12 @@ OVERRIDES = {  # the controller box, of another process, inside the run; less fi
         "combine.steer.lock_step=true",
     ],
     "meshes/field": ["field.edge.length_m=30"],
+    "nav2/field": ["combine.speed=constant", "combine.steer=constant"],  # with its node: test_nav2_example.py
 }
 
 
 def is_scenario(file):
-    return read_document(file).data["format"].startswith("swath scenario")
+    return read_document(file).data.get("format", "").startswith("swath scenario")
 
 
 FILES = [

@@ -28,7 +28,6 @@ from swath.core.errors import InputError, SwathError, fitted, shortened
 from swath.core.foreign_code import SUFFIXES, allow_code, code_in
 from swath.core.registry import user_line
 from swath.core.stopping import Terminated, raise_if_lost, stoppable
-from swath.field_io import command as field
 from swath.link.can import command as can
 from swath.link.fmi import command as fmu
 from swath.link.osi import command as osi
@@ -39,6 +38,7 @@ from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
 from swath.tools.dataset import command as dataset
 from swath.tools.diff import command as diff
+from swath.tools.field_export import command as field
 from swath.tools.fleet import command as fleet
 from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map

@@ -34,6 +34,13 @@ def add(parsers: Any) -> None:
     )
     add_ros2_network(parser)
     parser.add_argument(
+        "--isobus",
+        nargs="?",
+        const="",
+        metavar="INTERFACE:CHANNEL",
+        help="the machine as a node of a CAN bus: engine, speeds, header, task controller client (extra can)",
+    )
+    parser.add_argument(
         "--view",
         action="store_true",
         help="serve a page to watch and control the run, on this machine alone (extra view)",
@@ -108,13 +115,13 @@ def run(args: argparse.Namespace) -> int:
         saves: list[Any] = [] if args.save_field is None else [SavesField(args.save_field)]
         every_s = args.save_every_s if args.save_every_s is not None else EVERY_S if args.view else 0.0
         saves += [Saves(every_s)] if every_s else []
-        with _steered(args, saves, is_paced=scenario.is_paced) as steering:
+        with _steered(args, saves, is_paced=scenario.is_paced) as steering, _on_bus(args) as bus:
             result = run_job(
                 scenario,
                 out,
                 progress=not args.quiet,
                 events=events,
-                hooks=[*steering, *saves, *pages],
+                hooks=[*steering, *bus, *saves, *pages],
                 begun=begun,
                 allow=args.allow,
             )
@@ -212,6 +219,29 @@ def _steered(args: argparse.Namespace, saves: list[Any], *, is_paced: bool) -> I
             stack.callback(hooks[-1].close)
             print(f"watch and control it at {hooks[-1].address}", file=sys.stderr, flush=True)
         yield hooks
+
+
+@contextmanager
+def _on_bus(args: argparse.Namespace) -> Iterator[list[Any]]:
+    """The machine on a CAN bus with --isobus."""
+    if args.isobus is None:
+        yield []
+        return
+    from swath.core.errors import InputError
+    from swath.link.can.bus import Where, check_bus
+    from swath.link.can.isobus import IsobusMachine
+    from swath.link.can.steering import Params
+
+    interface, colon, channel = args.isobus.partition(":")
+    if args.isobus and not (interface and colon and channel):
+        raise InputError("--isobus", args.isobus, "expected INTERFACE:CHANNEL, such as socketcan:can0")
+    where = Where(interface, channel, {}) if args.isobus else Params().where
+    check_bus(where)
+    machine = IsobusMachine(where)
+    try:
+        yield [machine]
+    finally:
+        machine.close()
 
 
 _DESCRIPTION = """Run a scenario. Exit code: 0 all limits pass, 1 a limit fails, 2 bad input,

@@ -202,8 +202,22 @@ class Field:
             return self.standing(x + dx * middle, y + dy * middle)
         return crop
 
+    def left_height(self, x: Any, y: Any) -> Array:
+        """What is left of the crop [m], in the shape of x and y: inf = it stands, 0 = the ground is bare."""
+        code, has_stems = self._codes(
+            *(np.floor(a / self.maker.cell).astype(np.int64) for a in self._points(x, y))
+        )
+        return np.where(code == STANDING, np.where(has_stems, np.inf, 0.0), 0.01 * code)
+
     def _stands(self, u: NDArray[np.int64], v: NDArray[np.int64]) -> NDArray[np.bool_]:
         """True where crop stands, for columns and rows of cells."""
+        code, has_stems = self._codes(u, v)
+        return np.asarray((code == STANDING) & has_stems)
+
+    def _codes(
+        self, u: NDArray[np.int64], v: NDArray[np.int64]
+    ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+        """Codes of columns and rows of cells, and whether stems are there at all."""
         slot = self._slots(u // PAGE_CUT_CELLS, v // PAGE_CUT_CELLS)
         p, u, v = self.pages, u % PAGE_CUT_CELLS, v % PAGE_CUT_CELLS
         row = p.cut_slot[slot]
@@ -211,7 +225,7 @@ class Field:
         dense = row >= 0
         if dense.any():
             code[dense] = p.cut[row[dense], v[dense], u[dense]]
-        return np.asarray((code == STANDING) & (p.tile_stand[slot, v // 64, u // 64, 3] > 0.0))
+        return code, np.asarray(p.tile_stand[slot, v // 64, u // 64, 3] > 0.0)
 
     def deposit_straw(self, polygon: Any, mass_kg: float, *, heading: float | None = None) -> None:
         """Lay straw on the ground within a convex polygon (n, 2) [m].

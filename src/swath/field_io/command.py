@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 
-def add(parsers: Any) -> None:
-    """Add the command and its verbs."""
-    parser = parsers.add_parser("field", help="make a field from a yield log, look at one")
+def add(parsers: Any) -> Any:
+    """Add the command and its two verbs. Returns the verbs, for more of them."""
+    parser = parsers.add_parser("field", help="make a field from a yield log, look at one, take one away")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     imports = verbs.add_parser("import", help="make a field folder from a combine's yield log")
     imports.add_argument(
@@ -53,6 +53,7 @@ def add(parsers: Any) -> None:
     gives.add_argument("folder", type=Path, metavar="DIR", help="a field folder")
     gives.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to make")
     gives.set_defaults(run=run_agopengps)
+    return verbs
 
 
 def run_import(args: argparse.Namespace) -> int:

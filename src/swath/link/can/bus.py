@@ -12,6 +12,7 @@ from swath.link.can.codec import Codec, Values
 
 Option = str | int | float | bool
 CLAIM = "AddressClaimed"
+RAW_PRIORITY = {0xCB00: 3, 0xEC00: 7, 0xEB00: 7}  # process data; transport protocol. Others: 6
 
 
 @dataclass(frozen=True)
@@ -28,20 +29,29 @@ class Where:
 
 @dataclass(frozen=True)
 class Message:
-    """A received message. name: as in the DBC, or `AddressClaimed` with only `device_class`."""
+    """A received message. name: as in the DBC, `AddressClaimed` with only `device_class`, or none of a
+    parameter group that the node takes raw, with its pgn and data
+    """
 
     name: str
     values: Values
     source: int
     destination: int
+    pgn: int = 0
+    data: bytes = b""
 
 
 class Node:
-    """A control function with a fixed address. Its own frames, which some interfaces echo, are left out."""
+    """A control function with a fixed address. Its own frames, which some interfaces echo, are left out.
 
-    def __init__(self, where: Where, address: int, *, device_class: int) -> None:
-        self.where, self.address = where, address
-        self._name = j1939.name(device_class=device_class, identity=address)
+    raw: parameter groups that are received as they are
+    """
+
+    def __init__(
+        self, where: Where, address: int, *, device_class: int, raw: frozenset[int] = frozenset()
+    ) -> None:
+        self.where, self.address, self._raw = where, address, raw
+        self.name = j1939.name(device_class=device_class, identity=address)
         self._codec = Codec()
         self._bus = open_bus(where)
 
@@ -50,9 +60,13 @@ class Node:
         pgn, priority = self._codec.header(name)
         self._put(j1939.Header(pgn, priority, self.address), self._codec.encode(name, values))
 
+    def send_raw(self, pgn: int, data: bytes, destination: int = j1939.GLOBAL) -> None:
+        """Send 8 bytes as they are."""
+        self._put(j1939.Header(pgn, RAW_PRIORITY.get(pgn, 6), self.address, destination), data)
+
     def claim(self) -> None:
         """Broadcast the address claim. Addresses are fixed: a competing claim is not arbitrated."""
-        self._put(j1939.Header(j1939.ADDRESS_CLAIMED, 6, self.address), self._name)
+        self._put(j1939.Header(j1939.ADDRESS_CLAIMED, 6, self.address), self.name)
 
     def request_claims(self) -> None:
         """Request the address claims of all nodes."""
@@ -89,6 +103,8 @@ class Node:
         if header.pgn == j1939.ADDRESS_CLAIMED and len(data) == 8:
             values: Values = {"device_class": float(j1939.device_class(data))}
             return Message(CLAIM, values, header.source, header.destination)
+        if header.pgn in self._raw and len(data) == 8:
+            return Message("", {}, header.source, header.destination, header.pgn, data)
         decoded = self._codec.decode(header.pgn, data)
         return None if decoded is None else Message(*decoded, header.source, header.destination)
 

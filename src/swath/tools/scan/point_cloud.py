@@ -73,12 +73,14 @@ def need_las() -> Any:
     return laspy
 
 
-def write_las(path: Path, cloud: Cloud, origin: Origin | None = None) -> Path:
+def write_las(
+    path: Path, cloud: Cloud, origin: Origin | None = None, *, classes: NDArray[np.uint8] | None = None
+) -> Path:
     """LAS 1.4, point format 6, compressed where the name ends in `.laz`; the beam's number as an extra.
 
     origin: of a field on Earth: points are in its projected system, else in the field's own metres; the file
-    says which as WKT. Times are seconds of the run, intensity 65535 = 1 and cut off there. MissingExtra
-    without laspy.
+    says which as WKT. Times are seconds of the run, intensity 65535 = 1 and cut off there; classes: of ASPRS,
+    (n,). MissingExtra without laspy.
     """
     laspy = need_las()
     if origin is not None:
@@ -102,5 +104,7 @@ def write_las(path: Path, cloud: Cloud, origin: Origin | None = None) -> Path:
     las.number_of_returns = np.minimum(cloud["echo_count"], 15).astype(np.uint8)
     las.scan_angle = np.round(np.degrees(cloud["azimuth"]) / LAS_ANGLE).astype(np.int16)
     las.beam = cloud["beam"]
+    if classes is not None:
+        las.classification = classes
     las.write(str(path), do_compress=path.suffix == ".laz")
     return path

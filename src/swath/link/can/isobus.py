@@ -1,0 +1,188 @@
+"""A run's machine on the bus, as a terminal sees it: engine, speeds, header, and a task controller's client.
+
+Messages of ISO 11783-7 and J1939 on the clock of the run: EEC1 every 20 ms, EEC2 every 50 ms, wheel- and
+ground-based speed and the state of the header (front hitch) every 100 ms; the client is in task_client.py.
+Values are what the machine's own sensors and control units send, never the truth; what it does not measure
+is `not available` or no part of the description.
+"""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+from swath.core.errors import SwathError
+from swath.core.schedule import NS
+from swath.link.can import guidance, j1939
+from swath.link.can.bus import Node, Where
+from swath.link.can.codec import Values
+from swath.link.can.task_client import PROCESS_DATA, TP_CONTROL, TP_DATA, Datum, TaskClient
+from swath.runtime.hooks import ActiveRun, RunHook
+from swath.runtime.world import Machine
+from swath.signals import CropFlow, EngineState, GroundSpeed, HeaderState, Odometry, Signal, YieldReading
+
+ENGINE, LOAD, HEADER = "ElectronicEngineController1", "ElectronicEngineController2", "FrontHitchStatus"
+EVERY = {ENGINE: NS // 50, LOAD: NS // 20, guidance.WHEEL: NS // 10}
+MOST_HEARD = 1000  # messages between two ticks: a bus that is flooded does not stop the run
+ADDRESS = 128  # the first that a control function may choose itself (ISO 11783-5)
+IN_WORK_M = 0.5  # a knife lower than that is at work: the standard leaves the threshold to the maker
+DIESEL_KG_L = 0.835  # EN 590: 0.820 to 0.845 at 15 degrees
+RPM = 60.0 / (2.0 * 3.141592653589793)
+DATA = (  # DDI and scale: ISO 11783-11 as in the public dictionary, isobus.net
+    Datum(141, 0, "work state", 1.0, ""),
+    Datum(397, 0, "speed", 1e-3, "m/s"),
+    Datum(149, 0, "fuel rate", 3.6e-3, "l/h"),
+    Datum(67, 1, "working width", 1e-3, "m"),
+    Datum(116, 1, "area", 1.0, "m2"),
+    Datum(87, 1, "grain flow", 1e-6, "kg/s"),
+    Datum(90, 1, "grain", 1.0, "kg"),
+    Datum(99, 1, "moisture", 1e-4, "%"),
+)
+NEEDS = {141: CropFlow, 397: Odometry, 149: EngineState, 67: CropFlow, 116: CropFlow, 87: YieldReading,
+         90: YieldReading, 99: YieldReading}  # fmt: skip
+TASK_PGNS = frozenset((PROCESS_DATA, TP_CONTROL, TP_DATA))
+
+
+class IsobusMachine(RunHook):
+    """Run hook: the first machine with a header, else the first, is a node of the bus."""
+
+    def __init__(self, where: Where) -> None:
+        self._where = where
+        self._node: Node | None = None
+        self._client: TaskClient | None = None
+        self._latest: dict[type[Signal], Any] = {}
+        self.count = 0
+
+    def begin(self, run: ActiveRun) -> None:
+        """Switch the machine on: claim an address, send with the clock of the run."""
+        self.close()
+        machines = run.world.machines.values()
+        machine = next((m for m in machines if m.cuts), run.world.leader)
+        self._machine, self._latest = machine, {}
+        self._way = self._grain = self._area = 0.0
+        self._before: int | None = None
+        self._due = dict.fromkeys(EVERY, 0)
+        self._has_guidance = any(c.level == "can" for c in machine.section.slots.values())
+        self._node = Node(self._where, ADDRESS, device_class=j1939.HARVESTER, raw=TASK_PGNS)
+        self._client = TaskClient(
+            self._send_raw, data_of(machine), self._node.name, machine.name, *_header_mm(machine)
+        )
+        self._node.claim()
+        run.observers.append(self._see)
+        run.world.graph.before_tick.append(self._tick)
+
+    def summarize(self, t: int) -> dict[str, Any]:
+        """How many frames were sent, and what became of the task controller."""
+        told = [] if self._client is None else self._client.told
+        return {"isobus": {"frames": self.count, "task_controller": list(told)}}
+
+    def close(self) -> None:
+        """Switch the machine off and leave the bus. Calling it again does nothing."""
+        node, client = self._node, self._client
+        self._node = self._client = None
+        if node is not None and client is not None:
+            with suppress(SwathError):  # the bus may be gone already
+                self._node = node
+                client.leave()
+                if not self._has_guidance:
+                    off = guidance.speed_values("Wheel", 0.0, self._way)
+                    self._send(guidance.WHEEL, {**off, "KeySwitch": 0})
+            self._node = None
+            node.close()
+
+    def _see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        if slot.partition(".")[0] != self._machine.name:
+            return
+        for signal in outputs.values():
+            self._latest[type(signal)] = signal
+
+    def _tick(self, t: int) -> None:
+        self._integrate(t)
+        node, client, values = self._node, self._client, self._values()
+        assert node is not None
+        assert client is not None
+        for _ in range(MOST_HEARD):
+            message = node.receive()
+            if message is None:
+                break
+            if message.pgn in TASK_PGNS:
+                client.hear(message.pgn, message.data, message.source, t, values)
+        client.tick(t, 1000.0 * self._way, values)
+        due = [name for name, at in self._due.items() if t >= at]
+        self._due |= {name: t + EVERY[name] for name in due}
+        engine = self._latest.get(EngineState)
+        if ENGINE in due:
+            self._send(ENGINE, {} if engine is None else {"EngineSpeed": engine.speed * RPM})
+        if LOAD in due:
+            share = None if engine is None else 100.0 * engine.load
+            self._send(LOAD, {"EnginePercentLoadAtCurrentSpeed": share})
+        if guidance.WHEEL in due:
+            self._send_speeds()
+            self._send(HEADER, header_values(self._latest.get(HeaderState), self._machine.cuts))
+
+    def _send_speeds(self) -> None:
+        """Not where a steering level on the bus already does."""
+        if self._has_guidance:
+            return
+        odometry, ground = self._latest.get(Odometry), self._latest.get(GroundSpeed)
+        wheel = None if odometry is None else odometry.speed
+        over_ground = (wheel, self._way) if ground is None else (ground.speed, ground.distance)
+        self._send(guidance.WHEEL, guidance.speed_values("Wheel", wheel, self._way))
+        self._send(guidance.GROUND, guidance.speed_values("Ground", *over_ground))
+
+    def _integrate(self, t: int) -> None:
+        """Way, area and grain up to t, as a terminal adds them up."""
+        dt = 0.0 if self._before is None else (t - self._before) / NS
+        self._before = t
+        odometry, flow = self._latest.get(Odometry), self._latest.get(CropFlow)
+        step = 0.0 if odometry is None else abs(odometry.speed) * dt
+        self._way += step
+        if flow is not None:
+            self._area += step * flow.header_fill * self._machine.sheet.header_width
+        grain = self._latest.get(YieldReading)
+        if grain is not None:
+            self._grain += max(grain.flow, 0.0) * dt
+
+    def _values(self) -> dict[int, float]:
+        """What can be reported now, by DDI."""
+        found: dict[int, float] = {}
+        odometry, flow = self._latest.get(Odometry), self._latest.get(CropFlow)
+        engine, grain = self._latest.get(EngineState), self._latest.get(YieldReading)
+        if odometry is not None:
+            found[397] = abs(odometry.speed)
+        if flow is not None:
+            width = flow.header_fill * self._machine.sheet.header_width
+            found |= {141: float(flow.header_fill > 0.0), 67: width, 116: self._area}
+        if engine is not None:
+            found[149] = 3600.0 * engine.fuel / DIESEL_KG_L
+        if grain is not None:
+            found |= {87: grain.flow, 90: self._grain, 99: 100.0 * grain.moisture}
+        return {ddi: value for ddi, value in found.items() if value == value}
+
+    def _send(self, name: str, values: Values) -> None:
+        if self._node is not None:
+            self._node.send(name, values)
+            self.count += 1
+
+    def _send_raw(self, pgn: int, data: bytes, destination: int) -> None:
+        if self._node is not None:
+            self._node.send_raw(pgn, data, destination)
+            self.count += 1
+
+
+def data_of(machine: Machine) -> tuple[Datum, ...]:
+    """What a machine can report: of what its parts send."""
+    sent = {port.signal for part in machine.parts.values() for port in part.outputs}
+    return tuple(datum for datum in DATA if NEEDS[datum.ddi] in sent)
+
+
+def header_values(header: HeaderState | None, has_header: bool) -> Values:
+    """Front hitch status. A header without a state of its own is fixed at its cutting height: at work."""
+    if not has_header:
+        return {}
+    return {"FrontHitchInWork": 1 if header is None else int(float(header.heights.mean()) < IN_WORK_M)}
+
+
+def _header_mm(machine: Machine) -> tuple[int, int]:
+    """Width of the header, and how far ahead of the fixed axle its knife is [mm]."""
+    sheet = machine.sheet
+    return (round(1000 * sheet.header_width), round(1000 * sheet.knife_x)) if machine.cuts else (0, 0)

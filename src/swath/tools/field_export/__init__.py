@@ -1,0 +1,1 @@
+"""A field to take away: to Gazebo (SDF), Blender (GLB), or as a survey of it (LAS)."""

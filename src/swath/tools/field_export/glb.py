@@ -1,0 +1,87 @@
+"""A scene as binary glTF 2.0 (GLB), by trimesh: y up, as the format says; Blender turns it back to z up."""
+
+import io
+from typing import Any
+
+import numpy as np
+
+from swath.core.errors import MissingExtra
+from swath.signals import F64
+from swath.tools.field_export.scene import BODY, FieldScene, Ground, body_corners, ground_surface
+
+Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # rows: x, y, z of the file
+MACHINE = "#6FA34B"
+
+
+def need_trimesh() -> Any:
+    """The module. MissingExtra without it."""
+    try:
+        import trimesh
+    except ImportError as error:
+        raise MissingExtra("mesh", "writing a GLB file") from error
+    return trimesh
+
+
+def glb_bytes(scene: FieldScene) -> bytes:
+    """The file. One node for the ground, with its picture, one for each organ, straw and body, by their
+    names.
+    """
+    trimesh = need_trimesh()
+    found = trimesh.Scene()
+    found.add_geometry(_ground(scene.ground), node_name="ground", geom_name="ground")
+    for surface in scene.surfaces:
+        _add(found, surface.name, surface.vertices, surface.faces, surface.colour)
+    for body in scene.bodies:
+        corners = body_corners(body.solids)
+        colour = MACHINE if body.name in scene.machines else BODY
+        _add(found, body.name, corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), colour)
+    made: bytes = found.export(file_type="glb")
+    return made
+
+
+def glb_size(scene: FieldScene) -> int:
+    """Its size but for the ground's picture [bytes]: 12 of each vertex, 12 of each triangle."""
+    count = len(scene.ground.x) ** 2 * 5 // 3 + sum(len(s.vertices) for s in scene.surfaces)
+    faces = 2 * len(scene.ground.x) ** 2 + sum(len(s.faces) for s in scene.surfaces)
+    bodies = sum(len(body_corners(b.solids)) for b in scene.bodies)
+    return 12 * (count + faces) + 48 * bodies
+
+
+def _add(scene: Any, name: str, vertices: F64, faces: Any, colour: str) -> None:
+    trimesh = need_trimesh()
+    material = trimesh.visual.material.PBRMaterial(
+        name=name, baseColorFactor=_linear(colour), metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True
+    )
+    visual = trimesh.visual.TextureVisuals(uv=np.zeros((0, 2)), material=material)
+    visual.uv = None
+    made = trimesh.Trimesh(vertices @ Y_UP.T, faces, process=False, validate=False, visual=visual)
+    scene.add_geometry(made, node_name=name, geom_name=name)
+
+
+def _ground(ground: Ground) -> Any:
+    from PIL import Image
+
+    trimesh = need_trimesh()
+    vertices, faces, share = ground_surface(ground)
+    material = trimesh.visual.material.PBRMaterial(
+        name="ground", baseColorTexture=Image.open(io.BytesIO(picture_bytes(ground))), metallicFactor=0.0,
+        roughnessFactor=1.0, doubleSided=True,
+    )  # fmt: skip
+    visual = trimesh.visual.TextureVisuals(uv=share, material=material)
+    return trimesh.Trimesh(vertices @ Y_UP.T, faces, process=False, validate=False, visual=visual)
+
+
+def picture_bytes(ground: Ground) -> bytes:
+    """What lies on the ground as a PNG, north up."""
+    from PIL import Image
+
+    file = io.BytesIO()
+    Image.fromarray(ground.colours).save(file, format="PNG")
+    return file.getvalue()
+
+
+def _linear(colour: str) -> list[float]:
+    """sRGB `#RRGGBB` as the linear numbers of glTF (IEC 61966-2-1), with alpha."""
+    share = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return [*linear.tolist(), 1.0]
