@@ -1,4 +1,4 @@
-"""Puts examples and pages into the package, README and links into its metadata; the rest is in pyproject.toml."""
+"""Puts examples and pages into the package, README and links into its metadata; else see pyproject.toml."""
 
 import os
 import re

@@ -203,7 +203,7 @@ def test_the_meshes_of_the_world_are_those_of_the_glb(sdf, glb):
 
 def read_by_libsdformat(file):
     if importlib.util.find_spec("pydrake") is None:
-        pytest.skip("libsdformat comes with drake, extra dev, on Linux x86-64")
+        pytest.skip("needs drake, which has libsdformat: pip install drake")
     reader = Path(__file__).with_name("sdf_reader.py")
     return subprocess.run([sys.executable, str(reader), str(file)], capture_output=True, text=True)
 
