@@ -112,7 +112,9 @@ def work_through(text: str, *, is_whole: bool = False) -> None:
     for name, content in steps(text):
         if name:
             Path(name).write_text(content, encoding="utf-8")
-        elif not content.startswith(tuple(ELSEWHERE)) and (is_whole or content.removeprefix("swath ") != "paper"):
+        elif not content.startswith(tuple(ELSEWHERE)) and (
+            is_whole or content.removeprefix("swath ") != "paper"
+        ):
             print(f"$ {content}", flush=True)
             start = time.monotonic()
             type_line(content, is_whole=is_whole)
@@ -148,7 +150,11 @@ def hidden(extras: list[str]) -> list[str]:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     optional = project["optional-dependencies"]
     own = [*project["dependencies"], *(need for extra in extras for need in optional[extra])]
-    others = distributions([need for needs in optional.values() for need in needs]) - distributions(own) - {"swath"}
+    others = (
+        distributions([need for needs in optional.values() for need in needs])
+        - distributions(own)
+        - {"swath"}
+    )
     return sorted(
         module
         for module, names in packages_distributions().items()
