@@ -40,6 +40,19 @@ ELSEWHERE = {  # needs more than this machine: the test that does it
     "swath run examples/can/hil.yaml": "tests/whole/test_can_runs.py",
     "swath run laser-pilot --ros2": "tests/link/test_ros2_bridge.py",
 }
+HIDING = """import sys
+
+HIDDEN = {hidden!r}
+
+
+class Hiding:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in HIDDEN:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+
+sys.meta_path.insert(0, Hiding())
+"""
 MOMENT = {"run.max_duration_s": "0.4", "run.distance_m": "2"}
 
 
@@ -164,8 +177,8 @@ def hidden(extras: list[str]) -> list[str]:
 
 def write_hiding(folder: Path, text: str) -> None:
     """A sitecustomize.py for PYTHONPATH with which a page has its own installation and no more."""
-    lines = [f"sys.modules[{module!r}] = None" for module in hidden(extras_of(text))]
-    (folder / "sitecustomize.py").write_text("\n".join(["import sys", *lines, ""]), encoding="utf-8")
+    code = HIDING.format(hidden=hidden(extras_of(text)))
+    (folder / "sitecustomize.py").write_text(code, encoding="utf-8")
 
 
 if __name__ == "__main__":
