@@ -1,4 +1,4 @@
-"""What it costs to save a world every 5 s, and what a save spares a branch: the table of docs/how-to/again.md."""
+"""What it costs to save a world every 5 s, and what a save spares a branch."""
 
 import sys
 import tempfile

@@ -89,7 +89,7 @@ def shortened(words: list[str]) -> list[str]:
         case ["test", "run"]:
             return [*words, *sets, "--draw", "2", "--seeds", "1", "--workers", "1"]
         case ["test", "search"]:
-            return [*words, *sets, "--budget", "4", "--workers", "1"]
+            return [*words, *sets, "--budget", "8", "--workers", "1"]
     return words
 
 
