@@ -78,7 +78,8 @@ def shortened(words: list[str]) -> list[str]:
     sets = [part for word in short for part in ("--set", word)]
     match words[:2]:
         case ["run", _]:
-            return [*words, *sets, *([] if "--no-replay" in words else ["--no-replay"])]
+            unrecorded = [] if "--out" in words or "--save-field" in words else ["--set", "run.record=none"]
+            return [*words, *sets, *unrecorded, *([] if "--no-replay" in words else ["--no-replay"])]
         case ["branch", _]:  # of a run that was shortened, too
             at = words.index("--at") + 1
             return [*words[:at], "0.2", *words[at + 1 :]]
@@ -125,9 +126,7 @@ def work_through(text: str, *, is_whole: bool = False) -> None:
     for name, content in steps(text):
         if name:
             Path(name).write_text(content, encoding="utf-8")
-        elif not content.startswith(tuple(ELSEWHERE)) and (
-            is_whole or content.removeprefix("swath ") != "paper"
-        ):
+        elif not content.startswith(tuple(ELSEWHERE)) and (is_whole or not content.startswith("swath paper")):
             print(f"$ {content}", flush=True)
             start = time.monotonic()
             type_line(content, is_whole=is_whole)
