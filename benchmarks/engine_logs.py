@@ -1,4 +1,4 @@
-"""Tables of docs/how-to/logs.md beyond what `swath compare log` writes: engine speed by load, means by flow.
+"""Tables beyond what `swath compare log` writes: engine speed by load, means by flow.
 
     python -m benchmarks.engine_logs forage-harvester TASKDATA
 

@@ -1,5 +1,7 @@
 """The tutorials, from their own text, in an empty folder: files saved, commands run, what is shown came out.
 
+Only packages of swath itself and of the extras that the page tells to install can be imported.
+
 A listing in `yaml` or `python` is saved under the last name above it that ends in .yaml or .py; listings in
 `sh` run in one shell after another; each line of a listing in `text` is in what the commands above printed.
 """
@@ -11,6 +13,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from docs.make.typed import write_hiding
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
@@ -33,25 +36,30 @@ def test_a_tutorial(page, tmp_path):
         pytest.importorskip(module)
     text = page.read_text(encoding="utf-8")
     printed, commands, end = "", 0, 0
+    folder, hiding = tmp_path / "empty", tmp_path / "hiding"
+    folder.mkdir()
+    hiding.mkdir()
+    write_hiding(hiding, text)
     for found in LISTING.finditer(text):
         language, content = found.groups()
         if language == "sh":
-            printed += run(content, tmp_path)
+            printed += run(content, folder, hiding)
             commands += 1
         elif language == "text":
             missing = [line for line in content.splitlines() if squeezed(line) not in squeezed(printed)]
             assert missing == [], printed
             printed = ""
         else:
-            (tmp_path / NAME.findall(text[end : found.start()])[-1]).write_text(content, encoding="utf-8")
+            (folder / NAME.findall(text[end : found.start()])[-1]).write_text(content, encoding="utf-8")
         end = found.end()
     assert commands > 0
 
 
-def run(commands, folder):
+def run(commands, folder, hiding):
     """What a shell prints; it stops at the first command that fails."""
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    environment = {**os.environ, "PATH": path, "MPLBACKEND": "agg"}
+    imports = os.pathsep.join(filter(None, [str(hiding), os.environ.get("PYTHONPATH", "")]))
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": imports, "MPLBACKEND": "agg"}
     shell = ["bash", "-e", "-o", "pipefail", "-c", commands]
     done = subprocess.run(
         shell, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True

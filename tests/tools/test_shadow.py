@@ -82,7 +82,7 @@ def test_the_five_lines_of_the_page_run(driven, capsys):
     text = (ROOT / "docs" / "how-to" / "function-tests.md").read_text(encoding="utf-8")
     lines = text.partition("```py\n")[2].partition("```")[0]
     own = f"{ROOT / 'examples' / 'my_edge_detector.py'}:MyEdgeDetector"
-    lines = lines.replace("runs/tuesday", str(driven.folder)).replace("my_detector.py:MyDetector", own)
+    lines = lines.replace("runs/tuesday", str(driven.folder)).replace("my_detector.py:MyEdgeDetector", own)
     exec(compile(lines, "function-tests.md", "exec"), {})
     assert capsys.readouterr().out.count(f" of {len(swath.detect(driven.folder))}\n") == 2
 
