@@ -1,0 +1,244 @@
+"""The field beside one edge as profiles along it: what the levels `profile` of lidar and header look at and cut.
+
+Stations every metre along the edge's line know the ground (a plane) and the stand (plants 1 m inside of the
+line), bins of 5 cm know from where inwards crop grows and between where the header cut it. All is sampled once
+from the field's own terrain, stand and edge. s [m] runs along the line, > 0 inside is towards the crop.
+"""
+
+from math import inf, isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core import portable
+from swath.core.component import KeepsState, State
+from swath.core.errors import InputError
+from swath.field.cut_result import Cut, cells_inside
+from swath.field.edge_defects import BrokenEdge
+from swath.field.memory_layout import STANDING
+from swath.field.weeds import Weeds
+from swath.kernels import filled
+
+Array = NDArray[np.float64]
+STATION, BIN = 1.0, 0.05  # spacing along the line [m]
+BEYOND = 60.0  # the profile goes on so far before and after the line [m]
+INSIDE = 1.0  # where beside the line the stand is sampled [m]
+ASIDE = 2.0  # and, to both sides, the ground [m]
+NEARBY = 10.0  # along the line: a beam goes through crop for no longer a way [m]
+REACH = 8.0  # to both sides: what a profile cannot carry must not be there [m]
+
+
+class Profile(KeepsState):
+    """Of a field along an edge. field: a `field.Field`
+
+    s0: of the first station [m]; x, y, z: stations in the stand frame, (n,); cosine, sine, curvature [1/m] of
+    the line; slope_x, slope_y: of the ground; stand: (n, 4) scale and lean of the plants, stems per m2
+    reach: crop grows from there inwards [m], inf = nowhere; near, far: it is cut between [m]; inner: code of
+    what is there instead of crop inside of the line, outer: outside; cut_code: of what the header leaves
+    straw_kg: laid on the ground
+    """
+
+    kept = ("near", "far", "straw_kg")
+
+    def __init__(self, field: Any, edge: BrokenEdge) -> None:
+        _check(field, edge)
+        self.field, self.edge = field, edge
+        self.is_left = edge.shape.crop_side == "left"
+        self.s0 = -BEYOND
+        s = self.s0 + STATION * np.arange(int(np.ceil((edge.shape.length + 2.0 * BEYOND) / STATION)) + 1)
+        self._lay_line(s)
+        self._lay_stand(s)
+        bins = self.s0 + BIN * (np.arange(round((len(s) - 0.5) * STATION / BIN)) + 0.5)
+        self.reach, self.inner = _reach(edge, bins)
+        self.outer, self.cut_code = edge.stubble, STANDING
+        self.bite = _bite(self.reach, len(s))
+        self.near, self.far = np.full(len(bins), inf, np.float32), np.full(len(bins), -inf, np.float32)
+        self.straw_kg = 0.0
+        self._per_m2: tuple[Array, Array, Array] | None = None
+        self._struct: Any = None
+
+    def _lay_line(self, s: Array) -> None:
+        shape, field = self.edge.shape, self.field
+        at, heading = shape.point_at(s), shape.heading_at(s)
+        self.x, self.y = field.to_stand(at[:, 0], at[:, 1])
+        direction = heading - field.stand_yaw
+        self.cosine, self.sine = np.cos(direction), np.sin(direction)
+        turn = np.gradient(np.unwrap(heading), STATION)
+        self.curvature = np.where(np.abs(turn) < 1e-9, 0.0, turn)
+        c, r = np.cos(heading), np.sin(heading)
+        height = field.terrain.height
+
+        def ground(ahead: float, left: float) -> Array:
+            return np.asarray(height(at[:, 0] + ahead * c - left * r, at[:, 1] + ahead * r + left * c))
+
+        along = ground(0.5 * STATION, 0.0) - ground(-0.5 * STATION, 0.0)
+        across = (ground(0.0, ASIDE) - ground(0.0, -ASIDE)) / (2.0 * ASIDE)
+        self.z = ground(0.0, 0.0)
+        self.slope_x = along / STATION * self.cosine - across * self.sine
+        self.slope_y = along / STATION * self.sine + across * self.cosine
+
+    def _lay_stand(self, s: Array) -> None:
+        field = self.field
+        at, heading = self.edge.shape.point_at(s), self.edge.shape.heading_at(s)
+        left = INSIDE if self.is_left else -INSIDE
+        x, y = at[:, 0] - left * np.sin(heading), at[:, 1] + left * np.cos(heading)
+        self.stand = np.ascontiguousarray(field.maker.stand_at(x, y))
+        self.stand[:, 3] *= field.library.density_max
+
+    def place(self, x: Any, y: Any) -> tuple[Array, NDArray[np.int64]]:
+        """How far inside of the line world points [m] are, and their bins."""
+        s, offset = self.edge.shape.project(x, y)
+        bins = np.clip(np.floor((s - self.s0) / BIN), 0, len(self.reach) - 1)
+        return np.asarray(offset if self.is_left else -offset), bins.astype(np.int64)
+
+    def stands(self, x: Any, y: Any) -> NDArray[np.bool_]:
+        """True where crop stands, at world points [m]."""
+        inside, bins = self.place(x, y)
+        is_cut = (inside >= self.near[bins]) & (inside < self.far[bins])
+        return np.asarray((inside >= self.reach[bins]) & ~is_cut)
+
+    def standing_area(self, polygon: Array) -> float:
+        """Area of standing crop within a convex anticlockwise polygon (n, 2) [m2]."""
+        step = BIN
+        u, v = cells_inside(polygon / step)
+        return float(np.count_nonzero(self.stands((u + 0.5) * step, (v + 0.5) * step))) * step * step
+
+    def per_m2(self) -> tuple[Array, Array, Array]:
+        """Grain and straw [kg] that the header takes from a square metre, and stems on it, by station."""
+        if self._per_m2 is None:
+            library, stems = self.field.library, self.field.stems
+            crop = ~library.is_weed
+            grain, straw = library.grain_kg[crop], library.straw_kg[crop]
+            length = np.sqrt((self.stand[:, :3] ** 2).sum(axis=1))
+            height = self.stand[:, 0, None] * library.stem_height[crop].astype(np.float64)
+            share = np.clip(1.0 - 0.01 * self.cut_code / np.maximum(height, 1e-6), 0.0, 1.0)
+            above = portable.power(share, stems.straw_exponent)
+            ears = self.stand[:, 0, None] * np.asarray(library.ear_height)[crop] > 0.01 * self.cut_code
+            density = self.stand[:, 3]
+            taken = density * (ears * grain).mean(axis=1), density * length * (above * straw).mean(axis=1)
+            self._per_m2 = (*taken, density)
+        return self._per_m2
+
+    def taken(self) -> Cut:
+        """What is missing now against the start, from the bins alone."""
+        where = np.flatnonzero(self.far > self.near)
+        if not len(where):
+            return Cut()
+        low = np.maximum(self.near[where], self.reach[where]).astype(np.float64)
+        wide = np.maximum(self.far[where].astype(np.float64) - low, 0.0)
+        station = np.minimum(((where + 0.5) * BIN / STATION + 0.5).astype(int), len(self.x) - 1)
+        bent = self.curvature[station] * (1.0 if self.is_left else -1.0)
+        area = wide * BIN * (1.0 - bent * (low + 0.5 * wide))
+        grain, straw, stems = (q[station] for q in self.per_m2())
+        return Cut(
+            float((area * grain).sum()),
+            float((area * straw).sum()),
+            round(float((area * stems).sum())),
+            float(area.sum()),
+        )
+
+    def struct(self) -> Any:
+        """As kernels read it, the same memory."""
+        if self._struct is None:
+            from swath.field.profile_kernel import Profile as Struct
+
+            held = {
+                name: np.ascontiguousarray(getattr(self, name), dtype)
+                for name, dtype in (
+                    *((n, np.float64) for n in ("x", "y", "z")),
+                    *((n, np.float32) for n in ("cosine", "sine", "curvature", "slope_x", "slope_y", "bite")),
+                    *((n, np.float32) for n in ("stand", "reach", "near", "far")),
+                    ("inner", np.int32),
+                )
+            }
+            self.near, self.far = held["near"], held["far"]
+            turn = self.field.to_stand([1.0, 0.0], [0.0, 1.0])
+            self._struct = filled(
+                Struct,
+                **held,
+                turn=(float(turn[0][0]), float(turn[0][1])),
+                tile_size=self.field.library.tile_size,
+                bins_per_m=1.0 / BIN,
+                outer=self.outer,
+                cut=self.cut_code,
+                is_left=int(self.is_left),
+                reflectance=np.ascontiguousarray(self.field.library.reflectance, np.float32),
+            )
+        return self._struct
+
+    def reset(self) -> None:
+        """Nothing cut, no straw."""
+        self.near[:], self.far[:], self.straw_kg = inf, -inf, 0.0
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment, in the same memory."""
+        self.near[:], self.far[:], self.straw_kg = state["near"], state["far"], state["straw_kg"]
+
+
+def _reach(edge: BrokenEdge, s: Array) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """From where inwards crop grows [m], and the code of what is there instead, as `BrokenEdge.code`."""
+    reach = np.zeros(len(s)) if edge.teeth is None else np.asarray(edge.teeth.depth(s))
+    inner = np.full(len(s), edge.stubble, np.int32)
+    for gap in edge.gaps:
+        within = (s >= gap.start) & (s < gap.end)
+        reach[within], inner[within] = np.maximum(reach[within], gap.depth), gap.code
+    reach[s < edge.begin] = inf
+    return reach.astype(np.float32), inner
+
+
+def _bite(reach: NDArray[np.float32], stations: int) -> NDArray[np.float32]:
+    """How far `reach` differs within NEARBY of each station, inf at the begin of the crop."""
+    per, far = round(STATION / BIN), round(NEARBY / BIN)
+    found = np.zeros(stations, np.float32)
+    for k in range(stations):
+        near = reach[max(k * per - far, 0) : k * per + far]
+        known = near[np.isfinite(near)]
+        found[k] = known.max() - known.min() if len(known) else 0.0
+        if 0 < len(known) < len(near):
+            found[k] = inf
+    return found
+
+
+def _check(field: Any, edge: BrokenEdge) -> None:
+    """InputError for a field that a profile cannot carry."""
+    for what in _too_much(field, edge):
+        raise refused(what)
+
+
+def refused(what: str) -> InputError:
+    """A run that needs more than profiles."""
+    return InputError("level", "profile", f"expected no {what}; the level empirical of lidar, with fixed_height, has it")
+
+
+def _too_much(field: Any, edge: BrokenEdge) -> list[str]:
+    shape = edge.shape
+    found = []
+    if field.wind is not None:
+        found.append("wind")
+    if isinstance(field.stand.weeds, Weeds):
+        found.append("weeds")
+    if len(field.edges) > 1:
+        found.append("second edge of the field")
+    if shape.is_closed:
+        found.append("edge around a block")
+    if len(shape.pieces) > 1 and not _is_smooth(shape):
+        found.append("edge with corners, or with bends of less than 15 m")
+    if edge.teeth is not None and edge.teeth.wavelength < 10.0 * BIN:
+        found.append(f"teeth of less than {10.0 * BIN:g} m")
+    s = np.arange(0.0, shape.length, STATION)
+    at, heading = shape.point_at(s), shape.heading_at(s)
+    across = np.arange(-REACH, REACH + 0.5, 1.0)[:, None]
+    x, y = at[:, 0] - across * np.sin(heading), at[:, 1] + across * np.cos(heading)
+    if field.boundary is not None and not field.boundary.contains(x, y).all():
+        found.append(f"boundary of the field within {REACH:g} m of the edge")
+    if field.stand.may_be_bare(x, y, 0.0).any():
+        found.append("tramlines")
+    return found
+
+
+def _is_smooth(shape: Any) -> bool:
+    """Whether a place beside the line has one place on it, as far as beams and the header go."""
+    corners = max(abs(p.turn_in - p.heading) for p in shape.pieces)
+    bends = max(abs(p.curvature) for p in shape.pieces)
+    return bool(corners < 1e-6 and bends < 1.0 / 15.0 and isfinite(shape.length))

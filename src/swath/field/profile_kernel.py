@@ -1,0 +1,82 @@
+"""Profiles along an edge as kernels read them: `field.profile.Profile` in the stand frame."""
+
+import warp as wp
+
+wp.set_module_options({"fuse_fp": False, "enable_backward": False})
+
+
+@wp.struct
+class Profile:
+    """The station is the world's: one struct a world.
+
+    turn: the world's heading in it; tile_size: of the field's tiles [m], 64 cut cells
+    Of the stations: x, y, z [m]; direction of the edge, its curvature [1/m]; slopes of the ground; scale and
+    lean of the plants, stems per m2
+    Of the bins, bins_per_m from the first station on: crop grows from `reach` inwards, and is cut between
+    near and far [m]; inner: code of what is there instead inside of the edge's line [cm]; outer: and outside
+    cut: code of what the header leaves; bite: of each station, how far `reach` differs nearby [m]
+    """
+
+    turn: wp.vec2d
+    tile_size: wp.float64
+    x: wp.array(dtype=wp.float64)
+    y: wp.array(dtype=wp.float64)
+    z: wp.array(dtype=wp.float64)
+    cosine: wp.array(dtype=float)
+    sine: wp.array(dtype=float)
+    curvature: wp.array(dtype=float)
+    slope_x: wp.array(dtype=float)
+    slope_y: wp.array(dtype=float)
+    stand: wp.array(dtype=wp.vec4)
+    bins_per_m: float
+    reach: wp.array(dtype=float)
+    near: wp.array(dtype=float)
+    far: wp.array(dtype=float)
+    inner: wp.array(dtype=int)
+    outer: int
+    cut: int
+    is_left: int
+    bite: wp.array(dtype=float)
+    reflectance: wp.array(dtype=float)
+
+
+@wp.struct
+class Beside:
+    """station: that a place is beside; along: way from the first station; inside: of the line [m]"""
+
+    station: int
+    along: wp.float64
+    inside: wp.float64
+
+
+@wp.func
+def beside(profile: Profile, x: wp.float64, y: wp.float64, station: int) -> Beside:
+    """Where a place of the world [m] lies along the line; station: near it."""
+    c = profile.turn[0]
+    s = profile.turn[1]
+    u = c * x + s * y
+    v = c * y - s * x
+    last = profile.x.shape[0] - 1
+    k = station
+    along = wp.float64(0.0)
+    left = wp.float64(0.0)
+    searches = int(1)
+    for _ in range(1000):
+        if searches == 1:
+            du = u - profile.x[k]
+            dv = v - profile.y[k]
+            cosine = wp.float64(profile.cosine[k])
+            sine = wp.float64(profile.sine[k])
+            along = du * cosine + dv * sine
+            left = dv * cosine - du * sine - wp.float64(0.5 * profile.curvature[k]) * along * along
+            next = wp.clamp(k + int(wp.floor(along + wp.float64(0.5))), 0, last)
+            if next == k:
+                searches = 0
+            k = next
+    found = Beside()
+    found.station = k
+    found.along = wp.float64(k) + along
+    found.inside = left
+    if profile.is_left == 0:
+        found.inside = -left
+    return found
