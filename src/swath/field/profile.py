@@ -1,8 +1,8 @@
 """The field beside one edge as profiles along it: what the levels `profile` of lidar and header look at and cut.
 
-Stations every metre along the edge's line know the ground (a plane) and the stand (plants 1 m inside of the
-line), bins of 5 cm know from where inwards crop grows and between where the header cut it. All is sampled once
-from the field's own terrain, stand and edge. s [m] runs along the line, > 0 inside is towards the crop.
+Stations every metre along the edge's line, each with columns 3 m apart across it, know the ground (a plane) and
+the stand; bins of 5 cm know from where inwards crop grows and between where the header cut it. All is sampled
+once from the field's own terrain, stand and edge. s [m] runs along the line, > 0 inside is towards the crop.
 """
 
 from math import inf, isfinite
@@ -23,8 +23,7 @@ from swath.kernels import filled
 Array = NDArray[np.float64]
 STATION, BIN = 1.0, 0.05  # spacing along the line [m]
 BEYOND = 60.0  # the profile goes on so far before and after the line [m]
-INSIDE = 1.0  # where beside the line the stand is sampled [m]
-ASIDE = 2.0  # and, to both sides, the ground [m]
+COLUMN, COLUMNS = 3.0, 11  # spacing across the line [m], the middle one on it
 NEARBY = 10.0  # along the line: a beam goes through crop for no longer a way [m]
 REACH = 8.0  # to both sides: what a profile cannot carry must not be there [m]
 
@@ -32,8 +31,9 @@ REACH = 8.0  # to both sides: what a profile cannot carry must not be there [m]
 class Profile(KeepsState):
     """Of a field along an edge. field: a `field.Field`
 
-    s0: of the first station [m]; x, y, z: stations in the stand frame, (n,); cosine, sine, curvature [1/m] of
-    the line; slope_x, slope_y: of the ground; stand: (n, 4) scale and lean of the plants, stems per m2
+    s0: of the first station [m]; x, y: stations in the stand frame, (n,); cosine, sine, curvature [1/m] of
+    the line. Of columns, (n, COLUMNS): z of their plane at the station, its slope_x, slope_y; stand: (..., 4)
+    scale and lean of the plants, stems per m2
     reach: crop grows from there inwards [m], inf = nowhere; near, far: it is cut between [m]; inner: code of
     what is there instead of crop inside of the line, outer: outside; cut_code: of what the header leaves
     straw_kg: laid on the ground
@@ -48,14 +48,13 @@ class Profile(KeepsState):
         self.s0 = -BEYOND
         s = self.s0 + STATION * np.arange(int(np.ceil((edge.shape.length + 2.0 * BEYOND) / STATION)) + 1)
         self._lay_line(s)
-        self._lay_stand(s)
         bins = self.s0 + BIN * (np.arange(round((len(s) - 0.5) * STATION / BIN)) + 0.5)
         self.reach, self.inner = _reach(edge, bins)
         self.outer, self.cut_code = edge.stubble, STANDING
         self.bite = _bite(self.reach, len(s))
         self.near, self.far = np.full(len(bins), inf, np.float32), np.full(len(bins), -inf, np.float32)
         self.straw_kg = 0.0
-        self._per_m2: tuple[Array, Array, Array] | None = None
+        self._per_m2: tuple[Array, ...] = ()
         self._struct: Any = None
 
     def _lay_line(self, s: Array) -> None:
@@ -66,25 +65,21 @@ class Profile(KeepsState):
         self.cosine, self.sine = np.cos(direction), np.sin(direction)
         turn = np.gradient(np.unwrap(heading), STATION)
         self.curvature = np.where(np.abs(turn) < 1e-9, 0.0, turn)
-        c, r = np.cos(heading), np.sin(heading)
-        height = field.terrain.height
+        left = COLUMN * (np.arange(COLUMNS) - COLUMNS // 2)
 
-        def ground(ahead: float, left: float) -> Array:
-            return np.asarray(height(at[:, 0] + ahead * c - left * r, at[:, 1] + ahead * r + left * c))
+        def at_columns(ahead: float, aside: float) -> tuple[Array, Array]:
+            c, r, across = np.cos(heading)[:, None], np.sin(heading)[:, None], left + aside
+            return at[:, :1] + ahead * c - across * r, at[:, 1:] + ahead * r + across * c
 
-        along = ground(0.5 * STATION, 0.0) - ground(-0.5 * STATION, 0.0)
-        across = (ground(0.0, ASIDE) - ground(0.0, -ASIDE)) / (2.0 * ASIDE)
-        self.z = ground(0.0, 0.0)
-        self.slope_x = along / STATION * self.cosine - across * self.sine
-        self.slope_y = along / STATION * self.sine + across * self.cosine
-
-    def _lay_stand(self, s: Array) -> None:
-        field = self.field
-        at, heading = self.edge.shape.point_at(s), self.edge.shape.heading_at(s)
-        left = INSIDE if self.is_left else -INSIDE
-        x, y = at[:, 0] - left * np.sin(heading), at[:, 1] + left * np.cos(heading)
-        self.stand = np.ascontiguousarray(field.maker.stand_at(x, y))
-        self.stand[:, 3] *= field.library.density_max
+        height, half = field.terrain.height, 0.5 * STATION
+        along = np.asarray(height(*at_columns(half, 0.0)) - height(*at_columns(-half, 0.0))) / STATION
+        across = np.asarray(height(*at_columns(0.0, half)) - height(*at_columns(0.0, -half))) / STATION
+        self.z = np.asarray(height(*at_columns(0.0, 0.0))) - across * left
+        c, r = self.cosine[:, None], self.sine[:, None]
+        self.slope_x, self.slope_y = along * c - across * r, along * r + across * c
+        self.stand = np.ascontiguousarray(field.maker.stand_at(*at_columns(0.0, 0.0)))
+        self.stand[..., 3] *= field.library.density_max
+        self._inside = left if self.is_left else -left
 
     def place(self, x: Any, y: Any) -> tuple[Array, NDArray[np.int64]]:
         """How far inside of the line world points [m] are, and their bins."""
@@ -104,20 +99,26 @@ class Profile(KeepsState):
         u, v = cells_inside(polygon / step)
         return float(np.count_nonzero(self.stands((u + 0.5) * step, (v + 0.5) * step))) * step * step
 
-    def per_m2(self) -> tuple[Array, Array, Array]:
-        """Grain and straw [kg] that the header takes from a square metre, and stems on it, by station."""
-        if self._per_m2 is None:
-            library, stems = self.field.library, self.field.stems
-            crop = ~library.is_weed
-            grain, straw = library.grain_kg[crop], library.straw_kg[crop]
-            length = np.sqrt((self.stand[:, :3] ** 2).sum(axis=1))
-            height = self.stand[:, 0, None] * library.stem_height[crop].astype(np.float64)
-            share = np.clip(1.0 - 0.01 * self.cut_code / np.maximum(height, 1e-6), 0.0, 1.0)
-            above = portable.power(share, stems.straw_exponent)
-            ears = self.stand[:, 0, None] * np.asarray(library.ear_height)[crop] > 0.01 * self.cut_code
-            density = self.stand[:, 3]
-            taken = density * (ears * grain).mean(axis=1), density * length * (above * straw).mean(axis=1)
-            self._per_m2 = (*taken, density)
+    def per_m2(self, width: float) -> tuple[Array, ...]:
+        """Grain and straw [kg] that a header takes from a square metre, and stems on it, by station.
+
+        width: of the header, whose one end is at the edge [m]
+        """
+        library, code = self.field.library, 0.01 * self.cut_code
+        crop = ~library.is_weed
+        grain, straw = library.grain_kg[crop], library.straw_kg[crop]
+        tall, ear = library.stem_height[crop].astype(np.float64), np.asarray(library.ear_height)[crop]
+        columns = np.flatnonzero((self._inside > -0.5 * COLUMN) & (self._inside < width))
+        total = np.zeros((3, len(self.x)))
+        for stand in (self.stand[:, k] for k in columns.tolist()):
+            scale, density = stand[:, 0, None], stand[:, 3]
+            share = np.clip(1.0 - code / np.maximum(scale * tall, 1e-6), 0.0, 1.0)
+            above = portable.power(share, self.field.stems.straw_exponent)
+            length = np.sqrt((stand[:, :3] ** 2).sum(axis=1))
+            total[0] += density * ((scale * ear > code) * grain).mean(axis=1)
+            total[1] += density * length * (above * straw).mean(axis=1)
+            total[2] += density
+        self._per_m2 = tuple(total / len(columns))
         return self._per_m2
 
     def taken(self) -> Cut:
@@ -130,7 +131,7 @@ class Profile(KeepsState):
         station = np.minimum(((where + 0.5) * BIN / STATION + 0.5).astype(int), len(self.x) - 1)
         bent = self.curvature[station] * (1.0 if self.is_left else -1.0)
         area = wide * BIN * (1.0 - bent * (low + 0.5 * wide))
-        grain, straw, stems = (q[station] for q in self.per_m2())
+        grain, straw, stems = (q[station] for q in self._per_m2)
         return Cut(
             float((area * grain).sum()),
             float((area * straw).sum()),
@@ -147,18 +148,22 @@ class Profile(KeepsState):
                 name: np.ascontiguousarray(getattr(self, name), dtype)
                 for name, dtype in (
                     *((n, np.float64) for n in ("x", "y", "z")),
-                    *((n, np.float32) for n in ("cosine", "sine", "curvature", "slope_x", "slope_y", "bite")),
-                    *((n, np.float32) for n in ("stand", "reach", "near", "far")),
+                    *((n, np.float32) for n in ("cosine", "sine", "curvature", "bite")),
+                    *((n, np.float32) for n in ("slope_x", "slope_y", "reach", "near", "far")),
                     ("inner", np.int32),
                 )
             }
             self.near, self.far = held["near"], held["far"]
+            held |= {name: held[name].ravel() for name in ("z", "slope_x", "slope_y")}
+            held["stand"] = self.stand.reshape(-1, 4).astype(np.float32)
             turn = self.field.to_stand([1.0, 0.0], [0.0, 1.0])
             self._struct = filled(
                 Struct,
                 **held,
                 turn=(float(turn[0][0]), float(turn[0][1])),
                 tile_size=self.field.library.tile_size,
+                columns=COLUMNS,
+                column=COLUMN,
                 bins_per_m=1.0 / BIN,
                 outer=self.outer,
                 cut=self.cut_code,

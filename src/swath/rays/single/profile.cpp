@@ -4,7 +4,7 @@
 // as flags: as bodies.cpp, without solids.
 //
 // Each beam in the stand frame, from the corner of the square tile it starts over, as in bodies.cpp: cut cells are the same. The ground
-// is the plane of the station beside which it ends there, and so is the stand.
+// is the plane of the station and column in which it ends there, and so is the stand.
 
 const int count = beams.count;
 
@@ -50,6 +50,10 @@ auto beside = [&](F x, F y, I& station) -> Beside {
     station = next;
   }
 };
+auto column_at = [&](I station, F left) -> I {  // place of its numbers
+  const I column = mosti(leasti(down(left * (1.0f / profile.column) + 0.5f) + profile.columns / 2, puti(profile.columns - 1)), I{});
+  return station * profile.columns + column;
+};
 struct Stands { I code; F clear; };  // of a place; how far it is from where crop begins to stand or ends [m]
 auto stands_at = [&](F x, F y, I& station) -> Stands {
   const Beside at = beside(x, y, station);
@@ -63,18 +67,18 @@ auto stands_at = [&](F x, F y, I& station) -> Stands {
 };
 
 // ---- Where each beam gets to the ground
-I travels = number < count, station = puti(station_at.data[world]);
+I travels = number < count, station = puti(station_at.data[world]), column = column_at(station, beside(ox, oy, station).left);
 int wrong = 0;
 F end = put(range_max), a = {}, b = {}, slope_x = {}, slope_y = {};
 for (int round = 0; round < 4; ++round) {
   const I all = puti(-1);
-  slope_x = gather(profile.slope_x.data, station, all), slope_y = gather(profile.slope_y.data, station, all);
+  slope_x = gather(profile.slope_x.data, column, all), slope_y = gather(profile.slope_y.data, column, all);
   b = dz - slope_x * dx - slope_y * dy;
-  a = oz - from_corner((const double*)profile.z.data, raw.cz, station) - slope_x * (ox - from_corner((const double*)profile.x.data, raw.cx, station)) -
+  a = oz - from_corner((const double*)profile.z.data, raw.cz, column) - slope_x * (ox - from_corner((const double*)profile.x.data, raw.cx, station)) -
       slope_y * (oy - from_corner((const double*)profile.y.data, raw.cy, station));
   end = pick(b < -1.0e-6f, least(-a / b, put(range_max)), put(range_max));
   if (round == 0 && any(travels & (I)(a < -0.001f))) wrong = 2;
-  if (round < 3) beside(ox + dx * end, oy + dy * end, station);
+  if (round < 3) column = column_at(station, beside(ox + dx * end, oy + dy * end, station).left);
 }
 const I is_down = travels & (I)(a + b * end < 1.0e-3f) & (I)(end > 0.0f);
 hit_t = pick(is_down, end, hit_t);
@@ -84,12 +88,12 @@ hit_cosine = pick(is_down, size_of(dz - slope_x * dx - slope_y * dy) / root(slop
 // ---- The canopy above
 const float* stand = (const float*)profile.stand.data;
 const I every = puti(-1);
-const F scales = gather(stand, 4 * station, every), crown = scales * canopy.top_bound;
+const F scales = gather(stand, 4 * column, every), crown = scales * canopy.top_bound;
 const F from = pick(b < 0.0f, most(F{}, (crown - a) / b), F{}), to = pick(b > 0.0f, least(end, (crown - a) / b), end);
 I inside = travels & (I)(from < to) & (I)(a + b * to <= crown), waits = {};
 I known = puti(-1);  // the code all the way along, < 0 where that changes
 if (any(inside)) {
-  enter(inside, from, to, scales, gather(stand + 1, 4 * station, every), gather(stand + 2, 4 * station, every), gather(stand + 3, 4 * station, every), a, b, F{}, F{});
+  enter(inside, from, to, scales, gather(stand + 1, 4 * column, every), gather(stand + 2, 4 * column, every), gather(stand + 3, 4 * column, every), a, b, F{}, F{});
   const Stands low = stands_at(ox + dx * to, oy + dy * to, station);
   I up = station;
   const Stands high = stands_at(ox + dx * from, oy + dy * from, up);

@@ -14,5 +14,8 @@ for (int round = 0; round < 1000; ++round) {
   k = next;
 }
 station_at.data[world] = k;
-const float ground = (float)(profile.z.data[k] + profile.slope_x.data[k] * (turned_x - profile.x.data[k]) + profile.slope_y.data[k] * (turned_y - profile.y.data[k]));
+const double ahead_x = turned_x - profile.x.data[k], ahead_y = turned_y - profile.y.data[k];
+int column = (int)__builtin_floor((ahead_y * profile.cosine.data[k] - ahead_x * profile.sine.data[k]) / profile.column + 0.5) + profile.columns / 2;
+column = k * profile.columns + (column < 0 ? 0 : column >= profile.columns ? profile.columns - 1 : column);
+const float ground = (float)(profile.z.data[column] + profile.slope_x.data[column] * ahead_x + profile.slope_y.data[column] * ahead_y);
 #include "chain.cpp"
