@@ -11,12 +11,13 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from typing import Any, Protocol, get_type_hints, runtime_checkable
+from typing import Any, ClassVar, Protocol, get_type_hints, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.component import Inputs, Outputs, State
+from swath.core.errors import SwathError
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.signal import Signal, per_signal
@@ -28,7 +29,8 @@ class Samples:
     """A sample of an output in each of n worlds, at one time t [ns].
 
     arrays: by field, first axis the world, a pose as (n, 12): position, then rows of the rotation; they may be
-    overwritten when their sender sends anew. alike: fields that are the same in all worlds
+    overwritten when their sender sends anew. alike: fields that are the same in all worlds, and
+    stay so
     """
 
     def __init__(
@@ -82,12 +84,29 @@ def _plain(value: Any) -> Any:
 
 
 class Together(Protocol):
-    """The parts of one slot in all worlds."""
+    """The parts of one slot in all worlds. errors: of worlds that cannot go on, by their number"""
+
+    errors: dict[int, SwathError]
 
     def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]: ...
     def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]: ...
     def save(self, world: int) -> State: ...
     def load(self, world: int, state: State) -> None: ...
+
+
+class KeepsRows:
+    """`save` and `load` of parts whose state lies in the arrays that they name in `kept`, first axis the world."""
+
+    kept: ClassVar[tuple[str, ...]] = ()
+
+    def save(self, world: int) -> State:
+        """A copy of everything that is needed to go on exactly."""
+        return {name.lstrip("_"): getattr(self, name)[world].copy() for name in self.kept}
+
+    def load(self, world: int, state: State) -> None:
+        """Back to a saved moment."""
+        for name in self.kept:
+            getattr(self, name)[world] = state[name.lstrip("_")]
 
 
 @runtime_checkable
@@ -113,7 +132,10 @@ class InWorlds(ABC):
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """One step of a batch of one."""
-        return _first(self._alone.step(t, dt, {name: _of_one(value) for name, value in inputs.items()}))
+        found = self._alone.step(t, dt, {name: _of_one(value) for name, value in inputs.items()})
+        if self._alone.errors:
+            raise self._alone.errors.pop(0)
+        return _first(found)
 
     def save(self) -> State:
         """Everything that is needed to go on exactly."""

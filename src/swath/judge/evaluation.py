@@ -85,6 +85,13 @@ class Evaluation:
         if self._windows:
             self._show_windows(slot, t, outputs)
 
+    def wants(self, slot: str, t: int, kinds: tuple[type[Signal], ...]) -> bool:
+        """Whether a call with samples of these types at t [ns] could change anything."""
+        if self._windows:
+            return True
+        shown = self._shown.get((slot, *kinds)) or self._shown_to(slot, kinds)
+        return bool(shown[0] or shown[2]) or any(t >= resting.rests_until for resting in shown[1])
+
     @property
     def reads_tracks(self) -> bool:
         """Whether a limit is on a column of the tracks."""

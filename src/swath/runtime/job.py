@@ -107,7 +107,7 @@ def _run_once(
     try:
         pacer = make_pacer(world)
         with _folder(out, world):
-            running = _Running(world, out, pacer, hooks, allow)
+            running = Running(world, out, pacer, hooks, allow)
             if begun is not None:
                 begun()
             if start is not None:
@@ -118,7 +118,7 @@ def _run_once(
         world.graph.let_go()
 
 
-def _drive(running: "_Running", progress: bool, events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _drive(running: "Running", progress: bool, events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Drive to the end and finish; returns the summary."""
     world, started = running.world, time.perf_counter()
     try:
@@ -164,7 +164,7 @@ def _spare_what_is_read(world: World, out: Path) -> None:
                     )
 
 
-class _Running:
+class Running:
     """What goes along while a world runs: digest, evaluation, recorder, hooks."""
 
     def __init__(

@@ -12,6 +12,7 @@ import numpy as np
 from annotated_types import Gt, Le
 
 from swath.core.component import Port, State
+from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -61,11 +62,12 @@ class Headers:
     def __init__(self, parts: Sequence[ProfileHeader]) -> None:
         from swath.machine.header import profile_kernel as kernel
 
+        self.errors: dict[int, SwathError] = {}
         n = len(parts)
         self._profiles = [part.profile.struct() for part in parts]
         self._taken = [_taken(kernel.Taken, part) for part in parts]
         self._cuttings = Rows(kernel.Cutting, n)
-        self._poses, self._asked, self._flows = np.zeros((n, ROOM, 12)), np.ones((n, 2), np.int32), np.zeros((n, 5))
+        self._poses, self._asked, self._flows = np.zeros((n, ROOM, 12)), np.ones((n, 2), np.int32), np.zeros((n, 6))
         self._inputs = [
             of_worlds(kernel.Profile, self._profiles),
             of_worlds(kernel.Taken, self._taken),
@@ -89,8 +91,8 @@ class Headers:
         self._asked[:, 0] = len(states)
         self._asked[:, 1] = 1 if command is None else command.arrays["is_down"]
         self._launch.launch()
-        if self._cuttings.of["is_refused"].any():
-            raise refused("second pass, or a drive against the edge's direction")
+        for world in np.flatnonzero(self._cuttings.of["is_refused"]).tolist():
+            self.errors[world] = refused("second pass, or a drive against the edge's direction")
         return self._samples(t + dt, dt / NS)
 
     def save(self, world: int) -> State:
@@ -102,12 +104,10 @@ class Headers:
         self._cuttings.load(world, state["cutting"])
 
     def _samples(self, t: int, seconds: float) -> dict[str, Samples]:
-        f = self._flows
-        arrays: dict[str, Any] = {
-            "grain": f[:, 0], "straw": f[:, 1], "area": f[:, 2], "stem_count": f[:, 3], "header_fill": f[:, 4],
-        }  # fmt: skip
-        arrays["stem_count"] = arrays["stem_count"].astype(np.int64)
-        return {"flow": Samples(CropFlow, t, arrays, {"dt": seconds})}
+        self._flows[:, 5] = seconds
+        grain, straw, area, stems, fill, dt = self._flows.T
+        sums = {"grain": grain, "straw": straw, "area": area, "stem_count": stems.astype(np.int64)}
+        return {"flow": Samples(CropFlow, t, {**sums, "header_fill": fill, "dt": dt})}
 
 
 def _taken(struct: Any, part: ProfileHeader) -> Any:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.component import Outputs, State
-from swath.core.errors import InputError
+from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.together import Given, InWorlds, Samples
@@ -60,7 +60,7 @@ class Scanners:
     """The scanners of many worlds."""
 
     def __init__(self, parts: Sequence[ProfileLidar]) -> None:
-        self._parts = parts
+        self._parts, self.errors = parts, dict[int, SwathError]()
         n, room = len(parts), len(parts[0].rays.beams.distance)
         self._count = len(parts[0].azimuth)
         self._ranges, self._intensity = (np.zeros((n, room, 1), np.float32) for _ in range(2))
@@ -112,7 +112,7 @@ class Scanners:
         for world in np.flatnonzero(self._flags[:, 0]).tolist():
             found = self._parts[world].rays.beams.take_flags()
             if found & MISPLACED:
-                raise InputError("origin", None, "expected a scanner above the ground")
+                self.errors[world] = InputError("origin", None, "expected a scanner above the ground")
             self._parts[world].note(found >> CLAMPED)
         return self._samples(end)
 
