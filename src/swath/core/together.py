@@ -54,13 +54,16 @@ class Samples:
 
     @staticmethod
     def joined(signals: Sequence[Signal]) -> "Samples":
-        """Of the samples of all worlds; fields that are arrays have one shape in all of them."""
+        """Of the samples of all worlds; fields that are arrays have one shape in all of them.
+
+        A world that has ended has an older one, which nobody looks at any more.
+        """
         first = signals[0]
         arrays = {
             name: np.array([_plain(getattr(signal, name)) for signal in signals])
             for name in _makers(type(first))
         }
-        return Samples(type(first), first.t, arrays)
+        return Samples(type(first), max(signal.t for signal in signals), arrays)
 
 
 @per_signal

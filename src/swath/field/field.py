@@ -204,9 +204,9 @@ class Field:
             _check_place(x, y)
             _check_place(x + count * dx, y + count * dy)
         places = [((c * x + s * y) / cell, (c * y - s * x) / cell) for x, y in starts]
-        crop = None
-        if self.profile is None:
-            crop = self._cutter.standing(places, (c * dx + s * dy) / cell, (c * dy - s * dx) / cell, count)
+        if self.profile is not None:
+            return self.profile.standing_along(starts, step, count)
+        crop = self._cutter.standing(places, (c * dx + s * dy) / cell, (c * dy - s * dx) / cell, count)
         if crop is None:  # some of the pages are not in memory
             middle, (x, y) = np.arange(count) + 0.5, np.array(starts).T[:, :, None]
             return self.standing(x + dx * middle, y + dy * middle)

@@ -18,13 +18,14 @@ from swath.field.cut_result import Cut, cells_inside
 from swath.field.edge_defects import BrokenEdge
 from swath.field.memory_layout import STANDING
 from swath.field.weeds import Weeds
-from swath.kernels import filled
+from swath.kernels import filled, repeatable, shared
 
 Array = NDArray[np.float64]
 STATION, BIN = 1.0, 0.05  # spacing along the line [m]
 BEYOND = 60.0  # the profile goes on so far before and after the line [m]
 COLUMN, COLUMNS = 3.0, 11  # spacing across the line [m], the middle one on it
 NEARBY = 10.0  # along the line: a beam goes through crop for no longer a way [m]
+SCALES = 17  # lengths of plants for which masses are summed up; between them straight
 REACH = 8.0  # to both sides: what a profile cannot carry must not be there [m]
 
 
@@ -56,6 +57,7 @@ class Profile(KeepsState):
         self.straw_kg = 0.0
         self._per_m2: tuple[Array, ...] = ()
         self._struct: Any = None
+        self._lines: dict[tuple[int, int], Any] = {}
 
     def _lay_line(self, s: Array) -> None:
         shape, field = self.edge.shape, self.field
@@ -93,6 +95,20 @@ class Profile(KeepsState):
         is_cut = (inside >= self.near[bins]) & (inside < self.far[bins])
         return np.asarray((inside >= self.reach[bins]) & ~is_cut)
 
+    def standing_along(self, starts: Any, step: Any, count: int) -> NDArray[np.bool_]:
+        """As `stands`, compiled, at middles of `count` steps from world points on [m]: (n, count)."""
+        shape = len(starts), count
+        if shape not in self._lines:
+            from swath.field.profile_kernel import stands_along
+
+            arrays = np.zeros((shape[0], 2)), np.zeros(2), np.zeros(shape, np.bool_), np.zeros(1, np.int32)
+            inputs = [self.struct(), *(shared(array) for array in arrays)]
+            self._lines[shape] = repeatable(stands_along, inputs), arrays
+        launch, (places, steps, crop, _) = self._lines[shape]
+        places[:], steps[:] = starts, step
+        launch.launch()
+        return crop.copy()
+
     def standing_area(self, polygon: Array) -> float:
         """Area of standing crop within a convex anticlockwise polygon (n, 2) [m2]."""
         step = BIN
@@ -109,16 +125,19 @@ class Profile(KeepsState):
         grain, straw = library.grain_kg[crop], library.straw_kg[crop]
         tall, ear = library.stem_height[crop].astype(np.float64), np.asarray(library.ear_height)[crop]
         columns = np.flatnonzero((self._inside > -0.5 * COLUMN) & (self._inside < width))
-        total = np.zeros((3, len(self.x)))
-        for stand in (self.stand[:, k] for k in columns.tolist()):
-            scale, density = stand[:, 0, None], stand[:, 3]
+        stand = self.stand[:, columns]
+        scales = np.unique(stand[..., 0])
+        if len(scales) > SCALES:
+            scales = np.linspace(scales[0], scales[-1], SCALES)
+        of_scale = np.zeros((2, len(scales)))  # of a mean stem [kg]
+        for k, scale in enumerate(scales.tolist()):
             share = np.clip(1.0 - code / np.maximum(scale * tall, 1e-6), 0.0, 1.0)
-            above = portable.power(share, self.field.stems.straw_exponent)
-            length = np.sqrt((stand[:, :3] ** 2).sum(axis=1))
-            total[0] += density * ((scale * ear > code) * grain).mean(axis=1)
-            total[1] += density * length * (above * straw).mean(axis=1)
-            total[2] += density
-        self._per_m2 = tuple(total / len(columns))
+            of_scale[0, k] = ((scale * ear > code) * grain).mean()
+            of_scale[1, k] = (portable.power(share, self.field.stems.straw_exponent) * straw).mean()
+        each = [np.interp(stand[..., 0], scales, values) for values in of_scale]
+        length, density = np.sqrt((stand[..., :3] ** 2).sum(axis=-1)), stand[..., 3]
+        parts = density * each[0], density * length * each[1], density
+        self._per_m2 = tuple(np.ascontiguousarray(part.mean(axis=1)) for part in parts)
         return self._per_m2
 
     def taken(self) -> Cut:

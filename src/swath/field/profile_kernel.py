@@ -82,3 +82,26 @@ def beside(profile: Profile, x: wp.float64, y: wp.float64, station: int) -> Besi
     if profile.is_left == 0:
         found.inside = -left
     return found
+
+
+@wp.kernel
+def stands_along(
+    profile: Profile,
+    starts: wp.array2d(dtype=wp.float64),
+    step: wp.array(dtype=wp.float64),
+    crop: wp.array2d(dtype=wp.bool),
+    station: wp.array(dtype=int),
+):
+    """Whether crop stands at the middles of steps from starts on [m]; one thread. station: of the last one"""
+    last = profile.reach.shape[0] - 1
+    k = station[0]
+    for line in range(starts.shape[0]):
+        for i in range(crop.shape[1]):
+            way = wp.float64(i) + wp.float64(0.5)
+            at = beside(profile, starts[line, 0] + way * step[0], starts[line, 1] + way * step[1], k)
+            k = at.station
+            b = wp.clamp(int(wp.floor(at.along * wp.float64(profile.bins_per_m))), 0, last)
+            inside = float(at.inside)
+            is_cut = inside >= profile.near[b] and inside < profile.far[b]
+            crop[line, i] = inside >= profile.reach[b] and not is_cut
+    station[0] = k

@@ -226,7 +226,7 @@ class Columns:
         """(worlds, bytes) uint8, overwritten by the next call."""
         for name, place in self._of.items():
             if name in ("t", "t again"):
-                place[:] = t
+                place[:] = t if name == "t" else samples.t
                 continue
             first, _, part = name.partition(" ")
             array = samples.arrays[first]

@@ -10,7 +10,7 @@ from typing import Any
 
 from swath.core.abilities import StepsAnyLength
 from swath.core.component import Port
-from swath.core.errors import InputError, SwathError
+from swath.core.errors import SwathError
 from swath.core.graph import EndOfRun, Node
 from swath.core.random import Stream
 from swath.core.schedule import NS
@@ -57,10 +57,7 @@ class Worlds:
     def __init__(self, worlds: Sequence[World]) -> None:
         self.worlds = worlds
         graphs = [world.graph for world in worlds]
-        first = graphs[0]
-        for graph in graphs[1:]:
-            check_alike(first.nodes, graph.nodes)
-        self.plan = first.plan
+        self.plan = graphs[0].plan
         self.slots = [_Slot(nodes) for nodes in zip(*(graph.nodes for graph in graphs), strict=True)]
         self.active = [True] * len(worlds)
         self.runs = [Running(world, None, None, (), ()) for world in worlds]
@@ -337,10 +334,14 @@ def _turned(
     return found
 
 
-def check_alike(first: Sequence[Node], other: Sequence[Node]) -> None:
-    """InputError for worlds whose parts, periods or wires differ."""
-    for node, its in zip(first, other, strict=False):
-        if (node.slot, node.wires) != (its.slot, its.wires):
-            raise InputError(its.slot.name, None, "expected the same slots, rates and wires in all worlds")
-    if len(first) != len(other):
-        raise InputError("machines", None, "expected the same slots, rates and wires in all worlds")
+def drive_together(worlds: Sequence[World]) -> Iterator[tuple[int, Ended]]:
+    """Drive worlds, those in step whose slots, rates and wires are alike; gives what each comes to by its
+    number, as it ends.
+    """
+    groups: dict[Any, list[int]] = {}
+    for number, world in enumerate(worlds):
+        about = [(node.slot, tuple(sorted(node.wires.items()))) for node in world.graph.nodes]
+        groups.setdefault(tuple(about), []).append(number)
+    for group in groups.values():
+        for place, found in Worlds([worlds[number] for number in group]).drive():
+            yield group[place], found

@@ -106,18 +106,21 @@ class Actuators:
 
     def save(self, world: int) -> State:
         """Everything that is needed to go on exactly."""
+        first, count = (int(self._wheels.of[name][world]) for name in ("first", "count"))
+        way = (first + np.arange(count)) % ROOM
         queue = (self._arrivals, self._curvatures, self._engaged)
         return {
             "wheel": self._wheels.save(world),
-            "queue": [array[world].copy() for array in queue],
+            "queue": [array[world, way] for array in queue],
             "seen": self._seen,
         }
 
     def load(self, world: int, state: State) -> None:
         """Back to a saved moment."""
         self._wheels.load(world, state["wheel"])
+        way = (int(self._wheels.of["first"][world]) + np.arange(len(state["queue"][0]))) % ROOM
         for array, own in zip((self._arrivals, self._curvatures, self._engaged), state["queue"], strict=True):
-            array[world] = own
+            array[world, way] = own
         self._seen = state["seen"]
 
     def _samples(self, t: int) -> dict[str, Samples]:
