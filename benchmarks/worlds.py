@@ -1,8 +1,8 @@
-"""Worlds in step against runs one by one: simulated seconds per CPU second, one thread, in interleaved rounds.
+"""Worlds in step against runs one by one: simulated seconds per CPU second, one thread.
 
-What is compared: a run of its own and a batch at `empirical`, worlds at `profile` with the detector `otsu`, which goes world
-by world, and with a detector in numpy for all worlds at once (examples/many_worlds.py). Then, of the last, where
-a simulated second goes: compiled code, numpy and the interpreter in each slot, digest, evaluators.
+In interleaved rounds: `empirical`, `profile` with the detector `otsu`, which goes world by world, and
+`profile` with a detector in numpy for all worlds at once (examples/many_worlds.py), each one world and many
+in step. Then, of the last, where the CPU time goes: compiled code, numpy, digest, the interpreter.
 """
 
 import argparse
@@ -14,13 +14,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parent
-sys.path[:0] = [str(ROOT), str(ROOT.parent)]
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from _harness import machine, write_json
 from examples.many_worlds import Split
 
-PROFILE = {"combine.lidar.level": "profile", "combine.header.level": "profile", "combine.motion.level": "kinematic"}
+PROFILE = {
+    "combine.lidar.level": "profile",
+    "combine.header.level": "profile",
+    "combine.motion.level": "kinematic",
+}
 CASES: dict[str, dict[str, Any]] = {
     "empirical": {"combine.lidar.level": "empirical", "combine.edge": "otsu"},
     "profile, otsu": {**PROFILE, "combine.edge": "otsu"},
@@ -78,18 +82,25 @@ def main(
     for k in range(rounds):
         for case, n in sizes if k % 2 == 0 else reversed(sizes):
             found[case, n].append(driven(case, 10 + 1000 * k, n, seconds))
-    table = Table(title=f"`straight`, {seconds:g} s a world, one thread, medians of {rounds}", title_justify="left")
+    table = Table(
+        title=f"`straight`, {seconds:g} s a world, one thread, medians of {rounds}", title_justify="left"
+    )
     for column in ("", "worlds", "world-seconds per CPU-second", "ms a world-second", "assembly, ms a world"):
         table.add_column(column, justify="right" if column else "left")
     rows = []
     for (case, n), pairs in found.items():
         build, drive = (sorted(values)[len(pairs) // 2] for values in zip(*pairs, strict=True))
         rows.append({"case": case, "worlds": n, "rate": 1.0 / drive, "assembly_ms": 1e3 * build * seconds})
-        table.add_row(case, str(n), f"{1.0 / drive:.0f}", f"{1e3 * drive:.1f}", f"{1e3 * build * seconds:.0f}")
+        table.add_row(
+            case, str(n), f"{1.0 / drive:.0f}", f"{1e3 * drive:.1f}", f"{1e3 * build * seconds:.0f}"
+        )
     Console(width=120).print(table)
     last = list(CASES)[-1]
     parts = shares(lambda: driven(last, 10, worlds, seconds))
-    print(f"{last}, {worlds} worlds, assembly included: " + ", ".join(f"{k} {100 * v:.0f} %" for k, v in parts.items()))
+    print(
+        f"{last}, {worlds} worlds, assembly included: "
+        + ", ".join(f"{k} {100 * v:.0f} %" for k, v in parts.items())
+    )
     data = {"machine": machine(), "rows": rows, "shares": parts}
     write_json(Path(out_dir), "worlds", data)
     return data

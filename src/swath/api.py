@@ -291,13 +291,12 @@ def worlds(
 ) -> Iterator[BatchRun]:
     """Run n worlds of one scenario in step; gives their results in order, as `batch` does, unrecorded.
 
-    vary: key -> (least, greatest), drawn evenly for each world, or a list whose values the worlds take in turn
+    vary: key -> (least, greatest), drawn evenly for each world, or a list of values that worlds take in turn
     sets: of all worlds, as in `run`; seed: of world 0, world i has seed + i; without it the scenario's
     together: worlds in step at a time; processes, code: as in `batch`
 
-    The `entry` of a result is that world for `batch` or `run`, alone and at any level; it comes to the same
-    bytes. Parts whose class has `together` are stepped at once (docs/explanation/kernels.md), all others world
-    by world.
+    The `entry` of a result is that world for `batch`, alone and at any level: the same bytes. Parts whose class
+    has `together` are stepped at once (docs/explanation/kernels.md), all others world by world.
     """
     for name, value in (("n", n), ("together", together), ("processes", processes)):
         if value < 1:
@@ -366,7 +365,9 @@ def _run_together(code: bool, chunk: tuple[int, list[dict[str, Any]]]) -> list[B
             if isinstance(ended, InputError):
                 ended = scenarios[place].locate(ended)
             is_error = isinstance(ended, SwathError)
-            found[index] = BatchRun(index, entry, error=ended) if is_error else BatchRun(index, entry, None, ended)
+            found[index] = (
+                BatchRun(index, entry, error=ended) if is_error else BatchRun(index, entry, None, ended)
+            )
     return [found[index] for index in sorted(found)]
 
 

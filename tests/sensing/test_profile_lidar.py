@@ -35,7 +35,7 @@ def assembled(**given):
 
 
 def seen(level, **given):
-    """Ranges of a drive along the edge, heights of the echoes over the ground, distances from the edge [m]."""
+    """Ranges of a drive along the edge, heights of the echoes, distances from the edge [m]."""
     world = assembled(**given)
     plants = world.leader.parts["lidar"]
     lidar = make("lidar", level, plants.setup, sector_deg=(-50, 50), noise="none")
@@ -52,7 +52,8 @@ def test_beams_are_those_of_empirical_on_a_plane():
     (profile, *_), (empirical, *_) = (seen(level) for level in ("profile", "empirical"))
     assert (np.isnan(profile) == np.isnan(empirical)).mean() > 0.9999
     off = np.abs(profile - empirical)[np.isfinite(profile) & np.isfinite(empirical)]
-    assert np.quantile(off, 0.95) < 2e-3 and np.quantile(off, 0.99) < 0.1
+    assert np.quantile(off, 0.95) < 2e-3
+    assert np.quantile(off, 0.99) < 0.1
 
 
 STANDS = [
@@ -64,7 +65,8 @@ STANDS = [
     {
         "seed": 16,
         "stems": 400,
-        "edge": "{shape: straight, teeth: {amplitude_m: 0.4, wavelength_m: 5}, gaps: [{start_m: 14, end_m: 17, depth_m: 2}]}",
+        "edge": "{shape: straight, teeth: {amplitude_m: 0.4, wavelength_m: 5},"
+        " gaps: [{start_m: 14, end_m: 17, depth_m: 2}]}",
     },
 ]
 
@@ -73,9 +75,7 @@ STANDS = [
 def test_heights_of_drawn_stands(stand):
     (_, z, inside), (_, its_z, its_inside) = (seen(level, **stand) for level in ("profile", "empirical"))
     for low, high in ((1.0, 30.0), (-0.6, 0.6), (-30.0, -1.0)):  # crop, edge, stubble
-        own, its = (
-            h[(d > low) & (d < high)] for h, d in ((z, inside), (its_z, its_inside))
-        )
+        own, its = (h[(d > low) & (d < high)] for h, d in ((z, inside), (its_z, its_inside)))
         assert wasserstein(own, its) < 0.015
 
 

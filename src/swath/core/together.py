@@ -28,8 +28,8 @@ Given = Mapping[str, Any]  # by port: Samples, a tuple of them for a history, No
 class Samples:
     """A sample of an output in each of n worlds, at one time t [ns].
 
-    arrays: by field, first axis the world, a pose as (n, 12): position, then rows of the rotation; they may be
-    overwritten when their sender sends anew. alike: fields that are the same in all worlds, and
+    arrays: by field, first axis the world, a pose as (n, 12): position, then rows of the rotation; they may
+    be overwritten when their sender sends anew. alike: fields that are the same in all worlds, and
     stay so
     """
 
@@ -98,7 +98,7 @@ class Together(Protocol):
 
 
 class KeepsRows:
-    """`save` and `load` of parts whose state lies in the arrays that they name in `kept`, first axis the world."""
+    """`save` and `load` of parts whose state lies in arrays that `kept` names, first axis the world."""
 
     kept: ClassVar[tuple[str, ...]] = ()
 

@@ -1,8 +1,9 @@
-"""The field beside one edge as profiles along it: what the levels `profile` of lidar and header look at and cut.
+"""The field beside one edge as profiles along it: what the levels `profile` of lidar and header see and cut.
 
-Stations every metre along the edge's line, each with columns 3 m apart across it, know the ground (a plane) and
-the stand; bins of 5 cm know from where inwards crop grows and between where the header cut it. All is sampled
-once from the field's own terrain, stand and edge. s [m] runs along the line, > 0 inside is towards the crop.
+Stations every metre along the edge's line, each with columns 3 m apart across it, know the ground (a plane)
+and the stand; bins of 5 cm know from where inwards crop grows and between where the header cut it. All is
+sampled once from the field's own terrain, stand and edge. s [m] runs along the line, inside is > 0 towards
+the crop.
 """
 
 from math import inf, isfinite
@@ -67,19 +68,16 @@ class Profile(KeepsState):
         self.cosine, self.sine = np.cos(direction), np.sin(direction)
         turn = np.gradient(np.unwrap(heading), STATION)
         self.curvature = np.where(np.abs(turn) < 1e-9, 0.0, turn)
-        left = COLUMN * (np.arange(COLUMNS) - COLUMNS // 2)
-
-        def at_columns(ahead: float, aside: float) -> tuple[Array, Array]:
-            c, r, across = np.cos(heading)[:, None], np.sin(heading)[:, None], left + aside
-            return at[:, :1] + ahead * c - across * r, at[:, 1:] + ahead * r + across * c
-
-        height, half = field.terrain.height, 0.5 * STATION
-        along = np.asarray(height(*at_columns(half, 0.0)) - height(*at_columns(-half, 0.0))) / STATION
-        across = np.asarray(height(*at_columns(0.0, half)) - height(*at_columns(0.0, -half))) / STATION
-        self.z = np.asarray(height(*at_columns(0.0, 0.0))) - across * left
+        left = COLUMN * (np.arange(COLUMNS + 2) - COLUMNS // 2 - 1)
+        x = at[:, :1] - np.sin(heading)[:, None] * left
+        y = at[:, 1:] + np.cos(heading)[:, None] * left
+        z = np.asarray(field.terrain.height(x, y))
+        along, across = np.gradient(z, STATION, COLUMN)
+        left, (x, y, z, along, across) = left[1:-1], (a[:, 1:-1] for a in (x, y, z, along, across))
+        self.z = z - across * left
         c, r = self.cosine[:, None], self.sine[:, None]
         self.slope_x, self.slope_y = along * c - across * r, along * r + across * c
-        self.stand = np.ascontiguousarray(field.maker.stand_at(*at_columns(0.0, 0.0)))
+        self.stand = np.ascontiguousarray(field.maker.stand_at(x, y))
         self.stand[..., 3] *= field.library.density_max
         self._inside = left if self.is_left else -left
 
@@ -232,7 +230,9 @@ def _check(field: Any, edge: BrokenEdge) -> None:
 
 def refused(what: str) -> InputError:
     """A run that needs more than profiles."""
-    return InputError("level", "profile", f"expected no {what}; the level empirical of lidar, with fixed_height, has it")
+    return InputError(
+        "level", "profile", f"expected no {what}; the level empirical of lidar, with fixed_height, has it"
+    )
 
 
 def _too_much(field: Any, edge: BrokenEdge) -> list[str]:

@@ -10,8 +10,8 @@ class Profile:
     """The station is the world's: one struct a world.
 
     turn: the world's heading in it; tile_size: of the field's tiles [m], 64 cut cells
-    Of the stations: x, y [m]; direction of the edge, its curvature [1/m]. Of their columns, `column` [m] apart:
-    z of the ground's plane at the station [m], its slopes; scale and lean of the plants, stems per m2
+    Of the stations: x, y [m]; direction of the edge, its curvature [1/m]. Of their columns, `column` [m]
+    apart: z of the ground's plane at the station [m], its slopes; scale and lean of the plants, stems per m2
     Of the bins, bins_per_m from the first station on: crop grows from `reach` inwards, and is cut between
     near and far [m]; inner: code of what is there instead inside of the edge's line [cm]; outer: and outside
     cut: code of what the header leaves; bite: of each station, how far `reach` differs nearby [m]

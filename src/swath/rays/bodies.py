@@ -98,7 +98,13 @@ class BodyCaster:
 
 
 def pack_canopy(
-    table: SpreadTable, field: Field, *, crop_height: float, exit_diameter: float, divergence: float, pitch: float = PITCH
+    table: SpreadTable,
+    field: Field,
+    *,
+    crop_height: float,
+    exit_diameter: float,
+    divergence: float,
+    pitch: float = PITCH,
 ) -> Any:
     """The table as native code reads it; numbers as in `BodyCaster`."""
     from swath.rays.single.kernel import Canopy

@@ -240,13 +240,15 @@ class Columns:
         return self._bytes
 
 
-def _column(name: str, of_one: bytes, array: np.ndarray) -> list[tuple[str, bytes | None, Any, tuple[int, ...]]]:
+def _column(
+    name: str, of_one: bytes, array: np.ndarray
+) -> list[tuple[str, bytes | None, Any, tuple[int, ...]]]:
     """Parts of the bytes of a field: name, bytes that are alike or None, format, shape."""
     kind, shape = array.dtype, array.shape[1:]
     if of_one[:1] == b"(":  # a pose
         place, turn = (f"{name} place", None, "<f8", (3,)), (f"{name} turn", None, "<f8", (3, 3))
         return [("", PLACE, None, ()), place, ("", TURN, None, ()), turn, ("", b")", None, ())]
-    if kind == bool:
+    if kind.kind == "b":
         return [(name, None, "u1", ())]
     if not shape:
         letter, form = (b"d", "<f8") if kind.kind == "f" else (b"i", "<i8")

@@ -1,7 +1,7 @@
 """Worlds of one scenario in step: a slot of all of them is stepped at once where its class can do that.
 
-Every world has its own parts, digest and evaluation, and comes to what a run of its own comes to, byte for byte.
-Parts whose class has `together` (`core/together.py`) are one batch; all others are stepped world by world.
+Every world has its own parts, digest and evaluation, and comes to what a run of its own comes to, byte for
+byte. Parts whose class has `together` (`core/together.py`) are one batch; all others go world by world.
 """
 
 import time
@@ -17,7 +17,7 @@ from swath.core.schedule import NS
 from swath.core.signal import Signal
 from swath.core.stopping import raise_if_lost
 from swath.core.together import Samples, StepsTogether, Together
-from swath.record.digest import Columns, Digest
+from swath.record.digest import Columns
 from swath.runtime.job import Running
 from swath.runtime.loop import REPORT_EVERY
 from swath.runtime.world import World
@@ -81,7 +81,9 @@ class Worlds:
         started = time.perf_counter()
         self._reset()
         ends = [round(world.scenario.run.max_duration_s * NS) for world in self.worlds]
-        yield from self._finished([i for i, end in enumerate(ends) if end <= 0 or self._has_arrived(i)], started)
+        yield from self._finished(
+            [i for i, end in enumerate(ends) if end <= 0 or self._has_arrived(i)], started
+        )
         for t, due in self.plan.walk(0, max(ends)):
             over = [i for i, end in enumerate(ends) if self.active[i] and t > end]
             for world in over:
@@ -148,7 +150,9 @@ class Worlds:
                             made = node.fault.pass_on(t, made)
                     except Exception as error:  # a user's own part may raise anything
                         known = isinstance(error, SwathError)
-                        self._errors[world] = error if known else SwathError(f"{type(error).__name__}: {error}")
+                        self._errors[world] = (
+                            error if known else SwathError(f"{type(error).__name__}: {error}")
+                        )
                 each.append(made)
             outputs = _turned(each, self._latest, slot.name)
         seconds = time.perf_counter() - started
@@ -250,7 +254,11 @@ class Worlds:
             if isinstance(sent, Samples):
                 if sent.kind is MachineState and sent.arrays["distance"][world] >= distance:
                     return True
-            elif sent is not None and isinstance(sent[world], MachineState) and sent[world].distance >= distance:
+            elif (
+                sent is not None
+                and isinstance(sent[world], MachineState)
+                and sent[world].distance >= distance
+            ):
                 return True
         return distance <= 0.0
 
@@ -286,7 +294,11 @@ class Worlds:
                 node.component.load(slot.all.save(index))
         graph.observers = [*run.observers]
         graph.finish_from(
-            {(slot.name, port): [_of(sent, index) for sent in q] for slot in self.slots for port, q in slot.queues.items()}
+            {
+                (slot.name, port): [_of(sent, index) for sent in q]
+                for slot in self.slots
+                for port, q in slot.queues.items()
+            }
         )
         world.close()
         summary = run.finish(wall_s, incomplete=False)

@@ -67,7 +67,15 @@ class SingleRays:
         self._report = self._whole_scan = None  # they know the bias of the instance
 
     def lie_in(
-        self, ranges: F32, intensity: F32, points: F64, origins: F64, *, rotations: F64, words: Any, flags: Any
+        self,
+        ranges: F32,
+        intensity: F32,
+        points: F64,
+        origins: F64,
+        *,
+        rotations: F64,
+        words: Any,
+        flags: Any,
     ) -> None:
         """From now on in this memory of a batch: (room, 1), (room, 1), (room, 1, 3), (room, 3), (room, 3, 3),
         (3,), (1,)."""

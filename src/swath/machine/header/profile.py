@@ -67,7 +67,11 @@ class Headers:
         self._profiles = [part.profile.struct() for part in parts]
         self._taken = [_taken(kernel.Taken, part) for part in parts]
         self._cuttings = Rows(kernel.Cutting, n)
-        self._poses, self._asked, self._flows = np.zeros((n, ROOM, 12)), np.ones((n, 2), np.int32), np.zeros((n, 6))
+        self._poses, self._asked, self._flows = (
+            np.zeros((n, ROOM, 12)),
+            np.ones((n, 2), np.int32),
+            np.zeros((n, 6)),
+        )
         self._inputs = [
             of_worlds(kernel.Profile, self._profiles),
             of_worlds(kernel.Taken, self._taken),
@@ -120,5 +124,5 @@ LEVEL = Level(
     Params,
     summary="cuts profiles along the edge: 5 cm along it, masses of a square metre",
     cost="2 us per step and world in a batch",
-    tolerance="area and masses against fixed_height within 2 %; one pass along one edge, see docs/explanation/kernels.md",
+    tolerance="area and masses against fixed_height within 2 %, one pass along one edge",
 )

@@ -101,8 +101,15 @@ def cut_along(
             bx = poses[w, i, 4]
             ay = poses[w, i, 6]
             by = poses[w, i, 7]
-            left = beside(profile, px + ax * knife.x + bx * knife.left, py + ay * knife.x + by * knife.left, c.station)
-            right = beside(profile, px + ax * knife.x + bx * knife.right, py + ay * knife.x + by * knife.right, left.station)
+            left = beside(
+                profile, px + ax * knife.x + bx * knife.left, py + ay * knife.x + by * knife.left, c.station
+            )
+            right = beside(
+                profile,
+                px + ax * knife.x + bx * knife.right,
+                py + ay * knife.x + by * knife.right,
+                left.station,
+            )
             near = left
             far = right
             if knife.crop_is_left == wp.float64(1.0):
@@ -138,11 +145,16 @@ def cut_along(
                         low = wp.max(wp.float64(profile.near[b]), wp.float64(profile.reach[b]))
                         wide = wp.max(wp.float64(profile.far[b]) - low, wp.float64(0.0))
                         if wp.isfinite(wide) and wp.isfinite(low):
-                            station = wp.min(int((wp.float64(b) + wp.float64(0.5)) * knife.bin + wp.float64(0.5)), profile.x.shape[0] - 1)
+                            station = wp.min(
+                                int((wp.float64(b) + wp.float64(0.5)) * knife.bin + wp.float64(0.5)),
+                                profile.x.shape[0] - 1,
+                            )
                             bent = wp.float64(profile.curvature[station])
                             if profile.is_left == 0:
                                 bent = -bent
-                            ground = wide * knife.bin * (wp.float64(1.0) - bent * (low + wp.float64(0.5) * wide))
+                            ground = (
+                                wide * knife.bin * (wp.float64(1.0) - bent * (low + wp.float64(0.5) * wide))
+                            )
                             area += ground
                             grain += ground * per_m2.grain[station]
                             straw += ground * per_m2.straw[station]

@@ -87,7 +87,9 @@ class Vehicles:
         self._tracks.clear()
         self._stands.clear()
         self._asked[:] = 0.0
-        for name, values in zip(("x", "y", "yaw"), zip(*(p.start for p in self._parts), strict=True), strict=True):
+        for name, values in zip(
+            ("x", "y", "yaw"), zip(*(p.start for p in self._parts), strict=True), strict=True
+        ):
             self._tracks.of[name][:] = values
         speed = [part.start_speed for part in self._parts]
         self._stands.of["speed"][:] = self._stands.of["rim"][:] = speed

@@ -1,4 +1,4 @@
-"""The level `kinematic` as kernels over worlds: first each machine drives its arc, then it stands on the ground."""
+"""The level `kinematic` as kernels over worlds: each machine drives its arc, then stands on the ground."""
 
 from pathlib import Path
 
@@ -7,7 +7,16 @@ import warp as wp
 from swath.field.footprint_kernel import Span
 from swath.kernels import exact_code
 from swath.machine.motion.single_track_kernel import HALF, ONE, Car, Track
-from swath.machine.motion.single_track_step_kernel import Loop, Stand, driven, expm1, given, slipped, stood, turned
+from swath.machine.motion.single_track_step_kernel import (
+    Loop,
+    Stand,
+    driven,
+    expm1,
+    given,
+    slipped,
+    stood,
+    turned,
+)
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 real = wp.float64
@@ -76,8 +85,9 @@ def drive_arcs(
     tracks: wp.array(dtype=Track),
     stands: wp.array(dtype=Stand),
 ):
-    """asked: angle of the steered axle [rad], wanted speed [m/s], length of the step [s]. `side` of a track is
-    the drift.
+    """asked: angle of the steered axle [rad], wanted speed [m/s], length of the step [s]
+
+    `side` of a track is the drift.
     """
     w = wp.tid()
     v = vehicles[w]
@@ -129,8 +139,8 @@ def stand_on(
     stands: wp.array(dtype=Stand),
     states: wp.array2d(dtype=wp.float64),
 ):
-    """states: pose (12), speed, lateral speed, yaw rate, angle of the steered axle, distance. is_done of a stand
-    is 0 where the ground under a machine is not in memory: then nothing else has changed.
+    """states: pose (12), speed, lateral speed, yaw rate, angle of the steered axle, distance. is_done of a
+    stand is 0 where the ground under a machine is not in memory: then nothing else has changed.
     """
     w = wp.tid()
     v = vehicles[w]

@@ -58,7 +58,7 @@ def turn_wheels(
     new_engaged: wp.array(dtype=wp.bool),
     states: wp.array2d(dtype=wp.float64),
 ):
-    """asked: begin and end of the step, 1 where a command is new, when it was given [ns]; states: angle, rate"""
+    """asked: begin and end of the step, 1 where a command is new, its time [ns]; states: angle, rate"""
     w = wp.tid()
     servo = servos[w]
     wheel = wheels[w]

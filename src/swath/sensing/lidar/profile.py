@@ -1,8 +1,8 @@
 """LiDAR level `profile`: the beams of `empirical` over the field as profiles along the edge.
 
-Table, draws and the way of a beam through crop are those of `empirical`, in the same native code with the same
-random numbers. What it looks at is `field/profile.py`: the ground and the stand once a metre along the edge,
-the standing crop every 5 cm, cut by the header of the same level. It is for many runs at once.
+Table, draws and the way of a beam through crop are those of `empirical`, in the same native code with the
+same random numbers. What it looks at is `field/profile.py`: the ground and the stand once a metre along the
+edge, the standing crop every 5 cm, cut by the header of the same level. It is for many runs at once.
 """
 
 from collections.abc import Sequence
@@ -18,8 +18,8 @@ from swath.core.together import Given, InWorlds, Samples
 from swath.field.profile import refused
 from swath.field.site_setup import SiteSetup
 from swath.field.solids import solid_count
-from swath.kernels import of_worlds, repeatable, shared
 from swath.kernels import filled as made
+from swath.kernels import of_worlds, repeatable, shared
 from swath.rays.bodies import pack_canopy
 from swath.rays.single.buffers import CLAMPED, MISPLACED
 from swath.sensing.lidar.empirical import Params, TableLidar
