@@ -295,8 +295,8 @@ def worlds(
     sets: of all worlds, as in `run`; seed: of world 0, world i has seed + i; without it the scenario's
     together: worlds in step at a time; processes, code: as in `batch`
 
-    The `entry` of a result is that world for `batch`, alone and at any level: the same bytes. Parts whose class
-    has `together` are stepped at once (docs/explanation/kernels.md), all others world by world.
+    The `entry` of a result is that world for `batch`, alone and at any level: the same bytes. Parts whose
+    class has `together` are stepped at once (docs/explanation/kernels.md), all others world by world.
     """
     for name, value in (("n", n), ("together", together), ("processes", processes)):
         if value < 1:

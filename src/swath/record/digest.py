@@ -192,7 +192,7 @@ class Columns:
 
     def __init__(self, slot: str, output: str, samples: Samples) -> None:
         kind = samples.kind
-        names = [f.name for f in fields(kind)]  # type: ignore[arg-type]
+        names = [f.name for f in fields(kind)]
         parts: list[tuple[str, bytes | None, Any, tuple[int, ...]]] = [
             ("", "/".join((slot, output, kind.__name__, *names)).encode() + b"\n", None, ()),
             ("t", None, "<i8", ()),
