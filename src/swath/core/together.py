@@ -44,9 +44,15 @@ class Samples:
 
     def of(self, world: int) -> Signal:
         """The sample of one world; it stays what it is."""
+        one = Samples(self.kind, self.t, {k: a[world : world + 1] for k, a in self.arrays.items()}, self.alike)
+        return one.each()[0]
+
+    def each(self) -> list[Signal]:
+        """The samples of all worlds."""
         makers = _makers(self.kind)
-        made = {name: makers[name](array[world]) for name, array in self.arrays.items()}
-        return self.kind(self.t, **made, **self.alike)
+        columns = [makers[name](array) for name, array in self.arrays.items()]
+        names, kind, t, alike = tuple(self.arrays), self.kind, self.t, self.alike
+        return [kind(t, **dict(zip(names, row, strict=True)), **alike) for row in zip(*columns, strict=True)]
 
     def copy(self) -> "Samples":
         """One that its sender does not overwrite."""
@@ -68,15 +74,26 @@ class Samples:
 
 @per_signal
 def _makers(kind: type[Signal]) -> dict[str, Any]:
-    """How the fields of a sample are made of an element of an array."""
+    """How the fields of the samples of all worlds are made of an array, a list of them."""
     hints = get_type_hints(kind)
-    known: dict[Any, Any] = {float: float, int: int, bool: bool, Pose: _pose}
-    return {f.name: known.get(hints[f.name], np.array) for f in fields(kind) if f.name != "t"}
+    known: dict[Any, Any] = {float: _numbers, int: _numbers, bool: _numbers, Pose: _poses}
+    return {f.name: known.get(hints[f.name], _arrays) for f in fields(kind) if f.name != "t"}
 
 
-def _pose(numbers: NDArray[np.float64]) -> Pose:
-    x, y, z, a, b, c, d, e, f, g, h, i = numbers.tolist()
-    return Pose.of_numbers([x, y, z], [[a, b, c], [d, e, f], [g, h, i]])
+def _numbers(array: NDArray[Any]) -> list[Any]:
+    found: list[Any] = array.tolist()
+    return found
+
+
+def _arrays(array: NDArray[Any]) -> list[NDArray[Any]]:
+    return [np.array(own) for own in array]
+
+
+def _poses(array: NDArray[np.float64]) -> list[Pose]:
+    return [
+        Pose.of_numbers([x, y, z], [[a, b, c], [d, e, f], [g, h, i]])
+        for x, y, z, a, b, c, d, e, f, g, h, i in array.tolist()
+    ]
 
 
 def _plain(value: Any) -> Any:

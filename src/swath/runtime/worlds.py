@@ -72,6 +72,7 @@ class Worlds:
                 if wire is not None:
                     self._queues.setdefault(wire, []).append(queue)
         self._columns: dict[Wire, Columns] = {}
+        self._shown: dict[tuple[str, tuple[type[Signal], ...]], bool] = {}
         self._errors: dict[int, SwathError] = {}
         self._ended = [""] * len(worlds)
         self._end_t = [0] * len(worlds)
@@ -180,13 +181,13 @@ class Worlds:
         latest = self._before if slot.slot.latch else self._latest
         for name, wire in slot.wires.items():
             if name in slot.queues:
-                queue = [_each(sent, len(found)) for sent in slot.queues[name]]
+                queue = [_each(sent) for sent in slot.queues[name]]
                 slot.queues[name].clear()
                 for world, inputs in enumerate(found):
                     inputs[name] = tuple(sent[world] for sent in queue)
             else:
                 sent = latest.get(wire) if wire is not None else None
-                each = [None] * len(found) if sent is None else _each(sent, len(found))
+                each = [None] * len(found) if sent is None else _each(sent)
                 for inputs, sample in zip(found, each, strict=True):
                     inputs[name] = sample
         return found
@@ -201,10 +202,14 @@ class Worlds:
         running = self._running()
         self._digest(slot.name, t, outputs, running)
         kinds = tuple(_kind(sent) for sent in outputs.values())
-        wanted = [w for w in running if self._is_looked_at(w, slot.name, t, kinds)]
-        if not wanted:
-            return
-        each = {output: _each(sent, len(self.worlds)) for output, sent in outputs.items()}
+        if (slot.name, kinds) not in self._shown:  # to all, or asked each time
+            self._shown[slot.name, kinds] = all(self._is_always_shown(w, slot.name, kinds) for w in running)
+        wanted: Sequence[int] = running
+        if not self._shown[slot.name, kinds]:
+            wanted = [w for w in running if self.runs[w].evaluation.wants(slot.name, t, kinds)]
+            if not wanted:
+                return
+        each = {output: _each(sent) for output, sent in outputs.items()}
         for world in wanted:
             own = {output: samples[world] for output, samples in each.items()}
             if (watch := self.worlds[world].graph.watches.get(slot.name)) is not None:
@@ -214,11 +219,11 @@ class Worlds:
             if run.has_tracks:
                 run.recorder(slot.name, t, own)
 
-    def _is_looked_at(self, index: int, slot: str, t: int, kinds: tuple[type[Signal], ...]) -> bool:
-        """Whether anybody but the digest looks at a sample in a world."""
+    def _is_always_shown(self, index: int, slot: str, kinds: tuple[type[Signal], ...]) -> bool:
+        """Whether somebody beside the digest looks at all samples of a slot in a world."""
         world, run = self.worlds[index], self.runs[index]
         is_watched = slot in world.graph.watches and not world.bodies.is_alone
-        return is_watched or run.has_tracks or run.evaluation.wants(slot, t, kinds)
+        return is_watched or run.has_tracks or run.evaluation.wants(slot, -1, kinds)
 
     def _digest(self, slot: str, t: int, outputs: Mapping[str, Sent], running: Sequence[int]) -> None:
         for output, sent in outputs.items():
@@ -318,8 +323,8 @@ def _together(sent: Sent) -> Samples:
     return sent if isinstance(sent, Samples) else Samples.joined(sent)
 
 
-def _each(sent: Sent, count: int) -> Each:
-    return [sent.of(world) for world in range(count)] if isinstance(sent, Samples) else sent
+def _each(sent: Sent) -> Each:
+    return sent.each() if isinstance(sent, Samples) else sent
 
 
 def _kind(sent: Sent) -> type[Signal]:
