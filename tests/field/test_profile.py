@@ -81,3 +81,36 @@ def test_what_it_cannot_carry_is_refused_and_sent_to_empirical(given, what):
     with pytest.raises(InputError, match=f"expected no .*{what}.*; the level empirical"):
         field.profiled(field.first_edge)
     assert field.profile is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_cut_takes_what_the_field_of_cells_gives(seed):
+    rng = np.random.default_rng(seed)
+    cells, field = (made_field(edge=drawn_edge(np.random.default_rng(seed)), seed=seed) for _ in range(2))
+    profile, shape = field.profiled(field.first_edge), field.first_edge
+    side = 1.0 if shape.crop_side == "left" else -1.0
+    ways = np.arange(3.0, 60.0, 0.11)
+    near, far = (side * (wide + 0.2 * np.sin(ways / rng.uniform(3, 9))) for wide in (0.1, 6.0))
+    at, heading = shape.point_at(ways), shape.heading_at(ways)
+    left = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+    inner, outer = at + near[:, None] * left, at + far[:, None] * left
+    own = its = np.zeros(4)
+    for k in range(len(ways) - 1):
+        polygon = [inner[k], inner[k + 1], outer[k + 1], outer[k]]
+        a, b = field.cut(polygon, 0.12), cells.cut(polygon, 0.12)
+        own = own + np.array([a.area, a.grain, a.straw, a.stem_count])
+        its = its + np.array([b.area, b.grain, b.straw, b.stem_count])
+    np.testing.assert_allclose(own, its, rtol=0.02)
+    gone = profile.taken()
+    np.testing.assert_allclose(own[:3], [gone.area, gone.grain, gone.straw], rtol=1e-9)
+    with pytest.raises(InputError, match="no second pass"):
+        field.cut(
+            [
+                at[100] + 20 * side * left[100],
+                at[104] + 20 * side * left[104],
+                at[104] + 25 * side * left[104],
+            ],
+            0.12,
+        )
+    with pytest.raises(InputError, match="no header whose height changes"):
+        field.cut([inner[0], inner[1], outer[1]], 0.3)

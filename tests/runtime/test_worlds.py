@@ -10,7 +10,9 @@ import swath
 from swath.core.errors import InputError, SwathError
 from swath.core.frames import Pose
 from swath.core.together import Samples
-from swath.record.digest import Columns, sample_bytes
+from swath.record.digest import Columns, Digest, sample_bytes
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from swath.signals import CropEdge, CropFlow, MachineState, Scan, SteerCommand
 
 CLOCK = ("wall_s", "real_time_factor", "cost", "expect")
@@ -204,3 +206,18 @@ def test_samples_are_what_they_were_made_of(seed):
         samples = Samples.joined(signals)
         for world, signal in enumerate(signals):
             assert sample_bytes("a", "b", 7, samples.of(world)) == sample_bytes("a", "b", 7, signal)
+
+
+def test_a_saved_run_goes_on_as_if_nothing_had_happened():
+    def world():
+        return assemble(swath.load_scenario("straight", sets=KERNELS, seed=5))
+
+    whole, parted, again = Digest(), Digest(), Digest()
+    drive(world(), [whole])
+    first = world()
+    drive(first, [parted], until_s=0.25)
+    second = world()
+    second.load(first.save())
+    again.load(parted.save())
+    drive(second, [again], resume=True)
+    assert again.hex == whole.hex

@@ -85,11 +85,9 @@ def test_weather_is_refused_and_sent_to_empirical():
         make("lidar", "profile", world.leader.parts["lidar"].setup, weather=Weather(rain_mm_h=5.0))
 
 
-def test_other_rays_and_headers_are_refused_beside_it():
+def test_other_rays_are_refused_beside_it():
     world = assembled()
     plants = world.leader.parts["lidar"]
     make("lidar", "profile", plants.setup)
     with pytest.raises(InputError, match="no sensor that casts rays beside it"):
         drive(plants, world, length=0.1)
-    with pytest.raises(InputError, match="no header of another level"):
-        world.field.cut([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], 0.1)

@@ -44,7 +44,9 @@ class Samples:
 
     def of(self, world: int) -> Signal:
         """The sample of one world; it stays what it is."""
-        one = Samples(self.kind, self.t, {k: a[world : world + 1] for k, a in self.arrays.items()}, self.alike)
+        one = Samples(
+            self.kind, self.t, {k: a[world : world + 1] for k, a in self.arrays.items()}, self.alike
+        )
         return one.each()[0]
 
     def each(self) -> list[Signal]:
@@ -65,11 +67,14 @@ class Samples:
         A world that has ended has an older one, which nobody looks at any more.
         """
         first = signals[0]
-        arrays = {
-            name: np.array([_plain(getattr(signal, name)) for signal in signals])
-            for name in _makers(type(first))
-        }
-        return Samples(type(first), max(signal.t for signal in signals), arrays)
+        arrays, alike = {}, {}
+        for name in _makers(type(first)):
+            values = [getattr(signal, name) for signal in signals]
+            if _is_alike(values):
+                alike[name] = values[0]
+            else:
+                arrays[name] = np.array([_plain(value) for value in values])
+        return Samples(type(first), max(signal.t for signal in signals), arrays, alike)
 
 
 @per_signal
@@ -94,6 +99,14 @@ def _poses(array: NDArray[np.float64]) -> list[Pose]:
         Pose.of_numbers([x, y, z], [[a, b, c], [d, e, f], [g, h, i]])
         for x, y, z, a, b, c, d, e, f, g, h, i in array.tolist()
     ]
+
+
+def _is_alike(values: Sequence[Any]) -> bool:
+    """Whether values are arrays that nobody writes to, alike in all worlds, such as the angles of beams."""
+    first = values[0]
+    if not isinstance(first, np.ndarray) or first.flags.writeable:
+        return False
+    return all(value is first or np.array_equal(value, first) for value in values[1:])
 
 
 def _plain(value: Any) -> Any:

@@ -174,7 +174,7 @@ class Field:
         if not 0.0 <= height_m <= 2.54:
             raise InputError("height_m", height_m, "expected 0 to 2.54 m")
         if self.profile is not None:
-            raise refused("header of another level")
+            return self.profile.cut(np.array(corners_of(polygon)), round(100.0 * height_m))
         return self._cutter.cut(self._corners(polygon), round(100.0 * height_m))
 
     def standing_area(self, polygon: Any) -> float:

@@ -52,7 +52,7 @@ class Profile(KeepsState):
         self._lay_line(s)
         bins = self.s0 + BIN * (np.arange(round((len(s) - 0.5) * STATION / BIN)) + 0.5)
         self.reach, self.inner = _reach(edge, bins)
-        self.outer, self.cut_code = edge.stubble, STANDING
+        self.outer, self.cut_code = edge.stubble, np.full(1, STANDING, np.int32)
         self.bite = _bite(self.reach, len(s))
         self.near, self.far = np.full(len(bins), inf, np.float32), np.full(len(bins), -inf, np.float32)
         self.straw_kg = 0.0
@@ -67,7 +67,7 @@ class Profile(KeepsState):
         direction = heading - field.stand_yaw
         self.cosine, self.sine = np.cos(direction), np.sin(direction)
         turn = np.gradient(np.unwrap(heading), STATION)
-        self.curvature = np.where(np.abs(turn) < 1e-9, 0.0, turn)
+        self.curvature = np.where(np.abs(turn) < 1e-9, 0.0, turn).astype(np.float32)  # as kernels have it
         left = COLUMN * (np.arange(COLUMNS + 2) - COLUMNS // 2 - 1)
         x = at[:, :1] - np.sin(heading)[:, None] * left
         y = at[:, 1:] + np.cos(heading)[:, None] * left
@@ -118,7 +118,7 @@ class Profile(KeepsState):
 
         width: of the header, whose one end is at the edge [m]
         """
-        library, code = self.field.library, 0.01 * self.cut_code
+        library, code = self.field.library, 0.01 * float(self.cut_code[0])
         crop = ~library.is_weed
         grain, straw = library.grain_kg[crop], library.straw_kg[crop]
         tall, ear = library.stem_height[crop].astype(np.float64), np.asarray(library.ear_height)[crop]
@@ -138,18 +138,57 @@ class Profile(KeepsState):
         self._per_m2 = tuple(np.ascontiguousarray(part.mean(axis=1)) for part in parts)
         return self._per_m2
 
+    def set_height(self, code: int) -> None:
+        """What the header leaves [cm]. InputError where it left something else before."""
+        if self.cut_code[0] not in (STANDING, code):
+            raise refused("header whose height changes")
+        self.cut_code[0] = code
+
+    def cut(self, polygon: Array, code: int) -> Cut:
+        """Cut crop within a convex anticlockwise polygon (n, 2) [m], where it is over the middles of bins.
+
+        InputError where that does not go on from what was cut there before: a second pass.
+        """
+        self.set_height(code)
+        s, offset = self.edge.shape.project(polygon[:, 0], polygon[:, 1])
+        inside = offset if self.is_left else -offset
+        if not self._per_m2:
+            self.per_m2(float(inside.max()))
+        along = (s - self.s0) / BIN - 0.5
+        first, last = max(int(np.ceil(along.min())), 0), min(int(np.floor(along.max())), len(self.near) - 1)
+        if last < first:
+            return Cut()
+        bins = np.arange(first, last + 1)
+        low, high = np.full(len(bins), inf), np.full(len(bins), -inf)
+        for a, b, u, v in zip(along, np.roll(along, -1), inside, np.roll(inside, -1), strict=True):
+            over = (bins >= min(a, b)) & (bins <= max(a, b))
+            at = u + (v - u) * (bins - a) / (b - a) if a != b else np.where(over, u, 0.0)
+            low, high = np.where(over, np.minimum(low, at), low), np.where(over, np.maximum(high, at), high)
+        near, far = self.near[bins], self.far[bins]
+        if ((low > far + BIN) | (high < near - BIN))[near < far].any():
+            raise refused("second pass")
+        before = self._missing(bins)
+        self.near[bins], self.far[bins] = np.minimum(near, low), np.maximum(far, high)
+        after = self._missing(bins)
+        return Cut(*(a - b for a, b in zip(after, before, strict=True)))
+
     def taken(self) -> Cut:
         """What is missing now against the start, from the bins alone."""
-        where = np.flatnonzero(self.far > self.near)
+        grain, straw, stems, area = self._missing(np.arange(len(self.near)))
+        return Cut(grain, straw, stems, area)
+
+    def _missing(self, bins: NDArray[np.int64]) -> tuple[float, float, int, float]:
+        """Grain and straw [kg], stems and area [m2] that are cut in some bins."""
+        where = bins[self.far[bins] > self.near[bins]]
         if not len(where):
-            return Cut()
+            return 0.0, 0.0, 0, 0.0
         low = np.maximum(self.near[where], self.reach[where]).astype(np.float64)
         wide = np.maximum(self.far[where].astype(np.float64) - low, 0.0)
         station = np.minimum(((where + 0.5) * BIN / STATION + 0.5).astype(int), len(self.x) - 1)
-        bent = self.curvature[station] * (1.0 if self.is_left else -1.0)
+        bent = self.curvature[station].astype(np.float64) * (1.0 if self.is_left else -1.0)
         area = wide * BIN * (1.0 - bent * (low + 0.5 * wide))
         grain, straw, stems = (q[station] for q in self._per_m2)
-        return Cut(
+        return (
             float((area * grain).sum()),
             float((area * straw).sum()),
             round(float((area * stems).sum())),

@@ -38,7 +38,7 @@ class Profile:
     far: wp.array(dtype=float)
     inner: wp.array(dtype=int)
     outer: int
-    cut: int
+    cut: wp.array(dtype=int)
     is_left: int
     bite: wp.array(dtype=float)
     reflectance: wp.array(dtype=float)

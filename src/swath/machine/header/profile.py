@@ -46,7 +46,7 @@ class ProfileHeader(InWorlds):
         if setup.edge is None:
             raise refused("field without an edge")
         self.profile = setup.field.profiled(setup.edge)
-        self.profile.cut_code = round(100.0 * params.cutting_height_m)
+        self.profile.set_height(round(100.0 * params.cutting_height_m))
         left, right = setup.machine.header_end("left"), setup.machine.header_end("right")
         self.knife = (left[0], left[1], right[1], OVER_M, BIN, float(self.profile.is_left))
 

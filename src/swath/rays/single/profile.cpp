@@ -63,7 +63,7 @@ auto stands_at = [&](F x, F y, I& station) -> Stands {
   const I grows = (I)(inside >= reach), is_cut = (I)(inside >= near) & (I)(inside < far);
   const I bare = picki(inside >= 0.0f, gatheri(profile.inner.data, bin, all), puti(profile.outer));
   const F apart = least(size_of(inside - reach), least(size_of(inside - near), size_of(inside - far)));
-  return {picki(grows, picki(is_cut, puti(profile.cut), puti(STANDING)), bare), apart};
+  return {picki(grows, picki(is_cut, puti(profile.cut.data[0]), puti(STANDING)), bare), apart};
 };
 
 // ---- Where each beam gets to the ground
