@@ -29,7 +29,7 @@ from swath.runtime.folder import choose_run_folder, choose_scan_folder, remove_e
 from swath.runtime.job import JobResult, run_job, run_unrecorded
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import Lost, in_workers
-from swath.runtime.worlds import drive_together
+from swath.runtime.worlds import as_ours, drive_together
 from swath.scenario.scenario import Scenario, read_scenario
 from swath.scenario.scenario import load_scenario as _load
 from swath.tools.scan.scan import scan_job
@@ -357,17 +357,17 @@ def _run_together(code: bool, chunk: tuple[int, list[dict[str, Any]]]) -> list[B
             scenario, _ = _scenario_of(entry, code)
             made.append((index, assemble(scenario)))
             scenarios.append(scenario)
-        except SwathError as error:
-            found[index] = BatchRun(index, entry, error=error)
+        except Exception as error:  # a user's own part may raise anything
+            found[index] = BatchRun(index, entry, error=as_ours(error))
     with collected_rarely():
         for place, ended in drive_together([world for _, world in made]):
             index, entry = made[place][0], entries[made[place][0] - first]
             if isinstance(ended, InputError):
                 ended = scenarios[place].locate(ended)
-            is_error = isinstance(ended, SwathError)
-            found[index] = (
-                BatchRun(index, entry, error=ended) if is_error else BatchRun(index, entry, None, ended)
-            )
+            if isinstance(ended, SwathError):
+                found[index] = BatchRun(index, entry, error=ended)
+            else:
+                found[index] = BatchRun(index, entry, None, ended)
     return [found[index] for index in sorted(found)]
 
 

@@ -70,6 +70,7 @@ def test_ground_and_stand_of_its_columns(seed):
     [
         ({"stand": uniform.Params(wind=Wind(speed_m_s=5.0))}, "wind"),
         ({"stand": maps.Params(tramlines=maps.Tramlines())}, "tramlines"),
+        ({"stand": uniform.Params(lean_deg=40.0)}, "lodged crop"),
         ({"boundary": ((-30.0, -5.0), (30.0, -5.0), (30.0, 60.0), (-30.0, 60.0))}, "boundary"),
         ({"edge": CurveEdge(radius_m=8.0)}, "bends"),
         ({"edge": PolylineEdge(points_m=((0.0, 0.0), (0.0, 50.0), (50.0, 60.0)))}, "corners"),

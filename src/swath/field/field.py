@@ -348,9 +348,12 @@ class Field:
         _check_near(*(self.maker.side * np.array([[first_i, last_i], [first_j, last_j]])))
         i, j = np.arange(int(first_i), int(last_i) + 1), np.arange(int(first_j), int(last_j) + 1)
         if self.profile is not None:  # no pages for the ground alone
-            u, v = (np.arange(PAGE_NODES * k[0], PAGE_NODES * (k[-1] + 1) + 1) for k in (i, j))
-            ground = self.terrain.lattice(u * self.maker.node, v * self.maker.node, self.stand_yaw)
-            return int(first_i), int(first_j), ground.astype(np.float32).astype(np.float64)
+            at = [
+                self.maker.node * np.arange(PAGE_NODES * k[0], PAGE_NODES * (k[-1] + 1) + 1) for k in (i, j)
+            ]
+            ground = self.terrain.lattice(at[0], at[1], self.stand_yaw)
+            held: Array = ground.astype(np.float32).astype(np.float64)
+            return int(first_i), int(first_j), held
         slots = self._slots(*np.meshgrid(i, j))
         heights = np.empty((PAGE_NODES * len(j) + 1, PAGE_NODES * len(i) + 1))
         for b, row in enumerate(slots.tolist()):

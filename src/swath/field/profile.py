@@ -1,6 +1,6 @@
 """The field beside one edge as profiles along it: what the levels `profile` of lidar and header see and cut.
 
-Stations every metre along the edge's line, each with columns 3 m apart across it, know the ground (a plane)
+Stations every metre along the edge's line, each with columns 1.5 m apart across it, know the ground (a plane)
 and the stand; bins of 5 cm know from where inwards crop grows and between where the header cut it. All is
 sampled once from the field's own terrain, stand and edge. s [m] runs along the line, inside is > 0 towards
 the crop.
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from swath.core import portable
 from swath.core.component import KeepsState, State
 from swath.core.errors import InputError
+from swath.core.units import DEG
 from swath.field.cut_result import Cut, cells_inside
 from swath.field.edge_defects import BrokenEdge
 from swath.field.memory_layout import STANDING
@@ -24,8 +25,9 @@ from swath.kernels import filled, repeatable, shared
 Array = NDArray[np.float64]
 STATION, BIN = 1.0, 0.05  # spacing along the line [m]
 BEYOND = 60.0  # the profile goes on so far before and after the line [m]
-COLUMN, COLUMNS = 3.0, 11  # spacing across the line [m], the middle one on it
+COLUMN, COLUMNS = 1.5, 21  # spacing across the line [m], the middle one on it
 NEARBY = 10.0  # along the line: a beam goes through crop for no longer a way [m]
+LODGED = 20.0 * DEG  # mean lean from which on crop is lodged, as `empirical` has it
 SCALES = 17  # lengths of plants for which masses are summed up; between them straight
 REACH = 8.0  # to both sides: what a profile cannot carry must not be there [m]
 
@@ -48,9 +50,11 @@ class Profile(KeepsState):
         self.field, self.edge = field, edge
         self.is_left = edge.shape.crop_side == "left"
         self.s0 = -BEYOND
-        s = self.s0 + STATION * np.arange(int(np.ceil((edge.shape.length + 2.0 * BEYOND) / STATION)) + 1)
+        stations = int(np.ceil((edge.shape.length + 2.0 * BEYOND) / STATION)) + 1
+        s = np.asarray(self.s0 + STATION * np.arange(stations), dtype=np.float64)
         self._lay_line(s)
-        bins = self.s0 + BIN * (np.arange(round((len(s) - 0.5) * STATION / BIN)) + 0.5)
+        count = round((len(s) - 0.5) * STATION / BIN)
+        bins = np.asarray(self.s0 + BIN * (np.arange(count) + 0.5), dtype=np.float64)
         self.reach, self.inner = _reach(edge, bins)
         self.outer, self.cut_code = edge.stubble, np.full(1, STANDING, np.int32)
         self.bite = _bite(self.reach, len(s))
@@ -105,7 +109,8 @@ class Profile(KeepsState):
         launch, (places, steps, crop, _) = self._lines[shape]
         places[:], steps[:] = starts, step
         launch.launch()
-        return crop.copy()
+        found: NDArray[np.bool_] = crop.copy()
+        return found
 
     def standing_area(self, polygon: Array) -> float:
         """Area of standing crop within a convex anticlockwise polygon (n, 2) [m2]."""
@@ -170,7 +175,8 @@ class Profile(KeepsState):
         before = self._missing(bins)
         self.near[bins], self.far[bins] = np.minimum(near, low), np.maximum(far, high)
         after = self._missing(bins)
-        return Cut(*(a - b for a, b in zip(after, before, strict=True)))
+        grain, straw, stems, area = (a - b for a, b in zip(after, before, strict=True))
+        return Cut(grain, straw, int(stems), area)
 
     def taken(self) -> Cut:
         """What is missing now against the start, from the bins alone."""
@@ -179,7 +185,7 @@ class Profile(KeepsState):
 
     def _missing(self, bins: NDArray[np.int64]) -> tuple[float, float, int, float]:
         """Grain and straw [kg], stems and area [m2] that are cut in some bins."""
-        where = bins[self.far[bins] > self.near[bins]]
+        where = bins[(self.far[bins] > self.near[bins]) & np.isfinite(self.reach[bins])]
         if not len(where):
             return 0.0, 0.0, 0, 0.0
         low = np.maximum(self.near[where], self.reach[where]).astype(np.float64)
@@ -297,6 +303,8 @@ def _too_much(field: Any, edge: BrokenEdge) -> list[str]:
         found.append(f"boundary of the field within {REACH:g} m of the edge")
     if field.stand.may_be_bare(x, y, 0.0).any():
         found.append("tramlines")
+    if (field.stand.lean(x, y)[0] > LODGED).any():
+        found.append("lodged crop")
     return found
 
 

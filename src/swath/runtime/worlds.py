@@ -150,10 +150,7 @@ class Worlds:
                         if node.fault is not None:
                             made = node.fault.pass_on(t, made)
                     except Exception as error:  # a user's own part may raise anything
-                        known = isinstance(error, SwathError)
-                        self._errors[world] = (
-                            error if known else SwathError(f"{type(error).__name__}: {error}")
-                        )
+                        self._errors[world] = as_ours(error)
                 each.append(made)
             outputs = _turned(each, self._latest, slot.name)
         seconds = time.perf_counter() - started
@@ -259,12 +256,10 @@ class Worlds:
             if isinstance(sent, Samples):
                 if sent.kind is MachineState and sent.arrays["distance"][world] >= distance:
                     return True
-            elif (
-                sent is not None
-                and isinstance(sent[world], MachineState)
-                and sent[world].distance >= distance
-            ):
-                return True
+            elif sent is not None:
+                state = sent[world]
+                if isinstance(state, MachineState) and state.distance >= distance:
+                    return True
         return distance <= 0.0
 
     def _finished(self, ending: Sequence[int], started: float) -> Iterator[tuple[int, Ended]]:
@@ -273,8 +268,8 @@ class Worlds:
             self.active[index] = False
             try:
                 found: Ended = self._finish(index, time.perf_counter() - started)
-            except SwathError as error:
-                found = error
+            except Exception as error:
+                found = as_ours(error)
             yield index, found
 
     def _failed(self) -> Iterator[tuple[int, Ended]]:
@@ -309,6 +304,11 @@ class Worlds:
         summary = run.finish(wall_s, incomplete=False)
         graph.let_go()
         return summary
+
+
+def as_ours(error: Exception) -> SwathError:
+    """An error of a world, whatever it is."""
+    return error if isinstance(error, SwathError) else SwathError(f"{type(error).__name__}: {error}")
 
 
 def _of(sent: Sent, world: int) -> Signal:

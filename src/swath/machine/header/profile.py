@@ -60,6 +60,7 @@ class Headers:
     """The headers of many worlds."""
 
     def __init__(self, parts: Sequence[ProfileHeader]) -> None:
+        from swath.field.profile_kernel import Profile
         from swath.machine.header import profile_kernel as kernel
 
         self.errors: dict[int, SwathError] = {}
@@ -73,7 +74,7 @@ class Headers:
             np.zeros((n, 6)),
         )
         self._inputs = [
-            of_worlds(kernel.Profile, self._profiles),
+            of_worlds(Profile, self._profiles),
             of_worlds(kernel.Taken, self._taken),
             Rows(kernel.Knife, n, [part.knife for part in parts]).array,
             self._cuttings.array,

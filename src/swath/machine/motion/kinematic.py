@@ -67,10 +67,12 @@ class Vehicles:
 
     def __init__(self, parts: Sequence[Kinematic]) -> None:
         from swath.machine.motion import kinematic_kernel as kernel
+        from swath.machine.motion.single_track_kernel import Track
+        from swath.machine.motion.single_track_step_kernel import Stand
 
         n = len(parts)
         self._parts, self.errors = parts, dict[int, SwathError]()
-        self._tracks, self._stands = Rows(kernel.Track, n), Rows(kernel.Stand, n)
+        self._tracks, self._stands = Rows(Track, n), Rows(Stand, n)
         self._asked, self._states = np.zeros((n, 3)), np.zeros((n, 17))
         self._vehicles = of_worlds(kernel.Vehicle, [_vehicle(kernel, part.machine) for part in parts])
         grounds = [_ground(kernel.Ground, part) for part in parts]

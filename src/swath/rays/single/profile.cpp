@@ -97,8 +97,9 @@ if (any(inside)) {
   const Stands low = stands_at(ox + dx * to, oy + dy * to, station);
   I up = station;
   const Stands high = stands_at(ox + dx * from, oy + dy * from, up);
-  // the edge moves by less than `bite` along the way, on which a beam does not cross it where both ends are on one side of it
-  const F margin = CLEAR + gather(profile.bite.data, station, every);
+  // the edge moves by less than `bite` along the way, on which a beam does not cross it where both ends are on one side of it, farther
+  // from it than plants lean
+  const F margin = CLEAR + gather(profile.bite.data, station, every) + crown * root(lean_x * lean_x + lean_y * lean_y) / scale;
   known = picki((low.code == high.code) & (I)(low.clear > margin) & (I)(high.clear > margin), low.code, known);
 }
 I foot = station;

@@ -137,7 +137,10 @@ class Scanners:
 
     def _prepare(self) -> None:
         """One launch for all, over memory that stays."""
+        from swath.field.profile_kernel import Profile
+        from swath.rays.single.kernel import Beams, Canopy
         from swath.sensing.native import profile_kernel as kernel
+        from swath.sensing.native.kernel import Aiming, Electronics
 
         packed: dict[Any, Any] = {}
         held: list[list[Any]] = [[] for _ in range(7)]
@@ -164,8 +167,8 @@ class Scanners:
             for structs, struct in zip(held, each, strict=True):
                 structs.append(struct)
         kinds = (
-            *(kernel.Sweep, kernel.States, kernel.Aiming, kernel.Profile, kernel.Canopy),
-            *(kernel.Beams, kernel.Electronics),
+            *(kernel.Sweep, kernel.States, Aiming, Profile, Canopy),
+            *(Beams, Electronics),
         )
         sweeps, states, *more = (of_worlds(kind, own) for kind, own in zip(kinds, held, strict=True))
         self._held = held, [sweeps, states, shared(self._asked), *more, shared(self._stations)]
