@@ -301,7 +301,7 @@ def _too_much(field: Any, edge: BrokenEdge) -> list[str]:
     x, y = at[:, 0] - across * np.sin(heading), at[:, 1] + across * np.cos(heading)
     if field.boundary is not None and not field.boundary.contains(x, y).all():
         found.append(f"boundary of the field within {REACH:g} m of the edge")
-    if field.stand.may_be_bare(x, y, 0.0).any():
+    if field.stand.may_be_bare(x, y, 0.71).any():
         found.append("tramlines")
     if (field.stand.lean(x, y)[0] > LODGED).any():
         found.append("lodged crop")
