@@ -124,6 +124,6 @@ LEVEL = Level(
     ProfileHeader,
     Params,
     summary="cuts profiles along the edge: 5 cm along it, masses of a square metre",
-    cost="2 us per step and world in a batch",
+    cost="0.1 ms per step (12 m header, 50 Hz), 8 us in a batch of worlds",
     tolerance="area and masses against fixed_height within 2 %, one pass along one edge",
 )
