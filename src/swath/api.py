@@ -10,21 +10,26 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from swath.core.collector import collected_rarely
 from swath.core.errors import InputError, SwathError
 from swath.core.foreign_code import Gate, allow_code, code_in, through
+from swath.core.random import Stream
 from swath.core.registry import level_here
 from swath.documents.hints import unknown_key
 from swath.documents.packed import read_arrays
 from swath.documents.yaml_document import Document, parse_value
 from swath.judge.limits import is_failed
 from swath.report.notebook import picture, run_html
+from swath.runtime.assembly import assemble
 from swath.runtime.folder import choose_run_folder, choose_scan_folder, remove_empty
 from swath.runtime.job import JobResult, run_job, run_unrecorded
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import Lost, in_workers
+from swath.runtime.worlds import as_ours, drive_together
 from swath.scenario.scenario import Scenario, read_scenario
 from swath.scenario.scenario import load_scenario as _load
 from swath.tools.scan.scan import scan_job
@@ -271,6 +276,102 @@ def _in_workers(entries: Iterable[Entry], workers: int, code: bool) -> Iterator[
         error = SwathError(f"entry {index}: {found}") if isinstance(found, Lost) else None
         run = BatchRun(index, "", error=error) if isinstance(found, Lost) else found
         yield replace(run, entry=given.pop(index))
+
+
+Vary = Mapping[str, tuple[float, float] | Sequence[Any]]
+
+
+def worlds(
+    scenario: str | Path,
+    *,
+    n: int,
+    vary: Vary | None = None,
+    sets: Sets = (),
+    seed: int | None = None,
+    together: int = 256,
+    processes: int = 1,
+    code: bool = False,
+) -> Iterator[BatchRun]:
+    """Run n worlds of one scenario in step; gives their results in order, as `batch` does, unrecorded.
+
+    vary: key -> (least, greatest), drawn evenly for each world, or a list of values that worlds take in turn
+    sets: of all worlds, as in `run`; seed: of world 0, world i has seed + i; without it the scenario's
+    together: worlds in step at a time; processes, code: as in `batch`
+
+    The `entry` of a result is that world for `batch`, alone and at any level: the same bytes. Parts whose
+    class has `together` are stepped at once (docs/explanation/kernels.md), all others world by world.
+    """
+    for name, value in (("n", n), ("together", together), ("processes", processes)):
+        if value < 1:
+            raise InputError(name, value, "expected >= 1")
+    texts = {k: _text(v) for k, v in sets.items()} if isinstance(sets, Mapping) else _texts(sets)
+    first = load_scenario(scenario, sets=texts, seed=seed, code=code).seed
+    entries = (
+        {"scenario": scenario, "sets": {**texts, **_varied(vary or {}, first, i)}, "seed": first + i}
+        for i in range(n)
+    )
+    chunks = ((at, list(islice(entries, together))) for at in range(0, n, together))
+    if processes == 1:
+        return (run for chunk in chunks for run in _run_together(code, chunk))
+    return _chunks_in_processes(chunks, processes, code)
+
+
+def _texts(sets: Sequence[str]) -> dict[str, Any]:
+    return {key: value for key, _, value in (text.partition("=") for text in sets)}
+
+
+def _varied(vary: Vary, seed: int, world: int) -> dict[str, Any]:
+    """What a world has of the keys that vary."""
+    found: dict[str, Any] = {}
+    for key, of in vary.items():
+        if isinstance(of, tuple):
+            if len(of) != 2 or not all(isinstance(v, int | float) for v in of):
+                raise InputError(f"vary.{key}", list(of), "expected (least, greatest), or a list of values")
+            found[key] = float(Stream(seed, f"vary {key}").at(world).uniform(*of))
+        elif len(of):
+            found[key] = of[world % len(of)]
+        else:
+            raise InputError(f"vary.{key}", [], "expected (least, greatest), or a list of values")
+    return found
+
+
+def _chunks_in_processes(
+    chunks: Iterator[tuple[int, list[dict[str, Any]]]], processes: int, code: bool
+) -> Iterator[BatchRun]:
+    for (at, entries), found in in_workers(chunks, partial(_begin_together, code), processes, in_order=True):
+        if isinstance(found, Lost):
+            error = SwathError(f"worlds {at} to {at + len(entries) - 1}: {found}")
+            yield from (BatchRun(at + k, entry, error=error) for k, entry in enumerate(entries))
+        else:
+            yield from found
+
+
+def _begin_together(code: bool) -> Callable[[tuple[int, list[dict[str, Any]]]], list[BatchRun]]:
+    """What a worker process does with each chunk."""
+    return partial(_run_together, code)
+
+
+def _run_together(code: bool, chunk: tuple[int, list[dict[str, Any]]]) -> list[BatchRun]:
+    """Worlds in step, in this process."""
+    first, entries = chunk
+    made, scenarios, found = [], [], {}
+    for index, entry in enumerate(entries, first):
+        try:
+            scenario, _ = _scenario_of(entry, code)
+            made.append((index, assemble(scenario)))
+            scenarios.append(scenario)
+        except Exception as error:  # a user's own part may raise anything
+            found[index] = BatchRun(index, entry, error=as_ours(error))
+    with collected_rarely():
+        for place, ended in drive_together([world for _, world in made]):
+            index, entry = made[place][0], entries[made[place][0] - first]
+            if isinstance(ended, InputError):
+                ended = scenarios[place].locate(ended)
+            if isinstance(ended, SwathError):
+                found[index] = BatchRun(index, entry, error=ended)
+            else:
+                found[index] = BatchRun(index, entry, None, ended)
+    return [found[index] for index in sorted(found)]
 
 
 def _begin(code: bool) -> Callable[[tuple[int, Any]], BatchRun]:

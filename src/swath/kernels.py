@@ -4,7 +4,7 @@ import ctypes
 import os
 import stat
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache, partial
 from pathlib import Path
@@ -86,6 +86,43 @@ class Row:
         layout = Struct(f"{self._bytes.nbytes // 8}d")
         self.write: Callable[..., None] = partial(layout.pack_into, self._bytes, 0)
         self.read: Callable[[], tuple[float, ...]] = partial(layout.unpack_from, self._bytes)
+
+
+class Rows:
+    """A struct for each world, in memory that Python and a kernel on the CPU share.
+
+    array: what the kernel takes; of: by member, first axis the world
+    """
+
+    def __init__(self, struct: Any, count: int, values: Sequence[Sequence[float]] = ()) -> None:
+        self.array = start_warp().zeros(count, dtype=struct, device="cpu")
+        table = self.array.numpy()
+        self._bytes = table.view(np.uint8).reshape(count, -1)
+        self.of: dict[str, Any] = {name: table[name] for name in table.dtype.names or ()}
+        for world, row in enumerate(values):
+            table[world] = tuple(row)
+
+    def clear(self) -> None:
+        """Zeros in every world."""
+        self._bytes[:] = 0
+
+    def save(self, world: int) -> Any:
+        """The struct of one world, as bytes."""
+        return np.array(self._bytes[world])
+
+    def load(self, world: int, state: Any) -> None:
+        """Back to it."""
+        self._bytes[world] = state
+
+
+def of_worlds(struct: Any, structs: Sequence[Any]) -> Any:
+    """Structs that hold arrays, one a world, as a kernel on the CPU takes them; keep the structs."""
+    return start_warp().array(list(structs), dtype=struct, device="cpu")
+
+
+def shared(array: Any, dtype: Any = Any) -> Any:
+    """The same memory for a kernel on the CPU."""
+    return start_warp().array(array, dtype=dtype, device="cpu", copy=False)
 
 
 def repeatable(kernel: Any, inputs: list[Any], *, threads: int = 1) -> "Repeated":

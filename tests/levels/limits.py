@@ -86,6 +86,7 @@ LIMITS = {
     "header": {
         "fixed_height": Limit("no losses, no lifting", 0.0),
         "height_control": Limit("stiff knife", 0.01),
+        "profile": Limit("within 2 %", 0.02),
     },
     # mean time from knife to tank [s]: from, to
     "process": {
@@ -105,6 +106,7 @@ LIMITS = {
         "plants": Limit("first returns within 1 cm of the closed form", 0.01),
         "empirical": Limit("Wasserstein-1 2 cm", 0.02),
         "replay": Limit("within 2 cm of plants (Wasserstein-1)", 0.02),
+        "profile": Limit("Wasserstein-1 1.5 cm", 0.015),
     },
     "camera": {
         "rays": Limit("pixels within 0.5 px of the pinhole formula", 0.5),

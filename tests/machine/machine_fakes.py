@@ -1,7 +1,6 @@
 """A tiny ground and the wiring of a component, for tests of the machine alone."""
 
 from dataclasses import dataclass, field
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -9,11 +8,27 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.field.cut_result import Cut
+from swath.field.footprint import Footprint
+from swath.field.memory_layout import PAGE_NODES
 from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.machine.sweep import signed_area
 
 STREAM = Stream(1, "test")
+NODE = 1.0 / 64.0  # of the lattice on which a footprint reads heights [m]
+
+
+class LikeGround(Footprint):
+    """Means without a lattice; kernels read one."""
+
+    def __init__(self, ground, points, *args, groups):
+        super().__init__(points, *args, groups=groups)
+        self.ground, self.at, self.groups = ground, np.asarray(points).T, groups
+
+    def means(self, x, y, yaw):
+        (u, v), c, s = self.at, np.cos(yaw), np.sin(yaw)
+        found = self.ground.ground_height(x + c * u - s * v, y + s * u + c * v)
+        return np.asarray(found, dtype=float).reshape(self.groups, -1).mean(axis=1).tolist()
 
 
 @dataclass
@@ -29,14 +44,15 @@ class Ground:
         return self.height(np.asarray(x), np.asarray(y))
 
     def footprint(self, points, *, groups=1):
-        x, y = np.asarray(points).T
+        def pages(first_i, last_i, first_j, last_j):
+            x, y = (
+                NODE * np.arange(PAGE_NODES * int(first), PAGE_NODES * (int(last) + 1) + 1)
+                for first, last in ((first_i, last_i), (first_j, last_j))
+            )
+            x, y = np.meshgrid(x, y)
+            return int(first_i), int(first_j), self.ground_height(x, y) + np.zeros(x.shape)
 
-        def means(x0, y0, yaw):
-            c, s = np.cos(yaw), np.sin(yaw)
-            found = self.ground_height(x0 + c * x - s * y, y0 + s * x + c * y)
-            return np.asarray(found, dtype=float).reshape(groups, -1).mean(axis=1).tolist()
-
-        return SimpleNamespace(means=means)
+        return LikeGround(self, points, (1.0, 0.0), NODE, pages, groups=groups)
 
     def cut(self, polygon, height_m):
         area = signed_area(polygon)

@@ -5,11 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.record.dead_reckoning import EXACT_START, covariance, gone
 from swath.runtime.job import run_job
 from swath.sensing.odometry.error import ErrorOdometry, Params
-from swath.signals import SteerState
+from swath.signals import MachineState, SteerState
 from tests.machine.machine_fakes import site
 from tests.record.test_record_positioning import decoded
 from tests.whole.small import small
@@ -76,7 +77,7 @@ def test_dead_reckoning_is_as_far_off_as_its_covariance_says():
         gyro_noise_deg_s=4.0,
     )
     speed, turn, dt, count = 2.0, 0.08, 0.1, 200
-    state = SimpleNamespace(speed=speed, yaw_rate=turn)
+    state = MachineState(0, Pose.identity(), speed, 0.0, turn, 0.0, 0.0)
     ends = []
     for seed in range(300):
         part = ErrorOdometry(params, site())

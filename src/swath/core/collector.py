@@ -2,6 +2,8 @@
 
 import atexit
 import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 def collect_rarely() -> None:
@@ -12,3 +14,14 @@ def collect_rarely() -> None:
     """
     gc.set_threshold(500_000, 20, 100)
     atexit.register(gc.freeze)
+
+
+@contextmanager
+def collected_rarely() -> Iterator[None]:
+    """Inside the block, in somebody else's process: then it looks as often as before."""
+    before = gc.get_threshold()
+    gc.set_threshold(500_000, 20, 100)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)

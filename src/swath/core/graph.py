@@ -146,6 +146,12 @@ class Graph:
             if waits and last < self.t and isinstance(part, StepsAnyLength) and part.steps_any_length:
                 self._send(links, self.t, part.step(last, self.t - last, self._gather(links)))
 
+    def finish_from(self, queues: Mapping[tuple[str, str], list[Signal]]) -> None:
+        """`finish`, of a graph whose parts were stepped by somebody else. queues: by slot and port"""
+        for key, queue in self._queues.items():
+            queue[:] = queues.get(key, ())
+        self.finish()
+
     def let_go(self) -> None:
         """Forget those who watch and wait. They may hold the graph, too: then both go when nobody uses them,
         and not whenever Python looks for such circles.

@@ -23,6 +23,7 @@ from swath.field.height_bounds import update_tops
 from swath.field.initial_edges import Edges, check_edges, named_edges
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.pages import KeptPages, PageStore
+from swath.field.profile import Profile, refused
 from swath.field.recount import recount_pages
 from swath.field.stored_changes import Change, Key
 from swath.field.straw import StrawLayer, write_depth
@@ -75,6 +76,7 @@ class Field:
         self._cutter = Cutter(self.store, self.stems, sway=self._sway)
         self._straw = StrawLayer(self.store, self._depth_per_kg)
         self.grain = GrainPiles()
+        self.profile: Profile | None = None  # what is looked at and cut instead of pages
         self._begun: dict[str, Any] | None = None  # what the start is, where it is not the untouched field
         self._begun_grain = 0.0
         self._turn = float(np.cos(self.stand_yaw)), float(np.sin(self.stand_yaw))
@@ -171,10 +173,14 @@ class Field:
         """
         if not 0.0 <= height_m <= 2.54:
             raise InputError("height_m", height_m, "expected 0 to 2.54 m")
+        if self.profile is not None:
+            return self.profile.cut(np.array(corners_of(polygon)), round(100.0 * height_m))
         return self._cutter.cut(self._corners(polygon), round(100.0 * height_m))
 
     def standing_area(self, polygon: Any) -> float:
         """Area of standing crop within a convex polygon (n, 2) [m2]."""
+        if self.profile is not None:
+            return self.profile.standing_area(np.array(corners_of(polygon)))
         if (count := self._cutter.standing_cells(corners := self._corners(polygon))) is None:
             count = int(np.count_nonzero(self._stands(*cells_inside(np.array(corners)))))
         return count * self.maker.cell**2
@@ -187,6 +193,8 @@ class Field:
 
     def standing(self, x: Any, y: Any) -> NDArray[np.bool_]:
         """True where crop stands, in the shape of x and y."""
+        if self.profile is not None:
+            return self.profile.stands(x, y)
         return self._stands(*(np.floor(a / self.maker.cell).astype(np.int64) for a in self._points(x, y)))
 
     def standing_along(self, starts: Sequence[Corner], step: Corner, count: int) -> NDArray[np.bool_]:
@@ -196,6 +204,8 @@ class Field:
             _check_place(x, y)
             _check_place(x + count * dx, y + count * dy)
         places = [((c * x + s * y) / cell, (c * y - s * x) / cell) for x, y in starts]
+        if self.profile is not None:
+            return self.profile.standing_along(starts, step, count)
         crop = self._cutter.standing(places, (c * dx + s * dy) / cell, (c * dy - s * dx) / cell, count)
         if crop is None:  # some of the pages are not in memory
             middle, (x, y) = np.arange(count) + 0.5, np.array(starts).T[:, :, None]
@@ -235,6 +245,9 @@ class Field:
         """
         if not 0.0 <= mass_kg < np.inf:
             raise InputError("mass_kg", mass_kg, "expected >= 0")
+        if self.profile is not None:
+            self.profile.straw_kg += mass_kg
+            return
         points, (c, s), node = corners_of(polygon), self._turn, self.maker.node
         _check_near_origin(points)
         corners = [((c * x + s * y) / node, (c * y - s * x) / node) for x, y in points]
@@ -257,10 +270,14 @@ class Field:
     @property
     def straw_kg(self) -> float:
         """Mass of all straw laid on the field [kg]."""
+        if self.profile is not None:
+            return self.profile.straw_kg
         return fsum(float(m.sum()) for m in self.store.all_straw().values())
 
     def recount(self) -> Cut:
         """What is missing now against the start, stem by stem from the codes alone."""
+        if self.profile is not None:
+            return self.profile.taken()
         pages = {} if (begun := self._begun) is None else dict(zip(_keys(begun), begun["codes"], strict=True))
         return recount_pages(self.store, self.stems, pages)
 
@@ -272,6 +289,7 @@ class Field:
             "codes": [c.codes for c in changes.values()],
             "straw": [c.straw for c in changes.values()],
             "grain": self.grain.save(),
+            **({} if self.profile is None else {"profile": self.profile.save()}),
         }
 
     def load(self, state: dict[str, Any]) -> None:
@@ -279,6 +297,20 @@ class Field:
         changes = zip(_keys(state), state["codes"], state["straw"], strict=True)
         self.store.restore({key: Change(codes, straw) for key, codes, straw in changes})
         self.grain.load(state["grain"])
+        if self.profile is not None and "profile" in state:
+            self.profile.load(state["profile"])
+
+    def profiled(self, shape: EdgeShape) -> Profile:
+        """From now on the field is looked at and cut as profiles along an edge. InputError where these cannot
+        carry it.
+        """
+        if self._begun is not None:
+            raise refused("start on what an earlier run left")
+        if self.profile is None:
+            self.profile = Profile(self, next(e for e in self.edges.values() if e.shape is shape))
+        if self.profile.edge.shape is not shape:
+            raise refused("machine at another edge")
+        return self.profile
 
     def keep_pages(self) -> None:
         """Keep what pages hold at the start, for another run on this field, some 30 MB."""
@@ -291,6 +323,8 @@ class Field:
         """
         self.store.reset()
         self.grain = GrainPiles()
+        if self.profile is not None:
+            self.profile.reset()
         if self._begun is not None:
             self.load(self._begun)
         self._begun_grain = self.grain.total
@@ -327,6 +361,13 @@ class Field:
         """Heights of the lattice nodes of a rectangle of pages with its far border."""
         _check_near(*(self.maker.side * np.array([[first_i, last_i], [first_j, last_j]])))
         i, j = np.arange(int(first_i), int(last_i) + 1), np.arange(int(first_j), int(last_j) + 1)
+        if self.profile is not None:  # no pages for the ground alone
+            at = [
+                self.maker.node * np.arange(PAGE_NODES * k[0], PAGE_NODES * (k[-1] + 1) + 1) for k in (i, j)
+            ]
+            ground = self.terrain.lattice(at[0], at[1], self.stand_yaw)
+            held: Array = ground.astype(np.float32).astype(np.float64)
+            return int(first_i), int(first_j), held
         slots = self._slots(*np.meshgrid(i, j))
         heights = np.empty((PAGE_NODES * len(j) + 1, PAGE_NODES * len(i) + 1))
         for b, row in enumerate(slots.tolist()):

@@ -68,6 +68,10 @@ class Footprint:
         self._launch.launch()
         return list(self._read())
 
+    def take(self, x: float, y: float, yaw: float) -> None:
+        """Hold the nodes around a place [m] of the body with heading yaw [rad]. InputError as `heights`."""
+        self._place(x, y, yaw)
+
     def arguments(self) -> list[Any]:
         """For kernels that look up the ground themselves: nodes, first, points of `mean_heights`, Span.
 

@@ -181,6 +181,11 @@ class Bodies:
         """A machine's own sensors see its body, too."""
         self._sees_itself.add(name)
 
+    @property
+    def is_alone(self) -> bool:
+        """Whether there is one body and nothing that it could meet, or that could see it."""
+        return len(self._solids) == 1 and not self._obstacles and not self._things and not self._sees_itself
+
     def pose_of(self, name: str) -> Pose:
         """Where a body stands."""
         return self._poses[name]

@@ -59,6 +59,7 @@ class Evaluation:
         self._noting = [e for own in self._of.values() for e in own if isinstance(e, HasEvents)]
         self._newest = [_Newest(e) for own in self._of.values() for e in own if isinstance(e, WantsNewest)]
         self._shown: dict[tuple[object, ...], _Shown] = {}
+        self._wanted: dict[tuple[object, ...], _Shown] = {}
         self.expect = (*expect, *self._implied(expect))
         self._windows = self._make_windows()
         self._distance = dict.fromkeys(self._setups, 0.0)
@@ -84,6 +85,15 @@ class Evaluation:
                 evaluator.see(slot, t, outputs)
         if self._windows:
             self._show_windows(slot, t, outputs)
+
+    def wants(self, slot: str, t: int, kinds: tuple[type[Signal], ...]) -> bool:
+        """Whether a call with samples of these types at t [ns] could change anything."""
+        if self._windows:
+            return True
+        shown = self._wanted.get((slot, *kinds))
+        if shown is None:
+            shown = self._wanted[(slot, *kinds)] = self._shown_to(slot, kinds)
+        return bool(shown[0] or shown[2]) or any(t >= resting.rests_until for resting in shown[1])
 
     @property
     def reads_tracks(self) -> bool:

@@ -48,7 +48,12 @@ class BodyCaster:
         self.table, self.beams, self.line_count = table, beams, line_count
         self._apart = np.zeros(len(beams.score), np.float32)
         self._apart[: beams.count] = apart
-        self._numbers = (crop_height, exit_diameter, divergence, pitch)
+        self._numbers = {
+            "crop_height": crop_height,
+            "exit_diameter": exit_diameter,
+            "divergence": divergence,
+            "pitch": pitch,
+        }
         self._launch: Any = None
         self._made_for = -1  # version of the scene
         self._called = (0.0, 0)  # range and flag of solids it has
@@ -82,48 +87,58 @@ class BodyCaster:
         """The launch that is repeated until the field's memory moves."""
         from swath.rays.single.kernel import cast_bodies
 
-        self._kept = self._kept or (self._pack(), share(self._apart))
+        self._kept = self._kept or (
+            pack_canopy(self.table, self.field, **self._numbers),
+            share(self._apart),
+        )
         canopy, apart = self._kept
         inputs = [scene, canopy, self.beams.struct(), apart, self.line_count, range_max, has_solids]
         self._launch = self.beams.record(cast_bodies, inputs, threads=1)
         self._made_for = self.scene.version
 
-    def _pack(self) -> Any:
-        """The table as native code reads it."""
-        from swath.rays.single.kernel import Canopy
 
-        table = self.table
-        depth, top_bound = below_top_bound(table)
-        height, exit_diameter, divergence, pitch = self._numbers
-        row = self.field.library.row_spacing
-        return filled(
-            Canopy,
-            standing=_pack_grid(table.standing),
-            stubble=_pack_grid(table.stubble),
-            depth=np.ascontiguousarray(depth.ravel(), np.float32),
-            depth_steps=depth.shape[1],
-            view=np.ascontiguousarray(_between(table.view), np.float32),
-            aside=np.ascontiguousarray(table.aside.ravel(), np.float32),
-            aside_step=table.aside_step,
-            aside_levels=len(table.aside),
-            row=row,
-            from_row=np.ascontiguousarray(_from_row(table.aside, row / height), np.float32),
-            side_axes=np.r_[table.side.height, portable.log(table.side.spot)].astype(np.float32),
-            side_size=table.side.factor.shape[1:],
-            side_factor=np.ascontiguousarray(table.side.factor.ravel(), np.float32),
-            side_median=portable.log(table.side.median).astype(np.float32),
-            node_count=table.standing.quantile.shape[-1],
-            top_bound=height * top_bound,
-            stubble_bound=min(max(float(table.stubble.quantile.max()), 1.0), 1.0 + TOP_ROOM),
-            fine=table.fine,
-            height=height,
-            exit=exit_diameter,
-            divergence=divergence,
-            pitch=pitch,
-            density_max=self.field.library.density_max,
-            cosine=table.cosine,
-            correlation=tuple(table.correlation),
-        )
+def pack_canopy(
+    table: SpreadTable,
+    field: Field,
+    *,
+    crop_height: float,
+    exit_diameter: float,
+    divergence: float,
+    pitch: float = PITCH,
+) -> Any:
+    """The table as native code reads it; numbers as in `BodyCaster`."""
+    from swath.rays.single.kernel import Canopy
+
+    depth, top_bound = below_top_bound(table)
+    row = field.library.row_spacing
+    return filled(
+        Canopy,
+        standing=_pack_grid(table.standing),
+        stubble=_pack_grid(table.stubble),
+        depth=np.ascontiguousarray(depth.ravel(), np.float32),
+        depth_steps=depth.shape[1],
+        view=np.ascontiguousarray(_between(table.view), np.float32),
+        aside=np.ascontiguousarray(table.aside.ravel(), np.float32),
+        aside_step=table.aside_step,
+        aside_levels=len(table.aside),
+        row=row,
+        from_row=np.ascontiguousarray(_from_row(table.aside, row / crop_height), np.float32),
+        side_axes=np.r_[table.side.height, portable.log(table.side.spot)].astype(np.float32),
+        side_size=table.side.factor.shape[1:],
+        side_factor=np.ascontiguousarray(table.side.factor.ravel(), np.float32),
+        side_median=portable.log(table.side.median).astype(np.float32),
+        node_count=table.standing.quantile.shape[-1],
+        top_bound=crop_height * top_bound,
+        stubble_bound=min(max(float(table.stubble.quantile.max()), 1.0), 1.0 + TOP_ROOM),
+        fine=table.fine,
+        height=crop_height,
+        exit=exit_diameter,
+        divergence=divergence,
+        pitch=pitch,
+        density_max=field.library.density_max,
+        cosine=table.cosine,
+        correlation=tuple(table.correlation),
+    )
 
 
 def _from_row(aside: NDArray[np.float64], row: float) -> NDArray[np.float64]:

@@ -15,6 +15,7 @@ from swath.field.memory_layout import (
     primitive_rows,
     shared_rows,
 )
+from swath.field.profile import refused
 from swath.field.wind import GUST_SHARE
 from swath.kernels import member_array
 from swath.rays.geometry import make_solid_arrays
@@ -77,6 +78,8 @@ class LiveScene:
         """
         from swath.rays.kernel.scene import Scene
 
+        if self.field.profile is not None:
+            raise refused("sensor that casts rays beside it")
         if self._scene is None:
             self._scene = Scene()
         if self._library is not self.field.library:

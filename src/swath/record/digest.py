@@ -19,6 +19,7 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.core.frozen import define
 from swath.core.schedule import NS
+from swath.core.together import Samples
 from swath.signals import Signal
 
 BLOCK_BYTES = 64 * 1024
@@ -184,6 +185,76 @@ def _packer(head: bytes, names: Sequence[str], types: Sequence[type]) -> Packer 
     known = {"head": head, "is_usual": _is_usual, "place": PLACE, "turn": TURN, "nan": np.nan}
     kinds = {f"k{i}": kind for i, kind in enumerate(types)}
     return cast("Packer", define("packer", "t, s", lines, {**known, **kinds, "pack": Struct(layout).pack}))
+
+
+class Columns:
+    """The bytes of the samples of an output in many worlds, as `sample_bytes` has them."""
+
+    def __init__(self, slot: str, output: str, samples: Samples) -> None:
+        kind = samples.kind
+        names = [f.name for f in fields(kind)]
+        parts: list[tuple[str, bytes | None, Any, tuple[int, ...]]] = [
+            ("", "/".join((slot, output, kind.__name__, *names)).encode() + b"\n", None, ()),
+            ("t", None, "<i8", ()),
+        ]
+        for name in names:
+            if name == "t":
+                parts += [("", b"i", None, ()), ("t again", None, "<i8", ())]
+            elif name not in samples.arrays:
+                parts.append(("", encode(getattr(samples.of(0), name)), None, ()))
+            else:
+                parts += _column(name, encode(samples.of(0).__dict__[name]), samples.arrays[name])
+        offsets, formats, at = [], [], 0
+        for _, constant, form, shape in parts:
+            offsets.append(at)
+            formats.append((form, shape) if constant is None else f"V{len(constant)}")
+            at += len(constant) if constant is not None else np.dtype((form, shape)).itemsize
+        count = len(next(iter(samples.arrays.values())))
+        self._bytes = np.zeros((count, at), np.uint8)
+        for (_, constant, _, _), offset in zip(parts, offsets, strict=True):
+            if constant is not None:
+                self._bytes[:, offset : offset + len(constant)] = np.frombuffer(constant, np.uint8)
+        variable = [(p[0], f, o) for p, f, o in zip(parts, formats, offsets, strict=True) if p[1] is None]
+        layout = {
+            "names": [v[0] for v in variable], "formats": [v[1] for v in variable],
+            "offsets": [v[2] for v in variable], "itemsize": at,
+        }  # fmt: skip
+        table = self._bytes.view(np.dtype(layout))[:, 0]  # type: ignore[call-overload]
+        self._of = {v[0]: table[v[0]] for v in variable}
+
+    def bytes_of(self, t: int, samples: Samples) -> np.ndarray:
+        """(worlds, bytes) uint8, overwritten by the next call."""
+        for name, place in self._of.items():
+            if name in ("t", "t again"):
+                place[:] = t if name == "t" else samples.t
+                continue
+            first, _, part = name.partition(" ")
+            array = samples.arrays[first]
+            if array.dtype == bool:
+                array = np.where(array, ord("t"), ord("f"))
+            if part:
+                array = array[:, :3] if part == "place" else array[:, 3:].reshape(-1, 3, 3)
+            place[:] = array
+            if array.dtype.kind == "f" and _has_nan(array):
+                place[place != place] = np.nan
+        return self._bytes
+
+
+def _column(
+    name: str, of_one: bytes, array: np.ndarray
+) -> list[tuple[str, bytes | None, Any, tuple[int, ...]]]:
+    """Parts of the bytes of a field: name, bytes that are alike or None, format, shape."""
+    kind, shape = array.dtype, array.shape[1:]
+    if of_one[:1] == b"(":  # a pose
+        place, turn = (f"{name} place", None, "<f8", (3,)), (f"{name} turn", None, "<f8", (3, 3))
+        return [("", PLACE, None, ()), place, ("", TURN, None, ()), turn, ("", b")", None, ())]
+    if kind.kind == "b":
+        return [(name, None, "u1", ())]
+    if not shape:
+        letter, form = (b"d", "<f8") if kind.kind == "f" else (b"i", "<i8")
+        return [("", letter, None, ()), (name, None, form, ())]
+    form = kind.newbyteorder("<").str
+    return [("", f"a{form}{shape}".encode(), None, ()), (name, None, form, shape)]
 
 
 def _unpacked(v: str) -> list[str]:

@@ -166,7 +166,8 @@ def make_map(
     grid_u, grid_v = np.meshgrid(u, v)
     x = frame.origin[0] + np.cos(turn) * grid_u - np.sin(turn) * grid_v
     y = frame.origin[1] + np.sin(turn) * grid_u + np.cos(turn) * grid_v
-    depth = straw_depth(ground, x, y) if hasattr(ground, "pages") else None
+    has_straw = hasattr(ground, "pages") and ground.pages.table.size > 0
+    depth = straw_depth(ground, x, y) if has_straw else None
     return FieldMap(
         frame.origin,
         turn,

@@ -110,7 +110,7 @@ def _run_once(
         pacer = make_pacer(world)
         world.open_devices()
         with _folder(out, world, is_changed=bool(events)):
-            running = _Running(world, out, pacer, hooks, allow)
+            running = Running(world, out, pacer, hooks, allow)
             if begun is not None:
                 begun()
             if start is not None:
@@ -121,7 +121,7 @@ def _run_once(
         world.graph.let_go()
 
 
-def _drive(running: "_Running", progress: bool, events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _drive(running: "Running", progress: bool, events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Drive to the end and finish; returns the summary."""
     world, started = running.world, time.perf_counter()
     try:
@@ -170,7 +170,7 @@ def _spare_what_is_read(world: World, out: Path) -> None:
                     )
 
 
-class _Running:
+class Running:
     """What goes along while a world runs: digest, evaluation, recorder, hooks."""
 
     def __init__(

@@ -179,11 +179,15 @@ class World:
 
     def reset(self) -> None:
         """Everything as at the start: the field uncut, the machines where they begin."""
+        self.reset_field()
+        self.graph.reset()
+
+    def reset_field(self) -> None:
+        """The same without the parts of the machines."""
         self.field.reset()
         self.bodies.reset()
         for machine in self.machines.values():
             self._lift_header(machine, None)
-        self.graph.reset()
 
     def save(self) -> dict[str, Any]:
         """Everything that changes while running."""

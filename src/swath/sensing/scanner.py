@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
+from numpy.typing import NDArray
 
 from swath.core.component import Outputs, Port
 from swath.core.errors import InputError
@@ -120,6 +121,13 @@ class Scanner:
         swing = self.noise.swing(t, len(self.azimuth))
         return self.axes if swing is None else _beam_axes(self.azimuth + swing, self.elevation)
 
+    def seen(self, t: int, ranges: F64 | F32) -> NDArray[np.bool_] | None:
+        """Which beams of the sweep that ends at t drop out, None = none; counts sweeps without any echo."""
+        if t > 0 and not self._has_echo:
+            self._has_echo = not np.isnan(ranges).all()
+            self._blind_scans = 0 if self._has_echo else self._blind_scans + 1
+        return self.noise.dropped(t, len(self.azimuth))
+
     def outputs_of(
         self, t: int, ranges: F64 | F32, intensity: F64 | F32, points: F64, origins: F64
     ) -> Outputs:
@@ -128,12 +136,9 @@ class Scanner:
         ranges, intensity: (beam_count,) or (beam_count, echo_count); points: world, with 3 more; origins:
         (beam_count, 3)
         """
-        if t > 0 and not self._has_echo:
-            self._has_echo = not np.isnan(ranges).all()
-            self._blind_scans = 0 if self._has_echo else self._blind_scans + 1
+        lost = self.seen(t, ranges)
         if ranges.ndim == 1:
             ranges, intensity, points = ranges[:, None], intensity[:, None], points[:, None, :]
-        lost = self.noise.dropped(t, len(self.azimuth))
         if lost is not None:
             ranges, intensity, points = (
                 np.where(lost.reshape(-1, *[1] * (a.ndim - 1)), np.nan, a)

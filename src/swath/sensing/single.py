@@ -66,6 +66,23 @@ class SingleRays:
         self._forward[: self.beams.count] = self.scanner.axes[:, :, 0]
         self._report = self._whole_scan = None  # they know the bias of the instance
 
+    def lie_in(
+        self,
+        ranges: F32,
+        intensity: F32,
+        points: F64,
+        origins: F64,
+        *,
+        rotations: F64,
+        words: Any,
+        flags: Any,
+    ) -> None:
+        """From now on in this memory of a batch: (room, 1), (room, 1), (room, 1, 3), (room, 3), (room, 3, 3),
+        (3,), (1,)."""
+        self._ranges, self._intensity, self._points = ranges, intensity, points
+        self._rotations, self._words = rotations, words
+        self.beams.lie_in(origins, flags)
+
     def aim(self, t: int, origins: F64, rotations: F64) -> None:
         """Fill origins, directions and random numbers of the sweep that ends at t [ns].
 
@@ -83,8 +100,7 @@ class SingleRays:
         beams.origins[:count] = origins
         self._rotations[:count] = rotations
         self._words[2] = t
-        if self.scanner.noise.angle != 0.0:
-            self._forward[:count] = self.scanner.axes_at(t)[:, :, 0]
+        self.swing(t)
 
     def scan_heights(self, caster: HeightCaster) -> None:
         """Aim, march and report in one launch, without solids; after `place` and the caster's `set_scan`."""
@@ -93,6 +109,11 @@ class SingleRays:
         if self.beams.count:
             self._whole_scan.launch()
         caster.check(self.beams)
+
+    def swing(self, t: int) -> None:
+        """Where beams point in the sweep that ends at t [ns], as `place` does it."""
+        if self.scanner.noise.angle != 0.0:
+            self._forward[: self.beams.count] = self.scanner.axes_at(t)[:, :, 0]
 
     def disturb(self, weather: Weather, t: int) -> None:
         """What floats in the air, of the sweep that ends at t [ns]; nothing in clear air."""
@@ -128,20 +149,21 @@ class SingleRays:
     def _prepare_aim(self) -> Any:
         from swath.sensing.native.kernel import aim
 
-        return self.beams.record(aim, [self._aiming(), self.beams.struct()])
+        return self.beams.record(aim, [self.aiming(), self.beams.struct()])
 
     def _prepare_report(self) -> Any:
         from swath.sensing.native.kernel import report
 
-        return self.beams.record(report, [self._electronics(), self.beams.struct()])
+        return self.beams.record(report, [self.electronics(), self.beams.struct()])
 
     def _prepare_scan(self, caster: HeightCaster) -> Any:
         from swath.sensing.native.kernel import scan_heights
 
-        inputs = [self._aiming(), *caster.arguments(), self._electronics(), self.beams.struct()]
+        inputs = [self.aiming(), *caster.arguments(), self.electronics(), self.beams.struct()]
         return self.beams.record(scan_heights, inputs)
 
-    def _aiming(self) -> Any:
+    def aiming(self) -> Any:
+        """`Aiming` of kernel.py."""
         from swath.sensing.native.kernel import Aiming
 
         words, rotations = self._words, self._rotations.reshape(-1)
@@ -149,7 +171,8 @@ class SingleRays:
             Aiming, words=words, rotations=rotations, forward=self._forward, is_drawn=self._is_drawn
         )
 
-    def _electronics(self) -> Any:
+    def electronics(self) -> Any:
+        """`Electronics` of kernel.py, after the scanner's reset."""
         from swath.sensing.native.kernel import Electronics
 
         sheet, noise = self.scanner.sheet, self.scanner.noise

@@ -37,6 +37,10 @@ class BeamBuffer:
         self._struct: Any = None
         self._solids: tuple[Solids | None, Any] = (None, None)  # and as the kernel reads them
 
+    def lie_in(self, origins: Any, flags: Any) -> None:
+        """From now on these are in this memory, (room, 3) and (1,)."""
+        self.origins, self.flags, self._struct = origins, flags, None
+
     def struct(self) -> Any:
         """`kernel.Beams`: the same memory."""
         if self._struct is None:

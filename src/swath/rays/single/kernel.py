@@ -15,8 +15,12 @@ def vectors() -> str:
     return (_HERE / "vectors.cpp").read_text(encoding="utf-8")
 
 
-def _source(name: str) -> str:
-    return vectors() + (_HERE / f"{name}.cpp").read_text(encoding="utf-8")
+def source(name: str) -> str:
+    """The body of a native function with what it includes."""
+    text = (_HERE / f"{name}.cpp").read_text(encoding="utf-8")
+    for part in ("canopy.cpp", "chain.cpp"):
+        text = text.replace(f'#include "{part}"\n', (_HERE / part).read_text(encoding="utf-8"))
+    return vectors() + text
 
 
 @wp.struct
@@ -113,13 +117,13 @@ def meet_solids(solids: SolidArrays, range_max: float, beams: Beams):
     beams.reflectance[i] = hit.reflectance
 
 
-@wp.func_native(_source("scores"))
+@wp.func_native(source("scores"))
 def chain_scores(
     scene: Scene, canopy: Canopy, beams: Beams, apart: wp.array(dtype=float), lines: int, range_max: float
 ): ...
 
 
-@wp.func_native(_source("bodies"))
+@wp.func_native(source("bodies"))
 def meet_bodies(p: int, scene: Scene, canopy: Canopy, beams: Beams, range_max: float, has_solids: int): ...
 
 
@@ -171,7 +175,7 @@ class Heights:
     ground: wp.array2d(dtype=float)
 
 
-@wp.func_native(_source("heights"))
+@wp.func_native(source("heights"))
 def meet_heights(
     p: int, g: Heights, seed: int, share: float, grain: float, range_max: float, beams: Beams, has_solids: int
 ): ...

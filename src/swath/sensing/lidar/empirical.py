@@ -9,7 +9,7 @@ the side wall at the edge, through gaps. Sweeps are independent of each other.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -42,16 +42,17 @@ class Params(OutdoorParams):
     echo: Literal["percentile", "nearest"] = "percentile"
 
 
-class EmpiricalLidar(ScanningLidar):
-    """Scans bodies with a moving scanner."""
+class TableLidar(ScanningLidar):
+    """A scanner whose beams go into crop as a table says. beam: keywords of `pack_canopy`"""
 
     kept = (*ScanningLidar.kept, "_clamped", "_notes")
+    level: ClassVar[str]
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         super().__init__(params, setup)
         self.params = params
         crop = setup.field.stand.crop
-        original, self._about_crop = _original(crop)
+        original, self._about_crop = _original(crop, self.level)
         if params.table is None and Path(original).is_absolute():
             like = f"no bundled crop is like {Path(crop).name}"
             raise InputError("table", None, f"expected a table: {like}; `swath calibrate lidar` makes one")
@@ -59,17 +60,12 @@ class EmpiricalLidar(ScanningLidar):
         _check_reading(self.table, params, crop, original)
         self.rays = SingleRays(self.scanner)
         beam = self.sheet.beam
-        self.caster = BodyCaster(
-            setup.field,
-            self.table,
-            self.rays.beams,
-            self.scanner.step * np.cos(self.elevation),
-            line_count=self.scanner.line_count,
-            crop_height=load_crop(crop).stand.height,
-            exit_diameter=float(np.mean(beam.exit_diameter)),
-            divergence=float(np.mean(beam.divergence)),
-        )
-        self.sight = self.scanner.sight()
+        self.apart = self.scanner.step * np.cos(self.elevation)
+        self.beam = {
+            "crop_height": load_crop(crop).stand.height,
+            "exit_diameter": float(np.mean(beam.exit_diameter)),
+            "divergence": float(np.mean(beam.divergence)),
+        }
         self._notes: list[str] = []
         self._clamped = 0
 
@@ -80,31 +76,22 @@ class EmpiricalLidar(ScanningLidar):
         self.rays.reset(stream)
         return outputs
 
-    def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
-        """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
-        self.rays.aim(t, origins, rotations)
-        self.sight.ensure(self.rays.beams.origins[: len(origins)], self.rays.beams.directions[: len(origins)])
-        clamped = self.caster.cast_beams(range_max=self.scanner.reach, solids=self.setup.solids())
-        self.ray_count += len(origins)
-        self._note(clamped)
-        self.rays.disturb(self.params.weather, t)
-        return self.rays.report(t, origins)
-
     @property
     def notes(self) -> list[str]:
         """What the user of a run should know of the scanner, of what this level cannot see, and of the table,
         each once."""
         about = [self._about_crop] if self._about_crop else []
-        return [*self.scanner.notes, *about, *_unseen(self.setup.field), *self._notes]
+        return [*self.scanner.notes, *about, *self._notes]
 
-    def _note(self, clamped: int) -> None:
+    def note(self, clamped: int) -> None:
+        """What some beam left, as `BodyCaster.cast_beams` says it."""
         new = clamped & ~self._clamped
         if not new:
             return
         self._clamped |= new
         if new & LODGED:
             self._notes.append(
-                "lidar empirical: lodged crop is measured as standing crop, its table knows no other"
+                f"lidar {self.level}: lodged crop is measured as standing crop, its table knows no other"
             )
         for k, (what, grid) in enumerate((("", self.table.standing), ("stubble: ", self.table.stubble))):
             for axis, (name, (key, (low, high))) in enumerate(
@@ -113,9 +100,38 @@ class EmpiricalLidar(ScanningLidar):
                 if new >> (len(AXES) * k + axis) & 1:
                     unit = key.rpartition("_")[2] if axis else "per m2"
                     self._notes.append(
-                        f"lidar empirical: {what}{name} outside the table's {low:g} to {high:g} {unit}, "
+                        f"lidar {self.level}: {what}{name} outside the table's {low:g} to {high:g} {unit}, "
                         "its end is used"
                     )
+
+
+class EmpiricalLidar(TableLidar):
+    """Scans bodies with a moving scanner."""
+
+    level = "empirical"
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        super().__init__(params, setup)
+        lines = self.scanner.line_count
+        self.caster = BodyCaster(
+            setup.field, self.table, self.rays.beams, self.apart, line_count=lines, **self.beam
+        )
+        self.sight = self.scanner.sight()
+
+    def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
+        """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
+        self.rays.aim(t, origins, rotations)
+        self.sight.ensure(self.rays.beams.origins[: len(origins)], self.rays.beams.directions[: len(origins)])
+        clamped = self.caster.cast_beams(range_max=self.scanner.reach, solids=self.setup.solids())
+        self.ray_count += len(origins)
+        self.note(clamped)
+        self.rays.disturb(self.params.weather, t)
+        return self.rays.report(t, origins)
+
+    @property
+    def notes(self) -> list[str]:
+        """Also what this level leaves out of the field."""
+        return [*super().notes, *_unseen(self.setup.field)]
 
 
 def _unseen(field: Field) -> list[str]:
@@ -133,7 +149,7 @@ def table_name(crop: str, echo: str) -> str:
     return f"{crop}-{'median' if echo == 'percentile' else echo}"
 
 
-def _original(crop: str) -> tuple[str, str]:
+def _original(crop: str, level: str) -> tuple[str, str]:
     """The bundled crop of whose tables a crop may use one, itself where it is none; what to say of it."""
     found = copied_from(crop)
     if found is None:
@@ -143,7 +159,7 @@ def _original(crop: str) -> tuple[str, str]:
     other = f"other numbers are {shown}" if differing else "all numbers are the same"
     return (
         name,
-        f"lidar empirical: {Path(crop).name} is measured as {name}, which it was copied from: {other}",
+        f"lidar {level}: {Path(crop).name} is measured as {name}, which it was copied from: {other}",
     )
 
 

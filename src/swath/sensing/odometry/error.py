@@ -1,17 +1,21 @@
 """Odometry with the errors of wheel speed, gyro and steer-angle sensor."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 from typing import Annotated
 
+import numpy as np
 from annotated_types import Ge, Le
 
-from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.component import Port
+from swath.core.errors import SwathError
 from swath.core.random import Normals, Stream
 from swath.core.registry import Level
+from swath.core.together import Given, InWorlds, KeepsRows, Samples
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.signals import MachineState, Odometry, SteerState, WheelState
+from swath.signals import F64, MachineState, Odometry, SteerState, WheelState
 
 Share = Annotated[float, Ge(0), Le(30)]
 Angle = Annotated[float, Ge(0), Le(10)]
@@ -38,7 +42,7 @@ class Params:
     steer_noise_deg: Angle = 0.05
 
 
-class ErrorOdometry(KeepsState):
+class ErrorOdometry(InWorlds):
     """Truth, scaled, biased and noisy."""
 
     inputs = (
@@ -49,11 +53,11 @@ class ErrorOdometry(KeepsState):
     outputs = (Port("odometry", Odometry),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        self._p = params
+        self.p = params
 
     def errors(self, sample: Odometry) -> dict[str, tuple[float, float]]:
         """Noise, and the constant errors with the slip that nobody measures."""
-        p = self._p
+        p = self.p
         stays = hypot(p.slip_percent, p.speed_scale_percent) * PERCENT
         return {
             "speed": (p.speed_noise_m_s, stays * abs(sample.speed)),
@@ -61,39 +65,63 @@ class ErrorOdometry(KeepsState):
             "steer_angle": (p.steer_noise_deg * DEG, p.steer_bias_deg * DEG),
         }
 
-    def reset(self, stream: Stream) -> Outputs:
-        """Draw the constant errors."""
-        p = self._p
-        draw = stream.at(0).standard_normal(3).tolist()
-        self._normals = Normals(stream)
-        self._error = 1 + p.speed_scale_percent * PERCENT * draw[0]
-        self._scale = self._error * (1 + p.slip_percent * PERCENT)
-        self._gyro_bias = p.gyro_bias_deg_s * DEG * draw[1]
-        self._steer_bias = p.steer_bias_deg * DEG * draw[2]
-        return {"odometry": Odometry(0, 0.0, self._gyro_bias, self._steer_bias)}
+    @classmethod
+    def together(cls, parts: Sequence["ErrorOdometry"]) -> "Odometers":
+        """All of them."""
+        return Odometers(parts)
 
-    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+
+class Odometers(KeepsRows):
+    """Of many worlds. constant: what was drawn for each: error of the speed, with slip, the two biases"""
+
+    kept = ("constant",)
+
+    def __init__(self, parts: Sequence[ErrorOdometry]) -> None:
+        n = len(parts)
+        self._p = [part.p for part in parts]
+        self.errors: dict[int, SwathError] = {}
+        sizes = [(p.speed_noise_m_s, p.gyro_noise_deg_s * DEG, p.steer_noise_deg * DEG) for p in self._p]
+        self._noise_sd, self._noise = np.array(sizes), np.zeros((n, 3))
+        self.constant = np.zeros((n, 4))
+        self._normals: list[Normals] = []
+
+    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
+        """Draw the constant errors."""
+        self._normals = [Normals(stream) for stream in streams]
+        for world, (p, stream) in enumerate(zip(self._p, streams, strict=True)):
+            draw = stream.at(0).standard_normal(3).tolist()
+            error = 1 + p.speed_scale_percent * PERCENT * draw[0]
+            biases = p.gyro_bias_deg_s * DEG * draw[1], p.steer_bias_deg * DEG * draw[2]
+            self.constant[world] = error, error * (1 + p.slip_percent * PERCENT), *biases
+        return _samples(0, np.zeros(len(streams)), self.constant[:, 2], self.constant[:, 3])
+
+    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
         """One sample at t + dt."""
-        p = self._p
-        state: MachineState = inputs["state"]
-        steering: SteerState = inputs["steering"]
-        wheels: WheelState | None = inputs.get("wheels")
-        speed = state.speed * self._scale if wheels is None else wheels.speed * self._error
-        noise = self._normals.at(t + dt, 3).tolist()
-        return {
-            "odometry": Odometry(
-                t + dt,
-                float(speed + p.speed_noise_m_s * noise[0]),
-                float(state.yaw_rate + self._gyro_bias + p.gyro_noise_deg_s * DEG * noise[1]),
-                float(steering.angle + self._steer_bias + p.steer_noise_deg * DEG * noise[2]),
-            )
-        }
+        state, steering, wheels = inputs["state"], inputs["steering"], inputs.get("wheels")
+        error, scale, gyro, steer = self.constant.T
+        for normals, place in zip(self._normals, self._noise, strict=True):
+            normals.into(t + dt, place)
+        noise = self._noise_sd * self._noise
+        if wheels is None:
+            speed = state.arrays["speed"] * scale
+        else:
+            speed = wheels.arrays["speed"] * error
+        return _samples(
+            t + dt,
+            speed + noise[:, 0],
+            state.arrays["yaw_rate"] + gyro + noise[:, 1],
+            steering.arrays["angle"] + steer + noise[:, 2],
+        )
+
+
+def _samples(t: int, speed: F64, yaw_rate: F64, angle: F64) -> dict[str, Samples]:
+    return {"odometry": Samples(Odometry, t, {"speed": speed, "yaw_rate": yaw_rate, "steer_angle": angle})}
 
 
 LEVEL = Level(
     ErrorOdometry,
     Params,
     "wheel slip, scale error, gyro bias and noise",
-    cost="10 us per sample",
+    cost="20 us per sample, 7 us in a batch of worlds",
     tolerance="equal to ideal with every error at 0",
 )

@@ -1,0 +1,189 @@
+"""Parts of many worlds that are stepped together: arrays whose first axis is the world.
+
+    all = type(part).together(parts)                   # the part of every world
+    outputs = all.reset(streams)                       # output -> Samples, valid at t = 0
+    outputs = all.step(t, dt, inputs)                  # input -> Samples, a tuple of them for a history, None
+    state = all.save(world); all.load(world, state)
+
+`InWorlds` makes a component of it: in a run of its own a part is a batch of one, the same code.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any, ClassVar, Protocol, get_type_hints, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.component import Inputs, Outputs, State
+from swath.core.errors import SwathError
+from swath.core.frames import Pose
+from swath.core.random import Stream
+from swath.core.signal import Signal, per_signal
+
+Given = Mapping[str, Any]  # by port: Samples, a tuple of them for a history, None
+
+
+class Samples:
+    """A sample of an output in each of n worlds, at one time t [ns].
+
+    arrays: by field, first axis the world, a pose as (n, 12): position, then rows of the rotation; they may
+    be overwritten when their sender sends anew. alike: fields that are the same in all worlds, and
+    stay so
+    """
+
+    def __init__(
+        self,
+        kind: type[Signal],
+        t: int,
+        arrays: Mapping[str, NDArray[Any]],
+        alike: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.kind, self.t, self.arrays, self.alike = kind, t, arrays, alike or {}
+
+    def of(self, world: int) -> Signal:
+        """The sample of one world; it stays what it is."""
+        one = Samples(
+            self.kind, self.t, {k: a[world : world + 1] for k, a in self.arrays.items()}, self.alike
+        )
+        return one.each()[0]
+
+    def each(self) -> list[Signal]:
+        """The samples of all worlds."""
+        makers = _makers(self.kind)
+        columns = [makers[name](array) for name, array in self.arrays.items()]
+        names, kind, t, alike = tuple(self.arrays), self.kind, self.t, self.alike
+        return [kind(t, **dict(zip(names, row, strict=True)), **alike) for row in zip(*columns, strict=True)]
+
+    def copy(self) -> "Samples":
+        """One that its sender does not overwrite."""
+        return Samples(self.kind, self.t, {k: a.copy() for k, a in self.arrays.items()}, self.alike)
+
+    @staticmethod
+    def joined(signals: Sequence[Signal]) -> "Samples":
+        """Of the samples of all worlds; fields that are arrays have one shape in all of them.
+
+        A world that has ended has an older one, which nobody looks at any more.
+        """
+        first = signals[0]
+        arrays, alike = {}, {}
+        for name in _makers(type(first)):
+            values = [getattr(signal, name) for signal in signals]
+            if _is_alike(values):
+                alike[name] = values[0]
+            else:
+                arrays[name] = np.array([_plain(value) for value in values])
+        return Samples(type(first), max(signal.t for signal in signals), arrays, alike)
+
+
+@per_signal
+def _makers(kind: type[Signal]) -> dict[str, Any]:
+    """How the fields of the samples of all worlds are made of an array, a list of them."""
+    hints = get_type_hints(kind)
+    known: dict[Any, Any] = {float: _numbers, int: _numbers, bool: _numbers, Pose: _poses}
+    return {f.name: known.get(hints[f.name], _arrays) for f in fields(kind) if f.name != "t"}
+
+
+def _numbers(array: NDArray[Any]) -> list[Any]:
+    found: list[Any] = array.tolist()
+    return found
+
+
+def _arrays(array: NDArray[Any]) -> list[NDArray[Any]]:
+    return [np.array(own) for own in array]
+
+
+def _poses(array: NDArray[np.float64]) -> list[Pose]:
+    return [
+        Pose.of_numbers([x, y, z], [[a, b, c], [d, e, f], [g, h, i]])
+        for x, y, z, a, b, c, d, e, f, g, h, i in array.tolist()
+    ]
+
+
+def _is_alike(values: Sequence[Any]) -> bool:
+    """Whether values are arrays that nobody writes to, alike in all worlds, such as the angles of beams."""
+    first = values[0]
+    if not isinstance(first, np.ndarray) or first.flags.writeable:
+        return False
+    return all(value is first or np.array_equal(value, first) for value in values[1:])
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Pose):
+        place, (first, second, third) = value.numbers
+        return (*place, *first, *second, *third)
+    return value
+
+
+class Together(Protocol):
+    """The parts of one slot in all worlds. errors: of worlds that cannot go on, by their number"""
+
+    errors: dict[int, SwathError]
+
+    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]: ...
+    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]: ...
+    def save(self, world: int) -> State: ...
+    def load(self, world: int, state: State) -> None: ...
+
+
+class KeepsRows:
+    """`save` and `load` of parts whose state lies in arrays that `kept` names, first axis the world."""
+
+    kept: ClassVar[tuple[str, ...]] = ()
+
+    def save(self, world: int) -> State:
+        """A copy of everything that is needed to go on exactly."""
+        return {name.lstrip("_"): getattr(self, name)[world].copy() for name in self.kept}
+
+    def load(self, world: int, state: State) -> None:
+        """Back to a saved moment."""
+        for name in self.kept:
+            getattr(self, name)[world] = state[name.lstrip("_")]
+
+
+@runtime_checkable
+class StepsTogether(Protocol):
+    """A class of parts that can be stepped together with those of other worlds."""
+
+    @classmethod
+    def together(cls, parts: Sequence[Any]) -> Together: ...
+
+
+class InWorlds(ABC):
+    """A component whose step is that of `together`, for one world."""
+
+    @classmethod
+    @abstractmethod
+    def together(cls, parts: Sequence[Any]) -> Together:
+        """All of them."""
+
+    def reset(self, stream: Stream) -> Outputs:
+        """The state at t = 0."""
+        self._alone = self.together([self])
+        return _first(self._alone.reset([stream]))
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """One step of a batch of one."""
+        found = self._alone.step(t, dt, {name: _of_one(value) for name, value in inputs.items()})
+        if self._alone.errors:
+            raise self._alone.errors.pop(0)
+        return _first(found)
+
+    def save(self) -> State:
+        """Everything that is needed to go on exactly."""
+        return self._alone.save(0)
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        self._alone.load(0, state)
+
+
+def _first(outputs: Mapping[str, Samples]) -> Outputs:
+    return {name: samples.of(0) for name, samples in outputs.items()}
+
+
+def _of_one(value: Any) -> Any:
+    if isinstance(value, Signal):
+        return Samples.joined([value])
+    return tuple(Samples.joined([v]) for v in value) if isinstance(value, tuple) else value

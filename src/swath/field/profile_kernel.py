@@ -1,0 +1,121 @@
+"""Profiles along an edge as kernels read them: `field.profile.Profile` in the stand frame."""
+
+import warp as wp
+
+wp.set_module_options({"fuse_fp": False, "enable_backward": False})
+
+RUN = wp.constant(16)  # steps along a line that are looked up together
+
+
+@wp.struct
+class Profile:
+    """The station is the world's: one struct a world.
+
+    turn: the world's heading in it; tile_size: of the field's tiles [m], 64 cut cells
+    Of the stations: x, y [m]; direction of the edge, its curvature [1/m]. Of their columns, `column` [m]
+    apart: z of the ground's plane at the station [m], its slopes; scale and lean of the plants, stems per m2
+    Of the bins, bins_per_m from the first station on: crop grows from `reach` inwards, and is cut between
+    near and far [m]; inner: code of what is there instead inside of the edge's line [cm]; outer: and outside
+    cut: code of what the header leaves; bite: of each station, how far `reach` differs nearby [m]
+    """
+
+    turn: wp.vec2d
+    tile_size: wp.float64
+    x: wp.array(dtype=wp.float64)
+    y: wp.array(dtype=wp.float64)
+    z: wp.array(dtype=wp.float64)
+    cosine: wp.array(dtype=float)
+    sine: wp.array(dtype=float)
+    curvature: wp.array(dtype=float)
+    slope_x: wp.array(dtype=float)
+    slope_y: wp.array(dtype=float)
+    stand: wp.array(dtype=wp.vec4)
+    columns: int
+    column: float
+    bins_per_m: float
+    reach: wp.array(dtype=float)
+    near: wp.array(dtype=float)
+    far: wp.array(dtype=float)
+    inner: wp.array(dtype=int)
+    outer: int
+    cut: wp.array(dtype=int)
+    is_left: int
+    bite: wp.array(dtype=float)
+    reflectance: wp.array(dtype=float)
+
+
+@wp.struct
+class Beside:
+    """station: that a place is beside; along: way from the first station; inside: of the line [m]"""
+
+    station: int
+    along: wp.float64
+    inside: wp.float64
+
+
+@wp.func
+def beside(profile: Profile, x: wp.float64, y: wp.float64, station: int) -> Beside:
+    """Where a place of the world [m] lies along the line; station: near it."""
+    c = profile.turn[0]
+    s = profile.turn[1]
+    u = c * x + s * y
+    v = c * y - s * x
+    last = profile.x.shape[0] - 1
+    k = station
+    along = wp.float64(0.0)
+    left = wp.float64(0.0)
+    searches = int(1)
+    for _ in range(1000):
+        if searches == 1:
+            du = u - profile.x[k]
+            dv = v - profile.y[k]
+            cosine = wp.float64(profile.cosine[k])
+            sine = wp.float64(profile.sine[k])
+            along = du * cosine + dv * sine
+            left = dv * cosine - du * sine - wp.float64(0.5 * profile.curvature[k]) * along * along
+            next = wp.clamp(k + int(wp.floor(along + wp.float64(0.5))), 0, last)
+            if next == k:
+                searches = 0
+            k = next
+    found = Beside()
+    found.station = k
+    found.along = wp.float64(k) + along
+    found.inside = left
+    if profile.is_left == 0:
+        found.inside = -left
+    return found
+
+
+@wp.kernel
+def stands_along(
+    profile: Profile,
+    starts: wp.array2d(dtype=wp.float64),
+    step: wp.array(dtype=wp.float64),
+    crop: wp.array2d(dtype=wp.bool),
+    station: wp.array(dtype=int),
+):
+    """Whether crop stands at the middles of steps from starts on [m]; one thread. station: of the last one"""
+    last = profile.reach.shape[0] - 1
+    count = crop.shape[1]
+    k = station[0]
+    for line in range(starts.shape[0]):
+        first = int(0)
+        x = starts[line, 0]
+        y = starts[line, 1]
+        begin = beside(profile, x, y, k)
+        while first < count:  # straight in between: an edge bends by less than 0.1 mm on such a way
+            after = wp.min(first + RUN, count)
+            way = wp.float64(after)
+            end = beside(profile, x + way * step[0], y + way * step[1], begin.station)
+            per = wp.float64(1.0) / wp.float64(after - first)
+            for i in range(first, after):
+                share = (wp.float64(i - first) + wp.float64(0.5)) * per
+                along = begin.along + share * (end.along - begin.along)
+                inside = float(begin.inside + share * (end.inside - begin.inside))
+                b = wp.clamp(int(wp.floor(along * wp.float64(profile.bins_per_m))), 0, last)
+                is_cut = inside >= profile.near[b] and inside < profile.far[b]
+                crop[line, i] = inside >= profile.reach[b] and not is_cut
+            begin = end
+            first = after
+        k = begin.station
+    station[0] = k

@@ -1,0 +1,177 @@
+"""The level `kinematic` as kernels over worlds: each machine drives its arc, then stands on the ground."""
+
+from pathlib import Path
+
+import warp as wp
+
+from swath.field.footprint_kernel import Span
+from swath.kernels import exact_code
+from swath.machine.motion.single_track_kernel import HALF, ONE, Car, Track
+from swath.machine.motion.single_track_step_kernel import (
+    Loop,
+    Stand,
+    driven,
+    expm1,
+    given,
+    slipped,
+    stood,
+    turned,
+)
+
+wp.set_module_options({"fuse_fp": False, "enable_backward": False})
+real = wp.float64
+_HERE = Path(__file__).parent
+
+
+@wp.func_native(exact_code(_HERE / "length_of_two.cpp"))
+def length_of(x: wp.float64, y: wp.float64) -> wp.float64: ...
+
+
+@wp.struct
+class Ground:
+    """Nodes in memory around a machine, and what its tyres touch, as `Footprint.arguments`."""
+
+    nodes: wp.array2d(dtype=wp.float64)
+    first: wp.array(dtype=int)
+    points: wp.array2d(dtype=wp.float64)
+    span: wp.array(dtype=Span)
+
+
+@wp.struct
+class Vehicle:
+    """What stays. along, across: the wheels as `traction.Traction` has them, in `Car`; wheelbase [m], below 0
+    where the steered axle is ahead; rear_share: of the slope under the rear axle
+    """
+
+    along: Car
+    across: Car
+    loop: Loop
+    wheelbase: wp.float64
+    rear_share: wp.float64
+
+
+@wp.func
+def way_of(speed: wp.float64, wanted: wp.float64, dt: wp.float64, loop: Loop) -> wp.float64:
+    """The distance of `loops.SpeedLoop.advance`."""
+    target = wp.clamp(wanted, -loop.fastest, loop.fastest)
+    limit = loop.decel
+    if wp.abs(target) > wp.abs(speed) and target * speed >= real(0.0):
+        limit = loop.accel
+    error = target - speed
+    if error == real(0.0):
+        return speed * dt
+    ramp = wp.abs(error) / limit - loop.lag
+    reached = speed
+    area = real(0.0)
+    if ramp > real(0.0):
+        ramp = wp.min(dt, ramp)
+        slope = wp.copysign(limit, error)
+        reached = speed + slope * ramp
+        area = (speed + HALF * slope * ramp) * ramp
+    else:
+        ramp = real(0.0)
+    rest = dt - ramp
+    if rest > real(0.0):
+        gap = target - reached
+        gone = -gap * expm1(-rest / loop.lag)
+        area += target * rest - loop.lag * gone
+    return area
+
+
+@wp.kernel
+def drive_arcs(
+    vehicles: wp.array(dtype=Vehicle),
+    asked: wp.array2d(dtype=wp.float64),
+    tracks: wp.array(dtype=Track),
+    stands: wp.array(dtype=Stand),
+):
+    """asked: angle of the steered axle [rad], wanted speed [m/s], length of the step [s]
+
+    `side` of a track is the drift.
+    """
+    w = wp.tid()
+    v = vehicles[w]
+    q = tracks[w]
+    a = stands[w]
+    steer = asked[w, 0]
+    wanted = asked[w, 1]
+    dt = asked[w, 2]
+    grade = -wp.sin(a.pitch) / wp.cos(a.pitch)
+    before = a.speed
+    slip = slipped(a.slip, grade, wp.abs(before) * dt, v.along)
+    rim = driven(a.rim, wanted, dt, v.loop)
+    way = way_of(a.rim, wanted, dt, v.loop)
+    mean = ONE + HALF * (a.slip + slip)
+    free = rim / (ONE + slip)
+    speed = given(before, free, grade, dt, v.along)
+    travel = way / mean
+    if speed != free:
+        rim = speed * (ONE + slip)
+        travel = HALF * (before + speed) * dt
+    slope = a.front_slope + v.rear_share * (a.rear_slope - a.front_slope)
+    drift = slipped(q.side, -slope, wp.abs(travel), v.across)
+    turn = travel * wp.tan(steer) / v.wheelbase
+    half = HALF * turn
+    chord = travel
+    if wp.abs(half) > real(1.0e-8):
+        chord = travel * (wp.sin(half) / half)
+    aside = HALF * chord * (q.side + drift)
+    c = wp.cos(q.yaw + half)
+    s = wp.sin(q.yaw + half)
+    q.x += chord * c - aside * s
+    q.y += chord * s + aside * c
+    q.yaw += turn
+    q.distance += length_of(travel, aside)
+    q.side = drift
+    a.speed = speed
+    a.rim = rim
+    a.slip = slip
+    tracks[w] = q
+    stands[w] = a
+
+
+@wp.kernel
+def stand_on(
+    grounds: wp.array(dtype=Ground),
+    vehicles: wp.array(dtype=Vehicle),
+    asked: wp.array2d(dtype=wp.float64),
+    tracks: wp.array(dtype=Track),
+    stands: wp.array(dtype=Stand),
+    states: wp.array2d(dtype=wp.float64),
+):
+    """states: pose (12), speed, lateral speed, yaw rate, angle of the steered axle, distance. is_done of a
+    stand is 0 where the ground under a machine is not in memory: then nothing else has changed.
+    """
+    w = wp.tid()
+    v = vehicles[w]
+    q = tracks[w]
+    old = stands[w]
+    g = grounds[w]
+    a = stood(g.nodes, g.first, g.points, g.span[0], q, v.loop)
+    if a.is_done == ONE:
+        a = turned(a, q, v.along)
+        a.is_done = ONE
+        a.speed = old.speed
+        a.rim = old.rim
+        a.slip = old.slip
+        stands[w] = a
+        states[w, 0] = q.x
+        states[w, 1] = q.y
+        states[w, 2] = a.z
+        states[w, 3] = a.xx
+        states[w, 4] = a.xy
+        states[w, 5] = a.xz
+        states[w, 6] = a.yx
+        states[w, 7] = a.yy
+        states[w, 8] = a.yz
+        states[w, 9] = a.zx
+        states[w, 10] = a.zy
+        states[w, 11] = a.zz
+        states[w, 12] = a.speed
+        states[w, 13] = a.speed * q.side
+        states[w, 14] = a.speed * wp.tan(asked[w, 0]) / v.wheelbase
+        states[w, 15] = asked[w, 0]
+        states[w, 16] = q.distance
+    else:
+        old.is_done = real(0.0)
+        stands[w] = old

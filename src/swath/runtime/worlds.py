@@ -1,0 +1,364 @@
+"""Worlds of one scenario in step: a slot of all of them is stepped at once where its class can do that.
+
+Every world has its own parts, digest and evaluation, and comes to what a run of its own comes to, byte for
+byte. Parts whose class has `together` (`core/together.py`) are one batch; all others go world by world.
+"""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from swath.core.abilities import StepsAnyLength
+from swath.core.component import Port
+from swath.core.errors import SwathError
+from swath.core.graph import EndOfRun, Node
+from swath.core.random import Stream
+from swath.core.schedule import NS
+from swath.core.signal import Signal
+from swath.core.stopping import raise_if_lost
+from swath.core.together import Samples, StepsTogether, Together
+from swath.record.digest import Columns
+from swath.runtime.job import Running
+from swath.runtime.loop import REPORT_EVERY
+from swath.runtime.world import World
+from swath.signals import MachineState
+
+Wire = tuple[str, str]
+Each = list[Signal]  # a sample for each world
+Sent = Samples | Each
+Ended = dict[str, Any] | SwathError  # a world's summary, or why there is none
+
+
+class _Slot:
+    """A slot of all worlds. parts: of each; all: those that step at once, None = world by world"""
+
+    def __init__(self, nodes: Sequence[Node]) -> None:
+        first = nodes[0]
+        self.nodes, self.name, self.slot = nodes, first.slot.name, first.slot
+        self.parts = [node.component for node in nodes]
+        self.ports: dict[str, Port] = {port.name: port for port in self.parts[0].inputs}
+        self.wires: dict[str, Wire | None] = {name: first.wires.get(name) for name in self.ports}
+        self.queues: dict[str, list[Sent]] = {
+            name: [] for name, port in self.ports.items() if port.history and self.wires[name] is not None
+        }
+        self.all: Together | None = None
+        kinds = {type(part) for part in self.parts}
+        if len(kinds) == 1 and not any(node.fault for node in nodes) and not self.slot.latch:
+            kind = kinds.pop()
+            self.all = kind.together(self.parts) if isinstance(kind, StepsTogether) else None
+
+
+class Worlds:
+    """Worlds whose schedules and wires are alike; drives them to their ends.
+
+    active: whether a world still runs; seconds: CPU time of each slot, of all worlds
+    """
+
+    def __init__(self, worlds: Sequence[World]) -> None:
+        self.worlds = worlds
+        graphs = [world.graph for world in worlds]
+        self.plan = graphs[0].plan
+        self.slots = [_Slot(nodes) for nodes in zip(*(graph.nodes for graph in graphs), strict=True)]
+        self.active = [True] * len(worlds)
+        self.runs = [Running(world, None, None, (), ()) for world in worlds]
+        self.seconds: dict[str, float] = {}
+        self._latest: dict[Wire, Sent] = {}
+        self._before: dict[Wire, Sent] = {}
+        self._queues: dict[Wire, list[list[Sent]]] = {}
+        self._latches = any(slot.slot.latch for slot in self.slots)
+        for slot in self.slots:
+            for name, queue in slot.queues.items():
+                wire = slot.wires[name]
+                if wire is not None:
+                    self._queues.setdefault(wire, []).append(queue)
+        self._columns: dict[Wire, Columns] = {}
+        self._shown: dict[tuple[str, tuple[type[Signal], ...]], bool] = {}
+        self._errors: dict[int, SwathError] = {}
+        self._ended = [""] * len(worlds)
+        self._end_t = [0] * len(worlds)
+
+    def drive(self) -> Iterator[tuple[int, Ended]]:
+        """Drive all of them; gives number and summary, or error, of each as it ends."""
+        started = time.perf_counter()
+        self._reset()
+        ends = [round(world.scenario.run.max_duration_s * NS) for world in self.worlds]
+        yield from self._finished(
+            [i for i, end in enumerate(ends) if end <= 0 or self._has_arrived(i)], started
+        )
+        for t, due in self.plan.walk(0, max(ends)):
+            over = [i for i, end in enumerate(ends) if self.active[i] and t > end]
+            for world in over:
+                self._end_t[world] = ends[world]
+            yield from self._finished(over, started)
+            yield from self._finished(self._stopped(t), started)
+            if not any(self.active):
+                return
+            if self._latches:
+                self._before = {wire: _kept(sent) for wire, sent in self._latest.items()}
+            for index in due:
+                self._step(self.slots[index], t)
+                yield from self._failed()
+            for world, is_active in enumerate(self.active):
+                if is_active:
+                    self._end_t[world] = t
+            raise_if_lost()
+            yield from self._finished([i for i in self._running() if self._has_arrived(i)], started)
+        for world in self._running():
+            self._end_t[world] = ends[world]
+        yield from self._finished(self._running(), started)
+
+    def _running(self) -> list[int]:
+        return [i for i, is_active in enumerate(self.active) if is_active]
+
+    def _reset(self) -> None:
+        for world in self.worlds:
+            world.reset_field()
+        for slot in self.slots:
+            streams = [Stream(world.graph.seed, slot.name) for world in self.worlds]
+            outputs: Mapping[str, Sent]
+            if slot.all is not None:
+                outputs = slot.all.reset(streams)
+            else:
+                each = []
+                for node, stream in zip(slot.nodes, streams, strict=True):
+                    made = node.component.reset(stream)
+                    if node.fault is not None:
+                        node.fault.reset(stream)
+                        made = node.fault.pass_on(0, made)
+                    each.append(made)
+                outputs = _turned(each)
+            self._send(slot, 0, outputs)
+        self._before = dict(self._latest)
+
+    def _step(self, slot: _Slot, t: int) -> None:
+        period = slot.slot.period
+        started = time.perf_counter()
+        outputs: Mapping[str, Sent]
+        if slot.all is not None:
+            outputs = slot.all.step(t - period, period, self._inputs(slot))
+            if slot.all.errors:
+                self._errors |= slot.all.errors
+                slot.all.errors.clear()
+        else:
+            inputs = self._inputs_each(slot)
+            each: list[Any] = []
+            for world, node in enumerate(slot.nodes):
+                made = None
+                if self.active[world]:
+                    try:
+                        made = node.component.step(t - period, period, inputs[world])
+                        if node.fault is not None:
+                            made = node.fault.pass_on(t, made)
+                    except Exception as error:  # a user's own part may raise anything
+                        self._errors[world] = as_ours(error)
+                each.append(made)
+            outputs = _turned(each, self._latest, slot.name)
+        seconds = time.perf_counter() - started
+        self.seconds[slot.name] = self.seconds.get(slot.name, 0.0) + seconds
+        for node in slot.nodes:
+            node.cost_s += seconds / len(self.worlds)
+            node.step_count += 1
+        self._send(slot, t, outputs)
+
+    def _inputs(self, slot: _Slot) -> dict[str, Any]:
+        """For parts that step at once."""
+        found: dict[str, Any] = {}
+        for name, wire in slot.wires.items():
+            if name in slot.queues:
+                found[name] = tuple(_together(sent) for sent in slot.queues[name])
+                slot.queues[name].clear()
+            else:
+                sent = self._latest.get(wire) if wire is not None else None
+                found[name] = None if sent is None else _together(sent)
+        return found
+
+    def _inputs_each(self, slot: _Slot) -> list[dict[str, Any]]:
+        """For parts that are stepped world by world."""
+        found: list[dict[str, Any]] = [{} for _ in self.worlds]
+        latest = self._before if slot.slot.latch else self._latest
+        for name, wire in slot.wires.items():
+            if name in slot.queues:
+                queue = [_each(sent) for sent in slot.queues[name]]
+                slot.queues[name].clear()
+                for world, inputs in enumerate(found):
+                    inputs[name] = tuple(sent[world] for sent in queue)
+            else:
+                sent = latest.get(wire) if wire is not None else None
+                each = [None] * len(found) if sent is None else _each(sent)
+                for inputs, sample in zip(found, each, strict=True):
+                    inputs[name] = sample
+        return found
+
+    def _send(self, slot: _Slot, t: int, outputs: Mapping[str, Sent]) -> None:
+        """Publish what a slot gave in every world, and show it to digest and evaluation."""
+        for output, sent in outputs.items():
+            wire = slot.name, output
+            self._latest[wire] = sent
+            for queue in self._queues.get(wire, ()):
+                queue.append(_kept(sent))
+        running = self._running()
+        self._digest(slot.name, t, outputs, running)
+        kinds = tuple(_kind(sent) for sent in outputs.values())
+        if (slot.name, kinds) not in self._shown:  # to all, or asked each time
+            self._shown[slot.name, kinds] = all(self._is_always_shown(w, slot.name, kinds) for w in running)
+        wanted: Sequence[int] = running
+        if not self._shown[slot.name, kinds]:
+            wanted = [w for w in running if self.runs[w].evaluation.wants(slot.name, t, kinds)]
+            if not wanted:
+                return
+        each = {output: _each(sent) for output, sent in outputs.items()}
+        for world in wanted:
+            own = {output: samples[world] for output, samples in each.items()}
+            if (watch := self.worlds[world].graph.watches.get(slot.name)) is not None:
+                watch(slot.name, t, own)
+            run = self.runs[world]
+            run.evaluation(slot.name, t, own)
+            if run.has_tracks:
+                run.recorder(slot.name, t, own)
+
+    def _is_always_shown(self, index: int, slot: str, kinds: tuple[type[Signal], ...]) -> bool:
+        """Whether somebody beside the digest looks at all samples of a slot in a world."""
+        world, run = self.worlds[index], self.runs[index]
+        is_watched = slot in world.graph.watches and not world.bodies.is_alone
+        return is_watched or run.has_tracks or run.evaluation.wants(slot, -1, kinds)
+
+    def _digest(self, slot: str, t: int, outputs: Mapping[str, Sent], running: Sequence[int]) -> None:
+        for output, sent in outputs.items():
+            if isinstance(sent, Samples):
+                columns = self._columns.get((slot, output))
+                if columns is None:
+                    columns = self._columns[slot, output] = Columns(slot, output, sent)
+                rows = columns.bytes_of(t, sent)
+                for world in running:
+                    self.runs[world].digest.add(rows[world].data)
+            else:
+                for world in running:
+                    self.runs[world].digest(slot, t, {output: sent[world]})
+
+    def _stopped(self, t: int) -> list[int]:
+        """Worlds that a part or an evaluator ends before the tick at t [ns]."""
+        found = []
+        for world in self._running():
+            try:
+                self.worlds[world].end_with_parts(t)
+                if reason := self.runs[world].evaluation.end_reason(t):
+                    raise EndOfRun(reason)
+            except EndOfRun as end:
+                self._ended[world] = str(end)
+                self._end_t[world] = max(self._end_t[world], (t - 1) // REPORT_EVERY * REPORT_EVERY)
+                found.append(world)
+        return found
+
+    def _has_arrived(self, world: int) -> bool:
+        distance = self.worlds[world].scenario.run.distance_m
+        for slot in self.worlds[world].driving:
+            sent = self._latest.get((slot, "state"))
+            if isinstance(sent, Samples):
+                if sent.kind is MachineState and sent.arrays["distance"][world] >= distance:
+                    return True
+            elif sent is not None:
+                state = sent[world]
+                if isinstance(state, MachineState) and state.distance >= distance:
+                    return True
+        return distance <= 0.0
+
+    def _finished(self, ending: Sequence[int], started: float) -> Iterator[tuple[int, Ended]]:
+        """End worlds as a run of its own ends."""
+        for index in ending:
+            self.active[index] = False
+            try:
+                found: Ended = self._finish(index, time.perf_counter() - started)
+            except Exception as error:
+                found = as_ours(error)
+            yield index, found
+
+    def _failed(self) -> Iterator[tuple[int, Ended]]:
+        """Worlds that cannot go on."""
+        for index, error in list(self._errors.items()):
+            if self.active[index]:
+                self.active[index] = False
+                self.worlds[index].close()
+                self.worlds[index].graph.let_go()
+                yield index, error
+        self._errors.clear()
+
+    def _finish(self, index: int, wall_s: float) -> dict[str, Any]:
+        world, run = self.worlds[index], self.runs[index]
+        graph = world.graph
+        graph.t, graph.ended = self._end_t[index], self._ended[index]
+        for (name, output), sent in self._latest.items():
+            graph.put(name, output, _of(sent, index))
+        for node, slot in zip(graph.nodes, self.slots, strict=True):
+            if slot.all is not None and isinstance(node.component, StepsAnyLength):
+                node.component.reset(Stream(graph.seed, slot.name))
+                node.component.load(slot.all.save(index))
+        graph.observers = [*run.observers]
+        graph.finish_from(
+            {
+                (slot.name, port): [_of(sent, index) for sent in q]
+                for slot in self.slots
+                for port, q in slot.queues.items()
+            }
+        )
+        world.close()
+        summary = run.finish(wall_s, incomplete=False)
+        graph.let_go()
+        return summary
+
+
+def as_ours(error: Exception) -> SwathError:
+    """An error of a world, whatever it is."""
+    return error if isinstance(error, SwathError) else SwathError(f"{type(error).__name__}: {error}")
+
+
+def _of(sent: Sent, world: int) -> Signal:
+    return sent.of(world) if isinstance(sent, Samples) else sent[world]
+
+
+def _kept(sent: Sent) -> Sent:
+    return sent.copy() if isinstance(sent, Samples) else sent
+
+
+def _together(sent: Sent) -> Samples:
+    return sent if isinstance(sent, Samples) else Samples.joined(sent)
+
+
+def _each(sent: Sent) -> Each:
+    return sent.each() if isinstance(sent, Samples) else sent
+
+
+def _kind(sent: Sent) -> type[Signal]:
+    return sent.kind if isinstance(sent, Samples) else type(sent[0])
+
+
+def _turned(
+    each: Sequence[Mapping[str, Signal] | None], latest: Mapping[Wire, Sent] | None = None, slot: str = ""
+) -> dict[str, Sent]:
+    """Outputs of each world as samples by output; of a world that has ended its last one stays."""
+    first = next((made for made in each if made is not None), None)
+    if first is None:
+        return {}
+    found: dict[str, Sent] = {}
+    for output in first:
+        own: Each = []
+        for world, made in enumerate(each):
+            if made is not None:
+                own.append(made[output])
+            else:
+                sent = (latest or {})[slot, output]
+                own.append(sent.of(world) if isinstance(sent, Samples) else sent[world])
+        found[output] = own
+    return found
+
+
+def drive_together(worlds: Sequence[World]) -> Iterator[tuple[int, Ended]]:
+    """Drive worlds, those in step whose slots, rates and wires are alike; gives what each comes to by its
+    number, as it ends.
+    """
+    groups: dict[Any, list[int]] = {}
+    for number, world in enumerate(worlds):
+        about = [(node.slot, tuple(sorted(node.wires.items()))) for node in world.graph.nodes]
+        groups.setdefault(tuple(about), []).append(number)
+    for group in groups.values():
+        for place, found in Worlds([worlds[number] for number in group]).drive():
+            yield group[place], found

@@ -1,0 +1,223 @@
+"""Worlds in step come to what runs of their own come to, byte for byte, whatever goes beside them."""
+
+import json
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+import swath
+from swath.core.errors import InputError, SwathError
+from swath.core.frames import Pose
+from swath.core.together import Samples
+from swath.record.digest import Columns, Digest, sample_bytes
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
+from swath.signals import CropEdge, CropFlow, MachineState, Scan, SteerCommand
+
+CLOCK = ("wall_s", "real_time_factor", "cost", "expect")
+SHORT = {
+    "run.distance_m": 1.0,
+    "combine.motion.start_speed_kmh": 7,
+    "combine.lidar.sector_deg": [-30, 30],
+    "combine.edge": "otsu",
+}
+PROFILE = {**SHORT, "combine.lidar.level": "profile", "combine.header.level": "profile"}
+KERNELS = {**PROFILE, "combine.motion.level": "kinematic"}
+VARY = {"combine.motion.start_speed_kmh": (4.0, 9.0), "run.distance_m": [1.0, 0.4]}
+
+
+def judged(summary):
+    """A summary without what the clock on the wall says."""
+    return json.dumps({k: v for k, v in summary.items() if k not in CLOCK}, sort_keys=True)
+
+
+@pytest.fixture(scope="module")
+def in_step():
+    """Four worlds, half of which end earlier."""
+    return list(swath.worlds("straight", n=4, vary=VARY, sets=KERNELS, seed=3))
+
+
+def test_each_is_what_it_is_alone(in_step):
+    assert len({run.summary["digest"] for run in in_step}) == 4
+    assert [run.summary["seed"] for run in in_step] == [3, 4, 5, 6]
+    for run in in_step:
+        (alone,) = swath.batch([run.entry])
+        assert judged(run.summary) == judged(alone.summary)
+
+
+@pytest.mark.parametrize(("together", "processes"), [(1, 1), (3, 1), (2, 2)])
+def test_company_and_processes_change_nothing(in_step, together, processes):
+    again = swath.worlds(
+        "straight", n=4, vary=VARY, sets=KERNELS, seed=3, together=together, processes=processes
+    )
+    assert [judged(run.summary) for run in again] == [judged(run.summary) for run in in_step]
+
+
+@pytest.mark.parametrize(
+    "sets",
+    [
+        {**SHORT, "combine.lidar.level": "empirical"},
+        PROFILE,
+        {**KERNELS, "combine.edge": "truth", "combine.steering": "ideal", "combine.odometry": "ideal"},
+        {**KERNELS, "run.max_duration_s": 0.33},
+    ],
+    ids=["nothing together", "single track", "others world by world", "ends by its duration"],
+)
+def test_parts_without_a_kernel_go_world_by_world(sets):
+    for run in swath.worlds("straight", n=2, sets={**sets, "run.distance_m": 0.5}):
+        (alone,) = swath.batch([run.entry])
+        assert judged(run.summary) == judged(alone.summary)
+
+
+def test_a_world_that_fails_leaves_the_others():
+    speeds = {"combine.speed.speed_kmh": [7.0, 900.0, 6.0]}
+    good, bad, other = swath.worlds("straight", n=3, vary=speeds, sets={**KERNELS, "run.distance_m": 0.3})
+    assert good.exit_code == other.exit_code == 0 or good.summary["digest"] != other.summary["digest"]
+    assert isinstance(bad.error, InputError)
+    assert "speed_kmh" in str(bad.error)
+
+
+class Crashes:
+    """A detector that fails in one world."""
+
+    inputs: ClassVar = ()
+    outputs: ClassVar = ()
+
+    def __init__(self, params, setup):
+        from swath.core.component import Port
+
+        self.outputs = (Port("edge", CropEdge),)
+
+    def reset(self, stream):
+        self._fails = stream.seed == 2
+        return {"edge": CropEdge(0, 0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0)}
+
+    def step(self, t, dt, inputs):
+        if self._fails:
+            raise ValueError("a mistake in it")
+        return {"edge": CropEdge(t + dt, 0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0)}
+
+    def save(self):
+        return {}
+
+    def load(self, state):
+        pass
+
+
+def test_a_part_that_crashes_ends_its_world_alone():
+    sets = {**KERNELS, "combine.edge": Crashes, "run.distance_m": 0.3}
+    first, second, third = swath.worlds("straight", n=3, sets=sets, seed=1)
+    assert "a mistake in it" in str(second.error)
+    assert first.summary["digest"] != third.summary["digest"]
+
+
+class Batched(Crashes):
+    """The same for all worlds at once."""
+
+    steps = 0
+
+    @classmethod
+    def together(cls, parts):
+        return BatchedParts(len(parts))
+
+
+class BatchedParts:
+    def __init__(self, count):
+        self.count, self.errors = count, {}
+
+    def reset(self, streams):
+        return self._edges(0, np.zeros(self.count))
+
+    def step(self, t, dt, inputs):
+        Batched.steps += 1
+        return self._edges(t + dt, 0.001 * np.arange(self.count))
+
+    def save(self, world):
+        return {}
+
+    def load(self, world, state):
+        pass
+
+    def _edges(self, t, offset):
+        zero, some = np.zeros(self.count), np.full(self.count, 8.0)
+        names = ("heading", "curvature", "confidence", "crop_height", "stubble_height")
+        arrays = {"offset": offset, "reference_x": some, **dict.fromkeys(names, zero)}
+        return {"edge": Samples(CropEdge, t, arrays)}
+
+
+def test_a_users_part_takes_all_worlds_at_once():
+    Batched.steps = 0
+    sets = {**KERNELS, "combine.edge": Batched, "run.distance_m": 0.3}
+    runs = list(swath.worlds("straight", n=3, sets=sets))
+    assert 0 < Batched.steps <= 25 * max(run.summary["simulated_s"] for run in runs) + 1
+
+
+@pytest.mark.parametrize(
+    ("more", "key"),
+    [
+        ({"n": 0}, "n"),
+        ({"n": 1, "together": 0}, "together"),
+        ({"n": 1, "vary": {"combine.speed.speed_kmh": (1,)}}, "vary.combine.speed.speed_kmh"),
+        ({"n": 1, "vary": {"combine.speed.speed_kmh": []}}, "vary.combine.speed.speed_kmh"),
+    ],
+)
+def test_wrong_input(more, key):
+    with pytest.raises(SwathError, match=key.replace(".", r"\.")):
+        list(swath.worlds("straight", **more))
+
+
+def drawn_signals(rng, worlds):
+    """Samples of several kinds in some worlds, with nan among them."""
+
+    def number():
+        return float(rng.choice([rng.normal(), np.nan, 0.0]))
+
+    azimuth = rng.normal(size=5)
+    return [
+        [
+            MachineState(
+                7, Pose.from_euler(rng.normal(size=3), *rng.normal(size=3)), *(number() for _ in range(5))
+            )
+            for _ in range(worlds)
+        ],
+        [SteerCommand(7, number(), bool(rng.integers(2))) for _ in range(worlds)],
+        [CropFlow(7, number(), 1.0, 2.0, int(rng.integers(9)), number(), 0.1) for _ in range(worlds)],
+        [
+            Scan(7, azimuth, azimuth, azimuth, *rng.normal(size=(2, 5, 1)).astype(np.float32))
+            for _ in range(worlds)
+        ],
+    ]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_digest_takes_in_the_same_bytes(seed):
+    rng = np.random.default_rng(seed)
+    for signals in drawn_signals(rng, 3):
+        samples = Samples.joined(signals)
+        rows = Columns("combine.x", "out", samples).bytes_of(9, samples)
+        for row, signal in zip(rows, signals, strict=True):
+            assert row.tobytes() == sample_bytes("combine.x", "out", 9, signal)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_samples_are_what_they_were_made_of(seed):
+    for signals in drawn_signals(np.random.default_rng(seed), 3):
+        samples = Samples.joined(signals)
+        for world, signal in enumerate(signals):
+            assert sample_bytes("a", "b", 7, samples.of(world)) == sample_bytes("a", "b", 7, signal)
+
+
+def test_a_saved_run_goes_on_as_if_nothing_had_happened():
+    def world():
+        return assemble(swath.load_scenario("straight", sets=KERNELS, seed=5))
+
+    whole, parted, again = Digest(), Digest(), Digest()
+    drive(world(), [whole])
+    first = world()
+    drive(first, [parted], until_s=0.25)
+    second = world()
+    second.load(first.save())
+    again.load(parted.save())
+    drive(second, [again], resume=True)
+    assert again.hex == whole.hex
