@@ -112,7 +112,7 @@ def _combine(name: str, s: CombineSettings, base: Path | None) -> Combine:
         raise InputError(f"combines.{name}.machine", s.machine, "expected a grain tank and an auger")
     drive = Drive(
         s.turn_radius_m, s.turn_speed_kmh * KMH, max(s.transport_speed_kmh, s.turn_speed_kmh) * KMH,
-        PARAMS.backwards_m_s, dynamics_of(sheet).accel, PARAMS.shift_s,
+        PARAMS.backwards_m_s, dynamics_of(sheet).accel, PARAMS.shift_s, _steering(sheet),
     )  # fmt: skip
     pipe = sheet.pipe
     return Combine(
@@ -121,6 +121,11 @@ def _combine(name: str, s: CombineSettings, base: Path | None) -> Combine:
         swing=pipe.swing / pipe.rate, pipe_x=pipe.x, pipe_y=pipe.y + pipe.length + _thrown(pipe),
         call=s.call_percent / 100.0 * train.tank,
     )  # fmt: skip
+
+
+def _steering(sheet: MachineSheet) -> float:
+    """How fast the curvature of a machine's way changes, going straight: less than in any bend [1/(m s)]."""
+    return dynamics_of(sheet).steer_rate / abs(sheet.wheelbase)
 
 
 def _thrown(pipe: Pipe) -> float:
@@ -138,7 +143,9 @@ def _cart(name: str, s: CartSettings, base: Path | None, density: float) -> Cart
     load = s.fill_percent / 100.0 * most
     speed = s.speed_kmh * KMH
     bend = min(speed, math.sqrt(PARAMS.sideways_m_s2 * s.turn_radius_m))
-    drive = Drive(s.turn_radius_m, bend, speed, 0.0, dynamics_of(sheet).accel, PARAMS.shift_s)
+    drive = Drive(
+        s.turn_radius_m, bend, speed, 0.0, dynamics_of(sheet).accel, PARAMS.shift_s, _steering(sheet)
+    )
     return Cart(
         name, sheet, body_of(sheet), drive, load, min(s.leave_percent / 100.0, 1.0) * load,
         s.unload_l_s / 1000.0 * density, sheet.hitch.x - sheet.hitch.drawbar + sheet.box.x,

@@ -9,7 +9,7 @@ one makes room.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path as FilePath
 from typing import Any
@@ -80,18 +80,22 @@ class CartState:
 
 @dataclass(frozen=True)
 class Poured:
-    """Grain handed over. source, target: machines; amount [kg]; begins, ends [s]"""
+    """Grain handed over. source, target: machines; amount [kg]; begins, ends [s]; during: first and last
+    segment of the source in which it is
+    """
 
     source: str
     target: str
     amount: float
     begins: float
     ends: float
+    during: tuple[int, int] = (-1, -1)
 
 
 @dataclass
 class Schedule:
-    """table: what was granted; poured: grain handed over; cut: kg, m2 of each pass; ends: when all grain is
+    """table: what was granted; poured: grain handed over; cut: machine, kg, m2 of each pass; grain: of each
+    segment that is cut [kg]; dock: until who empties is beside the truck and gone [s]; ends: when all grain is
     at the truck [s]; left: crop that no pass took [m2]; plan, machines, ground: of the job
     """
 
@@ -101,6 +105,8 @@ class Schedule:
     table: Table = field(default_factory=Table)
     poured: list[Poured] = field(default_factory=list)
     cut: list[tuple[str, float, float]] = field(default_factory=list)
+    grain: dict[int, float] = field(default_factory=dict)
+    dock: float = 0.0
     ends: float = 0.0
     notes: list[str] = field(default_factory=list)
 
@@ -141,7 +147,7 @@ class _Scheduler:
         ground = Ground(job, body_of(machines.truck))
         plan = plan_of(ground, machines.combines, job.plan)
         self.job, self.dispatcher, self.ground, self.machines = job, dispatcher, ground, machines
-        self.schedule = Schedule(plan, machines, ground)
+        self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s)
         self.table = self.schedule.table
         self.finder = Finder(ground.west, ground.south, CELL, ground.edge)
         self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T
@@ -431,6 +437,8 @@ class _Scheduler:
         areas = self.ground.cut(leg.strips, into[1:])
         c.tank += float((areas * self.density).sum())
         self.schedule.cut.append((c.spec.name, float((areas * self.density).sum()), float(areas.sum())))
+        masses = (areas * self.density).tolist()
+        self.schedule.grain.update(zip(numbers[leg.first :], masses, strict=True))
         c.place, c.time = leg.path.track.end, float(into[-1])
         self._take_off(leg.task, rest)
         return numbers
@@ -503,9 +511,10 @@ class _Scheduler:
             numbers = self.table.commit(k.spec.name, cart_path, cart_times)
             lane_at = len(to) + meet - first
             self.table.together += [(own[at + i], numbers[lane_at + i]) for i in range(len(amounts))]
-            poured = Poured(c.spec.name, k.spec.name, given, into[at], into[at + len(amounts)])
+            during = own[at], own[at + len(amounts) - 1]
+            poured = Poured(c.spec.name, k.spec.name, given, into[at], into[at + len(amounts)], during)
             self.hands_over(c, k, poured)
-            self.leaves(k, exits)
+            self.leaves(k, exits, numbers)
 
         return option, grant
 
@@ -515,14 +524,19 @@ class _Scheduler:
         c.tank -= poured.amount
         k.load += poured.amount
 
-    def leaves(self, k: CartState, exits: tuple[bool, float, list[Poured]]) -> None:
-        """What a cart did behind its load, until it was at its place again."""
+    def leaves(self, k: CartState, exits: tuple[bool, float, list[Poured]], numbers: Sequence[int]) -> None:
+        """What a cart did behind its load, until it was at its place again, in segments."""
         _, k.time, poured = exits
         for p in poured:
-            self.schedule.poured.append(p)
+            self.schedule.poured.append(self._during(p, numbers))
             k.load -= p.amount
             self.truck_free = max(self.truck_free, p.ends)
             self.take_truck(p.amount)
+
+    def _during(self, poured: Poured, numbers: Sequence[int]) -> Poured:
+        """Grain poured at the truck in one of some segments."""
+        at = next(n for n in numbers if self.table.segments[n].kind == "at truck")
+        return replace(poured, during=(at, at))
 
     def free_lane(
         self, c: CombineState, k: CartState, leg: _Leg, ahead: float, left: float
@@ -756,9 +770,9 @@ class _Scheduler:
         option = Option("truck", "", poured[0].begins, ends, c.tank, 0.0, 0.0, c.tank / c.spec.auger)
 
         def grant() -> None:
-            self.table.commit(c.spec.name, path, times)
+            numbers = self.table.commit(c.spec.name, path, times)
             for p in poured:
-                self.schedule.poured.append(p)
+                self.schedule.poured.append(self._during(p, numbers))
                 self.take_truck(p.amount)
             c.tank, c.place, c.time, self.truck_free = 0.0, path.track.end, ends, ends
 
@@ -797,9 +811,10 @@ class _Scheduler:
             path.spent[-2] = 0.0  # it waits for the cart alone
             numbers = self.table.commit(k.spec.name, cart_path, cart_times)
             self.table.together.append((own[-1], numbers[at]))
-            self.hands_over(c, k, Poured(c.spec.name, k.spec.name, amount, begin, ends))
+            during = own[-1], own[-1]
+            self.hands_over(c, k, Poured(c.spec.name, k.spec.name, amount, begin, ends, during))
             c.place, c.time = path.track.end, ends
-            self.leaves(k, exits)
+            self.leaves(k, exits, numbers)
 
         return option, grant
 
@@ -839,8 +854,7 @@ class _Scheduler:
         if found is None:
             return False
         path, times, exits = found
-        self.table.commit(k.spec.name, path, times)
-        self.leaves(k, exits)
+        self.leaves(k, exits, self.table.commit(k.spec.name, path, times))
         return True
 
     def goes_home(self, c: CombineState) -> bool:
