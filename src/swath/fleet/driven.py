@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.fleet.grants import Grants
+from swath.fleet.machines import PARAMS as MACHINES
 from swath.fleet.machines import Cart, Combine
 from swath.fleet.schedule import Poured, Schedule
 from swath.fleet.table import Segment, order_of
-from swath.fleet.ways import Track, joined, limits_along
+from swath.fleet.ways import Track, joined, limits_along, stops_along
 from swath.fleet.worked import IDLE, Span, Worked, merged, spans_in, state_of, waiting
 
 Array = NDArray[np.float64]
@@ -36,7 +37,7 @@ class Params:
     back_m: float = 2.0
     station_s: float = 2.0
     reach: float = 0.25
-    stuck_s: float = 7200.0
+    stuck_s: float = 600.0
 
 
 PARAMS = Params()
@@ -83,14 +84,16 @@ class _Mover:
         steps = keep[1:]
         track = Track(track.places[keep], track.distance[keep], track.ways[steps], track.bends[steps])
         self.ways, self.bends = track.ways.tolist(), track.bends.tolist()
-        self.turns = [
-            d for d, a, b in zip(self.distance[1:-1], self.ways[:-1], self.ways[1:], strict=True) if a != b
-        ]
+        self.stops = stops = stops_along(track, machine.drive) if len(track.distance) > 2 else {}
+        self.turns = [self.distance[i] for i in stops]
+        self.shifts = [machine.drive.shift * (self.ways[i] != self.ways[i - 1]) for i in stops]
         self.limits = self._limits(track)
         self.x, self.y, self.heading, self.trailer = self.places[0]
-        self.at = self.speed = self.bend = self.off = 0.0
+        self.at = self.speed = self.off = 0.0
         self.k, self.i, self.since, self.shift = 0, 0, 0.0, 0.0
         self.turn = 0
+        self.bend = self.bends[0] if self.bends else 0.0
+        self.steering = machine.drive.steering / MACHINES.steered
         body = machine.body
         self.pin = self.x + body.hitch * math.cos(self.heading), self.y + body.hitch * math.sin(self.heading)
         self.spans: list[Span] = []
@@ -137,15 +140,15 @@ class _Mover:
             self._roll(self.speed * STEP)
 
     def _turns_round(self) -> None:
-        """Between forwards and backwards it stands until it is shifted and steered."""
+        """Between forwards and backwards, or two bends, it stands until it is shifted and steered."""
         if self.turn >= len(self.turns) or self.turns[self.turn] - self.at > NEAR:
             return
         self.shift += STEP
         i = self._sample(self.turns[self.turn] + 1e-3)
         change = self.bends[i] - self.bend
-        most = self.machine.drive.steering * STEP
+        most = self.steering * STEP
         self.bend += max(-most, min(most, change))
-        if self.shift >= self.machine.drive.shift and abs(change) < 1e-6:
+        if self.shift >= self.shifts[self.turn] and abs(change) < 1e-6:
             self.at = self.turns[self.turn] + 1e-6
             self.turn, self.shift = self.turn + 1, 0.0
 
@@ -175,12 +178,13 @@ class _Mover:
         middle = 0.5 * (a[2] + heading)  # on the arc of the step
         x, y = a[0] + share * chord * math.cos(middle), a[1] + share * chord * math.sin(middle)
         c, s = math.cos(heading), math.sin(heading)
+        along = (self.x - x) * c + (self.y - y) * s
         aside = (self.y - y) * c - (self.x - x) * s
         turned = math.remainder(self.heading - heading, 2.0 * math.pi)
         ahead = self._bend(self.at + way)
         over = PARAMS.back_m
         wanted = ahead - aside / over**2 - 2.0 * forwards * turned / over
-        most = self.machine.drive.steering * STEP
+        most = self.steering * STEP
         change = max(-most, min(most, wanted - self.bend))
         bend = self.bend + 0.5 * change
         self.bend += change
@@ -190,7 +194,7 @@ class _Mover:
         self.x += arc * math.cos(half)
         self.y += arc * math.sin(half)
         self.heading += turn
-        self.at += way * math.cos(turned) / max(1.0 - aside * ahead, 0.5)
+        self.at += way * math.cos(turned) / max(1.0 - aside * ahead, 0.5) + forwards * along
         self.off = max(self.off, abs(aside))
         self._tow()
 
@@ -200,7 +204,7 @@ class _Mover:
         d = self.distance
         middle = 0.5 * (d[i] + d[i + 1])
         j = i - 1 if at < middle else i + 1
-        if j < 0 or j > len(self.bends) - 1 or self.ways[i] != self.ways[j]:
+        if j < 0 or j > len(self.bends) - 1 or max(i, j) in self.stops:
             return self.bends[i]  # type: ignore[no-any-return]
         share = (at - middle) / (0.5 * (d[j] + d[j + 1]) - middle)
         return self.bends[i] + min(max(share, 0.0), 1.0) * (self.bends[j] - self.bends[i])  # type: ignore[no-any-return]

@@ -20,7 +20,8 @@ class Params:
     acceleration that drivers of carts keep in bends, 0.8 in job reports, an estimate; drop_m: of grain below
     the pipe's mouth where it meets the heap, an estimate; beside_m: least gap between the strip of a header
     and a cart beside it, twice what a machine steers off and the search's gap; off_m: most that the stream's
-    impact may be off the middle of the box, of which a heap loses 15 % (COOPERATION: 83 to 86 % of a box)
+    impact may be off the middle of the box, of which a heap loses 15 % (COOPERATION: 83 to 86 % of a box);
+    steered: of the steering's rate that ways take, the rest is for what a machine is off its way
     """
 
     repose_deg: float = 25.0
@@ -30,6 +31,7 @@ class Params:
     drop_m: float = 1.0
     beside_m: float = 0.4
     off_m: float = 0.5
+    steered: float = 0.75
 
 
 PARAMS = Params()
@@ -125,7 +127,7 @@ def _combine(name: str, s: CombineSettings, base: Path | None) -> Combine:
 
 def _steering(sheet: MachineSheet) -> float:
     """How fast the curvature of a machine's way changes, going straight: less than in any bend [1/(m s)]."""
-    return dynamics_of(sheet).steer_rate / abs(sheet.wheelbase)
+    return PARAMS.steered * dynamics_of(sheet).steer_rate / abs(sheet.wheelbase)
 
 
 def _thrown(pipe: Pipe) -> float:

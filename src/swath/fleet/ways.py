@@ -198,43 +198,53 @@ def joined(tracks: list[Track]) -> Track:
     )  # fmt: skip
 
 
+def stops_along(track: Track, drive: Drive) -> dict[int, float]:
+    """Samples of a track at which a machine stands, and how long [s]: until it is shifted from forwards to
+    backwards, or steered where a bend changes faster than it is steered on the way.
+    """
+    over = 0.5 * (np.diff(track.distance)[1:] + np.diff(track.distance)[:-1])
+    change = np.abs(np.diff(track.bends))
+    turned = np.diff(track.ways) != 0.0
+    steers = change / drive.steering
+    at = np.flatnonzero(turned | (change * CREEP > drive.steering * over))
+    spent = np.where(turned, np.maximum(drive.shift, steers), steers)
+    return {int(i) + 1: float(spent[i]) for i in at}
+
+
 def limits_along(track: Track, drive: Drive, top: float | None = None) -> Array:
-    """Highest speed at each sample of a track driven from and to a stop [m/s], (n,): in bends that of the
-    drive's tightest turn at its acceleration to the side, where a bend changes that of the steering, on
-    reversing its own; 0 where it turns from forwards to backwards. Not by how it speeds up.
+    """Highest speed at each sample of a track [m/s], (n,): in bends that of the drive's tightest turn at its
+    acceleration to the side, where a bend changes that of the steering, on reversing its own; 0 at the ends
+    and where it stands. Not by how it speeds up.
     """
     fast = drive.straight if top is None else top
     bend = np.abs(track.bends) * drive.radius
     limit = np.minimum(drive.straight, drive.turning / np.sqrt(np.maximum(bend, 1e-9)))
     limit = np.minimum(np.where(track.ways < 0.0, drive.backwards or drive.turning, limit), fast)
     speed = np.minimum(np.concatenate([[0.0], limit]), np.concatenate([limit, [0.0]]))
-    changed = np.abs(np.diff(track.bends))
     over = 0.5 * (np.diff(track.distance)[1:] + np.diff(track.distance)[:-1])
-    steered = drive.steering * over / np.maximum(changed, 1e-9)
-    speed[1:-1] = np.minimum(speed[1:-1], np.maximum(steered, CREEP))
-    speed[1:-1][np.diff(track.ways) != 0.0] = 0.0
+    changed = np.maximum(np.abs(np.diff(track.bends)), 1e-9)
+    speed[1:-1] = np.minimum(speed[1:-1], np.maximum(drive.steering * over / changed, CREEP))
+    speed[list(stops_along(track, drive))] = 0.0
     return speed
 
 
 def times_along(track: Track, drive: Drive, top: float | None = None) -> Array:
     """Time [s] at each sample of a track driven from and to a stop, (n,).
 
-    top: fastest [m/s], the drive's own by default. Speeds change by the drive's acceleration; between forwards
-    and backwards it stands for the drive's shift, or until it is steered, as at both ends.
+    top: fastest [m/s], the drive's own by default. Speeds change by the drive's acceleration; where it stands,
+    and at both ends, it is steered.
     """
     step = np.diff(track.distance)
-    square = limits_along(track, drive, top) ** 2
     gain = 2.0 * drive.accel * step
-    now = square.tolist()
+    now = (limits_along(track, drive, top) ** 2).tolist()
     for i, g in enumerate(gain.tolist()):
         now[i + 1] = min(now[i + 1], now[i] + g)
     for i in range(len(now) - 2, -1, -1):
         now[i] = min(now[i], now[i + 1] + gain[i])
     speed = np.sqrt(np.array(now))
     spent = step / np.maximum(0.5 * (speed[:-1] + speed[1:]), 0.05)
-    turned = np.flatnonzero(np.diff(track.ways) != 0.0) + 1
-    steers = np.abs(np.diff(track.bends))[turned - 1] / drive.steering
-    spent[turned] += np.maximum(drive.shift, steers)
+    for i, time in stops_along(track, drive).items():
+        spent[i] += time
     spent[0] += abs(track.bends[0]) / drive.steering
     spent[-1] += abs(track.bends[-1]) / drive.steering
     return np.concatenate([[0.0], np.cumsum(spent)])
