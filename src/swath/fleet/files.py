@@ -54,7 +54,8 @@ class PlanSettings:
 class CombineSettings:
     """machine: its data sheet; header_width_m: another header on it; speed_kmh: fastest in the crop;
     grain_kg_s: most that it threshes (default: the data sheet's nominal flow); turn_speed_kmh, turn_radius_m:
-    in turns; transport_speed_kmh: on straights of ways; call_percent: of the tank, from which a cart may come
+    in turns; transport_speed_kmh: on straights of ways; call_percent: of the tank, from which a cart may come;
+    tank_start_percent: in it at the start
     """
 
     machine: str = "lexion-700"
@@ -65,6 +66,7 @@ class CombineSettings:
     turn_radius_m: Annotated[float, Gt(3), Le(50)] = 6.4
     transport_speed_kmh: Annotated[float, Gt(0), Le(40)] = 12.0
     call_percent: Annotated[float, Ge(0), Le(100)] = 40.0
+    tank_start_percent: Annotated[float, Ge(0), Le(100)] = 0.0
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,8 @@ PARAMS = Params()
 class Combine:
     """width, knife: of the header and ahead of the fixed axle [m]; speed: in the crop [m/s]; flow: most grain
     [kg/s]; tank [kg]; auger [kg/s]; swing: until the pipe is out [s]; pipe_x: of its mouth ahead of the axle;
-    pipe_y: where the stream lands, leftward [m]; call: level of the tank from which a cart may come [kg]
+    pipe_y: where the stream lands, leftward [m]; call: level of the tank from which a cart may come; start: at
+    the start [kg]
     """
 
     name: str
@@ -58,6 +59,7 @@ class Combine:
     pipe_x: float
     pipe_y: float
     call: float
+    start: float = 0.0
 
     def speed_in(self, grain: float) -> float:
         """Speed [m/s] in a crop with so much grain per metre of pass [kg/m]."""
@@ -121,7 +123,7 @@ def _combine(name: str, s: CombineSettings, base: Path | None) -> Combine:
         name, sheet, body_of(sheet), drive, sheet.header_width, sheet.knife_x, s.speed_kmh * KMH,
         flow=s.grain_kg_s or train.transport.grain_feed, tank=train.tank, auger=train.unloading,
         swing=pipe.swing / pipe.rate, pipe_x=pipe.x, pipe_y=pipe.y + pipe.length + _thrown(pipe),
-        call=s.call_percent / 100.0 * train.tank,
+        call=s.call_percent / 100.0 * train.tank, start=s.tank_start_percent / 100.0 * train.tank,
     )  # fmt: skip
 
 

@@ -47,6 +47,8 @@ class Params:
     align_s: float = 10.0
     tries: int = 4
     places: int = 8
+    join: int = 4
+    joins: int = 2
     early_s: float = 2.0
     soon_s: float = 30.0
     out_percent: float = 0.5
@@ -112,8 +114,8 @@ class Schedule:
 
     @property
     def harvested(self) -> float:
-        """Grain cut [kg]."""
-        return math.fsum(kg for _, kg, _ in self.cut)
+        """Grain cut, and in tanks at the start [kg]."""
+        return math.fsum([*(kg for _, kg, _ in self.cut), *(c.start for c in self.machines.combines)])
 
     @property
     def delivered(self) -> float:
@@ -156,7 +158,9 @@ class _Scheduler:
             self.truck_room = job.truck.volume_m3 * machines.density
         homes = waiting_places(ground, self.finder, self.waits())
         own = {i: [p for p in plan.passes if p.combine == i] for i in range(len(machines.combines))}
-        self.combines = [CombineState(c, homes[i], homes[i], own[i]) for i, c in enumerate(machines.combines)]
+        self.combines = [
+            CombineState(c, homes[i], homes[i], own[i], tank=c.start) for i, c in enumerate(machines.combines)
+        ]
         self.carts = [CartState(k, homes[len(self.combines) + i]) for i, k in enumerate(machines.carts)]
         self.shared = [p for p in plan.passes if p.combine < 0 and p.kind == HEADLAND]
         self.clean = [p for p in plan.passes if p.kind == CLEAN]
@@ -165,9 +169,7 @@ class _Scheduler:
         for k in self.carts:
             self.table.stand(k.spec.name, standing(np.array(k.home), k.spec.body, 0.0, "home"))
         self.ground.version += 1
-        self.homes = {
-            w.name: run_of(w.body, home, 0.0, WIDE) for w, home in zip(self.waits(), homes, strict=True)
-        }
+        self.homes = {k.spec.name: run_of(k.spec.body, k.home, 0.0, WIDE) for k in self.carts}
         self.places = list(self._service_places())
 
     def waits(self) -> list[Waits]:
@@ -460,18 +462,16 @@ class _Scheduler:
         if run is None:
             return None
         first, last = run
-        count = last - first
-        start = Place(*leg.path.track.places[leg.path.first[leg.first + first]].tolist()).ahead(ahead, left)
-        way = self.way(
-            k.spec.name,
-            k.spec.body,
-            k.spec.drive,
-            k.home,
-            start,
-            max(k.time, c.time),
-            c.spec.name,
-            in_line=True,
-        )
+        way = None
+        for join in range(first, last - 1, PARAMS.join):
+            place = Place(*leg.path.track.places[leg.path.first[leg.first + join]].tolist())
+            start, first = place.ahead(ahead, left), join
+            way = self.way(
+                k.spec.name, k.spec.body, k.spec.drive, k.home, start, max(k.time, c.time), c.spec.name,
+                in_line=True,
+            )  # fmt: skip
+            if way is not None or join - run[0] >= PARAMS.joins * PARAMS.join:
+                break
         if way is None:
             return None
         to = segments(way, times_along(way, k.spec.drive), k.spec.body, "to combine")
@@ -493,7 +493,7 @@ class _Scheduler:
             if found is not None or late <= 0.0 or full >= len(leg.masses):
                 break
             begin = max(begin, times[0]) + late + PARAMS.early_s
-        if found is None or times is None or count < 1:
+        if found is None or times is None:
             return None
         granted = times
         cart_path, cart_times, amounts, meet, exits = found
@@ -507,8 +507,10 @@ class _Scheduler:
         )
 
         def grant() -> None:
+            before = self.table.last[c.spec.name]
             own = self.grant_cut(c, leg, granted, meets)
             numbers = self.table.commit(k.spec.name, cart_path, cart_times)
+            self.table.called([before, *own], numbers)
             lane_at = len(to) + meet - first
             self.table.together += [(own[at + i], numbers[lane_at + i]) for i in range(len(amounts))]
             during = own[at], own[at + len(amounts) - 1]
@@ -588,7 +590,7 @@ class _Scheduler:
         """
         first, last = run
         now = max(k.time, c.time)
-        came = self.table.earliest(k.spec.name, approach, now, stays=False)
+        came = self.table.earliest(k.spec.name, approach, now, stays=False, early=True)
         if came is None:
             return None, 0.0
         into = [*times, times[-1] + float(leg.path.spent[-1])]
@@ -613,7 +615,7 @@ class _Scheduler:
         if rest > c.spec.tank + LEFT_KG:
             return None, 0.0
         return self.cart_path(
-            k, approach, ways + meet - first, amounts, into[leg.first + meet :], c.spec.name, now
+            k, approach, ways + meet - first, amounts, into[leg.first + meet :], c.spec.name, now, ready
         ), 0.0
 
     def cart_path(
@@ -625,9 +627,13 @@ class _Scheduler:
         into: list[float],
         other: str,
         now: float,
+        ready: float,
     ) -> Any:
-        """A cart's whole path: to the combine, beside it, to the truck or not, to its place."""
+        """A cart's whole path: to the combine, beside it, to the truck or not, to its place. ready: time until
+        it is in line there [s]
+        """
         kept = _cut_off(approach, lane_at + len(amounts))
+        kept.spent[lane_at - 1] += ready
         for i in range(len(amounts)):
             kept.spent[lane_at + i] = into[i + 1] - into[i]
             kept.kinds[lane_at + i] = "beside, pouring"
@@ -807,9 +813,11 @@ class _Scheduler:
         option = Option("stand", k.spec.name, begin, ends, amount, c.tank - amount, exits[1], pour)
 
         def grant() -> None:
+            before = self.table.last[c.spec.name]
             own = self.table.commit(c.spec.name, path, [*times[:-1], begin], meets)
             path.spent[-2] = 0.0  # it waits for the cart alone
             numbers = self.table.commit(k.spec.name, cart_path, cart_times)
+            self.table.called([before, *own], numbers)
             self.table.together.append((own[-1], numbers[at]))
             during = own[-1], own[-1]
             self.hands_over(c, k, Poured(c.spec.name, k.spec.name, amount, begin, ends, during))
@@ -842,7 +850,7 @@ class _Scheduler:
         shapely = shapely_here()
         outlines = shapely.polygons(machine.body.outlines(np.array([place]), 0.2)[0])
         others = (self.last_of(o) for o in self.names() if o != machine.name)
-        stand = np.concatenate([s.path.swept[s.index] for s in others])
+        stand = np.array([p for s in others for p in s.path.swept[s.index]])
         if shapely.intersects(outlines[:, None], stand[None]).any():
             return False
         return bool(self.ground.is_free(outlines, time).all())
@@ -861,16 +869,20 @@ class _Scheduler:
         """A combine that is done, or in the way, drives to its waiting place."""
         if c.place == c.home:
             return True
+        near = sorted(self.places, key=lambda p: round(math.dist(p[:2], c.place[:2]), 2))
         for time in self.moments(c):
-            way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, c.home, time)
-            if way is None:
-                continue
-            path = segments(way, times_along(way, c.spec.drive), c.spec.body, "to its place")
-            times = self.table.earliest(c.spec.name, path, time)
-            if times is not None:
-                self.table.commit(c.spec.name, path, times)
-                c.place, c.time = c.home, times[-1] + float(path.spent[-1])
-                return True
+            for place in (c.home, *near[: PARAMS.places]):
+                if not self.is_room(c.spec, place, time):
+                    continue
+                way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, time)
+                if way is None:
+                    continue
+                path = segments(way, times_along(way, c.spec.drive), c.spec.body, "to its place")
+                times = self.table.earliest(c.spec.name, path, time)
+                if times is not None:
+                    self.table.commit(c.spec.name, path, times)
+                    c.place, c.home, c.time = place, place, times[-1] + float(path.spent[-1])
+                    return True
         return False
 
     def _service_places(self) -> Iterator[Place]:
@@ -897,7 +909,7 @@ def _along(ground: Ground) -> Iterator[Place]:
     """Places beside the outlines, along them in both directions, and about the gate and the truck."""
     shapely = shapely_here()
     for part in shapely.get_parts(ground.field):
-        points = shapely.get_coordinates(part.exterior)
+        points = shapely.get_coordinates(shapely.orient_polygons(part, exterior_cw=False).exterior)
         for a, b in pairwise(points):
             length, heading = math.dist(a, b), math.atan2(*(b - a)[::-1])
             count = max(1, int(length / 30.0))

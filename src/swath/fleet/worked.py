@@ -147,7 +147,9 @@ def waiting(table: Table, segment: Segment, begin: float, end: float, until: tup
     member, other = (table.segments[n].machine for n in until)
     if member != segment.machine:
         return Span(WAIT, begin, end, member)
-    return Span(WAIT, begin, end, f"ground of {other}" if other != member else "")
+    if other == member:
+        return Span(state_of(segment), begin, end)
+    return Span(WAIT, begin, end, f"ground of {other}")
 
 
 def _spans(schedule: Schedule, order: Order, into: Array, name: str) -> list[Span]:

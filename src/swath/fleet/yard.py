@@ -1,6 +1,7 @@
 """Waiting places: where each machine stands at the start, at the end, and a cart between two loads.
 
-They are along the outer edge of open ground but for the strip around the field, which is a way. Every place
+They are along the outer edge of open ground, off the strip around the field, which is a way, if there is room
+elsewhere; carts, who come back to theirs, first. Every place
 has a way in and a way out, to and from the field's gate, and the truck for who empties there, searched with
 all places before it taken. The ground of these ways is kept clear of later places, so that nobody who waits
 is in the way of another. Who drives or stands elsewhere in a yard is not looked at here.
@@ -61,18 +62,21 @@ def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) ->
     InputError where there is none.
     """
     shapely = shapely_here()
-    bare = shapely.difference(ground.open, ground.around)
+    used: list[Any] = []
     for m in machines:
         if m.dock is not None:
-            lane = [run_of(m.body, m.dock, ahead, 3.0) for ahead in (PARAMS.dock_m, -PARAMS.dock_m)]
-            bare = shapely.difference(bare, shapely.union_all(lane))
+            used += [run_of(m.body, m.dock, ahead, 3.0) for ahead in (PARAMS.dock_m, -PARAMS.dock_m)]
     taken: list[Any] = []
     places: dict[str, Place] = {}
-    for m in sorted(machines, key=lambda m: -m.body.length_behind):
-        shapely.prepare(bare)
+    for m in sorted(machines, key=lambda m: (not m.body.has_trailer, -m.body.length_behind)):
         found = None
-        for place in _places(ground, bare, m.body):
-            found = _ways(ground, finder, m, place, taken)
+        for off in (ground.around, ground.field):  # in yards, or in the strip around the field, too
+            bare = shapely.difference(ground.open, shapely.union_all([off, *used]))
+            shapely.prepare(bare)
+            for place in _places(ground, bare, m.body):
+                found = _ways(ground, finder, m, place, taken)
+                if found is not None:
+                    break
             if found is not None:
                 break
         if found is None:
@@ -80,9 +84,7 @@ def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) ->
             raise InputError("field.around_m", None, expected)
         places[m.name] = place
         taken.append(run_of(m.body, place, 0.0, WIDE))
-        own = run_of(m.body, place, 0.0, 2.0)
-        used = [own, *(_swept(t, m.body) for t in found)]
-        bare = shapely.difference(bare, shapely.union_all(used))
+        used += [run_of(m.body, place, 0.0, 2.0), *(_swept(t, m.body) for t in found)]
     return [places[m.name] for m in machines]
 
 
