@@ -9,7 +9,7 @@ from contextlib import ExitStack, suppress
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import completion, levels, metrics, new, report, run, scenarios, schema, sheets, view
+from swath.commands import completion, fleet, levels, metrics, new, report, run, scenarios, schema, sheets, view
 from swath.core.collector import collect_rarely
 from swath.core.errors import InputError, SwathError, fitted, shortened
 from swath.core.foreign_code import SUFFIXES, allow_code, code_in
@@ -26,7 +26,6 @@ from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
 from swath.tools.dataset import command as dataset
 from swath.tools.diff import command as diff
-from swath.tools.fleet import command as fleet
 from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab

@@ -149,7 +149,7 @@ class _Scheduler:
         ground = Ground(job, body_of(machines.truck))
         plan = plan_of(ground, machines.combines, job.plan)
         self.job, self.dispatcher, self.ground, self.machines = job, dispatcher, ground, machines
-        self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s)
+        self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s, notes=list(job.notes))
         self.table = self.schedule.table
         self.finder = Finder(ground.west, ground.south, CELL, ground.edge)
         self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T

@@ -20,7 +20,8 @@ STEP = 2.0  # m of an arc of the search
 HEADINGS = 24  # that the search tells apart
 SLACK = 120.0  # s before a search, from which on what is free is remembered
 STAND = 80  # polygons of machines that stand, at most
-MOST = 8_000  # poses that it looks at
+MOST = 6_000  # poses that it looks at to a goal 150 m off, more to one farther off
+ROOM = 60_000  # poses that are kept
 BIN = 1.5  # m, within which it keeps one pose of a heading, as in search.cpp
 COARSE = 2.0  # m, cells of its heuristic, as in search.cpp
 BODY_POINTS = 0.45  # m between points on the sides of a body
@@ -264,8 +265,8 @@ class Finder:
         wide, high = int(shape[0] * cell / BIN) + 1, int(shape[1] * cell / BIN) + 1
         coarse = (math.ceil(shape[0] * cell / COARSE) + 1) * (math.ceil(shape[1] * cell / COARSE) + 1)
         self._numbers, self._found = np.zeros(40 + 3 * STAND), np.zeros(4100)
-        self._nodes, self._best = np.zeros(10 * MOST), np.zeros(wide * high * HEADINGS, np.float32)
-        room = max(4 * MOST, 10 * coarse)
+        self._nodes, self._best = np.zeros(10 * ROOM), np.zeros(wide * high * HEADINGS, np.float32)
+        room = max(4 * ROOM, 10 * coarse)
         self._keys, self._heap = np.zeros(room), np.zeros(room, np.int32)
         self._room, self._room_ever = np.zeros((2, shape[0] * shape[1]), np.float32)
         self._known = (-1, 0.0)
@@ -284,7 +285,7 @@ class Finder:
         -2 for closed ground, -3 where a machine stands, 1e18 for crop that stays; float32, `shape` version:
         of the grid, another one when crop was cut; stand: outlines of machines that stand, as polygons
         time: of the start [s]; gap: kept all round the body [m]; in_line: the trailer ends in line;
-        most: poses that are looked at
+        most: poses that are looked at to a goal 150 m off
         """
         wp = start_warp()
         from swath.fleet import search_kernel
@@ -300,7 +301,7 @@ class Finder:
             goal.x, goal.y, math.cos(goal.heading), math.sin(goal.heading),
             drive.radius, drive.turning, drive.straight, drive.backwards or 1.0, drive.shift, time,
             self.cell, self.west, self.south, body.has_trailer, body.hitch, body.drawbar or 1.0,
-            drive.backwards > 0.0, min(most, MOST), 0.0, STRAIGHT if in_line else -2.0, 0.0,
+            drive.backwards > 0.0, ROOM, most, STRAIGHT if in_line else -2.0, 0.0,
             len(points), *self.shape, STEP, HEADINGS,
         )  # fmt: skip
         self._numbers[32:36] = (*_circle(body.own, gap), *_circle(body.towed, gap))
