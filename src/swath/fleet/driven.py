@@ -258,6 +258,7 @@ class _Drive:
                         self.pour_of[number] = p
         self.tank = dict.fromkeys(self.movers, 0.0)
         self.time = 0.0
+        self.into = np.zeros(len(self.table.segments))
         self.last = 0.0  # when somebody did something
         self.free = {name: 0 for name in self.movers}  # number of the segment that each may go as far as
         self.hear()
@@ -295,7 +296,7 @@ class _Drive:
         ends = max((p.ends for p in poured if p.target == "truck"), default=0.0)
         spans = {name: merged(m.spans) for name, m in self.movers.items()}
         stray = max(m.off for m in self.movers.values())
-        return Worked("driven", self.schedule, spans, poured, cut, ends, clock, places, stray)
+        return Worked("driven", self.schedule, spans, poured, cut, ends, self.into, clock, places, stray)
 
     def is_done(self, m: _Mover) -> bool:
         """Whether a machine is at the end of its path."""
@@ -317,7 +318,7 @@ class _Drive:
             if m.at < m.ends[m.k] - 1e-9 and m.ends[m.k + 1] - m.ends[m.k] < 1e-2 and m.speed > STILL:
                 break  # it comes to stand first
             m.k += 1
-            m.since = self.time
+            m.since = self.into[m.segment.number] = self.time
             self.grants.reached(name, 1, m.segment.number)
             self.hear()
         goal, most = self.goal(name, m), math.inf

@@ -40,7 +40,7 @@ class Span:
 @dataclass
 class Worked:
     """level; schedule; spans: of each machine; poured: grain handed over; cut: when the last pass is cut,
-    ends: when all grain is at the truck [s]; clock, places: of bodies each 0.1 s, (n,), (n, 4), at `driven`
+    ends: when all grain is at the truck [s]; into: of entry into each segment [s]; clock, places: of bodies each 0.1 s, (n,), (n, 4), at `driven`
     alone; stray: most that a body was off its path [m]; draws: `ends` with times spent that were drawn [s]
     """
 
@@ -50,6 +50,7 @@ class Worked:
     poured: list[Poured]
     cut: float
     ends: float
+    into: Array
     clock: Array = field(default_factory=lambda: np.zeros(0))
     places: dict[str, Array] = field(default_factory=dict)
     stray: float = 0.0
@@ -112,7 +113,7 @@ def _worked(level: str, schedule: Schedule, into: Array, spans: dict[str, list[S
     segments = schedule.table.segments
     cut = max((into[s.number] + s.spent for s in segments if s.kind == "cut"), default=0.0)
     ends = max((p.ends for p in poured if p.target == "truck"), default=0.0)
-    return Worked(level, schedule, spans, poured, float(cut), float(ends))
+    return Worked(level, schedule, spans, poured, float(cut), float(ends), into)
 
 
 def state_of(segment: Segment) -> str:

@@ -27,7 +27,8 @@ Array = NDArray[np.float64]
 class Params:
     """dock_m: before and behind the truck, kept clear; gate_m: from the field to who passes the gate;
     body_m: that the outline of who waits is wider; wide_m: that a way keeps off machines that stand, more
-    than a cell of the search and two gaps of bodies; edge_m: that a place is off the outer edge; spots_m:
+    than a cell of the search and two gaps of bodies; edges_m: that a place is off the outer edge, the
+    second so far that a trailer comes straight to it along a round one; spots_m:
     between places that are looked at; tries: of them that ways are searched to; poses: that such a search
     looks at, so that a place is one to which a way is found fast
     """
@@ -36,7 +37,7 @@ class Params:
     gate_m: float = 7.0
     body_m: float = 0.3
     wide_m: float = 0.5
-    edge_m: float = 2.0
+    edges_m: tuple[float, float] = (2.0, 7.0)
     spots_m: float = 5.0
     tries: int = 60
     poses: int = 3000
@@ -93,10 +94,14 @@ def _places(ground: Ground, bare: Any, body: Body) -> Iterator[Place]:
     not too many.
     """
     shapely = shapely_here()
-    inside = shapely.buffer(ground.open, -(body.half_width + PARAMS.edge_m))
     spots: list[tuple[float, Place]] = []
-    for part in shapely.get_parts(inside):
-        ring = part.exterior
+    rings = [
+        part.exterior
+        for off in PARAMS.edges_m
+        for part in shapely.get_parts(shapely.buffer(ground.open, -(body.half_width + off)))
+        if not part.is_empty
+    ]
+    for ring in rings:
         at = np.arange(0.0, ring.length, PARAMS.spots_m)
         here, before, ahead = (
             shapely.get_coordinates(shapely.line_interpolate_point(ring, (at + d) % ring.length))
