@@ -200,16 +200,25 @@ class _Scheduler:
             if any(self.turn(c) for c in busy):
                 room = 0
                 continue
-            room += 1
-            if room > len(busy) or not any(self.goes_home(c) for c in busy if c.place != c.home):
+            if room > 2 * len(self.combines) or not self.makes_room(room):
                 self.leave_out(busy)
-                room = 0
+                room = -1
+            room += 1
         last = max(c.time for c in self.combines)
         for k in sorted(self.carts, key=lambda k: k.time):
             k.time = max(k.time, last)
-            if k.load > LEFT_KG and not self.empties(k):
-                raise InputError("carts", k.spec.name, "expected a way from its waiting place to the truck")
+            room = 0
+            while k.load > LEFT_KG and not self.empties(k):
+                if room > 2 * len(self.combines) or not self.makes_room(room):
+                    raise InputError("carts", k.spec.name, "expected a way from its waiting place to the truck")
+                room += 1
         self.schedule.ends = max((p.ends for p in self.schedule.poured if p.target == "truck"), default=0.0)
+
+    def makes_room(self, turn: int) -> bool:
+        """A combine drives where it is not in the way, another one each time; False where none can."""
+        there = sorted(self.combines, key=lambda c: (c.place == c.home, c.time, c.spec.name))
+        turn %= len(there)
+        return any(self.goes_home(c, off=c.place == c.home) for c in there[turn:] + there[:turn])
 
     def leave_out(self, busy: Sequence[CombineState]) -> None:
         """Passes to which nobody finds a way stay uncut, with a note, as long as they are few."""
@@ -695,6 +704,7 @@ class _Scheduler:
         if way is None:
             return None
         whole = _behind(whole, segments(way, times_along(way, drive), body, "to its place"))
+        whole = _behind(whole, standing(way.places[-1], body, 0.0, "home"))
         meets = self.table.meets(whole, name)
         poured: list[Poured] = []
         times: list[float] | None = None
@@ -865,19 +875,22 @@ class _Scheduler:
         self.leaves(k, exits, self.table.commit(k.spec.name, path, times))
         return True
 
-    def goes_home(self, c: CombineState) -> bool:
-        """A combine that is done, or in the way, drives to its waiting place."""
-        if c.place == c.home:
+    def goes_home(self, c: CombineState, off: bool = False) -> bool:
+        """A combine that is done, or in the way, drives to its waiting place, or one near; off: to another
+        one.
+        """
+        if c.place == c.home and not off:
             return True
         near = sorted(self.places, key=lambda p: round(math.dist(p[:2], c.place[:2]), 2))
         for time in self.moments(c):
             for place in (c.home, *near[: PARAMS.places]):
-                if not self.is_room(c.spec, place, time):
+                if place == c.place or not self.is_room(c.spec, place, time):
                     continue
                 way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, time)
                 if way is None:
                     continue
                 path = segments(way, times_along(way, c.spec.drive), c.spec.body, "to its place")
+                path = _behind(path, standing(way.places[-1], c.spec.body, 0.0, "home"))
                 times = self.table.earliest(c.spec.name, path, time)
                 if times is not None:
                     self.table.commit(c.spec.name, path, times)

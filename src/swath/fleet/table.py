@@ -215,14 +215,15 @@ class Table:
         if not ends:
             return None
         t, k = min(ends)
-        times = []
+        times, until = [], []
         for row in reversed(labels):
             times.append(row[k][0])
+            until.append(row[k][1])
             k = row[k][2]
-        times = times[::-1]
+        times, until = times[::-1], [math.inf, *until[:0:-1]]
         for i in range(len(times) - 2, -1 if not early else len(times), -1):
             if i not in exact:
-                times[i] = max(times[i], times[i + 1] - float(path.spent[i]))
+                times[i] = max(times[i], min(times[i + 1] - float(path.spent[i]), until[i]))
         return times
 
     def called(self, by: Sequence[int], numbers: Sequence[int]) -> None:
@@ -230,7 +231,7 @@ class Table:
         caller, numbers: of the one that comes
         """
         start = self.segments[numbers[0]].into
-        before = [a for a, b in pairwise(by) if self.segments[b].into <= start]
+        before = [a for a, b in pairwise(by) if self.segments[b].into < start]
         if before:
             self.order.append((before[-1], numbers[0]))
 

@@ -21,7 +21,7 @@ CUT, WAY, POUR, LOAD, BESIDE, TRUCK, WAIT, IDLE = (
 )  # fmt: skip
 STATES = (CUT, WAY, POUR, BESIDE, LOAD, TRUCK, WAIT, IDLE)
 STATE_OF = {  # of a segment's kind; all others are ways
-    "cut": CUT, "pours standing": POUR, "waits for cart": WAIT, "home": IDLE, "beside": BESIDE,
+    "cut": CUT, "pours standing": POUR, "waits for cart": POUR, "home": IDLE, "beside": BESIDE,
     "beside, pouring": LOAD, "at truck": TRUCK,
 }  # fmt: skip
 DRAWS = 24  # of a spread
