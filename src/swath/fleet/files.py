@@ -33,17 +33,17 @@ Ring = Annotated[list[tuple[Metre, Metre]], MinLen(3)]
 @dataclass(frozen=True)
 class FieldSettings:
     """boundary_m: points [x, y], east and north; holes_m: ponds and islands in it; parts_m: outlines of
-    further parts of the field; file: with all of these instead, GeoJSON, KML or a shapefile, in metres from
-    its south-west corner, rounded down; around_m: ground beyond the outlines that may be driven on; yield_t_ha: grain,
-    even over the field
+    further parts of the field; around_m: ground beyond the outlines that may be driven on; yield_t_ha: grain,
+    even over the field; file: GeoJSON, KML or a shapefile with all outlines instead, all else is then in
+    metres from its south-west corner, rounded down
     """
 
     boundary_m: Ring = made(default_factory=list)
     holes_m: list[Ring] = made(default_factory=list)
     parts_m: list[Ring] = made(default_factory=list)
-    file: str | None = None
     around_m: Annotated[float, Ge(0), Le(200)] = 20.0
     yield_t_ha: Annotated[float, Gt(0), Le(30)] = 8.0
+    file: str | None = None
 
 
 @dataclass(frozen=True)
