@@ -14,9 +14,7 @@ from swath.fleet.driven import driven
 from swath.fleet.schedule import schedule_of
 from swath.fleet.worked import by_events
 
-HEAD = (
-    "seed ha comb cart holes parts t/ha passes CPU | min events driven off cm CPU | contact s left % lost hole s out s tramp"
-)
+HEAD = "seed ha comb cart holes parts t/ha passes CPU | min events driven off cm CPU | contact s left % lost hole s out s tramp"
 
 
 def main() -> None:
@@ -44,12 +42,13 @@ def main() -> None:
         planned, found = looked_at(made), looked_at(made, worked)
         minutes = made.ends / 60.0, by_events(made).ends / 60.0, worked.ends / 60.0
         is_bad = any(
-            f.contact or f.left > 0.005 or f.mass > 1e-9 or f.hole + f.outside > 0 for f in (planned, found)
+            f.contact or f.left > 0.005 or f.mass > 1e-9 or f.hole + f.outside + f.hasty > 0
+            for f in (planned, found)
         )
         done, bad = done + 1, bad + is_bad
         both = " ".join(
-            f"| {sum(f.contact.values()):5.1f} {100 * f.left:5.2f} {f.mass:5.0e} {f.hole:4.0f} {f.outside:4.0f} "
-            f"{f.trampled:4.0f}" for f in (planned, found)
+            f"| {sum(f.contact.values()):5.1f} {100 * f.left:5.2f} {f.mass:5.0e} {f.hole:4.0f} "
+            f"{f.outside:4.0f} {f.trampled:4.0f}" for f in (planned, found)
         )  # fmt: skip
         print(
             f"{seed:4} {made.plan.area / 1e4:4.1f} {what} {len(made.plan.passes):3} {spent:5.1f} | "

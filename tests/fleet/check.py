@@ -16,7 +16,7 @@ STEP = 0.1  # s
 class Found:
     """contact: seconds in which two bodies are over each other; hole, outside: s in which a body is in a
     hole, off open ground; trampled: standing crop under wheels [m2 s]; left: crop, share of the field;
-    mass: grain lost, share
+    mass: grain lost, share; hasty: segments that are left before their time
     """
 
     contact: dict[tuple[str, str], float] = field(default_factory=dict)
@@ -25,6 +25,7 @@ class Found:
     trampled: float = 0.0
     left: float = 0.0
     mass: float = 0.0
+    hasty: int = 0
 
 
 def looked_at(schedule: Schedule, worked=None) -> Found:
@@ -35,6 +36,8 @@ def looked_at(schedule: Schedule, worked=None) -> Found:
         into = np.array([s.into for s in schedule.table.segments])
         clock = np.arange(0.0, float(into.max()) + 60.0, STEP)
         where = {name: places(schedule, name, into, clock) for name in machines}
+        segments = schedule.table.segments
+        found.hasty = sum(s.next >= 0 and into[s.next] < s.into + s.spent - 1e-6 for s in segments)
     else:
         into, clock, where = worked.into, worked.clock, worked.places
     names = list(machines)

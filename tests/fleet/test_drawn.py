@@ -34,7 +34,7 @@ def test_a_drawn_job_ends_with_all_grain_at_the_truck_and_no_contact(seed, level
     assert found.contact == {}
     assert found.left < 0.005
     assert found.mass < 1e-9
-    assert (found.hole, found.outside) == (0.0, 0.0)
+    assert (found.hole, found.outside, found.hasty) == (0.0, 0.0, 0)
 
 
 def test_driven_bodies_keep_to_their_paths_and_say_what_they_do_all_the_time(schedules):

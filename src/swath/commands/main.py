@@ -9,7 +9,19 @@ from contextlib import ExitStack, suppress
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import completion, fleet, levels, metrics, new, report, run, scenarios, schema, sheets, view
+from swath.commands import (
+    completion,
+    fleet,
+    levels,
+    metrics,
+    new,
+    report,
+    run,
+    scenarios,
+    schema,
+    sheets,
+    view,
+)
 from swath.core.collector import collect_rarely
 from swath.core.errors import InputError, SwathError, fitted, shortened
 from swath.core.foreign_code import SUFFIXES, allow_code, code_in

@@ -54,8 +54,8 @@ class _Pour:
 
 
 class _Mover:
-    """A machine on its path. at: how far it has come [m]; speed [m/s]; k: number of its segment among its own;
-    since: when it entered it [s]
+    """A machine on its path. at: how far it has come [m]; speed [m/s]; k: number of its segment among its
+    own; since: when it entered it [s]
     """
 
     def __init__(self, machine: Combine | Cart, segments: list[Segment]) -> None:
@@ -133,7 +133,9 @@ class _Mover:
             return
         a = drive.accel
         ahead = self._limit(self.at + self.speed * STEP)
-        stop = 0.8 * a * (math.sqrt(0.25 * STEP**2 + 2.0 * max(left - 0.5 * NEAR, 0.0) / (0.8 * a)) - 0.5 * STEP)
+        stop = (
+            0.8 * a * (math.sqrt(0.25 * STEP**2 + 2.0 * max(left - 0.5 * NEAR, 0.0) / (0.8 * a)) - 0.5 * STEP)
+        )
         wanted = min(ahead, stop, most)
         self.speed = min(max(wanted, self.speed - 2.0 * a * STEP, 0.0), self.speed + a * STEP)
         if self.speed > 0.0:
@@ -256,11 +258,10 @@ class _Drive:
                 for number in range(p.plan.during[0], last + 1):
                     if self.table.segments[number].machine == p.plan.source:
                         self.pour_of[number] = p
-        self.tank = dict.fromkeys(self.movers, 0.0)
         self.time = 0.0
         self.into = np.zeros(len(self.table.segments))
         self.last = 0.0  # when somebody did something
-        self.free = {name: 0 for name in self.movers}  # number of the segment that each may go as far as
+        self.free = dict.fromkeys(self.movers, 0)  # number of the segment that each may go as far as
         self.hear()
 
     def hear(self) -> None:
@@ -315,7 +316,7 @@ class _Drive:
     def move(self, name: str, m: _Mover) -> None:
         """A step of one machine: into next segments as far as granted, and on."""
         while m.k < self.free[name] and m.at >= m.ends[m.k] - 2.0 * NEAR and self.stays(m) <= 0.0:
-            if m.at < m.ends[m.k] - 1e-9 and m.ends[m.k + 1] - m.ends[m.k] < 1e-2 and m.speed > STILL:
+            if m.ends[m.k + 1] - m.ends[m.k] < 1e-2 and m.at < m.ends[m.k] - 1e-9 and m.speed > STILL:
                 break  # it comes to stand first
             m.k += 1
             m.since = self.into[m.segment.number] = self.time
@@ -357,9 +358,7 @@ class _Drive:
 
     def pour(self) -> None:
         """A step of all grain that flows."""
-        for name, m in self.movers.items():
-            if m.segment.kind == "cut" and isinstance(m.machine, Combine):
-                pass
+        for m in self.movers.values():
             p = self.pour_of.get(m.segment.number)
             if p is not None and p.left > 0.0 and isinstance(m.machine, Combine):
                 self._pour_into_cart(p, m)
@@ -380,7 +379,8 @@ class _Drive:
             return
         cart = self.movers[p.plan.target]
         k, j = self.place[number], m.k
-        assert isinstance(m.machine, Combine) and isinstance(cart.machine, Cart)
+        assert isinstance(m.machine, Combine)
+        assert isinstance(cart.machine, Cart)
         off = (cart.at - cart.begins[k]) - (m.at - m.begins[j])
         box = cart.machine.sheet.box
         assert box is not None

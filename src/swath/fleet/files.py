@@ -212,7 +212,10 @@ def _from_file(field: FieldSettings, base: Path | None) -> tuple[FieldSettings, 
     corner = np.floor(np.min([a.bounds[:2] for a in outlines.areas], axis=0))
     rough = sum(a.area for a in outlines.areas)
     areas = [a.simplify(SIMPLER) for a in outlines.areas]
-    notes = [*outlines.notes, f"origin of the field: {corner[0]:.0f}, {corner[1]:.0f} in EPSG:{outlines.epsg}"]
+    notes = [
+        *outlines.notes,
+        f"origin of the field: {corner[0]:.0f}, {corner[1]:.0f} in EPSG:{outlines.epsg}",
+    ]
     change = sum(a.area for a in areas) - rough
     if abs(change) > 1.0:
         notes.append(f"outlines are drawn within {SIMPLER} m, which changes {change:+.0f} m2")

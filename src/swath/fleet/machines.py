@@ -41,8 +41,8 @@ PARAMS = Params()
 class Combine:
     """width, knife: of the header and ahead of the fixed axle [m]; speed: in the crop [m/s]; flow: most grain
     [kg/s]; tank [kg]; auger [kg/s]; swing: until the pipe is out [s]; pipe_x: of its mouth ahead of the axle;
-    pipe_y: where the stream lands, leftward [m]; call: level of the tank from which a cart may come; start: at
-    the start [kg]
+    pipe_y: where the stream lands, leftward [m]; call: level of the tank from which a cart may come; start:
+    at the start [kg]
     """
 
     name: str

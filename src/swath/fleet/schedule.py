@@ -97,7 +97,7 @@ class Poured:
 @dataclass
 class Schedule:
     """table: what was granted; poured: grain handed over; cut: machine, kg, m2 of each pass; grain: of each
-    segment that is cut [kg]; dock: until who empties is beside the truck and gone [s]; ends: when all grain is
+    segment that is cut [kg]; dock: until who empties is beside the truck and gone; ends: when all grain is
     at the truck [s]; left: crop that no pass took [m2]; plan, machines, ground: of the job
     """
 
@@ -210,7 +210,9 @@ class _Scheduler:
             room = 0
             while k.load > LEFT_KG and not self.empties(k):
                 if room > 2 * len(self.combines) or not self.makes_room(room):
-                    raise InputError("carts", k.spec.name, "expected a way from its waiting place to the truck")
+                    raise InputError(
+                        "carts", k.spec.name, "expected a way from its waiting place to the truck"
+                    )
                 room += 1
         self.schedule.ends = max((p.ends for p in self.schedule.poured if p.target == "truck"), default=0.0)
 
@@ -708,8 +710,8 @@ class _Scheduler:
         meets = self.table.meets(whole, name)
         poured: list[Poured] = []
         times: list[float] | None = None
-        for _ in range(3):
-            times = self.table.earliest(name, whole, now, exact=exact, meets=meets)
+        for _ in range(6):
+            times = self.table.earliest(name, whole, now, exact=exact, meets=meets, early=empties)
             if times is None:
                 return None
             if not empties:
@@ -717,14 +719,21 @@ class _Scheduler:
             poured = self.at_truck(name, load, k.spec.out, times[dock_at])
             spent = poured[-1].ends + 0.5 * self.job.truck.dock_s - times[dock_at]
             if abs(spent - whole.spent[dock_at]) < 1e-6:
+                times = self.table.earliest(
+                    name, whole, now, exact={**exact, dock_at: times[dock_at]}, meets=meets
+                )
                 break
             whole.spent[dock_at] = spent
-        assert times is not None
+        else:
+            return None
+        if times is None:
+            return None
         return whole, times, (empties, times[-1] + float(whole.spent[-1]), poured)
 
     def at_truck(self, name: str, load: float, rate: float, time: float) -> list[Poured]:
         """What is poured into trucks by who has come beside at a time [s]; a full one is waited for."""
-        t = max(time, self.truck_free) + 0.5 * self.job.truck.dock_s
+        after = self.truck_free if math.isfinite(self.truck_room) else 0.0  # beside it is one at a time
+        t = max(time, after) + 0.5 * self.job.truck.dock_s
         room, poured = self.truck_room, []
         while load > LEFT_KG:
             if room <= LEFT_KG:

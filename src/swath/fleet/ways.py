@@ -119,7 +119,9 @@ def eased(start: Place, pieces: Sequence[tuple[float, float]], body: Body, ramp:
             np.sin(ends[1:, 2]) * way + bends * way * (goal[0] - ends[1:, 0]),
             bends * way,
         ])  # fmt: skip
-        bent = lengths * bends * np.array([-(goal[1] - mids[:, 1]), goal[0] - mids[:, 0], np.ones(len(bends))])
+        bent = (
+            lengths * bends * np.array([-(goal[1] - mids[:, 1]), goal[0] - mids[:, 0], np.ones(len(bends))])
+        )
         both = np.concatenate([stretch, bent], axis=1)
         weight = np.concatenate([np.minimum(np.abs(first), 5.0), np.full(len(bends), EASE_BEND)])
         square = (both * weight) @ both.T
@@ -159,7 +161,9 @@ def _mean_bends(bends: Array, lengths: Array, ramp: float) -> tuple[Array, Array
         area = np.concatenate([[0.0], np.cumsum((angle[:-1] + 0.5 * k * span) * span)])
         at = np.linspace(0.0, total, max(1, math.ceil(total / SAMPLE - 1e-9)) + 1)
 
-        def summed(s: Array, knots: Array = knots, k: Array = k, angle: Array = angle, area: Array = area) -> Array:
+        def summed(
+            s: Array, knots: Array = knots, k: Array = k, angle: Array = angle, area: Array = area
+        ) -> Array:
             i = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(k) - 1)
             u = s - knots[i]
             return area[i] + (angle[i] + 0.5 * k[i] * u) * u  # type: ignore[no-any-return]
@@ -232,8 +236,8 @@ def limits_along(track: Track, drive: Drive, top: float | None = None) -> Array:
 def times_along(track: Track, drive: Drive, top: float | None = None) -> Array:
     """Time [s] at each sample of a track driven from and to a stop, (n,).
 
-    top: fastest [m/s], the drive's own by default. Speeds change by the drive's acceleration; where it stands,
-    and at both ends, it is steered.
+    top: fastest [m/s], the drive's own by default. Speeds change by the drive's acceleration; where it
+    stands, and at both ends, it is steered.
     """
     step = np.diff(track.distance)
     gain = 2.0 * drive.accel * step

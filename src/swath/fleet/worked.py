@@ -40,8 +40,9 @@ class Span:
 @dataclass
 class Worked:
     """level; schedule; spans: of each machine; poured: grain handed over; cut: when the last pass is cut,
-    ends: when all grain is at the truck [s]; into: of entry into each segment [s]; clock, places: of bodies each 0.1 s, (n,), (n, 4), at `driven`
-    alone; stray: most that a body was off its path [m]; draws: `ends` with times spent that were drawn [s]
+    ends: when all grain is at the truck, into: of entry into each segment [s]; clock, places: of bodies each
+    0.1 s, (n,), (n, 4), at `driven` alone; stray: most that a body was off its path [m]; draws: `ends` with
+    times spent that were drawn [s]
     """
 
     level: str
@@ -174,7 +175,11 @@ def merged(spans: Iterable[Span]) -> list[Span]:
         if s.end <= s.begin:
             continue
         last = out[-1] if out else None
-        if last is not None and (last.state, last.reason) == (s.state, s.reason) and s.begin <= last.end + 1e-6:
+        if (
+            last is not None
+            and (last.state, last.reason) == (s.state, s.reason)
+            and s.begin <= last.end + 1e-6
+        ):
             out[-1] = replace(last, end=s.end)
         else:
             out.append(s)
