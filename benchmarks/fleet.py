@@ -14,7 +14,10 @@ from swath.fleet.driven import driven
 from swath.fleet.schedule import schedule_of
 from swath.fleet.worked import by_events
 
-HEAD = "seed ha comb cart holes parts t/ha passes CPU | min events driven off cm CPU | contact s left % lost hole s out s tramp"
+HEAD = (
+    "seed ha comb cart holes parts t/ha passes CPU | min events driven off cm CPU "
+    "| contact s left % lost hole s out s tramp, as planned | as driven"
+)
 
 
 def main() -> None:

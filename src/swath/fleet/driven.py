@@ -7,7 +7,7 @@ beside the combine; grain flows while it is in reach of the stream.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -292,8 +292,9 @@ class _Drive:
             rows[name].append((m.x, m.y, m.heading, m.trailer))
         clock = STEP * np.arange(len(next(iter(rows.values()))))
         places = {name: np.array(r) for name, r in rows.items()}
-        poured = [Poured(p.plan.source, p.plan.target, p.plan.amount - p.left, p.begins, p.ends, p.plan.during)
-                  for p in self.pours]  # fmt: skip
+        poured = [
+            replace(p.plan, amount=p.plan.amount - p.left, begins=p.begins, ends=p.ends) for p in self.pours
+        ]
         ends = max((p.ends for p in poured if p.target == "truck"), default=0.0)
         spans = {name: merged(m.spans) for name, m in self.movers.items()}
         stray = max(m.off for m in self.movers.values())

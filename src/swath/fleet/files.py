@@ -61,8 +61,8 @@ class PlanSettings:
 class CombineSettings:
     """machine: its data sheet; header_width_m: another header on it; speed_kmh: fastest in the crop;
     grain_kg_s: most that it threshes (default: the data sheet's nominal flow); turn_speed_kmh, turn_radius_m:
-    in turns; transport_speed_kmh: on straights of ways; call_percent: of the tank, from which a cart may come;
-    tank_start_percent: in it at the start
+    in turns; transport_speed_kmh: on straights of ways; call_percent: of the tank, from which a cart may
+    come; tank_start_percent: in it at the start
     """
 
     machine: str = "lexion-700"

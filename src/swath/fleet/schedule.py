@@ -214,6 +214,7 @@ class _Scheduler:
                         "carts", k.spec.name, "expected a way from its waiting place to the truck"
                     )
                 room += 1
+                k.time = max(k.time, *(c.time for c in self.combines))
         self.schedule.ends = max((p.ends for p in self.schedule.poured if p.target == "truck"), default=0.0)
 
     def makes_room(self, turn: int) -> bool:
@@ -640,8 +641,8 @@ class _Scheduler:
         now: float,
         ready: float,
     ) -> Any:
-        """A cart's whole path: to the combine, beside it, to the truck or not, to its place. ready: time until
-        it is in line there [s]
+        """A cart's whole path: to the combine, beside it, to the truck or not, to its place. ready: time
+        until it is in line there [s]
         """
         kept = _cut_off(approach, lane_at + len(amounts))
         kept.spent[lane_at - 1] += ready

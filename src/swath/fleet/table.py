@@ -215,12 +215,14 @@ class Table:
         if not ends:
             return None
         t, k = min(ends)
-        times, until = [], []
+        times: list[float] = []
+        highs: list[float] = []
         for row in reversed(labels):
             times.append(row[k][0])
-            until.append(row[k][1])
+            highs.append(row[k][1])
             k = row[k][2]
-        times, until = times[::-1], [math.inf, *until[:0:-1]]
+        times.reverse()
+        until = [math.inf, *highs[:0:-1]]
         for i in range(len(times) - 2, -1 if not early else len(times), -1):
             if i not in exact:
                 times[i] = max(times[i], min(times[i + 1] - float(path.spent[i]), until[i]))

@@ -72,7 +72,7 @@ def driven(start: Place, pieces: Sequence[tuple[float, float]], body: Body, spac
         if count:
             bends += [bend] * count
             steps += [length / count] * count
-    return _rolled(start, np.array(bends), np.array(steps), body)
+    return _rolled(start, np.array(bends, float), np.array(steps, float), body)
 
 
 def _rolled(start: Place, k: Array, d: Array, body: Body) -> Track:
