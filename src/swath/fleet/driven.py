@@ -106,11 +106,10 @@ class _Mover:
         limit = limits_along(track, drive)
         for s, begin, end in zip(self.segments, self.begins, self.ends, strict=True):
             if s.kind == "cut" and s.spent > 0.0:
-                i = np.searchsorted(track.distance, [begin + 1e-6, end - 1e-6])
-                limit[max(i[0] - 1, 0) : i[1] + 1] = np.minimum(
-                    limit[max(i[0] - 1, 0) : i[1] + 1], (end - begin) / s.spent
-                )
-        square = (limit**2).tolist()
+                first, last = np.searchsorted(track.distance, [begin + 1e-6, end - 1e-6]).tolist()
+                here = slice(max(first - 1, 0), last + 1)
+                limit[here] = np.minimum(limit[here], (end - begin) / s.spent)
+        square: list[float] = (limit**2).tolist()
         gain = (2.0 * drive.accel * np.diff(track.distance)).tolist()
         for i in range(len(square) - 2, -1, -1):
             square[i] = min(square[i], square[i + 1] + gain[i])
@@ -233,7 +232,7 @@ class _Drive:
     def __init__(self, schedule: Schedule) -> None:
         self.schedule, self.table = schedule, schedule.table
         self.grants = Grants(order_of(self.table))
-        machines = {m.name: m for m in (*schedule.machines.combines, *schedule.machines.carts)}
+        machines = schedule.machines.by_name
         self.movers = {
             name: _Mover(machines[name], [s for s in self.table.segments if s.machine == name])
             for name in self.table.last
@@ -259,7 +258,7 @@ class _Drive:
                     if self.table.segments[number].machine == p.plan.source:
                         self.pour_of[number] = p
         self.time = 0.0
-        self.into = np.zeros(len(self.table.segments))
+        self.into: Array = np.zeros(len(self.table.segments))
         self.last = 0.0  # when somebody did something
         self.free = dict.fromkeys(self.movers, 0)  # number of the segment that each may go as far as
         self.hear()

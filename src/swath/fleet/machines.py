@@ -91,6 +91,11 @@ class Machines:
     truck: MachineSheet
     density: float
 
+    @property
+    def by_name(self) -> dict[str, Combine | Cart]:
+        """All that move."""
+        return {m.name: m for m in [*self.combines, *self.carts]}
+
 
 def machines_of(job: JobFile, base: Path | None = None) -> Machines:
     """The machines of a job. InputError for one that cannot do its part."""

@@ -137,7 +137,7 @@ def _map(fig: Any, ax: Any, w: Worked) -> None:
     cuts: dict[str, list[tuple[float, float]]] = {
         name: [(s.begin, s.end) for s in spans if s.state == CUT] for name, spans in w.spans.items()
     }
-    machines = {m.name: m for m in (*w.schedule.machines.combines, *w.schedule.machines.carts)}
+    machines = w.schedule.machines.by_name
     shown: set[str] = set()
     for name in w.spans:
         planned = [s for s in w.schedule.table.segments if s.machine == name]

@@ -103,7 +103,7 @@ def eased(start: Place, pieces: Sequence[tuple[float, float]], body: Body, ramp:
     first = lengths.copy()
     for _ in range(12):
         k, d = _mean_bends(bends, lengths, ramp)
-        heading = start.heading + np.concatenate([[0.0], np.cumsum(k * d)])
+        heading: Array = start.heading + np.concatenate([[0.0], np.cumsum(k * d)])
         middle = heading[:-1] + 0.5 * k * d
         chord = d * np.sinc(0.5 * k * d / math.pi)
         off = goal - (
@@ -166,7 +166,7 @@ def _mean_bends(bends: Array, lengths: Array, ramp: float) -> tuple[Array, Array
         ) -> Array:
             i = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(k) - 1)
             u = s - knots[i]
-            return area[i] + (angle[i] + 0.5 * k[i] * u) * u  # type: ignore[no-any-return]
+            return area[i] + (angle[i] + 0.5 * k[i] * u) * u
 
         mean = (summed(at + half) - summed(at - half)) / (2.0 * half)
         step = np.diff(at)
@@ -225,7 +225,7 @@ def limits_along(track: Track, drive: Drive, top: float | None = None) -> Array:
     bend = np.abs(track.bends) * drive.radius
     limit = np.minimum(drive.straight, drive.turning / np.sqrt(np.maximum(bend, 1e-9)))
     limit = np.minimum(np.where(track.ways < 0.0, drive.backwards or drive.turning, limit), fast)
-    speed = np.minimum(np.concatenate([[0.0], limit]), np.concatenate([limit, [0.0]]))
+    speed: Array = np.minimum(np.concatenate([[0.0], limit]), np.concatenate([limit, [0.0]]))
     over = 0.5 * (np.diff(track.distance)[1:] + np.diff(track.distance)[:-1])
     changed = np.maximum(np.abs(np.diff(track.bends)), 1e-9)
     speed[1:-1] = np.minimum(speed[1:-1], np.maximum(drive.steering * over / changed, CREEP))
