@@ -94,7 +94,7 @@ class Machines:
     @property
     def by_name(self) -> dict[str, Combine | Cart]:
         """All that move."""
-        return {m.name: m for m in [*self.combines, *self.carts]}
+        return {**{c.name: c for c in self.combines}, **{k.name: k for k in self.carts}}
 
 
 def machines_of(job: JobFile, base: Path | None = None) -> Machines:

@@ -222,10 +222,10 @@ class Table:
             highs.append(row[k][1])
             k = row[k][2]
         times.reverse()
-        until = [math.inf, *highs[:0:-1]]
+        left_by = [math.inf, *highs[:0:-1]]
         for i in range(len(times) - 2, -1 if not early else len(times), -1):
             if i not in exact:
-                times[i] = max(times[i], min(times[i + 1] - float(path.spent[i]), until[i]))
+                times[i] = max(times[i], min(times[i + 1] - float(path.spent[i]), left_by[i]))
         return times
 
     def called(self, by: Sequence[int], numbers: Sequence[int]) -> None:

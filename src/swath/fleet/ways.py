@@ -93,11 +93,11 @@ def eased(start: Place, pieces: Sequence[tuple[float, float]], body: Body, ramp:
     None where that is too much.
     """
     merged: list[list[float]] = []
-    for k, d in pieces:
-        if merged and merged[-1][0] == k and merged[-1][1] * d > 0.0:
-            merged[-1][1] += d
+    for bend, length in pieces:
+        if merged and merged[-1][0] == bend and merged[-1][1] * length > 0.0:
+            merged[-1][1] += length
         else:
-            merged.append([k, d])
+            merged.append([bend, length])
     bends, lengths = np.array(merged).T
     goal = _ends(start, bends, lengths)[-1]
     first = lengths.copy()
