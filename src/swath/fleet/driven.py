@@ -289,7 +289,7 @@ class _Drive:
                 raise InputError("level", "driven", f"expected machines that go on; {self.who_waits()}")
         for name, m in self.movers.items():
             rows[name].append((m.x, m.y, m.heading, m.trailer))
-        clock: Array = STEP * np.arange(len(next(iter(rows.values()))))
+        clock = np.linspace(0.0, self.time, len(next(iter(rows.values()))))
         places = {name: np.array(r) for name, r in rows.items()}
         poured = [
             replace(p.plan, amount=p.plan.amount - p.left, begins=p.begins, ends=p.ends) for p in self.pours
