@@ -10,6 +10,7 @@ carts: {cart: {machine: tractor-grain-cart}}
 truck: {x_m: 20, y_m: -30}
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as made
@@ -210,13 +211,13 @@ def _from_file(field: FieldSettings, base: Path | None) -> tuple[FieldSettings, 
     path = Path(field.file) if base is None else base / field.file
     outlines = read_outlines(path)
     corner = np.floor(np.min([a.bounds[:2] for a in outlines.areas], axis=0))
-    rough = sum(a.area for a in outlines.areas)
+    rough = math.fsum(a.area for a in outlines.areas)
     areas = [a.simplify(SIMPLER) for a in outlines.areas]
     notes = [
         *outlines.notes,
         f"origin of the field: {corner[0]:.0f}, {corner[1]:.0f} in EPSG:{outlines.epsg}",
     ]
-    change = sum(a.area for a in areas) - rough
+    change = math.fsum(a.area for a in areas) - rough
     if abs(change) > 1.0:
         notes.append(f"outlines are drawn within {SIMPLER} m, which changes {change:+.0f} m2")
 

@@ -124,10 +124,12 @@ def eased(start: Place, pieces: Sequence[tuple[float, float]], body: Body, ramp:
         )
         both = np.concatenate([stretch, bent], axis=1)
         weight = np.concatenate([np.minimum(np.abs(first), 5.0), np.full(len(bends), EASE_BEND)])
-        square = (both * weight) @ both.T
-        if not abs(np.linalg.det(square)) > 1e-9:
+        a, b, c = np.einsum("in,jn->ij", both * weight, both)  # and its inverse by minors
+        minors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+        size = float((a * minors[0]).sum())
+        if not abs(size) > 1e-9:
             return None
-        change = weight * (both.T @ np.linalg.solve(square, off))
+        change = weight * np.einsum("in,ki,k->n", both, minors, off) / size
         lengths = lengths + way * change[: len(bends)]
         bends = bends * (1.0 + change[len(bends) :])
         if (lengths * first < 0.04 * first**2).any() or np.abs(change[len(bends) :]).max() > 0.1:
