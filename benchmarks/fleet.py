@@ -1,4 +1,4 @@
-"""Drawn jobs of whole fields: each worked off, then looked at by code that the schedule does not use.
+"""Drawn jobs of whole fields: each planned and driven, then looked at by code that neither uses.
 
 usage: python benchmarks/fleet.py FIRST LAST [LEAST_HA MOST_HA]   seeds, the last one left out
 """
@@ -10,10 +10,13 @@ from tests.fleet.check import looked_at
 from tests.fleet.drawn import drawn_job
 
 from swath.core.errors import InputError
+from swath.fleet.driven import driven
 from swath.fleet.schedule import schedule_of
+from swath.fleet.worked import by_events
 
 HEAD = (
-    "seed ha comb cart holes parts t/ha | min passes | contact s  left %  lost   hole s  out s  tramp | CPU"
+    "seed ha comb cart holes parts t/ha passes CPU | min events driven off cm CPU "
+    "| contact s left % lost hole s out s tramp, as planned | as driven"
 )
 
 
@@ -28,22 +31,32 @@ def main() -> None:
         begin = time.process_time()
         field = job.field
         what = f"{len(job.combines):4} {len(job.carts):4} {len(field.holes_m):5} {1 + len(field.parts_m):5}"
+        what += f" {field.yield_t_ha:4.1f}"
         try:
             made = schedule_of(job)
+            spent = time.process_time() - begin
+            worked = driven(made)
         except InputError as error:
-            print(f"{seed:4}    - {what} {field.yield_t_ha:4.1f} | refused: {error}", flush=True)
+            cpu = time.process_time() - begin
+            print(f"{seed:4}    - {what} {cpu:5.1f} | refused: {error}", flush=True)
             refused += 1
             continue
-        spent = time.process_time() - begin
-        found = looked_at(made)
-        contact = sum(found.contact.values())
-        is_bad = contact > 0 or found.left > 0.005 or found.mass > 1e-9 or found.hole + found.outside > 0
+        drove = time.process_time() - begin - spent
+        planned, found = looked_at(made), looked_at(made, worked)
+        minutes = made.ends / 60.0, by_events(made).ends / 60.0, worked.ends / 60.0
+        is_bad = any(
+            f.contact or f.left > 0.005 or f.mass > 1e-9 or f.hole + f.outside + f.hasty > 0
+            for f in (planned, found)
+        )
         done, bad = done + 1, bad + is_bad
+        both = " ".join(
+            f"| {sum(f.contact.values()):5.1f} {100 * f.left:5.2f} {f.mass:5.0e} {f.hole:4.0f} "
+            f"{f.outside:4.0f} {f.trampled:4.0f}" for f in (planned, found)
+        )  # fmt: skip
         print(
-            f"{seed:4} {made.plan.area / 1e4:4.1f} {what} {field.yield_t_ha:4.1f} | {made.ends / 60:3.0f} "
-            f"{len(made.plan.passes):6} | {contact:9.1f} {100 * found.left:7.2f} {found.mass:6.0e} "
-            f"{found.hole:6.0f} {found.outside:6.0f} {found.trampled:6.0f} | {spent:5.1f} {'!' * is_bad}",
-            *made.notes, flush=True,
+            f"{seed:4} {made.plan.area / 1e4:4.1f} {what} {len(made.plan.passes):3} {spent:5.1f} | "
+            f"{minutes[0]:5.1f} {minutes[1]:5.1f} {minutes[2]:5.1f} {100 * worked.stray:4.1f} {drove:4.1f} "
+            f"{both} {'!' * is_bad}", *made.notes, flush=True,
         )  # fmt: skip
     print(f"{done} done, of them {bad} not as they should be; {refused} refused")
 

@@ -16,7 +16,7 @@ STEP = 0.1  # s
 class Found:
     """contact: seconds in which two bodies are over each other; hole, outside: s in which a body is in a
     hole, off open ground; trampled: standing crop under wheels [m2 s]; left: crop, share of the field;
-    mass: grain lost, share
+    mass: grain lost, share; hasty: segments that are left before their time
     """
 
     contact: dict[tuple[str, str], float] = field(default_factory=dict)
@@ -25,16 +25,21 @@ class Found:
     trampled: float = 0.0
     left: float = 0.0
     mass: float = 0.0
+    hasty: int = 0
 
 
-def looked_at(schedule: Schedule, times=None) -> Found:
-    """All of it. times: of entry into each segment [s], the planned ones by default."""
+def looked_at(schedule: Schedule, worked=None) -> Found:
+    """All of it. worked: as driven, by default as planned"""
     found = Found()
-    into = np.array([s.into for s in schedule.table.segments]) if times is None else times
-    end = float(into.max()) + 60.0
-    clock = np.arange(0.0, end, STEP)
     machines = {m.name: m for m in (*schedule.machines.combines, *schedule.machines.carts)}
-    where = {name: places(schedule, name, into, clock) for name in machines}
+    if worked is None:
+        into = np.array([s.into for s in schedule.table.segments])
+        clock = np.arange(0.0, float(into.max()) + 60.0, STEP)
+        where = {name: places(schedule, name, into, clock) for name in machines}
+        segments = schedule.table.segments
+        found.hasty = sum(s.next >= 0 and into[s.next] < s.into + s.spent - 1e-6 for s in segments)
+    else:
+        into, clock, where = worked.into, worked.clock, worked.places
     names = list(machines)
     for i, a in enumerate(names):
         for b in names[i + 1 :]:
@@ -42,7 +47,8 @@ def looked_at(schedule: Schedule, times=None) -> Found:
             if touched:
                 found.contact[a, b] = touched * STEP
     _ground(schedule, machines, where, clock, into, found)
-    cut, at = math.fsum(kg for _, kg, _ in schedule.cut), schedule.delivered
+    cut, poured = math.fsum(kg for _, kg, _ in schedule.cut), (worked or schedule).poured
+    at = math.fsum(p.amount for p in poured if p.target == "truck")
     found.mass = abs(cut - at) / max(cut, 1.0)
     return found
 

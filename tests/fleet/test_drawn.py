@@ -1,26 +1,116 @@
 """Whole jobs that were drawn: they end, nothing touches, no grain is lost; however the field lies."""
 
+import json
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
+from swath.commands.main import main
 from swath.core.errors import InputError
+from swath.fleet.driven import _Mover, driven
 from swath.fleet.files import FieldSettings, FleetSettings, read_job
+from swath.fleet.ground import shapely_here
+from swath.fleet.report import FILES, write_result
 from swath.fleet.schedule import schedule_of
+from swath.fleet.worked import by_events
 from tests.fleet.check import looked_at
 from tests.fleet.drawn import drawn_job
 
 SMALL = (0.5, 1.0)  # ha
 
 
+@pytest.fixture(scope="module")
+def schedules():
+    return {seed: schedule_of(drawn_job(seed, SMALL)) for seed in (130, 131)}
+
+
+@pytest.mark.parametrize("level", ["planned", "driven"])
 @pytest.mark.parametrize("seed", [130, 131])
-def test_a_drawn_job_ends_with_all_grain_at_the_truck_and_no_contact(seed):
-    found = looked_at(schedule_of(drawn_job(seed, SMALL)))
+def test_a_drawn_job_ends_with_all_grain_at_the_truck_and_no_contact(seed, level, schedules):
+    schedule = schedules[seed]
+    found = looked_at(schedule, driven(schedule) if level == "driven" else None)
     assert found.contact == {}
     assert found.left < 0.005
     assert found.mass < 1e-9
-    assert (found.hole, found.outside) == (0.0, 0.0)
+    assert (found.hole, found.outside, found.hasty) == (0.0, 0.0, 0)
+
+
+def test_driven_bodies_keep_to_their_paths_and_say_what_they_do_all_the_time(schedules):
+    worked = driven(schedules[130])
+    assert worked.stray < 0.02
+    for spans in worked.spans.values():
+        assert spans[0].begin == 0.0
+        assert all(a.end == pytest.approx(b.begin) for a, b in pairwise(spans))
+        assert all(s.reason for s in spans if s.state == "wait")
+    assert driven(schedules[130]).ends == worked.ends
+
+
+@pytest.mark.parametrize("late", ["combine_1", "cart_1"])
+def test_who_breaks_down_on_the_way_delays_others_and_touches_nobody(late, schedules, monkeypatch):
+    """A machine that stands for ten minutes soon after it has set out."""
+    drive, clock = _Mover.drive, {"steps": 0}
+
+    def delayed(self, goal, most):
+        clock["steps"] += self.machine.name == late and (self.speed > 1.0 or clock["steps"] > 0)
+        if self.machine.name == late and 50 < clock["steps"] < 6000:
+            self.speed = 0.0
+        else:
+            drive(self, goal, most)
+
+    monkeypatch.setattr(_Mover, "drive", delayed)
+    worked = driven(schedules[130])
+    found = looked_at(schedules[130], worked)
+    assert (found.contact, found.mass) == ({}, pytest.approx(0.0, abs=1e-9))
+    assert worked.ends > schedules[130].ends + 100.0
+
+
+def test_hours_of_a_spread_lie_about_those_of_the_schedule(schedules):
+    worked = by_events(schedules[130], spread=10.0)
+    assert min(worked.draws) < worked.ends < max(worked.draws)
+    assert max(worked.draws) < 1.2 * worked.ends
+    assert by_events(schedules[130], spread=10.0).draws == worked.draws
+
+
+def test_a_result_holds_the_timeline_and_why_machines_waited(schedules, tmp_path):
+    worked = by_events(schedules[130])
+    write_result(worked, "drawn", "a drawn job", tmp_path / "out")
+    result = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert {p.name for p in (tmp_path / "out").iterdir()} == set(FILES)
+    times = result["machines"]["combine_1"]["times_s"]
+    assert times["cut"] == pytest.approx(60.0 * worked.minutes("combine_1", "cut"))
+    assert sum(p["kg"] for p in result["poured"] if p["to"] == "truck") == pytest.approx(result["grain_kg"])
+    with pytest.raises(InputError, match="--out"):
+        write_result(worked, "drawn", "", tmp_path)
+
+
+def test_a_bundled_job_runs_from_the_command_at_both_levels(tmp_path, capsys):
+    assert main(["fleet", "run", "small-field", "--level", "driven", "--out", str(tmp_path / "job")]) == 0
+    said = capsys.readouterr().out
+    assert "unload is not read at this level" in said
+    assert json.loads((tmp_path / "job" / "results.json").read_text())["level"] == "driven"
+    assert main(["fleet", "run", "small-field", "--level", "driven", "--spread", "5"]) == 2
+
+
+def test_outlines_of_a_file_come_with_all_polygons_and_holes(tmp_path):
+    def ring(x, y, size):
+        corners = [(x, y), (x + size, y), (x + size, y + size), (x, y + size), (x, y)]
+        return [[11.0 + a / 74_500.0, 48.0 + b / 111_200.0] for a, b in corners]
+
+    shapes = [[ring(0, 0, 120), ring(40, 40, 20)[::-1]], [ring(200, 0, 60)]]
+    geometry = {"type": "MultiPolygon", "coordinates": shapes}
+    outline = {"type": "Feature", "geometry": geometry, "properties": {}}
+    (tmp_path / "field.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [outline]}))
+    file = tmp_path / "job.yaml"
+    file.write_text(
+        "format: swath fleet 1\nfield: {file: field.geojson}\n"
+        "combines: {c: {machine: lexion-700}}\ntruck: {x_m: -30, y_m: 0}\n"
+    )
+    field = read_job(str(file))[0].field
+    assert (len(field.parts_m), len(field.holes_m)) == (1, 1)
+    area = shapely_here().Polygon(field.boundary_m).area
+    assert area == pytest.approx(120.0**2, rel=0.03)
 
 
 def test_a_field_that_is_turned_and_moved_takes_the_same_time():

@@ -31,7 +31,7 @@ def crossing():
         table.stand(name, standing(place, BODY, 0.0, "home"))
     first, second = path(-60.0, 0.0, 0.0, 120.0), path(0.0, -60.0, math.pi / 2, 120.0)
     table.commit("a", first, table.earliest("a", first, 0.0))
-    times = table.earliest("b", second, 0.0)
+    times = table.earliest("b", second, 0.0, early=True)
     table.commit("b", second, times)
     return table, second, times
 

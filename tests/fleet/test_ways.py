@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swath.fleet.bodies import Drive, Place, body_of
-from swath.fleet.ways import Finder, driven, straight, times_along
+from swath.fleet.ways import Finder, driven, eased, limits_along, straight, times_along
 from swath.machine.machine_sheet import load_machine
 
 COMBINE, CART = body_of(load_machine("lexion-700")), body_of(load_machine("tractor-grain-cart"))
@@ -97,3 +97,35 @@ def test_times_are_those_of_a_speed_that_changes_by_its_acceleration():
     up = DRIVE.straight**2 / (2.0 * DRIVE.accel)
     expected = 2.0 * DRIVE.straight / DRIVE.accel + (100.0 - 2.0 * up) / DRIVE.straight
     assert times_along(way, DRIVE)[-1] == pytest.approx(expected, rel=0.01)
+
+
+R = DRIVE.radius
+
+
+@pytest.mark.parametrize(
+    "pieces",
+    [
+        [(1 / R, 12.0), (0.0, 20.0), (-1 / R, 8.0)],
+        [(1 / R, 3.0), (-1 / R, 15.0), (1 / R, 3.0)],
+        [(1 / R, 8.0), (0.0, 3.0), (1 / R, -8.0), (0.0, -2.0), (1 / R, 10.0)],  # with reverse
+    ],
+)
+def test_an_eased_way_ends_where_it_did_and_its_bends_grow_over_the_ramp(pieces):
+    start = Place(3.0, 4.0, 0.3, 0.3)
+    hard, soft = driven(start, pieces, COMBINE), eased(start, pieces, COMBINE, 3.0)
+    assert soft.places[-1] == pytest.approx(hard.places[-1], abs=1e-5)
+    ahead = np.diff(soft.ways) == 0.0
+    change = np.abs(np.diff(soft.bends)) / (0.5 * (np.diff(soft.distance)[1:] + np.diff(soft.distance)[:-1]))
+    assert change[ahead].max() < 1.05 * 2.0 / R / 3.0
+    assert np.abs(soft.bends).max() < 1.02 / R
+    away = np.hypot(*(soft.places[:, None, :2] - hard.places[None, :, :2]).T).min(axis=0)
+    assert away.max() < 0.45  # less than a step of the search, whose 1.5 m are far more
+
+
+def test_who_steers_slowly_drives_bends_no_faster_than_it_steers():
+    slow = Drive(6.4, 2.0, 3.0, 1.0, 0.5, 2.0, steering=0.04)
+    way = eased(Place(0.0, 0.0, 0.0, 0.0), [(0.0, 20.0), (1 / R, 10.0), (0.0, 20.0)], COMBINE, 3.0)
+    limit = limits_along(way, slow)
+    over = 0.5 * (np.diff(way.distance)[1:] + np.diff(way.distance)[:-1])
+    assert (limit[1:-1] * np.abs(np.diff(way.bends)) <= 0.04 * over * 1.0001 + 1e-9).all()
+    assert times_along(way, slow)[-1] > times_along(way, DRIVE)[-1]

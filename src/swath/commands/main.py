@@ -13,6 +13,7 @@ from swath import __version__
 from swath.commands import (
     completion,
     docs,
+    fleet,
     levels,
     metrics,
     new,
@@ -39,7 +40,6 @@ from swath.tools.compare_log import command as compare
 from swath.tools.dataset import command as dataset
 from swath.tools.diff import command as diff
 from swath.tools.field_export import command as field
-from swath.tools.fleet import command as fleet
 from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab

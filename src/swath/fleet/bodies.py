@@ -130,7 +130,7 @@ def body_of(sheet: MachineSheet) -> Body:
 class Drive:
     """How a machine drives on ways. radius: of its tightest turn [m]; turning, straight, backwards: speeds
     [m/s], 0 where it does not reverse; accel: of its speed, up and down [m/s2]; shift: from forwards to
-    backwards or back [s]
+    backwards or back [s]; steering: how fast its curvature changes [1/(m s)]
     """
 
     radius: float
@@ -139,3 +139,4 @@ class Drive:
     backwards: float
     accel: float
     shift: float
+    steering: float = math.inf

@@ -10,17 +10,23 @@ carts: {cart: {machine: tractor-grain-cart}}
 truck: {x_m: 20, y_m: -30}
 """
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from dataclasses import field as made
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
+import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
+from swath.core.errors import InputError
 from swath.documents.data_sheets import find_sheet
 from swath.documents.validation import validate
-from swath.documents.yaml_document import Document, read_document
+from swath.documents.yaml_document import Document, parse_value, read_document
 
 FORMAT = "swath fleet 1"
+SIMPLER = 0.3  # m, within which points of an outline from a file are left out
 Metre = Annotated[float, Ge(-1e7), Le(1e7)]
 Ring = Annotated[list[tuple[Metre, Metre]], MinLen(3)]
 
@@ -29,14 +35,16 @@ Ring = Annotated[list[tuple[Metre, Metre]], MinLen(3)]
 class FieldSettings:
     """boundary_m: points [x, y], east and north; holes_m: ponds and islands in it; parts_m: outlines of
     further parts of the field; around_m: ground beyond the outlines that may be driven on; yield_t_ha: grain,
-    even over the field
+    even over the field; file: GeoJSON, KML or a shapefile with all outlines instead, all else is then in
+    metres from its south-west corner, rounded down
     """
 
-    boundary_m: Ring
+    boundary_m: Ring = made(default_factory=list)
     holes_m: list[Ring] = made(default_factory=list)
     parts_m: list[Ring] = made(default_factory=list)
     around_m: Annotated[float, Ge(0), Le(200)] = 20.0
     yield_t_ha: Annotated[float, Gt(0), Le(30)] = 8.0
+    file: str | None = None
 
 
 @dataclass(frozen=True)
@@ -54,7 +62,8 @@ class PlanSettings:
 class CombineSettings:
     """machine: its data sheet; header_width_m: another header on it; speed_kmh: fastest in the crop;
     grain_kg_s: most that it threshes (default: the data sheet's nominal flow); turn_speed_kmh, turn_radius_m:
-    in turns; transport_speed_kmh: on straights of ways; call_percent: of the tank, from which a cart may come
+    in turns; transport_speed_kmh: on straights of ways; call_percent: of the tank, from which a cart may
+    come; tank_start_percent: in it at the start
     """
 
     machine: str = "lexion-700"
@@ -65,6 +74,7 @@ class CombineSettings:
     turn_radius_m: Annotated[float, Gt(3), Le(50)] = 6.4
     transport_speed_kmh: Annotated[float, Gt(0), Le(40)] = 12.0
     call_percent: Annotated[float, Ge(0), Le(100)] = 40.0
+    tank_start_percent: Annotated[float, Ge(0), Le(100)] = 0.0
 
 
 @dataclass(frozen=True)
@@ -119,16 +129,28 @@ class JobFile:
     fleet: FleetSettings = FleetSettings()
     name: str = "job"
     summary: str = ""
+    notes: tuple[str, ...] = ()
 
 
-def read_job(name: str) -> tuple[JobFile, Document]:
-    """A bundled job by name, or a file. Raises InputError with key, value, file and line; its `others` are
-    what else is wrong.
+OTHERS = {  # keys of jobs at other levels, and what is done here
+    ("plan", "order"): "lands are cut round and round",
+    ("team",): "combines share the field out among them in bands",
+    ("unload",): "a tank is emptied beside or standing, whatever costs less time",
+}
+
+
+def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]:
+    """A bundled job by name, or a file. changes: `combines.combine.speed_kmh=5` and the like.
+
+    Raises InputError with key, value, file and line; its `others` are what else is wrong.
     """
     document = read_document(find_sheet("jobs", name))
     document.kind = "job"
     if not isinstance(document.data, dict):
         raise document.error((), None, "expected a mapping of keys")
+    for change in changes:
+        _set(document, change)
+    notes = tuple(_without_others(document.data))
     if document.data.get("format") != FORMAT:
         raise document.error(("format",), document.data.get("format"), f"expected `{FORMAT}`")
     job, errors = validate(JobFile, document.data, (), document)
@@ -136,9 +158,72 @@ def read_job(name: str) -> tuple[JobFile, Document]:
         errors[0].others = tuple(errors[1:])
         raise errors[0]
     assert isinstance(job, JobFile)
+    if bool(job.field.boundary_m) == (job.field.file is not None):
+        raise document.error(("field",), None, "expected one of boundary_m and file")
+    if job.field.file is not None:
+        field, told = _from_file(job.field, base_of(document))
+        job, notes = replace(job, field=field), (*notes, *told)
+    job = replace(job, notes=notes)
     if not job.combines:
         raise document.error(("combines",), None, "expected at least one combine")
     for name in job.carts:
         if name in job.combines:
             raise document.error(("carts", name), None, "expected another name, a combine has it")
     return job, document
+
+
+def base_of(document: Document) -> Path | None:
+    """Folder that relative paths of a job start from."""
+    place = document.place(("format",))
+    return None if place is None or place.file is None else Path(place.file).parent
+
+
+def _set(document: Document, change: str) -> None:
+    """Change one key of a job as read."""
+    key, equals, text = change.partition("=")
+    path = key.strip().split(".")
+    node = document.data
+    if not equals or not all(path):
+        raise InputError("--set", change, "expected KEY=VALUE")
+    for part in path[:-1]:
+        node = node.setdefault(part, {})
+        if not isinstance(node, dict):
+            raise InputError("--set", change, f"expected a section, {part} is none")
+    node[path[-1]] = parse_value(text, "--set")
+
+
+def _without_others(data: dict[str, Any]) -> Iterator[str]:
+    """Take out keys of other levels, each with a note."""
+    for path, instead in OTHERS.items():
+        node = data
+        for part in path[:-1]:
+            node = node.get(part) or {}
+        if isinstance(node, dict) and path[-1] in node:
+            del node[path[-1]]
+            yield f"{'.'.join(path)} is not read at this level: {instead}"
+
+
+def _from_file(field: FieldSettings, base: Path | None) -> tuple[FieldSettings, list[str]]:
+    """Outlines of a file, all its areas and their holes, and what is to be told of them."""
+    from swath.field_io.outline import read_outlines
+
+    assert field.file is not None
+    path = Path(field.file) if base is None else base / field.file
+    outlines = read_outlines(path)
+    corner = np.floor(np.min([a.bounds[:2] for a in outlines.areas], axis=0))
+    rough = math.fsum(a.area for a in outlines.areas)
+    areas = [a.simplify(SIMPLER) for a in outlines.areas]
+    notes = [
+        *outlines.notes,
+        f"origin of the field: {corner[0]:.0f}, {corner[1]:.0f} in EPSG:{outlines.epsg}",
+    ]
+    change = math.fsum(a.area for a in areas) - rough
+    if abs(change) > 1.0:
+        notes.append(f"outlines are drawn within {SIMPLER} m, which changes {change:+.0f} m2")
+
+    def ring(points: Any) -> Ring:
+        return [(x - corner[0], y - corner[1]) for x, y, *_ in list(points.coords)[:-1]]
+
+    first, *others = [ring(a.exterior) for a in areas]
+    holes = [ring(h) for a in areas for h in a.interiors]
+    return replace(field, boundary_m=first, parts_m=others, holes_m=holes), notes

@@ -19,10 +19,13 @@ from swath.fleet.table import Order
 
 @dataclass
 class _Held:
-    """reservation: number; path: segments in order; wants, granted, at: places in the path, -1 for none"""
+    """reservation: number; path: segments in order; place: of each in it; wants, granted, at: places in the
+    path, -1 for none
+    """
 
     reservation: int
     path: list[int]
+    place: dict[int, int]
     wants: int = -1
     granted: int = -1
     at: int = -1
@@ -42,27 +45,27 @@ class Grants:
         """A machine's segments from here on. Ignored for a reservation that is not newer than its last."""
         held = self._held.get(machine)
         if held is None or reservation > held.reservation:
-            self._held[machine] = _Held(reservation, list(path))
+            self._held[machine] = _Held(reservation, list(path), {n: i for i, n in enumerate(path)})
 
     def ready(self, machine: str, reservation: int, segment: int) -> None:
         """A machine wants to go as far as a segment of its path."""
         held = self._of(machine, reservation)
-        if held is not None and segment in held.path:
-            held.wants = max(held.wants, held.path.index(segment))
-            self._asked.update(held.path[: held.wants + 1])
+        if held is not None and held.place.get(segment, -1) > held.wants:
+            self._asked.update(held.path[held.at + 1 : held.place[segment] + 1])
+            held.wants = held.place[segment]
 
     def reached(self, machine: str, reservation: int, segment: int) -> None:
         """A machine has entered a segment; ignored for one that it was not granted."""
         held = self._of(machine, reservation)
-        if held is not None and segment in held.path and held.path.index(segment) <= held.granted:
-            held.at = max(held.at, held.path.index(segment))
-            self._entered.update(held.path[: held.at + 1])
+        if held is not None and held.at < held.place.get(segment, -1) <= held.granted:
+            self._entered.update(held.path[held.at + 1 : held.place[segment] + 1])
+            held.at = held.place[segment]
 
     def release(self, machine: str, reservation: int, segment: int) -> None:
         """A path ends with a segment that its machine may go to: nothing behind it is granted any more."""
         held = self._of(machine, reservation)
-        if held is not None and segment in held.path and held.path.index(segment) >= held.granted:
-            held.wants = min(held.wants, held.path.index(segment))
+        if held is not None and held.place.get(segment, -1) >= held.granted:
+            held.wants = min(held.wants, held.place[segment])
 
     def cancel(self, machine: str, reservation: int) -> None:
         """A machine stands where it is: what it was granted and has not entered is free again."""
@@ -84,14 +87,18 @@ class Grants:
         held = self._held.get(machine)
         return held if held is not None and held.reservation == reservation else None
 
+    def waits_for(self, segment: int) -> tuple[int, int] | None:
+        """What a segment is not granted for: the one that is entered at that moment, itself or a partner's,
+        and what has to be entered, or asked for, before; None where nothing has.
+        """
+        for member in self._group[segment]:
+            if member != segment and member not in self._asked:
+                return member, member
+            for other, waits in self.order.before[member]:
+                if other not in self._entered and not (waits and member == segment):
+                    return member, other
+        return None
+
     def _is_free(self, segment: int) -> bool:
         """Whether all that comes before a segment is left, and who enters with it is there and ready, too."""
-        group = self._group[segment]
-        return all(
-            (member == segment or member in self._asked)
-            and all(
-                other in self._entered or (waits and member == segment)
-                for other, waits in self.order.before[member]
-            )
-            for member in group
-        )
+        return self.waits_for(segment) is None

@@ -20,7 +20,8 @@ class Params:
     acceleration that drivers of carts keep in bends, 0.8 in job reports, an estimate; drop_m: of grain below
     the pipe's mouth where it meets the heap, an estimate; beside_m: least gap between the strip of a header
     and a cart beside it, twice what a machine steers off and the search's gap; off_m: most that the stream's
-    impact may be off the middle of the box, of which a heap loses 15 % (COOPERATION: 83 to 86 % of a box)
+    impact may be off the middle of the box, of which a heap loses 15 % (COOPERATION: 83 to 86 % of a box);
+    steered: of the steering's rate that ways take, the rest is for what a machine is off its way
     """
 
     repose_deg: float = 25.0
@@ -30,6 +31,7 @@ class Params:
     drop_m: float = 1.0
     beside_m: float = 0.4
     off_m: float = 0.5
+    steered: float = 0.75
 
 
 PARAMS = Params()
@@ -39,7 +41,8 @@ PARAMS = Params()
 class Combine:
     """width, knife: of the header and ahead of the fixed axle [m]; speed: in the crop [m/s]; flow: most grain
     [kg/s]; tank [kg]; auger [kg/s]; swing: until the pipe is out [s]; pipe_x: of its mouth ahead of the axle;
-    pipe_y: where the stream lands, leftward [m]; call: level of the tank from which a cart may come [kg]
+    pipe_y: where the stream lands, leftward [m]; call: level of the tank from which a cart may come; start:
+    at the start [kg]
     """
 
     name: str
@@ -56,6 +59,7 @@ class Combine:
     pipe_x: float
     pipe_y: float
     call: float
+    start: float = 0.0
 
     def speed_in(self, grain: float) -> float:
         """Speed [m/s] in a crop with so much grain per metre of pass [kg/m]."""
@@ -87,6 +91,11 @@ class Machines:
     truck: MachineSheet
     density: float
 
+    @property
+    def by_name(self) -> dict[str, Combine | Cart]:
+        """All that move."""
+        return {**{c.name: c for c in self.combines}, **{k.name: k for k in self.carts}}
+
 
 def machines_of(job: JobFile, base: Path | None = None) -> Machines:
     """The machines of a job. InputError for one that cannot do its part."""
@@ -112,15 +121,20 @@ def _combine(name: str, s: CombineSettings, base: Path | None) -> Combine:
         raise InputError(f"combines.{name}.machine", s.machine, "expected a grain tank and an auger")
     drive = Drive(
         s.turn_radius_m, s.turn_speed_kmh * KMH, max(s.transport_speed_kmh, s.turn_speed_kmh) * KMH,
-        PARAMS.backwards_m_s, dynamics_of(sheet).accel, PARAMS.shift_s,
+        PARAMS.backwards_m_s, dynamics_of(sheet).accel, PARAMS.shift_s, _steering(sheet),
     )  # fmt: skip
     pipe = sheet.pipe
     return Combine(
         name, sheet, body_of(sheet), drive, sheet.header_width, sheet.knife_x, s.speed_kmh * KMH,
         flow=s.grain_kg_s or train.transport.grain_feed, tank=train.tank, auger=train.unloading,
         swing=pipe.swing / pipe.rate, pipe_x=pipe.x, pipe_y=pipe.y + pipe.length + _thrown(pipe),
-        call=s.call_percent / 100.0 * train.tank,
+        call=s.call_percent / 100.0 * train.tank, start=s.tank_start_percent / 100.0 * train.tank,
     )  # fmt: skip
+
+
+def _steering(sheet: MachineSheet) -> float:
+    """How fast the curvature of a machine's way changes, going straight: less than in any bend [1/(m s)]."""
+    return PARAMS.steered * dynamics_of(sheet).steer_rate / abs(sheet.wheelbase)
 
 
 def _thrown(pipe: Pipe) -> float:
@@ -138,7 +152,9 @@ def _cart(name: str, s: CartSettings, base: Path | None, density: float) -> Cart
     load = s.fill_percent / 100.0 * most
     speed = s.speed_kmh * KMH
     bend = min(speed, math.sqrt(PARAMS.sideways_m_s2 * s.turn_radius_m))
-    drive = Drive(s.turn_radius_m, bend, speed, 0.0, dynamics_of(sheet).accel, PARAMS.shift_s)
+    drive = Drive(
+        s.turn_radius_m, bend, speed, 0.0, dynamics_of(sheet).accel, PARAMS.shift_s, _steering(sheet)
+    )
     return Cart(
         name, sheet, body_of(sheet), drive, load, min(s.leave_percent / 100.0, 1.0) * load,
         s.unload_l_s / 1000.0 * density, sheet.hitch.x - sheet.hitch.drawbar + sheet.box.x,

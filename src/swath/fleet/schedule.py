@@ -9,7 +9,7 @@ one makes room.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path as FilePath
 from typing import Any
@@ -47,6 +47,8 @@ class Params:
     align_s: float = 10.0
     tries: int = 4
     places: int = 8
+    join: int = 4
+    joins: int = 2
     early_s: float = 2.0
     soon_s: float = 30.0
     out_percent: float = 0.5
@@ -80,18 +82,22 @@ class CartState:
 
 @dataclass(frozen=True)
 class Poured:
-    """Grain handed over. source, target: machines; amount [kg]; begins, ends [s]"""
+    """Grain handed over. source, target: machines; amount [kg]; begins, ends [s]; during: first and last
+    segment of the source in which it is
+    """
 
     source: str
     target: str
     amount: float
     begins: float
     ends: float
+    during: tuple[int, int] = (-1, -1)
 
 
 @dataclass
 class Schedule:
-    """table: what was granted; poured: grain handed over; cut: kg, m2 of each pass; ends: when all grain is
+    """table: what was granted; poured: grain handed over; cut: machine, kg, m2 of each pass; grain: of each
+    segment that is cut [kg]; dock: until who empties is beside the truck and gone; ends: when all grain is
     at the truck [s]; left: crop that no pass took [m2]; plan, machines, ground: of the job
     """
 
@@ -101,13 +107,15 @@ class Schedule:
     table: Table = field(default_factory=Table)
     poured: list[Poured] = field(default_factory=list)
     cut: list[tuple[str, float, float]] = field(default_factory=list)
+    grain: dict[int, float] = field(default_factory=dict)
+    dock: float = 0.0
     ends: float = 0.0
     notes: list[str] = field(default_factory=list)
 
     @property
     def harvested(self) -> float:
-        """Grain cut [kg]."""
-        return math.fsum(kg for _, kg, _ in self.cut)
+        """Grain cut, and in tanks at the start [kg]."""
+        return math.fsum([*(kg for _, kg, _ in self.cut), *(c.start for c in self.machines.combines)])
 
     @property
     def delivered(self) -> float:
@@ -141,7 +149,7 @@ class _Scheduler:
         ground = Ground(job, body_of(machines.truck))
         plan = plan_of(ground, machines.combines, job.plan)
         self.job, self.dispatcher, self.ground, self.machines = job, dispatcher, ground, machines
-        self.schedule = Schedule(plan, machines, ground)
+        self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s, notes=list(job.notes))
         self.table = self.schedule.table
         self.finder = Finder(ground.west, ground.south, CELL, ground.edge)
         self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T
@@ -150,7 +158,9 @@ class _Scheduler:
             self.truck_room = job.truck.volume_m3 * machines.density
         homes = waiting_places(ground, self.finder, self.waits())
         own = {i: [p for p in plan.passes if p.combine == i] for i in range(len(machines.combines))}
-        self.combines = [CombineState(c, homes[i], homes[i], own[i]) for i, c in enumerate(machines.combines)]
+        self.combines = [
+            CombineState(c, homes[i], homes[i], own[i], tank=c.start) for i, c in enumerate(machines.combines)
+        ]
         self.carts = [CartState(k, homes[len(self.combines) + i]) for i, k in enumerate(machines.carts)]
         self.shared = [p for p in plan.passes if p.combine < 0 and p.kind == HEADLAND]
         self.clean = [p for p in plan.passes if p.kind == CLEAN]
@@ -159,9 +169,7 @@ class _Scheduler:
         for k in self.carts:
             self.table.stand(k.spec.name, standing(np.array(k.home), k.spec.body, 0.0, "home"))
         self.ground.version += 1
-        self.homes = {
-            w.name: run_of(w.body, home, 0.0, WIDE) for w, home in zip(self.waits(), homes, strict=True)
-        }
+        self.homes = {k.spec.name: run_of(k.spec.body, k.home, 0.0, WIDE) for k in self.carts}
         self.places = list(self._service_places())
 
     def waits(self) -> list[Waits]:
@@ -192,16 +200,28 @@ class _Scheduler:
             if any(self.turn(c) for c in busy):
                 room = 0
                 continue
-            room += 1
-            if room > len(busy) or not any(self.goes_home(c) for c in busy if c.place != c.home):
+            if room > 2 * len(self.combines) or not self.makes_room(room):
                 self.leave_out(busy)
-                room = 0
+                room = -1
+            room += 1
         last = max(c.time for c in self.combines)
         for k in sorted(self.carts, key=lambda k: k.time):
             k.time = max(k.time, last)
-            if k.load > LEFT_KG and not self.empties(k):
-                raise InputError("carts", k.spec.name, "expected a way from its waiting place to the truck")
+            room = 0
+            while k.load > LEFT_KG and not self.empties(k):
+                if room > 2 * len(self.combines) or not self.makes_room(room):
+                    raise InputError(
+                        "carts", k.spec.name, "expected a way from its waiting place to the truck"
+                    )
+                room += 1
+                k.time = max(k.time, *(c.time for c in self.combines))
         self.schedule.ends = max((p.ends for p in self.schedule.poured if p.target == "truck"), default=0.0)
+
+    def makes_room(self, turn: int) -> bool:
+        """A combine drives where it is not in the way, another one each time; False where none can."""
+        there = sorted(self.combines, key=lambda c: (c.place == c.home, c.time, c.spec.name))
+        turn %= len(there)
+        return any(self.goes_home(c, off=c.place == c.home) for c in there[turn:] + there[:turn])
 
     def leave_out(self, busy: Sequence[CombineState]) -> None:
         """Passes to which nobody finds a way stay uncut, with a note, as long as they are few."""
@@ -431,6 +451,8 @@ class _Scheduler:
         areas = self.ground.cut(leg.strips, into[1:])
         c.tank += float((areas * self.density).sum())
         self.schedule.cut.append((c.spec.name, float((areas * self.density).sum()), float(areas.sum())))
+        masses = (areas * self.density).tolist()
+        self.schedule.grain.update(zip(numbers[leg.first :], masses, strict=True))
         c.place, c.time = leg.path.track.end, float(into[-1])
         self._take_off(leg.task, rest)
         return numbers
@@ -452,18 +474,16 @@ class _Scheduler:
         if run is None:
             return None
         first, last = run
-        count = last - first
-        start = Place(*leg.path.track.places[leg.path.first[leg.first + first]].tolist()).ahead(ahead, left)
-        way = self.way(
-            k.spec.name,
-            k.spec.body,
-            k.spec.drive,
-            k.home,
-            start,
-            max(k.time, c.time),
-            c.spec.name,
-            in_line=True,
-        )
+        way = None
+        for join in range(first, last - 1, PARAMS.join):
+            place = Place(*leg.path.track.places[leg.path.first[leg.first + join]].tolist())
+            start, first = place.ahead(ahead, left), join
+            way = self.way(
+                k.spec.name, k.spec.body, k.spec.drive, k.home, start, max(k.time, c.time), c.spec.name,
+                in_line=True,
+            )  # fmt: skip
+            if way is not None or join - run[0] >= PARAMS.joins * PARAMS.join:
+                break
         if way is None:
             return None
         to = segments(way, times_along(way, k.spec.drive), k.spec.body, "to combine")
@@ -485,7 +505,7 @@ class _Scheduler:
             if found is not None or late <= 0.0 or full >= len(leg.masses):
                 break
             begin = max(begin, times[0]) + late + PARAMS.early_s
-        if found is None or times is None or count < 1:
+        if found is None or times is None:
             return None
         granted = times
         cart_path, cart_times, amounts, meet, exits = found
@@ -499,13 +519,16 @@ class _Scheduler:
         )
 
         def grant() -> None:
+            before = self.table.last[c.spec.name]
             own = self.grant_cut(c, leg, granted, meets)
             numbers = self.table.commit(k.spec.name, cart_path, cart_times)
+            self.table.called([before, *own], numbers)
             lane_at = len(to) + meet - first
             self.table.together += [(own[at + i], numbers[lane_at + i]) for i in range(len(amounts))]
-            poured = Poured(c.spec.name, k.spec.name, given, into[at], into[at + len(amounts)])
+            during = own[at], own[at + len(amounts) - 1]
+            poured = Poured(c.spec.name, k.spec.name, given, into[at], into[at + len(amounts)], during)
             self.hands_over(c, k, poured)
-            self.leaves(k, exits)
+            self.leaves(k, exits, numbers)
 
         return option, grant
 
@@ -515,14 +538,19 @@ class _Scheduler:
         c.tank -= poured.amount
         k.load += poured.amount
 
-    def leaves(self, k: CartState, exits: tuple[bool, float, list[Poured]]) -> None:
-        """What a cart did behind its load, until it was at its place again."""
+    def leaves(self, k: CartState, exits: tuple[bool, float, list[Poured]], numbers: Sequence[int]) -> None:
+        """What a cart did behind its load, until it was at its place again, in segments."""
         _, k.time, poured = exits
         for p in poured:
-            self.schedule.poured.append(p)
+            self.schedule.poured.append(self._during(p, numbers))
             k.load -= p.amount
             self.truck_free = max(self.truck_free, p.ends)
             self.take_truck(p.amount)
+
+    def _during(self, poured: Poured, numbers: Sequence[int]) -> Poured:
+        """Grain poured at the truck in one of some segments."""
+        at = next(n for n in numbers if self.table.segments[n].kind == "at truck")
+        return replace(poured, during=(at, at))
 
     def free_lane(
         self, c: CombineState, k: CartState, leg: _Leg, ahead: float, left: float
@@ -574,7 +602,7 @@ class _Scheduler:
         """
         first, last = run
         now = max(k.time, c.time)
-        came = self.table.earliest(k.spec.name, approach, now, stays=False)
+        came = self.table.earliest(k.spec.name, approach, now, stays=False, early=True)
         if came is None:
             return None, 0.0
         into = [*times, times[-1] + float(leg.path.spent[-1])]
@@ -599,7 +627,7 @@ class _Scheduler:
         if rest > c.spec.tank + LEFT_KG:
             return None, 0.0
         return self.cart_path(
-            k, approach, ways + meet - first, amounts, into[leg.first + meet :], c.spec.name, now
+            k, approach, ways + meet - first, amounts, into[leg.first + meet :], c.spec.name, now, ready
         ), 0.0
 
     def cart_path(
@@ -611,9 +639,13 @@ class _Scheduler:
         into: list[float],
         other: str,
         now: float,
+        ready: float,
     ) -> Any:
-        """A cart's whole path: to the combine, beside it, to the truck or not, to its place."""
+        """A cart's whole path: to the combine, beside it, to the truck or not, to its place. ready: time
+        until it is in line there [s]
+        """
         kept = _cut_off(approach, lane_at + len(amounts))
+        kept.spent[lane_at - 1] += ready
         for i in range(len(amounts)):
             kept.spent[lane_at + i] = into[i + 1] - into[i]
             kept.kinds[lane_at + i] = "beside, pouring"
@@ -675,11 +707,12 @@ class _Scheduler:
         if way is None:
             return None
         whole = _behind(whole, segments(way, times_along(way, drive), body, "to its place"))
+        whole = _behind(whole, standing(way.places[-1], body, 0.0, "home"))
         meets = self.table.meets(whole, name)
         poured: list[Poured] = []
         times: list[float] | None = None
-        for _ in range(3):
-            times = self.table.earliest(name, whole, now, exact=exact, meets=meets)
+        for _ in range(6):
+            times = self.table.earliest(name, whole, now, exact=exact, meets=meets, early=empties)
             if times is None:
                 return None
             if not empties:
@@ -687,14 +720,21 @@ class _Scheduler:
             poured = self.at_truck(name, load, k.spec.out, times[dock_at])
             spent = poured[-1].ends + 0.5 * self.job.truck.dock_s - times[dock_at]
             if abs(spent - whole.spent[dock_at]) < 1e-6:
+                times = self.table.earliest(
+                    name, whole, now, exact={**exact, dock_at: times[dock_at]}, meets=meets
+                )
                 break
             whole.spent[dock_at] = spent
-        assert times is not None
+        else:
+            return None
+        if times is None:
+            return None
         return whole, times, (empties, times[-1] + float(whole.spent[-1]), poured)
 
     def at_truck(self, name: str, load: float, rate: float, time: float) -> list[Poured]:
         """What is poured into trucks by who has come beside at a time [s]; a full one is waited for."""
-        t = max(time, self.truck_free) + 0.5 * self.job.truck.dock_s
+        after = self.truck_free if math.isfinite(self.truck_room) else 0.0  # beside it is one at a time
+        t = max(time, after) + 0.5 * self.job.truck.dock_s
         room, poured = self.truck_room, []
         while load > LEFT_KG:
             if room <= LEFT_KG:
@@ -756,9 +796,9 @@ class _Scheduler:
         option = Option("truck", "", poured[0].begins, ends, c.tank, 0.0, 0.0, c.tank / c.spec.auger)
 
         def grant() -> None:
-            self.table.commit(c.spec.name, path, times)
+            numbers = self.table.commit(c.spec.name, path, times)
             for p in poured:
-                self.schedule.poured.append(p)
+                self.schedule.poured.append(self._during(p, numbers))
                 self.take_truck(p.amount)
             c.tank, c.place, c.time, self.truck_free = 0.0, path.track.end, ends, ends
 
@@ -793,13 +833,16 @@ class _Scheduler:
         option = Option("stand", k.spec.name, begin, ends, amount, c.tank - amount, exits[1], pour)
 
         def grant() -> None:
+            before = self.table.last[c.spec.name]
             own = self.table.commit(c.spec.name, path, [*times[:-1], begin], meets)
             path.spent[-2] = 0.0  # it waits for the cart alone
             numbers = self.table.commit(k.spec.name, cart_path, cart_times)
+            self.table.called([before, *own], numbers)
             self.table.together.append((own[-1], numbers[at]))
-            self.hands_over(c, k, Poured(c.spec.name, k.spec.name, amount, begin, ends))
+            during = own[-1], own[-1]
+            self.hands_over(c, k, Poured(c.spec.name, k.spec.name, amount, begin, ends, during))
             c.place, c.time = path.track.end, ends
-            self.leaves(k, exits)
+            self.leaves(k, exits, numbers)
 
         return option, grant
 
@@ -827,7 +870,7 @@ class _Scheduler:
         shapely = shapely_here()
         outlines = shapely.polygons(machine.body.outlines(np.array([place]), 0.2)[0])
         others = (self.last_of(o) for o in self.names() if o != machine.name)
-        stand = np.concatenate([s.path.swept[s.index] for s in others])
+        stand = np.array([p for s in others for p in s.path.swept[s.index]])
         if shapely.intersects(outlines[:, None], stand[None]).any():
             return False
         return bool(self.ground.is_free(outlines, time).all())
@@ -839,24 +882,30 @@ class _Scheduler:
         if found is None:
             return False
         path, times, exits = found
-        self.table.commit(k.spec.name, path, times)
-        self.leaves(k, exits)
+        self.leaves(k, exits, self.table.commit(k.spec.name, path, times))
         return True
 
-    def goes_home(self, c: CombineState) -> bool:
-        """A combine that is done, or in the way, drives to its waiting place."""
-        if c.place == c.home:
+    def goes_home(self, c: CombineState, off: bool = False) -> bool:
+        """A combine that is done, or in the way, drives to its waiting place, or one near; off: to another
+        one.
+        """
+        if c.place == c.home and not off:
             return True
+        near = sorted(self.places, key=lambda p: round(math.dist(p[:2], c.place[:2]), 2))
         for time in self.moments(c):
-            way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, c.home, time)
-            if way is None:
-                continue
-            path = segments(way, times_along(way, c.spec.drive), c.spec.body, "to its place")
-            times = self.table.earliest(c.spec.name, path, time)
-            if times is not None:
-                self.table.commit(c.spec.name, path, times)
-                c.place, c.time = c.home, times[-1] + float(path.spent[-1])
-                return True
+            for place in (c.home, *near[: PARAMS.places]):
+                if place == c.place or not self.is_room(c.spec, place, time):
+                    continue
+                way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, time)
+                if way is None:
+                    continue
+                path = segments(way, times_along(way, c.spec.drive), c.spec.body, "to its place")
+                path = _behind(path, standing(way.places[-1], c.spec.body, 0.0, "home"))
+                times = self.table.earliest(c.spec.name, path, time)
+                if times is not None:
+                    self.table.commit(c.spec.name, path, times)
+                    c.place, c.home, c.time = place, place, times[-1] + float(path.spent[-1])
+                    return True
         return False
 
     def _service_places(self) -> Iterator[Place]:
@@ -883,7 +932,7 @@ def _along(ground: Ground) -> Iterator[Place]:
     """Places beside the outlines, along them in both directions, and about the gate and the truck."""
     shapely = shapely_here()
     for part in shapely.get_parts(ground.field):
-        points = shapely.get_coordinates(part.exterior)
+        points = shapely.get_coordinates(shapely.orient_polygons(part, exterior_cw=False).exterior)
         for a, b in pairwise(points):
             length, heading = math.dist(a, b), math.atan2(*(b - a)[::-1])
             count = max(1, int(length / 30.0))

@@ -19,12 +19,12 @@ const float* edge = (const float*)edge_rows.data;
 const float* lasting = (const float*)ground_alone.data;
 D* out = (D*)found.data;
 constexpr int ROW = 10, AT_PARENT = 7, AT_BEND = 8, AT_WAY = 9;
-constexpr D PI = 3.14159265358979323846, NEVER = 1e17, SAMPLE = 1.0, COARSE = 2.0, SHOT = 25.0, LATER = 1000.0, BIN = 1.5, WEIGHT = 1.5, RUN_IN = 2.0;
+constexpr D PI = 3.14159265358979323846, NEVER = 1e17, SAMPLE = 1.0, COARSE = 2.0, SHOT = 25.0, LATER = 1000.0, BIN = 1.5, WEIGHT = 1.5, RUN_IN = 2.0, FAR = 300.0;
 constexpr int AFTER = 1500;  // poses that are looked at once a way is found
 const D radius = m[10], turning = m[11], straight = m[12], backwards = m[13], shift = m[14], start_time = m[15];
 const D cell = m[16], west = m[17], south = m[18], hitch = m[20], drawbar = m[21], step = m[30], tolerance = m[25];
 const bool has_trailer = m[19] > 0.5, reverses = m[22] > 0.5;
-const int most = (int)m[23], point_count = (int)m[27], nx = (int)m[28], ny = (int)m[29], headings = (int)m[31];
+const int capacity = (int)m[23], point_count = (int)m[27], nx = (int)m[28], ny = (int)m[29], headings = (int)m[31];
 const int ratio = (int)(COARSE / cell + 0.5), cx = (nx + ratio - 1) / ratio, cy = (ny + ratio - 1) / ratio;
 out[0] = 0.0;
 
@@ -114,6 +114,8 @@ while (size) {
 }
 size = 0;
 if (far[start_cell] > NEVER) return;
+const D poses = m[24] * (0.5 + far[start_cell] / FAR);  // more for who has farther to go
+const int most = poses < capacity ? (int)poses : capacity;
 
 auto has_room = [&](D x, D y, D around) {
   for (int k = 0; k < (int)m[38]; ++k) {

@@ -15,6 +15,7 @@ can always go on.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -176,10 +177,11 @@ class Table:
 
     def earliest(
         self, machine: str, path: Path, time: float, *, exact: Mapping[int, float] | None = None,
-        meets: Sequence[Sequence[int]] | None = None, stays: bool = True,
+        meets: Sequence[Sequence[int]] | None = None, stays: bool = True, early: bool = False,
     ) -> list[float] | None:  # fmt: skip
         """First times of entry into the segments of a path [s], begun at a time at the earliest; None where
-        there are none. exact: times that are given; stays: it must be able to stand at the end for good
+        there are none. exact: times that are given; stays: it must be able to stand at the end for good;
+        early: it drives on as soon as it can, not only when it need not wait on the way any more
         """
         meets = self.meets(path, machine) if meets is None else meets
         exact = exact or {}
@@ -213,11 +215,27 @@ class Table:
         if not ends:
             return None
         t, k = min(ends)
-        times = []
+        times: list[float] = []
+        highs: list[float] = []
         for row in reversed(labels):
             times.append(row[k][0])
+            highs.append(row[k][1])
             k = row[k][2]
-        return times[::-1]
+        times.reverse()
+        left_by = [math.inf, *highs[:0:-1]]
+        for i in range(len(times) - 2, -1 if not early else len(times), -1):
+            if i not in exact:
+                times[i] = max(times[i], min(times[i + 1] - float(path.spent[i]), left_by[i]))
+        return times
+
+    def called(self, by: Sequence[int], numbers: Sequence[int]) -> None:
+        """Who is called sets out when the caller is as far as it is planned to be then. by: segments of the
+        caller, numbers: of the one that comes
+        """
+        start = self.segments[numbers[0]].into
+        before = [a for a, b in pairwise(by) if self.segments[b].into < start]
+        if before:
+            self.order.append((before[-1], numbers[0]))
 
     def _safe(self, meets: Sequence[int]) -> list[tuple[float, float]]:
         """Intervals of time in which nobody else has a place."""

@@ -20,10 +20,15 @@ STEP = 2.0  # m of an arc of the search
 HEADINGS = 24  # that the search tells apart
 SLACK = 120.0  # s before a search, from which on what is free is remembered
 STAND = 80  # polygons of machines that stand, at most
-MOST = 16_000  # poses that it looks at
+MOST = 6_000  # poses that it looks at to a goal 150 m off, more to one farther off
+ROOM = 60_000  # poses that are kept
 BIN = 1.5  # m, within which it keeps one pose of a heading, as in search.cpp
 COARSE = 2.0  # m, cells of its heuristic, as in search.cpp
 BODY_POINTS = 0.45  # m between points on the sides of a body
+CREEP = 0.3  # m/s, at which a bend that cannot be eased is driven
+RAMP = 3.0  # m over which bends grow and fade, a combine's steering at walking pace
+EASE_BEND = 0.1  # weight of a bend that is changed against a metre of length
+STRAY = 0.1  # m that an eased way may be nearer to closed ground than the searched one
 STRAIGHT = math.cos(math.radians(6.0))  # of a trailer behind its tractor at the end of a way
 
 
@@ -59,7 +64,7 @@ def straight(start: Place, length: float, body: Body, spacing: float = SAMPLE) -
     return driven(start, [(0.0, length)], body, spacing)
 
 
-def driven(start: Place, pieces: list[tuple[float, float]], body: Body, spacing: float = SAMPLE) -> Track:
+def driven(start: Place, pieces: Sequence[tuple[float, float]], body: Body, spacing: float = SAMPLE) -> Track:
     """Pieces (curvature [1/m], length [m], < 0 backwards), one after the other; a trailer is dragged."""
     bends, steps = [], []
     for bend, length in pieces:
@@ -67,7 +72,11 @@ def driven(start: Place, pieces: list[tuple[float, float]], body: Body, spacing:
         if count:
             bends += [bend] * count
             steps += [length / count] * count
-    k, d = np.array(bends), np.array(steps)
+    return _rolled(start, np.array(bends, float), np.array(steps, float), body)
+
+
+def _rolled(start: Place, k: Array, d: Array, body: Body) -> Track:
+    """Steps of curvatures [1/m] and lengths [m], < 0 backwards, one after the other."""
     heading = start.heading + np.concatenate([[0.0], np.cumsum(k * d)])
     chord = np.where(np.abs(k * d) < 1e-9, d, 2.0 * np.sin(0.5 * k * d) / np.where(k == 0.0, 1.0, k))
     middle = heading[:-1] + 0.5 * k * d
@@ -76,6 +85,96 @@ def driven(start: Place, pieces: list[tuple[float, float]], body: Body, spacing:
     trailer = _dragged(x, y, heading, start.trailer, body) if body.has_trailer else heading
     distance = np.concatenate([[0.0], np.cumsum(np.abs(d))])
     return Track(np.column_stack([x, y, heading, trailer]), distance, np.where(d < 0.0, -1.0, 1.0), k)
+
+
+def eased(start: Place, pieces: Sequence[tuple[float, float]], body: Body, ramp: float) -> Track | None:
+    """The same with bends that grow and fade over a length [m], as steering takes time: each curvature is the
+    mean over that length, up to where it stands; pieces are stretched a little so that it ends where they do.
+    None where that is too much.
+    """
+    merged: list[list[float]] = []
+    for bend, length in pieces:
+        if merged and merged[-1][0] == bend and merged[-1][1] * length > 0.0:
+            merged[-1][1] += length
+        else:
+            merged.append([bend, length])
+    bends, lengths = np.array(merged).T
+    goal = _ends(start, bends, lengths)[-1]
+    first = lengths.copy()
+    for _ in range(12):
+        k, d = _mean_bends(bends, lengths, ramp)
+        heading: Array = start.heading + np.concatenate([[0.0], np.cumsum(k * d)])
+        middle = heading[:-1] + 0.5 * k * d
+        chord = d * np.sinc(0.5 * k * d / math.pi)
+        off = goal - (
+            start.x + (chord * np.cos(middle)).sum(), start.y + (chord * np.sin(middle)).sum(), heading[-1]
+        )  # fmt: skip
+        if np.abs(off).max() < 1e-6:
+            return _rolled(start, k, d, body)
+        ends = _ends(start, bends, lengths)
+        mids = 0.5 * (ends[1:] + ends[:-1])
+        way = np.sign(lengths)
+        stretch = np.array([
+            np.cos(ends[1:, 2]) * way - bends * way * (goal[1] - ends[1:, 1]),
+            np.sin(ends[1:, 2]) * way + bends * way * (goal[0] - ends[1:, 0]),
+            bends * way,
+        ])  # fmt: skip
+        bent = (
+            lengths * bends * np.array([-(goal[1] - mids[:, 1]), goal[0] - mids[:, 0], np.ones(len(bends))])
+        )
+        both = np.concatenate([stretch, bent], axis=1)
+        weight = np.concatenate([np.minimum(np.abs(first), 5.0), np.full(len(bends), EASE_BEND)])
+        a, b, c = np.einsum("in,jn->ij", both * weight, both)  # and its inverse by minors
+        minors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+        size = float((a * minors[0]).sum())
+        if not abs(size) > 1e-9:
+            return None
+        change = weight * np.einsum("in,ki,k->n", both, minors, off) / size
+        lengths = lengths + way * change[: len(bends)]
+        bends = bends * (1.0 + change[len(bends) :])
+        if (lengths * first < 0.04 * first**2).any() or np.abs(change[len(bends) :]).max() > 0.1:
+            return None
+    return None
+
+
+def _ends(start: Place, bends: Array, lengths: Array) -> Array:
+    """x, y, heading at the ends of pieces, (n + 1, 3)."""
+    heading = start.heading + np.concatenate([[0.0], np.cumsum(bends * lengths)])
+    middle = heading[:-1] + 0.5 * bends * lengths
+    chord = lengths * np.sinc(0.5 * bends * lengths / math.pi)
+    x = start.x + np.concatenate([[0.0], np.cumsum(chord * np.cos(middle))])
+    y = start.y + np.concatenate([[0.0], np.cumsum(chord * np.sin(middle))])
+    return np.column_stack([x, y, heading])
+
+
+def _mean_bends(bends: Array, lengths: Array, ramp: float) -> tuple[Array, Array]:
+    """Curvatures and signed lengths of steps, curvatures as means over a length [m] along what is driven in
+    one direction.
+    """
+    out_k, out_d = [], []
+    turned = np.flatnonzero(np.diff(np.sign(lengths)) != 0.0) + 1
+    for part in np.split(np.arange(len(bends)), turned):
+        k, d = bends[part], np.abs(lengths[part])
+        total = float(d.sum())
+        half = 0.5 * min(ramp, total)
+        knots = np.concatenate([[-half], np.cumsum(d)[:-1], [total + half]])
+        span = np.diff(knots)
+        angle = np.concatenate([[0.0], np.cumsum(k * span)])
+        area = np.concatenate([[0.0], np.cumsum((angle[:-1] + 0.5 * k * span) * span)])
+        at = np.linspace(0.0, total, max(1, math.ceil(total / SAMPLE - 1e-9)) + 1)
+
+        def summed(
+            s: Array, knots: Array = knots, k: Array = k, angle: Array = angle, area: Array = area
+        ) -> Array:
+            i = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(k) - 1)
+            u = s - knots[i]
+            return area[i] + (angle[i] + 0.5 * k[i] * u) * u
+
+        mean = (summed(at + half) - summed(at - half)) / (2.0 * half)
+        step = np.diff(at)
+        out_k.append(np.round(np.diff(mean) / step, 12) + 0.0)
+        out_d.append(step * np.sign(lengths[part[0]]))
+    return np.concatenate(out_k), np.concatenate(out_d)
 
 
 def _dragged(x: Array, y: Array, heading: Array, first: float, body: Body) -> Array:
@@ -106,32 +205,55 @@ def joined(tracks: list[Track]) -> Track:
     )  # fmt: skip
 
 
+def stops_along(track: Track, drive: Drive) -> dict[int, float]:
+    """Samples of a track at which a machine stands, and how long [s]: until it is shifted from forwards to
+    backwards, or steered where a bend changes faster than it is steered on the way.
+    """
+    over = 0.5 * (np.diff(track.distance)[1:] + np.diff(track.distance)[:-1])
+    change = np.abs(np.diff(track.bends))
+    turned = np.diff(track.ways) != 0.0
+    steers = change / drive.steering
+    at = np.flatnonzero(turned | (change * CREEP > drive.steering * over))
+    spent = np.where(turned, np.maximum(drive.shift, steers), steers)
+    return {int(i) + 1: float(spent[i]) for i in at}
+
+
+def limits_along(track: Track, drive: Drive, top: float | None = None) -> Array:
+    """Highest speed at each sample of a track [m/s], (n,): in bends that of the drive's tightest turn at its
+    acceleration to the side, where a bend changes that of the steering, on reversing its own; 0 at the ends
+    and where it stands. Not by how it speeds up.
+    """
+    fast = drive.straight if top is None else top
+    bend = np.abs(track.bends) * drive.radius
+    limit = np.minimum(drive.straight, drive.turning / np.sqrt(np.maximum(bend, 1e-9)))
+    limit = np.minimum(np.where(track.ways < 0.0, drive.backwards or drive.turning, limit), fast)
+    speed: Array = np.minimum(np.concatenate([[0.0], limit]), np.concatenate([limit, [0.0]]))
+    over = 0.5 * (np.diff(track.distance)[1:] + np.diff(track.distance)[:-1])
+    changed = np.maximum(np.abs(np.diff(track.bends)), 1e-9)
+    speed[1:-1] = np.minimum(speed[1:-1], np.maximum(drive.steering * over / changed, CREEP))
+    speed[list(stops_along(track, drive))] = 0.0
+    return speed
+
+
 def times_along(track: Track, drive: Drive, top: float | None = None) -> Array:
     """Time [s] at each sample of a track driven from and to a stop, (n,).
 
-    top: fastest [m/s], the drive's own by default. Speeds are held in bends and on reversing, and change by
-    the drive's acceleration; between forwards and backwards it stands for the drive's shift.
+    top: fastest [m/s], the drive's own by default. Speeds change by the drive's acceleration; where it
+    stands, and at both ends, it is steered.
     """
     step = np.diff(track.distance)
-    fast = drive.straight if top is None else top
-    limit = np.where(
-        track.ways < 0.0, drive.backwards or drive.turning, np.where(track.bends != 0.0, drive.turning, fast)
-    )
-    limit = np.minimum(limit, fast)
-    turned = np.flatnonzero(np.diff(track.ways) != 0.0) + 1
-    speed = np.minimum(np.concatenate([[0.0], limit]), np.concatenate([limit, [0.0]]))
-    speed[turned] = 0.0
-    square = speed**2
-    for order in (range(1, len(square)), range(len(square) - 2, -1, -1)):
-        back = -1 if order.step > 0 else 1
-        for i in order:
-            d = step[i - 1] if back < 0 else step[i]
-            most = square[i + back] + 2.0 * drive.accel * d
-            square[i] = min(square[i], most)
-    speed = np.sqrt(square)
-    mean = np.maximum(0.5 * (speed[:-1] + speed[1:]), 0.05)
-    spent = step / mean
-    spent[turned] += drive.shift
+    gain = 2.0 * drive.accel * step
+    now = (limits_along(track, drive, top) ** 2).tolist()
+    for i, g in enumerate(gain.tolist()):
+        now[i + 1] = min(now[i + 1], now[i] + g)
+    for i in range(len(now) - 2, -1, -1):
+        now[i] = min(now[i], now[i + 1] + gain[i])
+    speed = np.sqrt(np.array(now))
+    spent = step / np.maximum(0.5 * (speed[:-1] + speed[1:]), 0.05)
+    for i, time in stops_along(track, drive).items():
+        spent[i] += time
+    spent[0] += abs(track.bends[0]) / drive.steering
+    spent[-1] += abs(track.bends[-1]) / drive.steering
     return np.concatenate([[0.0], np.cumsum(spent)])
 
 
@@ -149,8 +271,8 @@ class Finder:
         wide, high = int(shape[0] * cell / BIN) + 1, int(shape[1] * cell / BIN) + 1
         coarse = (math.ceil(shape[0] * cell / COARSE) + 1) * (math.ceil(shape[1] * cell / COARSE) + 1)
         self._numbers, self._found = np.zeros(40 + 3 * STAND), np.zeros(4100)
-        self._nodes, self._best = np.zeros(10 * MOST), np.zeros(wide * high * HEADINGS, np.float32)
-        room = max(4 * MOST, 10 * coarse)
+        self._nodes, self._best = np.zeros(10 * ROOM), np.zeros(wide * high * HEADINGS, np.float32)
+        room = max(4 * ROOM, 10 * coarse)
         self._keys, self._heap = np.zeros(room), np.zeros(room, np.int32)
         self._room, self._room_ever = np.zeros((2, shape[0] * shape[1]), np.float32)
         self._known = (-1, 0.0)
@@ -169,7 +291,7 @@ class Finder:
         -2 for closed ground, -3 where a machine stands, 1e18 for crop that stays; float32, `shape` version:
         of the grid, another one when crop was cut; stand: outlines of machines that stand, as polygons
         time: of the start [s]; gap: kept all round the body [m]; in_line: the trailer ends in line;
-        most: poses that are looked at
+        most: poses that are looked at to a goal 150 m off
         """
         wp = start_warp()
         from swath.fleet import search_kernel
@@ -185,7 +307,7 @@ class Finder:
             goal.x, goal.y, math.cos(goal.heading), math.sin(goal.heading),
             drive.radius, drive.turning, drive.straight, drive.backwards or 1.0, drive.shift, time,
             self.cell, self.west, self.south, body.has_trailer, body.hitch, body.drawbar or 1.0,
-            drive.backwards > 0.0, min(most, MOST), 0.0, STRAIGHT if in_line else -2.0, 0.0,
+            drive.backwards > 0.0, ROOM, most, STRAIGHT if in_line else -2.0, 0.0,
             len(points), *self.shape, STEP, HEADINGS,
         )  # fmt: skip
         self._numbers[32:36] = (*_circle(body.own, gap), *_circle(body.towed, gap))
@@ -223,7 +345,33 @@ class Finder:
             return None
         self.poses += int(self._found[2])
         rows = self._found[3 : 3 + 2 * count].reshape(-1, 2)[::-1]
-        return driven(start, [(float(k), float(d)) for k, d in rows if abs(d) > 1e-6] or [(0.0, 1e-3)], body)
+        pieces = [(float(k), float(d)) for k, d in rows if abs(d) > 1e-6] or [(0.0, 1e-3)]
+        if drive.steering < math.inf and any(k != 0.0 for k, _ in pieces):
+            for ramp in (RAMP, 0.5 * RAMP, 0.25 * RAMP):
+                made = eased(start, pieces, body, ramp)
+                if made is not None and self._is_clear(made, body, points, closed):
+                    return made
+        return driven(start, pieces, body)
+
+    def _is_clear(self, track: Track, body: Body, points: Array, closed: NDArray[np.float32]) -> bool:
+        """Whether a body, but for a little, is on open ground and off machines that stand, all along."""
+        places = track.places
+        x, y, heading, trailer = places.T
+        for towed in (False, True):
+            on = points[(points[:, 2] > 0.5) == towed]
+            if not len(on):
+                continue
+            angle = trailer if towed else heading
+            c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
+            ox = (x + body.hitch * np.cos(heading) - body.drawbar * np.cos(trailer) if towed else x)[:, None]
+            oy = (y + body.hitch * np.sin(heading) - body.drawbar * np.sin(trailer) if towed else y)[:, None]
+            i = ((ox + on[:, 0] * c - on[:, 1] * s - self.west) / self.cell).astype(int)
+            j = ((oy + on[:, 0] * s + on[:, 1] * c - self.south) / self.cell).astype(int)
+            if i.min() < 0 or j.min() < 0 or i.max() >= self.shape[0] or j.max() >= self.shape[1]:
+                return False
+            if (closed[i, j] < -2.5).any() or (self.edge.reshape(self.shape)[i, j] < -STRAY).any():
+                return False
+        return True
 
     def _close(self, free_from: NDArray[np.float32], shape: Any) -> None:
         """Close the cells of a polygon."""

@@ -1,6 +1,7 @@
 """Waiting places: where each machine stands at the start, at the end, and a cart between two loads.
 
-They are along the outer edge of open ground but for the strip around the field, which is a way. Every place
+They are along the outer edge of open ground, off the strip around the field, which is a way, if there is room
+elsewhere; carts, who come back to theirs, first. Every place
 has a way in and a way out, to and from the field's gate, and the truck for who empties there, searched with
 all places before it taken. The ground of these ways is kept clear of later places, so that nobody who waits
 is in the way of another. Who drives or stands elsewhere in a yard is not looked at here.
@@ -26,7 +27,8 @@ Array = NDArray[np.float64]
 class Params:
     """dock_m: before and behind the truck, kept clear; gate_m: from the field to who passes the gate;
     body_m: that the outline of who waits is wider; wide_m: that a way keeps off machines that stand, more
-    than a cell of the search and two gaps of bodies; edge_m: that a place is off the outer edge; spots_m:
+    than a cell of the search and two gaps of bodies; edges_m: that a place is off the outer edge, the
+    second so far that a trailer comes straight to it along a round one; spots_m:
     between places that are looked at; tries: of them that ways are searched to; poses: that such a search
     looks at, so that a place is one to which a way is found fast
     """
@@ -35,7 +37,7 @@ class Params:
     gate_m: float = 7.0
     body_m: float = 0.3
     wide_m: float = 0.5
-    edge_m: float = 2.0
+    edges_m: tuple[float, float] = (2.0, 7.0)
     spots_m: float = 5.0
     tries: int = 60
     poses: int = 3000
@@ -61,18 +63,21 @@ def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) ->
     InputError where there is none.
     """
     shapely = shapely_here()
-    bare = shapely.difference(ground.open, ground.around)
+    used: list[Any] = []
     for m in machines:
         if m.dock is not None:
-            lane = [run_of(m.body, m.dock, ahead, 3.0) for ahead in (PARAMS.dock_m, -PARAMS.dock_m)]
-            bare = shapely.difference(bare, shapely.union_all(lane))
+            used += [run_of(m.body, m.dock, ahead, 3.0) for ahead in (PARAMS.dock_m, -PARAMS.dock_m)]
     taken: list[Any] = []
     places: dict[str, Place] = {}
-    for m in sorted(machines, key=lambda m: -m.body.length_behind):
-        shapely.prepare(bare)
+    for m in sorted(machines, key=lambda m: (not m.body.has_trailer, -m.body.length_behind)):
         found = None
-        for place in _places(ground, bare, m.body):
-            found = _ways(ground, finder, m, place, taken)
+        for off in (ground.around, ground.field):  # in yards, or in the strip around the field, too
+            bare = shapely.difference(ground.open, shapely.union_all([off, *used]))
+            shapely.prepare(bare)
+            for place in _places(ground, bare, m.body):
+                found = _ways(ground, finder, m, place, taken)
+                if found is not None:
+                    break
             if found is not None:
                 break
         if found is None:
@@ -80,9 +85,7 @@ def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) ->
             raise InputError("field.around_m", None, expected)
         places[m.name] = place
         taken.append(run_of(m.body, place, 0.0, WIDE))
-        own = run_of(m.body, place, 0.0, 2.0)
-        used = [own, *(_swept(t, m.body) for t in found)]
-        bare = shapely.difference(bare, shapely.union_all(used))
+        used += [run_of(m.body, place, 0.0, 2.0), *(_swept(t, m.body) for t in found)]
     return [places[m.name] for m in machines]
 
 
@@ -91,10 +94,14 @@ def _places(ground: Ground, bare: Any, body: Body) -> Iterator[Place]:
     not too many.
     """
     shapely = shapely_here()
-    inside = shapely.buffer(ground.open, -(body.half_width + PARAMS.edge_m))
     spots: list[tuple[float, Place]] = []
-    for part in shapely.get_parts(inside):
-        ring = part.exterior
+    rings = [
+        part.exterior
+        for off in PARAMS.edges_m
+        for part in shapely.get_parts(shapely.buffer(ground.open, -(body.half_width + off)))
+        if not part.is_empty
+    ]
+    for ring in rings:
         at = np.arange(0.0, ring.length, PARAMS.spots_m)
         here, before, ahead = (
             shapely.get_coordinates(shapely.line_interpolate_point(ring, (at + d) % ring.length))

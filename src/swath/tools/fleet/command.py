@@ -8,24 +8,28 @@ from typing import Any
 from swath.terminal.options import add_sets
 
 
-def add(parsers: Any) -> None:
-    """Add the command and its verbs."""
+def add(parsers: Any, others: dict[str, Any]) -> None:
+    """Add the command and its verbs. others: levels, and what runs a job at them"""
     parser = parsers.add_parser("fleet", help="work off a whole field: combines, carts, a truck")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     run = verbs.add_parser("run", help="run a job until the field is empty", description=_DESCRIPTION)
     run.add_argument("job", metavar="NAME|FILE", help="bundled job, or a file of `format: swath fleet 1`")
     run.add_argument("--out", type=Path, metavar="DIR", help="write report.html, picture and results.json")
     add_sets(run, "change one key")
-    run.add_argument("--level", default="events", metavar="L", help="events (default), kinematic or sensors")
+    run.add_argument(
+        "--level", default="events", metavar="L",
+        help="events (default), kinematic or sensors; on granted ground, where machines never meet: granted "
+        "(hours alone), driven (bodies)",
+    )  # fmt: skip
     run.add_argument(
         "--spread", type=float, metavar="PERCENT",
-        help="at events: drive it 24 times more, speeds of machines up to so much off, and say its hours",
+        help="at events and granted: drive it 24 times more, machines up to so much faster or slower",
     )  # fmt: skip
     run.add_argument(
         "--shared-out", action="store_true",
         help="share passes out among combines before the job, with turns and who waits where, as at sensors",
     )  # fmt: skip
-    run.set_defaults(run=run_job)
+    run.set_defaults(run=run_job, others=others)
     jobs = verbs.add_parser("list", help="list the bundled jobs; print one")
     jobs.add_argument("name", nargs="?", metavar="NAME", help="print this job, to make your own of it")
     jobs.set_defaults(run=run_list)
@@ -46,6 +50,8 @@ _DESCRIPTION = (
 
 def run_job(args: argparse.Namespace) -> int:
     """Run a job, print its tables, write its report."""
+    if args.level in args.others:
+        return int(args.others[args.level](args))
     from swath.core.errors import InputError
     from swath.job.fleet import base_of, read_fleet
     from swath.terminal.tables import table, wide_console
