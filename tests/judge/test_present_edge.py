@@ -179,3 +179,16 @@ def test_places_are_those_of_the_best_split():
     line[2, :600] = True  # crop first: no such edge
     assert [p.tolist() for p in edges_of(line)] == [[400.0], [400.0], []]
     assert STEP_M == 0.01
+
+
+def test_edges_that_are_none_may_say_nowhere():
+    """`reference_x` may be nan without an edge: availability counts them as missing, and the run goes on."""
+    evaluation = evaluation_of(GridField(ArcEdge()), machine())
+    for k in range(200):
+        t, s = k * 40_000_000, 0.08 * k
+        pose = Pose.from_euler([s, -GEOMETRY.header_end("left")[1], 0.0])
+        evaluation("combine.motion", t, {"state": MachineState(t, pose, 2.0, 0.0, 0.0, 0.0, s)})
+        evaluation("combine.edge", t, {"edge": CropEdge(t, NAN, NAN, NAN, NAN, 0.0, NAN, NAN)})
+    found = evaluation.find("combine", EdgeDetection).metrics()
+    assert found["edge_sample_count"] == 200
+    assert found["detection_availability"] == 0.0

@@ -3,6 +3,7 @@
 from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,7 +98,7 @@ class EdgeDetection:
         self.setup = setup
         self._across = across  # None, which a save of the run can hold, is `crop_across`
         self.side = 1.0 if setup.machine.edge_side == "left" else -1.0  # +y or -y is the cut side
-        self._end_y = setup.machine.geometry.header_end(setup.machine.edge_side)[1]
+        self._reference, self._end_y = setup.machine.geometry.header_end(setup.machine.edge_side)[:2]
         self._begin = self._end_y + self.side * (FAR_M + SIDE_M)  # of the lines, on the cut side
         self._states: list[MachineState] = []
         self._waiting: list[CropEdge] = []
@@ -184,10 +185,12 @@ class EdgeDetection:
 
     def _look(self, edge: CropEdge) -> None:
         pose, distance = self._at(edge.t)
+        if isfinite(edge.reference_x):  # where none is reported, the last one counts, at first the knife
+            self._reference = edge.reference_x
         end = 2.0 * self._end_y - self._begin
-        crop = (self._across or crop_across)(self.setup.field, pose, edge.reference_x, self._begin, end)
+        crop = (self._across or crop_across)(self.setup.field, pose, self._reference, self._begin, end)
         (px, py, _), ((ax, bx, _), (ay, by, _), _) = pose.numbers
-        x, y = edge.reference_x, edge.offset if edge.is_found else self._end_y
+        x, y = self._reference, edge.offset if edge.is_found else self._end_y
         place = px + ax * x + bx * y, py + ay * x + by * y
         self._rows.append(_Row(edge.t, distance, edge, np.packbits(crop), place))
 
