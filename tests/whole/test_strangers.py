@@ -127,6 +127,8 @@ class Folder:
             "osi": [[run, "--out", f"{next(new)}.osi"]],
             "height-map build": [[run, "--out", f"{next(new)}.npz"]],
             "field show": [[run]],
+            "field export": [[run, "--to", "sdf", "--out", next(new)]],
+            "field agopengps": [[run, "--out", next(new)]],
         }
 
     def of_scenarios(self):
@@ -145,6 +147,7 @@ class Folder:
             "test again": [[tests, ""]],
             "part": [["process", "--scenario", s, "--out", next(new)]],
             "scan": [[s, "--out", next(new)]],
+            "field export": [[s, "--to", "sdf", "--out", next(new)]],
             "dataset": [[s, "--count", "1", "--out", next(new)]],
             "fmu export": [[s, "--slot", "process", "--out", f"{next(new)}.fmu"]],
             "can box": [[s, "--interface", "virtual", "--once"]],
@@ -162,6 +165,7 @@ class Folder:
         log = str(find_sheet("jobs", "small-field").parents[1] / "logs" / "sample-log.csv.gz")
         return {
             "scenarios": [[]],
+            "docs": [[]],
             "paper": [["--out", f"{p}/plain-case.yaml"]],
             "new": [["scenario", f"{next(new)}.yaml"]],
             "levels": [[], ["edge"]],
