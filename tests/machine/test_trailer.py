@@ -46,8 +46,9 @@ def test_straightens_by_63_percent_in_a_drawbar_length(level):
     if level is articulated:
         x, y, yaw, *_ = motion._q
         motion._q = (x, y, yaw, 0.0, 0.0, yaw + 0.1, *motion._q[6:])
-    motion._towed.yaw += 0.1
-    start = motion._towed.yaw
+    towed = motion.towed if level is kinematic else motion._towed
+    towed.yaw += 0.1
+    start = towed.yaw
     states = run(motion, TRAILER.drawbar)
     left = math.tan(0.5 * states[-1][1].hitch_angle) / math.tan(0.5 * (start - 0.0))
     assert left == pytest.approx(math.exp(-1.0), abs=0.02 if level is not articulated else 0.06)
@@ -99,7 +100,8 @@ def test_saved_and_loaded(level):
     motion, other = make(level), make(level)
     run(motion, 3.0, 0.15, grain=5000.0)
     other.load(motion.save())
-    assert run(motion, 1.0, 0.1, grain=6000.0)[-1][1] == run(other, 1.0, 0.1, grain=6000.0)[-1][1]
+    gone_on, again = (run(one, 1.0, 0.1, grain=6000.0)[-1][1] for one in (motion, other))
+    assert repr(gone_on) == repr(again)  # nan is as it was, too
 
 
 def test_articulated_needs_a_trailer():

@@ -18,6 +18,7 @@ class HandField:
     library: PlantLibrary
     stand_yaw: float = 0.0
     wind: Sway | None = None
+    profile: None = None
 
 
 def make_pages(

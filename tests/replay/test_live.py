@@ -210,7 +210,7 @@ def test_frames_are_small_and_lie_where_the_run_was(watched):
             same = np.flatnonzero(np.abs(tracks["edge_t_s"] - row["edge_t_s"]) < 1e-6)
             if len(same):
                 assert abs(tracks["edge_true_m"][same[0]] - row["edge_true_m"]) < 1e-5
-                error = row["edge_offset_m"] - row["edge_true_m"]
+                error = row["edge_true_m"] - row["edge_offset_m"]  # on its left: > 0 towards the crop
                 assert np.isclose(row["edge_error_m"], error, atol=1e-5, equal_nan=True)
                 judged += 1
         for (_, t, *_), echoes in zip(head["scans"], scans, strict=True):

@@ -209,7 +209,7 @@ def test_migrated_levels_run_as_the_examples_of_today(old, tmp_path):
 
 
 def test_examples_of_today_are_up_to_date():
-    files = [p for p in EXAMPLES.rglob("*") if p.suffix in (".py", ".yaml")]
+    files = [p for p in EXAMPLES.rglob("*") if p.suffix in (".py", ".yaml") and p.stem != "nav2_params"]
     assert len(files) > 10
     for file in files:
         text = file.read_text(encoding="utf-8")

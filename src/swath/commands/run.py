@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
     if args.events is None and (changed := _changed_on_the_way(args.scenario)) is not None:
         print(f"swath: {changed} was changed on its way, --events {changed} repeats that", file=sys.stderr)
     if not args.quiet and (code := code_of(scenario)):
-        print(f"code of the scenario, run with your rights: {', '.join(map(str, code))}", flush=True)
+        print(f"code that runs with your rights: {', '.join(map(str, code))}", flush=True)
     pages = [] if scenario.run.record == "none" else _pages(has_replay=not args.no_replay)
     begun = None if args.quiet or args.no_defaults else partial(print_defaults, scenario, whole=args.defaults)
     try:

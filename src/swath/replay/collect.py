@@ -23,7 +23,9 @@ def collect(
     world: World, folder: Path, summary: Mapping[str, Any], tracks: Mapping[str, Columns]
 ) -> tuple[Values, Arrays]:
     """Values and arrays of a page. tracks: by machine, not thinned. InputError for a run without any rows."""
-    moved = {name: derived(own) for name, own in tracks.items() if len(own["t_s"])}
+    moved = {
+        name: derived(own, world.machines[name].edge_side) for name, own in tracks.items() if len(own["t_s"])
+    }
     if not moved:
         raise InputError("tracks.parquet", None, "expected rows of at least one machine")
     duration = max(float(own["t_s"][-1]) for own in moved.values())

@@ -32,11 +32,15 @@ def thinned(columns: Columns) -> dict[str, np.ndarray]:
     return {name: values[keep] for name, values in columns.items()}
 
 
-def derived(columns: Columns) -> dict[str, np.ndarray]:
-    """Columns that charts show and tracks do not have: error of the detected edge [m]."""
+def derived(columns: Columns, edge_side: str) -> dict[str, np.ndarray]:
+    """Columns that charts show and tracks do not have: error of the detected edge [m], > 0 towards the crop.
+
+    edge_side: of the machine, `left` or `right`
+    """
     found = dict(columns)
     if "edge_offset_m" in columns and "edge_true_m" in columns:
-        found["edge_error_m"] = columns["edge_offset_m"] - columns["edge_true_m"]
+        left_of_it = columns["edge_offset_m"] - columns["edge_true_m"]
+        found["edge_error_m"] = -left_of_it if edge_side == "left" else left_of_it
     return found
 
 

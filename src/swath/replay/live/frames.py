@@ -92,7 +92,7 @@ class Frames:
                 true = detection.true_offset
             row["edge_true_m"] = np.array([true])
             row[STRAW] = np.array([straw[-1][1] if straw else np.nan])
-        return derived(row)
+        return derived(row, self.world.machines[name].edge_side)
 
     def _completed(self, name: str, columns: Mapping[str, Any]) -> dict[str, Any]:
         """Rows of the past, with true edge and straw."""
@@ -101,7 +101,7 @@ class Frames:
             found[column.name] = column.later(found) if column.later is not None else found[column.name]
         empty = np.full(len(found["t_s"]), np.nan)
         found[STRAW] = np.interp(found["t_s"], *straw.T) if len(straw) else empty
-        return derived(found)
+        return derived(found, self.world.machines[name].edge_side)
 
     def _rows(self, name: str, columns: Mapping[str, Any]) -> NDArray[np.float32]:
         """Rows of what is shown of a machine, (rows, columns)."""

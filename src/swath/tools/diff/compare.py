@@ -112,9 +112,17 @@ def _read(folder: Path, other: Path) -> Run:
         if not (folder / name).is_file():
             raise InputError("RUN", str(folder), f"expected a run folder, it has no {name}")
     summary = read_summary(folder / "summary.json")
-    tracks = {name: derived(columns) for name, columns in tracks_of(folder).items()}
+    data = read_document(folder / "scenario.yaml").data
+    tracks = {name: derived(own, _edge_side(data, name)) for name, own in tracks_of(folder).items()}
     label = folder.name if folder.name != other.name else str(folder)
-    return Run(folder, label, summary, read_document(folder / "scenario.yaml").data, tracks)
+    return Run(folder, label, summary, data, tracks)
+
+
+def _edge_side(scenario: Any, machine: str) -> str:
+    """Of a machine of a resolved scenario; `left` where a damaged one does not say it."""
+    machines = scenario.get("machines") if isinstance(scenario, dict) else None
+    section = machines.get(machine) if isinstance(machines, dict) else None
+    return str(section.get("edge_side", "left")) if isinstance(section, dict) else "left"
 
 
 def _log(folder: Path) -> Log | None:
