@@ -76,8 +76,11 @@ class Plane:
         return self.start + self.step * (self.count - 1)
 
 
-def plane_of(scan: Scan, model: str, period: float, range_max: float) -> Plane:
-    """What a sensor with such scans is. InputError where it is no plane with beams at even angles."""
+def plane_of(scan: Scan, model: str | None, period: float, range_max: float) -> Plane:
+    """What a sensor with such scans is. InputError where it is no plane with beams at even angles.
+
+    model: None = an LMS5xx where an LMS1xx could not tell its distances
+    """
     azimuth, steps = scan.azimuth, np.diff(scan.azimuth)
     is_even = len(azimuth) > 1 and np.all(steps > 0) and np.ptp(steps) < 0.5 * TICK
     if not is_even or np.ptp(scan.elevation) > TICK:
@@ -86,6 +89,7 @@ def plane_of(scan: Scan, model: str, period: float, range_max: float) -> Plane:
         )
     scale = 1.0 if range_max < 65.5 else 2.0  # mm; the LMS5xx doubles it beyond 65 m
     start, step = round(azimuth[0] / TICK) + AHEAD, round(steps.mean() / TICK)
+    model = model or ("LMS1xx" if scale == 1.0 else "LMS5xx")
     return Plane(model, 1.0 / period, scale, start, step, len(azimuth))
 
 
@@ -198,16 +202,17 @@ def _echoes(ranges: np.ndarray, intensity: np.ndarray, which: int) -> tuple[np.n
 
 @dataclass
 class Session:
-    """What the sensor knows of one client. is_subscribed: it wants every scan
+    """What the sensor knows of one client. is_subscribed: it wants every scan; is_asked: it waits for the first
 
     plane: of the sensor; newest: the scan of now and its number, None before there is one
-    tell: an event for the user
+    tell: an event for the user; wanted: one of the sensor's, clients share it
     """
 
     plane: Plane
     newest: Callable[[], tuple[Scan, int] | None]
     tell: Callable[[str], None]
     is_subscribed: bool = False
+    is_asked: bool = False
     binary: bool = False
     level: int = 0
     wanted: Wanted = field(default_factory=Wanted)
@@ -235,6 +240,13 @@ class Session:
         if not self.is_subscribed or counter % self.wanted.every:
             return b""
         return self._scan("sSN", scan, counter)
+
+    def asked(self, scan: Scan, counter: int) -> bytes:
+        """The first scan for a client that asked for one before; empty where it did not."""
+        if not self.is_asked:
+            return b""
+        self.is_asked = False
+        return self._scan("sRA", scan, counter)
 
     def key(self, counter: int) -> Any:
         """Clients of the same key get the same bytes."""
@@ -264,7 +276,8 @@ class Session:
         plane = self.plane
         if name == "LMDscandata":
             newest = self.newest()
-            return self._failed(4) if newest is None else self._scan("sRA", *newest)
+            self.is_asked = newest is None
+            return b"" if newest is None else self._scan("sRA", *newest)
         if name == "DeviceIdent":
             return self._say("sRA", name, [("string", plane.model), ("string", "V1.0")])
         if name == "STlms":

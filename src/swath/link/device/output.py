@@ -145,9 +145,10 @@ class Lms(Device):
 
     def __init__(self, where: Address, setup: DeviceSetup) -> None:
         super().__init__(where, setup)
-        self._model = self.where.options.get("model", "LMS1xx")
+        self._model = self.where.options.get("model")
         self._plane: lms.Plane | None = None
         self._newest: tuple[Scan, int] | None = None
+        self._wanted = lms.Wanted()
         self._server: TcpServer | None = None
 
     @property
@@ -159,7 +160,7 @@ class Lms(Device):
     def _open(self) -> None:
         def session() -> lms.Session:
             assert self._plane is not None
-            return lms.Session(self._plane, lambda: self._newest, self.events)
+            return lms.Session(self._plane, lambda: self._newest, self.events, wanted=self._wanted)
 
         self._server = TcpServer(self.where, session, self.events)
 
@@ -178,7 +179,7 @@ class Lms(Device):
             key = session.key(counter)
             if key not in made:
                 made[key] = session.scan(sample, counter)
-            return made[key]
+            return session.asked(sample, counter) + made[key]
 
         return self._server.send(of)
 
@@ -196,7 +197,8 @@ class Lms(Device):
         if self._plane is None:  # a level that sends nothing at the start
             self.events("nobody was waited for: there is no scan yet to offer")
             return True
-        return self._server is not None and self._server.has_client(lambda session: session.is_subscribed)
+        server = self._server
+        return server is not None and server.has_client(lambda it: it.is_subscribed or it.is_asked)
 
     def _close(self) -> None:
         if self._server is not None:

@@ -37,8 +37,13 @@ def framed(source: int, number: int, data: bytes) -> bytes:
 
 
 def unframed(data: bytes) -> tuple[int, int, bytes] | None:
-    """Source, number and data of a message; None where it is none."""
-    if len(data) < 6 or data[:2] != HEAD or len(data) != 6 + data[4] or _check(data[2:-1]) != data[-1]:
+    """Source, number and data of a message; None where it is none.
+
+    The hello of AgIO ends on a constant 47h, not on its sum (`AgIO/Source/Forms/UDP.designer.cs`).
+    """
+    if len(data) < 6 or data[:2] != HEAD or len(data) != 6 + data[4]:
+        return None
+    if data[3] != HELLO and _check(data[2:-1]) != data[-1]:
         return None
     return data[2], data[3], data[5:-1]
 
