@@ -3,7 +3,8 @@
 It shares nothing with the served receiver and module. Sources: AgOpenGPS-Official/AgOpenGPS, SourceCode: AgIO
 Forms/NMEA.Designer.cs (ParsePANDA, ParseOGI, ValidateChecksum) and Forms/UDP.designer.cs (PGN 200, 126), GPS
 Forms/PGN.Designer.cs (CPGN_FE, CPGN_FD), Forms/Position.designer.cs (how 254 is filled) and
-Forms/UDPComm.Designer.cs (253, 70 ms between positions); AgOpenGPS-Official/Boards, AIO_v4_Firmware (BuildNmea, Autosteer.ino).
+Forms/UDPComm.Designer.cs (253, 70 ms between positions); AgOpenGPS-Official/Boards,
+AIO_v4_Firmware (BuildNmea, Autosteer.ino).
 """
 
 import re

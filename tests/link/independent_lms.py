@@ -1,8 +1,8 @@
 """A client of a SICK LMS1xx or LMS5xx, written from the maker's descriptions alone: the other side in tests.
 
 It shares nothing with the served sensor. Sources: SICK 8014631 (telegram listing), 8013796/UL20 (LMS500, 10.2
-Messages, p. 76 to 94), 8013796/1ALS (LMS5xx, 3.7.1), 8023202 (LMS4400, 12.1: frames with their checksums); the
-offsets of sick_scan_xd (sick_lmd_scandata_parser.cpp).
+Messages, p. 76 to 94), 8013796/1ALS (LMS5xx, 3.7.1), 8023202 (LMS4400, 12.1: frames with their checksums);
+the offsets of sick_scan_xd (sick_lmd_scandata_parser.cpp).
 """
 
 import socket
