@@ -2,8 +2,9 @@
 
 It shares nothing with the served receiver and module. Sources: AgOpenGPS-Official/AgOpenGPS, SourceCode: AgIO
 Forms/NMEA.Designer.cs (ParsePANDA, ParseOGI, ValidateChecksum) and Forms/UDP.designer.cs (PGN 200, 126), GPS
-Forms/PGN.Designer.cs (CPGN_FE, CPGN_FD), Forms/Position.designer.cs (how 254 is filled) and Forms/UDPComm.Designer.cs
-(253, 70 ms between positions); AgOpenGPS-Official/Boards, AIO_v4_Firmware (BuildNmea, Autosteer.ino).
+Forms/PGN.Designer.cs (CPGN_FE, CPGN_FD), Forms/Position.designer.cs (how 254 is filled) and
+Forms/UDPComm.Designer.cs (253, 70 ms between positions); AgOpenGPS-Official/Boards,
+AIO_v4_Firmware (BuildNmea, Autosteer.ino).
 """
 
 import re
@@ -82,12 +83,12 @@ def position_of(datagram):
 
 
 def _panda(words):
-    """Heading and roll in tenths, all whole: AgIO reads them as ushort and short and takes 0 for anything else."""
+    """Heading and roll in tenths, all whole: AgIO reads them as ushort and short, else as 0."""
     whole = _WHOLE if words[12] != str(NO_IMU) else re.compile(r"([+-]?\d+(\.0*)?)?")
     top = 3599 if words[12] != str(NO_IMU) else NO_IMU
     heading = _number("heading", words, 12, 0, top, _WHOLE) / 10
-    rest = (_number(name, words, i, -32767, 32766, whole) for i, name in enumerate(("roll", "pitch", "yaw"), 13))
-    roll, pitch, yaw_rate = rest
+    names = enumerate(("roll", "pitch", "yaw rate"), 13)
+    roll, pitch, yaw_rate = (_number(name, words, i, -32767, 32766, whole) for i, name in names)
     return heading, roll / 10, pitch, yaw_rate
 
 
@@ -120,8 +121,8 @@ def steer_command(angle_deg, *, speed_kmh, is_on, line_distance_mm=None):
     """PGN 254: the wanted steering angle, > 0 to the right, as FormGPS fills it."""
     distance = 255 if line_distance_mm is None else max(-127, min(127, int(line_distance_mm * 0.05))) + 127
     speed, angle = int(abs(speed_kmh) * 10), round(angle_deg * 100)
-    payload = *speed.to_bytes(2, "little"), int(is_on), *angle.to_bytes(2, "little", signed=True), distance, 0, 0
-    return _with_sum(bytes((0x80, 0x81, 0x7F, 0xFE, 8, *payload)))
+    payload = speed.to_bytes(2, "little") + bytes([is_on]) + angle.to_bytes(2, "little", signed=True)
+    return _with_sum(bytes((0x80, 0x81, 0x7F, 0xFE, 8, *payload, distance, 0, 0)))
 
 
 @dataclass(frozen=True)
@@ -156,7 +157,7 @@ def answer_of(datagram):
 
 
 def hello_angle_of(datagram):
-    """PGN 126, the module's answer to `HELLO`: its angle [deg]. The firmware sends a fixed 71 as its checksum."""
+    """PGN 126, the module's answer to `HELLO`: its angle [deg]; the sum is a fixed 71 in the firmware."""
     if datagram[:5] != bytes((0x80, 0x81, 126, 126, 5)) or len(datagram) != 11:
         raise Deviation("hello", 0, "80 81 7E 7E 05 and 11 bytes", datagram)
     return int.from_bytes(datagram[5:7], "little", signed=True) / 100

@@ -1,8 +1,8 @@
 """A client of a SICK LMS1xx or LMS5xx, written from the maker's descriptions alone: the other side in tests.
 
-It shares nothing with the served sensor. Sources: SICK 8014631 (telegram listing), 8013796/UL20 (LMS500 operating
-instructions, 10.2 Messages, p. 76 to 94), 8013796/1ALS (LMS5xx, 3.7.1), 8023202 (LMS4400, 12.1: frames with their
-checksums); the offsets of sick_scan_xd (sick_lmd_scandata_parser.cpp).
+It shares nothing with the served sensor. Sources: SICK 8014631 (telegram listing), 8013796/UL20 (LMS500, 10.2
+Messages, p. 76 to 94), 8013796/1ALS (LMS5xx, 3.7.1), 8023202 (LMS4400, 12.1: frames with their checksums);
+the offsets of sick_scan_xd (sick_lmd_scandata_parser.cpp).
 """
 
 import socket
@@ -17,14 +17,14 @@ FLAGS = 0, 1
 
 
 class Deviation(Exception):
-    """Something is not as the maker describes it: field, offset in the telegram, what was expected, what came."""
+    """Something is not as the maker describes it: field, offset, what was expected, what came."""
 
     def __init__(self, name, offset, expected, got):
         super().__init__(f"{name} at byte {offset}: expected {expected}, got {got!r}")
 
 
 class Refused(Exception):
-    """sFA: the sensor refuses a command; `code` as in the listing (3 = unknown variable, 0x0A = not writable)."""
+    """sFA: the sensor refuses a command; `code` as in the listing (3: unknown variable)."""
 
     def __init__(self, code):
         super().__init__(f"sFA {code:X}")
@@ -82,7 +82,7 @@ class Fields:
         return (self.take(name, count) if self.is_binary else self.word(name, count)).decode("ascii")
 
     def end(self):
-        if self.data[self.at :].strip(b" " if self.at < 24 else b""):  # an answer without parameters may end in one
+        if self.at != len(self.data):
             raise Deviation("end", self.at, "nothing more", self.data[self.at :])
 
 
@@ -124,7 +124,8 @@ def scan_of(kind, f):
     def pair(name):
         return f.number(name, "B"), f.number(name, "B")
 
-    version, device, serial = f.number("version", "H", FLAGS), f.number("device", "H"), f.number("serial", "I")
+    version, device = f.number("version", "H", FLAGS), f.number("device", "H")
+    serial = f.number("serial", "I")
     status = f.number("status", "B", (0,)), f.number("status", "B", (0, 1, 2, 4))
     telegrams, scans = f.number("telegram counter", "H"), f.number("scan counter", "H")
     since_start, sent = f.number("time since start", "I"), f.number("time of transmission", "I")
@@ -163,13 +164,14 @@ def _channels(f, code):
         offset = f.number(name + " offset", "f", (0.0,))
         start = f.number(name + " start angle", "i", range(-450_000, 2_250_001))
         step = f.number(name + " step", "H", range(1667, 10_001))
-        data = tuple(f.number(f"{name} {i}", code) for i in range(f.number(name + " amount", "H", range(1142))))
+        amount = f.number(name + " amount", "H", range(1142))
+        data = tuple(f.number(f"{name} {i}", code) for i in range(amount))
         found[name] = Channel(scale, offset, start, step, data)
     return found
 
 
 class Lms:
-    """A connection in CoLa A, or CoLa B where `is_binary`; parameters of commands are (code of struct, value)."""
+    """A connection in CoLa A, or CoLa B where `is_binary`; parameters are (code of struct, value)."""
 
     def __init__(self, host, port, *, is_binary, timeout_s=30):
         self.is_binary = is_binary
@@ -188,7 +190,8 @@ class Lms:
         """`command` such as sRN LMDscandata."""
         data = command.encode()
         if self.is_binary:
-            data += b" " * bool(parameters) + b"".join(struct.pack(">" + code, value) for code, value in parameters)
+            data += b" " * bool(parameters)
+            data += b"".join(struct.pack(">" + code, value) for code, value in parameters)
             checksum = 0
             for byte in data:
                 checksum ^= byte
@@ -254,9 +257,11 @@ class Lms:
     def done(self, command, *parameters, result=None):
         """A command whose answer has no parameter, or one that must be `result`: (code, allowed values)."""
         f = self.ask(command, *parameters)
-        value = f.number("result", *result) if result else None
+        if result:
+            f.number("result", *result)
+        elif f.data[f.at :] == b" ":  # as sensors end an answer without parameters
+            f.at += 1
         f.end()
-        return value
 
     def login(self):
         self.done("sMN SetAccessMode", ("B", CLIENT[0]), ("I", CLIENT[1]), result=("B", (1,)))
@@ -292,7 +297,8 @@ class Lms:
     def output_range(self, wanted=None):
         """(step, start, stop) [1/10000 deg], read or set."""
         if wanted is not None:
-            return self.done("sWN LMPoutputRange", ("h", 1), *(("i", value) for value in wanted))
+            self.done("sWN LMPoutputRange", ("h", 1), *(("i", value) for value in wanted))
+            return wanted
         f = self.ask("sRN LMPoutputRange")
         f.number("segments", "H", (1,))
         found = f.number("step", "I"), f.number("start", "i"), f.number("stop", "i")

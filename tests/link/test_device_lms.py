@@ -84,8 +84,10 @@ def test_what_a_client_configures_is_what_it_gets(served, binary):
 def test_a_scan_on_request_and_what_is_refused(served):
     made, send, _ = served
     client = Lms(made.port, binary=False)
-    assert client.ask("sRN LMDscandata") == b"sFA 4"  # none yet
+    client.send("sRN LMDscandata")  # none yet: the first answers it
+    assert client.ask("sRN Nonsense") == b"sFA 3"
     send(1)
+    assert parse(client.receive(), False)["sent_us"] == STEP // 1000
     assert parse(client.ask("sRN LMDscandata"), False)["sent_us"] == STEP // 1000
     assert client.ask("sWN LMPoutputRange 1 1388 0 0") == b"sFA 1"  # not logged in
     assert client.ask("sMN SetAccessMode 03 00000000") == b"sAN SetAccessMode 0"

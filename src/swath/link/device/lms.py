@@ -202,8 +202,9 @@ def _echoes(ranges: np.ndarray, intensity: np.ndarray, which: int) -> tuple[np.n
 
 @dataclass
 class Session:
-    """What the sensor knows of one client. is_subscribed: it wants every scan; is_asked: it waits for the first
+    """What the sensor knows of one client.
 
+    is_subscribed: it wants every scan; is_asked: it waits for the first
     plane: of the sensor; newest: the scan of now and its number, None before there is one
     tell: an event for the user; wanted: one of the sensor's, clients share it
     """
