@@ -20,7 +20,9 @@ def test_every_page_is_listed_with_its_title(capsys):
 @pytest.mark.parametrize("name", ["tutorials/first-run", "docs/tutorials/first-run.md"])
 def test_a_page_is_printed_as_it_is(capsys, name):
     assert main(["docs", name]) == 0
-    assert capsys.readouterr().out == (ROOT / "docs" / "tutorials" / "first-run.md").read_text(encoding="utf-8")
+    assert capsys.readouterr().out == (ROOT / "docs" / "tutorials" / "first-run.md").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_a_name_of_several_pages_and_one_of_none_say_which_there_are(capsys):
