@@ -21,6 +21,7 @@ EXTRA = ROOT / "out" / "site-extra"  # replays, where `make replays` made them
 html_extra_path = [str(EXTRA)] if EXTRA.is_dir() else []
 html_copy_source = False
 html_show_sphinx = False
+html_show_copyright = False
 html_show_search_summary = False  # a page read from a file may not fetch others
 templates_path = ["templates"]
 autodoc_typehints = "signature"
