@@ -6,7 +6,6 @@ import sys
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
-from pathlib import Path
 from typing import Any, NoReturn
 
 from swath import __version__
@@ -260,9 +259,10 @@ def _of_system(error: OSError) -> str:
     """What the system says of a file: its name, and why it could not be."""
     if error.filename is None or error.strerror is None:
         return str(error)
-    file = Path(os.fsdecode(error.filename)) if isinstance(error.filename, str | bytes) else None
-    if file is not None and file.is_symlink() and not file.exists():
-        return f"{file}: expected a file or folder, not a link to what is not there"
+    if isinstance(error.filename, str | bytes):
+        file = os.fsdecode(error.filename)
+        if os.path.islink(file) and not os.path.exists(file):  # of a name that is too long, too, they say no
+            return f"{file}: expected a file or folder, not a link to what is not there"
     return f"{error.filename}: {error.strerror}"
 
 
