@@ -20,6 +20,7 @@ ONCE_FAILED = [
     ("run-folder", 500013),  # a stored scenario that is not UTF-8
     ("command-diff", 500009),  # a summary without one of its keys
     ("command-yield-log", 500111),  # tracks without rows
+    ("command-show", 1700055),  # a name in a raster that is not UTF-8
     ("command-calibrate", 1300005),  # a name too long for the system
     ("mesh-gltf", 0),  # a corner that is not there
     ("spread-table", 12),  # a damaged stream

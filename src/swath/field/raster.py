@@ -4,6 +4,7 @@ World coordinates of a field are a projected (UTM) system minus an origin: a pur
 convergence and point scale (below 0.04 % inside a UTM zone) are left in, so east and north are the grid's.
 """
 
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -177,11 +178,27 @@ def open_geotiff(path: Path) -> Iterator[Any]:
     rasterio = _rasterio()
     if not path.is_file():
         raise InputError("raster", None, "expected a GeoTIFF, there is no such file", file=path)
-    with readable("raster", "a readable GeoTIFF", path), warnings.catch_warnings():
+    with readable("raster", "a readable GeoTIFF", path), warnings.catch_warnings(), _damaged_messages():
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
         alone = rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR")
         with alone, rasterio.open(path, driver="GTiff") as dataset:
             yield dataset
+
+
+@contextmanager
+def _damaged_messages() -> Iterator[None]:
+    """GDAL quotes what is no text in a damaged file; rasterio cannot log that and prints a traceback."""
+    before = sys.unraisablehook
+
+    def hook(what: Any) -> None:
+        if not isinstance(what.exc_value, UnicodeDecodeError):
+            before(what)
+
+    sys.unraisablehook = hook
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
 
 
 def _check_cells(dataset: Any, path: Path) -> None:
