@@ -105,6 +105,9 @@ class Foxglove(RunHook):
 
     # in a thread of the server
 
+    def on_unsubscribe(self, client: Any, channel: Any) -> None:
+        """Nothing is kept for a viewer."""
+
     def on_subscribe(self, client: Any, channel: Any) -> None:
         """A viewer that comes later gets the newest message of a latched topic."""
         with self._lock:
