@@ -37,9 +37,7 @@ class Viewer(threading.Thread):
                 told = json.loads(frame)
                 for channel in told.get("channels", []):
                     self.subscribe(channel)
-                if (
-                    told.get("op") == "status" and "nknown" in told["message"]
-                ):  # too new
+                if told.get("op") == "status" and "nknown" in told["message"]:  # too new
                     time.sleep(0.02)
                     named = {int(number) for number in re.findall(r"\d+", told["message"])}
                     for channel in [c for c in self.channels.values() if c["id"] in named][-1:]:
