@@ -66,10 +66,17 @@ def _entry(case: Case) -> str:
 def _limit(limit: Any) -> str:
     """`<= 0.05`, `0.9..1`, and what else the limit says."""
     low, high = limit.get("min"), limit.get("max")
-    bound = f"{low}..{high}" if None not in (low, high) else f">= {low}" if high is None else f"<= {high}"
-    more = {key: value for key, value in limit.items() if key not in ("min", "max")}
-    said = [f"{key} {_limit(v) if isinstance(v, dict) else v}" for key, v in more.items()]
-    return ", ".join([bound.replace(">= None", ""), *said]).strip(", ")
+    said = []
+    if low is not None and high is not None:
+        said.append(f"{low}..{high}")
+    elif low is not None:
+        said.append(f">= {low}")
+    elif high is not None:
+        said.append(f"<= {high}")
+    for key, value in limit.items():
+        if key not in ("min", "max"):
+            said.append(f"{key} {_limit(value) if isinstance(value, dict) else value}")
+    return ", ".join(said)
 
 
 def _point(at: Any) -> str:

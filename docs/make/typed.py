@@ -41,7 +41,8 @@ ELSEWHERE = {  # needs more than this machine: the test that does it
     "swath run examples/devices/": "tests/link/test_device_loop.py",
     "python examples/devices/my_box.py": "tests/link/test_device_loop.py",
     "swath run feed-rate --isobus": "tests/link/test_isobus.py",
-    "swath run straight --real-time": "tests/link/test_device_loop.py",
+    "swath run straight --real-time --device": "tests/link/test_device_loop.py",
+    "swath run straight --real-time --set field.origin": "tests/link/test_independent_sides.py",
     "swath run laser-pilot --ros2": "tests/link/test_ros2_bridge.py",
 }
 HIDING = """import sys
@@ -82,7 +83,8 @@ def shortened(words: list[str]) -> list[str]:
     sets = [part for word in short for part in ("--set", word)]
     match words[:2]:
         case ["run", _]:
-            unrecorded = [] if "--out" in words or "--save-field" in words else ["--set", "run.record=none"]
+            is_used = {"--out", "--save-field", "--foxglove"} & set(words)
+            unrecorded = [] if is_used else ["--set", "run.record=none"]
             return [*words, *sets, *unrecorded, *([] if "--no-replay" in words else ["--no-replay"])]
         case ["branch", _]:  # of a run that was shortened, too
             at = next(k for k, word in enumerate(words) if word in ("--at", "--at-s")) + 1

@@ -13,7 +13,7 @@ def add(parsers: Any) -> None:
         "docs", help="list the pages of the documentation; print one", description=_DESCRIPTION
     )
     parser.add_argument(
-        "page", metavar="PAGE", nargs="?", help="page to print, e.g. levels or tutorials/index"
+        "page", metavar="PAGE", nargs="?", help="page to print, such as levels or tutorials/first-run"
     )
     parser.set_defaults(run=run)
 
