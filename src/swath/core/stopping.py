@@ -5,6 +5,7 @@ comes out as an error of the FMU, and while the end of a run is written it would
 """
 
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -36,9 +37,14 @@ def stoppable() -> Iterator[None]:
         _asked = None
     for number in taken:
         signal.signal(number, stop)
+    told = sys.unraisablehook
+    if taken:
+        hush_lost()
     try:
         yield
     finally:
+        if taken:
+            sys.unraisablehook = told
         for number, handler in taken.items():
             signal.signal(number, handler)
         if taken:
@@ -65,6 +71,17 @@ def raise_if_lost() -> None:
     """Raise a stop once more: Python drops what is raised in a finalizer or in a callback from C."""
     if _asked is not None and not _depth and _is_main_thread():
         raise _asked
+
+
+def hush_lost() -> None:
+    """Print nothing of a stop that Python drops: `raise_if_lost` raises it again."""
+    told = sys.unraisablehook
+
+    def hook(dropped: "sys.UnraisableHookArgs", /) -> None:
+        if _asked is None or dropped.exc_type is not _asked:
+            told(dropped)
+
+    sys.unraisablehook = hook
 
 
 def stop(number: int, frame: object) -> None:

@@ -20,7 +20,7 @@ from typing import Any, Generic, TypeVar
 from swath.core.collector import collect_rarely
 from swath.core.errors import SwathError
 from swath.core.foreign_code import Gate, present_gate, through
-from swath.core.stopping import stop
+from swath.core.stopping import hush_lost, stop
 
 STRIKES = 2  # workers that a job may kill before it counts as an error
 STOPS = (signal.SIGINT, signal.SIGTERM)
@@ -194,6 +194,7 @@ def _serve(pipe: Connection, begin: Begin[Any, Any], gate: Gate) -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _stop_once)
+    hush_lost()
     try:
         if hasattr(signal, "pthread_sigmask"):
             signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
