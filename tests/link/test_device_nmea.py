@@ -82,6 +82,30 @@ def test_agopengps_reads_panda_and_paogi():
     told = read_by_agopengps(nmea.sentences(fix, ("PAOGI",), BEGUN, 0.0).decode().strip())
     assert told["heading"] == 90.0
     assert (told["quality"], told["satellites"], told["age"]) == (4, 14, 1.0)
+    assert (told["roll"], told["pitch"]) == (0.0, 0.0)  # it knows neither
+    fix = drawn_fix(5_000_000_000, rng, heading=0.0, roll=math.radians(4.0), pitch=math.radians(-3.0))
+    told = read_by_agopengps(nmea.sentences(fix, ("PAOGI",), BEGUN, 0.0).decode().strip())
+    assert (told["roll"], told["pitch"]) == (4.0, 3.0)  # right side down, nose up
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_paogi_read_again_has_the_same_attitude(roll, pitch):
+    fix = drawn_fix(1_000_000_000, np.random.default_rng(1), heading=0.5, roll=roll, pitch=pitch)
+    listener = nmea.Listener()
+    listener.feed(nmea.sentences(fix, ("PAOGI",), BEGUN, 0.0))
+    told = listener.flush()
+    assert abs(told.roll - roll) < 1e-5
+    assert abs(told.pitch - pitch) < 1e-5
+    assert abs(told.heading - (math.pi / 2 - 0.5)) < 1e-5
+
+
+def test_the_heading_of_an_imu_is_none_of_the_machine():
+    """PANDA has it in tenths of a degree, from where the unit was switched on."""
+    fix = drawn_fix(0, np.random.default_rng(1))
+    body = nmea.sentences(fix, ("PANDA",), BEGUN, 0.0).decode().replace("65535,0", "234,-12")
+    listener = nmea.Listener()
+    listener.feed(nmea.sentence(body[1 : body.index("*")]))
+    assert math.isnan(listener.flush().heading)
 
 
 def test_no_fix_is_told_as_none():

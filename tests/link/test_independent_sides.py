@@ -180,6 +180,7 @@ def drive(request, tmp_path_factory):
         keys = [f"field.origin.latitude_deg={ORIGIN[0]}", f"field.origin.longitude_deg={ORIGIN[1]}"]
         steer = f"{{level: agopengps, listen: '127.0.0.1:{module}', reply: '127.0.0.1:{port}'}}"
         dual = DUAL if request.param == "PAOGI" else ()
+        keys += ["field.terrain.slope_percent=8", "field.terrain.slope_azimuth_deg=90"]
         keys += [f"combine.steer={steer}", *(f"combine.gnss.{key}" for key in dual)]
         options = (word for key in keys for word in ("--set", key))
         process = start(out, *options, "--device", f"gnss=agopengps://127.0.0.1:{port}")
@@ -229,6 +230,7 @@ def test_agopengps_reads_where_the_antenna_is(drive):
     times = zip(seen.positions, sorted(fixes)[1:], strict=False)  # at 0 there is none
     day_s = {round(position.time_s - t * 1e-9, 3) for position, t in times}
     assert len(day_s) == 1, "the clock of the sentences goes as that of the samples"
+    leans = []
     for position in seen.positions:
         fix = fixes[round((position.time_s - next(iter(day_s))) * 1000) * 1_000_000]
         t = fix.t * 1e-9
@@ -252,9 +254,14 @@ def test_agopengps_reads_where_the_antenna_is(drive):
         if kind == "PAOGI":
             off = (position.heading - (90 + math.degrees(CONVERGENCE - yaw)) + 180) % 360 - 180
             assert abs(off) < 0.5, "clockwise from true north"
-            assert position.roll == 0, "it measures none, and AgIO knows no other word for that"
+            leans.append((position.roll, math.degrees(roll)))
         else:
             assert position.heading is None, "it has no IMU"
+    if kind == "PAOGI":
+        told, true = np.transpose(leans)
+        assert abs(true.mean()) > 4, "it drives along a side slope of 8 %"
+        assert abs(told.mean() - true.mean()) < 0.1, "> 0 right side down"
+        assert np.abs(told - true).max() < 1.2, "5 sd of two antennas 2 m apart"
     times = np.array([position.time_s for position in seen.positions])
     assert np.diff(times).min() > 0.070, "AgOpenGPS drops what comes within 70 ms"
     assert len(times) >= 50

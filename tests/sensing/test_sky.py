@@ -15,12 +15,15 @@ from swath.sensing.gnss.antenna import Place
 from swath.sensing.gnss.error import ErrorGnss, Loss
 from swath.sensing.gnss.error import Params as ErrorParams
 from swath.sensing.gnss.fix_states import DGPS, FIX, FLOAT, NONE, SINGLE, FixStates, Heard, Times
+from swath.sensing.gnss.ideal import IdealGnss
+from swath.sensing.gnss.ideal import Params as IdealParams
+from swath.sensing.gnss.receiver_errors import FIGURES
 from swath.sensing.gnss.satellites import dilution, directions
 from swath.sensing.gnss.shading import Shading
 from swath.sensing.gnss.sky import Params, Silence, Sky, SkyGnss
 from swath.signals import FIX_QUALITIES
 from tests.field.made_field import made_field
-from tests.sensing.driven_states import circle, column, feed, setup_of, straight
+from tests.sensing.driven_states import circle, column, feed, setup_of, standing, straight
 
 LATITUDE, LONGITUDE = math.radians(52.3), math.radians(10.4)
 OPEN = Heard(14, 14, 0.8, 1.0)
@@ -217,6 +220,32 @@ def test_heading_of_two_antennas(second, baseline):
     assert math.isnan(feed(lost, circle(2.0, 20.0), 5)[-1].heading)
     with pytest.raises(InputError, match="second_antenna"):
         ErrorGnss(ErrorParams(second_antenna=Place(1.1, 0.0, 3.9)), setup_of())
+
+
+@pytest.mark.parametrize(
+    ("second", "angle", "other"),
+    [
+        (Place(1.0, 1.2, 4.4), "roll", "pitch"),
+        (Place(1.3, -1.2, 3.9), "roll", "pitch"),
+        (Place(3.0, 0.0, 3.7), "pitch", "roll"),
+        (Place(-1.0, 0.4, 3.9), "pitch", "roll"),
+    ],
+)
+def test_roll_or_pitch_of_two_antennas(second, angle, other):
+    """> 0 left side up, nose down; of an oblique baseline the share that lies in that plane."""
+    along, across = second.x_m - 1.0, second.y_m
+    share = max(abs(along), abs(across)) / math.hypot(along, across)
+    receiver = IdealGnss(IdealParams(second_antenna=second), setup_of())
+    for size in (-0.1, 0.0, 0.07):
+        receiver.reset(Stream(4, "combine.gnss"))
+        fix = feed(receiver, standing(yaw=0.8, **{angle: size}), 1)[0]
+        assert getattr(fix, angle) == pytest.approx(share * size, rel=2e-3, abs=1e-12)
+        assert math.isnan(getattr(fix, other))
+    noisy = ErrorGnss(ErrorParams(second_antenna=second, heading_noise_mm=3.5), setup_of())
+    noisy.reset(Stream(5, "combine.gnss"))
+    found = column(feed(noisy, straight(1.0), 400)[1:], angle)
+    sd = 0.0035 * math.sqrt(2.0) / math.hypot(along, across) * FIGURES["fix"].vertical
+    assert found.std() == pytest.approx(sd, rel=0.11)
 
 
 def test_the_states_of_a_fix_are_saved_with_the_receiver():

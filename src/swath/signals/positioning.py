@@ -108,6 +108,12 @@ class Fix(Signal, about=About("world", _FIX, time_column="fix_t_s")):
     hdop: Annotated[
         float, Quantity("", "horizontal dilution of precision", nan="not modelled", column="fix_hdop")
     ] = _NAN
+    roll: Annotated[
+        float, Quantity("rad", "of the machine, > 0 left side up", nan="no two antennas across it")
+    ] = _NAN
+    pitch: Annotated[
+        float, Quantity("rad", "of the machine, > 0 nose down", nan="no two antennas along it")
+    ] = _NAN
 
 
 def _sd(i: int) -> Callable[[F64], float]:

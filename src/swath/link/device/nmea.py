@@ -122,7 +122,8 @@ def _ths(fix: Fix, at: datetime, convergence: float) -> str:
     return f"{TALKER}THS,{_bearing(fix.heading, convergence):.3f},A"
 
 
-def _agopengps(name: str, heading: str, fix: Fix, at: datetime) -> str:
+def _agopengps(name: str, heading: str, fix: Fix, at: datetime, roll: str = "0", pitch: str = "0") -> str:
+    """Angles in degrees, roll > 0 right side down, pitch > 0 nose up; 0 = not known, as the yaw rate."""
     if fix.quality == 0:
         return f"{name},{_time(at)},,,,,0,0,99.9,,,,{heading},0,0,0"
     knots, height = _number(fix.speed / KNOT, ".4f"), _number(fix.height, ".3f")
@@ -131,7 +132,7 @@ def _agopengps(name: str, heading: str, fix: Fix, at: datetime) -> str:
     quality = GGA_QUALITY[fix.quality]
     return (
         f"{name},{_time(at)},{_place(fix)},{quality},{_used(fix)},{hdop},{height},{age},{knots},"
-        f"{heading},0,0,0"
+        f"{heading},{roll},{pitch},0"
     )
 
 
@@ -142,7 +143,8 @@ def _panda(fix: Fix, at: datetime, convergence: float) -> str:
 def _paogi(fix: Fix, at: datetime, convergence: float) -> str:
     if math.isnan(fix.heading):
         return ""
-    return _agopengps("PAOGI", f"{_bearing(fix.heading, convergence):.3f}", fix, at)
+    roll, pitch = (_number(math.degrees(angle), ".3f") or "0" for angle in (fix.roll, -fix.pitch))
+    return _agopengps("PAOGI", f"{_bearing(fix.heading, convergence):.3f}", fix, at, roll, pitch)
 
 
 WRITERS: dict[str, Callable[[Fix, datetime, float], str]] = {
@@ -153,7 +155,9 @@ WRITERS: dict[str, Callable[[Fix, datetime, float], str]] = {
 
 @dataclass
 class Epoch:
-    """What the sentences of one time of day said. seconds: of the day; angles [rad], bearings from north"""
+    """What the sentences of one time of day said. seconds: of the day; angles [rad], bearings from north, roll and
+    pitch as in Fix
+    """
 
     seconds: float
     latitude: float = math.nan
@@ -166,6 +170,8 @@ class Epoch:
     speed: float = math.nan
     course: float = math.nan
     heading: float = math.nan
+    roll: float = math.nan
+    pitch: float = math.nan
     horizontal_sd: float = math.nan
     vertical_sd: float = math.nan
 
@@ -269,17 +275,20 @@ def _read_heading(epoch: Epoch, words: Sequence[str]) -> None:
         epoch.heading = math.radians(_read(words[0]))
 
 
-def _read_agopengps(epoch: Epoch, words: Sequence[str]) -> None:
+def _read_panda(epoch: Epoch, words: Sequence[str]) -> None:
     epoch.latitude, epoch.longitude = _read_angle(words[1], words[2]), _read_angle(words[3], words[4])
     epoch.quality = FIX_QUALITY.get(int(words[5] or 0), 0)
     epoch.satellites, epoch.hdop, epoch.height = int(words[6] or -1), _read(words[7]), _read(words[8])
     epoch.age, epoch.speed = _read(words[9]), _read(words[10], KNOT)
-    heading = _read(words[11])
-    if heading <= 360.0:
-        epoch.heading = math.radians(heading)
+
+
+def _read_paogi(epoch: Epoch, words: Sequence[str]) -> None:
+    _read_panda(epoch, words)
+    epoch.heading, epoch.roll, epoch.pitch = (math.radians(_read(word)) for word in words[11:14])
+    epoch.pitch = -epoch.pitch
 
 
 READERS: dict[str, Callable[[Epoch, Sequence[str]], None]] = {
     "GGA": _read_gga, "VTG": _read_vtg, "RMC": _read_rmc, "GST": _read_gst, "HDT": _read_heading,
-    "THS": _read_heading, "PANDA": _read_agopengps, "PAOGI": _read_agopengps,
+    "THS": _read_heading, "PANDA": _read_panda, "PAOGI": _read_paogi,
 }  # fmt: skip

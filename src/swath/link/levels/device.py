@@ -303,7 +303,7 @@ class _NmeaStream:
         return Fix(
             t, x, y, z, epoch.speed, _turned(north, epoch.course), epoch.horizontal_sd, epoch.vertical_sd,
             math.nan, epoch.quality, lon, lat, epoch.height, _turned(north, epoch.heading), math.nan,
-            epoch.age, epoch.satellites, epoch.hdop,
+            epoch.age, epoch.satellites, epoch.hdop, epoch.roll, epoch.pitch,
         )  # fmt: skip
 
 

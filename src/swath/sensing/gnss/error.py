@@ -41,8 +41,9 @@ class Loss:
 class Params:
     """receiver: whose figures count (docs/explanation/sensors.md); antenna: where it sits on the machine
 
-    second_antenna: place of another one, for the heading; heading_noise_mm: of its place relative to the
-    first across the line between them, sd per sample, while the fix is one of carriers; an estimate
+    second_antenna: place of another one, for the heading, and for roll or pitch; heading_noise_mm: of its
+    place relative to the first across the line between them, sd per sample, while the fix is one of carriers;
+    an estimate
     latency_ms: from the measurement to its sample, 20 to 100 (uncited)
     noise_cm: white, sd per sample, here and below instead of the receiver's
     wander_cm: sd of the error that wanders; wander_s: its correlation time
@@ -150,19 +151,19 @@ class ErrorGnss(KeepsState):
         velocity = velocity + figures.velocity * draw[-1]
         spread = figures.sd * got.stretch
         sd = (spread, spread * figures.vertical, figures.velocity)
-        more = {**self._heading(t + dt, at, got.quality), **got.more}
+        more = {**self._attitude(t + dt, at, got.quality), **got.more}
         return {"fix": fix_of(at, self._setup, position, velocity, sd, got.quality, **more)}
 
     def receive(self, at: int, dt: int) -> Reception:
         """What is received at a time [ns], a period [ns] after the last."""
         return Reception(self.quality_at(at))
 
-    def _heading(self, t: int, at: int, quality: int) -> dict[str, float]:
-        """Of two antennas, while the carriers are tracked."""
+    def _attitude(self, t: int, at: int, quality: int) -> dict[str, float]:
+        """By two antennas, while the carriers are tracked."""
         if self._pair is None or quality < FIX_QUALITIES.index("float"):
             return {}
-        draw = float(self._turns.at(t, 1)[0])
-        return {"heading": self._pair.heading(at, draw), "heading_sd": self._pair.sd}
+        vertical = self._figures[FIX_QUALITIES[quality]].vertical
+        return self._pair.seen(at, self._turns.at(t, 2).tolist(), vertical)
 
     def quality_at(self, t: int) -> int:
         """Of a fix measured at t [ns]: the least of all that holds then; none before the start."""

@@ -13,7 +13,9 @@ from swath.signals import FIX_QUALITIES, Fix, MachineState
 
 @dataclass(frozen=True)
 class Params:
-    """antenna: where it sits on the machine; second_antenna: place of another one, for the heading"""
+    """antenna: where it sits on the machine; second_antenna: place of another one, for the heading,
+    and for roll or pitch
+    """
 
     antenna: Place = field(default_factory=Place)
     second_antenna: Place | None = None
@@ -49,7 +51,7 @@ class IdealGnss(KeepsState):
         more = {}
         if self._pair is not None:
             self._pair.take(inputs["state"])
-            more = {"heading": self._pair.heading(t + dt, 0.0), "heading_sd": 0.0}
+            more = self._pair.seen(t + dt)
         return {"fix": fix_of(t + dt, self._setup, position, velocity, (0.0, 0.0, 0.0), quality, **more)}
 
 
