@@ -2,25 +2,34 @@
 
 import re
 import socket
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from swath.core.errors import InputError
+from swath.core.schedule import NS
 from swath.link.device import velodyne
+from swath.sensing.mount import Mount
+from swath.sensing.scanner import Scanner, ScannerParams
 from swath.signals import Scan
 from swath.signals.scan import beam_directions
 from tests.link.device_rig import device, plane_scan
 
 PERIOD = 0.1
+FIRES = [-15, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15]  # VLP-16 manual, chapter 9
 
 
-def turn(t, rng, *, first=-180.0, last=179.8):
+def turn(t, rng, *, first=-180.0, last=179.8, step=0.2, period=PERIOD):
     """A drawn turn of the VLP-16 of the data sheet, in swath's own order: azimuths rise, lines within."""
-    azimuth = np.radians(np.arange(first, last + 0.1, 0.2))
-    lines = np.radians(np.arange(-15.0, 16.0, 2.0))
-    azimuth, elevation = np.repeat(azimuth, 16), np.tile(lines, len(azimuth))
-    beam_t = (azimuth[0] - azimuth) / (2 * np.pi) * PERIOD
+    azimuth = np.radians(np.arange(first, last + 0.1, step))
+    lines = np.arange(-15.0, 16.0, 2.0)
+    fires = np.array([FIRES.index(line) for line in lines]) * 2.304e-6  # after the first of its firing [s]
+    late = np.tile(fires, len(azimuth))
+    azimuth, elevation = np.repeat(azimuth, 16), np.radians(np.tile(lines, len(azimuth)))
+    beam_t = (azimuth[0] - azimuth) / (2 * np.pi) * period - (late.max() - late)
+    azimuth = azimuth - late / period * 2 * np.pi
     ranges = rng.uniform(1.0, 100.0, (len(azimuth), 1)).astype(np.float32)
     ranges[rng.uniform(size=ranges.shape) < 0.2] = np.nan
     intensity = np.where(np.isnan(ranges), np.nan, rng.uniform(0, 1, ranges.shape)).astype(np.float32)
@@ -42,11 +51,32 @@ def nearest_in_range_and_line(points, wanted):
     return found
 
 
-def test_velodyne_decoder_gives_the_points_of_the_scan():
+def scan_of_the_sheet(rate_hz, **params):
+    """A scan of the bundled sensor as its level makes it, drawn ranges."""
+    setup = SimpleNamespace(period=1.0 / rate_hz, base=None, machine=None, edge_side="left", field=None)
+    mount = Mount(at="axle", z_m=3.0)
+    scanner = Scanner(ScannerParams(sensor="velodyne-vlp16", mount=mount, **params), setup)
+    rng, shape = np.random.default_rng(8), (len(scanner.azimuth), 1)
+    ranges = rng.uniform(1.0, 100.0, shape).astype(np.float32)
+    intensity = rng.uniform(0.0, 1.0, shape).astype(np.float32)
+    return Scan(5 * NS, scanner.beam_t, scanner.azimuth, scanner.elevation, ranges, intensity)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: turn(3_600_000_000_000 + 123_456_000, np.random.default_rng(1)),
+        lambda: scan_of_the_sheet(10.0),
+        lambda: scan_of_the_sheet(10.0, sector_deg=(-50.0, 50.13)),
+        lambda: scan_of_the_sheet(10.0, sector_deg=(-60.0, 60.0), step_deg=0.4),  # every other firing
+        lambda: scan_of_the_sheet(5.0, sector_deg=(-60.0, 60.0)),  # as well
+        lambda: scan_of_the_sheet(20.0, step_deg=0.4),
+    ],
+)
+def test_velodyne_decoder_gives_the_points_of_the_scan(make):
     decoder = pytest.importorskip("velodyne_decoder")
-    scan = turn(3_600_000_000_000 + 123_456_000, np.random.default_rng(1))
+    scan = make()
     packets = velodyne.packets(scan, velodyne.grid_of(scan))
-    assert len(packets) == 75  # 1,800 firings
     # In swath all lines start at one point; in the sensor they lie up to 11 mm above or below it.
     text = decoder.get_bundled_calibration("VLP-16.yml").to_string()
     text = re.sub(r"vert_offset_correction: [-0-9.e]+", "vert_offset_correction: 0.0", text)
@@ -58,9 +88,8 @@ def test_velodyne_decoder_gives_the_points_of_the_scan():
     wanted = scan.points()[:, 0][np.isfinite(scan.ranges[:, 0])]
     assert len(points) == len(wanted)
     apart = np.degrees(nearest_in_range_and_line(points, wanted))
-    print(f"directions within {apart.max():.3f} deg, ranges within {500 * velodyne.UNIT:g} mm")
-    # 0.01 deg of the block, 0.01 of the decoder, and half of what the sensor turns while 16 lines fire
-    assert apart.max() <= 0.02 + 0.5 * 15 * 0.2 * velodyne.LINE_S / velodyne.FIRING_S + 1e-3
+    print(f"directions within {apart.max():.4f} deg, ranges within {500 * velodyne.UNIT:g} mm")
+    assert apart.max() <= 0.01 + 2e-3  # half a hundredth in the packet, half in the decoder
 
 
 def test_read_again_every_range_and_time_is_the_scan_s():
@@ -80,7 +109,7 @@ def test_read_again_every_range_and_time_is_the_scan_s():
     apart = beam_directions(told.azimuth, told.elevation) - beam_directions(
         scan.azimuth[order.ravel()], scan.elevation[order.ravel()]
     )
-    assert np.linalg.norm(apart, axis=1).max() < np.radians(0.09)
+    assert np.linalg.norm(apart, axis=1).max() < np.radians(0.012)
     np.testing.assert_allclose(told.beam_t, scan.beam_t[order.ravel()], atol=3e-4)
 
 
@@ -124,4 +153,10 @@ def test_another_scanner_is_refused():
     left = Scan(0, left.beam_t[::-1].copy(), left.azimuth, left.elevation, left.ranges, left.intensity)
     with pytest.raises(InputError, match="turns to the right"):
         made("combine.slot", 0, {"scan": left})
+    at_once = turn(0, np.random.default_rng(7))
+    at_once = replace(at_once, azimuth=np.repeat(at_once.azimuth[::16], 16))
+    with pytest.raises(InputError, match=r"fire one after another, 2\.304 us apart.*scan\.line_delay_us"):
+        made("combine.slot", 0, {"scan": at_once})
+    with pytest.raises(InputError, match=r"at 10 Hz a VLP-16 fires every 0\.2 deg: expected step_deg"):
+        made("combine.slot", 0, {"scan": turn(0, np.random.default_rng(7), step=0.3)})
     made.close()

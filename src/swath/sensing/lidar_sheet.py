@@ -39,7 +39,8 @@ class LidarSheet:
     """What the maker says about a scanner.
 
     fov: (first, last) azimuth [rad]; step: azimuth between beams [rad]; rates_hz: the first is the default
-    elevations: of the lines [rad], (0,) for a 2-D scanner; turns: where it sweeps to, seen from above
+    elevations: of the lines [rad], (0,) for a 2-D scanner; delays: how long after the first of its firing a
+    line fires [s], () = all at once; turns: where it sweeps to, seen from above
     range_min, range_max [m]; range_10: reach on a 10 % diffuse target [m]
     noise_mm: rows (range [m], one-sigma [mm]); systematic: half width of the constant error band [m]
     resolution: step of the reported range [m]; wavelength [m]
@@ -58,6 +59,7 @@ class LidarSheet:
     step: Annotated[float, Quantity("deg", 1e-3, 10, key="scan.step")]
     rates_hz: Annotated[tuple[float, ...], Quantity("", 0.01, 10_000, key="scan.rates_hz")]
     elevations: Annotated[tuple[float, ...], Quantity("deg", -90, 90, key="scan.line_elevation")]
+    delays: Annotated[tuple[float, ...], Quantity("us", 0, 10_000, key="scan.line_delay")] = ()
     turns: Annotated[Literal["left", "right"], Key("scan.turns")] = "left"
     angle_noise: Annotated[float, Quantity("deg", 0, 5, key="scan.angle_noise")] = 0.0
     range_min: Annotated[float, Quantity("m", 0, 10, key="range.min")]
@@ -81,6 +83,11 @@ class LidarSheet:
     def line_elevation(self) -> F64:
         """Elevation of each line [rad], shape (line_count,)."""
         return np.array(self.elevations)
+
+    @cached_property
+    def line_delay(self) -> F64:
+        """When each line fires, after the first of its firing [s], shape (line_count,)."""
+        return np.array(self.delays) if self.delays else np.zeros(len(self.elevations))
 
     @cached_property
     def noise(self) -> F64:
@@ -124,6 +131,8 @@ def load_lidar(name: str, base: Path | None = None) -> LidarSheet:
     """A bundled scanner by name, or the user's own YAML file. InputError names key and file."""
     sheet = read_sheet("sensors", name, base)
     made = sheet.read(LidarSheet)
+    if len(made.line_delay) != len(made.line_elevation):
+        raise sheet.error("scan.line_delay_us", f"expected one for each of {len(made.line_elevation)} lines")
     for key, rows, low in (
         ("range.noise_mm", made.noise, 0.0),
         ("range.noise_by_signal_mm", made.signal_noise, 1e-3),

@@ -46,7 +46,7 @@ class Scanner:
     """sheet: data sheet; mounting: pose_machine_sensor; azimuth, elevation [rad], beam_t [s]: (beam_count,)
 
     axes: beam frames in the sensor frame, (beam_count, 3, 3), columns beam direction, across (left), along
-    line_count: beams that share an azimuth; reach: no echo comes from further away [m]
+    line_count: beams of a firing, at one azimuth but for what it turns meanwhile; reach: no echo comes from further away [m]
     echo_count: echoes per beam of a scan; angle_noise: one sigma of the beams' direction [rad], None = the
     sheet's; dropout: chance that a beam is lost
     noise: what the electronics add; sweep: where the beams of a sweep start
@@ -72,11 +72,14 @@ class Scanner:
         azimuth = self.sheet.azimuths(first, last, self.step)
         lines = self.sheet.line_elevation
         self.line_count = len(lines)
+        delay = np.tile(self.sheet.line_delay, len(azimuth))
+        turned = delay * (2 * np.pi / setup.period)  # of the sensor meanwhile
         self.azimuth = np.repeat(azimuth, len(lines))
         self.elevation = np.tile(lines, len(azimuth)).copy()
         is_left = self.sheet.turns == "left"
         to_go = self.azimuth - azimuth[-1] if is_left else azimuth[0] - self.azimuth  # of the sweep, <= 0
-        self.beam_t = to_go / (2 * np.pi) * setup.period
+        self.beam_t = to_go / (2 * np.pi) * setup.period - (delay.max() - delay)
+        self.azimuth += turned if is_left else -turned
         for held in (self.azimuth, self.elevation, self.beam_t):  # every scan has them
             held.setflags(write=False)
         self.axes = _beam_axes(self.azimuth, self.elevation)

@@ -24,6 +24,7 @@ UNIT = 0.002  # m
 HUNDREDTH = 0.01 * DEG
 HOUR = 3_600_000_000  # us
 LINE_S, FIRING_S = 2.304e-6, 55.296e-6  # from a line to the next, from a firing to the next
+UNEVEN = 0.01  # what the time between firings may be off: 0.001 deg in the direction of the last line
 WHITE = 100.0  # reflectivity of a white diffuse target; above it are reflectors
 
 RETURN = np.dtype([("distance", "<u2"), ("reflectivity", "u1")])
@@ -34,12 +35,14 @@ PACKET = np.dtype([("blocks", BLOCK, (BLOCKS,)), ("time", "<u4"), ("mode", "u1")
 @dataclass
 class Grid:
     """How the beams of a scan lie: order: of beams, (firing_count, LINES), in the order of the packets, whose
-    azimuth grows; azimuth: of the firings, clockwise [1/100 deg]; beam_t: of their first lines [s]
+    azimuth grows; azimuth: of the first lines, clockwise [1/100 deg]; beam_t: of them [s]; every: firings of
+    the sensor from one of the scan to the next, those between are told without returns
     """
 
     order: np.ndarray
     azimuth: np.ndarray
     beam_t: np.ndarray
+    every: int
 
 
 def grid_of(scan: Scan) -> Grid:
@@ -52,39 +55,48 @@ def grid_of(scan: Scan) -> Grid:
         raise InputError("device", "velodyne", "expected the 16 lines of a VLP-16 (sensor: velodyne-vlp16)")
     beams = np.stack(by_line, axis=1)[:, column]
     beams = beams[np.argsort(-scan.azimuth[beams[:, 0]], kind="stable")]
-    azimuth = scan.azimuth[beams]
-    if np.ptp(azimuth, axis=1).max() > HUNDREDTH:
-        raise InputError("device", "velodyne", "expected firings of 16 lines at one azimuth")
-    beam_t = scan.beam_t[beams[:, 0]]
-    if len(beam_t) > 1 and beam_t[-1] < beam_t[0]:
+    azimuth, beam_t = -scan.azimuth[beams], scan.beam_t[beams]
+    turned, took = azimuth[-1, 0] - azimuth[0, 0], beam_t[-1, 0] - beam_t[0, 0]
+    if took < 0.0:
         raise InputError(
             "device", "velodyne", "expected a scanner that turns to the right, as the VLP-16 does"
         )
-    return Grid(beams, -azimuth[:, 0] / HUNDREDTH, beam_t)
+    rate = turned / took if took > 0.0 else 0.0
+    delay = np.arange(LINES) * LINE_S
+    is_right = np.abs(beam_t - beam_t[:, :1] - delay).max() < 0.1 * LINE_S
+    if not is_right or np.abs(azimuth - azimuth[:, :1] - rate * delay).max() > 0.2 * HUNDREDTH:
+        expected = f"expected lines that fire one after another, {LINE_S * 1e6:g} us apart, in the maker's order"
+        raise InputError("device", "velodyne", f"{expected} (scan.line_delay_us of the sensor's sheet)")
+    apart = took / max(len(beams) - 1, 1) / FIRING_S
+    every = max(round(apart), 1)
+    if took > 0.0 and abs(apart - every) > UNEVEN * every:
+        step = f"{rate * FIRING_S / DEG:.2g}"
+        hertz = f"at {rate / (2.0 * np.pi):.3g} Hz a VLP-16 fires every {step} deg"
+        raise InputError("device", "velodyne", f"{hertz}: expected step_deg of it, or of a multiple")
+    return Grid(beams, azimuth[:, 0] / HUNDREDTH, beam_t[:, 0], every)
 
 
 def packets(scan: Scan, grid: Grid) -> list[bytes]:
     """The packets of a scan. What is left of the last one has no returns."""
-    count = len(grid.azimuth)
+    count = (len(grid.azimuth) - 1) * grid.every + 1  # firings
     step = (grid.azimuth[-1] - grid.azimuth[0]) / max(count - 1, 1)
     padded = -(-count // (2 * BLOCKS)) * 2 * BLOCKS
-    azimuth = np.concatenate([grid.azimuth, grid.azimuth[-1] + step * np.arange(1, padded - count + 1)])
-    # The lines of a firing are measured at once here, and one after another there: their middle is right.
-    turn = step * LINE_S / FIRING_S * 0.5 * (LINES - 1)
+    azimuth = grid.azimuth[0] + step * np.arange(padded)
     ranges, intensity = scan.ranges[:, 0][grid.order], scan.intensity[:, 0][grid.order]
     returns = np.zeros((padded, LINES), RETURN)
     distance = np.round(ranges.astype(np.float64) / UNIT)
     is_told = np.isfinite(ranges) & (distance < 1 << 16)
-    returns["distance"][:count] = np.where(is_told, distance, 0.0)
+    returns["distance"][: count : grid.every] = np.where(is_told, distance, 0.0)
     told = np.round(intensity.astype(np.float64) * WHITE).clip(0, 255)
-    returns["reflectivity"][:count] = np.where(is_told & np.isfinite(told), told, 0.0)
+    returns["reflectivity"][: count : grid.every] = np.where(is_told & np.isfinite(told), told, 0.0)
     blocks = np.zeros(padded // 2, BLOCK)
     blocks["flag"], blocks["returns"] = 0xFFEE, returns.reshape(-1, 2, LINES)
-    blocks["azimuth"] = np.round(azimuth[::2] - turn).astype(np.int64) % 36_000
+    blocks["azimuth"] = np.round(azimuth[::2]).astype(np.int64) % 36_000
     made = np.zeros(padded // (2 * BLOCKS), PACKET)
     made["blocks"] = blocks.reshape(-1, BLOCKS)
-    firing = np.minimum(np.arange(0, padded, 2 * BLOCKS), count - 1)
-    made["time"] = (scan.t // 1000 + np.round(grid.beam_t[firing] * 1e6).astype(np.int64)) % HOUR
+    firing = np.arange(0, padded, 2 * BLOCKS)
+    begun = np.interp(firing, np.arange(0, count, grid.every), grid.beam_t)
+    made["time"] = (scan.t // 1000 + np.round(begun * 1e6).astype(np.int64)) % HOUR
     made["mode"], made["product"] = STRONGEST, VLP16
     return [packet.tobytes() for packet in made]
 
