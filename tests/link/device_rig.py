@@ -35,9 +35,9 @@ def drawn_fix(t, rng, **fields):
     return Fix(t, **{**values, **fields})
 
 
-def device(address, signal, *, origin=None, range_max=40.0, period=0.04, factor=1.0):
+def device(address, signal, *, origin=None, range_max=40.0, period=0.04, factor=1.0, identity=""):
     """An open device for samples of a type."""
-    setup = DeviceSetup("combine.slot", (Port("out", signal),), period, range_max, origin, factor)
+    setup = DeviceSetup("combine.slot", (Port("out", signal),), period, range_max, origin, factor, identity)
     made = make_device(address, setup)
     made.open()
     return made

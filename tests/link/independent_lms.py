@@ -175,8 +175,8 @@ class Lms:
 
     def __init__(self, host, port, *, is_binary, timeout_s=30):
         self.is_binary = is_binary
-        self._socket = socket.create_connection((host, port), timeout=timeout_s)
-        self._file = self._socket.makefile("rb")
+        self.socket = socket.create_connection((host, port), timeout=timeout_s)
+        self._file = self.socket.makefile("rb")
         self._scans = deque()
 
     def __enter__(self):
@@ -184,7 +184,7 @@ class Lms:
 
     def __exit__(self, *_):
         self._file.close()
-        self._socket.close()
+        self.socket.close()
 
     def send(self, command, *parameters):
         """`command` such as sRN LMDscandata."""
@@ -195,10 +195,10 @@ class Lms:
             checksum = 0
             for byte in data:
                 checksum ^= byte
-            self._socket.sendall(STX * 4 + struct.pack(">I", len(data)) + data + bytes([checksum]))
+            self.socket.sendall(STX * 4 + struct.pack(">I", len(data)) + data + bytes([checksum]))
         else:  # with a sign decimal, without one hexadecimal
             words = (f"{value:+d}" if code.islower() else f"{value:02X}" for code, value in parameters)
-            self._socket.sendall(STX + b" ".join((data, *(word.encode() for word in words))) + ETX)
+            self.socket.sendall(STX + b" ".join((data, *(word.encode() for word in words))) + ETX)
 
     def receive(self):
         """The next telegram between its frame: (type, name, fields)."""

@@ -1,8 +1,7 @@
 """A slot as a SICK LMS: an independent client, the vendor's own example, clients that hang, garbage."""
 
 import socket
-import struct
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from swath.link.device import cola, lms
 from swath.link.device.wires import BUFFER, MOST_CLIENTS
 from swath.signals import Scan
 from tests.link.device_rig import STEP, device, plane_scan, until
-from tests.link.lms_client import Lms, parse
+from tests.link.independent_lms import Lms, Refused, scan_of
 
 # Telegram listing 8014631, example of sRN LMDscandata: 21 values from 10 deg on, every 0.5 deg, 50 Hz.
 EXAMPLE = (
@@ -34,84 +33,106 @@ def served():
     made.close()
 
 
+def client_of(made, *, binary=True):
+    return Lms("127.0.0.1", made.port, is_binary=binary, timeout_s=5)
+
+
+def refusal(client, command, *parameters):
+    """The error code of a command."""
+    client.send(command, *parameters)
+    with pytest.raises(Refused) as refused:
+        client.receive()
+    return refused.value.code
+
+
 @pytest.mark.parametrize("binary", [False, True])
 def test_a_client_of_the_vendor_s_description_gets_every_scan(served, binary):
     made, send, scans = served
-    client = Lms(made.port, binary)
-    client.login()
-    client.subscribe()
-    for n in (1, 2):
-        send(n)
-        told, scan = client.scan(), scans[n]
-        scale, offset, start, step, numbers = told["channels"]["DIST1"]
-        assert (offset, start, step, len(numbers)) == (0.0, 0.0, 0.5, 361)
-        assert told["frequency_hz"] == 25.0
-        assert told["scans"] == n - 1
-        assert told["sent_us"] == n * STEP // 1000
-        assert abs(told["sent_us"] - told["since_start_us"] - 20_000) <= 1  # half a turn of 40 ms
-        first = scan.ranges[:, 0].astype(float)
-        np.testing.assert_allclose(np.array(numbers) * scale, np.nan_to_num(first * 1000), atol=0.5)
-        rssi = np.array(told["channels"]["RSSI1"][4]) / lms.RSSI_WHITE
-        np.testing.assert_allclose(rssi, np.nan_to_num(scan.intensity[:, 0].astype(float)), atol=1e-4)
-    client.subscribe(on=False)
-    client.close()
+    with client_of(made, binary=binary) as client:
+        client.login()
+        client.stream(is_on=True)
+        for n in (1, 2):
+            send(n)
+            told, scan = client.scan(), scans[n]
+            dist = told.channels16["DIST1"]
+            assert (dist.offset, dist.start, dist.step, len(dist.data)) == (0.0, 0, 5000, 361)
+            assert (told.scan_hz, told.scans, told.sent) == (25.0, n - 1, n * STEP // 1000)
+            assert abs(told.sent - told.since_start - 20_000) <= 1  # half a turn of 40 ms
+            first = np.nan_to_num(scan.ranges[:, 0].astype(float) * 1000)
+            np.testing.assert_allclose(np.array(dist.data) * dist.scale, first, atol=0.5)
+            rssi = np.array(told.channels16["RSSI1"].data) / lms.RSSI_WHITE
+            np.testing.assert_allclose(rssi, np.nan_to_num(scan.intensity[:, 0].astype(float)), atol=1e-4)
+        client.stream(is_on=False)
 
 
 @pytest.mark.parametrize("binary", [False, True])
 def test_what_a_client_configures_is_what_it_gets(served, binary):
     made, send, scans = served
-    client = Lms(made.port, binary)
-    client.login()
-    sector = struct.pack(">HIii", 1, 5000, 450_000, 1_350_000)
-    client.ask("sWN LMPoutputRange 1 1388 +450000 +1350000", sector)
-    client.ask("sWN LMDscandatacfg 01 00 1 0 0 00 00 0 0 0 0 +2", bytes([1, 0, 1, 0] + [0] * 7 + [0, 2]))
-    client.ask("sWN FREchoFilter 2", b"\x02")
-    answer = client.ask("sRN LMPscancfg")
-    wanted = struct.pack(">IHIii", 2500, 1, 5000, 0, 1_800_000)
-    assert answer == b"sRA LMPscancfg " + (wanted if binary else b"9C4 1 1388 0 1B7740")
-    client.subscribe()
-    send(1), send(2), send(3)
-    told = [client.scan(), client.scan()]
-    assert [t["sent_us"] for t in told] == [STEP // 1000, 3 * STEP // 1000]
-    scale, _, start, _, numbers = told[0]["channels"]["DIST1"]
-    assert (start, len(numbers)) == (45.0, 181)
+    with client_of(made, binary=binary) as client:
+        client.login()
+        client.output_range((5000, 450_000, 1_350_000))
+        client.data_config(rssi_bits=8, every=2)
+        client.done("sWN FREchoFilter", ("B", 2))
+        assert client.scan_config() == (2500, 5000, 0, 1_800_000)
+        client.stream(is_on=True)
+        send(1), send(2), send(3)
+        told = [client.scan(), client.scan()]
+    assert [t.sent for t in told] == [STEP // 1000, 3 * STEP // 1000]
+    dist = told[0].channels16["DIST1"]
+    assert (dist.start, len(dist.data)) == (450_000, 181)
     last = np.nan_to_num(np.nanmax(np.where(np.isnan(r := scans[1].ranges), -np.inf, r), axis=1).clip(0))
-    np.testing.assert_allclose(np.array(numbers) * scale, last[90:271].astype(float) * 1000, atol=0.5)
-    assert max(told[0]["channels"]["RSSI1"][4]) <= 200  # 8 bit: 100 for white, 2 at most here
-    client.close()
+    np.testing.assert_allclose(np.array(dist.data) * dist.scale, last[90:271].astype(float) * 1000, atol=0.5)
+    assert max(told[0].channels8["RSSI1"].data) <= 200  # 100 for white, 2 at most here
 
 
 def test_a_scan_on_request_and_what_is_refused(served):
     made, send, _ = served
-    client = Lms(made.port, binary=False)
-    client.send("sRN LMDscandata")  # none yet: the first answers it
-    assert client.ask("sRN Nonsense") == b"sFA 3"
-    send(1)
-    assert parse(client.receive(), False)["sent_us"] == STEP // 1000
-    assert parse(client.ask("sRN LMDscandata"), False)["sent_us"] == STEP // 1000
-    assert client.ask("sWN LMPoutputRange 1 1388 0 0") == b"sFA 1"  # not logged in
-    assert client.ask("sMN SetAccessMode 03 00000000") == b"sAN SetAccessMode 0"
-    assert client.ask("sRN Nonsense") == b"sFA 3"
-    assert client.ask("sMN Nonsense") == b"sFA 2"
-    assert client.ask("sEN Nonsense 1") == b"sFA F"
-    assert client.ask("sXX LMDscandata") == b"sFA C"
-    assert client.ask("sMN SetAccessMode") == b"sFA 5"
-    client.login()
-    answer = client.ask("sMN mLMPsetscancfg +5000 +1 +5000 -450000 +2250000")
-    assert answer == b"sAN mLMPsetscancfg 1 9C4 1 1388 0 1B7740"  # the scenario says 25 Hz
+    with client_of(made, binary=False) as client:
+        client.send("sRN LMDscandata")  # none yet: the first answers it
+        assert refusal(client, "sRN Nonsense") == 3
+        send(1)
+        *_, fields = client.receive()
+        assert scan_of("sRA", fields).sent == client.one_scan().sent == STEP // 1000
+        sector = ("h", 1), ("i", 5000), ("i", 0), ("i", 0)
+        assert refusal(client, "sWN LMPoutputRange", *sector) == 1  # not logged in
+        client.done("sMN SetAccessMode", ("B", 3), ("I", 0), result=("B", (0,)))
+        for command, code in (("sRN Nonsense", 3), ("sMN Nonsense", 2), ("sXX LMDscandata", 12)):
+            assert refusal(client, command) == code
+        assert refusal(client, "sEN Nonsense", ("B", 1)) == 15
+        assert refusal(client, "sMN SetAccessMode") == 5
+        client.login()
+        wanted = ("i", 5000), ("h", 1), ("i", 5000), ("i", -450_000), ("i", 2_250_000)
+        answer = client.ask("sMN mLMPsetscancfg", *wanted)
+        told = [answer.number(name, code) for name, code in (("status", "B"), ("frequency", "I"))]
+        assert told == [1, 2500]  # the scenario says 25 Hz
     assert any("the scenario says 25 Hz" in text for _, text in made.events.list)
-    client.close()
+
+
+@pytest.mark.parametrize(
+    ("address", "identity", "name"),
+    [
+        ("lms://127.0.0.1:0", "LMS5xx_FieldEval_PRO", "LMS5xx_FieldEval_PRO"),
+        ("lms://127.0.0.1:0", "", "LMS"),
+        ("lms://127.0.0.1:0?model=LMS10x_FieldEval", "LMS5xx_FieldEval_PRO", "LMS10x_FieldEval"),
+    ],
+)
+def test_it_tells_the_name_of_its_sheet(address, identity, name):
+    made = device(address, Scan, identity=identity)
+    made("combine.slot", 0, {"scan": plane_scan(0, np.random.default_rng(5))})
+    with client_of(made) as client:
+        assert client.identity()[0] == name
+    made.close()
 
 
 def test_another_level_with_other_beams_goes_on(served):
     made, send, _ = served
-    client = Lms(made.port, binary=True)
-    client.subscribe()
-    send(1)
-    made("combine.slot", 2 * STEP, {"scan": plane_scan(2 * STEP, np.random.default_rng(4), count=181)})
-    assert [len(client.scan()["channels"]["DIST1"][4]) for _ in range(2)] == [361, 181]
+    with client_of(made) as client:
+        client.stream(is_on=True)
+        send(1)
+        other = plane_scan(2 * STEP, np.random.default_rng(4), count=181)
+        made("combine.slot", 2 * STEP, {"scan": other})
+        assert [len(client.scan().channels16["DIST1"].data) for _ in range(2)] == [361, 181]
     assert any("181 beams now, 361 before" in text for _, text in made.events.list)
-    client.close()
 
 
 def test_the_vendor_s_example_is_understood():
@@ -127,38 +148,34 @@ def test_the_vendor_s_example_is_understood():
 
 def test_two_clients_in_two_dialects_and_one_more_than_there_is_room_for(served):
     made, send, _ = served
-    clients = [Lms(made.port, binary=n % 2 == 0) for n in range(MOST_CLIENTS)]
-    for client in clients:
-        client.subscribe()
-    extra = socket.create_connection(("127.0.0.1", made.port), 5.0)
-    assert extra.recv(10) == b""
-    extra.close()
-    send(1)
-    found = [client.scan() for client in clients]
+    with ExitStack() as held:
+        clients = [held.enter_context(client_of(made, binary=n % 2 == 0)) for n in range(MOST_CLIENTS)]
+        for client in clients:
+            client.stream(is_on=True)
+        with socket.create_connection(("127.0.0.1", made.port), 5.0) as extra:
+            assert extra.recv(10) == b""
+        send(1)
+        found = [client.scan() for client in clients]
     assert all(f == found[0] for f in found)
     assert any("was refused: there are 8 already" in text for _, text in made.events.list)
-    for client in clients:
-        client.close()
     until(lambda: not made._server.has_client())
-    client = Lms(made.port, binary=True)
-    assert client.ask("sRN SCdevicestate") == b"sRA SCdevicestate \x01"
-    client.close()
+    with client_of(made) as client:
+        assert client.ask("sRN SCdevicestate").number("state", "B") == 1
 
 
 def test_a_client_that_hangs_is_let_go_and_holds_nobody_up(served):
     made, _, scans = served
-    hung, client = Lms(made.port, binary=False), Lms(made.port, binary=True)
-    hung.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    hung.subscribe(), client.subscribe()
-    for n in range(1, 2000):
-        made("combine.slot", n * STEP, {"scan": scans[1]})
-        assert client.scan()["scans"] == (n - 1) & 0xFFFF
-        if any("does not read" in text for _, text in made.events.list):
-            break
-    else:
-        pytest.fail("it was never let go")
+    with client_of(made, binary=False) as hung, client_of(made) as client:
+        hung.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        hung.stream(is_on=True), client.stream(is_on=True)
+        for n in range(1, 2000):
+            made("combine.slot", n * STEP, {"scan": scans[1]})
+            assert client.scan().scans == (n - 1) & 0xFFFF
+            if any("does not read" in text for _, text in made.events.list):
+                break
+        else:
+            pytest.fail("it was never let go")
     assert n * 3000 > BUFFER
-    hung.close(), client.close()
 
 
 @given(st.binary(max_size=400), st.integers(0, 400))

@@ -20,7 +20,7 @@ from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job, run_unrecorded
 from swath.scenario.scenario import load_scenario
 from tests.link.device_rig import free_port
-from tests.link.lms_client import Lms
+from tests.link.independent_lms import Deviation, Lms
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "devices"
 DISTANCE = "run.distance_m=42"  # into the bend, which begins at 30 m
@@ -169,12 +169,10 @@ def test_a_client_hears_the_scans_that_the_recording_gets(tmp_path):
     port, heard = free_port(), []
 
     def listen():
-        client = connected(port)
-        client.subscribe()
-        with suppress(AssertionError):  # the sensor has closed the connection
+        with connected(port) as client, suppress(Deviation):  # the sensor closes the connection
+            client.stream(is_on=True)
             while True:
                 heard.append(client.scan())
-        client.close()
 
     sets = [
         "realtime.pace=real_time", "run.distance_m=2", "combine.lidar.level=empirical",
@@ -186,12 +184,12 @@ def test_a_client_hears_the_scans_that_the_recording_gets(tmp_path):
     thread.join(10)
     assert len(heard) >= 20
     for told in heard:
-        scan = watch.scans[told["sent_us"] * 1000]
-        scale, _, start, step, numbers = told["channels"]["DIST1"]
-        azimuth = np.radians(start + step * np.arange(len(numbers)) - 90.0)
-        np.testing.assert_allclose(azimuth, scan.azimuth, atol=1e-6 * len(numbers))
+        scan, dist = watch.scans[told.sent * 1000], told.channels16["DIST1"]
+        azimuth = np.radians((dist.start + dist.step * np.arange(len(dist.data))) * 1e-4 - 90.0)
+        np.testing.assert_allclose(azimuth, scan.azimuth, atol=1e-6 * len(dist.data))
         ranges = np.nan_to_num(scan.ranges[:, 0].astype(float))
-        np.testing.assert_allclose(np.array(numbers) * scale * 1e-3, ranges, atol=0.5e-3 * scale + 1e-6)
+        told_m = np.array(dist.data) * dist.scale * 1e-3
+        np.testing.assert_allclose(told_m, ranges, atol=0.5e-3 * dist.scale + 1e-6)
 
 
 def connected(port):
@@ -199,6 +197,6 @@ def connected(port):
     end = time.monotonic() + 30.0
     while time.monotonic() < end:
         with suppress(ConnectionRefusedError):
-            return Lms(port, binary=True)
+            return Lms("127.0.0.1", port, is_binary=True)
         time.sleep(0.05)
     raise AssertionError("there is no sensor")

@@ -88,7 +88,7 @@ def ascii_client(port):
         assert (frequency, step) == (2500, 5000)
         assert lms.output_range() == (step, start_angle, stop_angle) == (5000, -50_000, 1_850_000)
         name, version = lms.identity()
-        assert name.startswith("LMS5"), "the scenario's sensor is an LMS511"
+        assert name == "LMS5xx_FieldEval_PRO", "as an LMS511 does, whatever its reach is set to"
         assert version
         with pytest.raises(Refused, match="sFA 3"):
             lms.ask("sRN Nonsense")

@@ -28,6 +28,14 @@ class HasRange(Protocol, metaclass=ByMembers):
 
 
 @runtime_checkable
+class HasIdentity(Protocol, metaclass=ByMembers):
+    """A sensor of a make. identity: what the device calls itself on its wire, empty where that is not known."""
+
+    @property
+    def identity(self) -> str: ...
+
+
+@runtime_checkable
 class KnowsErrors(Protocol, metaclass=ByMembers):
     """A sensor that knows how far off it may be. errors: of a sample, by its fields in SI.
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from swath.core.abilities import (
     Closes,
+    HasIdentity,
     HasMounting,
     HasOpticalFrame,
     HasOverlap,
@@ -410,9 +411,10 @@ def _devices(scenario: Scenario, machines: Mapping[str, Machine]) -> list[Any]:
                 expected = "expected a run with --real-time: a device sends at the pace of the clock"
                 raise InputError(f"{key}.device", choice.common.device, expected)
             limit = part.range_limits[1] if isinstance(part, HasRange) else float("nan")
+            identity = part.identity if isinstance(part, HasIdentity) else ""
             setup = output.DeviceSetup(
                 key, part.outputs, from_hz(choice.common.rate_hz) * 1e-9, limit, machine.origin,
-                section.common.factor,
+                section.common.factor, identity,
             )  # fmt: skip
             try:
                 made.append(output.make_device(choice.common.device, setup))

@@ -38,6 +38,7 @@ class BeamSection:
 class LidarSheet:
     """What the maker says about a scanner.
 
+    device_ident: what it answers to sRN DeviceIdent, empty where that is not known
     fov: (first, last) azimuth [rad]; step: azimuth between beams [rad]; rates_hz: the first is the default
     elevations: of the lines [rad], (0,) for a 2-D scanner; delays: how long after the first of its firing a
     line fires [s], () = all at once; turns: where it sweeps to, seen from above
@@ -53,6 +54,7 @@ class LidarSheet:
     kind: Literal["lidar"] = "lidar"
     name: str
     note: str = ""
+    device_ident: Annotated[str, Key("device_ident")] = ""
     wavelength: Annotated[float, Quantity("nm", 300, 2000)]
     spot: Annotated[BeamSection, Section("beam.")]
     fov: Annotated[tuple[float, float], Quantity("deg", -360, 360, key="scan.field_of_view")]

@@ -24,6 +24,7 @@ RSSI_WHITE = 10_000.0
 PASSWORDS = {2: 0xB21ACE26, 3: 0xF4724744, 4: 0x81BE23AA}  # of user levels, as delivered
 ACCESS_DENIED, UNKNOWN_METHOD, UNKNOWN_VARIABLE, INVALID_DATA, UNKNOWN_COMMAND = 1, 2, 3, 5, 12
 MOST_ECHOES = 5
+NO_MODEL = "LMS"  # of a sensor whose sheet does not say what it calls itself
 READY = 7  # of STlms: it measures
 MICRO = 1_000  # ns
 WRAP = 1 << 32
@@ -76,11 +77,8 @@ class Plane:
         return self.start + self.step * (self.count - 1)
 
 
-def plane_of(scan: Scan, model: str | None, period: float, range_max: float) -> Plane:
-    """What a sensor with such scans is. InputError where it is no plane with beams at even angles.
-
-    model: None = an LMS5xx where an LMS1xx could not tell its distances
-    """
+def plane_of(scan: Scan, model: str, period: float, range_max: float) -> Plane:
+    """What a sensor with such scans is. InputError where it is no plane with beams at even angles."""
     azimuth, steps = scan.azimuth, np.diff(scan.azimuth)
     is_even = len(azimuth) > 1 and np.all(steps > 0) and np.ptp(steps) < 0.5 * TICK
     if not is_even or np.ptp(scan.elevation) > TICK:
@@ -89,7 +87,6 @@ def plane_of(scan: Scan, model: str | None, period: float, range_max: float) -> 
         )
     scale = 1.0 if range_max < 65.5 else 2.0  # mm; the LMS5xx doubles it beyond 65 m
     start, step = round(azimuth[0] / TICK) + AHEAD, round(steps.mean() / TICK)
-    model = model or ("LMS1xx" if scale == 1.0 else "LMS5xx")
     return Plane(model, 1.0 / period, scale, start, step, len(azimuth))
 
 

@@ -37,7 +37,7 @@ STEP = 10.0  # to the north, of which the grid's convergence is taken [m]
 class DeviceSetup:
     """name: of the slot, such as `combine.lidar`; outputs: that it has; period: of it [s]
     range_max: that a scanner reports [m], nan where it does not say; origin: of the field on Earth
-    factor: simulated seconds per second
+    factor: simulated seconds per second; identity: what the sensor calls itself, empty = not known
     """
 
     name: str
@@ -46,6 +46,7 @@ class DeviceSetup:
     range_max: float
     origin: Origin | None
     factor: float
+    identity: str = ""
 
 
 class Device:
@@ -145,7 +146,7 @@ class Lms(Device):
 
     def __init__(self, where: Address, setup: DeviceSetup) -> None:
         super().__init__(where, setup)
-        self._model = self.where.options.get("model")
+        self._model = self.where.options.get("model") or setup.identity or lms.NO_MODEL
         self._plane: lms.Plane | None = None
         self._newest: tuple[Scan, int] | None = None
         self._wanted = lms.Wanted()

@@ -75,6 +75,11 @@ class ScanningLidar(KeepsState, ABC):
         return self.sheet.range_min, self.sheet.range_max
 
     @property
+    def identity(self) -> str:
+        """By the data sheet."""
+        return self.sheet.device_ident
+
+    @property
     def notes(self) -> list[str]:
         """What the user of a run should know of the scanner."""
         return self.scanner.notes
