@@ -61,10 +61,48 @@ def test_gymnasium_makes_one_and_several_by_id():
     env.step(np.zeros(1, np.float32))
     assert env.render().shape == (300, 300, 3)
     env.close()
-    many = gymnasium.make_vec("swath/straight", num_envs=2, vectorization_mode="sync", sets=SETS)
-    seen, _ = many.reset(seed=3)
-    assert seen.shape == (2, 8)
+
+
+def in_vector(mode, sets, actions, **kwargs):
+    """Observations and rewards of two environments, (step_count, 2, ...); and the vector environment."""
+    import gymnasium
+
+    many = gymnasium.make_vec(
+        "swath/straight", num_envs=2, vectorization_mode=mode, sets=sets, vector_kwargs=kwargs
+    )
+    seen, rewards = [many.reset(seed=3)[0]], []
+    for action in actions:
+        now, reward, *_ = many.step(np.array(action, np.float32).reshape(2, 1))
+        seen.append(now)
+        rewards.append(reward)
+    return np.array(seen), np.array(rewards), many
+
+
+@pytest.mark.filterwarnings("ignore:.*ERROR. (Received|Traceback|Raising):UserWarning")
+def test_several_in_processes_of_their_own_give_the_same_as_one_after_another():
+    """Seeds 3 and 4, beyond the end of their episodes; and an error of one is the user's."""
+    sets = {**SETS, "run.distance_m": 1}
+    actions = [[0.3, -0.3]] * 9
+    seen, rewards, sync = in_vector("sync", sets, actions)
+    sync.close()
+    alone = swath.Env("straight", sets=sets)
+    assert np.array_equal(alone.reset(seed=4)[0], seen[0, 1])
+    assert np.array_equal(alone.step([-0.3])[0], seen[1, 1])
+    alone.close()
+    assert (rewards == 0.0).any(), "an episode ended, the next began"
+    apart, paid, many = in_vector("async", sets, actions, context="spawn")
+    assert np.array_equal(seen, apart)
+    assert np.array_equal(rewards, paid)
+    with pytest.raises(InputError, match="action = .*: expected 1 finite number"):
+        many.step(np.array([[0.0], [np.nan]], np.float32))
     many.close()
+
+
+def test_without_the_extra_the_error_says_what_to_install():
+    hidden = "import sys; sys.modules['gymnasium'] = None; import swath; swath.Env('straight')"
+    run = subprocess.run([sys.executable, "-c", hidden], capture_output=True, text=True)
+    assert run.returncode == 1
+    assert "swath.Env needs an optional part: pip install 'swath[gym]'" in run.stderr
 
 
 def test_the_picture_from_above_shows_crop_stubble_and_the_machine_where_they_are():

@@ -38,20 +38,25 @@ class InputError(SwathError):
 
     Reads `key = value: expected what (file:line)`, one line; parts that are unknown are left out, and each is
     shortened to its share of LONGEST; of a list of names those nearest to the value stay. others: what else
-    is wrong in the same document, in the order found.
+    is wrong in the same document, in the order found. Of another such error it is a copy: so pools of processes
+    raise anew what a worker raised.
     """
 
     others: "tuple[InputError, ...]" = ()
 
     def __init__(
         self,
-        key: str,
+        key: "str | InputError",
         value: Any = None,
         expected: str = "",
         *,
         file: Path | str | None = None,
         line: int | None = None,
     ) -> None:
+        if isinstance(key, InputError):
+            super().__init__(str(key))
+            vars(self).update(vars(key))
+            return
         self.key, self.value, self.expected, self.file, self.line = key, value, expected, file, line
         place = ""
         if file is not None:
