@@ -93,7 +93,7 @@ def test_several_in_processes_of_their_own_give_the_same_as_one_after_another():
     apart, paid, many = in_vector("async", sets, actions, context="spawn")
     assert np.array_equal(seen, apart)
     assert np.array_equal(rewards, paid)
-    with pytest.raises(InputError, match="action = .*: expected 1 finite number"):
+    with pytest.raises(InputError, match=r"action = .*: expected 1 finite number"):
         many.step(np.array([[0.0], [np.nan]], np.float32))
     many.close()
 

@@ -255,7 +255,10 @@ def _copied(command: list[str], made: str, to: str) -> None:
 PICTURES: dict[str, Callable[[list[str]], None]] = {
     **{
         name: script(name)
-        for name in ("beam", "control", "crops", "fleet", "groups", "guidance", "mounting", "rays")
+        for name in (
+            *("beam", "control", "crops", "devices", "fleet", "groups", "guidance", "links", "mounting"),
+            "rays",
+        )
     },
     "camera": camera,
     "unloading": unloading,

@@ -29,7 +29,7 @@ class HasRange(Protocol, metaclass=ByMembers):
 
 @runtime_checkable
 class HasIdentity(Protocol, metaclass=ByMembers):
-    """A sensor of a make. identity: what the device calls itself on its wire, empty where that is not known."""
+    """A sensor of a make. identity: what the device calls itself on its wire, empty = not known."""
 
     @property
     def identity(self) -> str: ...

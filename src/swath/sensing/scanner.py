@@ -46,7 +46,8 @@ class Scanner:
     """sheet: data sheet; mounting: pose_machine_sensor; azimuth, elevation [rad], beam_t [s]: (beam_count,)
 
     axes: beam frames in the sensor frame, (beam_count, 3, 3), columns beam direction, across (left), along
-    line_count: beams of a firing, at one azimuth but for what it turns meanwhile; reach: no echo comes from further away [m]
+    line_count: beams of a firing, at one azimuth but for what it turns meanwhile
+    reach: no echo comes from further away [m]
     echo_count: echoes per beam of a scan; angle_noise: one sigma of the beams' direction [rad], None = the
     sheet's; dropout: chance that a beam is lost
     noise: what the electronics add; sweep: where the beams of a sweep start

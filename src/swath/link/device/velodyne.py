@@ -65,7 +65,7 @@ def grid_of(scan: Scan) -> Grid:
     delay = np.arange(LINES) * LINE_S
     is_right = np.abs(beam_t - beam_t[:, :1] - delay).max() < 0.1 * LINE_S
     if not is_right or np.abs(azimuth - azimuth[:, :1] - rate * delay).max() > 0.2 * HUNDREDTH:
-        expected = f"expected lines that fire one after another, {LINE_S * 1e6:g} us apart, in the maker's order"
+        expected = f"expected lines that fire one after another, {LINE_S * 1e6:g} us apart, in its order"
         raise InputError("device", "velodyne", f"{expected} (scan.line_delay_us of the sensor's sheet)")
     apart = took / max(len(beams) - 1, 1) / FIRING_S
     every = max(round(apart), 1)

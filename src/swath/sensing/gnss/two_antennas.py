@@ -15,8 +15,8 @@ LEAST = 0.2  # baseline [m]
 class TwoAntennas(KeepsState):
     """sd = s sqrt(2) / B: s of the relative position of one antenna across the baseline B [m]
 
-    The direction of the baseline over ground is the heading, as receivers report it; its tilt is the roll of a
-    baseline within 45 deg of across the machine, else the pitch.
+    The direction of the baseline over ground is the heading, as receivers report it; its tilt is the roll
+    where it lies within 45 deg of across the machine, else the pitch.
     """
 
     kept = ("_first",)
