@@ -1,4 +1,4 @@
-"""Makes the figures of the pages agopengps, foxglove and isobus: `python -m docs.figures.links [NAME ...]`."""
+"""Figures of the pages agopengps, foxglove and isobus: `python -m docs.figures.links [NAME ...]`."""
 
 import json
 import math

@@ -14,14 +14,14 @@ from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.field.projection import origin_at
-from swath.link.device import cola, lms, pgn, velodyne
+from swath.link.device import cola, lms, nmea, pgn, velodyne
 from swath.link.levels import agopengps
 from swath.link.levels.device import DRIFT, DeviceClock, DeviceSlot, Params
 from swath.machine.machine_sheet import load_machine
 from swath.sensing.mount import Mount
 from swath.signals import Fix, Odometry, Scan, SteerCommand
 from swath.signals.setup import ControlSetup, LinkSetup
-from tests.link.device_rig import STEP, device, drawn_fix, plane_scan
+from tests.link.device_rig import STEP, device, drawn_fix, free_port, plane_scan
 from tests.link.test_device_velodyne import PERIOD, turn
 
 ORIGIN = origin_at(52.0, 10.9)
@@ -184,6 +184,37 @@ def test_a_slot_filled_by_a_receiver_has_its_fixes(transport, tmp_path):
         assert (told.quality, told.satellites) == (4, 14)
 
 
+def test_sentences_that_come_late_or_broken_are_left_out_and_told():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        port = free_port()
+        part = DeviceSlot(
+            Params(f"nmea+udp://127.0.0.1:{port}", antenna_m=(1.0, 0.0, 3.9)), setup("gnss", Fix, period=0.1)
+        )
+        rng, begun = np.random.default_rng(6), nmea.utc_of("2026-07-15T23:59:59.6Z")  # over midnight
+        sent = [nmea.sentences(drawn_fix(n * 100_000_000, rng), ("GGA", "VTG"), begun, 0.0) for n in range(8)]
+        order = [0, 1, 2, 4, 3, 6, 5, 7]
+        stream = [sent[n] for n in order[:3]] + [b"noise\r\n", b"\xff" * 900, b"\n"]
+        stream += [sent[n] for n in order[3:]]
+
+        def send():
+            time.sleep(0.2)
+            for piece in stream:
+                sender.sendto(piece, ("127.0.0.1", port))
+                time.sleep(0.02)
+
+        thread = threading.Thread(target=send)
+        thread.start()
+        found = [part.reset(Stream(0, "x"))["out"]]
+        while thread.is_alive():
+            time.sleep(0.005)
+            found += part.step(len(found) * NS, NS, {}).values()
+        part.close()
+    notes = "\n".join(part.notes)
+    assert "2 positions came late and were left out" in notes
+    assert "2 lines were no sentence" in notes
+    assert "5 samples from nmea" in notes
+
+
 def test_a_device_s_clock_is_put_onto_the_run_s_by_the_quickest_arrival():
     clock, rng = DeviceClock(4_294_967_296_000), np.random.default_rng(5)
     at = 4_294_000_000_000  # shortly before it begins anew
@@ -210,6 +241,19 @@ def test_a_device_s_clock_is_put_onto_the_run_s_by_the_quickest_arrival():
 def test_what_cannot_fill_a_slot_is_refused(address, signal, keys, expected):
     with pytest.raises(InputError, match=expected):
         DeviceSlot(Params(address, **keys), setup("slot", signal))
+
+
+@pytest.mark.parametrize(
+    ("address", "signal", "keys"),
+    [("velodyne", Scan, {"mount": Mount()}), ("nmea+udp", Fix, {"antenna_m": (1.0, 0.0, 3.9)})],
+)
+def test_where_it_listens_for_datagrams_a_port_in_use_is_one_error(address, signal, keys):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        part = DeviceSlot(Params(f"{address}://:{port}", **keys), setup("slot", signal))
+        with pytest.raises(SwathError, match=f"127.0.0.1:{port}: could not listen: the port is in use"):
+            part.reset(Stream(0, "x"))
 
 
 def test_a_device_that_is_not_there_is_one_error():

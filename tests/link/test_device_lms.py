@@ -9,8 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError, SwathError
+from swath.link import foxglove
 from swath.link.device import cola, lms
-from swath.link.device.wires import BUFFER, MOST_CLIENTS
+from swath.link.device.address import read_address
+from swath.link.device.output import PROTOCOLS
+from swath.link.device.wires import BUFFER, MOST_CLIENTS, listening
+from swath.link.levels import agopengps
 from swath.signals import Scan
 from tests.link.device_rig import STEP, device, plane_scan, until
 from tests.link.independent_lms import Lms, Refused, scan_of
@@ -231,7 +235,15 @@ def test_an_address_that_is_none_is_one_error(address, expected):
         device(address, Scan)
 
 
-def test_it_listens_on_this_machine_alone_unless_an_address_is_named():
-    made = device("lms://:0", Scan)
-    assert made._server._socket.getsockname()[0] == "127.0.0.1"
-    made.close()
+@pytest.mark.parametrize("host", ["", "0.0.0.0"])
+@pytest.mark.parametrize("address", ["lms://{}:0", "nmea+tcp://{}:0", "velodyne://{}:0", "nmea+udp://{}:0"])
+def test_it_listens_on_this_machine_alone_unless_an_address_is_named(address, host):
+    where = read_address(address.format(host), PROTOCOLS)
+    with listening(where) as made:
+        assert made.getsockname()[0] == (host or "127.0.0.1")
+
+
+def test_agopengps_and_foxglove_are_heard_on_this_machine_alone_unless_an_address_is_named():
+    assert agopengps.Params().listen == "127.0.0.1:8888"
+    assert agopengps.Params().reply == "127.0.0.1:9999"
+    assert foxglove.ADDRESS == "127.0.0.1:8765"

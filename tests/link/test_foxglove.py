@@ -6,12 +6,13 @@ import socket
 import struct
 import threading
 import time
+from contextlib import ExitStack, suppress
 from types import SimpleNamespace
 
 import pytest
 
 from swath.core.errors import InputError, SwathError
-from swath.runtime.job import run_job
+from swath.runtime.job import run_job, run_unrecorded
 from swath.scenario.scenario import load_scenario
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
@@ -92,6 +93,41 @@ def test_a_viewer_gets_what_the_recording_gets(tmp_path):
         assert viewer.messages[topic][-1] == sent[-1], topic
     assert sum(map(len, viewer.messages.values())) >= 0.9 * count
     assert viewer.times == sorted(viewer.times)
+
+
+def test_viewers_that_hang_or_talk_nonsense_hold_nothing_up_and_change_nothing(tmp_path):
+    """One only connects, one subscribes and never reads, one sends what is no message; two that look."""
+    hook = Foxglove(f"127.0.0.1:{free_port()}")
+    sets = ["run.distance_m=2", "combine.lidar.level=empirical", "realtime.pace=real_time"]
+    where = ("127.0.0.1", int(hook.address.rpartition(":")[2]))
+    words = {"subprotocols": ["foxglove.sdk.v1"], "max_size": None}
+    with ExitStack() as held:
+        held.enter_context(socket.create_connection(where)).sendall(b"\x00\xff no HTTP \r\n\r\n")
+        hung = held.enter_context(client.connect(hook.address, max_queue=1, **words))
+        wanted = [{"id": n, "channelId": n} for n in range(1, 40)]
+        hung.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+        rude = held.enter_context(client.connect(hook.address, **words))
+        viewers = [Viewer(held.enter_context(client.connect(hook.address, **words))) for _ in range(2)]
+        nonsense = ["{", "[]", json.dumps({"op": "setParameters", "parameters": [{"name": "x", "value": 1}]})]
+        nonsense += [
+            json.dumps({"op": "advertise", "channels": [{"id": 1, "topic": "/x", "encoding": "cdr"}]})
+        ]
+        for message in [*nonsense, b"", b"\x01" + bytes(4), b"\xff" * 1000]:
+            with suppress(Exception):  # it may be let go for that
+                rude.send(message)
+        begun = time.monotonic()
+        result = run_job(load_scenario("straight", sets=sets), tmp_path / "run", hooks=[hook])
+        took = time.monotonic() - begun
+        time.sleep(0.5)
+        hook.close()
+        for viewer in viewers:
+            viewer.join(5.0)
+    alone = run_unrecorded(load_scenario("straight", sets=sets[:2]))
+    assert result.summary["digest"] == alone["digest"]
+    assert took < 20.0 + 3.0 * result.summary["simulated_s"]
+    count = result.summary["foxglove"]["messages"]
+    for viewer in viewers:
+        assert sum(map(len, viewer.messages.values())) >= 0.9 * count
 
 
 def test_a_port_in_use_and_an_address_that_is_none_are_one_error():

@@ -31,6 +31,7 @@ from swath.signals.setup import LinkSetup
 
 DRIFT = 1e-4  # of a device's clock against ours, at most: a crystal's
 STEP_DEG = 1e-5  # to the north, of which the grid's convergence is taken
+DAY_S, LATE_S = 86_400, 10.0  # what lies further back is no late one: the receiver's clock was set
 OPTIONS = {"lms": ("cola",), "velodyne": (), "nmea": ()}
 
 
@@ -274,14 +275,16 @@ class _NmeaStream:
             raise InputError("address", where.text, "expected a field that lies on Earth: set field.origin")
         self._to_local = setup.to_local
         self._listener = nmea.Listener()
-        self._clock = DeviceClock(86_400 * NS)
-        self._is_datagram = where.transport == "udp"
+        self._clock = DeviceClock(DAY_S * NS)
+        self._newest: float | None = None  # second of the day
+        self._late = 0
 
     @property
     def notes(self) -> list[str]:
         """What was wrong."""
-        wrong = self._listener.wrong
-        return [f"{wrong} lines were no sentence"] if wrong else []
+        counts = (("lines were no sentence", self._listener.wrong),
+                  ("positions came late and were left out", self._late))  # fmt: skip
+        return [f"{count} {text}" for text, count in counts if count]
 
     def feed(self, data: bytes, arrived: int) -> Iterator[Fix]:
         """Fixes of more sentences. A piece of the stream ends an epoch, too: receivers send it at once."""
@@ -289,6 +292,10 @@ class _NmeaStream:
         if data.endswith(b"\n") and (last := self._listener.flush()) is not None:
             epochs.append(last)
         for epoch in epochs:
+            before, self._newest = self._newest, epoch.seconds
+            if before is not None and 0.0 < (before - epoch.seconds) % DAY_S < LATE_S:
+                self._newest, self._late = before, self._late + 1
+                continue
             yield self._fix(epoch, self._clock.of(round(epoch.seconds * NS), arrived))
 
     def _fix(self, epoch: nmea.Epoch, t: int) -> Fix:
