@@ -17,6 +17,7 @@ import numpy as np
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from tests.link.device_rig import free_port
 from tests.link.independent_agopengps import HELLO, Position, answer_of, position_of, steer_command
 
 from swath.commands.main import main as swath
@@ -46,7 +47,7 @@ class Guidance(threading.Thread):
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(("127.0.0.1", 0))
         self.socket.settimeout(0.5)
-        self.port, self.module = self.socket.getsockname()[1], ("127.0.0.1", _free_port())
+        self.port, self.module = self.socket.getsockname()[1], ("127.0.0.1", free_port(socket.SOCK_DGRAM))
         self.positions: list[Position] = []
         self.asked: list[tuple[float, float]] = []
         self.answers: list[tuple[float, float]] = []
@@ -326,12 +327,6 @@ def _save(figure: Any, name: str) -> None:
     figure.tight_layout()
     figure.savefig(HERE / f"{name}.png", dpi=110)
     plt.close(figure)
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def _done(code: int) -> None:

@@ -51,8 +51,8 @@ def until(condition, seconds=5.0):
         time.sleep(0.005)
 
 
-def free_port():
+def free_port(kind=socket.SOCK_STREAM):
     """A port that nobody has."""
-    with socket.socket() as probe:
+    with socket.socket(type=kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]

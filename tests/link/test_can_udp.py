@@ -8,6 +8,7 @@ import pytest
 from swath.core.errors import SwathError
 from swath.link.can import guidance
 from swath.link.can.bus import Node, Where
+from tests.link.device_rig import free_port
 
 pytest.importorskip("can")
 pytest.importorskip("msgpack")
@@ -18,9 +19,7 @@ GROUP = "239.74.163.2"
 
 @pytest.fixture
 def port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))
-        return probe.getsockname()[1]
+    return free_port(socket.SOCK_DGRAM)
 
 
 @pytest.fixture

@@ -22,6 +22,7 @@ from swath.sensing.mount import Mount
 from swath.signals import Fix, Odometry, Scan, SteerCommand
 from swath.signals.setup import ControlSetup, LinkSetup
 from tests.link.device_rig import STEP, device, drawn_fix, free_port, plane_scan
+from tests.link.independent_agopengps import HELLO, answer_of, hello_angle_of, steer_command
 from tests.link.test_device_velodyne import PERIOD, turn
 
 ORIGIN = origin_at(52.0, 10.9)
@@ -290,60 +291,47 @@ def steered():
         part.close()
 
 
-def as_agopengps(speed_kmh, is_on, angle_deg):
-    """PGN 254 as `CPGN_FE` and `Position.designer.cs` of AgOpenGPS fill it; > 0 to the right."""
-    message = bytearray([0x80, 0x81, 0x7F, 0xFE, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0xCC])
-    speed, angle = int(speed_kmh * 10), int(angle_deg * 100) & 0xFFFF
-    message[5], message[6], message[7] = speed & 0xFF, speed >> 8, int(is_on)
-    message[8], message[9], message[10] = angle & 0xFF, angle >> 8, 127
-    message[13] = sum(message[2:13]) & 0xFF
-    return bytes(message)
+def told_to_steer(speed_kmh, is_on, angle_deg):
+    return steer_command(angle_deg, speed_kmh=speed_kmh, is_on=is_on)
 
 
 def test_pgn_254_steers_and_is_answered_by_pgn_253(steered):
     _, step, box = steered
-    command = step(0, as_agopengps(7.2, True, 5.0))
+    command = step(0, told_to_steer(7.2, True, 5.0))
     assert command.is_engaged
     wheelbase = load_machine("lexion-700-class").wheelbase
     assert command.curvature == pytest.approx(-math.tan(math.radians(5.0)) / wheelbase)
-    answer = box.recv(100)
-    assert answer[:5] == bytes([0x80, 0x81, 126, 253, 8])
-    assert len(answer) == 14
-    assert sum(answer[2:13]) & 0xFF == answer[13]
-    angle = int.from_bytes(answer[5:7], "little", signed=True) * 0.01
-    assert angle == pytest.approx(-math.degrees(0.1), abs=0.005)
-    assert int.from_bytes(answer[7:9], "little") == 9999
-    assert int.from_bytes(answer[9:11], "little") == 8888
-    assert answer[11] & 2 == 0  # the steer switch is closed: on
+    answer = answer_of(box.recv(100))
+    assert answer.angle_deg == pytest.approx(-math.degrees(0.1), abs=0.005)
+    assert (answer.heading_deg, answer.roll_deg) == (None, None)
+    assert not answer.is_steer_switch_high  # closed: on
 
 
 def test_own_and_their_pgn_254_are_the_same():
-    assert (
-        pgn.steer_data(pgn.SteerData(2.0, True, math.radians(-5.0)))[:10] == as_agopengps(7.2, True, 5.0)[:10]
-    )
-    told = pgn.read_steer_data(pgn.unframed(as_agopengps(7.2, True, -12.34))[2])
+    assert pgn.steer_data(pgn.SteerData(2.0, True, math.radians(-5.0))) == told_to_steer(7.2, True, 5.0)
+    told = pgn.read_steer_data(pgn.unframed(told_to_steer(7.2, True, -12.34))[2])
     assert told == pgn.SteerData(pytest.approx(2.0), True, pytest.approx(math.radians(12.34)))
 
 
 def test_off_or_too_slow_or_silent_is_not_steered(steered):
     part, step, _ = steered
-    assert step(0, as_agopengps(7.2, True, 5.0)).is_engaged
-    assert not step(20_000_000, as_agopengps(7.2, False, 5.0)).is_engaged
-    assert not step(40_000_000, as_agopengps(0.0, True, 5.0)).is_engaged
-    assert step(60_000_000, as_agopengps(7.2, True, 5.0)).is_engaged
+    assert step(0, told_to_steer(7.2, True, 5.0)).is_engaged
+    assert not step(20_000_000, told_to_steer(7.2, False, 5.0)).is_engaged
+    assert not step(40_000_000, told_to_steer(0.0, True, 5.0)).is_engaged
+    assert step(60_000_000, told_to_steer(7.2, True, 5.0)).is_engaged
     assert step(340_000_000).is_engaged
     assert not step(400_000_000).is_engaged
     assert any("no PGN 254 for 0.34 s; the steering was released" in note for note in part.notes)
-    assert step(500_000_000, as_agopengps(7.2, True, 5.0)).is_engaged
+    assert step(500_000_000, told_to_steer(7.2, True, 5.0)).is_engaged
 
 
 def test_a_second_box_and_garbage_do_not_steer(steered):
     part, step, _ = steered
-    assert step(0, as_agopengps(7.2, True, 5.0)).is_engaged
-    wrong = bytearray(as_agopengps(7.2, True, 20.0))
+    assert step(0, told_to_steer(7.2, True, 5.0)).is_engaged
+    wrong = bytearray(told_to_steer(7.2, True, 20.0))
     wrong[13] ^= 1
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        other.sendto(as_agopengps(7.2, True, 30.0), ("127.0.0.1", 18888))
+        other.sendto(told_to_steer(7.2, True, 30.0), ("127.0.0.1", 18888))
         command = step(20_000_000, bytes(wrong), b"", b"\x80\x81" * 700)
     assert command.curvature == pytest.approx(-math.tan(math.radians(5.0)) / 3.75, rel=0.5)
     notes = "\n".join(part.notes)
@@ -353,9 +341,8 @@ def test_a_second_box_and_garbage_do_not_steer(steered):
 
 def test_a_hello_is_answered(steered):
     _, step, box = steered
-    step(0, pgn.framed(0x7F, 200, bytes([56, 0, 0])))
-    answer = box.recv(100)
-    assert answer[2:5] == bytes([126, 126, 5])
+    step(0, HELLO)
+    assert hello_angle_of(box.recv(100)) == pytest.approx(-math.degrees(0.1), abs=0.005)
 
 
 def test_a_port_in_use_is_one_error():

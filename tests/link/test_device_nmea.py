@@ -16,6 +16,7 @@ from swath.link.device import nmea
 from swath.link.device.output import convergence
 from swath.signals import Fix
 from tests.link.device_rig import device, drawn_fix, until
+from tests.link.independent_agopengps import position_of
 
 BEGUN = nmea.utc_of("2026-07-15T23:59:58Z")
 ALL = ("GGA", "VTG", "RMC", "GST", "HDT", "THS", "PANDA", "PAOGI")
@@ -55,37 +56,20 @@ def test_pynmea2_reads_what_the_fix_says(seed):
     assert abs(float(gst.std_dev_latitude) - 0.012) < 1e-4
 
 
-def read_by_agopengps(line):
-    """As `ParsePANDA` and `ParseOGI` of AgOpenGPS's NMEA.Designer.cs do: by place between the commas."""
-    words = line.partition("*")[0].split(",")
-    assert len(words) > 14
-
-    def angle(text, side):
-        dot = text.index(".") - 2
-        return (float(text[:dot]) + float(text[dot:]) / 60) * (-1 if side in "SW" else 1)
-
-    names = ("quality", "satellites", "hdop", "altitude", "age", "knots", "heading", "roll", "pitch", "yaw")
-    told = {name: float(word) for name, word in zip(names, words[6:], strict=True)}
-    return {**told, "latitude": angle(words[2], words[3]), "longitude": angle(words[4], words[5])}
-
-
 def test_agopengps_reads_panda_and_paogi():
     rng = np.random.default_rng(9)
     fix = drawn_fix(5_000_000_000, rng)
-    panda = nmea.sentences(fix, ("PANDA", "PAOGI"), BEGUN, 0.0).decode().splitlines()
-    assert len(panda) == 1  # no heading of the receiver
-    told = read_by_agopengps(panda[0])
-    assert told["heading"] == 65535  # no IMU
-    assert abs(told["latitude"] - math.degrees(fix.latitude)) < 1e-9
-    assert abs(told["knots"] * 1.852 / 3.6 - fix.speed) < 1e-4
+    told = position_of(nmea.sentences(fix, ("PANDA", "PAOGI"), BEGUN, 0.0))  # one: it has no heading
+    assert (told.kind, told.heading) == ("PANDA", None)  # no IMU
+    assert abs(told.latitude - math.degrees(fix.latitude)) < 1e-9
+    assert abs(told.speed_kmh / 3.6 - fix.speed) < 1e-4
     fix = drawn_fix(5_000_000_000, rng, heading=0.0)
-    told = read_by_agopengps(nmea.sentences(fix, ("PAOGI",), BEGUN, 0.0).decode().strip())
-    assert told["heading"] == 90.0
-    assert (told["quality"], told["satellites"], told["age"]) == (4, 14, 1.0)
-    assert (told["roll"], told["pitch"]) == (0.0, 0.0)  # it knows neither
+    told = position_of(nmea.sentences(fix, ("PAOGI",), BEGUN, 0.0))
+    assert (told.heading, told.quality, told.satellites, told.age) == (90.0, 4, 14, 1.0)
+    assert (told.roll, told.pitch) == (0.0, 0.0)  # it knows neither
     fix = drawn_fix(5_000_000_000, rng, heading=0.0, roll=math.radians(4.0), pitch=math.radians(-3.0))
-    told = read_by_agopengps(nmea.sentences(fix, ("PAOGI",), BEGUN, 0.0).decode().strip())
-    assert (told["roll"], told["pitch"]) == (4.0, 3.0)  # right side down, nose up
+    told = position_of(nmea.sentences(fix, ("PAOGI",), BEGUN, 0.0))
+    assert (told.roll, told.pitch) == (4.0, 3.0)  # right side down, nose up
 
 
 @given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))

@@ -15,6 +15,7 @@ import pytest
 from swath.record.read.feed import exact_samples, exact_topic
 from swath.record.read.files import open_log
 from swath.record.read.frames import own_mounting
+from tests.link.device_rig import free_port
 from tests.link.independent_agopengps import HELLO, answer_of, hello_angle_of, position_of, steer_command
 from tests.link.independent_lms import Lms, Refused
 
@@ -28,12 +29,6 @@ DUAL = ("antenna.y_m=-1", "second_antenna={x_m: 1, y_m: 1, z_m: 3.9}")  # 2 m ap
 
 Served = namedtuple("Served", "in_ascii, in_binary, polled, log")
 Drive = namedtuple("Drive", "positions, answers, hellos, sent_count, track, log")
-
-
-def free_port(kind):
-    with socket.socket(socket.AF_INET, kind) as it:
-        it.bind(("127.0.0.1", 0))
-        return it.getsockname()[1]
 
 
 def start(out, *options):
@@ -59,7 +54,7 @@ def samples(log, slot, output):
 @pytest.fixture(scope="module")
 def served(tmp_path_factory):
     """Scans in both dialects, one connection after the other, of one run."""
-    out, port = tmp_path_factory.mktemp("lms") / "run", free_port(socket.SOCK_STREAM)
+    out, port = tmp_path_factory.mktemp("lms") / "run", free_port()
     process = start(
         out, "--set", "combine.lidar.sector_deg=[-95,95]", "--device", f"lidar=lms://127.0.0.1:{port}"
     )  # fmt: skip

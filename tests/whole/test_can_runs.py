@@ -20,6 +20,7 @@ from swath.runtime.loop import drive
 from swath.runtime.pacing import make_pacer, paced
 from swath.scenario.scenario import load_scenario
 from tests.fake_clock import FakeClock
+from tests.link.device_rig import free_port
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "can"
@@ -28,18 +29,12 @@ QUICK = ["combine.lidar=off", "combine.edge=truth", "combine.edge.rate_hz=25"]
 GROUP = "239.74.163.2"
 
 
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))
-        return probe.getsockname()[1]
-
-
 @pytest.fixture(scope="module")
 def port():
     """A port on which multicast comes back to this machine."""
     import can
 
-    number = free_port()
+    number = free_port(socket.SOCK_DGRAM)
     try:
         with can.Bus(interface="udp_multicast", channel=GROUP, port=number, fd=False) as bus:
             bus.send(can.Message(arbitration_id=1, data=b"x"))
