@@ -11,6 +11,10 @@ import pytest
 from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.link.device import velodyne
+from swath.record.read.files import open_log
+from swath.record.read.scans import cloud_table
+from swath.runtime.job import run_job
+from swath.scenario.scenario import load_scenario
 from swath.sensing.mount import Mount
 from swath.sensing.scanner import Scanner, ScannerParams
 from swath.signals import Scan
@@ -51,6 +55,20 @@ def nearest_in_range_and_line(points, wanted):
     return found
 
 
+def decoded(packets):
+    """Points of packets by velodyne-decoder [m], (n, 3).
+
+    In swath all lines start at one point; in the sensor they lie up to 11 mm above or below it.
+    """
+    decoder = pytest.importorskip("velodyne_decoder")
+    text = decoder.get_bundled_calibration("VLP-16.yml").to_string()
+    text = re.sub(r"vert_offset_correction: [-0-9.e]+", "vert_offset_correction: 0.0", text)
+    config = decoder.Config(model=decoder.Model.VLP16, cut_angle=None, min_range=0.0, max_range=200.0)
+    config.calibration = decoder.Calibration.from_string(text)
+    _, cloud = decoder.ScanDecoder(config).decode([decoder.VelodynePacket(0.0, p) for p in packets])
+    return np.asarray(cloud)[:, :3].astype(float)
+
+
 def scan_of_the_sheet(rate_hz, **params):
     """A scan of the bundled sensor as its level makes it, drawn ranges."""
     setup = SimpleNamespace(period=1.0 / rate_hz, base=None, machine=None, edge_side="left", field=None)
@@ -74,22 +92,42 @@ def scan_of_the_sheet(rate_hz, **params):
     ],
 )
 def test_velodyne_decoder_gives_the_points_of_the_scan(make):
-    decoder = pytest.importorskip("velodyne_decoder")
     scan = make()
-    packets = velodyne.packets(scan, velodyne.grid_of(scan))
-    # In swath all lines start at one point; in the sensor they lie up to 11 mm above or below it.
-    text = decoder.get_bundled_calibration("VLP-16.yml").to_string()
-    text = re.sub(r"vert_offset_correction: [-0-9.e]+", "vert_offset_correction: 0.0", text)
-    config = decoder.Config(model=decoder.Model.VLP16, cut_angle=None, min_range=0.0, max_range=200.0)
-    config.calibration = decoder.Calibration.from_string(text)
-    reader = decoder.ScanDecoder(config)
-    _, cloud = reader.decode([decoder.VelodynePacket(0.0, p) for p in packets])
-    points = np.asarray(cloud)[:, :3].astype(float)
+    points = decoded(velodyne.packets(scan, velodyne.grid_of(scan)))
     wanted = scan.points()[:, 0][np.isfinite(scan.ranges[:, 0])]
     assert len(points) == len(wanted)
     apart = np.degrees(nearest_in_range_and_line(points, wanted))
     print(f"directions within {apart.max():.4f} deg, ranges within {500 * velodyne.UNIT:g} mm")
     assert apart.max() <= 0.01 + 2e-3  # half a hundredth in the packet, half in the decoder
+
+
+def test_velodyne_decoder_gives_the_points_of_the_recording(tmp_path):
+    """A run as a user starts it: what went out of it beside what run.mcap has."""
+    mount = "{at: axle, x_m: 2, z_m: 3.8, pitch_deg: 20}"
+    lidar = (
+        f"{{level: empirical, sensor: velodyne-vlp16, rate_hz: 10, sector_deg: [-20, 20], mount: {mount}}}"
+    )
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heard:
+        heard.bind(("127.0.0.1", 0))
+        heard.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+        address = f"velodyne://127.0.0.1:{heard.getsockname()[1]}"
+        sets = [f"combine.lidar={lidar}", f"combine.lidar.device={address}", "combine.edge=truth"]
+        sets += ["realtime.pace=real_time", "run.max_duration_s=0.85", "run.record=full", "expect={}"]
+        run_job(load_scenario("straight", sets=sets), tmp_path / "run")
+        heard.setblocking(False)
+        packets = [heard.recv(2000) for _ in range(8 * 9)]  # 201 firings each
+    clouds = open_log(tmp_path / "run").messages(["/combine/lidar/scan_points"])
+    scans = 0
+    for _, t, message in clouds:
+        table = cloud_table(message)
+        if len(table):
+            first = 9 * (round(t * 1e-8) - 1)
+            points = decoded(packets[first : first + 9])
+            wanted = np.stack([table[axis] for axis in "xyz"], axis=1).astype(float)
+            assert len(points) == len(wanted)
+            assert np.degrees(nearest_in_range_and_line(points, wanted)).max() <= 0.01
+            scans += 1
+    assert scans >= 4
 
 
 def test_read_again_every_range_and_time_is_the_scan_s():
