@@ -178,13 +178,17 @@ class Epoch:
 
 @dataclass
 class Listener:
-    """Epochs out of a stream of sentences. An epoch is complete when one of another time of day begins, or
-    when `flush` is called. wrong: lines so far that were no sentence, or had another checksum
+    """Epochs out of a stream of sentences, however it is cut. An epoch is complete when it has all kinds of
+    sentences that the two before it had, or one of another time of day begins.
+
+    wrong: lines so far that were no sentence, or had another checksum
     """
 
     wrong: int = 0
     _rest: bytes = b""
     _epoch: Epoch | None = None
+    _is_told: bool = False
+    _kinds: tuple[set[str], ...] = field(default_factory=lambda: (set(), set(), set()))  # newest epoch first
     _done: list[Epoch] = field(default_factory=list)
 
     def feed(self, data: bytes) -> list[Epoch]:
@@ -198,11 +202,6 @@ class Listener:
         done, self._done = self._done, []
         return done
 
-    def flush(self) -> Epoch | None:
-        """The epoch that is under way, which is over."""
-        epoch, self._epoch = self._epoch, None
-        return epoch
-
     def _take(self, line: bytes) -> None:
         body, star, check = line.removeprefix(b"$").partition(b"*")
         try:
@@ -215,6 +214,11 @@ class Listener:
                 self._at(words[0])
             if self._epoch is not None and kind in READERS:
                 READERS[kind](self._epoch, words)
+                self._kinds[0].add(kind)
+                usual = self._kinds[1] | self._kinds[2]
+                if not self._is_told and usual and usual <= self._kinds[0]:
+                    self._is_told = True
+                    self._done.append(self._epoch)
         except (ValueError, IndexError):
             self.wrong += 1
 
@@ -223,10 +227,11 @@ class Listener:
             raise ValueError
         seconds = int(text[:2]) * 3600.0 + int(text[2:4]) * 60.0 + float(text[4:])
         if self._epoch is not None and self._epoch.seconds != seconds:
-            self._done.append(self._epoch)
-            self._epoch = None
+            if not self._is_told:
+                self._done.append(self._epoch)
+            self._epoch, self._kinds = None, (set(), *self._kinds[:2])
         if self._epoch is None:
-            self._epoch = Epoch(seconds)
+            self._epoch, self._is_told = Epoch(seconds), False
 
 
 def _read(text: str, factor: float = 1.0) -> float:

@@ -287,11 +287,8 @@ class _NmeaStream:
         return [f"{count} {text}" for text, count in counts if count]
 
     def feed(self, data: bytes, arrived: int) -> Iterator[Fix]:
-        """Fixes of more sentences. A piece of the stream ends an epoch, too: receivers send it at once."""
-        epochs = self._listener.feed(data)
-        if data.endswith(b"\n") and (last := self._listener.flush()) is not None:
-            epochs.append(last)
-        for epoch in epochs:
+        """Fixes of more sentences."""
+        for epoch in self._listener.feed(data):
             before, self._newest = self._newest, epoch.seconds
             if before is not None and 0.0 < (before - epoch.seconds) % DAY_S < LATE_S:
                 self._newest, self._late = before, self._late + 1
