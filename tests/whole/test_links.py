@@ -56,7 +56,6 @@ WRITES = {
     "ros2 package": "ros2 package --out {new}",
     "osi": "osi {run} --out {new}/x.osi",
     "schema": "schema --out {new}/schema.json",
-    "migrate": "migrate {old}",
 }
 READS = ("report", "view", "branch", "diff", "rerun", "yield-log", "osi", "height-map build")
 # Those that take long or need other input; they write with the same functions, as the last test here holds.
@@ -102,9 +101,6 @@ class Place:
         self.before = self.look()
         (path / "s.yaml").write_text(small(*SHORT).resolved())
         (path / "case.yaml").write_text(CASE)
-        (path / "old.yaml").write_text(
-            "format: swath scenario 1\nname: old\ncombine: {lidar: off, edge: truth}\n"
-        )
         shutil.copytree(ran, path / "run")
 
     def look(self):
@@ -116,7 +112,6 @@ class Place:
             "s": p / "s.yaml",
             "run": p / "run",
             "case": p / "case.yaml",
-            "old": p / "old.yaml",
             "new": new,
         }
         return WRITES[command].format(**known).split()
