@@ -225,8 +225,8 @@ def test_a_link_is_replaced_and_a_folder_refused(tmp_path):
 
 BY_ITSELF = ("write_text", "write_bytes", "savefig", "imsave", "savetxt", "copyfile", "copy2", "touch")
 OWN = {  # they write into a temporary folder of this process, or one that is moved to its place
-    "core/whole_file.py", "tools/scan/files.py", "tools/scan/point_cloud.py", "tools/scan/camera_picture.py",
-    "field_io/picture.py", "field/raster.py",
+    "core/whole_file.py", "tools/scan/scan.py", "tools/scan/point_cloud.py", "field_io/picture.py",
+    "field/raster.py",
 }  # fmt: skip
 
 
