@@ -112,8 +112,8 @@ def link() -> None:
 
 def fill() -> None:
     """Filling while driving."""
-    one, rest = ("one_spot", 45, 4.32), (("oscillate", 80, 4.32), ("by_profile", 80, 4.32))
-    for level, start, speed in (one, ("front_to_back", 86, 4.32), ("front_to_back", 75, 6.0), *rest):
+    one, last = ("one_spot", 45, 4.32), ("by_profile", 80, 4.32)
+    for level, start, speed in (one, ("front_to_back", 86, 4.32), ("front_to_back", 75, 6.0), last):
         more = f"cart.heap.start_percent={start}", f"combine.speed.speed_kmh={speed}"
         found = Run(f"cart.cooperate={level}", *more, seconds=200)
         pipe, share = found.of("combine", UnloadState), found.of("cart", HeapState).level

@@ -66,7 +66,7 @@ def inside(options: argparse.Namespace) -> None:
 
 def count_parts(world: Any, evaluation: Any, observers: Sequence[Any]) -> Parts:
     """From now on components and observers are counted one by one."""
-    from swath.record.container import Container
+    from swath.record.mcap_file import Container
     from swath.record.messenger import Messenger
     from swath.record.samples import Blocks
     from swath.record.tracks import Tracks

@@ -11,8 +11,7 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
-from swath.record.container import LEVEL
-from swath.record.mcap_file import CHUNK_BYTES
+from swath.record.mcap_file import CHUNK_BYTES, LEVEL
 from swath.record.recorder import RECORDING_FILE, TRACKS_FILE
 from swath.terminal.tables import table as print_table
 

@@ -123,9 +123,7 @@ def test_version_and_help(capsys):
     ("argv", "message"),
     [
         (["rnu"], "swath: rnu: no such command, did you mean 'run'?"),
-        (["replay", "runs/x"], "swath: replay: this command is now swath rerun RUN"),
-        (["replay", "build", "x"], "swath: replay build: this command is now swath height-map build"),
-        (["ros2", "bridge", "x"], "swath: ros2 bridge: this command is now swath ros2 play RUN"),
+        (["migrate", "a.yaml"], "swath: migrate: no such command any more, `swath migrate` of version 0.2"),
         (["ros2", "play", "x"], "swath: RUN = x: expected a run folder with a run.mcap, or a .mcap file"),
         (["run"], "the following arguments are required: NAME|FILE"),
         (["run", "a", "--fast"], "unrecognized arguments: --fast (see swath run --help)"),

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import swath
-from swath.commands.main import RENAMED, UsageError, make_parser
+from swath.commands.main import GONE, UsageError, make_parser
 from swath.core.errors import InputError
 from swath.documents.yaml_document import dump, parse
 from swath.job.fleet import FORMAT as FLEET_FORMAT
@@ -92,7 +92,6 @@ def test_a_printed_command_line_is_understood(page, words, monkeypatch):
 
 
 def test_every_command_that_is_named_exists():
-    old = {" ".join(words) for words in RENAMED}
     texts = {p.name: p.read_text(encoding="utf-8") for p in PAGES}
     named = {(name, found) for name, text in texts.items() for found in INLINE.findall(text)}
     shown = {name: [f[2] for f in FENCE.finditer(t) if f[1] in ("", "sh")] for name, t in texts.items()}
@@ -100,7 +99,7 @@ def test_every_command_that_is_named_exists():
     assert len(named) > 40
     unknown = {(page, text) for page, text in named if text.split()[0] not in NAMES}
     assert {text for page, text in unknown if page != "commands.md"} == set()
-    assert {text for page, text in unknown} <= old
+    assert {text for page, text in unknown} <= GONE.keys()
 
 
 def listings(language):

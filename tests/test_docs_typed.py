@@ -27,7 +27,6 @@ OTHERS = sorted({name for name, _ in LINES} - OWN)
 NOT_TYPED = {  # lines of reference and explanation: why, and which test does what they do
     "calibrate lidar": "minutes: tests/tools/test_calibrate.py",
     "lab stand": "a minute: tests/tools/test_lab.py",
-    "migrate my-scenario.yaml": "files of version 0.1: tests/tools/test_migrate.py",
     "paper": "a minute: tests/tools/test_paper.py",
     "reda ": "a minute: tests/tools/test_reda.py",
 }

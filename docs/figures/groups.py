@@ -12,7 +12,7 @@ from swath.core.random import Stream
 from swath.field.crop_sheet import load_crop
 from swath.field.memory_layout import PlantLibrary
 from swath.field.prototypes import make_library
-from swath.rays.packets.index import PacketIndex, make_index
+from swath.rays.packets.traversal import PacketIndex, make_index
 
 INK, GRID, PIECE, RAY = "#33373d", "#d9dbde", "#b9b4a6", "#c0223b"
 UPRIGHT = 3.0  # vectors are so much higher than wide

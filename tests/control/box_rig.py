@@ -14,25 +14,9 @@ DUST = ", weather: {extinction_per_m: 0.1, near_returns: 0.1}"
 THICK = ", weather: {extinction_per_m: 1.0, near_returns: 0.9}"
 
 
-CAMERA = (
-    "{level: error, rate_hz: 4, binning: 4, channels: [colour], target_percent: 15, samples_per_sun_ray: 4, "
-    "mount: {at: axle, x_m: %s, y_m: 5.2, z_m: 6.8, pitch_deg: 48, yaw_deg: 90}%s}"
-)
-
-
 def lidar(air="", level="rim"):
     """A scanner above the pipe, and the level that finds the box."""
     return "combine.lidar=" + EYE % (MOUNT, air), f"combine.box={{level: {level}, rate_hz: 10}}"
-
-
-def cameras(air=""):
-    """Two cameras above the pipe, 0.8 m apart along the machine, and the level that finds the box."""
-    wires = "{image: camera_left.image, other: camera_right.image}"
-    return (
-        "combine.camera_left=" + CAMERA % (-1.0, air),
-        "combine.camera_right=" + CAMERA % (-0.2, air),
-        f"combine.box={{level: stereo, rate_hz: 4, wires: {wires}}}",
-    )
 
 
 def look(

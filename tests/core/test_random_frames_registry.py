@@ -3,7 +3,7 @@ import sys
 import numpy as np
 import pytest
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, SwathError
 from swath.core.frames import Pose, wrap_angle
 from swath.core.random import Normals, Stream
 from swath.core.registry import Level, Registry, user_line
@@ -126,3 +126,11 @@ def test_a_user_file_may_import_what_lies_beside_it_and_its_errors_have_its_line
     with pytest.raises(ZeroDivisionError) as other:
         1 / 0  # noqa: B018
     assert user_line(other.value) is None
+
+
+@pytest.mark.parametrize(("module", "is_old"), [("swath.core.setup", True), ("no_such_module", False)])
+def test_a_file_of_an_older_version_names_the_one_that_rewrites_it(tmp_path, module, is_old):
+    (tmp_path / "mine.py").write_text(f"import {module}\n")
+    with pytest.raises(SwathError, match=module) as raised:
+        Registry({"terrain": []}).get("terrain", f"{tmp_path}/mine.py:A")
+    assert ("`swath migrate` of version 0.2" in str(raised.value)) == is_old

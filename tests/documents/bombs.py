@@ -205,12 +205,6 @@ def _scenario(folder: Path) -> Any:
     return load_scenario(folder / "a.yaml")
 
 
-def _old_sheet(folder: Path) -> Any:
-    from swath.documents.migrate_sheet import migrate_sheet
-
-    return migrate_sheet(ALIASES)
-
-
 def _beside_table(folder: Path) -> Any:
     from swath.sensing.tables import load_table, save_table
 
@@ -424,7 +418,6 @@ BOMBS: dict[str, Callable[[Path], Any]] = {
     "aliases in a column map": _yaml(_columns),
     "aliases in a field folder": _yaml(_field),
     "aliases in a scenario": _yaml(_scenario),
-    "aliases in an old sheet": _old_sheet,
     "aliases beside a spread table": _beside_table,
     "MCAP of zeros": _recording,
     "tracks of equal rows": _tracks,

@@ -18,14 +18,12 @@ from swath.runtime.changes import read_events
 from swath.scenario.scenario import load_scenario, parse_scenario
 from swath.sensing.tables import load_table
 from swath.tools.lab.measured_heights import read_measured
-from swath.tools.migrate.migrate import migrate_file
 
 NUL = "a\0b.yaml"
 READERS = {
     "document": lambda: read_document(Path(NUL)),
     "sheet": lambda: read_sheet("sensors", NUL),
     "scenario": lambda: load_scenario(NUL),
-    "migrate": lambda: migrate_file(Path(NUL)),
     "field folder": lambda: read(NUL),
     "log": lambda: read_log(Path(NUL)),
     "outline": lambda: read_outlines(Path(NUL), 32612).areas[0],

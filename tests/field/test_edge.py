@@ -177,13 +177,13 @@ def test_random_teeth_depend_on_the_seed_and_stay_within_their_amplitude():
 
 def test_codes_of_the_field_are_decided_at_cell_centres():
     edge = CurveEdge(
-        x_m=-20.0, heading_deg=15.0, run_in_m=15.0, radius_m=30.0, run_out_m=30.0, stubble_height_m=0.2
+        x_m=-10.0, heading_deg=15.0, run_in_m=7.5, radius_m=15.0, run_out_m=15.0, stubble_height_m=0.2
     )
-    field = made_field(edge=edge, boundary=rectangle(-40.0, -40.0, 40.0, 30.0))
+    field = made_field(edge=edge, boundary=rectangle(-20.0, -20.0, 20.0, 15.0))
     assert field.edges["edge"].teeth is None
     cell = field.maker.cell
     rng = np.random.Generator(np.random.Philox(9))
-    n = rng.integers(-2500, 2500, (2, 5000))
+    n = rng.integers(-1250, 1250, (2, 5000))
     x, y = field.maker.to_world(*((n + 0.5) * cell))
     ahead = field.first_edge.project(x, y)[0] >= 0.0  # behind the beginning of the edge lies the headland
     expected = (field.first_edge.signed_distance(x, y) >= 0.0) & ahead & field.boundary.contains(x, y)

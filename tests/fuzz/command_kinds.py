@@ -116,7 +116,6 @@ def kinds(known: dict[str, Kind]) -> dict[str, Kind]:
         "fleet": (of["job"], ("fleet", "run", "mine.yaml", *out)),
         "day": (of["export-sms"], ("fleet", "day", "log.txt", "--known-h", "0.05")),
         "sheets": (of["sheet-lidar"], ("sheets", "check", "mine.yaml")),
-        "migrate": (of["migrate"], ("migrate", "a.yaml", "b.yaml", "c.py")),
         "fmu": (of["fmu"], ("fmu", "show", "model.fmu", "--all")),
         "ssp": (of["ssp"], ("fmu", "show", "model.ssp")),
         "height-map": (

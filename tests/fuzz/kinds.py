@@ -45,28 +45,6 @@ def _crop(folder: Path) -> Any:
     return load_crop("mine.yaml", folder)
 
 
-def _migrated(folder: Path) -> Any:
-    from swath.tools.migrate.migrate import migrate_text
-
-    return [migrate_text(file, file.read_text(errors="replace")) for file in sorted(folder.iterdir())]
-
-
-OLD_SHEET = """name: mine
-beam:
-  divergence: {value: 4.7, unit: mrad, source: "maker's manual", tag: S}
-scan: {rates: {value: [25, 50], unit: Hz, source: seen, tag: S}}
-"""
-OLD_SCENARIO = "name: old\nfield: {crop: wheat}\ncombine: {machine: lexion-700-class, lidar: plants}\n"
-OLD_PYTHON = (
-    "from swath.sim.component import Component\nimport swath.data.cards\n\nclass Mine(Component):\n    pass\n"
-)
-
-
-def _old_files(folder: Path) -> None:
-    for name, text in (("a.yaml", OLD_SHEET), ("b.yaml", OLD_SCENARIO), ("c.py", OLD_PYTHON)):
-        (folder / name).write_text(text)
-
-
 # ---- fields
 
 
@@ -479,7 +457,6 @@ KINDS: dict[str, Kind] = {
     "sheet-lidar": Kind(bundled("sensors", "sick-lms111"), _lidar),
     "sheet-wheat": Kind(bundled("crops", "wheat"), _crop),
     "sheet-maize": Kind(bundled("crops", "maize"), _crop),
-    "migrate": Kind(_old_files, _migrated),
     "columns": Kind(written("map.yaml", COLUMN_MAP), _read_map),
     "log-csv": Kind(_log, _read_log),
     "log-import": Kind(_log, _import),

@@ -7,8 +7,8 @@ from tests.fuzz.run import Worker
 
 pytest.importorskip("rasterio")
 pytest.importorskip("trimesh")
-SLOW = {"log-import", "migrate", "height-grid", "scans-npz", "geotiff", "bag-ros1", "bag-mcap", "run-folder"}
-LINES = ("import-dem", "import-zip", "import-task", "sheets", "migrate", "fmu", "words", "jobs", "compare")
+SLOW = {"log-import", "height-grid", "scans-npz", "geotiff", "bag-ros1", "bag-mcap", "run-folder"}
+LINES = ("import-dem", "import-zip", "import-task", "sheets", "fmu", "words", "jobs", "compare")
 QUICK = [
     kind for kind in KINDS if kind not in SLOW and not kind.startswith(("scenario", "fmu", "ssp", "command"))
 ]

@@ -21,7 +21,6 @@ DISPATCHED = re.compile(
 )
 BLAS = re.compile("v?dot|vecdot|inner|matmul|tensordot|kron|convolve|correlate|polyfit|cov|corrcoef")
 POSES = {  # where `@` joins poses
-    "control/box/view.py",
     "machine/body/sdf.py",
     "machine/body/urdf.py",
     "machine/header/header_kinematics.py",

@@ -66,7 +66,6 @@ LIMITS = {
         "truth": Limit("exact", 1e-9),
         "gnss_link": Limit("within 3 cm of truth with a link without error", 0.03),
         "rim": Limit("rim within 0.10 m and 1 deg, grain within 0.10 m", 0.10),
-        "stereo": Limit("rim within 0.10 m and 1 deg, grain within 0.10 m", 0.10),
     },
     # beyond the outlines of the other machine, up to which echoes go [m]
     "scan_filter": {"peer_body": Limit("to its margin", 0.5)},
@@ -74,7 +73,6 @@ LIMITS = {
     "cooperate": {
         "one_spot": Limit("fills 71 to 78 %", (0.71, 0.78)),
         "front_to_back": Limit("fills 95 % and more", (0.95, 0.99)),
-        "oscillate": Limit("fills 95 % and more", (0.95, 0.99)),
         "by_profile": Limit("fills 95 % and more", (0.95, 0.99)),
         "unloader": Limit("stops within a step", 0.05),
     },

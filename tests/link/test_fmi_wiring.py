@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from swath.core.errors import InputError
-from swath.link.fmi.feed import Feed
+from swath.link.fmi.part import Feed
 from swath.link.fmi.units import Scale
 from swath.link.fmi.wiring import Into
 from swath.runtime.assembly import assemble

@@ -101,8 +101,8 @@ def test_a_stranger_cannot_make_a_run_execute_a_file(domain, tmp_path):  # noqa:
 def test_what_a_stranger_sets_while_parameters_are_declared_is_checked(domain):  # noqa: F811
     from rclpy.parameter import Parameter
 
+    from swath.link.ros2.bridge import RunParameters
     from swath.link.ros2.middleware import close_node, open_node
-    from swath.link.ros2.parameters import RunParameters
 
     answers = []
 

@@ -75,7 +75,7 @@ def without(text, section):
             r"type = combin: expected one of combine, .*did you mean 'combine'",
         ),
         ("type: combine", "type: tractor", r"header: expected no section `header` for type tractor"),
-        ("format: swath machine 2\n", "", r"format: .*swath migrate .*own\.yaml"),
+        ("format: swath machine 2\n", "", r"format: .*`swath migrate` of version 0\.2 .*own\.yaml"),
         ("format: swath machine 2", "format: swath crop 2", r"format = swath crop 2: .*swath machine 2"),
         ("wheelbase_m", "wheelbase_cm", r"chassis\.wheelbase_cm: unknown key, .*expected in m"),
         (

@@ -14,7 +14,7 @@ from swath.machine.heap import height_map
 from swath.machine.heap.open_box import Params
 from swath.machine.machine_sheet import load_machine
 from swath.machine.unload import auger, ideal
-from swath.machine.unload.stream import fall_time
+from swath.machine.unload.auger import fall_time
 from swath.signals import MachineLoad, MachineState, UnloadCommand
 from tests.machine.machine_fakes import STREAM, Ground, site
 

@@ -16,12 +16,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError
-from swath.record.container import Container
 from swath.record.formats import TRACKS
+from swath.record.mcap_file import Container
 from swath.record.read.feed import WAITING, Demux
 from swath.record.read.files import open_log
-from swath.record.read.mcap_log import BROKEN
-from swath.record.read.time_order import in_time_order
+from swath.record.read.mcap_log import BROKEN, in_time_order
 from swath.record.tracks import signal_columns
 from swath.signals import MachineState
 from tests.bags import BEGIN, KINDS, Bag

@@ -7,7 +7,7 @@ import pytest
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.record.dead_reckoning import EXACT_START, covariance, gone
+from swath.record.motion_messages import EXACT_START, covariance, gone
 from swath.runtime.job import run_job
 from swath.sensing.odometry.error import ErrorOdometry, Params
 from swath.signals import MachineState, SteerState

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from swath.core.schedule import NS
-from swath.record.container import Container
+from swath.record.mcap_file import Container
 from swath.record.message_factory import definition
 from swath.record.read.files import open_log
 from swath.record.recorder import Recorder

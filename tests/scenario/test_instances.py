@@ -78,8 +78,8 @@ def test_the_long_path_of_set_is_the_short_one():
     assert load_scenario("straight", sets=["machines.combine.speed.speed_kmh=5"]) == short
 
 
-def test_an_old_form_names_the_command(tmp_path):
+def test_an_old_form_names_the_last_version_that_rewrites_it(tmp_path):
     file = tmp_path / "old.yaml"
     file.write_text("name: old\nfield: {edge: {shape: straight}}\ncombine: {lidar: off}\n")
-    with pytest.raises(InputError, match=r"format: expected 'swath scenario 2'.*swath migrate .*old\.yaml"):
+    with pytest.raises(InputError, match=r"format: expected 'swath scenario 2'; .*version 0\.2.*old\.yaml"):
         load_scenario(file)

@@ -10,7 +10,7 @@ from swath.core.errors import InputError
 from swath.core.registry import Level, Registry
 from swath.runtime.assembly import assemble
 from swath.scenario.scenario import load_scenario
-from swath.scenario.slots import PEER, REGISTRY, SLOTS, TRUTH
+from swath.scenario.slots import GONE, PEER, REGISTRY, SLOTS, TRUTH
 from swath.signals import SteerCommand
 from swath.signals.setup import LinkSetup
 
@@ -113,3 +113,11 @@ def test_links_are_not_levels_of_the_field():
     assert registry.names("steer") == []
     with pytest.raises(InputError, match=r"terrain\.level = nothing: expected one of .*file.py:Class"):
         registry.get("terrain", "nothing")
+
+
+def test_a_level_that_went_says_what_there_is_instead():
+    for gone in GONE:
+        kind, level = gone.split(".")
+        assert level not in REGISTRY.names(kind)
+        with pytest.raises(InputError, match="expected another level: it is gone, `"):
+            REGISTRY.get(kind, level)

@@ -17,7 +17,7 @@ from swath.sensing.echo import EchoRule
 from swath.sensing.lidar.plants import Params, PlantsLidar
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.mount import Mount
-from swath.sensing.noise import Noise
+from swath.sensing.scanner import Noise
 from swath.sensing.weather import Weather
 
 NEAR, FAR = 3.0, 4.2

@@ -16,8 +16,7 @@ from swath.rays.engine import RayCaster
 from swath.sensing.mount import Mount
 from swath.sensing.radar import error, ideal
 from swath.sensing.radar.cross_section import rod, trihedral
-from swath.sensing.radar.error import Echo, detection_probability, merged
-from swath.sensing.radar.extent import Scatterers, glint
+from swath.sensing.radar.error import Echo, Scatterers, detection_probability, glint, merged
 from swath.sensing.radar.radar_sheet import LIGHT, load_radar
 from swath.sensing.radar.stand_loss import DB, StandLoss, wave_factor
 from tests.field.made_field import made_field

@@ -14,13 +14,26 @@ from swath.field.solids import box_on_ground
 from swath.sensing.gnss.antenna import Place
 from swath.sensing.gnss.error import ErrorGnss, Loss
 from swath.sensing.gnss.error import Params as ErrorParams
-from swath.sensing.gnss.fix_states import DGPS, FIX, FLOAT, NONE, SINGLE, FixStates, Heard, Times
 from swath.sensing.gnss.ideal import IdealGnss
 from swath.sensing.gnss.ideal import Params as IdealParams
 from swath.sensing.gnss.receiver_errors import FIGURES
-from swath.sensing.gnss.satellites import dilution, directions
-from swath.sensing.gnss.shading import Shading
-from swath.sensing.gnss.sky import Params, Silence, Sky, SkyGnss
+from swath.sensing.gnss.sky import (
+    DGPS,
+    FIX,
+    FLOAT,
+    NONE,
+    SINGLE,
+    FixStates,
+    Heard,
+    Params,
+    Shading,
+    Silence,
+    Sky,
+    SkyGnss,
+    Times,
+    dilution,
+    directions,
+)
 from swath.signals import FIX_QUALITIES
 from tests.field.made_field import made_field
 from tests.sensing.driven_states import circle, column, feed, setup_of, standing, straight

@@ -4,7 +4,7 @@ import pytest
 from swath.core.random import Stream
 from swath.sensing.echo import Bundle, Receiver, least_energy, receive
 from swath.sensing.lidar_sheet import load_lidar
-from swath.sensing.noise import Noise
+from swath.sensing.scanner import Noise
 from swath.sensing.weather import Weather, disturb
 
 NAN = np.nan

@@ -8,8 +8,8 @@ from swath.core.frames import Pose
 from swath.field.projection import Origin
 from swath.signals import Scan, ScanTruth, beam_directions
 from swath.tools.scan import point_cloud as module
-from swath.tools.scan.files import check_formats
 from swath.tools.scan.point_cloud import make_cloud, write_las, write_ply
+from swath.tools.scan.scan import check_formats
 
 POSE = Pose.from_euler((1000.0, -2000.0, 2.5), 0.0, 0.3, 1.0)
 

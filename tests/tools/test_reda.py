@@ -86,7 +86,7 @@ def test_a_crouching_person_in_the_crop_is_out_of_sight(scene):
 def test_command(tmp_path, capsys, monkeypatch):
     """What it writes: a row per place, scores, a figure per condition, a page."""
     monkeypatch.setattr(reda, "places", lambda: [p for p in places() if p[0] in (-1.0, 3.0)])
-    monkeypatch.setattr("swath.tools.reda.plots.INSIDE", (-1.0, 3.0))
+    monkeypatch.setattr("swath.tools.reda.page.INSIDE", (-1.0, 3.0))
     line = [
         "reda",
         "--crop-height-m",

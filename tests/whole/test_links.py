@@ -56,7 +56,6 @@ WRITES = {
     "ros2 package": "ros2 package --out {new}",
     "osi": "osi {run} --out {new}/x.osi",
     "schema": "schema --out {new}/schema.json",
-    "migrate": "migrate {old}",
 }
 READS = ("report", "view", "branch", "diff", "rerun", "yield-log", "osi", "height-map build")
 # Those that take long or need other input; they write with the same functions, as the last test here holds.
@@ -102,9 +101,6 @@ class Place:
         self.before = self.look()
         (path / "s.yaml").write_text(small(*SHORT).resolved())
         (path / "case.yaml").write_text(CASE)
-        (path / "old.yaml").write_text(
-            "format: swath scenario 1\nname: old\ncombine: {lidar: off, edge: truth}\n"
-        )
         shutil.copytree(ran, path / "run")
 
     def look(self):
@@ -116,7 +112,6 @@ class Place:
             "s": p / "s.yaml",
             "run": p / "run",
             "case": p / "case.yaml",
-            "old": p / "old.yaml",
             "new": new,
         }
         return WRITES[command].format(**known).split()
@@ -230,8 +225,8 @@ def test_a_link_is_replaced_and_a_folder_refused(tmp_path):
 
 BY_ITSELF = ("write_text", "write_bytes", "savefig", "imsave", "savetxt", "copyfile", "copy2", "touch")
 OWN = {  # they write into a temporary folder of this process, or one that is moved to its place
-    "core/whole_file.py", "tools/scan/files.py", "tools/scan/point_cloud.py", "tools/scan/camera_picture.py",
-    "field_io/picture.py", "field/raster.py",
+    "core/whole_file.py", "tools/scan/scan.py", "tools/scan/point_cloud.py", "field_io/picture.py",
+    "field/raster.py",
 }  # fmt: skip
 
 

@@ -151,7 +151,6 @@ class Folder:
             "dataset": [[s, "--count", "1", "--out", next(new)]],
             "fmu export": [[s, "--slot", "process", "--out", f"{next(new)}.fmu"]],
             "can box": [[s, "--interface", "virtual", "--once"]],
-            "migrate": [[s]],
         }
 
     def of_others(self):
@@ -190,7 +189,6 @@ class Folder:
             "can listen": [["--interface", "virtual", "--channel", "a", "--duration-s", "0.1"]],
             "can dbc": [[]],
             "schema": [[]],
-            "migrate": [[f"{p}/mine.py"]],
             "completion": [["bash"]],
         }
 

@@ -24,7 +24,7 @@ from swath.commands import (
     view,
 )
 from swath.core.collector import collect_rarely
-from swath.core.errors import InputError, SwathError, fitted, shortened
+from swath.core.errors import MIGRATED_BY, InputError, SwathError, fitted, shortened
 from swath.core.foreign_code import SUFFIXES, allow_code, code_in
 from swath.core.registry import user_line
 from swath.core.stopping import Terminated, raise_if_lost, stoppable
@@ -42,7 +42,6 @@ from swath.tools.field_export import command as field
 from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
-from swath.tools.migrate import command as migrate
 from swath.tools.paper import command as paper
 from swath.tools.part import command as part
 from swath.tools.reda import command as reda
@@ -55,17 +54,12 @@ COMMANDS = {
     "look at a run, continue it, use its recording": (view, report, diff, branch, rerun, part, yield_log),
     "use measured data": (field, height_map, calibrate, compare, lab),
     "many runs, whole fields": (function_test, fleet, reda, dataset),
-    "connect and set up": (ros2, fmu, can, osi, schema, migrate, completion),
+    "connect and set up": (ros2, fmu, can, osi, schema, completion),
 }
 ALLOW_CODE = "let code run that the files name, with your rights: Python files, FMUs (SECURITY.md)"
 SETTINGS = ("SWATH_CPU", "SWATH_DATA", "SWATH_DEBUG", "SWATH_DEVICE", "SWATH_THREADS")
 MOST_SAID = 20  # of the mistakes in one file
-RENAMED = {  # command lines of version 0.1.0: what to type instead
-    ("cards",): "swath sheets",
-    ("replay", "build"): "swath height-map build SOURCE --out FILE.npz",
-    ("replay",): "swath rerun RUN",
-    ("ros2", "bridge"): "swath ros2 play RUN for a recorded run, swath run SCENARIO --ros2 for a scenario",
-}
+GONE = {"migrate": MIGRATED_BY}  # commands of version 0.2: what to do instead
 BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE, TERMINATED = 2, 70, 130, 141, 143
 
 EXAMPLES = """\
@@ -182,9 +176,8 @@ def _dispatch(argv: list[str]) -> int:
         raise UsageError(f"{bad!r}: expected an argument without the character NUL")
     if argv == ["help"]:
         argv = ["--help"]
-    for old, instead in RENAMED.items():
-        if tuple(argv[: len(old)]) == old:
-            raise UsageError(f"{' '.join(old)}: this command is now {instead}")
+    if argv[0] in GONE:
+        raise UsageError(f"{argv[0]}: no such command any more, {GONE[argv[0]]}")
     parser, names = make_parser()
     if not argv[0].startswith("-") and argv[0] not in names:
         import difflib

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+MIGRATED_BY = "`swath migrate` of version 0.2 rewrites a file of version 0.1"
+"""What an error about a file in an old form says: the last version that reads it."""
 LONGEST = 300
 """Characters of an error at most, whatever its input holds."""
 _LONGEST_PLACE, _LONGEST_VALUE, _LEAST_VALUE = 150, 80, 50

@@ -19,8 +19,7 @@ from types import ModuleType
 from typing import Any, Protocol, runtime_checkable
 
 from swath.core.ability import ByMembers
-from swath.core.errors import InputError, SwathError
-from swath.core.renamed import present_name
+from swath.core.errors import MIGRATED_BY, InputError, SwathError
 
 SUFFIXES = (".py", ".fmu", ".ssp", ".ssd")
 USER_MODULE = "swath_user_"  # how the names of modules begin that were read from a user's file
@@ -149,7 +148,7 @@ def load_python(key: str, reference: str | Path, base: Path | None = None) -> Mo
         spec.loader.exec_module(module)
     except Exception as error:
         text = f"{file}: could not be loaded: {type(error).__name__}: {error}"
-        if isinstance(error, ImportError) and present_name(str(error.name)) != error.name:
-            text += f"; `swath migrate {file}` rewrites a file of version 0.1"
+        if isinstance(error, ImportError) and str(error.name).startswith("swath."):
+            text += f"; if the file is older: {MIGRATED_BY}"
         raise SwathError(text) from error
     return module

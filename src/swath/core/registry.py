@@ -57,13 +57,19 @@ class Registry:
     """Which packages hold the levels of which slot kind.
 
     links: package of the levels that any kind in `linkable` may have, with `is_link` set
+    gone: `kind.level` of levels of version 0.2 -> what to use instead
     """
 
     def __init__(
-        self, packages: Mapping[str, Sequence[str]], *, links: str | None = None, linkable: Sequence[str] = ()
+        self,
+        packages: Mapping[str, Sequence[str]],
+        *,
+        links: str | None = None,
+        linkable: Sequence[str] = (),
+        gone: Mapping[str, str] | None = None,
     ) -> None:
         self.packages = dict(packages)
-        self._links, self._linkable = links, tuple(linkable)
+        self._links, self._linkable, self._gone = links, tuple(linkable), gone or {}
 
     def names(self, kind: str) -> list[str]:
         """Names of the built-in levels of a slot kind, in file order; no links."""
@@ -92,6 +98,8 @@ class Registry:
             if entry.name == f"{kind}.{level}":
                 loaded = entry.load()
                 return loaded if isinstance(loaded, Level) else _level_of_class(loaded)
+        if instead := self._gone.get(f"{kind}.{level}"):
+            raise InputError(f"{kind}.level", level, f"expected another level: it is gone, {instead}")
         names = [*self.names(kind), *self.installed(kind), *(self.links() if linked else [])]
         near = difflib.get_close_matches(level, names, n=1)
         hint = f", did you mean {near[0]!r}?" if near else ""

@@ -15,7 +15,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
-from swath.core.errors import InputError
+from swath.core.errors import MIGRATED_BY, InputError
 from swath.documents.hints import near_miss
 from swath.documents.sheet_fields import Entry, build, entries, model_of
 from swath.documents.validation import validate
@@ -176,8 +176,7 @@ def read_sheet(kind: str, name: str, base: Path | None = None) -> Sheet:
         raise document.error((), None, "expected a mapping of keys")
     wanted, given = f"swath {KINDS[kind]} {VERSION}", document.data.get("format")
     if given is None:
-        text = f"expected `{wanted}`; `swath migrate {path}` rewrites a data sheet of version 0.1"
-        raise document.error(("format",), None, text)
+        raise document.error(("format",), None, f"expected `{wanted}`; {MIGRATED_BY}")
     if given != wanted:
         raise document.error(("format",), given, f"expected {wanted}")
     return Sheet(path, document, *plain_values(document))

@@ -1,6 +1,10 @@
-"""Tile prototypes full of plants: what stands where in each."""
+"""Tile prototypes full of plants: what stands where in each, with the search index that
+single rays traverse.
+"""
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,14 +12,241 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop import Crop
-from swath.field.memory_layout import Organ, PlantLibrary, Shape
+from swath.field.memory_layout import Organ, PlantLibrary, Primitives, Shape, primitive_rows
 from swath.field.plants import Drawing, Plants, leaf_parts_of, make_plants
 from swath.field.plants.drawing import Detail
 from swath.field.plants.parts import joined
-from swath.field.prototype_index import PAD, Index, PlacedPlants
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+PIECES = 4_000  # looked at together: their arrays stay in the processor's cache
+PAD = 2e-5  # primitives grow by this in the overlap test, so that float32 rays never miss a listed cell [m]
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Primitives placed in tiles. source: index of the primitive in the plants; tile; a, b, base: placed;
+    half: `width` in the plants; pointed: triangles, which have no width at b.
+    """
+
+    source: Ints
+    tile: Ints
+    a: Array
+    b: Array
+    half: Array
+    radius: Array
+    base: Array
+    pointed: NDArray[np.bool_]
+
+    def take(self, order: Ints) -> "_Pieces":
+        """The same pieces in another order."""
+        return _Pieces(*(values[order] for values in vars(self).values()))
+
+
+def _copies(plants: Plants, xy: Array, tile: Ints, size: float) -> _Pieces:
+    """Every primitive at its place, and once more for every tile side it reaches over."""
+    shift = np.concatenate([xy[plants.owner], np.zeros((len(plants.owner), 1))], axis=1)
+    a, b = plants.a + shift, plants.b + shift
+    reach = (plants.radius[:, None] + np.abs(plants.width) + PAD)[:, :2]
+    low, high = np.minimum(a, b)[:, :2] - reach, np.maximum(a, b)[:, :2] + reach
+    steps = (-2, -1, 0, 1, 2)
+    sides = np.flatnonzero(((low < 0.0) | (high > size)).any(axis=1))  # what reaches over a side of its tile
+    near, far = low[sides], high[sides]
+    along = [[(near[:, k] + size * i < size) & (far[:, k] + size * i > 0.0) for i in steps] for k in (0, 1)]
+    here = ((low < size) & (high > 0.0)).all(axis=1)
+    found: list[Ints] = []
+    for ix, in_x in zip(steps, along[0], strict=True):
+        for iy, in_y in zip(steps, along[1], strict=True):
+            found.append(sides[in_x & in_y] if ix or iy else np.flatnonzero(here))
+    source = np.concatenate(found)
+    moves = size * np.array([[ix, iy, 0.0] for ix in steps for iy in steps])
+    move = np.repeat(moves, [len(index) for index in found], axis=0)
+    owner = plants.owner[source]
+    return _Pieces(
+        source,
+        tile[owner],
+        a[source] + move,
+        b[source] + move,
+        plants.width[source],
+        plants.radius[source],
+        xy[owner] + move[:, :2],
+        plants.shape[source] == Shape.TRIANGLE,
+    )
+
+
+@dataclass(frozen=True)
+class Index:
+    """The cells of all tiles: columns x columns x bins each."""
+
+    size: float
+    tile_count: int
+    columns: int
+    bins: int
+    bin_height: float
+
+    def order(self, pieces: _Pieces) -> Ints:
+        """Tile by tile, cell by cell of their middles: pieces near each other are stored near each other."""
+        side = np.array([self.size / self.columns] * 2 + [self.bin_height])
+        limit = np.array([self.columns - 1] * 2 + [self.bins - 1])
+        cell = np.clip(np.floor(0.5 * (pieces.a + pieces.b) / side), 0, limit).astype(np.int64)
+        key = (pieces.tile * self.columns + cell[:, 1]) * self.columns + cell[:, 0]
+        return np.argsort(key * self.bins + cell[:, 2], kind="stable")
+
+    def fill(self, pieces: _Pieces) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """cell_start and cell_items: for each cell the pieces that overlap it, capsules first."""
+        cells, items = [], []
+        for first in range(0, len(pieces.source), PIECES):
+            part = np.arange(first, min(first + PIECES, len(pieces.source)))
+            cell, item = self._overlaps(pieces.take(part))
+            cells.append(cell)
+            items.append(item + first)
+        cell, item = np.concatenate(cells), np.concatenate(items)
+        order = np.argsort(2 * cell + (pieces.radius[item] == 0.0), kind="stable")  # items ascend already
+        count = self.tile_count * self.columns * self.columns * self.bins
+        start = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=count))])
+        return start.astype(np.int32), item[order].astype(np.int32)
+
+    def _overlaps(self, pieces: _Pieces) -> tuple[Ints, Ints]:
+        side = np.array([self.size / self.columns] * 2 + [self.bin_height])
+        limit = np.array([self.columns - 1] * 2 + [self.bins - 1])
+        grow = pieces.radius[:, None] + np.abs(pieces.half) + PAD
+        low = np.floor((np.minimum(pieces.a, pieces.b) - grow) / side)
+        high = np.floor((np.maximum(pieces.a, pieces.b) + grow) / side)
+        low, high = np.clip(low, 0, limit).astype(np.int64), np.clip(high, 0, limit).astype(np.int64)
+        span = high - low + 1
+        total = span.prod(axis=1)
+        item = np.repeat(np.arange(len(total)), total)
+        rest = np.arange(len(item)) - np.repeat(np.cumsum(total) - total, total)
+        ix, rest = rest % span[item, 0], rest // span[item, 0]
+        iy, iz = rest % span[item, 1], rest // span[item, 1]
+        cell = low[item] + np.stack([ix, iy, iz], axis=-1)
+        middle = (cell + 0.5) * side
+        box = np.broadcast_to(0.5 * side, middle.shape).copy()
+        bottom = cell[:, 2] == 0  # bin 0 also holds what reaches below zeta = 0
+        middle[bottom, 2] -= 0.5
+        box[bottom, 2] += 0.5
+        keep = np.ones(len(item), bool)
+        pointed = pieces.pointed[item]
+        for which, meet in ((~pointed, _boxes_meet), (pointed, _triangles_meet)):
+            if which.all():
+                keep = meet(pieces, item, middle, box)
+            elif which.any():
+                keep[which] = meet(pieces, item[which], middle[which], box[which])
+        cell, item = cell[keep], item[keep]
+        flat = ((pieces.tile[item] * self.columns + cell[:, 1]) * self.columns + cell[:, 0]) * self.bins
+        return flat + cell[:, 2], item
+
+
+class PlacedPlants:
+    """Primitives and lists of cells, each made when it is first asked for.
+
+    plants: whose stems stand at xy (n, 2) [m] in the tiles `tile` (n,) of the index
+    """
+
+    def __init__(self, index: Index, plants: Plants, xy: Array, tile: Ints) -> None:
+        self._index, self._drawn = index, (plants, xy, tile)
+
+    def _pieces(self) -> _Pieces:
+        """Tile by tile, cell by cell."""
+        pieces = _copies(*self._drawn, self._index.size)
+        return pieces.take(self._index.order(pieces))
+
+    @cached_property
+    def _primitives(self) -> Primitives:
+        pieces, plants = self._pieces(), self._drawn[0]
+        source = pieces.source
+        shape, own = plants.shape[source], plants.own_reflectance()
+        rows = primitive_rows(len(shape))
+        parts = ((pieces.a, 0), (pieces.radius, 3), (pieces.b, 4), (pieces.half, 8), (pieces.base, 12))
+        for values, first in parts:
+            values = values.reshape(len(shape), -1)
+            rows[:, first : first + values.shape[1]] = values
+        return Primitives(
+            shape=shape,
+            organ=plants.organ[source],
+            a=rows[:, 0:3],
+            b=rows[:, 4:7],
+            radius=rows[:, 3].copy() if (shape == Shape.TRIANGLE).any() else rows[:, 3],
+            width=rows[:, 8:11],
+            owner=plants.owner[source],
+            base=rows[:, 12:14],
+            own_reflectance=own[source].astype(np.float32) if own.any() else np.zeros(0, np.float32),
+        )
+
+    @cached_property
+    def _cells(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        return self._index.fill(self._pieces())
+
+    def primitives(self) -> Primitives:
+        """All of them, with their copies."""
+        return self._primitives
+
+    def cells(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Lists of all cells; see `PlantLibrary`."""
+        return self._cells
+
+
+def _boxes_meet(pieces: _Pieces, item: Ints, middle: Array, box: Array) -> NDArray[np.bool_]:
+    """Does the primitive `item` reach into the box? Separating axes: never a false no.
+
+    A capsule is its axis grown by the radius, a ribbon a flat parallelogram with half edges e1 and e2.
+    Axes: the ribbon's normal, and the cross products of its edges with those of the box. The box's own
+    normals tell nothing more: the boxes were chosen by the bounds of the primitive. What one axis tells
+    apart is not looked at on the next.
+    """
+    e1, e2 = (0.5 * (pieces.b - pieces.a)).T.copy(), pieces.half.T.copy()
+    normal = np.cross(e1, e2, axis=0)
+    radius = pieces.radius + PAD
+    offset, half = (0.5 * (pieces.a + pieces.b)[item] - middle).T.copy(), box.T.copy()
+    left = np.arange(len(item))
+    for edge in (e1, e2):
+        for k, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # edge x unit k; the other edge reaches |normal k|
+            reach = np.abs(normal[k]) + radius * np.hypot(edge[i], edge[j])
+            of = item[left]
+            u, v, own = edge[i][of], edge[j][of], reach[of]
+            apart = np.abs(offset[i, left] * v - offset[j, left] * u)
+            own += np.abs(u) * half[j, left] + np.abs(v) * half[i, left]
+            left = left[apart <= own]
+        if edge is e1:
+            whole = left[pieces.radius[item[left]] > 0.0]  # capsules: e2 is zero
+            left = left[pieces.radius[item[left]] == 0.0]
+    of = item[left]
+    reach = (np.abs(normal[:, of]) * half[:, left]).sum(axis=0) + (radius * np.linalg.norm(normal, axis=0))[
+        of
+    ]
+    left = left[np.abs((normal[:, of] * offset[:, left]).sum(axis=0)) <= reach]
+    meets = np.zeros(len(item), bool)
+    meets[whole], meets[left] = True, True
+    return meets
+
+
+def _triangles_meet(pieces: _Pieces, item: Ints, middle: Array, box: Array) -> NDArray[np.bool_]:
+    """As `_boxes_meet`, for triangles: on each axis the span of three corners against that of the box.
+
+    What one axis tells apart is not looked at on the next.
+    """
+    corners = np.stack([pieces.a - pieces.half, pieces.a + pieces.half, pieces.b])
+    sides = np.roll(corners, -1, axis=0) - corners
+    normal = np.cross(sides[0], sides[1])
+    left = np.arange(len(item))
+    unit = np.eye(3)
+    axes = [unit[0], unit[1], unit[2], normal]
+    axes += [np.cross(side, unit[k]) for side in sides for k in range(3)]
+    for axis in axes:
+        own = np.broadcast_to(axis, normal.shape)
+        at = np.einsum("knj,nj->kn", corners, own)
+        low, high = at.min(axis=0), at.max(axis=0)
+        pad = PAD * np.linalg.norm(own, axis=1)
+        of, where = item[left], own[item[left]]
+        centre = np.einsum("nj,nj->n", where, middle[left])
+        reach = np.einsum("nj,nj->n", np.abs(where), box[left]) + pad[of]
+        left = left[(low[of] - centre <= reach) & (high[of] - centre >= -reach)]
+    meets = np.zeros(len(item), bool)
+    meets[left] = True
+    return meets
+
+
 FEW = 100  # plants per tile: below, a whole number of them would miss the density by a percent and more
 MESH_TRIANGLES = 300_000  # of all prototypes; fewer prototypes are made rather than more triangles
 MESH_TRIANGLES_MAX = 1_200_000  # some 300 MB

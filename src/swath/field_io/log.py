@@ -382,6 +382,10 @@ def _refuse_whole_crop(flow: Array, path: Path) -> None:
         )
 
 
+Limits = dict[str, tuple[float, float]]
+"""Quantity -> smallest and largest value that it can have."""
+
+
 def si_values(table: Table, found: ColumnMap, key: str) -> Array:
     """A quantity in the units used inside, nan where it is missing."""
     column = found.columns.get(key)
@@ -396,6 +400,13 @@ def si_values(table: Table, found: ColumnMap, key: str) -> Array:
     if key == "time" and column.is_assumed and np.nanmedian(np.abs(values)) > MILLISECONDS:
         return values / 1000.0
     return values
+
+
+def si_values_within(table: Table, found: ColumnMap, key: str, limits: Limits) -> Array:
+    """A quantity in the units used inside, nan where it is missing or cannot be."""
+    values = si_values(table, found, key)
+    low, high = limits[key]
+    return np.where((values >= low) & (values <= high), values, np.nan)
 
 
 def _lon_lat(table: Table, found: ColumnMap, path: Path) -> tuple[Array, str]:

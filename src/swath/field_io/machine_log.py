@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field_io.columns import ColumnMap, find_columns
-from swath.field_io.log import PLAUSIBLE, not_working, si_values
+from swath.field_io.log import PLAUSIBLE, not_working, si_values, si_values_within
 from swath.field_io.records import declared_machines
 from swath.field_io.table import Table, read_table
 
@@ -80,7 +80,7 @@ def read_machine_log(path: Path, columns: Path | None = None) -> MachineLog:
     names, machine, notes = declared_machines(table, found)
     order, time, duration, gap = _clock(table, found, machine)
     keys = ("speed", "grain_flow", "header_width", "elevation", *there)
-    values = {k: _limited(table, found, k)[order] for k in keys}
+    values = {k: si_values_within(table, found, k, LIMITS)[order] for k in keys}
     flow = np.nan_to_num(values["grain_flow"])
     idle = not_working(table, found)
     if idle is not None:
@@ -106,19 +106,12 @@ def read_machine_log(path: Path, columns: Path | None = None) -> MachineLog:
     )
 
 
-def _limited(table: Table, found: ColumnMap, key: str) -> Array:
-    """A quantity, nan where it is missing or cannot be."""
-    values = si_values(table, found, key)
-    low, high = LIMITS[key]
-    return np.where((values >= low) & (values <= high), values, np.nan)
-
-
 def _clock(
     table: Table, found: ColumnMap, machine: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], Array, Array, Mask]:
     """Order of the records by machine and time; then time, duration and gap in that order."""
     count = len(machine)
-    stamp = _filled(_limited(table, found, "time"))
+    stamp = _filled(si_values_within(table, found, "time", LIMITS))
     logged = si_values(table, found, "duration")
     by_record = si_values(table, found, "record")
     key = next((k for k in (stamp, by_record) if np.isfinite(k).all()), np.arange(count, dtype=float))

@@ -14,7 +14,7 @@ from swath.core.errors import InputError, some_of
 from swath.core.units import DEG
 from swath.field_io.clock import usable
 from swath.field_io.columns import Column, ColumnMap, guess, read_map
-from swath.field_io.log import si_values
+from swath.field_io.log import si_values, si_values_within
 from swath.field_io.table import Table, read_table
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def read_steer_log(
     table = read_table(path)
     found = _find(table, path, columns)
     _require(found, table, path)
-    values = {key: _limited(table, found, key) for key in LIMITS}
+    values = {key: si_values_within(table, found, key, LIMITS) for key in LIMITS}
     place = _place(table, found)
     time, note = usable(si_values(table, found, "time"))
     if time is None:
@@ -152,12 +152,6 @@ def _require(found: ColumnMap, table: Table, path: Path) -> None:
         shown = some_of((name[:24] for name in table.columns), 12)
         expected = f"expected a column for {', '.join(missing)}; say which with --columns MAP.yaml"
         raise InputError("log.header", shown, expected, file=path)
-
-
-def _limited(table: Table, found: ColumnMap, key: str) -> Array:
-    values = si_values(table, found, key)
-    low, high = LIMITS[key]
-    return np.where((values >= low) & (values <= high), values, np.nan)
 
 
 def _place(table: Table, found: ColumnMap) -> Array:

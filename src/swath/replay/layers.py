@@ -1,22 +1,304 @@
-"""What lies in a page, layer by layer: the field, the machines, and what was recorded of them."""
+"""What lies in a page, layer by layer: the field, the machines, and what was recorded of them.
 
-from collections.abc import Mapping
+When each cell of an area was cut is found from the tracks: between two rows of the tracks the knife sweeps a
+polygon (`machine.sweep`); a cell in it was passed at the time that its distances from the knife before and
+after give. Cells are coarser than the field's.
+
+Terrain and stand are those of the field's generators, plants those of its tile prototypes: nothing is taken
+from memory that a run has changed.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.field.field import Field
+from swath.field.memory_layout import MIRROR_X, MIRROR_Y, STANDING, Organ, PlantLibrary, Shape
 from swath.machine.body.body import corners_of
+from swath.machine.sweep import swept
 from swath.replay.area import Area
 from swath.replay.charts import columns_of, shown_charts
-from swath.replay.cut_times import KnifeWay, cut_times
-from swath.replay.ground import far_ground, ground_of
 from swath.replay.machines import STATE, Columns, cutting_height, describe, path_of, thinned
-from swath.replay.plants import plants_of
 from swath.replay.scans import MOST_POINTS, Recorded, pack_echoes
 from swath.replay.straw import stations, swath_width
 from swath.runtime.world import Machine, World
 from swath.signals import F64
+
+MOST_PIECES = 52_000  # of all prototypes that are sent
+MAIN = (Organ.STEM, Organ.EAR, Organ.BRANCH, Organ.POD, Organ.COB)  # drawn from afar too
+UNIT = 1.0 / 2000.0  # of positions [m]
+THIN = 1.0 / 10000.0  # of radii and half widths [m]
+
+
+@dataclass(frozen=True)
+class Plants:
+    """Pieces of plants, prototype after prototype, each with `per` rows (unused ones have organ 0).
+
+    Of a prototype first the stems and ears by the rank of their plant, so that its first n rows are a thinner
+    stand, then leaves and the rest.
+    ends: (k, per, 6) int16 in UNIT: both ends; width: (k, per, 3) int16 in THIN: half width of ribbons and
+    triangles, radius in the first place and zeros for capsules
+    organ: (k, per) uint8, 128 added to triangles, 64 to capsules; stem: (k, per) uint16
+    feet: (k, most, 3) uint16 per stem: x, y in UNIT, rank in 1/65535
+    mains: stems and ears of each prototype; left_out: share of the pieces that are not sent
+    """
+
+    ends: NDArray[np.int16]
+    width: NDArray[np.int16]
+    organ: NDArray[np.uint8]
+    stem: NDArray[np.uint16]
+    feet: NDArray[np.uint16]
+    mains: list[int]
+    left_out: float
+
+    @property
+    def count(self) -> int:
+        """Prototypes."""
+        return len(self.mains)
+
+    @property
+    def notes(self) -> list[str]:
+        """What a reader should know of it."""
+        share = 100.0 * self.left_out
+        return [f"{share:.0f} % of the pieces of plants are left out"] if share > 0.0 else []
+
+
+def plants_of(library: PlantLibrary) -> Plants:
+    """As many prototypes as fit into MOST_PIECES; of one that alone does not fit, an even choice."""
+    chosen = _chosen(library)
+    while len(chosen) > 1 and sum(len(c) for c, _ in chosen) > MOST_PIECES:
+        chosen = chosen[: len(chosen) // 2]
+    total = sum(len(c) for c, _ in chosen)
+    if total > MOST_PIECES:
+        rows, mains = chosen[0]
+        keep = np.unique(np.linspace(0, len(rows) - 1, MOST_PIECES).astype(int))
+        chosen = [(rows[keep], int(np.searchsorted(keep, mains)))]
+    sent = sum(len(c) for c, _ in chosen)
+    per = max(1, *(len(c) for c, _ in chosen)) if chosen else 1
+    first = library.stem_start
+    most = max(1, int(np.diff(first).max(initial=1)))
+    plants = Plants(
+        np.zeros((len(chosen), per, 6), np.int16),
+        np.zeros((len(chosen), per, 3), np.int16),
+        np.zeros((len(chosen), per), np.uint8),
+        np.zeros((len(chosen), per), np.uint16),
+        np.zeros((len(chosen), most, 3), np.uint16),
+        [mains for _, mains in chosen],
+        1.0 - sent / max(total, 1),
+    )
+    for k, (rows, _) in enumerate(chosen):
+        _fill(plants, k, library, rows)
+    return plants
+
+
+def _chosen(library: PlantLibrary) -> list[tuple[NDArray[np.int64], int]]:
+    """Rows of each prototype's own pieces in their order, and how many of them are stems and ears."""
+    foot = library.base.astype(float)
+    own = np.all((foot >= 0.0) & (foot < library.tile_size), axis=1)
+    tile = np.searchsorted(library.stem_start, library.owner, side="right") - 1
+    main = np.isin(library.organ, MAIN)
+    rank = library.stem_rank[library.owner]
+    rows = np.flatnonzero(own)
+    rows = rows[np.lexsort((rows, rank[rows], ~main[rows], tile[rows]))]
+    starts = np.searchsorted(tile[rows], np.arange(library.tile_count + 1))
+    parts = [rows[a:b] for a, b in pairwise(starts.tolist())]
+    return [(part, int(main[part].sum())) for part in parts]
+
+
+def _fill(plants: Plants, k: int, library: PlantLibrary, rows: NDArray[np.int64]) -> None:
+    n = len(rows)
+    ends = np.concatenate([library.a[rows], library.b[rows]], axis=1)
+    plants.ends[k, :n] = _int16(ends / UNIT)
+    capsule = library.shape[rows] == Shape.CAPSULE
+    width = np.where(capsule[:, None], 0.0, library.width[rows])
+    width[capsule, 0] = library.radius[rows][capsule]
+    plants.width[k, :n] = _int16(width / THIN)
+    kind = 64 * capsule + 128 * (library.shape[rows] == Shape.TRIANGLE)
+    plants.organ[k, :n] = library.organ[rows] + kind
+    first, last = int(library.stem_start[k]), int(library.stem_start[k + 1])
+    plants.stem[k, :n] = np.clip(library.owner[rows] - first, 0, 65535)
+    feet = library.stem_xy[first:last] / UNIT
+    plants.feet[k, : last - first, :2] = np.clip(np.rint(feet), 0, 65535)
+    plants.feet[k, : last - first, 2] = np.rint(65535 * np.clip(library.stem_rank[first:last], 0.0, 1.0))
+
+
+def _int16(values: NDArray[np.floating]) -> NDArray[np.int16]:
+    return np.asarray(np.clip(np.rint(values), -32767, 32767), dtype=np.int16)
+
+
+FAR_STEP, FAR_REACH = 4.0, 150.0  # grid of the country around the area, and how far it goes [m]
+FAR_NODES = 150  # along its longer side, at most
+LEAN_UNIT = 1.0 / 100.0  # of the lean of a tile's stand
+FLAGS = 16  # 16: mirrored in x, 32: mirrored in y, beside the number of a prototype
+
+
+@dataclass(frozen=True)
+class Ground:
+    """heights: (ny + 1, nx + 1) at tile corners [m]; stand: (ny, nx, 5) uint8: scale, lean x, lean y, density
+    share, prototype with flags; codes: (ny * cells, nx * cells) at the start, as in `field.memory_layout`
+    scale_max: the scale that 255 stands for
+    """
+
+    heights: F64
+    stand: NDArray[np.uint8]
+    codes: NDArray[np.uint8]
+    scale_max: float
+
+
+def ground_of(field: Field, area: Area, prototypes: int) -> Ground:
+    """Of an area, with the first `prototypes` of the field's tile prototypes in place of all."""
+    (x0, y0), (ny, nx), tile = area.first, area.shape, area.tile
+    u: F64 = (np.arange(nx + 1, dtype=np.float64) + x0) * tile
+    v: F64 = (np.arange(ny + 1, dtype=np.float64) + y0) * tile
+    heights = field.terrain.lattice(u, v, field.stand_yaw)
+    tx, ty = np.meshgrid(np.arange(nx) + x0, np.arange(ny) + y0)
+    x, y = field.maker.to_world((tx + 0.5) * tile, (ty + 0.5) * tile)
+    stand = field.maker.stand_at(x, y)
+    scale_max = max(float(stand[..., 0].max()), 1e-3)
+    number = field.maker.prototypes(tx, ty)
+    flags = FLAGS * ((number & MIRROR_X) > 0) + 2 * FLAGS * ((number & MIRROR_Y) > 0)
+    share = np.where(area.shown, stand[..., 3], 0.0)
+    values = [
+        255.0 * stand[..., 0] / scale_max,
+        128.0 + stand[..., 1] / LEAN_UNIT,
+        128.0 + stand[..., 2] / LEAN_UNIT,
+        255.0 * share,
+        (number & (MIRROR_X - 1)) % prototypes + flags,
+    ]
+    bytes_ = np.clip(np.rint(np.stack(values, axis=-1)), 0, 255).astype(np.uint8)
+    return Ground(np.asarray(heights, dtype=float), bytes_, _codes(field, area, x, y), scale_max)
+
+
+def _codes(field: Field, area: Area, x: F64, y: F64) -> NDArray[np.uint8]:
+    """Codes of the cells at the start; 0 where nothing is shown. x, y: world middles of the tiles [m]"""
+    n, maker = area.cells, field.maker
+    tiles = np.where(area.shown, maker.codes_within(x, y, area.tile * np.sqrt(0.5) + 1e-6), 0)
+    cells = np.repeat(np.repeat(tiles, n, axis=0), n, axis=1)
+    row, column = np.nonzero(tiles < 0)
+    row, column = (a[:, None] * n + np.arange(n) for a in (row, column))
+    u = area.first[0] * area.tile + (column + 0.5) * area.cell
+    v = area.first[1] * area.tile + (row + 0.5) * area.cell
+    at = maker.to_world(u[:, None, :], v[:, :, None])
+    cells[row[:, :, None], column[:, None, :]] = maker.codes_at(*at)
+    return cells.astype(np.uint8)
+
+
+def far_ground(field: Field, area: Area) -> tuple[dict[str, Any], F64, NDArray[np.uint8]]:
+    """The country around: where its grid lies (stand frame [m]), heights, and how far inside the crop its
+    nodes lie: 128 at the edge, 255 three steps inside, 0 as far outside: a page finds the edge between them.
+    """
+    (x0, y0), (ny, nx), tile = area.first, area.shape, area.tile
+    begin = np.array([x0 * tile - FAR_REACH, y0 * tile - FAR_REACH])
+    sides = np.array([nx, ny]) * tile + 2 * FAR_REACH
+    step = max(FAR_STEP, float(sides.max()) / FAR_NODES)
+    u, v = (begin[k] + step * np.arange(int(np.ceil(sides[k] / step)) + 1) for k in (0, 1))
+    heights = np.asarray(field.terrain.lattice(u, v, field.stand_yaw), dtype=float)
+    x, y = field.maker.to_world(*np.meshgrid(u, v))
+    inside = np.min([edge.shape.signed_distance(x, y) for edge in field.edges.values()], axis=0) / step
+    is_crop = (field.maker.codes_at(x, y) == STANDING) & field.covers(x, y)
+    inside = np.where(is_crop, np.maximum(inside, 0.0), np.where(inside < 0.0, inside, -0.5))
+    code = np.clip(np.rint(128.0 + 127.0 / 3.0 * inside), 0, 255).astype(np.uint8)
+    grid = {"x": float(begin[0]), "y": float(begin[1]), "step": step, "nx": len(u), "ny": len(v)}
+    return grid, heights, code
+
+
+STEP = 0.4  # between knife positions [m]; within one the time is interpolated
+NEVER = 65535
+
+
+@dataclass(frozen=True)
+class KnifeWay:
+    """times (n,) [s]; ends (n, 2, 2): left and right end in the stand frame [m]; heights (n,): cut [m]"""
+
+    times: F64
+    ends: F64
+    heights: F64
+
+    def thinned(self) -> "KnifeWay":
+        """Rows at least STEP apart, and the last one."""
+        keep, last = [0], self.ends[0]
+        for i in range(1, len(self.times)):
+            if np.hypot(*(self.ends[i] - last).T).max() >= STEP or i == len(self.times) - 1:
+                keep.append(i)
+                last = self.ends[i]
+        return KnifeWay(self.times[keep], self.ends[keep], self.heights[keep])
+
+
+@dataclass(frozen=True)
+class CutTimes:
+    """when: (rows, columns) uint16 in units of `unit` [s], 0 = cut before the start, NEVER = it stands to the
+    end; codes: what is left, or will be [cm]
+    """
+
+    when: NDArray[np.uint16]
+    codes: NDArray[np.uint8]
+    unit: float
+
+
+def cut_times(area: Area, codes: NDArray[np.uint8], ways: list[KnifeWay], duration: float) -> CutTimes:
+    """codes: of the cells at the start, as in `field.memory_layout`."""
+    unit = max(0.02, duration / (NEVER - 10))
+    is_crop = codes == STANDING
+    when = np.where(is_crop, np.float32(NEVER), np.float32(0.0))
+    left = codes.copy()
+    order = sorted(
+        (step for way in ways for step in _steps(way.thinned(), area)), key=lambda step: float(step[0][0])
+    )
+    for (begin, end), before, after, height in order:
+        for polygon in swept(before.tolist(), after.tolist()):
+            found = _inside(np.array(polygon), when.shape)
+            if found is None:
+                continue
+            rows, columns, inside = found
+            part, code = when[rows, columns], left[rows, columns]
+            taken = inside & is_crop[rows, columns] & (code > height)
+            share = _share(before, after, rows, columns)
+            time = np.maximum(np.rint((begin + share * (end - begin)) / unit), 1.0)
+            part[taken] = np.minimum(part[taken], time[taken])
+            code[taken] = height
+    return CutTimes(when.astype(np.uint16), np.where(left == STANDING, 15, left).astype(np.uint8), unit)
+
+
+def _steps(way: KnifeWay, area: Area) -> Iterator[tuple[tuple[float, float], F64, F64, int]]:
+    """Times, knife before and after in cells, and height [cm] of every step."""
+    cells = (way.ends / area.tile - np.array(area.first)) * area.cells
+    heights = np.clip(np.rint(100.0 * way.heights), 0, STANDING - 1).astype(int)
+    for i in range(len(way.times) - 1):
+        if way.times[i] <= area.until_s:
+            times = float(way.times[i]), float(way.times[i + 1])
+            yield times, cells[i], cells[i + 1], int(heights[i + 1])
+
+
+def _inside(polygon: F64, shape: tuple[int, ...]) -> tuple[slice, slice, NDArray[np.bool_]] | None:
+    """The cells whose centres lie in a convex polygon, anticlockwise, in cell units; None without any."""
+    low = np.maximum(np.floor(polygon.min(axis=0)).astype(int), 0)
+    high = np.minimum(np.ceil(polygon.max(axis=0)).astype(int) + 1, [shape[1], shape[0]])
+    if (low >= high).any():
+        return None
+    x, y = np.arange(low[0], high[0]) + 0.5, (np.arange(low[1], high[1]) + 0.5)[:, None]
+    inside = np.ones((high[1] - low[1], high[0] - low[0]), bool)
+    for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        inside &= (bx - ax) * (y - ay) >= (by - ay) * (x - ax)
+    return slice(low[1], high[1]), slice(low[0], high[0]), inside
+
+
+def _share(before: F64, after: F64, rows: slice, columns: slice) -> F64:
+    """How far on the way from the knife before to the knife after cells lie, 0 to 1."""
+    x, y = np.arange(columns.start, columns.stop) + 0.5, (np.arange(rows.start, rows.stop) + 0.5)[:, None]
+    away = [np.abs(_distance(line, x, y)) for line in (before, after)]
+    total = away[0] + away[1]
+    return np.asarray(away[0] / np.where(total > 0.0, total, 1.0))
+
+
+def _distance(line: F64, x: F64, y: F64) -> F64:
+    (ax, ay), (bx, by) = line
+    length = max(float(np.hypot(bx - ax, by - ay)), 1e-9)
+    return np.asarray(((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / length)
+
 
 HEIGHT_UNIT = 1e-3  # of terrain heights [m], where they fit into 16 bits
 MOST_TRIANGLES = 12000  # of a body from a file, and of its header

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from swath.core.foreign_code import NamesCode, file_of, is_allowed, need_allowed
+from swath.core.foreign_code import NamesCode, file_of, is_allowed
 from swath.scenario.resolved import LevelChoice
 from swath.scenario.scenario import Scenario
 
@@ -12,16 +12,6 @@ def code_of(scenario: Scenario) -> list[Path]:
     """Files with code that a scenario names, without crop habits, which data sheets name."""
     references = [r for _, choice in _choices(scenario) for r in _named(choice)]
     return list(dict.fromkeys(file_of(r, _base(scenario)) for r in (*references, *scenario.evaluators)))
-
-
-def need_code(scenario: Scenario) -> None:
-    """InputError where a scenario that was only looked at names code that may not run."""
-    base = _base(scenario)
-    for key, choice in _choices(scenario):
-        for reference in _named(choice):
-            need_allowed(key, reference, base)
-    for reference in scenario.evaluators:
-        need_allowed("evaluators", reference, base)
 
 
 def slots_without_code(scenario: Scenario) -> list[str]:

@@ -6,12 +6,12 @@ connects those of its kind's list whose port it has, an optional one only where 
 gives it; a scenario's `wires:` override them. Which slots a machine has unasked: `machine_types.py`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 
 from swath.core.component import Port
 from swath.core.registry import Registry
-from swath.scenario.slot_kind import SlotKind as SlotKind
 from swath.signals import (
     BoxSeen,
     CropAhead,
@@ -51,6 +51,33 @@ from swath.signals import (
     YieldReading,
 )
 from swath.signals.radar import RadarTargets
+
+
+@dataclass(frozen=True)
+class SlotKind:
+    """One kind of slot.
+
+    packages: where its levels lie; level: the default one; rate_hz: the default rate
+    outputs: ports that every level of it has; more: that some levels have
+    wires: input port -> (slot kind, output port) of the same machine
+    is_control: told the geometry of the machine, never the truth
+    is_plural: a machine may have several of it, each named `kind_something`
+    is_exchangeable: its level may change while a run goes on, it keeps nothing of motion and masses
+    link_adapter: `module:Class` that completes a part from elsewhere (FMU, ROS 2 node, log) in this slot
+    """
+
+    name: str
+    packages: tuple[str, ...]
+    level: str
+    rate_hz: float
+    outputs: tuple[Port, ...]
+    wires: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    more: tuple[Port, ...] = ()
+    is_control: bool = False
+    is_plural: bool = False
+    is_exchangeable: bool = False
+    link_adapter: str = ""
+
 
 _STATE = {"state": ("motion", "state")}
 _ODOMETRY = {"odometry": ("odometry", "odometry")}
@@ -386,8 +413,13 @@ def is_instance(name: str, kind: SlotKind) -> bool:
 FIELD_PACKAGES: dict[str, tuple[str, ...]] = {n: (f"swath.field.{n}",) for n in ("terrain", "stand")}
 FIELD_LEVELS = {"terrain": "formula", "stand": "uniform"}
 
+GONE = {
+    "box.stereo": "`rim` finds the box in scans; one for pictures can be your own, `file.py:Class`",
+    "cooperate.oscillate": "`by_profile` levels the heap by what it sees of it",
+}
 REGISTRY = Registry(
     {**FIELD_PACKAGES, **{s.name: s.packages for s in SLOTS}},
     links="swath.link.levels",
     linkable=SLOT_NAMES,
+    gone=GONE,
 )

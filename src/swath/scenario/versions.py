@@ -4,7 +4,7 @@ In a file a machine is `machines.combine`; in errors, in `--set` and in the read
 machine may have the name of a section.
 """
 
-from swath.core.errors import InputError
+from swath.core.errors import MIGRATED_BY, InputError
 from swath.documents.hints import unknown_key
 from swath.documents.yaml_document import Document, KeyPath
 
@@ -48,9 +48,6 @@ def _check_format(document: Document) -> None:
     written = document.data.get("format")
     if written == FORMAT:
         return
-    text = f"expected {FORMAT!r}"
-    if written is None:
-        file = document.file or "FILE"
-        text += f"; a scenario of an older version is rewritten by `swath migrate {file}`"
-    error: InputError = document.error(("format",), written, text)
+    older = f"; {MIGRATED_BY}" if written is None else ""
+    error: InputError = document.error(("format",), written, f"expected {FORMAT!r}{older}")
     raise error

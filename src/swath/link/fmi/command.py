@@ -107,8 +107,7 @@ def run_check(args: argparse.Namespace) -> int:
 def run_export(args: argparse.Namespace) -> int:
     """Write an FMU."""
     from swath.core.errors import InputError
-    from swath.link.fmi.export import export_fmu
-    from swath.link.fmi.export_needs import elsewhere_line, importer_line
+    from swath.link.fmi.export import elsewhere_line, export_fmu, importer_line
     from swath.terminal.options import load
     from swath.terminal.tables import table
 

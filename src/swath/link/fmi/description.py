@@ -1,8 +1,11 @@
-"""What an FMU says about itself: variables, units, capabilities, and the faults of its exporter."""
+"""What an FMU says about itself: variables, units, capabilities, and the faults of its exporter.
+Wrong entries that FMPy cannot read and that are not needed to run the FMU are removed.
+"""
 
 import re
-from collections.abc import Mapping
-from contextlib import suppress
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from math import prod
 from pathlib import Path
@@ -13,8 +16,61 @@ from xml.etree.ElementTree import Element
 from swath.core.errors import InputError, MissingExtra
 from swath.documents.packed import open_archive
 from swath.link.fmi.archive import BROKEN, reason
-from swath.link.fmi.repair import repaired
 from swath.link.fmi.units import BASE, Unit, known_unit
+
+_FIXED = ("fixed", "tunable")
+_ALLOWED = {
+    "parameter": _FIXED,
+    "calculatedParameter": _FIXED,
+    "structuralParameter": _FIXED,
+    "input": ("discrete", "continuous"),
+    "output": ("constant", "discrete", "continuous"),
+    "independent": ("continuous",),
+}
+DEFAULT = "continuous"  # variability of what says none (FMI 2.0.3, 2.2.7); FMPy reads it so for every type
+_VALUES = ("Real", "Integer", "Boolean", "String", "Enumeration")
+
+
+@contextmanager
+def repaired(file: Path) -> Iterator[tuple[Path, list[str]]]:
+    """A copy of an FMU's description for reading, and what was left out of it, one line each.
+
+    Left out: the model structure, derivatives, types that are not defined, variabilities that do not go with
+    the causality.
+    """
+    with open_archive(file, "file") as archive:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    repairs: list[str] = []
+    types = {node.get("name") for node in root.iterfind("TypeDefinitions/*")}
+    for node in root.iterfind("ModelVariables/*"):
+        repairs += _repair_variable(node, types)
+    for node in root.iterfind("ModelStructure"):
+        if len(node):
+            repairs.append("its model structure is left out")
+        for child in list(node):
+            node.remove(child)
+    with tempfile.TemporaryDirectory(prefix="swath-fmu-") as folder:
+        copy = Path(folder) / "modelDescription.xml"
+        ElementTree.ElementTree(root).write(copy, encoding="utf-8")
+        yield copy, repairs
+
+
+def _repair_variable(node: Any, types: set[str | None]) -> list[str]:
+    repairs, name = [], node.get("name")
+    for value in (node, *(child for child in node if child.tag in _VALUES)):
+        value.attrib.pop("derivative", None)
+        declared = value.get("declaredType")
+        if declared is not None and declared not in types:
+            del value.attrib["declaredType"]
+            repairs.append(f"variable {name} is of type {declared}, which is not defined")
+    variability, causality = node.get("variability"), node.get("causality", "local")
+    allowed = _ALLOWED.get(causality)
+    if allowed is not None and (variability or DEFAULT) not in allowed:
+        said = variability or f"{DEFAULT} (the default)"
+        repairs.append(f"variable {name} is {causality} and {said}, which do not go together")
+        node.set("variability", allowed[-1] if allowed is not _FIXED else "fixed")
+    return repairs
+
 
 KINDS = {"Real": "real", "Boolean": "bool", "String": "string", "Integer": "int", "Enumeration": "int"}
 UNREADABLE = "expected an FMU of FMI 1, 2 or 3, its description cannot be read"

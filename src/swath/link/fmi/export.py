@@ -9,24 +9,195 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import json
+import os
+import shlex
+import sys
+import sysconfig
 import uuid
 import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict
+from itertools import product
 from math import gcd
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+import swath
 from swath import __version__
 from swath.core.errors import InputError, MissingExtra
 from swath.core.schedule import NS, from_hz
 from swath.core.whole_file import new_file
 from swath.documents.yaml_document import dump
-from swath.link.fmi.export_slave import FILE
+from swath.link.fmi.export_slave import FILE, Fmi3Slave, references
 from swath.link.fmi.export_variables import Variable, list_variables
-from swath.link.fmi.export_xml import describe_model
+from swath.link.fmi.units import BASE, parse_unit
 from swath.scenario.scenario import Scenario
 from swath.scenario.slot_names import find_slots
+
+NAMES = ("libpython3.so", "libpython3.dylib")
+
+
+def importer_environment() -> dict[str, str]:
+    """Environment of an importer on this machine, by name, for this Python; empty where it has no library.
+
+    The binaries in the FMU are bound to Python's stable interface and start none themselves.
+    """
+    base = Path(sys.base_prefix)
+    packages = [
+        str(Path(swath.__file__).parents[1]),
+        *(sysconfig.get_path(k) for k in ("purelib", "platlib")),
+    ]
+    found = {"PYTHONHOME": str(base), "PYTHONPATH": os.pathsep.join(dict.fromkeys(packages))}
+    if sys.platform == "win32":
+        return {"PATH": str(base), **found}
+    folders = dict.fromkeys((sysconfig.get_config_var("LIBDIR"), base / "lib"))
+    libraries = (Path(folder) / name for folder in folders if folder for name in NAMES)
+    library = next((path for path in libraries if path.is_file()), None)
+    return {} if library is None else {"LD_PRELOAD": str(library), **found}
+
+
+def importer_line() -> str:
+    """What to type before a program on this machine, one line."""
+    found = importer_environment()
+    if not found:
+        return "this Python has no shared library (libpython3.so): only Python programs here can run the FMU"
+    if sys.platform == "win32":
+        return " & ".join(f"set {k}={v}" + (";%PATH%" if k == "PATH" else "") for k, v in found.items())
+    return " ".join(f"{key}={shlex.quote(value)}" for key, value in found.items()) + " PROGRAM"
+
+
+def elsewhere_line() -> str:
+    """What such a program needs on a machine of the other system that the FMU has binaries for, one line."""
+    if sys.platform == "win32":
+        return (
+            "on Linux: libpython3.so as LD_PRELOAD, its folder as PYTHONHOME, swath's packages in PYTHONPATH"
+        )
+    where = "the folder of python3.dll in PATH and as PYTHONHOME"
+    return f"on Windows (not tried): {where}, swath's packages in PYTHONPATH"
+
+
+TYPES = {
+    3: {"real": "Float64", "int": "Int64", "bool": "Boolean", "text": "String"},
+    2: {"real": "Real", "int": "Integer", "bool": "Boolean", "text": "String"},
+}
+# Whoever loads the FMU needs a Python with swath: an execution tool in the words of the standard.
+ABILITIES = {
+    "needsExecutionTool": "true",
+    "canHandleVariableCommunicationStepSize": "true",
+    "canBeInstantiatedOnlyOncePerProcess": "false",
+}
+
+
+def describe_model(
+    variables: Sequence[Variable],
+    version: int,
+    *,
+    identifier: str,
+    token: str,
+    step: float,
+    stop: float,
+    **about: str,
+) -> bytes:
+    """The file, for FMI `version` 2 or 3.
+
+    identifier: of the binary, a C name; step: the shortest period [s]; stop [s]: of the scenario
+    about: further attributes of the root, e.g. modelName
+    """
+    token_name, state = ("instantiationToken", "State") if version == 3 else ("guid", "state")
+    root = Element("fmiModelDescription", fmiVersion=f"{version}.0", attrib={**about, token_name: token})
+    side = {"modelIdentifier": identifier, **ABILITIES}
+    side |= {f"canGetAndSetFMU{state}": "true", f"canSerializeFMU{state}": "true"}
+    if version == 2:
+        side["canNotUseMemoryManagementFunctions"] = "true"
+    SubElement(root, "CoSimulation", side)
+    _units(root, variables)
+    log = SubElement(root, "LogCategories")
+    for name, text in Fmi3Slave.log_categories.items():
+        SubElement(log, "Category", name=name, description=text)
+    times = {"startTime": "0", "stopTime": repr(stop), "stepSize": repr(step)}
+    SubElement(root, "DefaultExperiment", times)
+    listed = SubElement(root, "ModelVariables")
+    refs = list(references(variables, split=version == 2))
+    for ref, (index, element) in enumerate(refs):
+        make = _variable3 if version == 3 else _variable2
+        listed.append(make(variables[index], ref, element))
+    _structure(root, [ref for ref, (i, _) in enumerate(refs) if variables[i].causality == "output"], version)
+    indent(root, " ")
+    return bytes(tostring(root, encoding="UTF-8", xml_declaration=True)) + b"\n"
+
+
+def _units(root: Element, variables: Sequence[Variable]) -> None:
+    names = sorted({v.unit for v in variables if v.unit})
+    if not names:
+        return
+    listed = SubElement(root, "UnitDefinitions")
+    for name in names:
+        unit = parse_unit(name)
+        given = {b: str(e) for b, e in zip(BASE, unit.exponents, strict=True) if e}
+        if unit.factor != 1.0:
+            given["factor"] = repr(unit.factor)
+        SubElement(SubElement(listed, "Unit", name=name), "BaseUnit", given)
+
+
+def _common(v: Variable, ref: int, name: str) -> dict[str, str]:
+    changes = {"parameter": "fixed", "independent": "continuous"}.get(v.causality, "discrete")
+    given = {"name": name, "valueReference": str(ref), "causality": v.causality, "variability": changes}
+    if v.causality == "output":
+        given["initial"] = "calculated"
+    if v.description:
+        given["description"] = v.description
+    return given
+
+
+def _variable3(v: Variable, ref: int, element: int | None) -> Element:
+    made = Element(TYPES[3][v.kind], _common(v, ref, v.name))
+    if v.unit:
+        made.set("unit", v.unit)
+    if v.causality in ("input", "parameter"):
+        if v.kind == "text":
+            SubElement(made, "Start", value=str(v.start))
+        else:
+            made.set("start", " ".join(_number(x) for x in (v.start if v.shape else [v.start])))
+    for length in v.shape:
+        SubElement(made, "Dimension", start=str(length))
+    return made
+
+
+def _variable2(v: Variable, ref: int, element: int | None) -> Element:
+    name, start = v.name, v.start
+    if element is not None:
+        places = list(product(*(range(1, n + 1) for n in v.shape)))[element]
+        name, start = f"{name}[{','.join(map(str, places))}]", v.start[element]
+    made = Element("ScalarVariable", _common(v, ref, name))
+    value = SubElement(made, TYPES[2][v.kind])
+    if v.unit:
+        value.set("unit", v.unit)
+    if v.causality in ("input", "parameter"):
+        value.set("start", start if v.kind == "text" else _number(start))
+    return made
+
+
+def _structure(root: Element, outputs: list[int], version: int) -> None:
+    structure = SubElement(root, "ModelStructure")
+    if version == 3:
+        for tag in ("Output", "InitialUnknown"):
+            for ref in outputs:
+                SubElement(structure, tag, valueReference=str(ref))
+        return
+    for tag in ("Outputs", "InitialUnknowns"):
+        if outputs:
+            listed = SubElement(structure, tag)
+            for ref in outputs:
+                SubElement(listed, "Unknown", index=str(ref + 1))
+
+
+def _number(value: Any) -> str:
+    """As xs:double and xs:boolean have it."""
+    if isinstance(value, bool | int):
+        return str(value).lower()
+    return {"nan": "NaN", "inf": "INF", "-inf": "-INF"}.get(repr(float(value)), repr(float(value)))
+
 
 PACKAGES = {3: "pythonfmu3", 2: "pythonfmu"}
 DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive, so that its bytes do not depend on the clock

@@ -29,9 +29,14 @@ from swath.core.schedule import NS
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.sensing.camera.camera_sheet import CameraSheet, load_camera
-from swath.sensing.camera.daylight import sunlight
-from swath.sensing.camera.image_sensor import ImageSensor, photon_rate
-from swath.sensing.camera.mosaic import filtered, filters, interpolated
+from swath.sensing.camera.image_sensor import (
+    ImageSensor,
+    filtered,
+    filters,
+    interpolated,
+    photon_rate,
+    sunlight,
+)
 from swath.sensing.camera.pinhole import Pinhole
 from swath.sensing.camera.rays import Channel, SceneCamera, SceneParams, Sight
 from swath.sensing.camera.shading import FULL, encode

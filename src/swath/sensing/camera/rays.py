@@ -4,10 +4,17 @@ All pixels at one time (global shutter), no lens distortion, no noise, no exposu
 sees. A second ray per sample, from towards the sun back to what was seen, gives the angle to the sun and the
 shadow.
 The machine that carries the camera is not in the picture.
+
+Each sample sees things that go where they are at its own time. A thing with the velocity v that a ray meets s
+seconds after the time of the picture is met at that time by the same ray from its origin less v s. So the
+picture is cast without the things that go, then each of them alone from such origins, and the nearest of all
+counts. Depth and time stay; light and shadow on the thing are those of the time of the picture. A turn within
+the exposure is left out.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import isqrt
+from math import hypot, isqrt
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -21,21 +28,98 @@ from swath.core.lens import Lens
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import DEG, PERCENT
+from swath.field.contact import bounds, parts_of
+from swath.field.memory_layout import Solids
 from swath.field.site_setup import SiteSetup
 from swath.rays.device import ThreadPool
 from swath.rays.engine import RayCaster
 from swath.rays.hits import Hits
-from swath.sensing.camera.boxes import boxes_of, no_boxes
 from swath.sensing.camera.instances import Instances, instances_of
 from swath.sensing.camera.lighting import SHADOW_REACH, Lighting, LightSetup
-from swath.sensing.camera.moving import over_moving
 from swath.sensing.camera.orthophoto import Orthophoto
 from swath.sensing.camera.pinhole import OPTICAL, Pinhole, focal_of
 from swath.sensing.camera.shading import encode, sun_direction
 from swath.sensing.mount import Mount, poses_at
 from swath.sensing.weather import Weather
-from swath.signals import F64, Image, MachineState
+from swath.signals import F64, OBSTACLE_KINDS, Image, MachineState
 from swath.signals.image import ImageBoxes, empty_image
+
+Moving = tuple[Solids, F64]  # what a thing consists of, and its velocity (3,) [m/s]
+ROOM = 1.1  # of the ball around a thing in which rays are looked for
+
+
+def over_moving(
+    caster: RayCaster,
+    hits: Hits,
+    origins: F64,
+    directions: F64,
+    late: F64,
+    moving: Sequence[Moving],
+    reach: float,
+) -> tuple[Hits, F64]:
+    """Hits (rows, columns) of what stands, and those of things that go where these are nearer; origins as
+    they are for each, (rows, columns, 3).
+
+    origins, directions: (rows, columns, 3) or origins (3,); late: times of the samples after that of the
+    picture [s], (rows, columns); reach: longest ray [m]
+    """
+    starts = np.array(np.broadcast_to(origins, directions.shape))
+    made = Hits(*(array.copy() for array in hits.arrays))
+    for solids, velocity in moving:
+        chosen = np.flatnonzero(_near(solids, velocity, starts, directions, late, reach))
+        if len(chosen) == 0:
+            continue
+        back = late.ravel()[chosen, None] * velocity
+        eyes = np.broadcast_to(origins, directions.shape).reshape(-1, 3)[chosen] - back
+        found = caster.cast_solids(eyes, directions.reshape(-1, 3)[chosen], range_max=reach, solids=solids)
+        before = made.distance.ravel()[chosen]
+        nearer = found.is_hit & ~(before <= found.distance)  # before: nan = nothing
+        for array, there in zip(made.arrays, found.arrays, strict=True):
+            array.reshape(-1)[chosen[nearer]] = there[nearer]
+        starts.reshape(-1, 3)[chosen[nearer]] = eyes[nearer]
+    return made, starts
+
+
+def _near(solids: Solids, velocity: F64, starts: F64, directions: F64, late: F64, reach: float) -> F64:
+    """Whether rays pass the ball around a thing, wherever it is meanwhile: (rows, columns)."""
+    middle, half = bounds(parts_of(solids))
+    first, last = float(late.min()), float(late.max())
+    middle = middle + 0.5 * (first + last) * velocity
+    radius = ROOM * (hypot(*half.tolist()) + 0.5 * (last - first) * hypot(*velocity.tolist()))
+    away = middle - starts
+    along = (away * directions).sum(axis=-1)
+    across = (away * away).sum(axis=-1) - along * along
+    return np.asarray((across <= radius * radius) & (along > -radius) & (along < reach + radius))
+
+
+def boxes_of(
+    t: int, instance: NDArray[np.uint16], depth: NDArray[np.float32], things: Instances
+) -> ImageBoxes:
+    """Of every thing that at least one pixel (height, width) shows."""
+    v, u = np.nonzero(instance)
+    if len(v) == 0:
+        return no_boxes(t)
+    number = instance[v, u].astype(np.int64)
+    size = len(things.names) + 1
+    low, high = (np.full((2, size), end) for end in (np.inf, -np.inf))
+    near = np.full(size, np.inf)
+    for axis, at in enumerate((u, v)):
+        np.minimum.at(low[axis], number, at)
+        np.maximum.at(high[axis], number, at)
+    np.minimum.at(near, number, depth[v, u])
+    area = np.bincount(number, minlength=size)
+    seen = np.flatnonzero(area)
+    kind = [OBSTACLE_KINDS.index(things.kinds[k - 1]) for k in seen.tolist()]
+    edges = low[0, seen] - 0.5, low[1, seen] - 0.5, high[0, seen] + 0.5, high[1, seen] + 0.5
+    columns = (seen.astype(np.float64), np.array(kind, np.uint8), *edges, area[seen].astype(np.float64))
+    return ImageBoxes(t, *columns, near[seen])
+
+
+def no_boxes(t: int) -> ImageBoxes:
+    """Of a picture without things."""
+    nothing = np.zeros(0)
+    return ImageBoxes(t, nothing, np.zeros(0, np.uint8), *[nothing] * 6)
+
 
 Channel = Literal["colour", "depth", "label", "instance", "raw"]
 RAYS_MAX = 10_000_000  # full HD with four samples per pixel

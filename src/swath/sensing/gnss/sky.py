@@ -4,29 +4,243 @@ Once a second a ray goes from the antenna to every satellite. What is solid bloc
 the carrier to noise ratio follows which satellites are heard by code and by carrier, from their directions
 the dilution of precision that stretches the errors of level `error`, and from their number and the age of the
 corrections the state of the fix, wrong ones among them.
+
+`FixStates`, what a receiver makes of the satellites it hears, is a state machine with times: ambiguities are
+fixed a while after the carrier is tracked, and now and then to wrong numbers, which nobody notices until a
+later test does. How often and how long is not published for farm machines as a whole: the defaults are
+estimates.
+
+The satellites are two Walker constellations on circles: GPS 24/6/1 at 55 deg, radius 26,560 km (IS-GPS-200),
+Galileo 24/3/1 at 56 deg, radius 29,600 km (Galileo OS SIS ICD). Real orbits are off from these by some
+degrees: their number, their spread over the sky and how it turns are right, the single satellite is nobody's.
+Between them and an antenna stand the scene, the other machines and the own body.
 """
 
 from dataclasses import dataclass, field
-from math import exp, nan
-from typing import Annotated, ClassVar, Literal
+from math import cos, exp, hypot, log1p, nan, pi, sin, sqrt
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Outputs
+from swath.core import portable
+from swath.core.component import KeepsState, Outputs
 from swath.core.errors import InputError
+from swath.core.packed_state import saved_type
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG
-from swath.field.site_setup import SiteSetup
+from swath.field.memory_layout import Solids
+from swath.field.site_setup import Body, SiteSetup
+from swath.field.solids import merge
+from swath.rays.single.buffers import BeamBuffer
 from swath.sensing.gnss import error
 from swath.sensing.gnss.error import ErrorGnss, Reception
-from swath.sensing.gnss.fix_states import FIX, FixStates, Heard, Times
 from swath.sensing.gnss.receiver_errors import RECEIVERS
-from swath.sensing.gnss.satellites import dilution, directions
-from swath.sensing.gnss.shading import Shading
 from swath.signals import F64, FIX_QUALITIES
+
+FOLIAGE = ("tree", "hedge")
+REACH = 150.0  # farther bodies shade nothing above 5 deg up to a height of 13 m
+FAR = 400.0  # of a ray [m]
+SKIN = 0.05  # above the antenna's place, so that its foot does not shade it [m]
+
+
+class Shading:
+    """Casts a ray to every satellite against the solids of all bodies, those in leaf by themselves."""
+
+    def __init__(self, setup: SiteSetup, count: int) -> None:
+        self._setup = setup
+        self._hard, self._leaves = BeamBuffer(count), BeamBuffer(count)
+
+    def look(self, antenna: F64, up: F64) -> tuple[F64, F64]:
+        """(is blocked, is behind leaves), boolean (n,) each. antenna (3,) [m], up: directions (n, 3)"""
+        bodies = [b for b in self._setup.bodies.around() if _is_near(b, antenna)]
+        leaves = [b.solids for b in bodies if b.kind in FOLIAGE]
+        hard = [b.solids for b in bodies if b.kind not in FOLIAGE]
+        return self._met(self._hard, hard, antenna, up), self._met(self._leaves, leaves, antenna, up)
+
+    def _met(self, beams: BeamBuffer, solids: list[Solids], antenna: F64, up: F64) -> F64:
+        count = beams.count
+        if not solids:
+            return np.zeros(count, dtype=bool)
+        beams.origins[:count] = antenna + np.array([0.0, 0.0, SKIN])
+        beams.directions[:count] = up
+        beams.distance[:count] = FAR
+        if not beams.meet(merge(*solids), FAR):
+            return np.zeros(count, dtype=bool)
+        return np.asarray(beams.distance[:count] < 0.999 * FAR)
+
+
+def _is_near(body: Body, antenna: F64) -> bool:
+    middle = body.pose.apply(body.middle)
+    away = hypot(*(middle[:2] - antenna[:2]).tolist())
+    return away < REACH + hypot(*body.half.tolist())
+
+
+GRAVITY = 3.986004418e14  # of the Earth [m3/s2]
+TURN = 7.2921151467e-5  # of the Earth [rad/s]
+RADIUS = 6.371e6  # of the Earth [m]
+# satellites, planes, phasing, inclination [rad], radius [m], node of the first plane [rad]
+WALKERS = ((24, 6, 1, 55.0 * pi / 180.0, 26.56e6, 0.0), (24, 3, 1, 56.0 * pi / 180.0, 29.6e6, 0.6))
+
+
+def directions(latitude: float, longitude: float, seconds: float) -> F64:
+    """Unit vectors east, north, up (n, 3) to all satellites; those below the horizon have up < 0.
+
+    latitude, longitude [rad]; seconds: of the day
+    """
+    places = np.concatenate([_orbit(*walker, seconds) for walker in WALKERS])
+    angle = TURN * seconds
+    c, s = cos(angle), sin(angle)
+    x, y = c * places[:, 0] + s * places[:, 1], c * places[:, 1] - s * places[:, 0]
+    sb, cb, sl, cl = sin(latitude), cos(latitude), sin(longitude), cos(longitude)
+    here = RADIUS * np.array([cb * cl, cb * sl, sb])
+    dx, dy, dz = x - here[0], y - here[1], places[:, 2] - here[2]
+    east, north = -sl * dx + cl * dy, -sb * cl * dx - sb * sl * dy + cb * dz
+    up = cb * cl * dx + cb * sl * dy + sb * dz
+    away = np.stack([east, north, up], axis=-1)
+    return np.asarray(away / np.linalg.norm(away, axis=1)[:, None])
+
+
+def _orbit(
+    count: int, planes: int, phasing: int, inclination: float, radius: float, node: float, seconds: float
+) -> F64:
+    """Positions in the frame that does not turn (count, 3) [m]."""
+    per_plane = count // planes
+    plane, slot = np.divmod(np.arange(count), per_plane)
+    rate = sqrt(GRAVITY / radius**3)
+    along = 2.0 * pi * (slot / per_plane + plane * phasing / count) + rate * seconds
+    ascending = node + 2.0 * pi * plane / planes
+    c, s, cn, sn = np.cos(along), np.sin(along), np.cos(ascending), np.sin(ascending)
+    x = c * cn - s * cos(inclination) * sn
+    y = c * sn + s * cos(inclination) * cn
+    return radius * np.stack([x, y, s * sin(inclination)], axis=-1)
+
+
+def dilution(seen: F64) -> tuple[float, float]:
+    """Horizontal and vertical dilution of precision of unit vectors (n, 3); inf where they give no place."""
+    if len(seen) < 4:
+        return float("inf"), float("inf")
+    rows = np.concatenate([-seen, np.ones((len(seen), 1))], axis=1)
+    normal = portable.product(rows.T, rows)
+    try:
+        spread = np.diag(portable.inverse(normal))
+    except ZeroDivisionError:
+        return float("inf"), float("inf")
+    if not np.all(np.isfinite(spread)) or float(spread.min()) < 0.0:
+        return float("inf"), float("inf")
+    return hypot(sqrt(float(spread[0])), sqrt(float(spread[1]))), sqrt(float(spread[2]))
+
+
+NONE, SINGLE, DGPS, FLOAT, FIX = range(len(FIX_QUALITIES))
+TINY = 1e-9  # s, that sums of periods are off by
+Seconds = Annotated[float, Ge(0), Le(1e6)]
+
+
+@dataclass(frozen=True)
+class Times:
+    """How a receiver gets its fix and loses it.
+
+    reacquire_s: from four satellites on to the first position; fix_min_s, fix_mean_s: from the first float
+    solution to the fix, at least, and the mean of what comes on top (exponential)
+    phase_float, phase_fix: satellites whose carrier is tracked, for a float solution and to fix it
+    rtk_age_s, dgps_age_s: age of the corrections up to which they serve
+    losses_per_h: of a fix under open sky, to float
+    wrong_percent: of fixes that are wrong; wrong_shaded: times as many with fewer than 8 carriers or a
+    horizontal dilution above 2; wrong_s: mean time until one is noticed
+    """
+
+    reacquire_s: Seconds = 1.0
+    fix_min_s: Seconds = 2.0
+    fix_mean_s: Annotated[float, Gt(0), Le(1e5)] = 6.0
+    phase_float: Annotated[int, Ge(4), Le(50)] = 5
+    phase_fix: Annotated[int, Ge(4), Le(50)] = 6
+    rtk_age_s: Seconds = 30.0
+    dgps_age_s: Seconds = 120.0
+    losses_per_h: Annotated[float, Ge(0), Le(3600)] = 0.5
+    wrong_percent: Annotated[float, Ge(0), Le(100)] = 0.5
+    wrong_shaded: Annotated[float, Ge(1), Le(200)] = 10.0
+    wrong_s: Annotated[float, Gt(0), Le(1e5)] = 40.0
+
+
+@saved_type()
+class Heard(NamedTuple):
+    """codes, carriers: satellites of which either is tracked; hdop; age: of the corrections [s]"""
+
+    codes: int
+    carriers: int
+    hdop: float
+    age: float
+
+
+class FixStates(KeepsState):
+    """quality: by number, as in FIX_QUALITIES; is_wrong: a fix on wrong ambiguities; wrong_count: so far."""
+
+    kept = ("quality", "is_wrong", "wrong_count", "fix_count", "_heard", "_floats", "_wait")
+
+    def __init__(self, times: Times, best: int = FIX) -> None:
+        self._times, self._best = times, best
+        self.reset()
+
+    def reset(self, quality: int = NONE) -> None:
+        """From this quality on."""
+        self.quality, self.is_wrong = min(quality, self._best), False
+        self.wrong_count = self.fix_count = 0
+        self._heard = 0.0 if quality == NONE else float("inf")  # time with four satellites
+        self._floats = 0.0  # time with a float solution
+        self._wait = float("inf")  # time of it until the fix
+
+    def step(self, seconds: float, heard: Heard, draw: tuple[float, float, float]) -> int:
+        """The quality after so many seconds. draw: three uniform numbers of [0, 1)"""
+        t = self._times
+        self._heard = self._heard + seconds if heard.codes >= 4 else 0.0
+        if heard.codes < 4 or self._heard < t.reacquire_s - TINY:
+            return self._go(NONE)
+        most = FLOAT if heard.carriers >= t.phase_float else DGPS
+        if heard.age > t.dgps_age_s:
+            most = SINGLE
+        elif heard.age > t.rtk_age_s:
+            most = min(most, DGPS)
+        if most < FLOAT or self._best < FLOAT:
+            return self._go(min(most, self._best))
+        if self.quality == FIX:
+            return self._keep(seconds, heard, draw)
+        if self.quality != FLOAT or self._wait == float("inf"):
+            self._begin(draw[0])
+            return self._go(FLOAT)
+        self._floats += seconds
+        if self._best == FIX and self._floats >= self._wait - TINY and heard.carriers >= t.phase_fix:
+            self._fix(heard, draw[1])
+        return self.quality
+
+    def _keep(self, seconds: float, heard: Heard, draw: tuple[float, float, float]) -> int:
+        """A fix stays, is lost, or is found to be wrong."""
+        t = self._times
+        rate = 1.0 / t.wrong_s if self.is_wrong else t.losses_per_h / 3600.0
+        if heard.carriers < t.phase_float or draw[2] < rate * seconds:
+            self._begin(draw[0])
+            return self._go(FLOAT)
+        return FIX
+
+    def _begin(self, draw: float) -> None:
+        """A float solution begins; draw the time until it is fixed."""
+        self._floats = 0.0
+        self._wait = self._times.fix_min_s - self._times.fix_mean_s * log1p(-draw)
+
+    def _fix(self, heard: Heard, draw: float) -> None:
+        t = self._times
+        is_shaded = heard.carriers < 8 or heard.hdop > 2.0
+        share = min(t.wrong_percent / 100.0 * (t.wrong_shaded if is_shaded else 1.0), 1.0)
+        self.is_wrong = draw < share
+        self.fix_count += 1
+        self.wrong_count += self.is_wrong
+        self.quality = FIX
+
+    def _go(self, quality: int) -> int:
+        self.quality, self.is_wrong = quality, False
+        return quality
+
 
 OPEN_HDOP = 0.8  # of an open sky with two constellations, at which the table's figures hold
 MOST_STRETCH = 10.0

@@ -5,31 +5,99 @@
 A target's echo fluctuates from look to look (Swerling 1): power over noise has an exponential distribution
 of mean 1 + SNR, a detection is above -ln Pfa, so Pd = Pfa^(1 / (1 + SNR)) (Richards 2014, Fundamentals of
 Radar Signal Processing, chapter 6). What shares a resolution cell is one detection; a thing that fills
-several may give several, and raises its own threshold (masking.py).
+several may give several, and raises its own threshold.
+
+An extended thing: the sides that a thing turns to a radar throw back evenly, as seen from there. Which sides
+these are is looked up in steps of 5 deg around it, seen from afar, level; where they lie is exact. Echoes of
+one resolution cell have random phases; they shift its apparent place (glint) by a normal error with the
+standard deviation
+
+    sd_of_the_echoes * sqrt(mean / (2 power))
+
+for a look of this power: the quotient of two Gaussian sums (Delano 1953, A theory of target glint or angular
+scintillation in radar tracking, Proc. IRE 41). It is never larger than the thing.
+
+The threshold of a detector that averages cells (CFAR): its training bins, half a resolution cell each, lie to
+both sides in distance behind a guard; the power of an echo in them counts there with the window of its place,
+azimuth and speed (detector.py). So what is longer than the guard raises its own threshold, and a wall that of
+a person some cells before it.
 """
 
 from collections import deque
-from dataclasses import dataclass
-from math import hypot, log, log10, sqrt
+from dataclasses import dataclass, replace
+from math import atan2, hypot, log, log10, pi, sqrt
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, Outputs
+from swath.core.frames import Pose
 from swath.core.portable import arctan2, product
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import PERCENT
-from swath.field.site_setup import SiteSetup
-from swath.sensing.radar.detector import Grid, processing_loss
-from swath.sensing.radar.extent import Scatterers, glint
+from swath.field.site_setup import Body, SiteSetup
+from swath.field.solids import moved
+from swath.sensing.radar.detector import GUARD, Grid, processing_loss, window
 from swath.sensing.radar.ideal import IdealRadar, Target, entry
 from swath.sensing.radar.ideal import Params as IdealParams
-from swath.sensing.radar.masking import TRAINING, in_training
+from swath.sensing.radar.solid_rays import aimed, distances
 from swath.sensing.radar.stand_loss import DB, StandLoss, wave_factor
 from swath.signals import F64
 from swath.signals.radar import RadarTargets, radar_targets_of
+
+TRAINING = 16  # bins on both sides together, as level `rays` has by default
+
+
+def in_training(places: F64, cell: tuple[float, float, float]) -> F64:
+    """Mean power in the training bins of each echo, from each other one of power 1: (n, n), row: whose bins.
+
+    places: distance [m], azimuth [rad] and radial speed [m/s] of the echoes, (n, 3)
+    """
+    apart = (places[None, :, :] - places[:, None, :]) / np.array(cell)
+    reach = GUARD + TRAINING // 2
+    bins = 0.5 * np.array([k for k in range(-reach, reach + 1) if abs(k) > GUARD])
+    along = (window(apart[:, :, :1] - bins) ** 2).sum(axis=2) / TRAINING
+    beside = window(apart[:, :, 1]) ** 2 * window(apart[:, :, 2]) ** 2
+    slope = (places[None, :, 0] / places[:, None, 0]) ** 4  # the detector levels the echo of flat ground
+    return np.asarray(along * beside * slope * (1.0 - np.eye(len(places))))
+
+
+ASPECTS = 72  # around a thing
+AFAR = 1000.0  # from where its sides are looked at [m]
+
+
+class Scatterers:
+    """Of things, each kept by its name, size and aspect once it is known."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, bytes, int], F64] = {}
+
+    def of(self, body: Body, eye: F64) -> F64:
+        """Points of the sides that a body turns to an eye (3,), each for the same share: world (n, 3)."""
+        x, y, _ = (body.pose.inverse().apply(eye) - body.middle).tolist()
+        aspect = round(atan2(y, x) * ASPECTS / (2.0 * pi)) % ASPECTS
+        key = body.name, body.half.tobytes(), aspect
+        if key not in self._known:
+            self._known[key] = _facing(body, 2.0 * pi * aspect / ASPECTS)
+        return body.pose.apply(self._known[key])
+
+
+def _facing(body: Body, aspect: float) -> F64:
+    """Points in the body's frame (n, 3) that rays from an aspect [rad] meet; its middle where none does."""
+    own = replace(body, solids=moved(body.solids, body.pose.inverse()), pose=Pose.identity())
+    eye = body.middle + AFAR * np.array([np.cos(aspect), np.sin(aspect), 0.0])
+    directions = aimed(own, eye)
+    far = distances(own.solids, eye, directions)
+    meets = np.isfinite(far)
+    return np.asarray(eye + far[meets, None] * directions[meets]) if meets.any() else body.middle[None]
+
+
+def glint(mean: float, power: float) -> float:
+    """Standard deviation of the apparent place over that of the echoes. mean, power: over noise."""
+    return sqrt(min(1.0, mean / (2.0 * max(power, 1e-9))))
+
 
 PARTS = 5  # heights of a thing that have a way through the crop each
 RAIN = {"low": (0.148, 1.0), "high": (1.08, 0.72)}  # dB/km = k R^a: 3.7 and 11 dB/km at 25 mm/h, uncited

@@ -1,17 +1,28 @@
-"""One scan of a scenario after some driving, as files."""
+"""One scan of a scenario after some driving, as files.
+
+scan.png (picture), scan.csv (a line per echo), scan.npz (arrays), point clouds; of a camera its channels side
+by side in scan.camera.png, its arrays in .npz.
+"""
 
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.frames import Pose
 from swath.core.whole_file import write_whole
+from swath.field.memory_layout import Organ
 from swath.judge.evaluators.edge_detection import EdgeDetection
-from swath.report.scan_sampler import ScanSampler
+from swath.record.messages import RecordedMachine
+from swath.report import plots
+from swath.report.scan_sampler import KeptScan, ScanSampler
+from swath.report.stand3d import COLOURS, GROUND, Stand, stand_figure
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive
@@ -19,6 +30,167 @@ from swath.runtime.world import Machine, World
 from swath.scenario.scenario import Scenario
 from swath.scenario.slots import kind_of
 from swath.signals import F64, Image, Scan, ScanTruth, Signal
+from swath.signals.setup import MachineGeometry
+from swath.tools.scan.point_cloud import make_cloud, need_las, write_las, write_ply
+
+FORMATS = ("png", "csv", "npz", "ply", "las", "laz")
+USUAL_FORMATS = FORMATS[:4]
+COLUMNS = (
+    "beam,echo,time_s,azimuth_rad,elevation_rad,range_m,intensity,x_machine_m,y_machine_m,z_machine_m,"
+    "x_true_m,y_true_m,z_true_m"
+)
+
+
+def check_formats(formats: Sequence[str]) -> None:
+    """InputError for a name that is none of FORMATS, MissingExtra for one that needs more."""
+    for name in formats:
+        if name not in FORMATS:
+            raise InputError("--format", name, f"expected some of {', '.join(FORMATS)}")
+    if {"las", "laz"} & set(formats):
+        need_las()
+
+
+def write_scan(
+    folder: Path,
+    scan: Scan,
+    truth: ScanTruth,
+    kept: KeptScan,
+    *,
+    mounting: Pose,
+    machine: RecordedMachine,
+    stand: Stand,
+    edge: F64,
+    formats: Sequence[str] = USUAL_FORMATS,
+) -> list[Path]:
+    """Write a file per format of FORMATS; returns their paths.
+
+    mounting: pose_machine_sensor; edge: as for the report. MissingExtra where a format needs more.
+    """
+    points = mounting.apply(scan.points())
+    cloud = make_cloud(scan, truth, kept.pose @ mounting)
+    write: dict[str, Callable[[Path], Path]] = {
+        "png": lambda p: _picture(p, scan, points, kept, machine, stand_figure(stand, kept, machine, edge)),
+        "csv": lambda p: _table(p, scan, points, truth),
+        "npz": lambda p: _arrays(p, scan, points, truth, kept),
+        "ply": lambda p: write_ply(p, cloud),
+        "las": lambda p: write_las(p, cloud, machine.origin),
+        "laz": lambda p: write_las(p, cloud, machine.origin),
+    }
+    return [write[name](folder / f"scan.{name}") for name in FORMATS if name in formats]
+
+
+def _picture(
+    path: Path, scan: Scan, points: F64, kept: KeptScan, machine: RecordedMachine, drawn: Any
+) -> Path:
+    import matplotlib
+    from matplotlib.image import imread
+
+    with matplotlib.rc_context(plots.STYLE):
+        fig = plots.figure(12.0, 11.0)
+        profile, above, view = fig.subplots(3, 1, height_ratios=(1.0, 1.3, 2.4))
+        plots.plot_scan(profile, kept, machine.geometry, machine.edge_side)
+        profile.set(xlabel="left of the machine's axis [m]", ylabel="height [m]")
+        profile.legend(loc="upper left", ncol=4)
+        _from_above(above, points, scan, machine.geometry, machine.edge_side)
+        picture = path.with_name("stand.png")
+        drawn.savefig(picture, dpi=110)
+        view.imshow(imread(picture))
+        picture.unlink()
+        view.set_axis_off()
+        fig.savefig(path, dpi=110)
+    return path
+
+
+def _from_above(ax: Any, points: F64, scan: Scan, geometry: MachineGeometry, side: str) -> None:
+    xyz = points.reshape(-1, 3)
+    seen = np.isfinite(xyz[:, 0])
+    dots = ax.scatter(xyz[seen, 1], xyz[seen, 0], c=scan.intensity.ravel()[seen], s=6, cmap="cividis")
+    ax.figure.colorbar(dots, ax=ax, label="intensity", pad=0.01)
+    end = geometry.header_end(side)
+    half = 0.5 * geometry.header_width
+    ax.plot([geometry.header_y - half, geometry.header_y + half], [end[0]] * 2, color=plots.INK, lw=3)
+    ax.set_aspect("equal")
+    ax.invert_xaxis()
+    ax.set(xlabel="left of the machine's axis [m]", ylabel="ahead of the axle [m]")
+    ax.set_title("echoes from above; the bar is the knife", loc="left", fontsize=9.5)
+
+
+def _table(path: Path, scan: Scan, points: F64, truth: ScanTruth) -> Path:
+    at = beam, _ = np.nonzero(np.isfinite(scan.ranges))
+    angles = scan.beam_t[beam], scan.azimuth[beam], scan.elevation[beam]
+    rows = np.column_stack([*at, *angles, scan.ranges[at], scan.intensity[at], points[at], truth.points[at]])
+    np.savetxt(path, rows, ["%d", "%d", *["%.6g"] * 11], ",", header=COLUMNS, comments="")
+    return path
+
+
+def _arrays(path: Path, scan: Scan, points: F64, truth: ScanTruth, kept: KeptScan) -> Path:
+    np.savez_compressed(
+        path,
+        t_ns=scan.t,
+        beam_t_s=scan.beam_t,
+        azimuth_rad=scan.azimuth,
+        elevation_rad=scan.elevation,
+        ranges_m=scan.ranges,
+        intensity=scan.intensity,
+        points_machine_m=points,
+        points_true_m=truth.points,
+        edge_true_m=kept.edge_true,
+        edge_detected_m=np.nan if kept.edge is None else kept.edge.offset,
+    )
+    return path
+
+
+GAP = 4  # between the channels [px]
+OTHERS = {Organ.NONE: "#FFFFFF", Organ.GROUND: GROUND, Organ.STRAW: "#F5E9C8", Organ.SOLID: "#56606B"}
+
+
+def write_picture(folder: Path, image: Image) -> list[Path]:
+    """Write both files; returns their paths. Colour, depth (near bright) and label, as far as it has them."""
+    from matplotlib.image import imsave
+
+    drawn = []
+    if image.colour.size:
+        drawn.append(image.colour)
+    if image.depth.size:
+        drawn.append(_depth_colours(image.depth))
+    if image.label.size:
+        drawn.append(_label_colours(image.label))
+    gap = np.full((image.height, GAP, 3), 255, np.uint8)
+    row = [part for pixels in drawn for part in (gap, pixels)][1:]
+    picture, arrays = folder / "scan.camera.png", folder / "scan.camera.npz"
+    imsave(picture, np.ascontiguousarray(np.concatenate(row, axis=1)))
+    np.savez_compressed(
+        arrays,
+        t_ns=image.t,
+        focal_px=image.focal,
+        centre_px=np.array([image.centre_x, image.centre_y]),
+        colour=image.colour,
+        depth_m=image.depth,
+        label=image.label,
+        label_names=np.array([organ.name.lower() for organ in Organ]),
+    )
+    return [picture, arrays]
+
+
+def _depth_colours(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """By the logarithm of the depth, from the nearest to the furthest in the picture; white = nothing."""
+    import matplotlib
+
+    seen = np.isfinite(depth)
+    if not seen.any():
+        return np.full((*depth.shape, 3), 255, np.uint8)
+    logs = np.log(np.where(seen, depth, np.nanmin(depth)))
+    share = (logs.max() - logs) / max(float(np.ptp(logs)), 1e-6)
+    shown = matplotlib.colormaps["cividis"](share, bytes=True)[..., :3]
+    return np.where(seen[..., None], shown, 255).astype(np.uint8)
+
+
+def _label_colours(label: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """In the colours of the other pictures of the stand."""
+    from matplotlib.colors import to_rgb
+
+    table = np.array([to_rgb({**COLOURS, **OTHERS}[organ]) for organ in Organ])
+    return np.round(255.0 * table[label]).astype(np.uint8)
 
 
 @dataclass(frozen=True)
@@ -50,13 +222,10 @@ def scan_job(
     """One scan of a scenario after `at_s` of driving, as files `scan.*` in the folder `out`.
 
     The scanner is the first lidar of the first machine that has one.
-    formats: of tools/scan/files.py, None = picture, csv, npz and ply
+    formats: of tools/scan/scan.py, None = picture, csv, npz and ply
     camera: also the image of that machine's first camera: scan.camera.png and scan.camera.npz
     tell: given each note of the machine, such as a rate that the sensor does not have
     """
-    from swath.tools.scan.camera_picture import write_picture
-    from swath.tools.scan.files import USUAL_FORMATS, check_formats, write_scan
-
     formats = USUAL_FORMATS if formats is None else formats
     check_formats(formats)
     driven = drive_to_scan(scenario, at_s, camera=camera)

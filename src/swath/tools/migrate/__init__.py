@@ -1,1 +1,0 @@
-"""`swath migrate`: files of an older version in the form of this one."""
