@@ -47,27 +47,31 @@ def test_a_setting_with_a_slip_is_named(capsys, monkeypatch):
     )
 
 
-def test_a_trial_of_five_metres_is_no_failure_but_a_long_run_without_a_value_is(tmp_path, capsys):
+def test_a_trial_of_five_metres_is_open_and_a_long_run_without_a_value_fails(tmp_path, capsys):
     flags = [word for change in SHORT for word in ("--set", change)]
-    assert main(["run", "straight", *flags, "--out", str(tmp_path / "r")]) == 0
-    assert "note    nothing measured in so short a run: lateral_rms_m" in capsys.readouterr().out
+    assert main(["run", "straight", *flags, "--out", str(tmp_path / "r")]) == 3
+    assert "open    combine.lateral_rms_m: not measured in so short a run" in capsys.readouterr().out
     expect = json.loads((tmp_path / "r" / "summary.json").read_text())["expect"]
     assert {e["result"] for e in expect if e["name"] == "lateral_rms_m"} == {"not measured"}
-    from swath.judge.limits import NOTHING, entry_of, is_failed
+    from swath.judge.limits import NOTHING, entry_of, exit_code_of
 
     expected = load_scenario("straight").expect[0]
-    assert is_failed([entry_of(expected, [(None, NOTHING)])])
-    assert not is_failed([entry_of(expected, [(None, NOTHING)], is_trial=True)])
-    assert is_failed([entry_of(expected, [(1.0, "1 is more than 0.05")], is_trial=True)])
+    missing, wrong = (None, NOTHING), (1.0, "1 is more than 0.05")
+    assert exit_code_of([entry_of(expected, [missing])]) == 1
+    unmeasured = entry_of(expected, [missing], is_trial=True)
+    assert exit_code_of([unmeasured]) == 3
+    assert exit_code_of([unmeasured, entry_of(expected, [wrong], is_trial=True)]) == 1
 
 
-def test_a_trial_that_ends_before_a_window_opens_is_no_failure(tmp_path, monkeypatch, capsys):
+def test_a_trial_that_ends_before_a_window_opens_is_open(tmp_path, monkeypatch, capsys):
     """The template of a scenario has a limit from 10 m on."""
     monkeypatch.chdir(tmp_path)
     assert main(["new", "scenario"]) == 0
     flags = [word for change in ("run.distance_m=3", *SHORT[1:]) for word in ("--set", change)]
-    assert main(["run", "my_scenario.yaml", *flags, "--out", "r"]) == 0
-    assert "note    nothing measured in so short a run: lateral_p95_m" in capsys.readouterr().out
+    assert main(["run", "my_scenario.yaml", *flags, "--out", "r"]) == 3
+    assert (
+        "open    combine.lateral_p95_m from_m 10: not measured in so short a run" in capsys.readouterr().out
+    )
 
 
 def test_the_order_of_set_does_not_matter():

@@ -53,7 +53,7 @@ def collect(
         "things": things,
         "events": events_of(summary, moved),
         "moments": worst,
-        "notes": layers.notes,
+        "notes": [*summary.get("notes", []), *layers.notes],
     }
     return {**about, **layers.values}, layers.arrays
 

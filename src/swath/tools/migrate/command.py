@@ -9,7 +9,7 @@ def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser(
         "migrate",
-        help="rewrite scenarios, data sheets and your Python files of version 0.1",
+        help="rewrite scenarios, data sheets and Python files of version 0.1",
         description="Rewrites files in place; the old form stays beside each as NAME.orig.",
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="scenario, sheet or .py file")
