@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ import pytest
 import swath
 from swath.commands.main import main
 from swath.scenario.scenario import load_scenario
+from swath.terminal.outcome import print_outcome
+from swath.terminal.tables import table
 
 SHORT = ["run.distance_m=5", "combine.lidar.level=empirical", "combine.edge=truth", "run.record=none"]
 
@@ -140,14 +143,53 @@ def test_lists_fit_the_columns_asked_for_and_come_as_json(command, capsys, monke
     monkeypatch.setenv("COLUMNS", "80")
     assert main(command.split()) == 0
     text = capsys.readouterr().out
-    table = [line for line in text.splitlines() if line.startswith((" ", "\u2500"))]
-    assert len(table) > 10
-    assert max(map(len, table)) <= 80
+    lines = text.splitlines()
+    assert len(lines) > 10
+    assert max(map(len, lines)) <= 80
     assert main([*command.split(), "--json"]) == 0
     items = json.loads(capsys.readouterr().out)
     name = "level" if command == "levels" else "name"
     assert len(items) > 10
     assert all(item[name] in text for item in items)
+
+
+@pytest.mark.parametrize("command", ["", "--help", "levels edge", "test list waves", "fleet list", "docs"])
+def test_what_is_read_in_a_terminal_fits_it(command, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    with suppress(SystemExit):
+        main(command.split())
+    assert 0 < max(map(len, capsys.readouterr().out.splitlines())) <= 80
+
+
+def test_a_narrow_table_wraps_between_words(capsys, monkeypatch):
+    rows = [("a name of two", "one", "-0.000912926"), ("b", "detection_availability and more of it", "1")]
+    for columns in (60, 52):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        table("", ("metric", "what it is", "value"), rows)
+        words = capsys.readouterr().out.split()
+        assert {"detection_availability", "-0.000912926", "metric"} <= set(words), columns
+
+
+def test_a_run_shows_a_metric_once_and_what_fails_first(capsys):
+    def limit(name, result, **more):
+        return {
+            "subject": "combine",
+            "name": name,
+            "limit": {"max": 1.0},
+            "value": 2.0,
+            "result": result,
+            **more,
+        }
+
+    fails = limit("lateral_p95_m", "fail", window={"from_m": 10}, reason="2 is more than 1")
+    expect = [limit("edge_rmse_m", "pass"), fails, limit("edge_bias_m", "not measured")]
+    metrics = {"edge_rmse_m": 2.0, "lateral_p95_m": 0.5, "edge_bias_m": None, "distance_m": 20.0}
+    print_outcome({"machines": {"combine": metrics}, "expect": expect}, Path("nowhere"))
+    text = capsys.readouterr().out
+    shown = [line.split("  ")[0].strip() for line in text.splitlines() if "_m" in line and line[0] == " "]
+    assert shown == ["lateral_p95_m from_m 10", "edge_bias_m", "edge_rmse_m", "lateral_p95_m", "distance_m"]
+    assert "fail    combine.lateral_p95_m from_m 10: 2 is more than 1" in text
+    assert "open    combine.edge_bias_m: not measured" in text
 
 
 def test_a_sheet_comes_as_json_too(capsys):
