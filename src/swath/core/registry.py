@@ -96,9 +96,7 @@ class Registry:
         near = difflib.get_close_matches(level, names, n=1)
         hint = f", did you mean {near[0]!r}?" if near else ""
         if level.endswith(".py"):
-            raise InputError(
-                f"{kind}.level", level, f"expected the class in it, too: {level}:MyClass"
-            )
+            raise InputError(f"{kind}.level", level, f"expected the class in it, too: {level}:MyClass")
         expected = f"expected one of {', '.join(names)}, or file.py:Class{hint}"
         raise InputError(f"{kind}.level", level, expected)
 

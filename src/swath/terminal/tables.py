@@ -43,11 +43,11 @@ def _widths(columns: Sequence[str], rows: Sequence[Sequence[str]], most: int) ->
     words = [max(len(word) for cell in column for word in (cell.split() or [""])) for column in cells]
     most -= EDGE + BETWEEN * (len(columns) - 1)
     for least in (words, [1] * len(words)):
-        while sum(widths) > most and (room := [w - m for w, m in zip(widths, least, strict=True)]) != [
-            0
-        ] * len(room):
-            widest = max((w, k) for k, w in enumerate(widths) if room[k] > 0)[1]
-            widths[widest] -= 1
+        while sum(widths) > most:
+            room = [(w, k) for k, (w, m) in enumerate(zip(widths, least, strict=True)) if w > m]
+            if not room:
+                break
+            widths[max(room)[1]] -= 1
     return widths
 
 
@@ -55,9 +55,11 @@ def say(text: str) -> None:
     """Print a line, wrapped between words where the terminal or COLUMNS is narrower."""
     import textwrap
 
-    indent = " " * (len(text) - len(text.lstrip()))
-    options = {"break_long_words": False, "break_on_hyphens": False}
-    print(textwrap.fill(text, wide_console().width, subsequent_indent=indent, **options))  # type: ignore[arg-type]
+    indent, width = " " * (len(text) - len(text.lstrip())), wide_console().width
+    whole = textwrap.TextWrapper(
+        width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
+    print(whole.fill(text))
 
 
 def as_json(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
