@@ -46,7 +46,7 @@ def collect(
     about = {
         "name": str(summary.get("name", world.scenario.name)),
         "about": str(summary.get("summary") or world.scenario.summary),
-        "limits": [len(results) - results.count("fail"), results.count("fail")],
+        "limits": [results.count(each) for each in ("pass", "fail", "not measured")],
         "incomplete": bool(summary.get("incomplete")),
         "duration": duration,
         "origin": layers.origin.tolist(),
