@@ -163,7 +163,7 @@ def test_what_is_read_in_a_terminal_fits_it(command, capsys, monkeypatch):
 
 def test_a_narrow_table_wraps_between_words(capsys, monkeypatch):
     rows = [("a name of two", "one", "-0.000912926"), ("b", "detection_availability and more of it", "1")]
-    for columns in (60, 52):
+    for columns in (60, 55):
         monkeypatch.setenv("COLUMNS", str(columns))
         table("", ("metric", "what it is", "value"), rows)
         words = capsys.readouterr().out.split()

@@ -82,7 +82,7 @@ class Tags(HTMLParser):
             self.images.append(found["src"])
         self.links += [found[k] for k in ("href", "src") if k in found and tag != "img"]
         assert tag != "script"
-        if tag not in ("img", "meta", "br"):
+        if tag not in ("img", "meta", "br", "wbr"):
             self.open.append(tag)
 
     def handle_endtag(self, tag):
