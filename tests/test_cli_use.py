@@ -340,3 +340,25 @@ def test_a_flag_with_a_unit_says_it_in_its_name():
     }
     assert len(flags) > 10
     assert [flag for flag, unit in flags if not flag.endswith(unit)] == []
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("diff nowhere other", "RUN = nowhere: expected a run folder, there is none of this name"),
+        ("view here.py", "RUN = here.py: expected a run folder, this is a file"),
+        ("run tab.yaml", "expected blanks, not a tab, before a key, column 1 (tab.yaml:2)"),
+        ("run straight --set speed=9", "speed: unknown key, did you mean 'combine.speed'?"),
+        ("run straight --set combine.edge.level=here.py", "expected the class in it, too: here.py:MyClass"),
+        ("run straight --set combine.speed.speed_kmh 8", "combine.speed.speed_kmh: expected KEY=VALUE"),
+        ("field import nowhere.csv --out f", "log = nowhere.csv: there is no such file"),
+    ],
+)
+def test_usual_slips_are_told_with_what_to_type(line, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("here.py").touch()
+    Path("tab.yaml").write_text("machines:\n\tcombine: {}\n")
+    if line.startswith("field"):
+        pytest.importorskip("rasterio")
+    assert main(line.split()) == 2
+    assert said in capsys.readouterr().err
