@@ -29,7 +29,7 @@ NOT_TYPED = {  # lines of reference and explanation: why, and which test does wh
     "lab stand": "a minute: tests/tools/test_lab.py",
     "migrate my-scenario.yaml": "files of version 0.1: tests/tools/test_migrate.py",
     "paper": "a minute: tests/tools/test_paper.py",
-    "reda ": "a minute: tests/tools/test_reda.py",
+    "reda ": "minutes: tests/tools/test_reda.py",
 }
 
 
