@@ -1,6 +1,6 @@
 """A cart beside a combine: what comes out, beside what it is held against.
 
-python benchmarks/cart.py                          all of them
+python benchmarks/cart.py [PART ...]                all of them, or heap, trailer, unloading, station, ...
 python benchmarks/cart.py --seen [DRAWS [SEED]]    the box by LiDAR and cameras in day, dust, dusk
 """
 
@@ -19,6 +19,7 @@ from tests.machine.test_unload import pour, setup_with_box
 from tests.whole.cart_rig import Run
 from tests.whole.test_unload_on_the_go import ALTERNATING, LINKS, QUICK, RADIO
 
+from swath.core.foreign_code import allow_code
 from swath.machine.heap.surface import Surface, largest_heap
 from swath.machine.machine_sheet import load_machine
 from swath.machine.motion import articulated, kinematic
@@ -204,5 +205,9 @@ if __name__ == "__main__":
     if sys.argv[1:2] == ["--seen"]:
         seen(*map(int, sys.argv[2:4]))
         sys.exit()
-    for part in (heap, trailer, unloading, station, link, fill, reachable, box, seen_box, seen):
-        part()
+    parts = {
+        p.__name__: p for p in (heap, trailer, unloading, station, link, fill, reachable, box, seen_box, seen)
+    }
+    with allow_code(None):
+        for name in sys.argv[1:] or parts:
+            parts[name]()

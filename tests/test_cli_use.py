@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ import pytest
 import swath
 from swath.commands.main import main
 from swath.scenario.scenario import load_scenario
+from swath.terminal.outcome import print_outcome
+from swath.terminal.tables import table
 
 SHORT = ["run.distance_m=5", "combine.lidar.level=empirical", "combine.edge=truth", "run.record=none"]
 
@@ -47,27 +50,31 @@ def test_a_setting_with_a_slip_is_named(capsys, monkeypatch):
     )
 
 
-def test_a_trial_of_five_metres_is_no_failure_but_a_long_run_without_a_value_is(tmp_path, capsys):
+def test_a_trial_of_five_metres_is_open_and_a_long_run_without_a_value_fails(tmp_path, capsys):
     flags = [word for change in SHORT for word in ("--set", change)]
-    assert main(["run", "straight", *flags, "--out", str(tmp_path / "r")]) == 0
-    assert "note    nothing measured in so short a run: lateral_rms_m" in capsys.readouterr().out
+    assert main(["run", "straight", *flags, "--out", str(tmp_path / "r")]) == 3
+    assert "open    combine.lateral_rms_m: not measured in so short a run" in capsys.readouterr().out
     expect = json.loads((tmp_path / "r" / "summary.json").read_text())["expect"]
     assert {e["result"] for e in expect if e["name"] == "lateral_rms_m"} == {"not measured"}
-    from swath.judge.limits import NOTHING, entry_of, is_failed
+    from swath.judge.limits import NOTHING, entry_of, exit_code_of
 
     expected = load_scenario("straight").expect[0]
-    assert is_failed([entry_of(expected, [(None, NOTHING)])])
-    assert not is_failed([entry_of(expected, [(None, NOTHING)], is_trial=True)])
-    assert is_failed([entry_of(expected, [(1.0, "1 is more than 0.05")], is_trial=True)])
+    missing, wrong = (None, NOTHING), (1.0, "1 is more than 0.05")
+    assert exit_code_of([entry_of(expected, [missing])]) == 1
+    unmeasured = entry_of(expected, [missing], is_trial=True)
+    assert exit_code_of([unmeasured]) == 3
+    assert exit_code_of([unmeasured, entry_of(expected, [wrong], is_trial=True)]) == 1
 
 
-def test_a_trial_that_ends_before_a_window_opens_is_no_failure(tmp_path, monkeypatch, capsys):
+def test_a_trial_that_ends_before_a_window_opens_is_open(tmp_path, monkeypatch, capsys):
     """The template of a scenario has a limit from 10 m on."""
     monkeypatch.chdir(tmp_path)
     assert main(["new", "scenario"]) == 0
     flags = [word for change in ("run.distance_m=3", *SHORT[1:]) for word in ("--set", change)]
-    assert main(["run", "my_scenario.yaml", *flags, "--out", "r"]) == 0
-    assert "note    nothing measured in so short a run: lateral_p95_m" in capsys.readouterr().out
+    assert main(["run", "my_scenario.yaml", *flags, "--out", "r"]) == 3
+    assert (
+        "open    combine.lateral_p95_m from_m 10: not measured in so short a run" in capsys.readouterr().out
+    )
 
 
 def test_the_order_of_set_does_not_matter():
@@ -136,14 +143,53 @@ def test_lists_fit_the_columns_asked_for_and_come_as_json(command, capsys, monke
     monkeypatch.setenv("COLUMNS", "80")
     assert main(command.split()) == 0
     text = capsys.readouterr().out
-    table = [line for line in text.splitlines() if line.startswith((" ", "\u2500"))]
-    assert len(table) > 10
-    assert max(map(len, table)) <= 80
+    lines = text.splitlines()
+    assert len(lines) > 10
+    assert max(map(len, lines)) <= 80
     assert main([*command.split(), "--json"]) == 0
     items = json.loads(capsys.readouterr().out)
     name = "level" if command == "levels" else "name"
     assert len(items) > 10
     assert all(item[name] in text for item in items)
+
+
+@pytest.mark.parametrize("command", ["", "--help", "levels edge", "test list waves", "fleet list", "docs"])
+def test_what_is_read_in_a_terminal_fits_it(command, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    with suppress(SystemExit):
+        main(command.split())
+    assert 0 < max(map(len, capsys.readouterr().out.splitlines())) <= 80
+
+
+def test_a_narrow_table_wraps_between_words(capsys, monkeypatch):
+    rows = [("a name of two", "one", "-0.000912926"), ("b", "detection_availability and more of it", "1")]
+    for columns in (60, 55):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        table("", ("metric", "what it is", "value"), rows)
+        words = capsys.readouterr().out.split()
+        assert {"detection_availability", "-0.000912926", "metric"} <= set(words), columns
+
+
+def test_a_run_shows_a_metric_once_and_what_fails_first(capsys):
+    def limit(name, result, **more):
+        return {
+            "subject": "combine",
+            "name": name,
+            "limit": {"max": 1.0},
+            "value": 2.0,
+            "result": result,
+            **more,
+        }
+
+    fails = limit("lateral_p95_m", "fail", window={"from_m": 10}, reason="2 is more than 1")
+    expect = [limit("edge_rmse_m", "pass"), fails, limit("edge_bias_m", "not measured")]
+    metrics = {"edge_rmse_m": 2.0, "lateral_p95_m": 0.5, "edge_bias_m": None, "distance_m": 20.0}
+    print_outcome({"machines": {"combine": metrics}, "expect": expect}, Path("nowhere"))
+    text = capsys.readouterr().out
+    shown = [line.split("  ")[0].strip() for line in text.splitlines() if "_m" in line and line[0] == " "]
+    assert shown == ["lateral_p95_m from_m 10", "edge_bias_m", "edge_rmse_m", "lateral_p95_m", "distance_m"]
+    assert "fail    combine.lateral_p95_m from_m 10: 2 is more than 1" in text
+    assert "open    combine.edge_bias_m: not measured" in text
 
 
 def test_a_sheet_comes_as_json_too(capsys):
@@ -294,3 +340,25 @@ def test_a_flag_with_a_unit_says_it_in_its_name():
     }
     assert len(flags) > 10
     assert [flag for flag, unit in flags if not flag.endswith(unit)] == []
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("diff nowhere other", "RUN = nowhere: expected a run folder, there is none of this name"),
+        ("view here.py", "RUN = here.py: expected a run folder, this is a file"),
+        ("run tab.yaml", "expected blanks, not a tab, before a key, column 1 (tab.yaml:2)"),
+        ("run straight --set speed=9", "speed: unknown key, did you mean 'combine.speed'?"),
+        ("run straight --set combine.edge.level=here.py", "expected the class in it, too: here.py:MyClass"),
+        ("run straight --set combine.speed.speed_kmh 8", "combine.speed.speed_kmh: expected KEY=VALUE"),
+        ("field import nowhere.csv --out f", "log = nowhere.csv: there is no such file"),
+    ],
+)
+def test_usual_slips_are_told_with_what_to_type(line, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("here.py").touch()
+    Path("tab.yaml").write_text("machines:\n\tcombine: {}\n")
+    if line.startswith("field"):
+        pytest.importorskip("rasterio")
+    assert main(line.split()) == 2
+    assert said in capsys.readouterr().err

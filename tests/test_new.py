@@ -22,10 +22,8 @@ def test_a_template_runs_by_the_command_that_is_printed(kind, tmp_path, monkeypa
     said = capsys.readouterr().out.splitlines()
     words = shlex.split(f"{said[-1]} {SHORT} --out out")
     assert words[0] == "swath"
-    assert main([*words[1:], *(["--no-replay"] if words[1] == "run" else [])]) in (
-        0,
-        1,
-    )  # too short for limits
+    code = main([*words[1:], *(["--no-replay"] if words[1] == "run" else [])])
+    assert code in (0, 1, 3)  # too short for limits
     made = Path("out", "scan.csv" if words[1] == "scan" else "summary.json")
     assert made.stat().st_size > 100
     if kind == "evaluator":
@@ -69,3 +67,10 @@ def test_completion_knows_commands_and_options(capsys):
     said = capsys.readouterr().out
     assert "height-map" in said
     assert "--no-replay" in said
+
+
+def test_scenario_and_detector_work_together(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "scenario"]) == main(["new", "detector"]) == 0
+    words = ["--set", "combine.edge.level=my_edge_detector.py:MyEdgeDetector", "--no-replay"]
+    assert main(["run", "my_scenario.yaml", *words]) == 0

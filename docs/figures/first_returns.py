@@ -1,7 +1,9 @@
 """Prints a table of first returns: upright stems with ears, rays against the closed form.
 
-Run from the repository root: `python -m docs.figures.first_returns`.
+Run from the repository root: `python -m docs.figures.first_returns [ANGLE ...]`.
 """
+
+import sys
 
 import numpy as np
 from tests.tools.first_returns import Moments, Stems, UprightStand, closed_form, ray_count
@@ -18,7 +20,7 @@ def main() -> None:
     stands = {n: UprightStand(Stems(n)) for n in (200.0, 600.0)}
     print("| down | stems/m² | spot | plain form | with round ends | rays | rays − round ends |")
     print("|---|---|---|---|---|---|---|")
-    for degrees in (15, 30, 45, 60, 80):
+    for degrees in [int(text) for text in sys.argv[1:]] or (15, 30, 45, 60, 80):
         for density, stand in stands.items():
             for width, count in COUNTS.items():
                 depression, stems = np.radians(degrees), stand.stems

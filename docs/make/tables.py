@@ -27,7 +27,7 @@ DOCS = Path(__file__).parents[1]
 PAGE = DOCS / "reference" / "results.md"
 MARKED = re.compile(r"<!-- each row: ([^>]*?) -->\n(\|.*\n\|[-|]*\n)((?:\|.*\n)+)")
 LISTED = re.compile(r"<!-- output of: (.*?) -->\n```\n(.*?)```\n", re.DOTALL)
-STAMP = re.compile(r"<!-- made -->\n.*\n")
+STAMP = re.compile(r"<!-- made -->\n(.*)\n")
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,14 @@ def make(page: Path, only: str = "") -> None:
         return found[0].removesuffix(f"{found[2]}```\n") + f"{done.stdout.rstrip()}\n```\n"
 
     text = LISTED.sub(listing, MARKED.sub(rows, page.read_text(encoding="utf-8")))
-    page.write_text(STAMP.sub(f"<!-- made -->\n{_made()}\n", text), encoding="utf-8")
+
+    def stamp(found: re.Match[str]) -> str:
+        before = found[1].split(f" `{only}`: ")[0]
+        return (
+            f"<!-- made -->\n{f'{before} `{only}`: {_made()[0].lower()}{_made()[1:]}' if only else _made()}\n"
+        )
+
+    page.write_text(STAMP.sub(stamp, text), encoding="utf-8")
 
 
 def _made() -> str:

@@ -1,12 +1,13 @@
 """The listings of a page, used as its reader does: files saved, lines typed in their order, in one folder.
 
 python -m docs.make.typed PAGE.md            in an empty folder; runs are cut to a moment
-python -m docs.make.typed PAGE.md --whole    as the page says, with the time of each line
+python -m docs.make.typed PAGE.md --whole    as the page says, with the time of each line, also of all processors
 
 A listing is saved where the paragraph above it says "save ... as `NAME`". Lines are those of listings in `sh` and of
 plain ones. Only packages of swath itself and of the extras that the page tells to install can be imported.
 """
 
+import os
 import re
 import shlex
 import subprocess
@@ -102,7 +103,7 @@ def shortened(words: list[str]) -> list[str]:
 
 def allowed(words: list[str]) -> tuple[int, ...]:
     """Exit codes of a line that works; so short a run may miss a limit, so few runs show nothing."""
-    return {"run": (0, 1), "rerun": (0, 1), "branch": (0, 1), "test": (0, 1, 3)}.get(words[0], (0,))
+    return {"run": (0, 1, 3), "rerun": (0, 1, 3), "branch": (0, 1, 3), "test": (0, 1, 3)}.get(words[0], (0,))
 
 
 def type_line(line: str, *, is_whole: bool) -> None:
@@ -134,10 +135,12 @@ def work_through(text: str, *, is_whole: bool = False) -> None:
             Path(name).write_text(content, encoding="utf-8")
         elif not content.startswith(tuple(ELSEWHERE)) and (is_whole or not content.startswith("swath paper")):
             print(f"$ {content}", flush=True)
-            start = time.monotonic()
+            start, before = time.monotonic(), os.times()
             type_line(content, is_whole=is_whole)
             if is_whole:
-                print(f"# {time.monotonic() - start:.1f} s", flush=True)
+                after = os.times()
+                busy = sum(after[2:4]) - sum(before[2:4])  # of child processes that have ended
+                print(f"# {time.monotonic() - start:.1f} s, {busy:.1f} CPU-s", flush=True)
 
 
 def extras_of(text: str) -> list[str]:

@@ -22,7 +22,7 @@ from swath.core.registry import level_here
 from swath.documents.hints import unknown_key
 from swath.documents.packed import read_arrays
 from swath.documents.yaml_document import Document, parse_value
-from swath.judge.limits import is_failed
+from swath.judge.limits import exit_code_of
 from swath.report.notebook import picture, run_html
 from swath.runtime.assembly import assemble
 from swath.runtime.folder import choose_run_folder, choose_scan_folder, remove_empty
@@ -237,8 +237,8 @@ class BatchRun:
 
     @property
     def exit_code(self) -> int:
-        """0 all limits pass, 1 a limit fails, 2 there is an error."""
-        return _BAD_INPUT if self.error is not None else int(is_failed(self.summary["expect"]))
+        """0 all limits pass, 1 a limit fails, 2 there is an error, 3 a limit was not measured."""
+        return _BAD_INPUT if self.error is not None else exit_code_of(self.summary["expect"])
 
 
 def batch(

@@ -79,7 +79,7 @@ def test_names_of_a_common_yield_monitor():
 
 
 def test_missing_files_and_folders_are_named(tmp_path):
-    with pytest.raises(InputError, match="No such file"):
+    with pytest.raises(InputError, match="no such file"):
         import_log(tmp_path / "no.csv", tmp_path / "out", progress=False)
     with pytest.raises(InputError, match="a folder with a shapefile or TASKDATA"):
         import_log(tmp_path, tmp_path / "out", progress=False)

@@ -3,7 +3,7 @@
 import json
 
 from swath.judge.catalogue import load_evaluators
-from swath.judge.limits import is_failed
+from swath.judge.limits import exit_code_of
 from swath.judge.summary import make_summary, versions, write_summary
 from swath.scenario.resolved import Expectation
 from swath.scenario.sections import Limit
@@ -39,7 +39,7 @@ def test_the_metrics_of_one_machine_stand_at_the_top():
     assert summary["real_time_factor"] == 2.0
     assert summary["unmeasured_beam_share"] == 0.25
     assert "machines" not in summary
-    assert not is_failed(summary["expect"])
+    assert exit_code_of(summary["expect"]) == 0
     limit = {"subject": "field", "name": "real_time_factor", "limit": {"min": 1.5}}
     assert summary["expect"][0] == {**limit, "value": 2.0, "result": "pass"}
 
@@ -61,7 +61,7 @@ def test_several_machines_have_their_own_metrics_and_limits():
 
 def test_missing_numbers_are_null_and_fail(tmp_path):
     summary = make("combine", seconds=1.0, **{"combine.lateral_rms_m": {"max": 1}})
-    assert is_failed(summary["expect"])
+    assert exit_code_of(summary["expect"]) == 1
     path = write_summary(tmp_path, summary)
     read = json.loads(path.read_text(), parse_constant=lambda text: 1 / 0)
     assert read["lateral_rms_m"] is None

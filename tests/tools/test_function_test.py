@@ -210,6 +210,11 @@ def test_known_failures_do_not_count_and_are_told_when_they_pass(case_file):
     assert cell.text.endswith("; 2 of 4 runs lie where a failure is known")
     (cell,) = cells_of([case], ["base"], {"drives": 1}, results([(2.0, 8)]))
     assert (cell.text, cell.verdict) == ("1 of 1 runs lie where a failure is known", "not shown")
+    known = results([(2.0, 8)], limit={"max": 1.0})
+    (cell,) = cells_of([case], ["base"], {"drives": 1}, known)
+    page = write_matrix(case_file.parent / "report.html", [cell]).read_text(encoding="utf-8")
+    assert "Known failures" in page
+    assert "too fast" in page
 
 
 def test_a_failure_is_known_over_a_range_with_its_ends(case_file):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swath.judge.evaluators.edge_detection import EdgeSeries
+from swath.judge.evaluators.edge_detection import EdgeSeries, bridges_gaps
 from swath.tools.function_test.charts import boundary
 from swath.tools.function_test.integrity import episodes_per_km, integrity_of, pooled
 
@@ -32,6 +32,14 @@ def test_episodes_are_unbroken_stretches():
     assert (told["hazardous"], told["episodes"]) == (53, 2)
     assert told["longest_m"] == pytest.approx(5.0, abs=0.02)
     assert integrity_of(series(error, 0.03), 20.0)["episodes"] == 1  # after settling
+
+
+def test_that_a_detector_bridges_a_gap_is_told_where_it_does():
+    assert bridges_gaps(series(-1.2, 0.03, across=0.02))
+    assert bridges_gaps(series(np.nan, 0.03, across=0.02))  # the gap is deeper than an edge is matched
+    assert not bridges_gaps(series(0.05, 0.03, across=0.02))  # as where the gap is shallow
+    assert not bridges_gaps(series(0.05, 0.03, across=1.2))  # it follows the gap
+    assert not bridges_gaps(series(-1.2, 0.03))  # no gap
 
 
 def test_beside_a_gap_the_line_across_it_is_the_edge():

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.tables import add_json, as_json, table
+from swath.terminal.tables import add_json, as_json, say, table
 
 
 def add(parsers: Any) -> None:
@@ -42,15 +42,15 @@ def run(args: argparse.Namespace) -> int:
     elif args.slot:
         columns = ("level", "what it is", "cost", "checked, tolerance")
         table("", columns, [(row[1] + " *" * row[2], *row[3:]) for row in rows])
-        print("* the default. Your own: `level: file.py:Class`.")
+        say("* the default. Your own: `level: file.py:Class`.")
         _ports(args.slot)
         _parameters(args.slot)
     else:
         links = CATALOGUE.registry.links()
         named = [(kind, [r for r in rows if r[0] == kind and r[1] not in links]) for kind in kinds]
         table("", ("slot", "levels"), [(k, ", ".join(r[1] + "*" * r[2] for r in own)) for k, own in named])
-        print(f"* the default. In any slot of a machine: {', '.join(links)}, or `file.py:Class`.")
-        print("swath levels SLOT says what each is, costs and was checked for, with its parameters.")
+        say(f"* the default. In any slot of a machine: {', '.join(links)}, or `file.py:Class`.")
+        say("swath levels SLOT says what each is, costs and was checked for, with its parameters.")
     return 0
 
 
@@ -85,7 +85,7 @@ def _ports(name: str) -> None:
     gives += [f"{said(port.name, port.signal)}, optional" for port in kind.more]
     for title, ports in (("inputs", sees), ("outputs", gives)):
         for port in ports or ["none"]:
-            print(f"{title:8} {port}")
+            say(f"{title:8} {port}")
             title = ""
 
 

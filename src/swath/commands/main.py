@@ -65,7 +65,7 @@ BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE, TERMINATED = 2, 70, 130, 141, 143
 EXAMPLES = """\
 swath: a simulator for harvest machines that act on what they sense
 
-  swath run laser-pilot    a combine steers itself along the crop edge: a minute, then two pages to look at
+  swath run laser-pilot    a combine steers itself by LiDAR: half a minute
   swath scenarios          what else there is to run
   swath --help             all commands"""
 
@@ -117,8 +117,8 @@ class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; returns the exit code.
 
-    0 done, 1 a limit of the scenario failed, 2 bad input, 70 a mistake in swath, 130 stopped by Ctrl-C,
-    143 by SIGTERM.
+    0 done, 1 a limit of the scenario failed, 2 bad input, 3 a limit was not measured or a claim not shown,
+    70 a mistake in swath, 130 stopped by Ctrl-C, 143 by SIGTERM.
     """
     debug = os.environ.get("SWATH_DEBUG") == "1"
     try:

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.tables import add_json, as_json, table
+from swath.terminal.tables import add_json, as_json, say, table
 
 
 def add(parsers: Any) -> None:
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
         shown = [row[1:] for row in rows if row[0] == title]
         table(title, ("metric", "unit", "of", "better", "meaning"), shown)
     if args.name is None:
-        print(f"columns of the tracks, for limits on samples: {', '.join(judged.columns)}")
-        print(f"events, for windows: {', '.join(judged.events)}")
+        say(f"columns of the tracks, for limits on samples: {', '.join(judged.columns)}")
+        say(f"events, for windows: {', '.join(judged.events)}")
         print("Your own: `evaluators: [file.py:Class]` in a scenario.")
     return 0

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.tables import add_json, as_json, table
+from swath.terminal.tables import add_json, as_json, say, table
 
 
 def add(parsers: Any) -> None:
@@ -35,5 +35,5 @@ def run(args: argparse.Namespace) -> int:
         as_json(("name", "summary", "limits_on"), rows)
         return 0
     table("", ("scenario", "what it is"), [row[:2] for row in rows])
-    print("swath run NAME drives one; swath scenarios NAME prints it; whole fields: swath fleet list")
+    say("swath run NAME drives one; swath scenarios NAME prints it; whole fields: swath fleet list")
     return 0

@@ -5,16 +5,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.tables import add_json, as_json, table
+from swath.terminal.tables import add_json, as_json, say, table
 
 KINDS = ("sensors", "machines", "crops", "obstacles")
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser(
-        "sheets", help="data sheets of sensors, machines and crops; print one to make your own of it"
-    )
+    parser = parsers.add_parser("sheets", help="data sheets of sensors, machines, crops; print one to copy")
     parser.add_argument(
         "words", nargs="*", metavar="NAME", help="print this data sheet, e.g. sick-lms111; or: check FILE ..."
     )
@@ -52,13 +50,15 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         as_json(("kind", "name", "what", "numbers_by_tag"), rows)
         return 0
-    texts = [
-        (name, kind, what, ", ".join(f"{count} {tag}" for tag, count in counts.items()))
-        for kind, name, what, counts in rows
-    ]
-    table("", ("data sheet", "kind", "what it is", "numbers by tag"), texts)
-    print("; ".join(f"{tag} {meaning}" for tag, meaning in TAGS.items()))
-    print("Your own: swath sheets NAME > mine.yaml, change it, and give the file's name for the sheet's.")
+    for folder in KINDS:
+        texts = [
+            (name, what, *(str(counts[tag]) for tag in TAGS))
+            for kind, name, what, counts in rows
+            if kind == folder
+        ]
+        table(folder, ("data sheet", "what it is", *TAGS), texts)
+    say("Numbers by tag: " + "; ".join(f"{tag} {meaning}" for tag, meaning in TAGS.items()))
+    say("Your own: swath sheets NAME > mine.yaml, change it, and give the file's name for the sheet's.")
     return 0
 
 

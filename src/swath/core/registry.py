@@ -103,6 +103,8 @@ class Registry:
         names = [*self.names(kind), *self.installed(kind), *(self.links() if linked else [])]
         near = difflib.get_close_matches(level, names, n=1)
         hint = f", did you mean {near[0]!r}?" if near else ""
+        if level.endswith(".py"):
+            raise InputError(f"{kind}.level", level, f"expected the class in it, too: {level}:MyClass")
         expected = f"expected one of {', '.join(names)}, or file.py:Class{hint}"
         raise InputError(f"{kind}.level", level, expected)
 

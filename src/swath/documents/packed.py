@@ -31,6 +31,8 @@ def readable(key: str, what: str, path: Path) -> Iterator[None]:
         raise
     except Exception as error:  # readers of foreign files may raise anything
         text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        if isinstance(error, FileNotFoundError):
+            raise InputError(key, str(path), "there is no such file") from error
         reason = next(iter(text.splitlines()), "") or type(error).__name__
         raise InputError(key, None, f"expected {what}: {reason[:120]}", file=path) from error
 

@@ -158,6 +158,8 @@ def _parsed(text: str, name: str, file: Path | None) -> Document:
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         problem = " ".join(filter(None, (error.context, error.problem)))
+        if "'\\t'" in problem:
+            problem = "expected blanks, not a tab, before a key"
         where = f", column {mark.column + 1}" if mark else ""
         raise InputError(
             "YAML", None, f"{problem}{where}", file=name, line=mark.line + 1 if mark else None

@@ -46,14 +46,14 @@ def collect(
     about = {
         "name": str(summary.get("name", world.scenario.name)),
         "about": str(summary.get("summary") or world.scenario.summary),
-        "limits": [len(results) - results.count("fail"), results.count("fail")],
+        "limits": [results.count(each) for each in ("pass", "fail", "not measured")],
         "incomplete": bool(summary.get("incomplete")),
         "duration": duration,
         "origin": layers.origin.tolist(),
         "things": things,
         "events": events_of(summary, moved),
         "moments": worst,
-        "notes": layers.notes,
+        "notes": [*summary.get("notes", []), *layers.notes],
     }
     return {**about, **layers.values}, layers.arrays
 

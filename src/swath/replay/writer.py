@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError
 from swath.core.foreign_code import code_unread
 from swath.core.whole_file import write_whole
 from swath.judge.summary import read_summary
@@ -13,6 +12,7 @@ from swath.record.tracks import read_tracks
 from swath.replay.collect import collect
 from swath.replay.machines import Columns
 from swath.replay.pack import as_text, packed
+from swath.runtime.folder import check_run_folder
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
 
@@ -54,9 +54,7 @@ def view(folder: Path, *, out: Path | None = None) -> Path:
     from swath.scenario.scenario import load_scenario
     from swath.scenario.slot_names import slot_names
 
-    for name in ("scenario.yaml", "tracks.parquet"):
-        if not (folder / name).is_file():
-            raise InputError("RUN", str(folder), f"expected a run folder, it has no {name}")
+    check_run_folder(folder, "scenario.yaml", "tracks.parquet")
     file = folder / "summary.json"
     summary = read_summary(file) if file.is_file() else {"incomplete": True}
     with code_unread():

@@ -52,6 +52,7 @@ def render(
         digest=summary.get("digest"),
         limits=[_limit_row(entry, evaluators.metrics) for entry in expect],
         results=list(_results(summary, evaluators)),
+        notes=summary.get("notes", []),
         incidents=[_incident_row(event) for event in summary.get("incidents", [])],
         figures=figures,
         cost=_cost(summary) if summary.get("cost") else [],
@@ -65,6 +66,8 @@ def _head(expect: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
         return "none", "No limits set", "this scenario expects nothing"
     if failed:
         return "fail", f"✗ {len(failed)} of {len(expect)} limits fail", ", ".join(dict.fromkeys(failed))
+    if open_ := [entry["name"] for entry in expect if entry["result"] == "not measured"]:
+        return "none", f"{len(open_)} of {len(expect)} limits not measured", ", ".join(dict.fromkeys(open_))
     return "pass", f"✓ All {len(expect)} limits pass", ", ".join(dict.fromkeys(e["name"] for e in expect))
 
 
@@ -114,7 +117,8 @@ def _groups(
 
 def _metric_row(metric: Metric, value: Any, entry: Mapping[str, Any] | None) -> dict[str, str]:
     return {
-        "tip": f"{metric.name}: {metric.meaning}",
+        "tip": metric.meaning,
+        "name": metric.name,
         "label": metric.label or metric.name.removesuffix("_" + metric.unit).replace("_", " "),
         "value": _shown(metric, value),
         "limit": "" if entry is None else _bounds(metric, entry["limit"]),

@@ -29,6 +29,16 @@ LOCK = "run.lock"
 SAVES, SAVED, PAGES = "saves", ".save", "field.bin"  # a folder, names in it
 
 
+def check_run_folder(folder: Path, *names: str) -> None:
+    """InputError where a folder is no run folder with these files."""
+    if not folder.is_dir():
+        what = "this is a file" if folder.exists() else "there is none of this name"
+        raise InputError("RUN", str(folder), f"expected a run folder, {what}")
+    for name in names:
+        if not (folder / name).is_file():
+            raise InputError("RUN", str(folder), f"expected a run folder, it has no {name}")
+
+
 def choose_run_folder(name: str, seed: int, out: Path | None = None, *, what: str = "") -> Path:
     """The folder for a run.
 

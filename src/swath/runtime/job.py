@@ -14,7 +14,7 @@ from swath.core.graph import Observer
 from swath.core.schedule import NS
 from swath.core.stopping import stoppable, unstopped
 from swath.core.whole_file import write_whole
-from swath.judge.limits import is_failed
+from swath.judge.limits import exit_code_of
 from swath.judge.summary import make_summary, write_summary
 from swath.record.digest import Digest
 from swath.record.recorder import Recorder
@@ -36,7 +36,10 @@ CHANGED = "# changed on the way: swath run THIS --events THIS repeats it, THIS b
 
 @dataclass(frozen=True)
 class JobResult:
-    """summary: as in summary.json; exit_code: 0 all limits pass, 1 a limit fails; folder of the run."""
+    """summary: as in summary.json; folder of the run
+
+    exit_code: 0 all limits pass, 1 a limit fails, 3 none fails but one was not measured
+    """
 
     summary: dict[str, Any]
     exit_code: int
@@ -83,7 +86,7 @@ def run_job(
             except (Restart, UnusableSave):
                 begun, start = None, None if start is None else replace(start, saves=False)
             else:
-                return JobResult(summary, 1 if is_failed(summary["expect"]) else 0, out)
+                return JobResult(summary, exit_code_of(summary["expect"]), out)
 
 
 def run_unrecorded(

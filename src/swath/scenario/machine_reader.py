@@ -39,6 +39,10 @@ def _is_machine(reader: SectionReader, name: str, data: dict[str, Any]) -> bool:
     )
     if not is_machine:
         absent = [key for key in SECTIONS if key not in data]
+        if name in known and name not in MACHINE_KEYS:
+            machine = next((n for n in data if n not in SECTIONS and n not in known), "combine")
+            reader.note((name,), None, f"unknown key, did you mean '{machine}.{name}'?")
+            return False
         hint = near_miss(name, absent) or f"; a machine has keys such as {', '.join(known[:4])}"
         reader.note((name,), None, "unknown key" + hint)
         return False

@@ -21,7 +21,15 @@ def add_run_folder(parser: argparse.ArgumentParser) -> None:
 
 def add_sets(parser: argparse.ArgumentParser, text: str = "change the scenario") -> None:
     """`--set KEY=VALUE`, any number of times, as `sets`. text: for the help"""
-    parser.add_argument("--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help=text)
+    parser.add_argument(
+        "--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help=text, type=_change
+    )
+
+
+def _change(text: str) -> str:
+    if "=" not in text:
+        raise argparse.ArgumentTypeError(f"{text}: expected KEY=VALUE, without blanks about the =")
+    return text
 
 
 def add_allow(parser: argparse.ArgumentParser) -> None:

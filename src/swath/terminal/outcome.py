@@ -6,6 +6,7 @@ from typing import Any
 
 from swath.terminal.tables import number, table
 
+ORDER = {"fail": 0, "not measured": 1}  # in the table: these first, the others as they come
 METRIC_COLUMNS = ("metric", "value", "limit", "result")
 
 
@@ -31,9 +32,10 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
     for entry in summary.get("expect", []):
         if entry["result"] == "fail":
             print(f"fail    {entry['subject']}.{entry['name']}{window_text(entry)}: {entry['reason']}")
-    open_ = [e["name"] for e in summary.get("expect", []) if e["result"] == "not measured"]
-    if open_:
-        print(f"note    nothing measured in so short a run: {', '.join(open_)}")
+    for entry in summary.get("expect", []):
+        if entry["result"] == "not measured":
+            name = f"{entry['subject']}.{entry['name']}{window_text(entry)}"
+            print(f"open    {name}: not measured in so short a run, neither kept nor broken")
     for event in summary.get("incidents", []):
         print(f"event   {incident_text(event)}")
     for note in summary.get("notes", []):
@@ -77,17 +79,17 @@ def incident_text(event: Mapping[str, Any]) -> str:
 def _rows(
     known: Iterable[str], metrics: Mapping[str, Any], expect: list[Any]
 ) -> list[tuple[str, str, str, str]]:
-    """A row for every metric, with its limits below one another, then those on columns and in windows."""
-    own: dict[str, Any] = {e["name"]: e for e in expect if not e.get("window") and "hold" not in e["limit"]}
+    """A row for every metric and every limit, of a metric over the whole run one; what does not pass first.
+
+    What is limited in a window is another quantity than over the whole run: its name has the window.
+    """
     rows = []
-    for name in known:
+    for name in dict.fromkeys([*known, *(e["name"] for e in expect)]):
+        own = [e for e in expect if e["name"] == name]
         if name in metrics:
-            held = own.get(name)
+            held = next((e for e in own if not e.get("window") and "hold" not in e["limit"]), None)
             limit, result = ("", "") if held is None else (limit_text(held), held["result"])
             rows.append((name, number(metrics[name]), limit, result))
-    shown = [entry for name, entry in own.items() if name in metrics]
-    for entry in expect:
-        if not any(entry is other for other in shown):
-            limit = limit_text(entry) + window_text(entry)
-            rows.append((entry["name"], number(entry["value"]), limit, entry["result"]))
-    return rows
+            own = [e for e in own if e is not held]
+        rows += [(name + window_text(e), number(e["value"]), limit_text(e), e["result"]) for e in own]
+    return sorted(rows, key=lambda row: ORDER.get(row[3], len(ORDER)))

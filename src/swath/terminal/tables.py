@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 PIPE_WIDTH = 1000  # columns of a pipe or file: lines stay whole
+EDGE, BETWEEN = 2, 3  # blanks beside a table, and between two of its columns
 
 
 def wide_console() -> Any:
@@ -24,11 +25,41 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 
     console = wide_console()
     made = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
-    for place, column in enumerate(columns):
-        made.add_column(column, overflow="fold", no_wrap=place == 0)  # names stay whole
+    for column, width in zip(columns, _widths(columns, rows, console.width), strict=True):
+        made.add_column(column, overflow="fold", width=width)
     for row in rows:
         made.add_row(*(str(cell).replace("[", "\\[") for cell in row))
     console.print(made)
+
+
+def _widths(columns: Sequence[str], rows: Sequence[Sequence[str]], most: int) -> list[int]:
+    """Of the columns of a table: as wide as their text, or else the widest narrower, at first to whole words.
+
+    most: width of the table with its edges and what is between columns
+    """
+    cells = [[str(cell) for cell in column] for column in zip(columns, *rows, strict=True)]
+    cells[0] = [cell.replace(" ", "_") for cell in cells[0]]  # names stay whole
+    widths = [max(map(len, column)) for column in cells]
+    words = [max(len(word) for cell in column for word in (cell.split() or [""])) for column in cells]
+    most -= EDGE + BETWEEN * (len(columns) - 1)
+    for least in (words, [1] * len(words)):
+        while sum(widths) > most:
+            room = [(w, k) for k, (w, m) in enumerate(zip(widths, least, strict=True)) if w > m]
+            if not room:
+                break
+            widths[max(room)[1]] -= 1
+    return widths
+
+
+def say(text: str) -> None:
+    """Print a line, wrapped between words where the terminal or COLUMNS is narrower."""
+    import textwrap
+
+    indent, width = " " * (len(text) - len(text.lstrip())), wide_console().width
+    whole = textwrap.TextWrapper(
+        width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
+    print(whole.fill(text))
 
 
 def as_json(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -51,7 +82,7 @@ def paragraphs(items: Sequence[tuple[str, str]]) -> None:
     from rich.text import Text
 
     console = Console(highlight=False, soft_wrap=True)
-    width = min(console.width, 120) if console.is_terminal else 120
+    width = min(wide_console().width, 120)
     indent = min(max((len(title) for title, _ in items), default=0), 24) + 2
     for title, text in items:
         head = f"{title:<{indent - 2}}  "

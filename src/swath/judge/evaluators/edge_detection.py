@@ -27,6 +27,9 @@ SURE, WRONG_M = 0.5, 0.3  # confidence, and error, of an edge that is wrong and 
 RIGHT_M = 0.1  # error up to which an edge is right: what its confidence is the probability of
 FEW = 0.5  # a metric over a smaller share of the samples is noted
 NAN = float("nan")
+BRIDGED = (
+    "at a gap the true edge follows the gap and the detector bridges it: there the edge error is its depth"
+)
 CHUNK = 32  # samples that are judged together: a millisecond of work
 
 
@@ -141,12 +144,14 @@ class EdgeDetection:
 
     @property
     def notes(self) -> Sequence[str]:
-        """Over how many samples the error is, where those are few."""
-        found = self.metrics()
+        """Over how many samples the error is, where those are few; where a detector bridges a gap."""
+        found, said = self.metrics(), []
         count, share = found.get("edge_sample_count", 0.0), found.get("edge_judged_share", 1.0)
-        if not share < FEW:
-            return []
-        return [f"the edge error is over {round(share * count)} of {count:.0f} edge samples"]
+        if share < FEW:
+            said.append(f"the edge error is over {round(share * count)} of {count:.0f} edge samples")
+        if found and bridges_gaps(self.series()):
+            said.append(BRIDGED)
+        return said
 
     @property
     def true_offset(self) -> float:
@@ -245,6 +250,12 @@ class EdgeDetection:
         roll, pitch, yaw = start + share * wrap_angle(end - start)
         position = a.pose.position + share * (b.pose.position - a.pose.position)
         return Pose.from_euler(position, roll, pitch, yaw), a.distance + share * (b.distance - a.distance)
+
+
+def bridges_gaps(series: EdgeSeries) -> bool:
+    """Whether edges beside a gap were reported on the line across it, and not where the crop stands."""
+    is_off = ~(np.abs(series.error) <= WRONG_M)
+    return bool(np.any((np.abs(series.across) <= WRONG_M) & is_off))
 
 
 def _nearest(places: Sequence[float], to: float) -> float:

@@ -15,6 +15,7 @@ from swath.record.read.feed import exact_samples, exact_topic
 from swath.record.read.files import Log, open_log
 from swath.record.read.frames import own_mounting
 from swath.record.samples import SUFFIX
+from swath.runtime.folder import check_run_folder
 from swath.scenario.scenario import load_scenario
 from swath.signals import MachineState
 
@@ -31,8 +32,7 @@ def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = No
         raise InputError("--type", kind, f"expected one of {', '.join(TYPES)}")
     if out.suffix != ".osi":
         raise InputError("--out", str(out), "expected a file such as x.osi")
-    if not (run / "scenario.yaml").is_file():
-        raise InputError("run", str(run), "expected a run folder, it has no scenario.yaml")
+    check_run_folder(run, "scenario.yaml")
     log = open_log(run)
     with code_unread():
         scenario = load_scenario(run)

@@ -74,13 +74,13 @@ class App {
   }
 
   fillHead() {
-    const { data } = this, [passed, failed] = data.limits;
+    const { data } = this, [passed, failed, open] = data.limits;
     element("name").textContent = data.name;
     element("about").textContent = data.about;
     const verdict = element("verdict");
-    verdict.textContent = data.incomplete ? "incomplete" : failed ? `✗ ${failed} of ${passed + failed} limits fail`
-      : passed ? `✓ ${passed} limits pass` : "no limits set";
-    verdict.className = failed || data.incomplete ? "fail" : "pass";
+    verdict.textContent = data.incomplete ? "incomplete" : failed ? `✗ ${failed} of ${passed + failed + open} limits fail`
+      : open ? `${open} of ${passed + open} limits not measured` : passed ? `✓ ${passed} limits pass` : "no limits set";
+    verdict.className = failed || data.incomplete ? "fail" : open ? "open" : "pass";
     CAMERAS.forEach((camera, k) => {
       const button = document.createElement("button");
       button.textContent = camera.label;

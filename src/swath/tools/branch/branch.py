@@ -14,6 +14,7 @@ from swath.replay.writer import ReplayWriter
 from swath.report.report import ReportWriter
 from swath.runtime.branch import Start, branched_events
 from swath.runtime.changes import after_change, read_events
+from swath.runtime.folder import check_run_folder
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import JobResult, run_job
 from swath.runtime.saves import EVERY_S, Saves, is_readable, saves_in
@@ -66,9 +67,7 @@ class PlannedBranch:
 
 def plan_branch(run: Path, at_s: float, sets: Mapping[str, Any], allow: Sequence[str] = ()) -> PlannedBranch:
     """What to run. sets: keys and values as after `--set`; allow: as of `swath run`. InputError."""
-    for name in ("scenario.yaml", "summary.json"):
-        if not (run / name).is_file():
-            raise InputError("RUN", str(run), f"expected a run folder, it has no {name}")
+    check_run_folder(run, "scenario.yaml", "summary.json")
     summary = read_summary(run / "summary.json")
     scenario, events = load_scenario(run / "scenario.yaml"), read_events(run)
     end_s = summary.get("simulated_s")

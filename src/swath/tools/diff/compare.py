@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.documents.yaml_document import read_document
 from swath.judge.summary import read_summary
@@ -19,6 +18,7 @@ from swath.record.samples import MSGTYPE, SUFFIX
 from swath.replay.charts import events_of
 from swath.replay.machines import Columns, derived
 from swath.replay.writer import tracks_of
+from swath.runtime.folder import check_run_folder
 from swath.signals import Signal
 from swath.signals.flat import flat_fields, read
 from swath.terminal.tables import number
@@ -108,9 +108,7 @@ def compare(first: Path, second: Path) -> Comparison:
 
 
 def _read(folder: Path, other: Path) -> Run:
-    for name in ("scenario.yaml", "summary.json", "tracks.parquet"):
-        if not (folder / name).is_file():
-            raise InputError("RUN", str(folder), f"expected a run folder, it has no {name}")
+    check_run_folder(folder, "scenario.yaml", "summary.json", "tracks.parquet")
     summary = read_summary(folder / "summary.json")
     data = read_document(folder / "scenario.yaml").data
     tracks = {name: derived(own, _edge_side(data, name)) for name, own in tracks_of(folder).items()}

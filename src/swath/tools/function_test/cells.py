@@ -83,6 +83,11 @@ class Cell:
         elif run.verdict != OPEN:
             self._count(run, result["metrics"])
 
+    def why_failed(self, run: Kept) -> str:
+        """The reason why a run failed, and why that was known; "" of one that passed."""
+        known = self.case.known(run.point) if run.reason else ""
+        return f"known failure: {run.reason} ({known})" if known else run.reason
+
     def _add_sums(self, result: Result) -> None:
         """Take in what is added up over runs."""
         if told := result.get(SUMMARY):

@@ -82,11 +82,12 @@ def add(parsers: Any) -> None:
 
 
 def _list(args: argparse.Namespace) -> int:
-    from swath.terminal.tables import as_json, table
+    from swath.terminal.tables import as_json, say, table
     from swath.tools.function_test.case import find_cases
 
+    cases = find_cases(args.cases)
     rows = []
-    for case in find_cases(args.cases):
+    for case in cases:
         varied = {name: list(v.at) for name, v in case.file.vary.items()}
         count = case.grid_size * len(case.seeds)
         limits = [str(name) for name in case.file.expect]
@@ -94,11 +95,24 @@ def _list(args: argparse.Namespace) -> int:
     if args.json:
         as_json(("name", "objective", "vary", "runs", "limits_on", "tags"), rows)
         return 0
-    texts = []
-    for name, objective, varied, count, limits, tags in rows:
-        vary = "; ".join(f"{key} {', '.join(map(str, at))}" for key, at in varied.items())
-        texts.append((name, objective, vary or "-", str(count), ", ".join(limits), ", ".join(tags)))
-    table("", ("case", "objective", "varied", "runs", "limits on", "tags"), texts)
+    if len(rows) > 1:
+        table(
+            "", ("case", "objective", "runs"), [(name, said, str(count)) for name, said, _, count, *_ in rows]
+        )
+        say(f"Tags, for --only: {', '.join(sorted({tag for row in rows for tag in row[-1]}))}")
+        say("swath test list CASE says what varies and what is judged.")
+        return 0
+    name, objective, varied, count, limits, tags = rows[0]
+    vary = [f"{key} {', '.join(map(str, at))}" for key, at in varied.items()]
+    told = {
+        "objective": objective,
+        "varied": "; ".join(vary),
+        "runs": str(count),
+        "limits on": ", ".join(limits),
+        "tags": ", ".join(tags),
+        "known failures": "; ".join(known.why for known in cases[0].file.known),
+    }
+    table("", ("case", name), [(key, text) for key, text in told.items() if text])
     return 0
 
 
@@ -217,7 +231,11 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     rows = []
     for cell in cells:
         worst = cell.worst
-        said = "" if worst is None else f"{worst.id[:8]} {worst.reason or f'margin {worst.margin:.2f}'}"
+        said = (
+            ""
+            if worst is None
+            else f"{worst.id[:8]} {cell.why_failed(worst) or f'margin {worst.margin:.2f}'}"
+        )
         rows.append((cell.case.name, cell.candidate, cell.verdict, "; ".join([cell.text, *cell.means]), said))
     table("", ("case", "candidate", "verdict", "what the runs show", "worst run"), rows)
     verdicts = [cell.verdict for cell in cells]

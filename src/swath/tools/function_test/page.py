@@ -52,6 +52,7 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
         ],
         chart={"width": WIDE, "height": HIGH, "middle": HIGH / 2.0},
         colours=[{"name": c, "colour": colour(i)} for i, c in enumerate(candidates)],
+        known=[_known(cell) for cell in cells if cell.known],
         diagrams=[
             diagram
             for number, c in enumerate(candidates)
@@ -74,7 +75,7 @@ def _cell(cell: Cell) -> dict[str, Any]:
         "text": cell.text,
         "means": cell.means,
         "limits": [_limit(*nearest) for nearest in cell.nearest],
-        "dots": [_dot(run, number) for number, run in enumerate(cell.drawn.runs)],
+        "dots": [_dot(cell, run, number) for number, run in enumerate(cell.drawn.runs)],
         "worst": None if worst is None else _failure(cell, worst),
     }
 
@@ -101,20 +102,27 @@ def _steering(cell: Cell) -> list[list[str]]:
     return rows
 
 
-def _dot(run: Kept, number: int) -> dict[str, Any]:
+def _known(cell: Cell) -> list[str]:
+    """A row of the table of known failures."""
+    passed = str(cell.surprises.count)
+    whys = "; ".join(dict.fromkeys(known.why for known in cell.case.file.known))
+    return [cell.case.name, cell.candidate, str(cell.known), passed, whys]
+
+
+def _dot(cell: Cell, run: Kept, number: int) -> dict[str, Any]:
     """Place of a run in its strip: left beyond the limit, right within it; rows keep dots apart."""
     share = max(-1.0, run.margin)
     return {
         "x": round(WIDTH / 2.0 + share * (WIDTH / 2.0 - PAD), 1),
         "y": round(PAD + (number * 7 % 19) / 18.0 * (HEIGHT - 2.0 * PAD), 1),
-        "kind": run.verdict,
-        "title": f"{_point(run)}: {run.reason or 'passes'}",
+        "kind": "known" if run.verdict == "fail" and cell.case.known(run.point) else run.verdict,
+        "title": f"{_point(run)}: {cell.why_failed(run) or 'passes'}",
     }
 
 
 def _failure(cell: Cell, run: Kept) -> dict[str, str]:
     return {"case": cell.case.name, "candidate": cell.candidate, "point": _point(run), "id": run.id,
-            "reason": run.reason or "passes"}  # fmt: skip
+            "reason": cell.why_failed(run) or "passes"}  # fmt: skip
 
 
 def _point(run: Kept) -> str:
