@@ -19,7 +19,7 @@ from swath.tools.function_test.case import Claim, Point
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.odd.binding import Odd, read_odd
 from swath.tools.function_test.odd.cells import OddCell, judged, needed_each
-from swath.tools.function_test.odd.coverage import Coverage, coverage_of
+from swath.tools.function_test.odd.coverage import Coverage, coverage_of, driven_of
 from swath.tools.function_test.odd.design import Design
 from swath.tools.function_test.plan import Plan, code_hash
 from swath.tools.function_test.pool import Done
@@ -94,7 +94,9 @@ def conduct(folder: Path, campaign: Campaign, odd: Odd, workers: int, done: Done
         write_whole(folder / PLAN, session.plan.text)
         session.do(workers, done, client)
         results = session.results()
-        found = replace(found, session=session, coverage=coverage_of(odd, results), results=results)
+        for result in results[len(found.coverage.runs) :]:
+            found.coverage.add(driven_of(odd, result))
+        found = replace(found, session=session, results=results)
     return found
 
 
