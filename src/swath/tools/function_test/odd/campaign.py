@@ -81,23 +81,22 @@ def conduct(folder: Path, campaign: Campaign, odd: Odd, workers: int, done: Done
     client: of dask, None = on `workers` processes here. InputError for another campaign in the folder.
     """
     campaign = _claim_folder(folder, campaign, odd)
-    odd = read_odd(folder / ODD_FILE)
+    odd = replace(read_odd(folder / ODD_FILE), name=odd.name)
     design = Design(odd, needed_each(_pair_count(odd), odd.file.claim), campaign.seed)
-    points, results = list[Point](), list[Result]()
-    found = Conducted(_session(folder, campaign, ()), campaign, odd, Coverage(odd), results)
+    points, results, coverage = list[Point](), list[Result](), Coverage(odd)
     while len(points) < campaign.budgets[-1]:
         count = min(ROUND, campaign.budgets[-1] - len(points))
-        points += design.next(found.coverage.planned, len(points), count)
-        session = _session(folder, campaign, points)
-        if not results:
-            session.plan.check()
-        write_whole(folder / PLAN, session.plan.text)
-        session.do(workers, done, client)
-        results = session.results()
-        for result in results[len(found.coverage.runs) :]:
-            found.coverage.add(driven_of(odd, result))
-        found = replace(found, session=session, results=results)
-    return found
+        new = design.next(coverage.planned, len(points), count)
+        part = _session(folder, campaign, new, len(points))
+        if not points:
+            part.plan.check()
+        points += new
+        write_whole(folder / PLAN, _session(folder, campaign, points).plan.text)
+        part.do(workers, done, client)
+        for result in part.results():
+            results.append(result)
+            coverage.add(driven_of(odd, result))
+    return Conducted(_session(folder, campaign, points), campaign, odd, coverage, results)
 
 
 def open_campaign(session: Session) -> Conducted | None:
@@ -111,7 +110,7 @@ def open_campaign(session: Session) -> Conducted | None:
         campaign = Campaign(**{**data, "budgets": budgets, "sets": sets})
     except (KeyError, TypeError) as error:
         raise InputError(CAMPAIGN, None, f"expected a campaign: {error}", file=file) from error
-    odd, results = read_odd(session.folder / ODD_FILE), session.results()
+    odd, results = replace(read_odd(session.folder / ODD_FILE), name=campaign.odd), session.results()
     return Conducted(session, campaign, odd, coverage_of(odd, results), results)
 
 
@@ -124,8 +123,9 @@ def _pair_count(odd: Odd) -> int:
     return max(1, (int(odd.possible.sum()) - odd.bucket_count) // 2)
 
 
-def _session(folder: Path, campaign: Campaign, points: Sequence[Point]) -> Session:
-    chosen = tuple((number + 1, point) for number, point in enumerate(points))
+def _session(folder: Path, campaign: Campaign, points: Sequence[Point], first: int = 0) -> Session:
+    """The runs at some points, of which the first has this number in the campaign; its seed is one more."""
+    chosen = tuple((number, point) for number, point in enumerate(points, first + 1))
     case = str((folder / CASE_FILE).resolve())
     return Session(folder, Plan(case, sets=campaign.sets, level=campaign.level, points=chosen))
 

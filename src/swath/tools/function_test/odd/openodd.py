@@ -49,11 +49,7 @@ class Domain:
     @cached_property
     def attributes(self) -> dict[str, Attribute]:
         """Concepts by name, in the order of the files."""
-        found: dict[str, Attribute] = {}
-        for document in self.documents:
-            data = document.data if isinstance(document.data, dict) else {}
-            _collect(data.get(TAXONOMY) or {}, (), found)
-        return found
+        return attributes_of(self.documents)
 
     @property
     def version(self) -> str:
@@ -114,6 +110,8 @@ def read_domain(files: Sequence[Path], units: Mapping[str, str]) -> Domain:
     """
     library = _library()
     documents = [read_document(file) for file in files]
+    known = attributes_of(documents)
+    units = {name: unit for name, unit in units.items() if name in known}
     bindings = {name: {"unit": unit} for name, unit in units.items() if unit}
     while True:
         try:
@@ -123,6 +121,15 @@ def read_domain(files: Sequence[Path], units: Mapping[str, str]) -> Domain:
             if found is None or found[1] in bindings:
                 raise _placed(str(error), documents) from error
             bindings[found[1]] = {"unit": found[2]}  # without a conversion a unit is its own: 1/m2
+
+
+def attributes_of(documents: Sequence[Document]) -> dict[str, Attribute]:
+    """The concepts of the taxonomies of OpenODD documents."""
+    found: dict[str, Attribute] = {}
+    for document in documents:
+        data = document.data if isinstance(document.data, dict) else {}
+        _collect(data.get(TAXONOMY) or {}, (), found)
+    return found
 
 
 def _placed(told: str, documents: Sequence[Document]) -> InputError:
