@@ -8,8 +8,8 @@ import numpy as np
 
 from swath.core.random import Stream
 from swath.tools.function_test.journal import Journal
-from swath.tools.function_test.odd.campaign import Campaign, Conducted, conduct, revision_of
 from swath.tools.function_test.odd.binding import Odd, read_odd
+from swath.tools.function_test.odd.campaign import Campaign, Conducted, conduct, revision_of
 from swath.tools.function_test.one_run import no_result
 from swath.tools.function_test.plan import PlannedRun
 

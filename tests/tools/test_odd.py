@@ -92,15 +92,27 @@ def test_a_pair_of_modules_that_exclude_everything_is_contradictory(tmp_path: Pa
 @pytest.mark.parametrize(
     ("before", "after", "key", "told"),
     [
-        ("process.density:", "process.densty:", "attributes.process.densty", "did you mean 'process.density'"),
+        (
+            "process.density:",
+            "process.densty:",
+            "attributes.process.densty",
+            "did you mean 'process.density'",
+        ),
         ("      downpour: {field.stand.lean_deg: 15}\n", "", "attributes.weather.rain.values", "downpour"),
         ("[2, 4, 6, 8, 10]", "[2, 4, 4, 8, 10]", "attributes.process.speed", "rising|above the last"),
         ("exposure: [1, 2, 2, 1]", "exposure: [1, 2, 2]", "attributes.process.speed", "4 shares"),
         ("met: stems_per_m2", "met: stems_per_m", "attributes.process.density", "stems_per_m2"),
-        ("not_simulated: no drops", "not_simulated: no drops, key: a.b", "attributes.weather.fog", "nothing else"),
+        (
+            "not_simulated: no drops",
+            "not_simulated: no drops, key: a.b",
+            "attributes.weather.fog",
+            "nothing else",
+        ),
     ],
 )
-def test_a_wrong_binding_is_one_error_with_its_place(tmp_path: Path, before: str, after: str, key: str, told: str):
+def test_a_wrong_binding_is_one_error_with_its_place(
+    tmp_path: Path, before: str, after: str, key: str, told: str
+):
     file = write_odd(tmp_path, BINDING.replace(before, after))
     with pytest.raises(InputError, match=told) as found:
         read_odd(file)
@@ -335,7 +347,9 @@ def test_what_a_run_met_is_what_was_set():
     told = run_unrecorded(load_scenario("straight", sets=sets), hooks=[MetHook(names)])["met"]
     assert told["distance_m"] == pytest.approx(np.arange(len(told["distance_m"])), abs=0.6)
     count = len(told["distance_m"])
-    assert told["slope_across_percent"] == pytest.approx([5.0] * count, abs=0.05)  # rises to the east, driven north
+    assert told["slope_across_percent"] == pytest.approx(
+        [5.0] * count, abs=0.05
+    )  # rises to the east, driven north
     assert told["slope_along_percent"] == pytest.approx([0.0] * count, abs=0.3)
     assert set(told["stems_per_m2"]) == {321.0}
     assert told["lean_deg"] == pytest.approx([12.0] * count, abs=0.1)

@@ -197,9 +197,7 @@ class Odd:
             {axis.name: [axis.value(bucket, share) for share in (shares if axis.edges else (0.0,))]}
             for axis, bucket in self.bucket_axis
         ]
-        alone = [
-            [{n: v} for n, vs in one.items() for v in vs if self.domain.holds({n: v})] for one in tried
-        ]
+        alone = [[{n: v} for n, vs in one.items() for v in vs if self.domain.holds({n: v})] for one in tried]
         for i, (axis, _) in enumerate(self.bucket_axis):
             out[i, i] = bool(alone[i])
             for j in range(i + 1, count):

@@ -11,6 +11,8 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
 from swath.documents.json_file import read_object
@@ -75,14 +77,16 @@ class Conducted:
         return judged(self.coverage, self.claim, is_complete=self.is_complete)
 
 
-def conduct(folder: Path, campaign: Campaign, odd: Odd, workers: int, done: Done, client: Any = None) -> Conducted:
+def conduct(
+    folder: Path, campaign: Campaign, odd: Odd, workers: int, done: Done, client: Any = None
+) -> Conducted:
     """Do the runs of a campaign that are not in its folder; `done` gets each new result.
 
     client: of dask, None = on `workers` processes here. InputError for another campaign in the folder.
     """
     campaign = _claim_folder(folder, campaign, odd)
     odd = replace(read_odd(folder / ODD_FILE), name=odd.name)
-    design = Design(odd, needed_each(_pair_count(odd), odd.file.claim), campaign.seed)
+    design = Design(odd, needed_each(pair_count(odd), odd.file.claim), campaign.seed)
     points, results, coverage = list[Point](), list[Result](), Coverage(odd)
     while len(points) < campaign.budgets[-1]:
         count = min(ROUND, campaign.budgets[-1] - len(points))
@@ -119,8 +123,9 @@ def revision_of(odd: Odd) -> str:
     return f"{odd.domain.revision} {json.dumps(odd.case_data(), sort_keys=True)}"
 
 
-def _pair_count(odd: Odd) -> int:
-    return max(1, (int(odd.possible.sum()) - odd.bucket_count) // 2)
+def pair_count(odd: Odd) -> int:
+    """Pairs of buckets of two attributes that the ODD has."""
+    return int(np.triu(odd.possible, 1).sum())
 
 
 def _session(folder: Path, campaign: Campaign, points: Sequence[Point], first: int = 0) -> Session:
@@ -139,7 +144,9 @@ def _claim_folder(folder: Path, campaign: Campaign, odd: Odd) -> Campaign:
         before = json.loads(read_text(file, "--out", "a campaign"))
         mine = json.loads(json.dumps(asdict(campaign)))
         if {**before, "budgets": 0} != {**mine, "budgets": 0}:
-            expected = "expected a new folder: this one holds another campaign, or one of another ODD or other code"
+            expected = (
+                "expected a new folder: this one holds another campaign, or one of another ODD or other code"
+            )
             raise InputError("--out", str(folder), expected)
         budgets = tuple(before["budgets"])
         if campaign.budgets[-1] > budgets[-1]:
@@ -164,4 +171,6 @@ def _copy(odd: Odd, names: Sequence[str]) -> str:
     from swath.documents.yaml_document import dump
 
     case = odd.case_data()
-    return dump({**odd.document.data, "openodd": list(names), "scenario": case["scenario"], "set": case["set"]})
+    return dump(
+        {**odd.document.data, "openodd": list(names), "scenario": case["scenario"], "set": case["set"]}
+    )

@@ -57,8 +57,12 @@ def judged(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[OddCe
     places += [(int(i), int(j)) for i, j in zip(*np.nonzero(np.triu(odd.possible, 1)), strict=True)]
     counted = np.array([coverage.counted[place] for place in places])
     failed = np.array([coverage.failed[place] for place in places])
-    broken = np.array([p_broken(int(n), int(k), claim, is_complete) for n, k in zip(counted, failed, strict=True)])
-    shown = np.array([p_shown(int(n), int(k), claim, is_complete) for n, k in zip(counted, failed, strict=True)])
+    broken = np.array(
+        [p_broken(int(n), int(k), claim, is_complete) for n, k in zip(counted, failed, strict=True)]
+    )
+    shown = np.array(
+        [p_shown(int(n), int(k), claim, is_complete) for n, k in zip(counted, failed, strict=True)]
+    )
     is_pair = np.array([i != j for i, j in places])
     is_broken, is_shown = holm(broken, claim.confidence), np.zeros(len(places), dtype=bool)
     for family in (is_pair, ~is_pair):
@@ -69,7 +73,9 @@ def judged(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[OddCe
         own = (i,) if i == j else (i, j)
         axes = [odd.bucket_axis[place] for place in own]
         driven = coverage.hits[i, j] > 0 or counted[number] > 0
-        verdict = BROKEN if is_broken[number] else SHOWN if is_shown[number] else NOT_SHOWN if driven else NEVER
+        verdict = (
+            BROKEN if is_broken[number] else SHOWN if is_shown[number] else NOT_SHOWN if driven else NEVER
+        )
         cause = causes.get((i, j))
         cells.append(
             OddCell(own, named(coverage, own), tuple(axis.layer for axis, _ in axes), int(counted[number]),
@@ -87,7 +93,7 @@ def named(coverage: Coverage, places: tuple[int, ...]) -> str:
 
 
 def _unit(unit: str) -> str:
-    return f" {unit}" if unit else ""
+    return f" {unit}" if unit not in ("", "1") else ""
 
 
 @cache
@@ -144,7 +150,9 @@ def needed_each(count: int, claim: Claim) -> int:
     return int(np.ceil(log((1.0 - claim.confidence) / harmonic(count)) / log(claim.pass_rate) - 1e-9))
 
 
-def causes_of(coverage: Coverage, broken: list[tuple[int, int]], claim: Claim) -> dict[tuple[int, int], tuple[int, ...]]:
+def causes_of(
+    coverage: Coverage, broken: list[tuple[int, int]], claim: Claim
+) -> dict[tuple[int, int], tuple[int, ...]]:
     """Of each broken cell the cell that explains it, itself where nothing else does.
 
     The cell with the least likely failures comes first, of equals the simpler one; its runs are taken away, and what
@@ -166,21 +174,29 @@ def causes_of(coverage: Coverage, broken: list[tuple[int, int]], claim: Claim) -
     return found
 
 
-def excluded(coverage: Coverage, cells: list[OddCell], claim: Claim, *, is_complete: bool) -> list[OddCell]:
-    """The cells to leave out of the ODD so that the function is shown in what remains: the causes of what is broken,
-    buckets that are not shown by the runs outside of those, and pairs that nothing has driven.
+def remaining(coverage: Coverage, cells: list[OddCell], claim: Claim, *, is_complete: bool) -> list[OddCell]:
+    """All cells judged by the runs outside the causes of what is broken.
 
     The causes were found with the runs that then show the rest: a new campaign on what remains confirms it.
     """
     causes = {cell.cause for cell in cells if cell.verdict == BROKEN}
-    broken = [cell for cell in cells if cell.text in causes]
+    broken = [set(cell.places) for cell in cells if cell.text in causes]
+    if not broken:
+        return cells
     rest = Coverage(coverage.odd)
     for run in coverage.runs:
-        at = set(coverage.main(run).tolist())
-        if not any(at >= set(cell.places) for cell in broken):
+        if not any(set(coverage.main(run).tolist()) >= places for places in broken):
             rest.add(run)
-    again = judged(rest, claim, is_complete=is_complete)
-    buckets = [c for c in again if len(c.places) == 1 and c.verdict != SHOWN and c.text not in causes]
+    return judged(rest, claim, is_complete=is_complete)
+
+
+def excluded(cells: list[OddCell], rest: list[OddCell]) -> list[OddCell]:
+    """The cells to leave out of the ODD so that the function is shown in what remains: the causes of what is broken,
+    buckets that are not shown by the runs outside of those (rest: as `remaining`), and pairs that nothing has driven.
+    """
+    causes = {cell.cause for cell in cells if cell.verdict == BROKEN}
+    broken = [cell for cell in cells if cell.text in causes]
+    buckets = [c for c in rest if len(c.places) == 1 and c.verdict != SHOWN and c.text not in causes]
     whole = {c.places[0] for c in (*buckets, *broken) if len(c.places) == 1}
     pairs = [c for c in cells if len(c.places) == 2 and c.verdict == NEVER and not whole & set(c.places)]
     return [*broken, *buckets, *pairs]

@@ -36,9 +36,13 @@ def check_file(path: Path) -> tuple[Domain, list[Finding]]:
         return odd.domain, check(odd)
     if isinstance(document.data, dict) and "TAXONOMY" in document.data:
         domain = read_domain([path], {})
-        return domain, [Finding(UNBOUND, name, "no binding says how swath makes it") for name in domain.attributes]
+        return domain, [
+            Finding(UNBOUND, name, "no binding says how swath makes it") for name in domain.attributes
+        ]
     document.kind = "ODD"
-    raise document.error((), None, f"expected an OpenODD document (TAXONOMY, ODD) or a binding (format: {FORMAT})")
+    raise document.error(
+        (), None, f"expected an OpenODD document (TAXONOMY, ODD) or a binding (format: {FORMAT})"
+    )
 
 
 def check(odd: Odd) -> list[Finding]:
@@ -114,4 +118,3 @@ def table_of(findings: Sequence[Finding]) -> list[tuple[str, str, str]]:
     order = (*WRONG, NOT_DRAWN, NOT_SIMULATED)
     rows = sorted(findings, key=lambda f: (order.index(f.kind), f.name))
     return [(f.kind, f.name or "-", f.text) for f in rows]
-

@@ -11,7 +11,9 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("odd", help="check an operational design domain", description=_DESCRIPTION)
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     check = verbs.add_parser("check", help="what is unbound, out of range, contradictory, not simulated")
-    check.add_argument("odd", metavar="ODD", help="a binding, an OpenODD document, or a bundled one: wheat-harvest")
+    check.add_argument(
+        "odd", metavar="ODD", help="a binding, an OpenODD document, or a bundled one: wheat-harvest"
+    )
     add_json(check)
     check.set_defaults(run=_check)
 

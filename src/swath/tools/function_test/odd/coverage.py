@@ -69,6 +69,8 @@ def driven_of(odd: Odd, result: Result) -> Driven:
     columns = [_values(axis, met, point, count) for axis in odd.axes]
     places = [
         np.array([axis.bucket_of(value) for value in column], dtype=np.int64)
+        if axis.bound.met in met
+        else np.full(count, axis.bucket_of(point[axis.name]), dtype=np.int64)
         for axis, column in zip(odd.axes, columns, strict=True)
     ]
     steps = np.stack(places, axis=1) if count else np.zeros((0, len(odd.axes)), dtype=np.int64)

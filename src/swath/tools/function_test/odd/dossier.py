@@ -20,13 +20,14 @@ from swath.report.html import write_page
 from swath.tools.function_test.cells import cells_of
 from swath.tools.function_test.junit import write_junit
 from swath.tools.function_test.odd.campaign import Conducted
-from swath.tools.function_test.odd.cells import NEVER, VERDICTS, OddCell, excluded, needed_each
+from swath.tools.function_test.odd.cells import NEVER, VERDICTS, OddCell, excluded, needed_each, remaining
 from swath.tools.function_test.odd.coverage import Driven
 from swath.tools.function_test.odd.restricted import write_restricted
 from swath.tools.function_test.page import write_matrix
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, describe, lower_bound
 
 COLOURS = {SHOWN: "#2f9e77", BROKEN: "#d55e00", NOT_SHOWN: "#e3cf86", NEVER: "#c9ced4"}
+CLEAN = "#bfe0c9"  # of a pair that is not shown and in which no run fails
 OUTSIDE = "#ffffff"  # of a pair that the ODD does not have
 STEP = 8  # of the matrix of buckets [px]
 LISTED = 60  # rows of a list on the page; all are in the tables
@@ -74,7 +75,8 @@ def causes(cells: Sequence[OddCell]) -> list[OddCell]:
 def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
     """Write dossier.html, report.html, cells.csv, runs.csv, junit.xml, results.parquet and the restricted ODD."""
     folder, claim = found.folder, found.claim
-    out = excluded(found.coverage, cells, claim, is_complete=found.is_complete)
+    rest = remaining(found.coverage, cells, claim, is_complete=found.is_complete)
+    out = excluded(cells, rest)
     restricted = write_restricted(folder, found.odd, out)
     _csv(folder / "cells.csv", _cell_rows(found, cells))
     _csv(folder / "runs.csv", _run_rows(found))
@@ -110,7 +112,7 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         overall=describe(passed, len(runs), *rule, SHOWN) + f", with the confidence of {100 * rule[1]:g} %, "
         "over the draws of this campaign",
         short=_short(found, cells),
-        shown=_shown(found, cells),
+        shown=[(*a, b) for a, (_, b) in zip(_shown(found, cells), _shown(found, rest), strict=True)],
         broken=[_cause(found, cells, cell) for cell in broken],
         never=[c.text for c in cells if c.verdict == NEVER][:LISTED],
         never_count=sum(c.verdict == NEVER for c in cells),
@@ -128,6 +130,7 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         believe=_believe(found),
         digests=_digests(found),
         colours=[(v, COLOURS[v]) for v in VERDICTS],
+        clean=CLEAN,
         folder=folder.name,
     )
 
@@ -154,7 +157,8 @@ def _shown(found: Conducted, cells: Sequence[OddCell]) -> list[tuple[str, str]]:
             parts = [f"{axis.edges[r[0][1]]:g} to {axis.edges[r[-1][1] + 1]:g}" for r in runs]
         else:
             parts = [axis.labels[p] for p in places]
-        said.append((axis.name, f"{', '.join(parts)} {axis.bound.unit}".strip() if parts else "nowhere"))
+        unit = "" if axis.bound.unit == "1" else axis.bound.unit
+        said.append((axis.name, f"{', '.join(parts)} {unit}".strip() if parts else "nowhere"))
     return said
 
 
@@ -166,7 +170,7 @@ def _cause(found: Conducted, cells: Sequence[OddCell], cell: OddCell) -> dict[st
         "failed": cell.failed,
         "counted": cell.counted,
         "p": f"{cell.p_broken:.1e}",
-        "most": f"{100 * (1 - lower_bound(cell.failed, cell.counted, found.claim.confidence)):.0f} %",
+        "least": f"{100 * lower_bound(cell.failed, cell.counted, found.claim.confidence):.0f} %",
         "reason": str(failing[0].result["reason"]) if failing else "",
         "ids": [str(run.result["id"])[:8] for run in failing[:3]],
         "explains": sum(c.cause == cell.text for c in cells) - 1,
@@ -200,14 +204,23 @@ def _attributes(found: Conducted, cells: Sequence[OddCell]) -> list[dict[str, An
         for bucket in range(axis.count):
             cell = by_place.get(axis.first + bucket)
             said = "outside the ODD" if cell is None else cell.verdict
-            counts = None if cell is None else (
-                f"{cell.counted - cell.failed} of {cell.counted}", f"{cell.metres:.0f} m", f"{cell.seconds:.0f} s")
+            counts = (
+                None
+                if cell is None
+                else (
+                    f"{cell.counted - cell.failed} of {cell.counted}",
+                    f"{cell.metres:.0f} m",
+                    f"{cell.seconds:.0f} s",
+                )
+            )
             share = f"{100 * axis.exposure[bucket]:.0f} %"
             buckets.append({"label": axis.labels[bucket], "verdict": said, "counts": counts, "share": share,
                             "colour": OUTSIDE if cell is None else COLOURS[cell.verdict]})  # fmt: skip
         measured = f"measured: {axis.bound.met}" if axis.bound.met else "as set"
         key = axis.bound.key or ", ".join(sorted({k for v in axis.bound.values.values() for k in v}))
-        out.append({"name": axis.name, "unit": axis.bound.unit, "buckets": buckets, "measured": measured, "key": key})
+        out.append(
+            {"name": axis.name, "unit": axis.bound.unit, "buckets": buckets, "measured": measured, "key": key}
+        )
     return out
 
 
@@ -218,7 +231,8 @@ def _matrix(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
     for cell in cells:
         i, j = cell.places[0], cell.places[-1]
         text = f"{cell.text}: {cell.verdict}, {cell.counted - cell.failed} of {cell.counted} pass, {cell.metres:.0f} m"
-        squares.append({"x": i * STEP, "y": j * STEP, "colour": COLOURS[cell.verdict], "title": text})
+        colour = CLEAN if cell.verdict == NOT_SHOWN and not cell.failed else COLOURS[cell.verdict]
+        squares.append({"x": i * STEP, "y": j * STEP, "colour": colour, "title": text})
     for axis in odd.axes:
         is_new = axis is odd.axes[0] or odd.axes[odd.axes.index(axis) - 1].layer != axis.layer
         lines.append({"at": axis.first * STEP, "layer": axis.layer if is_new else "", "name": axis.name.partition(".")[2],
@@ -242,8 +256,8 @@ def _run(run: Driven) -> dict[str, str]:
 def _believe(found: Conducted) -> list[str]:
     """What the verdicts do not take into account."""
     said = [
-        "Whether each part of the simulation was inside the range in which it was checked is not judged here: see the "
-        "levels (`swath levels`) for what each assumes.",
+        "Whether each part of the simulation was inside the range in which it was checked is not judged here; what each "
+        "level assumes is listed by the command swath levels.",
         "Limits, buckets and exposure are the numbers of the ODD's binding; its source says: "
         f"{found.odd.file.source}.",
         "A cell is judged over the other attributes as the campaign spreads them, each bucket alike once all pairs are "
@@ -306,7 +320,9 @@ def _junit(path: Path, found: Conducted, cells: Sequence[OddCell]) -> None:
             cause = f"; explained by {cell.cause}" if cell.cause != cell.text else ""
             ET.SubElement(test, "failure", message=f"{cell.failed} of {cell.counted} runs fail{cause}")
         elif cell.verdict != SHOWN:
-            ET.SubElement(test, "skipped", message=f"{cell.verdict}: {cell.failed} of {cell.counted} runs fail")
+            ET.SubElement(
+                test, "skipped", message=f"{cell.verdict}: {cell.failed} of {cell.counted} runs fail"
+            )
     suite.set("tests", str(len(told)))
     suite.set("failures", str(sum(cell.verdict == BROKEN for cell in told)))
     ET.indent(root)

@@ -78,7 +78,9 @@ class Domain:
 
     def holds(self, values: Mapping[str, Value]) -> bool:
         """Whether values are inside; an attribute that is left out may have any value."""
-        judged = {name: _BOOLEAN.get(str(v), v) if self._is_boolean(name) else v for name, v in values.items()}
+        judged = {
+            name: _BOOLEAN.get(str(v), v) if self._is_boolean(name) else v for name, v in values.items()
+        }
         return bool(self.odd.evaluate({**self._open, **judged}).inside)
 
     def _is_boolean(self, name: str) -> bool:
@@ -115,7 +117,9 @@ def read_domain(files: Sequence[Path], units: Mapping[str, str]) -> Domain:
     bindings = {name: {"unit": unit} for name, unit in units.items() if unit}
     while True:
         try:
-            return Domain(documents, units, library.load_openodd(*files, bindings=bindings, name=files[0].stem))
+            return Domain(
+                documents, units, library.load_openodd(*files, bindings=bindings, name=files[0].stem)
+            )
         except (library.OpenOddError, library.UnitError, ValueError) as error:
             found = _UNKNOWN_UNIT.search(str(error))
             if found is None or found[1] in bindings:
