@@ -1,11 +1,13 @@
-"""Is a fault found that is there in one pair of buckets of an ODD alone, and is none found where there is none?
+"""Is a fault found that is there in one pair of buckets of an ODD alone, and is none found where there is
+none?
 
     python -m benchmarks.odd_faults --seeds 10 --out /tmp/odd-faults
     python -m benchmarks.odd_faults --seeds 1 --runs 150 --real --out /tmp/odd-faults-real
 
-The fault: the edge is told 20 cm to the side above a side slope of 10 % and under 150 stems/m2. By default a closed
-form stands in for a run: the largest lateral error is drawn, larger on slopes, and 1 % of the runs fail for no reason.
-`--real` drives, with the true edge, kinematic motion and the fault put on it where the drawn point lies in the pair.
+The fault: the edge is told 20 cm to the side above a side slope of 10 % and under 150 stems/m2. By default a
+closed form stands in for a run: the largest lateral error is drawn, larger on slopes, and 1 % of the runs
+fail for no reason. `--real` drives, with the true edge, kinematic motion and the fault put on it where the
+drawn point lies in the pair.
 """
 
 import argparse
@@ -142,8 +144,9 @@ def main() -> None:
             alone += planted and hit and len(said) == 1
             alarms += not planted and broken > 0
             passed = sum(run.passes for run in coverage.runs)
-            print(f"{name}: {passed} of {len(coverage.runs)} pass, {broken} cells broken, causes: "
-                  f"{'; '.join(said) or 'none'} ({time.process_time() - begun:.0f} cpu-s)", flush=True)  # fmt: skip
+            told = f"{passed} of {len(coverage.runs)} pass, {broken} cells broken"
+            took = f"({time.process_time() - begun:.0f} cpu-s)"
+            print(f"{name}: {told}, causes: {'; '.join(said) or 'none'} {took}", flush=True)
     print(f"planted: found in {found} of {args.seeds} seeds, as the only cause in {alone}; "
           f"none planted: a cell called broken in {alarms} of {args.seeds}")  # fmt: skip
 

@@ -48,10 +48,16 @@ objective: keeps its line
 source: made for a test
 requirement: R-7
 scenario: straight
-set: {run.distance_m: 12, combine.edge: truth, combine.motion: kinematic, combine.lidar: "off", field.terrain.slope_azimuth_deg: 90}
+set:
+  run.distance_m: 12
+  combine.edge: truth
+  combine.motion: kinematic
+  combine.lidar: "off"
+  field.terrain.slope_azimuth_deg: 90
 expect: {distance_m: {min: 11.5}}
 attributes:
-  terrain.side_slope: {key: field.terrain.slope_percent, unit: "%", buckets: [-16, -8, 0, 8, 16], met: slope_across_percent}
+  terrain.side_slope:
+    {key: field.terrain.slope_percent, unit: "%", buckets: [-16, -8, 0, 8, 16], met: slope_across_percent}
   terrain.slope_along: {unit: "%", met: slope_along_percent}
   weather.rain:
     values:
@@ -61,7 +67,8 @@ attributes:
       downpour: {field.stand.lean_deg: 15}
   weather.fog: {not_simulated: no drops}
   process.speed: {key: combine.speed.speed_kmh, unit: km/h, buckets: [2, 4, 6, 8, 10], exposure: [1, 2, 2, 1]}
-  process.density: {key: field.stand.stems_per_m2, unit: 1/m2, buckets: [50, 150, 300, 500, 700], met: stems_per_m2}
+  process.density:
+    {key: field.stand.stems_per_m2, unit: 1/m2, buckets: [50, 150, 300, 500, 700], met: stems_per_m2}
 """
 SLOPE, SPEED, DENSITY, RAIN = "terrain.side_slope", "process.speed", "process.density", "weather.rain"
 

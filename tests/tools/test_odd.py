@@ -1,4 +1,4 @@
-"""`swath odd check` and `swath test run --odd`: binding, design, what was driven, verdicts on cells, dossier."""
+"""`swath odd check`, `swath test run --odd`: binding, design, what was driven, verdicts on cells, dossier."""
 
 import csv
 import json
@@ -156,7 +156,8 @@ def test_a_value_stands_for_several_keys(tmp_path: Path):
     case = tmp_path / "c.yaml"
     case.write_text(
         "format: swath test case 1\nobjective: o\nsource: s\nscenario: straight\nexpect: {}\nvary:\n"
-        "  rain: {at: [wet, dry], sets: {wet: {field.stand.lean_deg: 5, combine.speed.speed_kmh: 4}, dry: {}}}\n"
+        "  rain:\n    at: [wet, dry]\n"
+        "    sets: {wet: {field.stand.lean_deg: 5, combine.speed.speed_kmh: 4}, dry: {}}\n"
     )
     read = read_case(case)
     assert read.sets({"rain": "wet"})[-2:] == ["field.stand.lean_deg=5", "combine.speed.speed_kmh=4"]
@@ -340,8 +341,9 @@ def test_pairs_that_nothing_drove_are_named(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_what_a_run_met_is_what_was_set():
-    sets = ["run.distance_m=15", "combine.edge=truth", "combine.motion.start_speed_kmh=7", "combine.lidar=off",
-            "field.terrain.level=plane", "field.terrain.slope_percent=5", "field.stand.stems_per_m2=321",
+    sets = ["run.distance_m=15", "combine.edge=truth", "combine.motion.start_speed_kmh=7",
+            "combine.lidar=off", "field.terrain.level=plane", "field.terrain.slope_percent=5",
+            "field.stand.stems_per_m2=321",
             "field.terrain.slope_azimuth_deg=90", "field.stand.lean_deg=12"]  # fmt: skip
     names = ["slope_across_percent", "slope_along_percent", "stems_per_m2", "lean_deg", "ground_speed_kmh"]
     told = run_unrecorded(load_scenario("straight", sets=sets), hooks=[MetHook(names)])["met"]

@@ -1,7 +1,7 @@
 """What a run met: quantities of the machine and the field at every metre of its way.
 
-They are the truth, sampled where the leading machine is. A quantity is one function of the machine's state and
-the field; a number that a scenario only sets, such as the wind, needs none: it holds all the way.
+They are the truth, sampled where the leading machine is. A quantity is one function of the machine's state
+and the field; a number that a scenario only sets, such as the wind, needs none: it holds all the way.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,8 @@
-"""An ODD bound to swath: which scenario key an attribute sets, in which buckets it is tried, what a run measures.
+"""An ODD bound to swath: which scenario key an attribute sets, in which buckets it is tried, what a run
+measures.
 
-A binding is a file of its own beside the OpenODD documents, which stay as their owner wrote them. It also says
-what is asked of the function: scenario, limits and claim, in the words of a test case.
+A binding is a file of its own beside the OpenODD documents, which stay as their owner wrote them. It also
+says what is asked of the function: scenario, limits and claim, in the words of a test case.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,12 +37,12 @@ CLAIM = Claim(pass_rate=0.8, confidence=0.95)  # 14 runs without a failure for o
 class Bound:
     """How swath makes and measures an attribute.
 
-    key: of the scenario, which gets value * scale + offset; unit: of the values here
-    buckets: rising edges of a number; values: of a category, the scenario keys and values each stands for
-    exposure: share of the working time of each bucket or value, any sum; none = all alike
-    met: quantity of a run (`swath.runtime.met`) that says what was driven; none = what was set holds all the way;
-    alone: nothing sets the attribute, runs only measure whether they stay inside the ODD
-    not_simulated: why swath cannot make it; such an attribute has nothing else
+    key: of the scenario, which gets value * scale + offset; unit: of the values here buckets: rising edges of
+    a number; values: of a category, the scenario keys and values each stands for exposure: share of the
+    working time of each bucket or value, any sum; none = all alike met: quantity of a run
+    (`swath.runtime.met`) that says what was driven; none = what was set holds all the way; alone: nothing
+    sets the attribute, runs only measure whether they stay inside the ODD not_simulated: why swath cannot
+    make it; such an attribute has nothing else
     """
 
     key: str = ""
@@ -84,8 +85,8 @@ class Bound:
 
 @dataclass(frozen=True, kw_only=True)
 class OddFile:
-    """The keys of a binding. openodd: the documents, beside it; requirement: its identifier elsewhere; the others
-    as in a test case.
+    """The keys of a binding. openodd: the documents, beside it; requirement: its identifier elsewhere; the
+    others as in a test case.
     """
 
     format: Literal["swath odd 1"]
@@ -190,7 +191,7 @@ class Odd:
 
     @cached_property
     def possible(self) -> Any:
-        """Pairs of buckets that have a place inside the ODD, (n, n) of bool; a bucket with itself: it alone."""
+        """Pairs of buckets that have a place inside the ODD, (n, n) of bool; diagonal: a bucket alone."""
         count, shares = self.bucket_count, (0.02, 0.5, 0.98)
         out = np.zeros((count, count), dtype=bool)
         tried = [

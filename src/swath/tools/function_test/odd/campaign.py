@@ -1,8 +1,8 @@
 """`swath test run --odd`: runs in rounds, each aimed at what was not driven yet, in one folder.
 
-Which runs a round has depends on the seed and on what the runs before it drove, and on nothing else: neither on how
-many workers do them nor on when it was stopped. The folder holds copies of the ODD and the case made of it, so that it
-can be read, judged again and gone on with wherever it lies.
+Which runs a round has depends on the seed and on what the runs before it drove, and on nothing else: neither
+on how many workers do them nor on when it was stopped. The folder holds copies of the ODD and the case made
+of it, so that it can be read, judged again and gone on with wherever it lies.
 """
 
 import json
@@ -34,8 +34,8 @@ RUNS, LEAST = 400, 8  # of a campaign, by default and at least
 
 @dataclass(frozen=True)
 class Campaign:
-    """What a campaign asks. revision: of the ODD and its binding; budgets: numbers of runs, each longer one after a
-    look at what the shorter one showed; sets, level: as in a plan; seed: of the draws
+    """What a campaign asks. revision: of the ODD and its binding; budgets: numbers of runs, each longer one
+    after a look at what the shorter one showed; sets, level: as in a plan; seed: of the draws
     """
 
     odd: str
@@ -136,7 +136,9 @@ def _session(folder: Path, campaign: Campaign, points: Sequence[Point], first: i
 
 
 def _claim_folder(folder: Path, campaign: Campaign, odd: Odd) -> Campaign:
-    """Make the folder one of this campaign; returns it with the budgets that it had. InputError for another one."""
+    """Make the folder one of this campaign; returns it with the budgets that it had. InputError for another
+    one.
+    """
     if campaign.budgets[0] < LEAST:
         raise InputError("--runs", campaign.budgets[0], f"expected {LEAST} runs or more")
     file = folder / CAMPAIGN

@@ -1,18 +1,19 @@
 """Verdicts on cells: a bucket of an attribute, or a pair of buckets of two.
 
-A cell is `broken` where its runs exclude that the claimed share of runs passes, `shown` where they exclude that
-fewer do, `never driven` without a run, else `not shown`. Very many cells are judged at once:
+A cell is `broken` where its runs exclude that the claimed share of runs passes, `shown` where they exclude
+that fewer do, `never driven` without a run, else `not shown`. Very many cells are judged at once:
 
 - no cell at all is called broken wrongly, with the confidence of the claim: Holm 1979 over all cells.
-- of the buckets called shown, and of the pairs, the expected share of wrong ones is at most 1 - confidence, however
-  the cells hang together (they share runs): Benjamini & Yekutieli 2001, doi:10.1214/aos/1013699998.
+- of the buckets called shown, and of the pairs, the expected share of wrong ones is at most 1 - confidence,
+  however the cells hang together (they share runs): Benjamini & Yekutieli 2001, doi:10.1214/aos/1013699998.
 
-The p-value of a cell is that of the exact binomial test. Its runs differ in the other attributes, so their chances
-of passing do, too; the binomial test of their mean is then on the safe side (Hoeffding 1956,
-doi:10.1214/aoms/1177728178). Where runs of the plan are missing, or it was made longer after a look, the e-process of
-`verdict` takes its place: the reciprocal of its capital is a p-value at every moment.
+The p-value of a cell is that of the exact binomial test. Its runs differ in the other attributes, so their
+chances of passing do, too; the binomial test of their mean is then on the safe side (Hoeffding 1956,
+doi:10.1214/aoms/1177728178). Where runs of the plan are missing, or it was made longer after a look, the
+e-process of `verdict` takes its place: the reciprocal of its capital is a p-value at every moment.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import exp, log
@@ -32,8 +33,8 @@ VERDICTS = (SHOWN, BROKEN, NOT_SHOWN, NEVER)
 class OddCell:
     """A judged cell. places: numbers of its one or two buckets among all; text: `side_slope 7 to 14, ...`
 
-    counted, failed: runs; p_broken, p_shown: before the correction; cause: the text of the cell that explains its
-    failures, "" where none does
+    counted, failed: runs; p_broken, p_shown: before the correction; cause: the text of the cell that explains
+    its failures, "" where none does
     """
 
     places: tuple[int, ...]
@@ -51,7 +52,7 @@ class OddCell:
 
 
 def judged(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[OddCell]:
-    """All cells that the ODD has, buckets first. is_complete: all runs of the plan are done, as planned first"""
+    """All cells that the ODD has, buckets first. is_complete: the plan is, as it was made first"""
     odd = coverage.odd
     places = [(i, i) for i in range(odd.bucket_count) if odd.possible[i, i]]
     places += [(int(i), int(j)) for i, j in zip(*np.nonzero(np.triu(odd.possible, 1)), strict=True)]
@@ -155,23 +156,26 @@ def causes_of(
 ) -> dict[tuple[int, int], tuple[int, ...]]:
     """Of each broken cell the cell that explains it, itself where nothing else does.
 
-    The cell with the least likely failures comes first, of equals the simpler one; its runs are taken away, and what
-    is then no more broken by itself, at the claim's confidence, is explained by it; and so on with the rest.
+    The cell with the least likely failures comes first, of equals the simpler one; its runs are taken away,
+    and what is then no more broken by itself, at the claim's confidence, is explained by it; and so on with
+    the rest.
     """  # fmt: skip
     runs = [(set(coverage.main(run).tolist()), run.passes) for run in coverage.runs if run.counts]
     left, found = list(broken), dict[tuple[int, int], tuple[int, ...]]()
     while left:
-
-        def chance(cell: tuple[int, int]) -> float:
-            inside = [passes for main, passes in runs if cell[0] in main and cell[1] in main]
-            return p_broken(len(inside), sum(not passes for passes in inside), claim, True)
-
-        first = min(left, key=lambda cell: (chance(cell), cell[0] != cell[1], cell))
-        runs = [(main, passes) for main, passes in runs if not (first[0] in main and first[1] in main)]
-        explained = [cell for cell in left if cell == first or chance(cell) > 1.0 - claim.confidence]
+        chances = {cell: _chance(cell, runs, claim) for cell in left}
+        first = min(left, key=lambda cell: (chances[cell], cell[0] != cell[1], cell))
+        runs = [(main, passes) for main, passes in runs if not main >= set(first)]
+        limit = 1.0 - claim.confidence
+        explained = [cell for cell in left if cell == first or _chance(cell, runs, claim) > limit]
         found.update(dict.fromkeys(explained, tuple(dict.fromkeys(first))))
         left = [cell for cell in left if cell not in explained]
     return found
+
+
+def _chance(cell: tuple[int, int], runs: Sequence[tuple[set[int], bool]], claim: Claim) -> float:
+    inside = [passes for main, passes in runs if main >= set(cell)]
+    return p_broken(len(inside), sum(not passes for passes in inside), claim, True)
 
 
 def remaining(coverage: Coverage, cells: list[OddCell], claim: Claim, *, is_complete: bool) -> list[OddCell]:
@@ -191,8 +195,9 @@ def remaining(coverage: Coverage, cells: list[OddCell], claim: Claim, *, is_comp
 
 
 def excluded(cells: list[OddCell], rest: list[OddCell]) -> list[OddCell]:
-    """The cells to leave out of the ODD so that the function is shown in what remains: the causes of what is broken,
-    buckets that are not shown by the runs outside of those (rest: as `remaining`), and pairs that nothing has driven.
+    """The cells to leave out of the ODD so that the function is shown in what remains: the causes of what is
+    broken, buckets that are not shown by the runs outside of those (rest: as `remaining`), and pairs that
+    nothing has driven.
     """
     causes = {cell.cause for cell in cells if cell.verdict == BROKEN}
     broken = [cell for cell in cells if cell.text in causes]

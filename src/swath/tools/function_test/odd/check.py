@@ -1,4 +1,6 @@
-"""`swath odd check`: what of an ODD is unbound, out of range or contradictory, and what swath cannot simulate."""
+"""`swath odd check`: what of an ODD is unbound, out of range or contradictory, and what swath cannot
+simulate.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +31,9 @@ class Finding:
 
 
 def check_file(path: Path) -> tuple[Domain, list[Finding]]:
-    """Of a binding, or of an OpenODD document alone, in which every attribute is unbound. InputError for others."""
+    """Of a binding, or of an OpenODD document alone, in which every attribute is unbound. InputError for
+    others.
+    """
     document = read_document(path)
     if isinstance(document.data, dict) and document.data.get("format") == FORMAT:
         odd = read_odd(path)

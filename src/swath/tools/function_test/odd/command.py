@@ -11,9 +11,7 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("odd", help="check an operational design domain", description=_DESCRIPTION)
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     check = verbs.add_parser("check", help="what is unbound, out of range, contradictory, not simulated")
-    check.add_argument(
-        "odd", metavar="ODD", help="a binding, an OpenODD document, or a bundled one: wheat-harvest"
-    )
+    check.add_argument("odd", metavar="ODD", help="a binding, an OpenODD document, or wheat-harvest")
     add_json(check)
     check.set_defaults(run=_check)
 
@@ -36,5 +34,6 @@ def _check(args: argparse.Namespace) -> int:
     return 1 if wrong else 0
 
 
-_DESCRIPTION = """An operational design domain (ODD) says where a function is meant to work. `swath test run --odd`
-drives it; see docs/how-to/odd.md. Exit code of check: 0 nothing to mend, 1 something, 2 bad input."""
+_DESCRIPTION = """An operational design domain (ODD) says where a function is meant to work.
+`swath test run --odd` drives it; see docs/how-to/odd.md. Exit code of check:
+0 nothing to mend, 1 something, 2 bad input."""

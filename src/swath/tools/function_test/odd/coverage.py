@@ -1,8 +1,10 @@
-"""What was driven: metres, seconds and runs in each bucket and in each pair of buckets, and what left the ODD.
+"""What was driven: metres, seconds and runs in each bucket and in each pair of buckets, and what left the
+ODD.
 
-A run has one value of every attribute at each metre: as measured where the attribute has a quantity of the run,
-as set where it has none. It counts for the verdict of the one pair of buckets, of two attributes, in which it drove
-the longest way, so it is counted once; a run that came to nothing counts where it was meant to drive.
+A run has one value of every attribute at each metre: as measured where the attribute has a quantity of the
+run, as set where it has none. It counts for the verdict of the one pair of buckets, of two attributes, in
+which it drove the longest way, so it is counted once; a run that came to nothing counts where it was meant to
+drive.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -117,8 +119,8 @@ def _known(odd: Odd, row: Sequence[Value | None]) -> dict[str, Value]:
 
 @dataclass
 class Coverage:
-    """Sums over runs, (n, n) over all buckets; of two buckets of one attribute only the diagonal means anything:
-    that bucket alone.
+    """Sums over runs, (n, n) over all buckets; of two buckets of one attribute only the diagonal means
+    anything: that bucket alone.
 
     hits: runs that drove HIT_M or more there; counted, failed: runs whose main buckets these are
     """

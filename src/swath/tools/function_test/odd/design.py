@@ -1,10 +1,11 @@
 """Which runs come next: a covering array of pairs, filled up where little was driven.
 
-Each run takes the combination of buckets, one an attribute, that fills the most pairs of buckets which are still
-short of the number of runs wanted; pairs that no run has driven count first, the others by how often they are met
-at work (exposure). It is a greedy covering array (AETG, Cohen et al. 1997, doi:10.1109/32.605761) that is not
-ended when every pair is there once. The choice looks at what was driven, never at whether runs passed: so in every
-cell the other attributes are spread alike, and the counts of a cell may be judged as if they had been fixed before.
+Each run takes the combination of buckets, one an attribute, that fills the most pairs of buckets which are
+still short of the number of runs wanted; pairs that no run has driven count first, the others by how often
+they are met at work (exposure). It is a greedy covering array (AETG, Cohen et al. 1997,
+doi:10.1109/32.605761) that is not ended when every pair is there once. The choice looks at what was driven,
+never at whether runs passed: so in every cell the other attributes are spread alike, and the counts of a cell
+may be judged as if they had been fixed before.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,9 @@
-"""The dossier of a campaign: a page for an assessor, tables, JUnit, and the ODD in which the function is shown.
+"""The dossier of a campaign: a page for an assessor, tables, JUnit, and the ODD in which the function is
+shown.
 
-Every statement on the page is one of the cells in `cells.csv` or of the runs in `runs.csv`; each run can be made
-again from its name. Sections about what the simulation itself was checked for, and about the numbers that a metric
-rests on, have their place behind `believe`.
+Every statement on the page is one of the cells in `cells.csv` or of the runs in `runs.csv`; each run can be
+made again from its name. Sections about what the simulation itself was checked for, and about the numbers
+that a metric rests on, have their place behind `believe`.
 """
 
 import csv
@@ -32,9 +33,9 @@ OUTSIDE = "#ffffff"  # of a pair that the ODD does not have
 STEP = 8  # of the matrix of buckets [px]
 LISTED = 60  # rows of a list on the page; all are in the tables
 NO_CERTIFICATE = (
-    "This dossier certifies nothing. It says what a simulation showed of a function, in which part of a declared "
-    "domain, and how sure that is. It may serve as evidence by simulation beside tests and analysis (ISO 18497-4:2024); "
-    "it replaces no assessment of conformity under Regulation (EU) 2023/1230."
+    "This dossier certifies nothing. It says what a simulation showed of a function, in which part of a "
+    "declared domain, and how sure that is. It may serve as evidence by simulation beside tests and analysis "
+    "(ISO 18497-4:2024); it replaces no assessment of conformity under Regulation (EU) 2023/1230."
 )
 
 
@@ -50,8 +51,10 @@ class Summary:
 def summary_of(found: Conducted, cells: Sequence[OddCell]) -> Summary:
     """Cells by verdict, and sentences."""
     rows = []
-    for name, some in (("buckets", [c for c in cells if len(c.places) == 1]),
-                       ("pairs of buckets", [c for c in cells if len(c.places) == 2])):  # fmt: skip
+    for name, some in (
+        ("buckets", [c for c in cells if len(c.places) == 1]),
+        ("pairs of buckets", [c for c in cells if len(c.places) == 2]),
+    ):
         rows.append((name, *(str(sum(c.verdict == v for c in some)) for v in VERDICTS)))
     driven, pairs = found.coverage.pair_share
     passed = sum(run.passes for run in found.coverage.runs)
@@ -73,7 +76,9 @@ def causes(cells: Sequence[OddCell]) -> list[OddCell]:
 
 
 def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
-    """Write dossier.html, report.html, cells.csv, runs.csv, junit.xml, results.parquet and the restricted ODD."""
+    """Write dossier.html, report.html, cells.csv, runs.csv, junit.xml, results.parquet and the restricted
+    ODD.
+    """
     folder, claim = found.folder, found.claim
     rest = remaining(found.coverage, cells, claim, is_complete=found.is_complete)
     out = excluded(cells, rest)
@@ -142,8 +147,10 @@ def _short(found: Conducted, cells: Sequence[OddCell]) -> str:
     least = min((c.counted for c in pairs), default=0)
     if all(c.verdict in (SHOWN, BROKEN) for c in pairs):
         return ""
-    return (f"{needed_each(1, found.claim)} runs without a failure show a single cell; for all {len(pairs)} pairs "
-            f"together each needs {need}, the least driven has {least}")  # fmt: skip
+    return (
+        f"{needed_each(1, found.claim)} runs without a failure show a single cell; for all {len(pairs)} "
+        f"pairs together each needs {need}, the least driven has {least}"
+    )
 
 
 def _shown(found: Conducted, cells: Sequence[OddCell]) -> list[tuple[str, str]]:
@@ -178,7 +185,7 @@ def _cause(found: Conducted, cells: Sequence[OddCell], cell: OddCell) -> dict[st
 
 
 def _layers(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
-    """Counts of the cells of each pair of layers by verdict; a layer with itself has its pairs and buckets."""
+    """Counts of the cells of each pair of layers by verdict; a layer with itself has its buckets, too."""
     names = found.odd.layers
     rows = []
     for i, a in enumerate(names):
@@ -186,11 +193,18 @@ def _layers(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
         for b in names[: i + 1]:
             some = [c for c in cells if {*c.layers} == {a, b} or (a == b and set(c.layers) == {a})]
             total = len(some)
-            row.append({
-                "parts": [{"colour": COLOURS[v], "share": round(100 * n / total, 2), "count": n, "verdict": v}
-                          for v in VERDICTS if (n := sum(c.verdict == v for c in some))] if total else [],
-                "total": total,
-            })  # fmt: skip
+            row.append(
+                {
+                    "parts": [
+                        {"colour": COLOURS[v], "share": round(100 * n / total, 2), "count": n, "verdict": v}
+                        for v in VERDICTS
+                        if (n := sum(c.verdict == v for c in some))
+                    ]
+                    if total
+                    else [],
+                    "total": total,
+                }
+            )
         rows.append({"name": a, "cells": row})
     return {"names": names, "rows": rows}
 
@@ -214,8 +228,15 @@ def _attributes(found: Conducted, cells: Sequence[OddCell]) -> list[dict[str, An
                 )
             )
             share = f"{100 * axis.exposure[bucket]:.0f} %"
-            buckets.append({"label": axis.labels[bucket], "verdict": said, "counts": counts, "share": share,
-                            "colour": OUTSIDE if cell is None else COLOURS[cell.verdict]})  # fmt: skip
+            buckets.append(
+                {
+                    "label": axis.labels[bucket],
+                    "verdict": said,
+                    "counts": counts,
+                    "share": share,
+                    "colour": OUTSIDE if cell is None else COLOURS[cell.verdict],
+                }
+            )
         measured = f"measured: {axis.bound.met}" if axis.bound.met else "as set"
         key = axis.bound.key or ", ".join(sorted({k for v in axis.bound.values.values() for k in v}))
         out.append(
@@ -230,22 +251,35 @@ def _matrix(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
     squares, lines = [], []
     for cell in cells:
         i, j = cell.places[0], cell.places[-1]
-        text = f"{cell.text}: {cell.verdict}, {cell.counted - cell.failed} of {cell.counted} pass, {cell.metres:.0f} m"
+        counts = f"{cell.counted - cell.failed} of {cell.counted} pass, {cell.metres:.0f} m"
+        text = f"{cell.text}: {cell.verdict}, {counts}"
         colour = CLEAN if cell.verdict == NOT_SHOWN and not cell.failed else COLOURS[cell.verdict]
         squares.append({"x": i * STEP, "y": j * STEP, "colour": colour, "title": text})
     for axis in odd.axes:
         is_new = axis is odd.axes[0] or odd.axes[odd.axes.index(axis) - 1].layer != axis.layer
-        lines.append({"at": axis.first * STEP, "layer": axis.layer if is_new else "", "name": axis.name.partition(".")[2],
-                      "middle": (axis.first + axis.count / 2) * STEP})  # fmt: skip
+        lines.append(
+            {
+                "at": axis.first * STEP,
+                "layer": axis.layer if is_new else "",
+                "name": axis.name.partition(".")[2],
+                "middle": (axis.first + axis.count / 2) * STEP,
+            }
+        )
     return {"side": odd.bucket_count * STEP, "step": STEP, "squares": squares, "lines": lines}
 
 
 def _left(run: Driven) -> dict[str, str]:
     assert run.outside is not None
     o = run.outside
-    return {"id": str(run.result["id"])[:8], "t": f"{o.t_s:.1f}", "at": f"{o.distance_m:.1f}",
-            "length": f"{o.length_m:.0f}", "why": o.why, "verdict": str(run.result["verdict"]),
-            "counts": "yes" if run.counts else "no"}  # fmt: skip
+    return {
+        "id": str(run.result["id"])[:8],
+        "t": f"{o.t_s:.1f}",
+        "at": f"{o.distance_m:.1f}",
+        "length": f"{o.length_m:.0f}",
+        "why": o.why,
+        "verdict": str(run.result["verdict"]),
+        "counts": "yes" if run.counts else "no",
+    }
 
 
 def _run(run: Driven) -> dict[str, str]:
@@ -256,24 +290,30 @@ def _run(run: Driven) -> dict[str, str]:
 def _believe(found: Conducted) -> list[str]:
     """What the verdicts do not take into account."""
     said = [
-        "Whether each part of the simulation was inside the range in which it was checked is not judged here; what each "
-        "level assumes is listed by the command swath levels.",
+        "Whether each part of the simulation was inside the range where it was checked is not judged here; "
+        "what each level assumes is listed by the command swath levels.",
         "Limits, buckets and exposure are the numbers of the ODD's binding; its source says: "
         f"{found.odd.file.source}.",
-        "A cell is judged over the other attributes as the campaign spreads them, each bucket alike once all pairs are "
-        "driven, not as often as they are met at work.",
+        "A cell is judged over the other attributes as the campaign spreads them, each bucket alike once all "
+        "pairs are driven, not as often as they are met at work.",
         "Faults that need three attributes at once are found only as far as they break a pair.",
     ]
     if not found.is_complete:
-        said.append("Runs of the plan are missing, or it was made longer after a look: verdicts rest on an e-process, "
-                    "which may be looked at at any time and needs more runs.")  # fmt: skip
+        said.append(
+            "Runs of the plan are missing, or it was made longer after a look: verdicts rest on an "
+            "e-process, "
+            "which may be looked at at any time and needs more runs."
+        )
     return said
 
 
 def _digests(found: Conducted) -> list[tuple[str, str]]:
     odd = found.odd.domain.revision
-    return [("ODD (SHA-256 of its OpenODD documents)", odd), ("code of swath", found.campaign.code),
-            ("seed of the draws", str(found.campaign.seed))]  # fmt: skip
+    return [
+        ("ODD (SHA-256 of its OpenODD documents)", odd),
+        ("code of swath", found.campaign.code),
+        ("seed of the draws", str(found.campaign.seed)),
+    ]
 
 
 def _cell_rows(found: Conducted, cells: Sequence[OddCell]) -> Iterable[Mapping[str, Any]]:
@@ -281,20 +321,39 @@ def _cell_rows(found: Conducted, cells: Sequence[OddCell]) -> Iterable[Mapping[s
         axes = [found.odd.bucket_axis[place] for place in cell.places]
         names = [axis.name for axis, _ in axes] + [""] * (2 - len(axes))
         labels = [axis.labels[bucket] for axis, bucket in axes] + [""] * (2 - len(axes))
-        yield {"attribute": names[0], "bucket": labels[0], "attribute_2": names[1], "bucket_2": labels[1],
-               "verdict": cell.verdict, "runs": cell.counted, "failed": cell.failed, "hits": cell.hits,
-               "metres": f"{cell.metres:.1f}", "seconds": f"{cell.seconds:.1f}", "p_broken": f"{cell.p_broken:.3g}",
-               "p_shown": f"{cell.p_shown:.3g}", "cause": cell.cause}  # fmt: skip
+        yield {
+            "attribute": names[0],
+            "bucket": labels[0],
+            "attribute_2": names[1],
+            "bucket_2": labels[1],
+            "verdict": cell.verdict,
+            "runs": cell.counted,
+            "failed": cell.failed,
+            "hits": cell.hits,
+            "metres": f"{cell.metres:.1f}",
+            "seconds": f"{cell.seconds:.1f}",
+            "p_broken": f"{cell.p_broken:.3g}",
+            "p_shown": f"{cell.p_shown:.3g}",
+            "cause": cell.cause,
+        }
 
 
 def _run_rows(found: Conducted) -> Iterable[Mapping[str, Any]]:
     for run in found.coverage.runs:
         o = run.outside
-        yield {"requirement": found.odd.file.requirement, "run": run.result["id"], "seed": run.result["seed"],
-               "verdict": run.result["verdict"], "reason": run.result["reason"], "digest": run.result["digest"],
-               "counts": run.counts, "left_odd_s": "" if o is None else o.t_s,
-               "left_odd_m": "" if o is None else o.distance_m, "why": "" if o is None else o.why,
-               **run.result["point"]}  # fmt: skip
+        yield {
+            "requirement": found.odd.file.requirement,
+            "run": run.result["id"],
+            "seed": run.result["seed"],
+            "verdict": run.result["verdict"],
+            "reason": run.result["reason"],
+            "digest": run.result["digest"],
+            "counts": run.counts,
+            "left_odd_s": "" if o is None else o.t_s,
+            "left_odd_m": "" if o is None else o.distance_m,
+            "why": "" if o is None else o.why,
+            **run.result["point"],
+        }
 
 
 def _csv(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
