@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -325,7 +326,10 @@ def test_a_campaign_resumes_and_says_the_same_bytes(tmp_path: Path, capsys: pyte
     row = rows_of(out / "runs.csv")[0]
     assert main(["test", "again", str(out), row["run"][:8]]) == 0
     assert "the same digest" in capsys.readouterr().out
-    met = json.loads((next((out / "journal").glob("worker*"))).read_text().splitlines()[0])["met"]
+    moved = shutil.move(out, tmp_path / "b")
+    assert main(["test", "report", str(moved)]) == 3
+    assert (Path(moved) / "cells.csv").read_bytes() == before["cells.csv"]
+    met = json.loads((next((Path(moved) / "journal").glob("worker*"))).read_text().splitlines()[0])["met"]
     assert len(met["distance_m"]) >= 11
 
 

@@ -95,7 +95,8 @@ def conduct(
         if not points:
             part.plan.check()
         points += new
-        write_whole(folder / PLAN, _session(folder, campaign, points).plan.text)
+        plan = json.loads(_session(folder, campaign, points).plan.text)
+        write_whole(folder / PLAN, json.dumps({**plan, "cases": CASE_FILE}, indent=2) + "\n")
         part.do(workers, done, client)
         for result in part.results():
             results.append(result)
