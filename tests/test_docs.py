@@ -13,6 +13,7 @@ import pytest
 import swath
 from swath.commands.main import GONE, UsageError, make_parser
 from swath.core.errors import InputError
+from swath.documents.validation import validate
 from swath.documents.yaml_document import dump, parse
 from swath.job.fleet import FORMAT as FLEET_FORMAT
 from swath.job.fleet import read_fleet
@@ -22,6 +23,9 @@ from swath.scenario.scenario import load_scenario, parse_scenario, scenario_name
 from swath.scenario.versions import FORMAT, SECTIONS
 from swath.tools.function_test.candidates import read_candidates
 from swath.tools.function_test.case import FORMAT as CASE_FORMAT
+from swath.tools.function_test.odd.binding import FORMAT as ODD_FORMAT
+from swath.tools.function_test.odd.binding import OddFile
+from swath.tools.function_test.odd.openodd import read_domain
 from swath.tools.function_test.plan import Plan
 
 pytestmark = pytest.mark.usefixtures("code_allowed")  # what the pages say is ours
@@ -139,6 +143,14 @@ def test_yaml_is_a_scenario_or_a_part_of_one(text, tmp_path):
         for example in (ROOT / "examples").glob("my_*.py"):  # that `swath new` writes beside it
             shutil.copy(example, tmp_path)
         Plan(str(tmp_path / "case.yaml")).check()
+        return
+    if part.get("format") == ODD_FORMAT:
+        assert validate(OddFile, part, (), parse(text))[1] == []
+        return
+    if "TAXONOMY" in part:
+        pytest.importorskip("openodd", reason="needs the extra odd")
+        (tmp_path / "odd.yaml").write_text(text, encoding="utf-8")
+        assert read_domain([tmp_path / "odd.yaml"], {}).roots
         return
     if all(isinstance(sets, dict) and all("." in key for key in sets) for sets in part.values()):
         (tmp_path / "candidates.yaml").write_text(text, encoding="utf-8")

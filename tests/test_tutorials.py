@@ -19,7 +19,12 @@ ROOT = Path(__file__).parents[1]
 PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 LISTING = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 NAME = re.compile(r"`([\w-]+\.(?:yaml|py))`")
-NEEDS = {"my-field": "rasterio", "my-function-test": "scipy", "my-simulink-model": "pythonfmu"}
+NEEDS = {
+    "my-field": "rasterio",
+    "my-function-test": "scipy",
+    "my-odd": "openodd",
+    "my-simulink-model": "pythonfmu",
+}
 ELSEWHERE = {"my-ros2-node"}  # needs a ROS 2 domain: tests/link/test_ros2_tutorial.py
 
 

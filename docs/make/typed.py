@@ -92,6 +92,8 @@ def shortened(words: list[str]) -> list[str]:
             return [*words[:at], "0.2", *words[at + 1 :]]
         case ["dataset", _]:
             return [*words, "--count", "2", "--width", "64", "--height", "48", "--workers", "1"]
+        case ["test", "run"] if "--odd" in words:
+            return [*words, *sets, "--runs", "8", "--workers", "1"]
         case ["test", "run"] if words[2] == "catalogue":
             return [*words, "--plan-only"]
         case ["test", "run"]:

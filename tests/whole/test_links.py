@@ -72,7 +72,8 @@ OTHERS = {
 }
 NOTHING = {
     "scenarios", "docs", "levels", "metrics", "sheets", "field show", "fleet list", "fleet day", "test list",
-    "test compare", "fmu show", "fmu check", "ros2 play", "can box", "can listen", "can dbc", "completion",
+    "test compare", "odd check", "fmu show", "fmu check", "ros2 play", "can box", "can listen", "can dbc",
+    "completion",
 }  # fmt: skip
 
 

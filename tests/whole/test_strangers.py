@@ -169,6 +169,7 @@ class Folder:
             "new": [["scenario", f"{next(new)}.yaml"]],
             "levels": [[], ["edge"]],
             "metrics": [[]],
+            "odd check": [["wheat-harvest"]],
             "sheets": [[], ["check", f"{p}/crop.yaml"], ["check", f"{p}/mine.yaml"]],
             "field import": [[log, *crop, next(new)]],
             "fleet run": [

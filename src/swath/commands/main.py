@@ -40,6 +40,7 @@ from swath.tools.dataset import command as dataset
 from swath.tools.diff import command as diff
 from swath.tools.field_export import command as field
 from swath.tools.function_test import command as function_test
+from swath.tools.function_test.odd import command as odd
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
 from swath.tools.paper import command as paper
@@ -53,7 +54,7 @@ COMMANDS = {
     "start": (run, paper, scenarios, levels, metrics, sheets, new, scan, docs),
     "look at a run, continue it, use its recording": (view, report, diff, branch, rerun, part, yield_log),
     "use measured data": (field, height_map, calibrate, compare, lab),
-    "many runs, whole fields": (function_test, fleet, reda, dataset),
+    "many runs, whole fields": (function_test, odd, fleet, reda, dataset),
     "connect and set up": (ros2, fmu, can, osi, schema, completion),
 }
 ALLOW_CODE = "let code run that the files name, with your rights: Python files, FMUs (SECURITY.md)"

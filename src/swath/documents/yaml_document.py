@@ -183,6 +183,10 @@ _kept = lru_cache(maxsize=256)(_parsed)
 
 def parse_value(text: str, flag: str) -> Any:
     """A single value, as given to a flag; errors name the flag."""
+    if _FLOAT.match(text):  # most are, and a plan of a thousand runs has many
+        value = _integer(text) if _INT.match(text) else float(text)
+        if value is not None and math.isfinite(value):
+            return value
     try:
         return parse(text, flag).data
     except InputError as error:

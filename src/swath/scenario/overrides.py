@@ -66,25 +66,25 @@ def _check_machine(data: dict[str, Any], path: KeyPath, flag: str) -> None:
 
 def layered(*layers: Sequence[str]) -> list[str]:
     """The changes of several layers as one list; where two contradict each other, the later layer counts."""
-    found: list[str] = []
+    found: list[tuple[str, Change]] = []
     for layer in layers:
-        new = [_change(f"--set {text}", text) for text in layer]
-        for change in new:
-            found = [kept for text in found if (kept := _without(text, change))]
-        found += layer
-    return found
+        new = [(text, _change(f"--set {text}", text)) for text in layer]
+        for _, change in new:
+            found = [kept for text, own in found if (kept := _without(text, own, change))]
+        found += new
+    return [text for text, _ in found]
 
 
-def _without(text: str, later: Change) -> str:
-    """A change as far as a later one does not contradict it."""
-    own = _change(f"--set {text}", text)
+def _without(text: str, own: Change, later: Change) -> tuple[str, Change] | None:
+    """A change as far as a later one does not contradict it; None where nothing of it is left."""
     if not contradicts(own, later):
-        return text
+        return text, own
     if len(own.path) >= len(later.path) or not isinstance(own.value, dict | list):
-        return ""
+        return None
     value = deepcopy(own.value)
     _put(value, later.path[len(own.path) :], later.value, later.flag)
-    return f"{text.partition('=')[0]}={json.dumps(value)}"
+    text = f"{text.partition('=')[0]}={json.dumps(value)}"
+    return text, Change(f"--set {text}", own.path, value)
 
 
 def contradicts(one: Change, other: Change) -> bool:

@@ -21,6 +21,7 @@ from swath.core.random import Stream
 from swath.documents.hints import near_miss
 from swath.documents.validation import validate
 from swath.documents.yaml_document import Document, read_document
+from swath.runtime.met import QUANTITIES
 from swath.scenario.overrides import layered
 from swath.scenario.sections import Bounds
 from swath.tools.function_test.files import from_beside
@@ -36,15 +37,38 @@ Point = Mapping[str, Scalar]
 class Varied:
     """A parameter. key: of the scenario, as after `--set`; at: the values of the grid; range: of values
     drawn.
+
+    scale, offset: the key gets value * scale + offset; sets: instead of a key, by value, the scenario keys
+    and values that it stands for
     """
 
-    key: str
+    key: str = ""
     at: Annotated[list[Scalar], Field(min_length=1)]
     range: tuple[float, float] | None = None
+    scale: float = 1.0
+    offset: float = 0.0
+    sets: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.range is not None and not self.range[0] < self.range[1]:
             raise InputError("range", list(self.range), "expected two numbers, the lower one first")
+        if bool(self.key) == bool(self.sets):
+            raise InputError("key", self.key or None, "expected a key, or `sets`, keys by value")
+        if self.sets and (self.range is not None or not set(map(str, self.at)) <= set(self.sets)):
+            raise InputError("at", list(self.at), f"expected names of sets: {', '.join(self.sets)}")
+
+    @property
+    def keys(self) -> list[str]:
+        """The scenario keys that it changes."""
+        return [self.key] if self.key else sorted({key for keys in self.sets.values() for key in keys})
+
+    def at_value(self, value: Scalar) -> dict[str, Any]:
+        """Scenario keys and values at one of its values."""
+        if self.sets:
+            return self.sets[str(value)]
+        if isinstance(value, str | bool) or (self.scale, self.offset) == (1.0, 0.0):
+            return {self.key: value}
+        return {self.key: float(f"{value * self.scale + self.offset:.6g}")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +96,8 @@ class Known:
 @dataclass(frozen=True, kw_only=True)
 class CaseFile:
     """The keys of a case file. set: scenario keys and values; seeds: their number, or themselves; expect: as
-    in a scenario, for each run; mean: bounds of the mean over the runs, by metric.
+    in a scenario, for each run; mean: bounds of the mean over the runs, by metric; met: quantities that are
+    written down along the way of each run (`swath.runtime.met`).
     """
 
     format: Literal["swath test case 1"]
@@ -87,6 +112,13 @@ class CaseFile:
     mean: dict[str, Bounds] = field(default_factory=dict)
     tags: list[str] = field(default_factory=list)
     known: list[Known] = field(default_factory=list)
+    met: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        for name in self.met:
+            if name not in QUANTITIES:
+                expected = f"expected one of {', '.join(QUANTITIES)}{near_miss(name, list(QUANTITIES))}"
+                raise InputError("met", name, expected)
 
 
 @dataclass(frozen=True)
@@ -149,7 +181,8 @@ class Case:
         """Changes of the scenario at a point, as after `--set`. expect: instead of the case's own limits"""
         folder = (self.document.file or Path()).parent
         fixed = {**self.fixed, "expect": self.file.expect if expect is None else expect}
-        varied = {self.file.vary[name].key: from_beside(value, folder) for name, value in point.items()}
+        changes = [self.file.vary[name].at_value(value) for name, value in point.items()]
+        varied = {key: from_beside(value, folder) for change in changes for key, value in change.items()}
         return layered(*([f"{k}={json.dumps(v)}" for k, v in keys.items()] for keys in (fixed, varied)))
 
     def known(self, point: Point) -> str:

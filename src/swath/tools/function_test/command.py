@@ -25,8 +25,10 @@ def add(parsers: Any) -> None:
     add_json(listing)
     listing.set_defaults(run=_list)
     run = verbs.add_parser("run", help="do the runs of cases; resumes where it was stopped")
-    run.add_argument("cases", help=_CASES)
+    run.add_argument("cases", nargs="?", help=_CASES)
     run.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
+    run.add_argument("--odd", metavar="ODD", help="instead of cases: a bound ODD, a file or wheat-harvest")
+    run.add_argument("--runs", type=int, default=0, metavar="N", help="runs of --odd (default 400)")
     run.add_argument("--with", type=Path, dest="candidates", metavar="FILE", help="candidates to compare")
     run.add_argument("--seeds", type=int, metavar="N", help="seeds 1 to N instead of those of the cases")
     run.add_argument("--draw", type=int, default=0, metavar="N", help="N random points instead of the grid")
@@ -121,6 +123,10 @@ def _run(args: argparse.Namespace) -> int:
     from swath.tools.function_test.plan import Plan
     from swath.tools.function_test.session import begin
 
+    if args.odd is not None:
+        return _run_odd(args)
+    if args.cases is None or args.runs:
+        raise InputError("cases", args.cases, "expected cases, or --odd with --runs")
     plan = Plan(
         args.cases if not Path(args.cases).exists() else str(Path(args.cases).resolve()),
         tags=tuple(args.only),
@@ -143,6 +149,40 @@ def _run(args: argparse.Namespace) -> int:
     return finish(session.folder, session, again=False)
 
 
+def _run_odd(args: argparse.Namespace) -> int:
+    from swath.tools.function_test.odd.binding import find_odd, read_odd
+    from swath.tools.function_test.odd.campaign import RUNS, Campaign, conduct, revision_of
+
+    others = {"cases": args.cases, "--with": args.candidates, "--seeds": args.seeds, "--draw": args.draw,
+              "--only": args.only, "--shadow": args.shadow, "--plan-only": args.plan_only}  # fmt: skip
+    if told := [name for name, value in others.items() if value]:
+        raise InputError("--odd", args.odd, f"expected without {', '.join(told)}: the ODD says what is run")
+    odd = read_odd(find_odd(args.odd))
+    runs = args.runs or RUNS
+    campaign = Campaign(odd.name, revision_of(odd), (runs,), args.draw_seed, tuple(args.sets), args.level)
+    with progress(runs) as done, engine(args.cluster, args.workers) as client:
+        found = conduct(args.out, campaign, odd, max(1, args.workers), done, client)
+    return _finish_odd(found)
+
+
+def _finish_odd(found: Any) -> int:
+    """Dossier, and what it says on the screen; returns the exit code."""
+    from swath.terminal.tables import table
+    from swath.tools.function_test.cells import EXIT
+    from swath.tools.function_test.odd.dossier import summary_of, write_dossier
+    from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
+
+    cells = found.cells()
+    page = write_dossier(found, cells)
+    said = summary_of(found, cells)
+    table("", ("of the ODD", *said.columns), said.rows)
+    for line in said.lines:
+        print(line)
+    print(f"dossier  {page}")
+    verdicts = {cell.verdict for cell in cells}
+    return EXIT[BROKEN if BROKEN in verdicts else SHOWN if verdicts == {SHOWN} else NOT_SHOWN]
+
+
 def _work(args: argparse.Namespace) -> int:
     from swath.tools.function_test.session import open_session
 
@@ -163,12 +203,15 @@ def _work(args: argparse.Namespace) -> int:
 
 
 def _report(args: argparse.Namespace) -> int:
+    from swath.tools.function_test.odd.campaign import open_campaign
     from swath.tools.function_test.search import open_search
     from swath.tools.function_test.session import open_session
 
     session = open_session(args.folder, same_code=False)
     if (searched := open_search(session)) is not None:
         return search_command.tell(searched)
+    if (found := open_campaign(session)) is not None:
+        return _finish_odd(found)
     return finish(args.folder, session, again=True)
 
 

@@ -8,6 +8,8 @@ from swath.core.errors import SwathError, shortened
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_unrecorded
 from swath.runtime.kept import KeptFields
+from swath.runtime.met import SUMMARY as MET
+from swath.runtime.met import MetHook
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.tools.function_test.integrity import SUMMARY as INTEGRITY
 from swath.tools.function_test.integrity import IntegrityHook
@@ -39,6 +41,7 @@ def do_run(run: PlannedRun, fields: KeptFields) -> dict[str, Any]:
     try:
         shadows = shadows_of(run)
         hooks: list[RunHook] = [IntegrityHook(), SteeringHook(), *([ShadowHook(shadows)] if shadows else [])]
+        hooks += [MetHook(run.met)] if run.met else []
         found = _result(run, run_unrecorded(scenario_of(run), fields, hooks=hooks))
     except SwathError as error:
         found = no_result(run, str(error))
@@ -74,7 +77,7 @@ def _result(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
             {k: e.get(k) for k in ("kind", "machine", "t_s", "distance_m")} for e in summary["incidents"]
         ],
         "digest": summary["digest"],
-        **{key: summary[key] for key in (SHADOW, INTEGRITY, STEERING) if key in summary},
+        **{key: summary[key] for key in (SHADOW, INTEGRITY, STEERING, MET) if key in summary},
     }
 
 

@@ -31,6 +31,7 @@ class PlannedRun:
     """One run. scenario: bundled name or path; sets: changes, as after `--set`; number: in the plan
     shadows: candidates that go along in open loop, with their changes
     why_dear: why its scanner is at the dear level though the cheap one is asked for, "" where it is not
+    met: quantities that are written down along its way
     """
 
     id: str
@@ -43,6 +44,7 @@ class PlannedRun:
     sets: Sequence[str]
     shadows: Mapping[str, Sequence[str]] = field(default_factory=dict)
     why_dear: str = ""
+    met: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -92,10 +94,12 @@ class Plan:
                     sets = layered(at[name], more)
                     told: list[Any] = [base, contents[name], *sets, f"seed={seed}"]
                     told += [[other, contents[other], *shadows[other]] for other in shadows]
+                    told += [["met", *case.file.met]] if case.file.met else []
                     run_id = _sha(told)[:ID_LENGTH]
                     yield PlannedRun(
-                        run_id, number, case.name, name, point, seed, case.scenario, sets, shadows, why
-                    )
+                        run_id, number, case.name, name, point, seed, case.scenario, sets, shadows, why,
+                        case.file.met,
+                    )  # fmt: skip
                     number += 1
 
     @property
@@ -155,8 +159,8 @@ class Plan:
             for name, sets in self.candidates.items():
                 for varied in case.file.vary.values():
                     for text in (*self.sets, *sets):
-                        if says_about(text, varied.key):
-                            expected = f"expected another key, {case.name} varies {varied.key}"
+                        if told := next((key for key in varied.keys if says_about(text, key)), ""):
+                            expected = f"expected another key, {case.name} varies {told}"
                             raise InputError(f"--set {text}", None, expected)
                 try:
                     point = self._point_of(case, 0)[1]

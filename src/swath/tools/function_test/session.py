@@ -156,6 +156,8 @@ def open_session(folder: Path, *, same_code: bool = True) -> Session:
             expected = f"expected the folder of a function test, with {PLAN}"
             raise InputError("folder", str(folder), expected)
         data = read_object(file, PLAN, "a plan")
+        if (beside := folder / str(data["cases"])).is_file():  # of a case that lies in the folder
+            data = {**data, "cases": str(beside.resolve())}
         return Session(folder, plan_of(data, same_code=same_code))
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(PLAN, None, f"expected a plan: {error}", file=file) from error

@@ -1,0 +1,120 @@
+"""What a run met: quantities of the machine and the field at every metre of its way.
+
+They are the truth, sampled where the leading machine is. A quantity is one function of the machine's state
+and the field; a number that a scenario only sets, such as the wind, needs none: it holds all the way.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import atan2, cos, degrees, nan, pi, sin
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.core.signal import Signal
+from swath.documents.hints import near_miss
+from swath.field.field import Field
+from swath.runtime.hooks import ActiveRun, RunHook
+from swath.signals import MachineState
+
+SUMMARY = "met"
+EVERY_M = 1.0  # of the way, between two rows
+BASE_M = 6.0  # over which a slope is taken: the length of a combine, more than its tyres bridge
+BESIDE_M = 1.0  # from the edge into the crop, where the stand is looked up that the scanner has before it
+
+
+@dataclass(frozen=True)
+class Where:
+    """Where the machine is. place: of the fixed axle [m]; heading [rad]; crop: to the side of the crop, a
+    point BESIDE_M within the stand beside the header's end at the edge [m]
+    """
+
+    state: MachineState
+    field: Field
+    place: tuple[float, float]
+    heading: float
+    crop: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """unit as in a scenario key; meaning: one line; at: its value, nan where there is none."""
+
+    unit: str
+    meaning: str
+    at: Callable[[Where], float]
+
+
+def _slope(where: Where, aside: float) -> float:
+    """Rise over run across BASE_M in a direction to the left of ahead [rad], in percent."""
+    x, y = where.place
+    c, s = 0.5 * BASE_M * cos(where.heading + aside), 0.5 * BASE_M * sin(where.heading + aside)
+    high, low = where.field.ground_height([x + c, x - c], [y + s, y - s])
+    return 100.0 * float(high - low) / BASE_M
+
+
+def _lean(where: Where) -> float:
+    return degrees(float(where.field.stand.lean(*where.crop)[0]))
+
+
+QUANTITIES: Mapping[str, Quantity] = {
+    "ground_speed_kmh": Quantity("km/h", "true forward speed", lambda w: 3.6 * w.state.speed),
+    "slope_across_percent": Quantity("%", "rise of the ground to the right of the machine, over 6 m",
+                                     lambda w: _slope(w, -0.5 * pi)),
+    "slope_along_percent": Quantity("%", "rise of the ground ahead of the machine, over 6 m",
+                                    lambda w: _slope(w, 0.0)),
+    "stems_per_m2": Quantity("1/m2", "sown density of the stand beside the edge",
+                             lambda w: float(w.field.stand.density(*w.crop))),
+    "crop_height_m": Quantity("m", "usual height of the upright stand beside the edge",
+                              lambda w: w.field.crop_height * float(w.field.stand.height_factor(*w.crop))),
+    "lean_deg": Quantity("deg", "mean lean of the stand beside the edge", _lean),
+    "yaw_rate_deg_s": Quantity("deg/s", "rate of turn, > 0 left", lambda w: degrees(w.state.yaw_rate)),
+}  # fmt: skip
+
+
+class MetHook(RunHook):
+    """Writes quantities down along the way of the leading machine."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        for name in names:
+            if name not in QUANTITIES:
+                expected = f"expected one of {', '.join(QUANTITIES)}{near_miss(name, list(QUANTITIES))}"
+                raise InputError("met", name, expected)
+        self._names = list(names)
+
+    def begin(self, run: ActiveRun) -> None:
+        """Look at the machine's state after every step."""
+        machine = run.world.leader
+        self._slot, self._field = f"{machine.name}.motion", run.world.field
+        knife, end = machine.sheet.header_end(machine.edge_side)
+        self._beside = knife, end - (BESIDE_M if machine.edge_side == "left" else -BESIDE_M)
+        self._rows: list[tuple[float, ...]] = []
+        self._next = 0.0
+        run.observers.append(self._see)
+
+    def _see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        if slot != self._slot:
+            return
+        for sample in outputs.values():
+            if isinstance(sample, MachineState) and sample.distance >= self._next:
+                self._next = sample.distance + EVERY_M
+                self._rows.append(self._row(sample))
+
+    def _row(self, state: MachineState) -> tuple[float, ...]:
+        x, y, _ = state.pose.point(0.0, 0.0, 0.0)
+        ahead_x, ahead_y, _ = state.pose.point(1.0, 0.0, 0.0)
+        crop_x, crop_y, _ = state.pose.point(*self._beside, 0.0)
+        where = Where(state, self._field, (x, y), atan2(ahead_y - y, ahead_x - x), (crop_x, crop_y))
+        values = [_rounded(QUANTITIES[name].at(where)) for name in self._names]
+        return (_rounded(state.t / 1e9), _rounded(state.distance), *values)
+
+    def summarize(self, t: int) -> dict[str, Any]:
+        """`met`: columns t_s, distance_m and one for each quantity; null for nan."""
+        names = ("t_s", "distance_m", *self._names)
+        columns = zip(*self._rows, strict=True) if self._rows else [() for _ in names]
+        told = {n: [None if v != v else v for v in c] for n, c in zip(names, columns, strict=True)}
+        return {SUMMARY: told}
+
+
+def _rounded(value: float) -> float:
+    """Four digits: a line of a journal is read by people and kept by the million."""
+    return float(f"{value:.4g}") if value == value else nan

@@ -1,0 +1,1 @@
+"""From an operational design domain to a campaign of function tests and its dossier."""

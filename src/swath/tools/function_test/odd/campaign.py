@@ -1,0 +1,179 @@
+"""`swath test run --odd`: runs in rounds, each aimed at what was not driven yet, in one folder.
+
+Which runs a round has depends on the seed and on what the runs before it drove, and on nothing else: neither
+on how many workers do them nor on when it was stopped. The folder holds copies of the ODD and the case made
+of it, so that it can be read, judged again and gone on with wherever it lies.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
+from swath.documents.json_file import read_object
+from swath.documents.text_file import read_text
+from swath.tools.function_test.case import Claim, Point
+from swath.tools.function_test.journal import Result
+from swath.tools.function_test.odd.binding import Odd, read_odd
+from swath.tools.function_test.odd.cells import OddCell, judged, needed_each
+from swath.tools.function_test.odd.coverage import Coverage, coverage_of, driven_of
+from swath.tools.function_test.odd.design import Design
+from swath.tools.function_test.plan import Plan, code_hash
+from swath.tools.function_test.pool import Done
+from swath.tools.function_test.session import PLAN, Session
+
+CAMPAIGN, ODD_FILE, CASE_FILE = "campaign.json", "campaign.odd.yaml", "campaign.yaml"
+ROUND = 50  # runs between two looks at what was driven
+RUNS, LEAST = 400, 8  # of a campaign, by default and at least
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What a campaign asks. revision: of the ODD and its binding; budgets: numbers of runs, each longer one
+    after a look at what the shorter one showed; sets, level: as in a plan; seed: of the draws
+    """
+
+    odd: str
+    revision: str
+    budgets: tuple[int, ...]
+    seed: int = 1
+    sets: tuple[str, ...] = ()
+    level: str = ""
+    code: str = field(default_factory=code_hash)
+
+
+@dataclass(frozen=True)
+class Conducted:
+    """A campaign in its folder, with what its runs drove so far."""
+
+    session: Session
+    campaign: Campaign
+    odd: Odd
+    coverage: Coverage
+    results: Sequence[Result]
+
+    @property
+    def folder(self) -> Path:
+        """Its folder."""
+        return self.session.folder
+
+    @property
+    def claim(self) -> Claim:
+        """What is asked of each cell."""
+        return self.odd.file.claim
+
+    @property
+    def is_complete(self) -> bool:
+        """All runs are done, and their number stood fast before the first was judged."""
+        return len(self.campaign.budgets) == 1 and len(self.results) >= self.campaign.budgets[0]
+
+    def cells(self) -> list[OddCell]:
+        """All cells, judged."""
+        return judged(self.coverage, self.claim, is_complete=self.is_complete)
+
+
+def conduct(
+    folder: Path, campaign: Campaign, odd: Odd, workers: int, done: Done, client: Any = None
+) -> Conducted:
+    """Do the runs of a campaign that are not in its folder; `done` gets each new result.
+
+    client: of dask, None = on `workers` processes here. InputError for another campaign in the folder.
+    """
+    campaign = _claim_folder(folder, campaign, odd)
+    odd = replace(read_odd(folder / ODD_FILE), name=odd.name)
+    design = Design(odd, needed_each(pair_count(odd), odd.file.claim), campaign.seed)
+    points, results, coverage = list[Point](), list[Result](), Coverage(odd)
+    while len(points) < campaign.budgets[-1]:
+        count = min(ROUND, campaign.budgets[-1] - len(points))
+        new = design.next(coverage.planned, len(points), count)
+        part = _session(folder, campaign, new, len(points))
+        if not points:
+            part.plan.check()
+        points += new
+        plan = json.loads(_session(folder, campaign, points).plan.text)
+        write_whole(folder / PLAN, json.dumps({**plan, "cases": CASE_FILE}, indent=2) + "\n")
+        part.do(workers, done, client)
+        for result in part.results():
+            results.append(result)
+            coverage.add(driven_of(odd, result))
+    return Conducted(_session(folder, campaign, points), campaign, odd, coverage, results)
+
+
+def open_campaign(session: Session) -> Conducted | None:
+    """The campaign that a folder holds, None where it is another function test."""
+    file = session.folder / CAMPAIGN
+    if not file.is_file():
+        return None
+    data = read_object(file, "campaign", "a campaign")
+    try:
+        budgets, sets = tuple(data["budgets"]), tuple(data["sets"])
+        campaign = Campaign(**{**data, "budgets": budgets, "sets": sets})
+    except (KeyError, TypeError) as error:
+        raise InputError(CAMPAIGN, None, f"expected a campaign: {error}", file=file) from error
+    odd, results = replace(read_odd(session.folder / ODD_FILE), name=campaign.odd), session.results()
+    return Conducted(session, campaign, odd, coverage_of(odd, results), results)
+
+
+def revision_of(odd: Odd) -> str:
+    """What an ODD and its binding are: SHA-256 of the one, and all that the other says."""
+    return f"{odd.domain.revision} {json.dumps(odd.case_data(), sort_keys=True)}"
+
+
+def pair_count(odd: Odd) -> int:
+    """Pairs of buckets of two attributes that the ODD has."""
+    return int(np.triu(odd.possible, 1).sum())
+
+
+def _session(folder: Path, campaign: Campaign, points: Sequence[Point], first: int = 0) -> Session:
+    """The runs at some points, of which the first has this number in the campaign; its seed is one more."""
+    chosen = tuple((number, point) for number, point in enumerate(points, first + 1))
+    case = str((folder / CASE_FILE).resolve())
+    return Session(folder, Plan(case, sets=campaign.sets, level=campaign.level, points=chosen))
+
+
+def _claim_folder(folder: Path, campaign: Campaign, odd: Odd) -> Campaign:
+    """Make the folder one of this campaign; returns it with the budgets that it had. InputError for another
+    one.
+    """
+    if campaign.budgets[0] < LEAST:
+        raise InputError("--runs", campaign.budgets[0], f"expected {LEAST} runs or more")
+    file = folder / CAMPAIGN
+    if file.is_file():
+        before = json.loads(read_text(file, "--out", "a campaign"))
+        mine = json.loads(json.dumps(asdict(campaign)))
+        if {**before, "budgets": 0} != {**mine, "budgets": 0}:
+            expected = (
+                "expected a new folder: this one holds another campaign, or one of another ODD or other code"
+            )
+            raise InputError("--out", str(folder), expected)
+        budgets = tuple(before["budgets"])
+        if campaign.budgets[-1] > budgets[-1]:
+            budgets = (*budgets, *campaign.budgets)
+        campaign = replace(campaign, budgets=budgets)
+    elif folder.is_dir() and any(folder.iterdir()):
+        raise InputError("--out", str(folder), "expected a new or empty folder, or one of a campaign")
+    folder.mkdir(parents=True, exist_ok=True)
+    if not file.is_file():
+        names = [f"{number}.openodd.yaml" for number in range(len(odd.domain.documents))]
+        for name, document in zip(names, odd.domain.documents, strict=True):
+            assert document.file is not None
+            write_whole(folder / name, document.file.read_text(encoding="utf-8"))
+        write_whole(folder / ODD_FILE, _copy(odd, names))
+        write_whole(folder / CASE_FILE, odd.case_text())
+    write_whole(file, json.dumps(asdict(campaign), indent=1, sort_keys=True) + "\n")
+    return campaign
+
+
+def _copy(odd: Odd, names: Sequence[str]) -> str:
+    """The binding with the names of the copied documents and absolute paths of files."""
+    from swath.documents.yaml_document import dump
+
+    case = odd.case_data()
+    return dump(
+        {**odd.document.data, "openodd": list(names), "scenario": case["scenario"], "set": case["set"]}
+    )

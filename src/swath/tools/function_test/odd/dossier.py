@@ -1,0 +1,388 @@
+"""The dossier of a campaign: a page for an assessor, tables, JUnit, and the ODD in which the function is
+shown.
+
+Every statement on the page is one of the cells in `cells.csv` or of the runs in `runs.csv`; each run can be
+made again from its name. Sections about what the simulation itself was checked for, and about the numbers
+that a metric rests on, have their place behind `believe`.
+"""
+
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+from swath import __version__
+from swath.core.whole_file import write_whole
+from swath.report.html import write_page
+from swath.tools.function_test.cells import cells_of
+from swath.tools.function_test.junit import write_junit
+from swath.tools.function_test.odd.campaign import Conducted
+from swath.tools.function_test.odd.cells import NEVER, VERDICTS, OddCell, excluded, needed_each, remaining
+from swath.tools.function_test.odd.coverage import Driven
+from swath.tools.function_test.odd.restricted import write_restricted
+from swath.tools.function_test.page import write_matrix
+from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, describe, lower_bound
+
+COLOURS = {SHOWN: "#2f9e77", BROKEN: "#d55e00", NOT_SHOWN: "#e3cf86", NEVER: "#c9ced4"}
+CLEAN = "#bfe0c9"  # of a pair that is not shown and in which no run fails
+OUTSIDE = "#ffffff"  # of a pair that the ODD does not have
+STEP = 8  # of the matrix of buckets [px]
+LISTED = 60  # rows of a list on the page; all are in the tables
+NO_CERTIFICATE = (
+    "This dossier certifies nothing. It says what a simulation showed of a function, in which part of a "
+    "declared domain, and how sure that is. It may serve as evidence by simulation beside tests and analysis "
+    "(ISO 18497-4:2024); it replaces no assessment of conformity under Regulation (EU) 2023/1230."
+)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What the screen and the top of the page say."""
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    lines: Sequence[str]
+
+
+def summary_of(found: Conducted, cells: Sequence[OddCell]) -> Summary:
+    """Cells by verdict, and sentences."""
+    rows = []
+    for name, some in (
+        ("buckets", [c for c in cells if len(c.places) == 1]),
+        ("pairs of buckets", [c for c in cells if len(c.places) == 2]),
+    ):
+        rows.append((name, *(str(sum(c.verdict == v for c in some)) for v in VERDICTS)))
+    driven, pairs = found.coverage.pair_share
+    passed = sum(run.passes for run in found.coverage.runs)
+    lines = [
+        f"{passed} of {len(found.coverage.runs)} runs pass; {driven} of {pairs} pairs of buckets driven "
+        f"({100 * driven / max(1, pairs):.1f} %)"
+    ]
+    lines += [f"broken: {cell.text}: {cell.failed} of {cell.counted} runs fail" for cell in causes(cells)]
+    short = _short(found, cells)
+    if short:
+        lines.append(short)
+    return Summary(VERDICTS, rows, lines)
+
+
+def causes(cells: Sequence[OddCell]) -> list[OddCell]:
+    """The broken cells that explain all broken ones, surest first."""
+    named = {cell.cause for cell in cells if cell.verdict == BROKEN}
+    return sorted((c for c in cells if c.text in named), key=lambda c: (c.p_broken, c.places))
+
+
+def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
+    """Write dossier.html, report.html, cells.csv, runs.csv, junit.xml, results.parquet and the restricted
+    ODD.
+    """
+    folder, claim = found.folder, found.claim
+    rest = remaining(found.coverage, cells, claim, is_complete=found.is_complete)
+    out = excluded(cells, rest)
+    restricted = write_restricted(folder, found.odd, out)
+    _csv(folder / "cells.csv", _cell_rows(found, cells))
+    _csv(folder / "runs.csv", _run_rows(found))
+    found.session.table()
+    plan = found.session.plan
+    tested = cells_of(plan.found, plan.candidates, plan.counts, found.results)
+    _junit(write_junit(folder / "junit.xml", tested), found, cells)
+    write_matrix(folder / "report.html", tested)
+    runs = found.coverage.runs
+    passed = sum(run.passes for run in runs)
+    rule = claim.pass_rate, claim.confidence
+    driven, pairs = found.coverage.pair_share
+    broken = causes(cells)
+    failing = [run for run in runs if not run.passes]
+    left = [run for run in runs if run.outside is not None]
+    return write_page(
+        folder / "dossier.html",
+        "odd_dossier.html.j2",
+        title=f"Dossier: {found.odd.name}",
+        objective=found.odd.file.objective,
+        certificate=NO_CERTIFICATE,
+        counts={v: sum(c.verdict == v for c in cells) for v in VERDICTS},
+        facts={
+            "runs": f"{len(runs)} of {found.campaign.budgets[-1]}",
+            "pass": str(passed),
+            "claim for each cell": f"{100 * rule[0]:g} % of runs at {100 * rule[1]:g} % confidence",
+            "pairs driven": f"{driven} of {pairs} ({100 * driven / max(1, pairs):.1f} %)",
+            "requirement": found.odd.file.requirement or None,
+            "ODD version": found.odd.domain.version or None,
+            "LiDAR level": found.campaign.level or "that of the scenario",
+            "swath": __version__,
+        },
+        overall=describe(passed, len(runs), *rule, SHOWN) + f", with the confidence of {100 * rule[1]:g} %, "
+        "over the draws of this campaign",
+        short=_short(found, cells),
+        shown=[(*a, b) for a, (_, b) in zip(_shown(found, cells), _shown(found, rest), strict=True)],
+        broken=[_cause(found, cells, cell) for cell in broken],
+        never=[c.text for c in cells if c.verdict == NEVER][:LISTED],
+        never_count=sum(c.verdict == NEVER for c in cells),
+        not_simulated=[(n, b.not_simulated) for n, b in found.odd.file.attributes.items() if b.not_simulated],
+        unbound=[n for n in found.odd.domain.attributes if n not in found.odd.file.attributes],
+        layers=_layers(found, cells),
+        attributes=_attributes(found, cells),
+        matrix=_matrix(found, cells),
+        left=[_left(run) for run in left[:LISTED]],
+        left_count=len(left),
+        failed=[_run(run) for run in failing[:LISTED]],
+        failed_count=len(failing),
+        rules=found.odd.domain.rules(),
+        restricted={"name": restricted.name, "cells": [c.text for c in out[:LISTED]], "count": len(out)},
+        believe=_believe(found),
+        digests=_digests(found),
+        colours=[(v, COLOURS[v]) for v in VERDICTS],
+        clean=CLEAN,
+        folder=folder.name,
+    )
+
+
+def _short(found: Conducted, cells: Sequence[OddCell]) -> str:
+    """How many runs would show all pairs, where these did not."""
+    pairs = [c for c in cells if len(c.places) == 2]
+    need = needed_each(len(pairs), found.claim)
+    least = min((c.counted for c in pairs), default=0)
+    if all(c.verdict in (SHOWN, BROKEN) for c in pairs):
+        return ""
+    return (
+        f"{needed_each(1, found.claim)} runs without a failure show a single cell; for all {len(pairs)} "
+        f"pairs together each needs {need}, the least driven has {least}"
+    )
+
+
+def _shown(found: Conducted, cells: Sequence[OddCell]) -> list[tuple[str, str]]:
+    """Of each attribute the buckets in which the function is shown, in words."""
+    said = []
+    for axis in found.odd.axes:
+        own = {c.places[0] - axis.first for c in cells if len(c.places) == 1 and c.verdict == SHOWN}
+        places = [p for p in sorted(own) if 0 <= p < axis.count]
+        if axis.edges:
+            runs = [list(g) for _, g in groupby(enumerate(places), lambda pair: pair[1] - pair[0])]
+            parts = [f"{axis.edges[r[0][1]]:g} to {axis.edges[r[-1][1] + 1]:g}" for r in runs]
+        else:
+            parts = [axis.labels[p] for p in places]
+        unit = "" if axis.bound.unit == "1" else axis.bound.unit
+        said.append((axis.name, f"{', '.join(parts)} {unit}".strip() if parts else "nowhere"))
+    return said
+
+
+def _cause(found: Conducted, cells: Sequence[OddCell], cell: OddCell) -> dict[str, Any]:
+    runs = [run for run in found.coverage.runs if set(cell.places) <= set(found.coverage.main(run).tolist())]
+    failing = sorted((run for run in runs if not run.passes), key=lambda run: str(run.result["id"]))
+    return {
+        "text": cell.text,
+        "failed": cell.failed,
+        "counted": cell.counted,
+        "p": f"{cell.p_broken:.1e}",
+        "least": f"{100 * lower_bound(cell.failed, cell.counted, found.claim.confidence):.0f} %",
+        "reason": str(failing[0].result["reason"]) if failing else "",
+        "ids": [str(run.result["id"])[:8] for run in failing[:3]],
+        "explains": sum(c.cause == cell.text for c in cells) - 1,
+    }
+
+
+def _layers(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
+    """Counts of the cells of each pair of layers by verdict; a layer with itself has its buckets, too."""
+    names = found.odd.layers
+    rows = []
+    for i, a in enumerate(names):
+        row = []
+        for b in names[: i + 1]:
+            some = [c for c in cells if {*c.layers} == {a, b} or (a == b and set(c.layers) == {a})]
+            total = len(some)
+            row.append(
+                {
+                    "parts": [
+                        {"colour": COLOURS[v], "share": round(100 * n / total, 2), "count": n, "verdict": v}
+                        for v in VERDICTS
+                        if (n := sum(c.verdict == v for c in some))
+                    ]
+                    if total
+                    else [],
+                    "total": total,
+                }
+            )
+        rows.append({"name": a, "cells": row})
+    return {"names": names, "rows": rows}
+
+
+def _attributes(found: Conducted, cells: Sequence[OddCell]) -> list[dict[str, Any]]:
+    """Of each attribute its buckets: verdict, runs, way and time; those outside the ODD too."""
+    by_place = {c.places[0]: c for c in cells if len(c.places) == 1}
+    out = []
+    for axis in found.odd.axes:
+        buckets = []
+        for bucket in range(axis.count):
+            cell = by_place.get(axis.first + bucket)
+            said = "outside the ODD" if cell is None else cell.verdict
+            counts = (
+                None
+                if cell is None
+                else (
+                    f"{cell.counted - cell.failed} of {cell.counted}",
+                    f"{cell.metres:.0f} m",
+                    f"{cell.seconds:.0f} s",
+                )
+            )
+            share = f"{100 * axis.exposure[bucket]:.0f} %"
+            buckets.append(
+                {
+                    "label": axis.labels[bucket],
+                    "verdict": said,
+                    "counts": counts,
+                    "share": share,
+                    "colour": OUTSIDE if cell is None else COLOURS[cell.verdict],
+                }
+            )
+        measured = f"measured: {axis.bound.met}" if axis.bound.met else "as set"
+        key = axis.bound.key or ", ".join(sorted({k for v in axis.bound.values.values() for k in v}))
+        out.append(
+            {"name": axis.name, "unit": axis.bound.unit, "buckets": buckets, "measured": measured, "key": key}
+        )
+    return out
+
+
+def _matrix(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
+    """Every pair of buckets as a square, below the diagonal."""
+    odd = found.odd
+    squares, lines = [], []
+    for cell in cells:
+        i, j = cell.places[0], cell.places[-1]
+        counts = f"{cell.counted - cell.failed} of {cell.counted} pass, {cell.metres:.0f} m"
+        text = f"{cell.text}: {cell.verdict}, {counts}"
+        colour = CLEAN if cell.verdict == NOT_SHOWN and not cell.failed else COLOURS[cell.verdict]
+        squares.append({"x": i * STEP, "y": j * STEP, "colour": colour, "title": text})
+    for axis in odd.axes:
+        is_new = axis is odd.axes[0] or odd.axes[odd.axes.index(axis) - 1].layer != axis.layer
+        lines.append(
+            {
+                "at": axis.first * STEP,
+                "layer": axis.layer if is_new else "",
+                "name": axis.name.partition(".")[2],
+                "middle": (axis.first + axis.count / 2) * STEP,
+            }
+        )
+    return {"side": odd.bucket_count * STEP, "step": STEP, "squares": squares, "lines": lines}
+
+
+def _left(run: Driven) -> dict[str, str]:
+    assert run.outside is not None
+    o = run.outside
+    return {
+        "id": str(run.result["id"])[:8],
+        "t": f"{o.t_s:.1f}",
+        "at": f"{o.distance_m:.1f}",
+        "length": f"{o.length_m:.0f}",
+        "why": o.why,
+        "verdict": str(run.result["verdict"]),
+        "counts": "yes" if run.counts else "no",
+    }
+
+
+def _run(run: Driven) -> dict[str, str]:
+    point = ", ".join(f"{name.partition('.')[2]} {value}" for name, value in run.result["point"].items())
+    return {"id": str(run.result["id"])[:8], "reason": str(run.result["reason"]), "point": point}
+
+
+def _believe(found: Conducted) -> list[str]:
+    """What the verdicts do not take into account."""
+    said = [
+        "Whether each part of the simulation was inside the range where it was checked is not judged here; "
+        "what each level assumes is listed by the command swath levels.",
+        "Limits, buckets and exposure are the numbers of the ODD's binding; its source says: "
+        f"{found.odd.file.source}.",
+        "A cell is judged over the other attributes as the campaign spreads them, each bucket alike once all "
+        "pairs are driven, not as often as they are met at work.",
+        "Faults that need three attributes at once are found only as far as they break a pair.",
+    ]
+    if not found.is_complete:
+        said.append(
+            "Runs of the plan are missing, or it was made longer after a look: verdicts rest on an "
+            "e-process, "
+            "which may be looked at at any time and needs more runs."
+        )
+    return said
+
+
+def _digests(found: Conducted) -> list[tuple[str, str]]:
+    odd = found.odd.domain.revision
+    return [
+        ("ODD (SHA-256 of its OpenODD documents)", odd),
+        ("code of swath", found.campaign.code),
+        ("seed of the draws", str(found.campaign.seed)),
+    ]
+
+
+def _cell_rows(found: Conducted, cells: Sequence[OddCell]) -> Iterable[Mapping[str, Any]]:
+    for cell in cells:
+        axes = [found.odd.bucket_axis[place] for place in cell.places]
+        names = [axis.name for axis, _ in axes] + [""] * (2 - len(axes))
+        labels = [axis.labels[bucket] for axis, bucket in axes] + [""] * (2 - len(axes))
+        yield {
+            "attribute": names[0],
+            "bucket": labels[0],
+            "attribute_2": names[1],
+            "bucket_2": labels[1],
+            "verdict": cell.verdict,
+            "runs": cell.counted,
+            "failed": cell.failed,
+            "hits": cell.hits,
+            "metres": f"{cell.metres:.1f}",
+            "seconds": f"{cell.seconds:.1f}",
+            "p_broken": f"{cell.p_broken:.3g}",
+            "p_shown": f"{cell.p_shown:.3g}",
+            "cause": cell.cause,
+        }
+
+
+def _run_rows(found: Conducted) -> Iterable[Mapping[str, Any]]:
+    for run in found.coverage.runs:
+        o = run.outside
+        yield {
+            "requirement": found.odd.file.requirement,
+            "run": run.result["id"],
+            "seed": run.result["seed"],
+            "verdict": run.result["verdict"],
+            "reason": run.result["reason"],
+            "digest": run.result["digest"],
+            "counts": run.counts,
+            "left_odd_s": "" if o is None else o.t_s,
+            "left_odd_m": "" if o is None else o.distance_m,
+            "why": "" if o is None else o.why,
+            **run.result["point"],
+        }
+
+
+def _csv(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
+    text = io.StringIO()
+    listed = list(rows)
+    writer = csv.DictWriter(text, list(listed[0]) if listed else [], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(listed)
+    write_whole(path, text.getvalue())
+
+
+def _junit(path: Path, found: Conducted, cells: Sequence[OddCell]) -> None:
+    """Put the buckets and the broken pairs into a JUnit file, as a suite of their own."""
+    root = ET.fromstring(path.read_text(encoding="utf-8"))
+    suite = ET.SubElement(root, "testsuite", name=f"ODD {found.odd.name}")
+    if found.odd.file.requirement:
+        properties = ET.SubElement(suite, "properties")
+        ET.SubElement(properties, "property", name="requirement", value=found.odd.file.requirement)
+    told = [cell for cell in cells if len(cell.places) == 1 or cell.verdict == BROKEN]
+    for cell in told:
+        test = ET.SubElement(suite, "testcase", classname=f"ODD {found.odd.name}", name=cell.text)
+        if cell.verdict == BROKEN:
+            cause = f"; explained by {cell.cause}" if cell.cause != cell.text else ""
+            ET.SubElement(test, "failure", message=f"{cell.failed} of {cell.counted} runs fail{cause}")
+        elif cell.verdict != SHOWN:
+            ET.SubElement(
+                test, "skipped", message=f"{cell.verdict}: {cell.failed} of {cell.counted} runs fail"
+            )
+    suite.set("tests", str(len(told)))
+    suite.set("failures", str(sum(cell.verdict == BROKEN for cell in told)))
+    ET.indent(root)
+    write_whole(path, ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n")

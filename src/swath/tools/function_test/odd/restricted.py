@@ -1,0 +1,48 @@
+"""The ODD in which the function is shown, written as OpenODD: the one that was tried, less some cells."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from swath.core.whole_file import write_whole
+from swath.documents.yaml_document import dump
+from swath.tools.function_test.odd.binding import Odd
+from swath.tools.function_test.odd.cells import OddCell
+from swath.tools.function_test.odd.openodd import MODULES, TAXONOMY
+
+NAME = "shown"
+
+
+def write_restricted(folder: Path, odd: Odd, out: Sequence[OddCell]) -> Path:
+    """Write shown.openodd.yaml and its binding shown.odd.yaml, which is returned. out: cells to leave out"""
+    taxonomy: dict[str, Any] = {}
+    modules: dict[str, Any] = {}
+    rest: dict[str, Any] = {}
+    for document in odd.domain.documents:
+        for key, value in document.data.items():
+            target = {TAXONOMY: taxonomy, MODULES: modules}.get(key)
+            if target is None:
+                rest[key] = value
+            else:
+                target |= value or {}
+    names = [f"not_shown_{number + 1}" for number in range(len(out))]
+    for name, cell in zip(names, out, strict=True):
+        modules[name] = {"INCLUDE_AND": dict(_condition(odd, place) for place in cell.places)}
+    module: dict[str, Any] = {"INCLUDE_AND": dict.fromkeys(odd.domain.roots, True)}
+    if names:
+        module["EXCLUDE_OR"] = dict.fromkeys(names, True)
+    modules[NAME] = module
+    write_whole(folder / f"{NAME}.openodd.yaml", dump({**rest, TAXONOMY: taxonomy, MODULES: modules}))
+    binding = {**odd.document.data, "openodd": [f"{NAME}.openodd.yaml"]}
+    return write_whole(folder / f"{NAME}.odd.yaml", dump(binding))
+
+
+def _condition(odd: Odd, place: int) -> tuple[str, Any]:
+    """A concept and the expression that holds in a bucket of it; the upper edge belongs to the next one."""
+    axis, bucket = odd.bucket_axis[place]
+    if odd.domain.attributes[axis.name].values == ("true", "false"):
+        return axis.name, axis.labels[bucket] == "true"
+    if not axis.edges:
+        return axis.name, [axis.labels[bucket]]
+    unit = f" {axis.bound.unit}" if axis.bound.unit else ""
+    return axis.name, f"[{axis.edges[bucket]:g} .. {axis.edges[bucket + 1]:g}]{unit}"

@@ -1,0 +1,364 @@
+"""`swath odd check`, `swath test run --odd`: binding, design, what was driven, verdicts on cells, dossier."""
+
+import csv
+import json
+import shutil
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swath.commands.main import main
+from swath.core.errors import InputError
+from swath.runtime.job import run_unrecorded
+from swath.runtime.met import MetHook
+from swath.scenario.scenario import load_scenario
+from swath.tools.function_test.case import Claim, Varied, read_case
+from tests.tools.odd_files import BINDING, DENSITY, OPENODD, RAIN, SLOPE, conducted, small_odd, write_odd
+
+pytest.importorskip("openodd", reason="needs the extra odd")
+
+from swath.tools.function_test.odd.binding import find_odd, read_odd
+from swath.tools.function_test.odd.cells import (
+    NEVER,
+    benjamini_yekutieli,
+    holm,
+    needed_each,
+    p_broken,
+    p_shown,
+)
+from swath.tools.function_test.odd.check import check
+from swath.tools.function_test.odd.coverage import Coverage, driven_of
+from swath.tools.function_test.odd.design import Design
+from swath.tools.function_test.odd.dossier import causes, write_dossier
+from swath.tools.function_test.verdict import BROKEN, SHOWN
+
+CLAIM = Claim(pass_rate=0.8, confidence=0.95)
+
+
+def kinds(path: Path) -> dict[tuple[str, str], str]:
+    return {(f.kind, f.name): f.text for f in check(read_odd(path))}
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
+
+
+def test_bundled_odd_binds_seven_layers_and_has_nothing_to_mend():
+    odd = read_odd(find_odd("wheat-harvest"))
+    assert odd.layers == [
+        "terrain", "edge", "temporary", "moving", "weather", "communication", "process"
+    ]  # fmt: skip
+    assert set(odd.file.attributes) == set(odd.domain.attributes)
+    assert all(axis.count >= 4 for axis in odd.axes)
+    assert {f.kind for f in check(odd)} <= {"not simulated", "not drawn"}
+    assert len([f for f in check(odd) if f.kind == "not simulated"]) == 14
+
+
+def test_check_names_what_is_wrong(tmp_path: Path):
+    assert kinds(write_odd(tmp_path)) == {
+        ("not simulated", "weather.fog"): "no drops",
+        ("not drawn", "weather.rain"): "outside the ODD: downpour",
+        ("not drawn", "process.speed"): "the ODD goes on beyond 2 km/h, the buckets end there",
+    }
+    unbound = BINDING.replace("  weather.fog: {not_simulated: no drops}\n", "")
+    assert ("unbound", "weather.fog") in kinds(write_odd(tmp_path, unbound))
+    far = BINDING.replace("300, 500, 700]", "300, 500, 4000]")
+    assert "4000" in kinds(write_odd(tmp_path, far))["out of range", DENSITY]
+    few = BINDING.replace("buckets: [2, 4, 6, 8, 10], exposure: [1, 2, 2, 1]", "buckets: [2, 6, 10]")
+    assert ("few buckets", "process.speed") in kinds(write_odd(tmp_path, few))
+    twice = BINDING.replace("combine.speed.speed_kmh", "field.terrain.slope_percent")
+    assert ("contradictory", "process.speed") in kinds(write_odd(tmp_path, twice))
+    none = OPENODD.replace('process.speed: "[0 .. 10] km/h"', 'process.speed: "> 12 km/h"')
+    assert ("contradictory", "process.speed") in kinds(write_odd(tmp_path, BINDING, none))
+    inside = BINDING.replace("buckets: [50, 150,", "buckets: [50, 120,").replace("120, 300", "120, 300")
+    limit = OPENODD.replace("[50 .. 700] 1/m2", "[100 .. 700] 1/m2")
+    assert "a limit of the ODD lies inside" in kinds(write_odd(tmp_path, inside, limit))["not drawn", DENSITY]
+
+
+def test_a_pair_of_modules_that_exclude_everything_is_contradictory(tmp_path: Path):
+    ruled = OPENODD.replace("    EXCLUDE_OR:\n      wet_slope: true\n",
+                            "    EXCLUDE_OR:\n      slow: true\n      fast: true\n") + (
+        "  slow:\n    INCLUDE_AND:\n      process.speed: \"<= 6 km/h\"\n"
+        "  fast:\n    INCLUDE_AND:\n      process.speed: \"> 5 km/h\"\n"
+    )  # fmt: skip
+    assert ("contradictory", "process.speed") in kinds(write_odd(tmp_path, BINDING, ruled))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "key", "told"),
+    [
+        (
+            "process.density:",
+            "process.densty:",
+            "attributes.process.densty",
+            "did you mean 'process.density'",
+        ),
+        ("      downpour: {field.stand.lean_deg: 15}\n", "", "attributes.weather.rain.values", "downpour"),
+        ("[2, 4, 6, 8, 10]", "[2, 4, 4, 8, 10]", "attributes.process.speed", "rising|above the last"),
+        ("exposure: [1, 2, 2, 1]", "exposure: [1, 2, 2]", "attributes.process.speed", "4 shares"),
+        ("met: stems_per_m2", "met: stems_per_m", "attributes.process.density", "stems_per_m2"),
+        (
+            "not_simulated: no drops",
+            "not_simulated: no drops, key: a.b",
+            "attributes.weather.fog",
+            "nothing else",
+        ),
+    ],
+)
+def test_a_wrong_binding_is_one_error_with_its_place(
+    tmp_path: Path, before: str, after: str, key: str, told: str
+):
+    file = write_odd(tmp_path, BINDING.replace(before, after))
+    with pytest.raises(InputError, match=told) as found:
+        read_odd(file)
+    assert found.value.key.startswith(key)
+    assert found.value.line is not None
+
+
+def test_a_wrong_module_is_told_with_its_line(tmp_path: Path):
+    wrong = OPENODD.replace("weather.fog: false", "weather.mist: false")
+    with pytest.raises(InputError, match="neither a concept nor a module") as found:
+        read_odd(write_odd(tmp_path, BINDING, wrong))
+    assert Path(str(found.value.file)).name == "small.openodd.yaml"
+    assert found.value.line in range(14, 22)
+
+
+def test_command_says_exit_codes(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["odd", "check", str(write_odd(tmp_path))]) == 0
+    assert "5 of 6 attributes are bound; 0 to mend" in capsys.readouterr().out
+    assert main(["odd", "check", str(tmp_path / "small.openodd.yaml")]) == 1
+    assert "0 of 6 attributes are bound; 6 to mend" in capsys.readouterr().out
+    assert main(["odd", "check", "nowhere"]) == 2
+    assert main(["test", "run", "bend", "--odd", "wheat-harvest", "--out", str(tmp_path / "x")]) == 2
+    assert main(["test", "run", "--out", str(tmp_path / "x")]) == 2
+
+
+def test_buckets_hold_their_lower_edge_and_the_last_one_both(tmp_path: Path):
+    axis = small_odd(tmp_path).axes[0]
+    found = [axis.bucket_of(v) for v in (-16.1, -16, -8.01, -8, 0, 15.9, 16, 16.1, None, float("nan"))]
+    assert found == [-1, 0, 0, 1, 2, 3, 3, -1, -1, -1]
+    rain = next(a for a in small_odd(tmp_path).axes if a.name == RAIN)
+    assert [rain.bucket_of(v) for v in ("no_rain", "downpour", "snow", None)] == [0, 3, -1, -1]
+
+
+@given(value=st.floats(-16, 16), scale=st.sampled_from([1.0, 0.01, 3.6]), offset=st.floats(-5, 5))
+def test_a_parameter_is_converted_to_the_unit_of_its_key(value: float, scale: float, offset: float):
+    varied = Varied(key="a.b", at=[1.0], scale=scale, offset=offset)
+    assert varied.at_value(value)["a.b"] == pytest.approx(value * scale + offset, rel=1e-5, abs=1e-5)
+
+
+def test_a_value_stands_for_several_keys(tmp_path: Path):
+    case = tmp_path / "c.yaml"
+    case.write_text(
+        "format: swath test case 1\nobjective: o\nsource: s\nscenario: straight\nexpect: {}\nvary:\n"
+        "  rain:\n    at: [wet, dry]\n"
+        "    sets: {wet: {field.stand.lean_deg: 5, combine.speed.speed_kmh: 4}, dry: {}}\n"
+    )
+    read = read_case(case)
+    assert read.sets({"rain": "wet"})[-2:] == ["field.stand.lean_deg=5", "combine.speed.speed_kmh=4"]
+    assert read.sets({"rain": "dry"}) == ["expect={}"]
+    case.write_text(case.read_text().replace("at: [wet, dry]", "at: [wet, snow]"))
+    with pytest.raises(InputError, match="names of sets"):
+        read_case(case)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_design_drives_every_pair_and_stays_inside(tmp_path: Path, seed: int):
+    odd = small_odd(tmp_path)
+    points = Design(odd, 24, seed).next(np.zeros((16, 16)), 0, 60)
+    assert all(odd.domain.holds(point) for point in points)
+    seen = {
+        (a.first + a.bucket_of(p[a.name]), b.first + b.bucket_of(p[b.name]))
+        for p in points[:24]
+        for a, b in combinations(odd.axes, 2)
+    }
+    wanted = {(i, j) for i, j in zip(*np.nonzero(np.triu(odd.possible, 1)), strict=True)}
+    assert wanted == seen  # 16 runs are the least for four values each
+    assert len(wanted) == 6 * 16 - 3 * 4 - 1  # without the downpour, and showers on the steepest slope
+
+
+def test_design_aims_at_what_was_not_driven(tmp_path: Path):
+    odd = small_odd(tmp_path)
+    done = np.full((16, 16), 30.0)
+    thin, slope = odd.axes[3], odd.axes[0]
+    done[slope.first + 2, thin.first] = done[thin.first, slope.first + 2] = 0.0
+    (point,) = Design(odd, 24, 1).next(done, 7, 1)
+    assert slope.bucket_of(point[SLOPE]) == 2
+    assert thin.bucket_of(point[DENSITY]) == 0
+
+
+def test_draws_beyond_the_target_follow_the_exposure(tmp_path: Path):
+    odd = small_odd(tmp_path)
+    points = Design(odd, 1, 5).next(np.full((16, 16), 2.0), 0, 400)
+    speed = next(a for a in odd.axes if a.name == "process.speed")
+    shares = np.bincount([speed.bucket_of(p["process.speed"]) for p in points], minlength=4) / 400
+    assert shares == pytest.approx([1 / 6, 1 / 3, 1 / 3, 1 / 6], abs=0.08)
+
+
+def test_what_was_driven_counts_metres_seconds_and_the_way_out(tmp_path: Path):
+    odd = small_odd(tmp_path)
+    point = {SLOPE: 3.0, RAIN: "drizzle", "process.speed": 7.0, DENSITY: 400.0}
+    met = {
+        "t_s": [0.0, 0.5, 1.0, 1.5], "distance_m": [0.0, 1.0, 3.0, 6.0],
+        "slope_across_percent": [3.0, 3.0, 9.0, 17.0], "slope_along_percent": [0.0] * 4,
+        "stems_per_m2": [400.0] * 4,
+    }  # fmt: skip
+    run = driven_of(odd, {"id": "ab", "point": point, "verdict": "pass", "met": met})
+    assert run.metres.tolist() == [1.0, 2.0, 3.0, 1.0]
+    assert run.seconds.tolist() == [0.5] * 4
+    assert run.outside is not None
+    assert (run.outside.t_s, run.outside.distance_m, run.outside.length_m) == (1.5, 6.0, 1.0)
+    assert run.outside.why == "terrain.side_slope 17"
+    assert not run.counts  # a seventh of its way is outside
+    failed = driven_of(odd, {"id": "ab", "point": point, "verdict": "fail", "met": met})
+    assert failed.counts
+    cover = Coverage(odd)
+    cover.add(failed)
+    slope = odd.axes[0].first
+    assert [cover.metres[slope + b, slope + b] for b in range(4)] == [0.0, 0.0, 3.0, 3.0]
+    assert cover.counted[slope + 2, slope + 2] + cover.counted[slope + 3, slope + 3] == 1
+    density = next(a for a in odd.axes if a.name == DENSITY).first
+    assert cover.metres[slope + 3, density + 2] == 3.0
+    assert cover.failed.sum() == 16
+    nothing = driven_of(odd, {"id": "ab", "point": point, "verdict": "error", "met": None})
+    assert nothing.main.tolist() == failed.main.tolist()  # where it was meant to drive
+
+
+def test_numbers_of_runs_and_p_values_are_closed_forms():
+    assert needed_each(1, CLAIM) == 14
+    assert 0.8 ** needed_each(3694, CLAIM) <= 0.05 / (np.log(3694) + 0.5772156649)
+    assert p_shown(14, 0, CLAIM, True) == pytest.approx(0.8**14)
+    assert p_broken(7, 7, CLAIM, True) == pytest.approx(0.2**7)
+    assert p_broken(10, 0, CLAIM, True) == 1.0
+    assert p_broken(12, 12, CLAIM, False) > p_broken(12, 12, CLAIM, True)  # a look costs something
+
+
+def test_corrections_agree_with_scipy_and_by_hand():
+    from scipy.stats import false_discovery_control
+
+    p = np.random.default_rng(3).beta(0.3, 3.0, 60)
+    assert benjamini_yekutieli(p, 0.95).tolist() == (false_discovery_control(p, method="by") <= 0.05).tolist()
+    assert holm(np.array([0.01, 0.04, 0.03, 0.005]), 0.95).tolist() == [True, False, False, True]
+
+
+def test_cells_at_the_claimed_rate_are_seldom_called_broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    odd = small_odd(tmp_path)
+    wrong = 0
+    for seed in range(8):
+        found = conducted(monkeypatch, tmp_path / str(seed), odd, 40, seed, lambda run, u: u < 0.2)
+        wrong += any(cell.verdict == BROKEN for cell in found.cells())
+    assert wrong <= 2  # more than 2 of 8 has a chance of 0.6 % at 5 % each
+
+
+def is_planted(run: Any) -> bool:
+    return float(run.point[SLOPE]) > 8.0 and float(run.point[DENSITY]) < 150.0
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_planted_fault_is_found_and_its_cell_is_the_only_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
+):
+    odd = small_odd(tmp_path)
+    found = conducted(
+        monkeypatch, tmp_path / "out", odd, 250, seed, lambda run, u: is_planted(run) or u < 0.01
+    )
+    cells = found.cells()
+    assert [c.text for c in causes(cells)] == [f"{SLOPE} 8 to 16 %, {DENSITY} 50 to 150 1/m2"]
+    assert all(c.cause for c in cells if c.verdict == BROKEN)
+    write_dossier(found, cells)
+    shown = read_odd(found.folder / "shown.odd.yaml")
+    inside = {SLOPE: 12.0, DENSITY: 300.0, RAIN: "no_rain", "process.speed": 5.0, "weather.fog": "false"}
+    assert shown.domain.holds(inside)
+    assert not shown.domain.holds({**inside, DENSITY: 100.0})
+    assert shown.domain.holds({**inside, DENSITY: 100.0, SLOPE: 4.0})
+    assert not shown.domain.holds({**inside, "weather.fog": "true"})  # as before
+    assert check(shown)
+
+
+def test_nothing_planted_nothing_broken_and_all_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    odd = small_odd(tmp_path)
+    found = conducted(monkeypatch, tmp_path / "out", odd, 450, 1, lambda run, u: False)
+    cells = found.cells()
+    assert {c.verdict for c in cells} == {SHOWN}
+    assert all(c.hits for c in cells)
+    assert found.coverage.pair_share == (83, 83)
+    assert {row["verdict"] for row in rows_of(write_dossier(found, cells).parent / "cells.csv")} == {SHOWN}
+    assert "EXCLUDE_OR" not in (found.folder / "shown.openodd.yaml").read_text().split("shown:")[-1]
+
+
+def test_a_longer_campaign_after_a_look_is_judged_by_the_e_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    odd = small_odd(tmp_path)
+    once = conducted(monkeypatch, tmp_path / "once", odd, 100, 1, lambda run, u: False)
+    first = conducted(monkeypatch, tmp_path / "twice", odd, 60, 1, lambda run, u: False)
+    again = conducted(monkeypatch, tmp_path / "twice", odd, 100, 1, lambda run, u: False)
+    assert [r["point"] for r in again.results[:60]] == [r["point"] for r in first.results]
+    assert (once.is_complete, first.is_complete, again.is_complete) == (True, True, False)
+    with pytest.raises(InputError, match="another campaign"):
+        conducted(monkeypatch, tmp_path / "twice", odd, 100, 2, lambda run, u: False)
+
+
+def test_a_campaign_resumes_and_says_the_same_bytes(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    odd = write_odd(tmp_path)
+    line = ["test", "run", "--odd", str(odd), "--runs", "8", "--workers", "1", "--out"]
+    assert main([*line, str(tmp_path / "a")]) == 3
+    assert "8 of 8 runs pass" in capsys.readouterr().out
+    out = tmp_path / "a"
+    names = ("cells.csv", "runs.csv", "results.parquet", "dossier.html", "shown.openodd.yaml", "junit.xml")
+    before = {name: (out / name).read_bytes() for name in names}
+    for journal in (out / "journal").iterdir():
+        lines = journal.read_bytes().splitlines(keepends=True)
+        journal.write_bytes(b"".join(lines[: len(lines) // 2]))
+    assert main([*line, str(out)]) == 3
+    assert {name: (out / name).read_bytes() for name in names} == before
+    assert main(["test", "report", str(out)]) == 3
+    assert {name: (out / name).read_bytes() for name in names} == before
+    root = ET.parse(out / "junit.xml").getroot()
+    suite = next(s for s in root if s.get("name") == "ODD small")
+    assert suite.find("properties/property").get("value") == "R-7"
+    row = rows_of(out / "runs.csv")[0]
+    assert main(["test", "again", str(out), row["run"][:8]]) == 0
+    assert "the same digest" in capsys.readouterr().out
+    moved = shutil.move(out, tmp_path / "b")
+    assert main(["test", "report", str(moved)]) == 3
+    assert (Path(moved) / "cells.csv").read_bytes() == before["cells.csv"]
+    met = json.loads((next((Path(moved) / "journal").glob("worker*"))).read_text().splitlines()[0])["met"]
+    assert len(met["distance_m"]) >= 11
+
+
+def test_pairs_that_nothing_drove_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    found = conducted(monkeypatch, tmp_path / "out", small_odd(tmp_path), 8, 1, lambda run, u: False)
+    cells = found.cells()
+    never = [c for c in cells if c.verdict == NEVER]
+    driven, pairs = found.coverage.pair_share
+    assert len(never) == pairs - driven > 0
+    page = write_dossier(found, cells).read_text()
+    assert never[0].text in page
+    assert "certifies nothing" in page
+
+
+def test_what_a_run_met_is_what_was_set():
+    sets = ["run.distance_m=15", "combine.edge=truth", "combine.motion.start_speed_kmh=7",
+            "combine.lidar=off", "field.terrain.level=plane", "field.terrain.slope_percent=5",
+            "field.stand.stems_per_m2=321",
+            "field.terrain.slope_azimuth_deg=90", "field.stand.lean_deg=12"]  # fmt: skip
+    names = ["slope_across_percent", "slope_along_percent", "stems_per_m2", "lean_deg", "ground_speed_kmh"]
+    told = run_unrecorded(load_scenario("straight", sets=sets), hooks=[MetHook(names)])["met"]
+    assert told["distance_m"] == pytest.approx(np.arange(len(told["distance_m"])), abs=0.6)
+    count = len(told["distance_m"])
+    assert told["slope_across_percent"] == pytest.approx(
+        [5.0] * count, abs=0.05
+    )  # rises to the east, driven north
+    assert told["slope_along_percent"] == pytest.approx([0.0] * count, abs=0.3)
+    assert set(told["stems_per_m2"]) == {321.0}
+    assert told["lean_deg"] == pytest.approx([12.0] * count, abs=0.1)
+    assert told["ground_speed_kmh"][5:] == pytest.approx([7.0] * (count - 5), abs=0.7)
+    with pytest.raises(InputError, match="stems_per_m2"):
+        MetHook(["stems_per_m3"])
