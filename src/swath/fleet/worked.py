@@ -24,6 +24,9 @@ STATE_OF = {  # of a segment's kind; all others are ways
     "cut": CUT, "pours standing": POUR, "waits for cart": POUR, "home": IDLE, "beside": BESIDE,
     "beside, pouring": LOAD, "at truck": TRUCK,
 }  # fmt: skip
+NEXT_TRUCK, GROUND_OF = "the next truck", "ground of "
+WAITS = ("waits for partner", "waits for ground", "waits for truck")
+SHOWN = (*STATES[:-2], *WAITS, IDLE)  # states, with what is waited for
 DRAWS = 24  # of a spread
 
 
@@ -35,6 +38,13 @@ class Span:
     begin: float
     end: float
     reason: str = ""
+
+    @property
+    def shown(self) -> str:
+        """One of `SHOWN`."""
+        if self.state != WAIT:
+            return self.state
+        return WAITS[1 if self.reason.startswith(GROUND_OF) else 2 if self.reason == NEXT_TRUCK else 0]
 
 
 @dataclass
@@ -58,8 +68,8 @@ class Worked:
     draws: tuple[float, ...] = ()
 
     def minutes(self, name: str, state: str) -> float:
-        """That a machine spent so."""
-        return math.fsum(s.end - s.begin for s in self.spans[name] if s.state == state) / 60.0
+        """That a machine spent so, in a state or in one of `SHOWN`."""
+        return math.fsum(s.end - s.begin for s in self.spans[name] if state in (s.state, s.shown)) / 60.0
 
     def waited(self, name: str) -> dict[str, float]:
         """Minutes that a machine waited, by reason."""
@@ -134,7 +144,7 @@ def spans_in(segment: Segment, begin: float, poured: Sequence[Poured], dock: flo
     for p in here:
         start = p.begins - segment.into + begin
         wait = start - at - (0.5 * dock if at == begin else 0.0)
-        spans.append(Span(WAIT, at, at + max(wait, 0.0), "the next truck"))
+        spans.append(Span(WAIT, at, at + max(wait, 0.0), NEXT_TRUCK))
         spans.append(Span(TRUCK, at + max(wait, 0.0), start + p.ends - p.begins))
         at = start + p.ends - p.begins
     return [*spans, Span(TRUCK, at, end)]
@@ -151,7 +161,7 @@ def waiting(table: Table, segment: Segment, begin: float, end: float, until: tup
         return Span(WAIT, begin, end, member)
     if other == member:
         return Span(state_of(segment), begin, end)
-    return Span(WAIT, begin, end, f"ground of {other}")
+    return Span(WAIT, begin, end, GROUND_OF + other)
 
 
 def _spans(schedule: Schedule, order: Order, into: Array, name: str) -> list[Span]:
