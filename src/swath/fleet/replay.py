@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from swath.core.whole_file import write_whole
 from swath.fleet.account import grain, stays
-from swath.fleet.bodies import Rectangle
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
 from swath.fleet.worked import CUT, SHOWN, WAIT, Worked, state_of
@@ -29,7 +28,7 @@ def write_replay(w: Worked, name: str, about: str, out: Path) -> Path:
     """Write the page of a job into a folder."""
     values, arrays = collected(w)
     data = packed({"name": name, "about": about, **values}, arrays)
-    return write_whole(out / FILE, render(name, data, page="job.html", scripts=SCRIPTS))
+    return write_whole(out / FILE, render(name, data, frame="job.html", scripts=SCRIPTS))
 
 
 def collected(w: Worked) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

@@ -30,6 +30,7 @@ class Job {
   constructor(data) {
     this.data = data;
     this.time = 0;
+    this.frames = 0;
     this.pace = 25; // keys move by so many times what they do in a run
     this.canvas = element("view");
     this.pen = this.canvas.getContext("2d");
@@ -141,6 +142,7 @@ class Job {
       this.dirty = false;
       this.draw();
       this.timeline.show(this.time);
+      this.frames += 1;
     }
     requestAnimationFrame((then) => this.frame(then));
   }
@@ -313,7 +315,7 @@ class Job {
   }
 }
 
-readData(element("data").textContent).then((data) => new Job(data)).catch((error) => {
+readData(element("data").textContent).then((data) => { globalThis.swath = new Job(data); }).catch((error) => {
   element("message").hidden = false;
   element("message").textContent = String(error);
 });
