@@ -2,10 +2,10 @@
 
     python -m benchmarks.fleet 600 800 --hectares 0.6 2.5 --processes 2 --limit-s 300 --out out/fleet
 
-Seeds FIRST to LAST, the last one left out. Each job runs in a process of its own, at most `--limit-s` of CPU. What
-is done is kept in `rows.jsonl` of the folder: a stopped benchmark goes on. Prints a row for each job, then what
-came of all, and each refusal with whether a look at the job by geometry alone confirms it. `--table` prints what is
-there. `--set` changes a key of all jobs, as `fleet.dispatcher=my.py:Class`.
+Seeds FIRST to LAST, the last one left out. Each job runs in a process of its own, at most `--limit-s` of CPU.
+What is done is kept in `rows.jsonl` of the folder: a stopped benchmark goes on. Prints a row for each job,
+then what came of all, and each refusal with whether a look at the job by geometry alone confirms it.
+`--table` prints what is there. `--set` changes a key of all jobs, as `fleet.dispatcher=my.py:Class`.
 """
 
 import argparse
@@ -13,14 +13,15 @@ import json
 import math
 import multiprocessing as mp
 import resource
+import signal
 import time
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 HEAD = (
-    "seed    ha comb cart holes parts t/ha | outcome    events  driven h  CPU s | contact s  left %  lost     "
-    "out s | as driven: contact s  left %  lost"
+    "seed    ha comb cart holes parts t/ha | outcome    events  driven h  CPU s | contact s  left %  lost"
+    "     out s | as driven: contact s  left %  lost"
 )
 
 
@@ -48,7 +49,7 @@ def work(seed: int, hectares: tuple[float, float], limit: float, file: Path, set
         row["cpu_s"] = time.process_time()
         events, bodies = by_events(made), driven(made)
         row |= {"outcome": "ended", "cpu_driven_s": time.process_time() - row["cpu_s"], "notes": made.notes}
-        row |= {"ha": made.plan.area / 1e4, "events_s": events.ends, "driven_s": bodies.ends, "stray_m": bodies.stray}
+        row |= {"ha": made.plan.area / 1e4, "events_s": events.ends, "driven_s": bodies.ends}
         for name, worked in (("planned", None), ("bodies", bodies)):
             found = asdict(looked_at(made, worked))
             found["contact"] = {", ".join(pair): s for pair, s in found["contact"].items()}
@@ -102,16 +103,19 @@ def run(args: argparse.Namespace, file: Path) -> None:
                 continue
             del at_work[seed]
             if seed not in rows_of(file):  # it was stopped
-                said = f"more than {args.limit_s:g} CPU-s" if process.exitcode == -24 else str(process.exitcode)
+                long = process.exitcode == -signal.SIGXCPU
                 row = about(seed, drawn_job(seed, tuple(args.hectares)))
-                add(file, row | {"outcome": "too long" if process.exitcode == -24 else "failed", "said": said,
-                                 "cpu_s": args.limit_s})  # fmt: skip
+                row["said"] = (
+                    f"more than {args.limit_s:g} CPU-s" if long else f"ended with {process.exitcode}"
+                )
+                add(file, row | {"outcome": "too long" if long else "failed", "cpu_s": args.limit_s})
             print(line(rows_of(file)[seed]), flush=True)
 
 
 def line(r: dict[str, Any]) -> str:
     """A row as printed."""
-    drawn = f"{r['seed']:4} {r['ha']:5.2f} {r['combines']:4} {r['carts']:4} {r['holes']:5} {r['parts']:5} {r['t_ha']:4.1f}"
+    drawn = f"{r['seed']:4} {r['ha']:5.2f} {r['combines']:4} {r['carts']:4} {r['holes']:5} {r['parts']:5}"
+    drawn += f" {r['t_ha']:4.1f}"
     if r["outcome"] != "ended":
         said = f"{r['said']}; {r['seen']}" if "seen" in r else r["said"]
         sure = {True: "CONFIRMED: ", False: "NOT CONFIRMED: ", None: ""}[r.get("confirmed")]
@@ -120,7 +124,8 @@ def line(r: dict[str, Any]) -> str:
     p, b = r["planned"], r["bodies"]
     hours = f"{r['events_s'] / 3600:7.3f} {r['driven_s'] / 3600:7.3f}   {cpu:6.1f}"
     looked = f"{touched(p):9.1f} {100 * p['left']:7.2f} {p['mass']:8.0e} {p['outside'] + p['hole']:5.0f}"
-    return f"{drawn} | ended     {hours} | {looked} | {touched(b):19.1f} {100 * b['left']:7.2f} {b['mass']:8.0e}"
+    as_driven = f"{touched(b):19.1f} {100 * b['left']:7.2f} {b['mass']:8.0e}"
+    return f"{drawn} | ended     {hours} | {looked} | {as_driven}"
 
 
 def touched(found: dict[str, Any]) -> float:
@@ -134,18 +139,24 @@ def summary(rows: list[dict[str, Any]]) -> None:
     counts = {o: sum(r["outcome"] == o for r in rows) for o in ("ended", "refused", "too long", "failed")}
     print(f"{len(rows)} jobs: " + ", ".join(f"{n} {o}" for o, n in counts.items()))
     refused = [r for r in rows if r["outcome"] == "refused"]
-    print(f"refusals confirmed by a look of its own: {sum(r['confirmed'] for r in refused)} of {len(refused)}")
+    print(
+        f"refusals that a look of its own confirms: {sum(r['confirmed'] for r in refused)} of {len(refused)}"
+    )
     for key, name in (("planned", "as planned"), ("bodies", "as driven")):
         touch = [r["seed"] for r in ended if touched(r[key]) > 0.0]
         left = [r["seed"] for r in ended if r[key]["left"] >= 0.005]
         lost = [r["seed"] for r in ended if r[key]["mass"] >= 1e-9]
         out = [r["seed"] for r in ended if r[key]["outside"] + r[key]["hole"] > 0.0]
-        print(f"{name}: contact in {touch}, 0.5 % and more left in {left}, grain lost in {lost}, off its ground in {out}")
+        print(
+            f"{name}: contact in {touch}, 0.5 % left in {left}, grain lost in {lost}, off its ground in {out}"
+        )
     if ended:
         off = sorted(100.0 * (r["driven_s"] / r["events_s"] - 1.0) for r in ended)
         print(f"driven over events: {off[0]:+.2f} to {off[-1]:+.2f} %, median {off[len(off) // 2]:+.2f} %")
         cpu = sorted(r["cpu_s"] + r["cpu_driven_s"] for r in ended)
-        print(f"CPU s a job: median {cpu[len(cpu) // 2]:.1f}, most {cpu[-1]:.1f}, in all {math.fsum(cpu):.0f}")
+        print(
+            f"CPU s of a job: median {cpu[len(cpu) // 2]:.1f}, most {cpu[-1]:.1f}, all {math.fsum(cpu):.0f}"
+        )
 
 
 def main() -> None:

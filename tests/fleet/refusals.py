@@ -1,8 +1,8 @@
 """Whether a refused job cannot be done, looked at without any code that refused it.
 
-Each condition that a refusal states is looked at by geometry alone, of the job's file and its machines' bodies: how
-far the pipe throws, where the truck stands, whether all can stand on ground without crop and a disc as wide as a
-machine still gets from the gate to each and to the truck, whether such a disc gets to all of the field.
+Each condition that a refusal states is looked at by geometry alone, of the job's file and its machines'
+bodies: how far the pipe throws, where the truck stands, whether all can stand on ground without crop and a
+disc as wide as a machine still gets from the gate to each and to the truck, whether such a disc gets to all of the field.
 """
 
 import math
@@ -12,7 +12,7 @@ import numpy as np
 from swath.fleet.files import JobFile
 from swath.fleet.ground import PARAMS as GROUND
 from swath.fleet.ground import shapely_here
-from swath.fleet.machines import Cart, Machines, machines_of
+from swath.fleet.machines import PARAMS, Machines, machines_of
 
 SPOTS = 4.0  # m between places that are looked at
 TURNS = 8  # directions
@@ -72,8 +72,8 @@ def _reach(job: JobFile) -> tuple[bool, str]:
             half = max(0.5 * tractor.trailer.width, 0.5 * tractor.box.width, *(r[3] for r in tractor.outline))
             lacks.append((0.5 * sheet.header_width + half - lands, name))
     worst, name = max(lacks)
-    # 0.4 m are kept beside the header and grain may land 0.5 m off the middle: what is beyond cannot be served
-    return worst > 0.5 - 0.4 - 0.1, f"{name}: beside its header grain lands {worst:.2f} m off the box's middle"
+    off = worst + PARAMS.beside_m
+    return off > PARAMS.off_m, f"{name}: beside its header grain lands {off:.2f} m off the middle of the box"
 
 
 def _room(job: JobFile, machines: Machines) -> tuple[bool, str]:
@@ -136,9 +136,8 @@ def _turned(x, y, length, width, a):
 def _reaches(lanes, half, goals) -> bool:
     """Whether one connected piece of ground for a disc's middle comes near to all goals."""
     shapely = shapely_here()
-    return any(
-        all(part.distance(g) < half + 11.0 for g in goals) for part in shapely.get_parts(lanes) if not part.is_empty
-    )
+    parts = [part for part in shapely.get_parts(lanes) if not part.is_empty]
+    return any(all(part.distance(g) < half + 11.0 for g in goals) for part in parts)
 
 
 def _connected(job: JobFile, machines: Machines) -> tuple[bool, str]:

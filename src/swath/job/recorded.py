@@ -109,7 +109,7 @@ class Prediction:
 def read_day(log: Path, limits: TurnLimits, machine: int = 0) -> Day:
     """The first day of a log. InputError where it has fewer than three passes."""
     first = _first_day(read_log(find_log(log)), machine)
-    _check(first)
+    check_one_machine(first)
     cleaned = clean(first, 0.0)
     rows = np.arange(len(cleaned.log))
     found = np.unique(cleaned.pass_id[rows])
@@ -121,7 +121,7 @@ def read_day(log: Path, limits: TurnLimits, machine: int = 0) -> Day:
     return _day(cleaned, rows, found, limits)
 
 
-def _check(log: Log) -> None:
+def check_one_machine(log: Log) -> None:
     """InputError for records between which no machine can have driven."""
     way, dt = np.hypot(*np.diff(log.position, axis=0).T), np.diff(log.time)
     jumps = (way > FASTEST * np.maximum(dt, 1e-3)) & (way > FASTEST)
