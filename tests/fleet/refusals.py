@@ -2,7 +2,8 @@
 
 Each condition that a refusal states is looked at by geometry alone, of the job's file and its machines'
 bodies: how far the pipe throws, where the truck stands, whether all can stand on ground without crop and a
-disc as wide as a machine still gets from the gate to each and to the truck, whether such a disc gets to all of the field.
+disc as wide as a machine still gets from the gate to each and to the truck, whether such a disc gets to all
+of the field.
 """
 
 import math
