@@ -189,7 +189,16 @@ def _set(document: Document, change: str) -> None:
         node = node.setdefault(part, {})
         if not isinstance(node, dict):
             raise InputError("--set", change, f"expected a section, {part} is none")
-    node[path[-1]] = parse_value(text, "--set")
+    node[path[-1]] = _from_here(parse_value(text, "--set"))
+
+
+def _from_here(value: Any) -> Any:
+    """A file, or `file.py:Class`, that the command line names, by its whole path."""
+    if isinstance(value, str):
+        file = value.rpartition(":")[0] if ".py:" in value else value
+        if Path(file).is_file():
+            return str(Path(file).resolve()) + value[len(file) :]
+    return value
 
 
 def _without_others(data: dict[str, Any]) -> Iterator[str]:

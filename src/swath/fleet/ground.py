@@ -42,7 +42,7 @@ def shapely_here() -> Any:
     try:
         import shapely
     except ImportError:
-        raise MissingExtra("plans of fields", "geo") from None
+        raise MissingExtra("geo", "plans of fields") from None
     return shapely
 
 

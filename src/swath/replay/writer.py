@@ -81,12 +81,12 @@ def render(
     data: bytes,
     *,
     more: tuple[str, ...] = (),
-    page: str = "page.html",
+    frame: str = "page.html",
     scripts: tuple[str, ...] = SCRIPTS,
 ) -> str:
-    """The whole page. more: further scripts of it; page, scripts: of another one"""
+    """The whole page. more: further scripts of it; frame, scripts: of another one"""
     script = "".join((PAGE / f"{part}.js").read_text(encoding="utf-8") for part in (*scripts, *more))
-    page = (PAGE / page).read_text(encoding="utf-8")
+    page = (PAGE / frame).read_text(encoding="utf-8")
     parts = {
         "NAME": html.escape(name),
         "STYLE": (PAGE / "page.css").read_text(encoding="utf-8"),
