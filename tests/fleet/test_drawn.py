@@ -66,13 +66,6 @@ def test_who_breaks_down_on_the_way_delays_others_and_touches_nobody(late, sched
     assert worked.ends > schedules[130].ends + 100.0
 
 
-def test_hours_of_a_spread_lie_about_those_of_the_schedule(schedules):
-    worked = by_events(schedules[130], spread=10.0)
-    assert min(worked.draws) < worked.ends < max(worked.draws)
-    assert max(worked.draws) < 1.2 * worked.ends
-    assert by_events(schedules[130], spread=10.0).draws == worked.draws
-
-
 def test_a_result_holds_the_timeline_and_why_machines_waited(schedules, tmp_path):
     worked = by_events(schedules[130])
     write_result(worked, "drawn", "a drawn job", tmp_path / "out")

@@ -18,7 +18,7 @@ from swath.judge.summary import json_safe
 from swath.report.html import write_page
 from swath.report.plots import BLUE, CROP, GREEN, GREY, INK, ORANGE, PURPLE, SKY, STYLE, as_image, figure
 
-FILES = ("results.json", "job.png", "report.html", "replay.html", "plan.json")
+FILES = ("results.json", "job.png", "report.html", "replay.html", "plan.json", "draws.json")
 COLOURS = dict(
     zip(SHOWN, (CROP, SKY, PURPLE, "#8cccb0", GREEN, BLUE, ORANGE, "#f2a97c", "#8c2d04", GREY), strict=True)
 )
@@ -37,7 +37,7 @@ def result_rows(w: Worked) -> list[tuple[str, str, str]]:
     if w.draws:
         low, high, mean = min(w.draws), max(w.draws), math.fsum(w.draws) / len(w.draws)
         value = f"{low / 3600.0:.3f} to {high / 3600.0:.3f}, mean {mean / 3600.0:.3f}"
-        rows.append((f"the same in {len(w.draws)} draws of speeds", value, "h"))
+        rows.append((f"the same in {len(w.draws)} draws", value, "h"))
     rows += [
         ("until the last pass is cut", f"{w.cut / 3600.0:.2f}", "h"),
         ("field", f"{plan.area / 1e4:.2f}", "ha"),

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.random import Stream
 from swath.fleet.schedule import Poured, Schedule
 from swath.fleet.table import Order, Segment, Table, order_of
 
@@ -27,7 +26,6 @@ STATE_OF = {  # of a segment's kind; all others are ways
 NEXT_TRUCK, GROUND_OF = "the next truck", "ground of "
 WAITS = ("waits for partner", "waits for ground", "waits for truck")
 SHOWN = (*STATES[:-2], *WAITS, IDLE)  # states, with what is waited for
-DRAWS = 24  # of a spread
 
 
 @dataclass(frozen=True)
@@ -51,8 +49,8 @@ class Span:
 class Worked:
     """level; schedule; spans: of each machine; poured: grain handed over; cut: when the last pass is cut,
     ends: when all grain is at the truck, into: of entry into each segment [s]; clock, places: of bodies each
-    0.1 s, (n,), (n, 4), at `driven` alone; stray: most that a body was off its path [m]; draws: `ends` with
-    times spent that were drawn [s]
+    0.1 s, (n,), (n, 4), at `driven` alone; stray: most that a body was off its path [m]; draws: `ends`
+    of a spread [s]
     """
 
     level: str
@@ -94,24 +92,12 @@ class Worked:
         return schedule.plan.area / (rate * self.cut) if self.cut > 0.0 else math.nan
 
 
-def by_events(schedule: Schedule, spread: float = 0.0) -> Worked:
-    """The schedule by its order alone, each segment in its least time.
-
-    spread: the job is done `DRAWS` times more, each machine up to so much faster or slower [%]
-    """
+def by_events(schedule: Schedule) -> Worked:
+    """The schedule by its order alone, each segment in its least time."""
     order = order_of(schedule.table)
     into = order.times(order.spent[:, None])[:, 0]
     spans = {name: _spans(schedule, order, into, name) for name in schedule.table.last}
-    made = _worked("events", schedule, into, spans)
-    if spread <= 0.0:
-        return made
-    random = Stream(0, "spread").at()
-    names = list(schedule.table.last)
-    owner = np.array([names.index(s.machine) for s in schedule.table.segments])
-    factor = 1.0 + spread / 100.0 * (2.0 * random.random((len(names), DRAWS)) - 1.0)
-    drawn = order.times(order.spent[:, None] / factor[owner])
-    ends = [_worked("events", schedule, column, {}).ends for column in drawn.T]
-    return replace(made, draws=tuple(ends))
+    return _worked("events", schedule, into, spans)
 
 
 def _worked(level: str, schedule: Schedule, into: Array, spans: dict[str, list[Span]]) -> Worked:

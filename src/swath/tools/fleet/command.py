@@ -23,7 +23,7 @@ def add(parsers: Any, others: dict[str, Any]) -> None:
     )  # fmt: skip
     run.add_argument(
         "--spread", type=float, metavar="PERCENT",
-        help="at events and granted: drive it 24 times more, machines up to so much faster or slower",
+        help="at events and granted: do it 24 times more, speeds up to so much off; granted: crop, too",
     )  # fmt: skip
     run.add_argument(
         "--shared-out", action="store_true",
