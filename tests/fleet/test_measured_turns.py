@@ -10,6 +10,7 @@ from tests.fleet.measured_turns import (
     in_closed_loop,
     measured_or_skip,
     medians,
+    rolled_through,
     rolling_turns,
     with_clothoids,
 )
@@ -31,7 +32,9 @@ def test_figures_of_the_measured_tracks_are_those_of_their_summary():
 
 
 @measured_or_skip
-@pytest.mark.parametrize(("made", "off"), [(in_closed_loop, 0.10), (with_clothoids, 0.15)])
+@pytest.mark.parametrize(
+    ("made", "off"), [(in_closed_loop, 0.10), (with_clothoids, 0.15), (rolled_through, 0.15)]
+)
 def test_turns_are_as_long_as_the_measured_ones(made, off):
     turns = rolling_turns()
     found = medians([driven_by(made, t)[0] for t in turns])

@@ -79,7 +79,7 @@ def _lines(path: Path) -> list[Any]:
     """Lines of a GeoJSON file."""
     data = read_json(path, "field.file", "GeoJSON")
     features = data.get("features", [data]) if isinstance(data, dict) else []
-    found = []
+    found: list[Any] = []
     for feature in features:
         shape = feature.get("geometry") or {} if isinstance(feature, dict) else {}
         if isinstance(shape, dict) and shape.get("type") in LINES:
