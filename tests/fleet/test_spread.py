@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.fleet import spread
 from swath.fleet.schedule import schedule_of
@@ -49,3 +50,21 @@ def test_hours_are_those_of_the_drawn_jobs_and_a_stopped_spread_goes_on(three, t
 def test_a_percentage_that_is_none_is_refused(percent):
     with pytest.raises(InputError, match="--spread"):
         spread_of(JOB, None, percent)
+
+
+def test_the_command_says_the_range_and_which_draws_are_refused(tmp_path, capsys, monkeypatch):
+    asked = []
+
+    def made(job, base, percent, out, told):
+        asked.append((job.name, percent, out))
+        return [1800.0, 3600.0], ["x: no"]
+
+    monkeypatch.setattr(spread, "spread_of", made)
+    out = tmp_path / "out"
+    arguments = ["fleet", "run", "small-field", "--level", "granted", "--spread", "5", "--out", str(out)]
+    assert main(arguments) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert asked == [("small-field", 5.0, out)]
+    assert "0.500 to 1.000, mean 0.750" in said
+    assert "a draw of the spread is refused: x: no" in said
+    assert json.loads((out / "results.json").read_text())["draws_s"] == [1800.0, 3600.0]

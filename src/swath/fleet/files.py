@@ -164,7 +164,7 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
         raise errors[0]
     assert isinstance(job, JobFile)
     given = [bool(job.field.boundary_m), job.field.file is not None, job.field.log is not None]
-    if sum(given) != 1:
+    if given.count(True) != 1:
         raise document.error(("field",), None, "expected one of boundary_m, file and log")
     if not job.field.boundary_m:
         job, told = _with_field(job, base_of(document), "yield_t_ha" in document.data["field"])
