@@ -163,7 +163,7 @@ def summary(rows: list[dict[str, Any]]) -> None:
 
 
 def against(rows: list[dict[str, Any]], others: dict[int, dict[str, Any]]) -> None:
-    """Hours of jobs that end here and there; those that differ by less than the levels do are left out last."""
+    """Hours of jobs that end here and there, and whether both levels rank them alike."""
     both = [(r, others[r["seed"]]) for r in rows if r["outcome"] == "ended" and r["seed"] in others]
     both = [(r, o) for r, o in both if o["outcome"] == "ended"]
     if not both:
