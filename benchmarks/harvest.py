@@ -26,7 +26,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from tests.job import measured_turns as turns
+from tests.fleet import measured_turns as turns
 from tests.job.cheap import CheapRun, cheap_sets
 from tests.job.jobs import finished, job_file
 from tests.job.layouts import CARTS, both_levels, layout, layout_file, same_ranking
@@ -50,20 +50,17 @@ def say(case: str, found: str, expected: str) -> None:
 
 
 def headland_turns() -> None:
-    """40 rolling turns in closed loop, each at its own shift, speed and excursion."""
+    """40 rolling turns made anew, each at its own shift, speed and excursion."""
     measured = turns.rolling_turns()
-    for antenna in (turns.ANTENNA, 1.0, 2.5):
-        made = [turns.driven(t, antenna)[0] for t in measured]
-        for part, name in ((slice(None), "all"), (slice(0, None, 2), "even"), (slice(1, None, 2), "odd")):
-            found = turns.medians(made[part])
-            stated = turns.medians([t.figures for t in measured[part]])
+    stated = turns.medians([t.figures for t in measured])
+    for made in (turns.in_closed_loop, turns.with_clothoids, turns.rolled_through, turns.as_a_fleet_plans):
+        for antenna in (turns.ANTENNA, 1.0, 2.5) if made is turns.in_closed_loop else (turns.ANTENNA,):
+            found = turns.medians([turns.driven_by(made, t, antenna)[0] for t in measured])
             for key in ("duration", "path", "depth"):
                 off = 100.0 * (found[key] / stated[key] - 1.0)
-                say(
-                    f"turns, {name}, antenna {antenna:g} m, {key}",
-                    f"{found[key]:.2f} ({off:+.1f} %)",
-                    f"{stated[key]:.2f}",
-                )
+                name = made.__name__.replace("_", " ")
+                say(f"turns {name}, antenna {antenna:g} m, {key}", f"{found[key]:.2f} ({off:+.1f} %)",
+                    f"{stated[key]:.2f}")  # fmt: skip
     dubins = turns.dubins_length(11.9, 6.1)
     say("Dubins turn of 6.1 m", f"{dubins:.1f} m ({100 * (dubins / 31.55 - 1):+.0f} %)", "31.6 m, 27 % short")
 

@@ -9,14 +9,14 @@ import pytest
 from swath.control.job import harvest
 from swath.control.job.calls import Calls
 from swath.control.job.cart_ways import ASIDE
-from swath.control.job.clothoid import bends_of
-from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground
 from swath.control.job.passes import Pass, swings_out
 from swath.control.job.right_of_way import KEEP_STRAIGHT, Clearance, own_outline
 from swath.control.job.ways import Search
 from swath.control.steer.guidance_line import GuidanceLine, along_bends
 from swath.control.steer.path import Segment
+from swath.control.turns.clothoid import bends_of
+from swath.control.turns.dubins import Place
 from swath.machine.machine_sheet import load_machine
 from swath.signals import PeerState, Phase
 from swath.tools.fleet import order

@@ -8,13 +8,13 @@ import pytest
 from swath.control.job.bend_speed import bend_speed
 from swath.control.job.calls import Calls
 from swath.control.job.cart_ways import CartWays, Way
-from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass
 from swath.control.job.right_of_way import ROOM, SHORT, Clearance, own_outline
 from swath.control.job.shuttle import Params, Shuttle
 from swath.control.job.wait_ahead import WaitAhead
 from swath.control.steer.guidance_line import Bend, GuidanceLine, along_bends
 from swath.control.steer.path import Segment
+from swath.control.turns.dubins import Place
 from swath.signals import HeapState, Odometry, Phase, PoseEstimate
 from swath.signals import Station as Wanted
 from swath.signals.setup import ControlSetup

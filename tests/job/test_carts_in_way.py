@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from swath.control.job.carts_in_way import CartsInWay
-from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass, route_of
-from swath.control.job.turn_limits import TurnLimits
 from swath.control.steer.path import Segment
+from swath.control.turns.dubins import Place
+from swath.control.turns.limits import TurnLimits
 from swath.machine.machine_sheet import load_machine
 from swath.signals import PeerState, Phase
 

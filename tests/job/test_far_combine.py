@@ -8,12 +8,12 @@ import pytest
 from swath.control.job import cart_ways, wait_ahead
 from swath.control.job.calls import Calls
 from swath.control.job.cart_ways import CartWays
-from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass
 from swath.control.job.right_of_way import SHORT, Clearance, outline_of, own_outline, place_of
 from swath.control.job.wait_ahead import WaitAhead
 from swath.control.steer.guidance_line import GuidanceLine
 from swath.control.steer.path import Segment
+from swath.control.turns.dubins import Place
 from swath.signals import Phase
 from tests.job.test_beside_ways import CART, NORTHWARD, combine
 from tests.job.test_cart_alone import CartBench

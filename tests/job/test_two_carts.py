@@ -11,10 +11,10 @@ from swath.control.job import carts
 from swath.control.job.calls import Calls
 from swath.control.job.cart_ways import LESS, CartWays, _close
 from swath.control.job.carts import AROUND, WAITS, OtherCart, discs_of, free_of, is_taken, way_left
-from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass
 from swath.control.job.right_of_way import outline_of
 from swath.control.steer.guidance_line import GuidanceLine
+from swath.control.turns.dubins import Place
 from swath.core.errors import InputError
 from swath.job.machines import fleet_of
 from swath.job.work import plan_of

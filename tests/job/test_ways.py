@@ -8,12 +8,12 @@ import pytest
 from swath.control.job import cart_ways, ways
 from swath.control.job.cart_ways import CartWays
 from swath.control.job.cells import Cells
-from swath.control.job.clothoid import bends_of
-from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground
 from swath.control.job.passes import Pass
 from swath.control.job.ways import Search
 from swath.control.steer.guidance_line import along_bends
+from swath.control.turns.clothoid import bends_of
+from swath.control.turns.dubins import Place
 from swath.signals import PeerState, Phase
 
 FIELD = [(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0)]

@@ -9,13 +9,13 @@ import pytest
 
 from swath.control.job import harvest
 from swath.control.job.calls import Calls
-from swath.control.job.clothoid import bends_of
-from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground
 from swath.control.job.passes import Pass, axle_line
 from swath.control.job.ways import Search
 from swath.control.steer.guidance_line import along_bends
 from swath.control.steer.path import Segment
+from swath.control.turns.clothoid import bends_of
+from swath.control.turns.dubins import Place
 from swath.core.errors import InputError
 from swath.job.machines import fleet_of
 from swath.job.path import Pose, path_of

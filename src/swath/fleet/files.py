@@ -24,9 +24,9 @@ from swath.core.errors import InputError
 from swath.documents.data_sheets import find_sheet
 from swath.documents.validation import validate
 from swath.documents.yaml_document import Document, parse_value, read_document
+from swath.scenario.section_reader import NAME
 
 FORMAT = "swath fleet 1"
-SIMPLER = 0.3  # m, within which points of an outline from a file are left out
 Metre = Annotated[float, Ge(-1e7), Le(1e7)]
 Ring = Annotated[list[tuple[Metre, Metre]], MinLen(3)]
 
@@ -35,8 +35,9 @@ Ring = Annotated[list[tuple[Metre, Metre]], MinLen(3)]
 class FieldSettings:
     """boundary_m: points [x, y], east and north; holes_m: ponds and islands in it; parts_m: outlines of
     further parts of the field; around_m: ground beyond the outlines that may be driven on; yield_t_ha: grain,
-    even over the field; file: GeoJSON, KML or a shapefile with all outlines instead, all else is then in
-    metres from its south-west corner, rounded down
+    even over the field; file: task data of ISO 11783-10, GeoJSON, KML or a shapefile instead, with all
+    outlines, and lines whose direction passes take; log: a yield log instead, with its ground, direction and
+    mean yield; with either, all else is in metres from the field's south-west corner, rounded down
     """
 
     boundary_m: Ring = made(default_factory=list)
@@ -45,14 +46,17 @@ class FieldSettings:
     around_m: Annotated[float, Ge(0), Le(200)] = 20.0
     yield_t_ha: Annotated[float, Gt(0), Le(30)] = 8.0
     file: str | None = None
+    log: str | None = None
 
 
 @dataclass(frozen=True)
 class PlanSettings:
-    """headland_rounds: cut along the outlines before the passes; land_passes: most passes of a land, cut
-    round and round; overlap_m: of the header over what is cut, in each pass
+    """direction_deg: of the passes, counter-clockwise from east (default: along the longest side, or as the
+    file of the field says); headland_rounds: cut along the outlines before the passes; land_passes: most
+    passes of a land, cut round and round; overlap_m: of the header over what is cut, in each pass
     """
 
+    direction_deg: Annotated[float, Ge(-360), Le(360)] | None = None
     headland_rounds: Annotated[int, Ge(0), Le(20)] = 1
     land_passes: Annotated[int, Ge(1), Le(200)] = 12
     overlap_m: Annotated[float, Ge(0.05), Le(3)] = 0.2
@@ -134,6 +138,7 @@ class JobFile:
 
 OTHERS = {  # keys of jobs at other levels, and what is done here
     ("plan", "order"): "lands are cut round and round",
+    ("plan", "headland"): "rounds are clockwise, so that a cart may drive on the left",
     ("team",): "combines share the field out among them in bands",
     ("unload",): "a tank is emptied beside or standing, whatever costs less time",
 }
@@ -158,14 +163,20 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
         errors[0].others = tuple(errors[1:])
         raise errors[0]
     assert isinstance(job, JobFile)
-    if bool(job.field.boundary_m) == (job.field.file is not None):
-        raise document.error(("field",), None, "expected one of boundary_m and file")
-    if job.field.file is not None:
-        field, told = _from_file(job.field, base_of(document))
-        job, notes = replace(job, field=field), (*notes, *told)
+    given = [bool(job.field.boundary_m), job.field.file is not None, job.field.log is not None]
+    if given.count(True) != 1:
+        raise document.error(("field",), None, "expected one of boundary_m, file and log")
+    if not job.field.boundary_m:
+        job, told = _with_field(job, base_of(document), "yield_t_ha" in document.data["field"])
+        notes = (*notes, *told)
     job = replace(job, notes=notes)
     if not job.combines:
         raise document.error(("combines",), None, "expected at least one combine")
+    for section in ("combines", "carts"):
+        for name in getattr(job, section):
+            if not NAME.match(name) or name == "truck":
+                expected = "expected a machine's name, not truck: letters, digits, - and _"
+                raise document.error((section, name), None, expected)
     for name in job.carts:
         if name in job.combines:
             raise document.error(("carts", name), None, "expected another name, a combine has it")
@@ -189,7 +200,16 @@ def _set(document: Document, change: str) -> None:
         node = node.setdefault(part, {})
         if not isinstance(node, dict):
             raise InputError("--set", change, f"expected a section, {part} is none")
-    node[path[-1]] = parse_value(text, "--set")
+    node[path[-1]] = _from_here(parse_value(text, "--set"))
+
+
+def _from_here(value: Any) -> Any:
+    """A file, or `file.py:Class`, that the command line names, by its whole path."""
+    if isinstance(value, str):
+        file = value.rpartition(":")[0] if ".py:" in value else value
+        if Path(file).is_file():
+            return str(Path(file).resolve()) + value[len(file) :]
+    return value
 
 
 def _without_others(data: dict[str, Any]) -> Iterator[str]:
@@ -201,23 +221,24 @@ def _without_others(data: dict[str, Any]) -> Iterator[str]:
         if isinstance(node, dict) and path[-1] in node:
             del node[path[-1]]
             yield f"{'.'.join(path)} is not read at this level: {instead}"
+    carts = data.get("carts")
+    waits = [k for k in carts.values() if isinstance(k, dict)] if isinstance(carts, dict) else []
+    if any(k.pop("align_s", None) is not None for k in waits):
+        yield "carts.*.align_s is not read at this level: until a cart is in line follows from its way"
 
 
-def _from_file(field: FieldSettings, base: Path | None) -> tuple[FieldSettings, list[str]]:
-    """Outlines of a file, all its areas and their holes, and what is to be told of them."""
-    from swath.field_io.outline import read_outlines
+def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFile, list[str]]:
+    """With the outlines of a file or log, and what is to be told of them."""
+    from swath.fleet.field_files import SIMPLER, read_field, read_log_field
 
-    assert field.file is not None
-    path = Path(field.file) if base is None else base / field.file
-    outlines = read_outlines(path)
-    corner = np.floor(np.min([a.bounds[:2] for a in outlines.areas], axis=0))
-    rough = math.fsum(a.area for a in outlines.areas)
-    areas = [a.simplify(SIMPLER) for a in outlines.areas]
-    notes = [
-        *outlines.notes,
-        f"origin of the field: {corner[0]:.0f}, {corner[1]:.0f} in EPSG:{outlines.epsg}",
-    ]
-    change = math.fsum(a.area for a in areas) - rough
+    field, name = job.field, job.field.file or job.field.log
+    assert name is not None
+    path = Path(name) if base is None else base / name
+    read = read_field(path) if field.file is not None else read_log_field(path)
+    corner = np.floor(np.min([a.bounds[:2] for a in read.areas], axis=0))
+    areas = [a.simplify(SIMPLER) for a in read.areas]
+    notes = [*read.notes, f"origin of the field: {corner[0]:.0f}, {corner[1]:.0f} in EPSG:{read.epsg}"]
+    change = math.fsum(a.area for a in areas) - math.fsum(a.area for a in read.areas)
     if abs(change) > 1.0:
         notes.append(f"outlines are drawn within {SIMPLER} m, which changes {change:+.0f} m2")
 
@@ -226,4 +247,11 @@ def _from_file(field: FieldSettings, base: Path | None) -> tuple[FieldSettings, 
 
     first, *others = [ring(a.exterior) for a in areas]
     holes = [ring(h) for a in areas for h in a.interiors]
-    return replace(field, boundary_m=first, parts_m=others, holes_m=holes), notes
+    field = replace(field, boundary_m=first, parts_m=others, holes_m=holes)
+    if math.isfinite(read.grain) and not has_yield:
+        field = replace(field, yield_t_ha=10.0 * read.grain)
+        notes.append(f"yield: {field.yield_t_ha:.2f} t/ha, the mean of the log")
+    plan = job.plan
+    if plan.direction_deg is None and math.isfinite(read.direction):
+        plan = replace(plan, direction_deg=math.degrees(math.remainder(read.direction, math.pi)))
+    return replace(job, field=field, plan=plan), notes

@@ -5,7 +5,7 @@ depends on how the field lies on the map.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -42,7 +42,7 @@ def shapely_here() -> Any:
     try:
         import shapely
     except ImportError:
-        raise MissingExtra("plans of fields", "geo") from None
+        raise MissingExtra("geo", "plans of fields") from None
     return shapely
 
 
@@ -201,7 +201,7 @@ def frame_of(job: JobFile) -> Frame:
     """The frame of a job's field: the longest side of all outlines is the x axis, the field to its left.
 
     Of sides of one length the one that is nearest to the truck, so that it does not matter where a ring
-    begins.
+    begins. A direction of the plan is that of the x axis.
     """
     best: tuple[float, float, Frame] | None = None
     truck = np.array([job.truck.x_m, job.truck.y_m])
@@ -213,6 +213,8 @@ def frame_of(job: JobFile) -> Frame:
             if best is None or side > best[0] + 0.01 or (side > best[0] - 0.01 and far < best[1] - 0.01):
                 best = side, far, Frame(float(a[0]), float(a[1]), math.atan2(*(b - a)[::-1]))
     assert best is not None
+    if job.plan.direction_deg is not None:
+        return replace(best[2], direction=math.radians(job.plan.direction_deg))
     return best[2]
 
 

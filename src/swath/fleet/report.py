@@ -9,15 +9,19 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.whole_file import new_file, write_whole
+from swath.fleet.account import litres_per_ha, used
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
-from swath.fleet.worked import CUT, STATES, Worked, checked
+from swath.fleet.replay import write_replay
+from swath.fleet.worked import CUT, SHOWN, STATES, Worked, checked
 from swath.judge.summary import json_safe
 from swath.report.html import write_page
 from swath.report.plots import BLUE, CROP, GREEN, GREY, INK, ORANGE, PURPLE, SKY, STYLE, as_image, figure
 
-FILES = ("results.json", "job.png", "report.html", "plan.json")
-COLOURS = dict(zip(STATES, (CROP, SKY, PURPLE, GREEN, GREEN, BLUE, ORANGE, GREY), strict=True))
+FILES = ("results.json", "job.png", "report.html", "replay.html", "plan.json", "draws.json")
+COLOURS = dict(
+    zip(SHOWN, (CROP, SKY, PURPLE, "#8cccb0", GREEN, BLUE, ORANGE, "#f2a97c", "#8c2d04", GREY), strict=True)
+)
 
 
 def check_target(out: Path) -> None:
@@ -33,7 +37,7 @@ def result_rows(w: Worked) -> list[tuple[str, str, str]]:
     if w.draws:
         low, high, mean = min(w.draws), max(w.draws), math.fsum(w.draws) / len(w.draws)
         value = f"{low / 3600.0:.3f} to {high / 3600.0:.3f}, mean {mean / 3600.0:.3f}"
-        rows.append((f"the same in {len(w.draws)} draws of speeds", value, "h"))
+        rows.append((f"the same in {len(w.draws)} draws", value, "h"))
     rows += [
         ("until the last pass is cut", f"{w.cut / 3600.0:.2f}", "h"),
         ("field", f"{plan.area / 1e4:.2f}", "ha"),
@@ -41,7 +45,9 @@ def result_rows(w: Worked) -> list[tuple[str, str, str]]:
         ("ground that no pass of the plan cuts", f"{100.0 * plan.left / plan.area:.3f}", "%"),
         ("grain at the truck", f"{w.schedule.delivered / 1000.0:.1f}", "t"),
         ("mass error, over all grain", f"{w.mass_error:.0e}", "1"),
+        ("harvested per hour", f"{0.36 * plan.area / w.cut if w.cut else 0.0:.2f}", "ha/h"),
         ("field efficiency", f"{100.0 * w.efficiency:.1f}", "%"),
+        ("diesel of all machines", f"{litres_per_ha(w):.1f}", "l/ha"),
     ]
     if w.places:
         rows.append(("most that a machine was off its path", f"{100.0 * w.stray:.1f}", "cm"))
@@ -50,13 +56,29 @@ def result_rows(w: Worked) -> list[tuple[str, str, str]]:
 
 def machine_rows(w: Worked) -> tuple[tuple[str, ...], list[list[str]]]:
     """Heads and rows of the minutes of all machines."""
-    rows = []
+    rows, took = [], used(w)
     for name in w.spans:
-        loads = [p for p in w.poured if p.target == name]
-        out = math.fsum(p.amount for p in w.poured if p.source == name)
-        minutes = [f"{w.minutes(name, state):.1f}" for state in STATES]
-        rows.append([name, *minutes, str(len(loads)), f"{out / 1000.0:.1f}"])
-    return ("machine", *STATES, "loads", "grain t"), rows
+        out = [p for p in w.poured if p.source == name]
+        minutes = [f"{w.minutes(name, state):.1f}" for state in SHOWN]
+        tons = math.fsum(p.amount for p in out) / 1000.0
+        driven = f"{took[name].way / 1000.0:.1f}", f"{took[name].litres:.0f}"
+        rows.append([name, *minutes, str(len(out)), f"{tons:.1f}", *driven])
+    return ("machine", *SHOWN, "loads", "grain t", "way km", "diesel l"), rows
+
+
+def pair_rows(w: Worked) -> list[tuple[str, str, str, str]]:
+    """Which cart took grain of which combine, how often, and how much of it while the combine cut."""
+    kinds = [s.kind for s in w.schedule.table.segments]
+    pairs: dict[tuple[str, str], list[tuple[float, bool]]] = {}
+    for p in w.poured:
+        if p.target != "truck":
+            pairs.setdefault((p.source, p.target), []).append((p.amount, kinds[p.during[0]] == CUT))
+    rows = []
+    for (source, target), loads in sorted(pairs.items()):
+        grain = math.fsum(kg for kg, _ in loads)
+        moving = 100.0 * math.fsum(kg for kg, on_the_go in loads if on_the_go) / max(grain, 1e-9)
+        rows.append((f"{source}, {target}", str(len(loads)), f"{grain / 1000.0:.1f}", f"{moving:.0f}"))
+    return rows
 
 
 def wait_rows(w: Worked) -> list[tuple[str, str, str]]:
@@ -67,7 +89,7 @@ def wait_rows(w: Worked) -> list[tuple[str, str, str]]:
 
 def to_dict(w: Worked) -> dict[str, Any]:
     """Plain numbers of a job, in SI."""
-    schedule = w.schedule
+    schedule, took = w.schedule, used(w)
     return {
         "level": w.level,
         "duration_s": w.ends,
@@ -78,6 +100,7 @@ def to_dict(w: Worked) -> dict[str, Any]:
         "grain_kg": schedule.harvested,
         "mass_error": w.mass_error,
         "field_efficiency": w.efficiency,
+        "diesel_l_per_ha": litres_per_ha(w),
         "stray_m": w.stray,
         "notes": checked(w),
         "poured": [
@@ -86,7 +109,11 @@ def to_dict(w: Worked) -> dict[str, Any]:
         ],
         "machines": {
             name: {
+                "kind": "cart" if isinstance(schedule.machines.by_name[name], Cart) else "combine",
                 "times_s": {state: 60.0 * w.minutes(name, state) for state in STATES},
+                "waits_s": {reason: 60.0 * minutes for reason, minutes in w.waited(name).items()},
+                "way_m": took[name].way,
+                "fuel_l": took[name].litres,
                 "timeline": [[s.state, s.begin, s.end, s.reason] for s in spans],
             }
             for name, spans in w.spans.items()
@@ -104,10 +131,11 @@ def write_result(w: Worked, name: str, summary: str, out: Path) -> None:
     text = json.dumps(json_safe({"name": name, **to_dict(w)}), indent=2, allow_nan=False)
     write_whole(out / "results.json", text + "\n")
     w.schedule.plan.write(out / "plan.json")
+    write_replay(w, name, f"{summary}; level {w.level}", out)
     head, rows = machine_rows(w)
     write_page(
         out / "report.html", "fleet.html.j2", name=name, summary=summary, level=w.level,
-        results=result_rows(w), head=head, machines=rows, waits=wait_rows(w), pairs=[],
+        results=result_rows(w), head=head, machines=rows, waits=wait_rows(w), loads=pair_rows(w), pairs=[],
         image=as_image(fig, kind="png", dpi=130), notes=checked(w),
     )  # fmt: skip
 
@@ -168,13 +196,13 @@ def _map(fig: Any, ax: Any, w: Worked) -> None:
 def _timelines(ax: Any, w: Worked) -> None:
     """A bar per machine."""
     for row, spans in enumerate(w.spans.values()):
-        for state in STATES:
-            bars = [(s.begin / 3600.0, (s.end - s.begin) / 3600.0) for s in spans if s.state == state]
+        for state in SHOWN:
+            bars = [(s.begin / 3600.0, (s.end - s.begin) / 3600.0) for s in spans if s.shown == state]
             ax.broken_barh(bars, (row - 0.36, 0.72), color=COLOURS[state], lw=0)
-    for state in STATES:
+    for state in SHOWN:
         ax.barh([0], [0], color=COLOURS[state], label=state)
     ax.set_yticks(range(len(w.spans)), list(w.spans))
     ax.invert_yaxis()
     ax.set(xlabel="time [h]", xlim=(0.0, w.ends / 3600.0))
     ax.grid(visible=False)
-    ax.legend(ncol=8, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    ax.legend(ncol=5, loc="lower left", bbox_to_anchor=(0.0, 1.0))

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.random import Stream
 from swath.fleet.schedule import Poured, Schedule
 from swath.fleet.table import Order, Segment, Table, order_of
 
@@ -24,7 +23,9 @@ STATE_OF = {  # of a segment's kind; all others are ways
     "cut": CUT, "pours standing": POUR, "waits for cart": POUR, "home": IDLE, "beside": BESIDE,
     "beside, pouring": LOAD, "at truck": TRUCK,
 }  # fmt: skip
-DRAWS = 24  # of a spread
+NEXT_TRUCK, GROUND_OF = "the next truck", "ground of "
+WAITS = ("waits for partner", "waits for ground", "waits for truck")
+SHOWN = (*STATES[:-2], *WAITS, IDLE)  # states, with what is waited for
 
 
 @dataclass(frozen=True)
@@ -36,13 +37,20 @@ class Span:
     end: float
     reason: str = ""
 
+    @property
+    def shown(self) -> str:
+        """One of `SHOWN`."""
+        if self.state != WAIT:
+            return self.state
+        return WAITS[1 if self.reason.startswith(GROUND_OF) else 2 if self.reason == NEXT_TRUCK else 0]
+
 
 @dataclass
 class Worked:
     """level; schedule; spans: of each machine; poured: grain handed over; cut: when the last pass is cut,
     ends: when all grain is at the truck, into: of entry into each segment [s]; clock, places: of bodies each
-    0.1 s, (n,), (n, 4), at `driven` alone; stray: most that a body was off its path [m]; draws: `ends` with
-    times spent that were drawn [s]
+    0.1 s, (n,), (n, 4), at `driven` alone; stray: most that a body was off its path [m]; draws: `ends`
+    of a spread [s]
     """
 
     level: str
@@ -58,8 +66,8 @@ class Worked:
     draws: tuple[float, ...] = ()
 
     def minutes(self, name: str, state: str) -> float:
-        """That a machine spent so."""
-        return math.fsum(s.end - s.begin for s in self.spans[name] if s.state == state) / 60.0
+        """That a machine spent so, in a state or in one of `SHOWN`."""
+        return math.fsum(s.end - s.begin for s in self.spans[name] if state in (s.state, s.shown)) / 60.0
 
     def waited(self, name: str) -> dict[str, float]:
         """Minutes that a machine waited, by reason."""
@@ -84,24 +92,12 @@ class Worked:
         return schedule.plan.area / (rate * self.cut) if self.cut > 0.0 else math.nan
 
 
-def by_events(schedule: Schedule, spread: float = 0.0) -> Worked:
-    """The schedule by its order alone, each segment in its least time.
-
-    spread: the job is done `DRAWS` times more, each machine up to so much faster or slower [%]
-    """
+def by_events(schedule: Schedule) -> Worked:
+    """The schedule by its order alone, each segment in its least time."""
     order = order_of(schedule.table)
     into = order.times(order.spent[:, None])[:, 0]
     spans = {name: _spans(schedule, order, into, name) for name in schedule.table.last}
-    made = _worked("events", schedule, into, spans)
-    if spread <= 0.0:
-        return made
-    random = Stream(0, "spread").at()
-    names = list(schedule.table.last)
-    owner = np.array([names.index(s.machine) for s in schedule.table.segments])
-    factor = 1.0 + spread / 100.0 * (2.0 * random.random((len(names), DRAWS)) - 1.0)
-    drawn = order.times(order.spent[:, None] / factor[owner])
-    ends = [_worked("events", schedule, column, {}).ends for column in drawn.T]
-    return replace(made, draws=tuple(ends))
+    return _worked("events", schedule, into, spans)
 
 
 def _worked(level: str, schedule: Schedule, into: Array, spans: dict[str, list[Span]]) -> Worked:
@@ -134,7 +130,7 @@ def spans_in(segment: Segment, begin: float, poured: Sequence[Poured], dock: flo
     for p in here:
         start = p.begins - segment.into + begin
         wait = start - at - (0.5 * dock if at == begin else 0.0)
-        spans.append(Span(WAIT, at, at + max(wait, 0.0), "the next truck"))
+        spans.append(Span(WAIT, at, at + max(wait, 0.0), NEXT_TRUCK))
         spans.append(Span(TRUCK, at + max(wait, 0.0), start + p.ends - p.begins))
         at = start + p.ends - p.begins
     return [*spans, Span(TRUCK, at, end)]
@@ -151,7 +147,7 @@ def waiting(table: Table, segment: Segment, begin: float, end: float, until: tup
         return Span(WAIT, begin, end, member)
     if other == member:
         return Span(state_of(segment), begin, end)
-    return Span(WAIT, begin, end, f"ground of {other}")
+    return Span(WAIT, begin, end, GROUND_OF + other)
 
 
 def _spans(schedule: Schedule, order: Order, into: Array, name: str) -> list[Span]:

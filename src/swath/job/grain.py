@@ -3,8 +3,8 @@
 import math
 from typing import Any
 
-from swath.job.fuel import combine_fuel, tractor_fuel
 from swath.job.states import DONE, CartState, CombineState
+from swath.machine.fuel import combine_fuel, tractor_fuel
 
 
 def move_grain(job: Any, dt: float) -> None:
@@ -24,7 +24,12 @@ def move_grain(job: Any, dt: float) -> None:
             c.poured += flow
             job.at_truck += flow
         c.timer = max(0.0, c.timer - dt)
-        c.fuel += combine_fuel(c, job.cut_now.get(c.number, 0.0) / dt) * dt
+        if c.phase != "done":
+            cutting = job.cut_now.get(c.number, 0.0) / dt
+            c.fuel += dt * combine_fuel(
+                c.spec.sheet, c.spec.drivetrain, tank=c.tank, speed=c.speed, grain=cutting * c.per_metre,
+                cuts=cutting > 0.0, out=c.spec.auger if c.is_pouring else 0.0,
+            )  # fmt: skip
     pours = [k for k in job.carts if job.pours_at_truck(k)]
     for k in pours:
         flow = min(k.spec.out * dt, k.grain, job.room)
@@ -34,7 +39,7 @@ def move_grain(job: Any, dt: float) -> None:
         job.at_truck += flow
     for k in job.carts:
         k.timer = max(0.0, k.timer - dt)
-        k.fuel += tractor_fuel(k) * dt
+        k.fuel += tractor_fuel(k.spec.sheet, k.grain, k.speed) * dt
     job.away = max(0.0, job.away - dt)
 
 

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 
 from swath.control.job.cart_ways import CartWays, Way
 from swath.control.job.carts import BEYOND
-from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass
 from swath.control.job.shuttle import Params
+from swath.control.turns.dubins import Place
 from swath.job.cart_ways import WayBeside, aside, box_behind, box_offset, straight_first
 from swath.job.machines import Combine
 from swath.job.messages import Messages

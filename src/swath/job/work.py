@@ -15,7 +15,6 @@ from swath.job.digest import digest_of
 from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.fleet import FleetFile
-from swath.job.fuel import DIESEL
 from swath.job.kinematic import Kinematic
 from swath.job.lands import plan_field
 from swath.job.machines import Fleet, fleet_of
@@ -27,6 +26,7 @@ from swath.job.spread import Spread
 from swath.job.standoff import Standoff
 from swath.job.swept import SweptGround, swept_ground, track_along
 from swath.job.timeline import STATES, Timeline
+from swath.machine.fuel import DIESEL
 
 Array = NDArray[np.float64]
 SHARED_OUT = "passes were shared out among combines before the job"

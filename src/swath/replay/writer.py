@@ -74,10 +74,17 @@ def tracks_of(folder: Path) -> dict[str, Columns]:
     return {str(n): {k: v[names == n] for k, v in table.items()} for n in dict.fromkeys(names.tolist())}
 
 
-def render(name: str, data: bytes, *, more: tuple[str, ...] = ()) -> str:
-    """The whole page. more: further scripts of it"""
-    script = "".join((PAGE / f"{part}.js").read_text(encoding="utf-8") for part in (*SCRIPTS, *more))
-    page = (PAGE / "page.html").read_text(encoding="utf-8")
+def render(
+    name: str,
+    data: bytes,
+    *,
+    more: tuple[str, ...] = (),
+    frame: str = "page.html",
+    scripts: tuple[str, ...] = SCRIPTS,
+) -> str:
+    """The whole page. more: further scripts of it; frame, scripts: of another one"""
+    script = "".join((PAGE / f"{part}.js").read_text(encoding="utf-8") for part in (*scripts, *more))
+    page = (PAGE / frame).read_text(encoding="utf-8")
     parts = {
         "NAME": html.escape(name),
         "STYLE": (PAGE / "page.css").read_text(encoding="utf-8"),

@@ -7,9 +7,9 @@ from math import cos, fsum, hypot, inf, isfinite, sin
 from swath.control.cooperate.peer_track import OTHERS
 from swath.control.job.abreast import own_passes
 from swath.control.job.carts import OtherCart
-from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass, way_along
 from swath.control.job.right_of_way import place_of
+from swath.control.turns.dubins import Place
 from swath.core.component import KeepsState
 from swath.core.units import KMH
 from swath.signals import HeapState, PeerState, Phase

@@ -9,8 +9,6 @@ import numpy as np
 
 from swath.control.job.abreast import own_passes
 from swath.control.job.carts import AROUND, BEYOND, IN_LINE, TURNED, WAITS, Disc
-from swath.control.job.clothoid import bends_of
-from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, Point, beside
 from swath.control.job.passes import Pass, way_along
 from swath.control.job.right_of_way import (
@@ -25,6 +23,8 @@ from swath.control.job.right_of_way import (
 )
 from swath.control.job.ways import Search
 from swath.control.steer.guidance_line import along_bends, wrapped
+from swath.control.turns.clothoid import bends_of
+from swath.control.turns.dubins import Place
 from swath.signals import F64, PeerState, Phase
 
 HALF, NARROW = 2.0, 1.2  # m, of the machine to either side, and of that about start and goal

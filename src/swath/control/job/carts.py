@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import atan2, ceil, cos, hypot, inf, isfinite, sin
 from typing import NamedTuple
 
-from swath.control.job.dubins import Place
 from swath.control.job.ground import Point, beside
 from swath.control.job.right_of_way import free_way, outline_of, place_of, reach_at
 from swath.control.steer.guidance_line import GuidanceLine
+from swath.control.turns.dubins import Place
 from swath.core.component import Inputs
 from swath.signals import GuidancePath, PeerState, Phase, Station
 

@@ -3,12 +3,12 @@
 from collections.abc import Collection, Sequence
 from math import hypot
 
-from swath.control.job.dubins import Place
 from swath.control.job.ground import beside
 from swath.control.job.heard import SILENT, STOPS
 from swath.control.job.passes import Route
 from swath.control.job.right_of_way import ALONG, SWEPT, is_swept, outline_of, own_outline, place_of
 from swath.control.job.turn_speed import EVERY
+from swath.control.turns.dubins import Place
 from swath.signals import PeerState, Phase
 from swath.signals.setup import MachineGeometry
 

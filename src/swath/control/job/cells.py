@@ -6,8 +6,8 @@ from math import ceil, cos, hypot, inf, sin
 
 import numpy as np
 
-from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, Mask
+from swath.control.turns.dubins import Place
 from swath.signals import F64
 
 LOOK = 0.75  # between two places that are looked at, at most [m]

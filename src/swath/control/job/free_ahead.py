@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from math import inf
 
 from swath.control.job.cart_ways import PULL_AHEAD
-from swath.control.job.dubins import Place
 from swath.control.job.right_of_way import KEEP, KEEP_STRAIGHT, TURNS_ABOUT, Clearance
 from swath.control.steer.guidance_line import GuidanceLine, wrapped
+from swath.control.turns.dubins import Place
 from swath.signals import PeerState
 
 STRAIGHT_ON = 0.15  # rad, that a straight way may turn

@@ -12,13 +12,13 @@ from swath.control.job.abreast import Abreast, own_passes
 from swath.control.job.calls import FORESIGHT
 from swath.control.job.carts_in_way import CartsInWay
 from swath.control.job.crossings import NONE, Crossing, Crossings
-from swath.control.job.dubins import Place
 from swath.control.job.heard import SILENT, AllHeard
 from swath.control.job.passes import RUN_OUT, Pass, Route, route_of
 from swath.control.job.right_of_way import SWEPT
 from swath.control.job.tank import EMPTY, TankForecast
-from swath.control.job.turn_limits import limits_of
 from swath.control.job.turn_speed import BRAKE, speed_between
+from swath.control.turns.dubins import Place
+from swath.control.turns.limits import limits_of
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream

@@ -8,11 +8,11 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le, MinLen
 
-from swath.control.job import clothoid
-from swath.control.job.dubins import Place
-from swath.control.job.turn_limits import TurnLimits
 from swath.control.steer.guidance_line import Bend, GuidanceLine, along_bends
 from swath.control.steer.path import Segment
+from swath.control.turns import clothoid
+from swath.control.turns.dubins import Place
+from swath.control.turns.limits import TurnLimits
 
 Coordinate = Annotated[float, Ge(-1e6), Le(1e6)]
 Point = tuple[float, float]

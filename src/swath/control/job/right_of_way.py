@@ -5,11 +5,11 @@ from math import ceil, cos, hypot, inf, isfinite, pi, sin
 from typing import NamedTuple
 
 from swath.control.job.abreast import own_passes
-from swath.control.job.dubins import Place
 from swath.control.job.ground import Point, beside
 from swath.control.job.passes import RUN_OUT, Pass, Route, route_of
-from swath.control.job.turn_limits import TurnLimits
 from swath.control.steer.guidance_line import GuidanceLine, wrapped
+from swath.control.turns.dubins import Place
+from swath.control.turns.limits import TurnLimits
 from swath.signals import PeerState, Phase
 from swath.signals.setup import MachineGeometry
 

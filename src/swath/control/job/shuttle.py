@@ -18,7 +18,6 @@ from swath.control.job.bend_speed import bend_speed
 from swath.control.job.calls import CLEAR, Calls, combines_of, nearest, stands_for_cart, waits_behind
 from swath.control.job.cart_ways import MOVES, CartWays, Way
 from swath.control.job.carts import LATER, OtherCart, discs_of, free_of, is_in_line, others_of
-from swath.control.job.dubins import Place
 from swath.control.job.free_ahead import free_ahead
 from swath.control.job.heard import SILENT, AllHeard
 from swath.control.job.passes import Coordinate, Pass
@@ -26,6 +25,7 @@ from swath.control.job.right_of_way import SHORT, Clearance, own_outline
 from swath.control.job.to_truck import ToTruck
 from swath.control.job.wait_ahead import AHEAD, Found, WaitAhead
 from swath.control.steer.guidance_line import GuidanceLine
+from swath.control.turns.dubins import Place
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream

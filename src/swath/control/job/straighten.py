@@ -7,7 +7,7 @@ places that are left other directions: those of the straights before and behind 
 from math import fsum
 
 from swath.control.job.cells import Cells, Way
-from swath.control.job.dubins import Place, moved, shortest
+from swath.control.turns.dubins import Place, moved, shortest
 
 SPACING = 6.0  # m between places that are tried, at least
 BEND = 5.0  # m, that a radian of bends is worth

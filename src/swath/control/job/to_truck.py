@@ -5,8 +5,8 @@ from math import dist
 
 from swath.control.job.calls import Calls
 from swath.control.job.carts import OtherCart, is_taken
-from swath.control.job.dubins import Place
 from swath.control.job.ground import Point
+from swath.control.turns.dubins import Place
 from swath.signals import HeapState, PeerState
 
 TURNS = 40.0  # m, that its way to the truck is longer than straight there, about

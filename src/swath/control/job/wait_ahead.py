@@ -7,10 +7,10 @@ from typing import NamedTuple
 from swath.control.job.calls import Calls
 from swath.control.job.cart_ways import BEGIN, FAR, MOVES, STRAIGHT, CartWays, Way
 from swath.control.job.carts import Disc
-from swath.control.job.dubins import Place
 from swath.control.job.passes import Pass, swings_out
 from swath.control.job.right_of_way import SHORT, Clearance, Outline
 from swath.control.steer.guidance_line import GuidanceLine
+from swath.control.turns.dubins import Place
 from swath.signals import PeerState, Phase
 
 AHEAD = STRAIGHT - BEGIN + 20.0  # m along the line beside a pass, where it waits for the combine to come up

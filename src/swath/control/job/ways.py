@@ -13,9 +13,9 @@ from math import fsum, hypot, inf, pi
 from typing import NamedTuple
 
 from swath.control.job.cells import LOOK, Cells, Remaining, Way
-from swath.control.job.dubins import Place, moved, shortest
 from swath.control.job.ground import Ground, Mask
 from swath.control.job.straighten import straightened
+from swath.control.turns.dubins import Place, moved, shortest
 
 STEP = 3.0  # of the search [m]
 BINS = 24  # directions

@@ -4,6 +4,6 @@
 driven by a machine with its steering in closed loop.
 """
 
-from swath.control.job.turn_limits import TurnLimits, limits_of
+from swath.control.turns.limits import TurnLimits, limits_of
 
 __all__ = ["TurnLimits", "limits_of"]

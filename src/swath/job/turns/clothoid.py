@@ -1,10 +1,10 @@
-"""Turn with a steering that needs time: `swath.control.job.clothoid`, in pieces of a job's paths."""
+"""Turn with a steering that needs time: `swath.control.turns.clothoid`, in pieces of a job's paths."""
 
 from collections.abc import Sequence
 
-from swath.control.job import clothoid
-from swath.control.job.dubins import Place
 from swath.control.steer.guidance_line import Bend
+from swath.control.turns import clothoid
+from swath.control.turns.dubins import Place
 from swath.job.path import Piece, Pose
 from swath.job.turns import TurnLimits
 

@@ -2,7 +2,7 @@
 
 import math
 
-from swath.control.job.dubins import Place, shortest
+from swath.control.turns.dubins import Place, shortest
 from swath.job.path import Piece, Pose
 from swath.job.turns import TurnLimits
 

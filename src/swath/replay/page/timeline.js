@@ -1,7 +1,12 @@
 // Slider, play, speed, marks of events, the list of moments, and the keys.
 
 const element = (id) => document.getElementById(id);
-const clock = (t) => (t < 60 ? `${t.toFixed(1)} s` : `${Math.floor(t / 60)}:${(t % 60).toFixed(1).padStart(4, "0")}`);
+const clock = (t) => {
+  if (t < 60) return `${t.toFixed(1)} s`;
+  if (t < 3600) return `${Math.floor(t / 60)}:${(t % 60).toFixed(1).padStart(4, "0")}`;
+  const minutes = Math.floor(t / 60) % 60, seconds = Math.floor(t % 60);
+  return `${Math.floor(t / 3600)}:${String(minutes).padStart(2, "0")}:${String(seconds).padStart(2, "0")}`;
+};
 
 class Timeline {
   constructor(data, app) {
@@ -94,7 +99,7 @@ class Timeline {
 
   key(e) {
     if (e.ctrlKey || e.altKey || e.metaKey || e.target.tagName === "SELECT") return;
-    const jump = e.shiftKey ? 5 : 0.2, { app } = this;
+    const jump = (e.shiftKey ? 5 : 0.2) * (this.app.pace || 1), { app } = this;
     const deeds = {
       " ": () => this.toggle(),
       ArrowRight: () => app.seek(app.time + jump),
@@ -103,7 +108,7 @@ class Timeline {
       End: () => app.seek(this.duration),
       n: () => this.next(1),
       p: () => this.next(-1),
-      b: () => element("beams").click(),
+      b: () => element("beams")?.click(),
     };
     const number = Number(e.key);
     const deed = number >= 1 && number <= CAMERAS.length ? () => app.chooseCamera(number - 1) : deeds[e.key];

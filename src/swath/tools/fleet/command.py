@@ -23,7 +23,7 @@ def add(parsers: Any, others: dict[str, Any]) -> None:
     )  # fmt: skip
     run.add_argument(
         "--spread", type=float, metavar="PERCENT",
-        help="at events and granted: drive it 24 times more, machines up to so much faster or slower",
+        help="at events and granted: do it 24 times more, speeds up to so much off; granted: crop, too",
     )  # fmt: skip
     run.add_argument(
         "--shared-out", action="store_true",
@@ -146,7 +146,7 @@ def run_day(args: argparse.Namespace) -> int:
     from swath.job.recorded import predict, read_day
     from swath.job.turns import limits_of
     from swath.machine.machine_sheet import dynamics_of, load_machine
-    from swath.terminal.tables import table
+    from swath.terminal.tables import table, wide_console
 
     if not 0.05 <= args.known_h <= 24.0:
         raise InputError("--known-h", args.known_h, "expected 0.05 to 24")
@@ -164,14 +164,18 @@ def run_day(args: argparse.Namespace) -> int:
     table(f"{args.log.name}: {len(day.lines)} passes", ("", "predicted h", "recorded h", "off %"), rows)
     known = [
         ("speed in the crop", f"{made.speed:.2f} m/s"),
-        ("speed between passes", f"{made.turn_speed:.2f} m/s"),
-        ("driven over planned way there", f"{made.longer:.3f}"),
+        ("speed between passes", "-" if day.unseen else f"{made.turn_speed:.2f} m/s"),
+        ("driven over planned way there", "-" if day.unseen else f"{made.longer:.3f}"),
         ("stops in all", f"{day.stops / 3600.0:.2f} h"),
     ]
     table(f"from the first {args.known_h:g} h", ("", ""), known)
+    if day.unseen:
+        wide_console().print(f"note: time between passes is not predicted: {day.unseen}", markup=False)
     return 0
 
 
 def _row(name: str, found: float, recorded: float) -> tuple[str, str, str, str]:
+    if math.isnan(found):
+        return name, "-", "-", "-"
     off = 100.0 * (found / recorded - 1.0) if recorded > 0.0 else math.nan
     return name, f"{found / 3600.0:.2f}", f"{recorded / 3600.0:.2f}", f"{off:+.1f}"

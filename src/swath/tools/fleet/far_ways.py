@@ -4,10 +4,10 @@ others cut meanwhile.
 
 from collections.abc import Sequence
 
-from swath.control.job.clothoid import bends_of
-from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, Point
 from swath.control.job.ways import Search
+from swath.control.turns.clothoid import bends_of
+from swath.control.turns.dubins import Place
 from swath.job.combine_ways import is_far
 from swath.job.machines import Combine
 from swath.job.path import Piece

@@ -11,6 +11,7 @@ from swath.job.standoff import Standoff
 from swath.job.timeline import STATES
 from swath.job.work import JobResult
 from swath.judge.summary import json_safe
+from swath.machine.fuel import DIESEL
 from swath.report.html import write_page
 from swath.report.plots import as_image
 from swath.tools.fleet.picture import draw
@@ -99,7 +100,7 @@ def machine_rows(r: JobResult) -> tuple[tuple[str, ...], list[list[str]]]:
     rows = [
         [
             m.name, *(f"{m.times[s] / 60.0:.1f}" for s in STATES), str(m.loads), f"{m.grain / 1000.0:.1f}",
-            f"{m.way / 1000.0:.1f}", f"{m.fuel / 0.835:.0f}",
+            f"{m.way / 1000.0:.1f}", f"{m.fuel / DIESEL:.0f}",
         ]
         for m in r.machines
     ]  # fmt: skip

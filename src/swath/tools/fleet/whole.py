@@ -14,11 +14,11 @@ from swath.core.schedule import NS
 from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.fleet import FleetFile
-from swath.job.fuel import fuel_of_tractor
 from swath.job.machines import Fleet, fleet_of
 from swath.job.plan import FieldPlan, Shared, shapely_here
 from swath.job.timeline import Timeline
 from swath.job.work import JobResult, MachineResult, plan_of
+from swath.machine.fuel import tractor_fuel
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.job import run_job, run_unrecorded
 from swath.scenario.scenario import Scenario, parse_scenario
@@ -144,7 +144,7 @@ class Watch(RunHook):
         state, heap = seen.latest.get(MachineState), seen.latest.get(HeapState)
         now = job.t / NS
         if isinstance(state, MachineState) and isinstance(heap, HeapState):
-            rate = fuel_of_tractor(self._world.machines[name].sheet, heap.grain, state.speed)
+            rate = tractor_fuel(self._world.machines[name].sheet, heap.grain, state.speed)
             seen.fuel += rate * (now - seen.since)
         seen.since = now
 

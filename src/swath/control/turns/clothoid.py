@@ -18,9 +18,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.control.job.dubins import Place, shortest
-from swath.control.job.turn_limits import TurnLimits
 from swath.control.steer.guidance_line import Bend
+from swath.control.turns.dubins import Place, shortest
+from swath.control.turns.limits import TurnLimits
 
 Complex = NDArray[np.complex128]
 TURN = 2.0 * math.pi

@@ -3,7 +3,7 @@
 The heading is that of the chord from the record before to the record after, averaged over three records. The
 turn begins with the last record within 5 deg of the finished pass and ends with the first after the last
 that is farther than 5 deg from the next pass. The path is summed up to the record before the last, as in the
-summary of the Montana turns that `tests/job` holds it against.
+summary of the Montana turns.
 """
 
 import math

@@ -1,0 +1,125 @@
+"""Grain over time, ways, litres, waits; and the page that plays a job from above."""
+
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from swath.fleet.account import grain, litres_per_ha, stays, used
+from swath.fleet.driven import driven
+from swath.fleet.replay import NEAR, collected, thinned, write_replay
+from swath.fleet.report import machine_rows, pair_rows
+from swath.fleet.schedule import schedule_of
+from swath.fleet.worked import IDLE, WAITS, Span, by_events
+from tests.fleet.drawn import drawn_job
+from tests.replay.browser import Browser, NoBrowser
+
+LEVELS = ("events", "driven")
+
+
+@pytest.fixture(scope="module")
+def done():
+    schedule = schedule_of(drawn_job(130, (0.5, 1.0)))
+    return {"events": by_events(schedule), "driven": driven(schedule)}
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_all_grain_that_is_cut_is_somewhere_all_the_time(level, done):
+    w = done[level]
+    held = grain(w)
+    cut = [(into, into + s.spent, w.schedule.grain[s.number]) for s, into, _ in stays(w)
+           if s.number in w.schedule.grain]  # fmt: skip
+    for t in np.linspace(0.0, w.ends + 100.0, 60):
+        there = math.fsum(float(np.interp(t, *levels)) for levels in held.values())
+        come = math.fsum(kg * min(max((t - a) / (b - a), 0.0), 1.0) for a, b, kg in cut)
+        assert there == pytest.approx(come, abs=0.5)
+    assert held["truck"][1][-1] == pytest.approx(w.schedule.harvested)
+    for m in (*w.schedule.machines.combines, *w.schedule.machines.carts):
+        most = m.tank if hasattr(m, "tank") else m.load
+        assert held[m.name][1].min() >= -1.0
+        assert held[m.name][1].max() <= most + 0.02 * most
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_ways_are_those_of_the_paths_and_litres_are_of_a_combine_harvest(level, done):
+    took = used(done[level])
+    for name, u in took.items():
+        segments = [s for s in done[level].schedule.table.segments if s.machine == name]
+        paths = {id(s.path): s.path for s in segments}
+        whole = math.fsum(float(p.track.distance[p.last[-1]]) for p in paths.values())
+        assert u.way == pytest.approx(whole, rel=0.02)
+    assert 10.0 < litres_per_ha(done[level]) < 60.0  # a small odd field: much turning
+    driven_way = np.hypot(*np.diff(done["driven"].places["cart_1"][:, :2], axis=0).T).sum()
+    assert took["cart_1"].way == pytest.approx(driven_way, rel=0.02)
+
+
+def test_waits_are_shown_by_what_is_waited_for():
+    spans = [Span("wait", 0, 1, reason) for reason in ("cart_1", "ground of cart_1", "the next truck")]
+    assert [s.shown for s in spans] == list(WAITS)
+    assert Span(IDLE, 0, 1).shown == IDLE
+
+
+def test_the_table_says_where_all_minutes_of_a_machine_are(done):
+    w = done["driven"]
+    head, rows = machine_rows(w)
+    first, last = head.index("cut"), head.index("idle")
+    for name, *cells in rows:
+        total = math.fsum(map(float, cells[first - 1 : last]))
+        assert total == pytest.approx(w.spans[name][-1].end / 60.0, abs=0.6)
+    assert sum(float(row[2]) for row in pair_rows(w)) == pytest.approx(w.schedule.harvested / 1000.0, abs=0.2)
+
+
+def test_a_track_is_thinned_to_what_lies_off_the_line():
+    t = np.arange(0.0, 100.0, 0.5)
+    bent = np.column_stack([t, t, np.where(t > 60.0, (t - 60.0) ** 2 / 40.0, 0.0), 0.0 * t, 0.0 * t])
+    kept = thinned(bent)
+    assert len(kept) < 0.4 * len(bent)
+    for column in (1, 2):
+        off = np.abs(np.interp(t, kept[:, 0], kept[:, column]) - bent[:, column]).max()
+        assert off < 8.0 * NEAR[0]
+    assert (kept[[0, -1]] == bent[[0, -1]]).all()
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_the_page_has_machines_where_they_were(level, done):
+    w = done[level]
+    values, arrays = collected(w)
+    frame = w.schedule.ground.frame
+    for k, m in enumerate(values["machines"]):
+        t, x, y, *_ = arrays[f"track_{k}"]
+        assert all(a < b for a, b in pairwise(t.tolist()))
+        if level == "driven":
+            there = frame.to_map(w.places[m["name"]][:, :2]) - (frame.x, frame.y)
+            off = np.hypot(np.interp(w.clock, t, x) - there[:, 0], np.interp(w.clock, t, y) - there[:, 1])
+            assert off.max() < 0.5
+        assert [s[3] for s in m["spans"]] == [s.reason for s in w.spans[m["name"]]]
+    cut = arrays["cuts"]
+    area = (np.hypot(cut[:, 2] - cut[:, 0], cut[:, 3] - cut[:, 1]) * cut[:, 4]).sum()
+    assert area > w.schedule.plan.area
+
+
+def test_a_browser_plays_it(done, tmp_path: Path):
+    w = done["driven"]
+    page = write_replay(w, "drawn <b>", "level driven", tmp_path)
+    begin, end = next((p.begins, p.ends) for p in w.poured if p.target != "truck")
+    try:
+        with Browser((900, 600)) as browser:
+            browser.open(page, f"t={0.5 * (begin + end):.1f}")
+            first = browser.ask("document.querySelector('.machine span').textContent")
+            bar = browser.ask("document.querySelector('.machine i').style.width")
+            browser.ask("swath.chooseMachine('cart_1')")
+            browser.ask("new Promise((done) => setTimeout(done, 300))")
+            scale = browser.ask("swath.scale")
+            browser.ask("document.getElementById('play').click()")
+            browser.ask("new Promise((done) => setTimeout(done, 600))")
+            later = browser.ask("swath.time")
+            browser.ask("document.dispatchEvent(new KeyboardEvent('keydown', {key: 'b', bubbles: true}))")
+            assert browser.told == []
+    except NoBrowser as error:
+        pytest.skip(str(error))
+    assert "t · " in first
+    assert float(bar.rstrip("%")) > 0.0
+    assert scale >= 4.0
+    assert later > 0.5 * (begin + end)

@@ -1,0 +1,118 @@
+"""Fields of files of others: outlines, guidance lines, a yield log; and what a job file says beside."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rasterio")
+
+from swath.core.errors import InputError
+from swath.fleet.bodies import body_of
+from swath.fleet.files import read_job
+from swath.fleet.ground import Ground, shapely_here
+from swath.fleet.machines import machines_of
+from swath.fleet.plan import HEADLAND, plan_of
+from tests.field.test_plan import EAST_M, NORTH_M, taskdata
+
+REST = "combines: {combine: {machine: lexion-700}}\ntruck: {x_m: -30, y_m: 0}\n"
+LON, LAT = 9.0, 52.0
+
+
+def job_of(tmp_path, field, rest=REST):
+    file = tmp_path / "job.yaml"
+    file.write_text(f"format: swath fleet 1\nfield: {field}\n{rest}")
+    return read_job(str(file))[0]
+
+
+def passes_of(job):
+    """Directions of the passes on the map, as angles of lines [deg], 0 to 180."""
+    machines = machines_of(job)
+    ground = Ground(job, body_of(machines.truck))
+    plan = plan_of(ground, machines.combines, job.plan)
+    turn = ground.frame.direction
+    return plan, {round(math.degrees(p.heading + turn) % 180.0, 1) for p in plan.passes if p.kind != HEADLAND}
+
+
+def lon_lat(points):
+    return [[LON + x / EAST_M, LAT + y / NORTH_M] for x, y in points]
+
+
+def geojson(path, *shapes):
+    features = [{"type": "Feature", "geometry": s, "properties": {}} for s in shapes]
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+
+
+@pytest.mark.parametrize("angle", [0.0, 30.0, 90.0, -45.0])
+def test_passes_have_the_direction_that_the_plan_says(tmp_path, angle):
+    rest = f"plan: {{direction_deg: {angle}}}\n{REST}"
+    job = job_of(tmp_path, "{boundary_m: [[0, 0], [150, 0], [150, 90], [0, 90]]}", rest)
+    plan, directions = passes_of(job)
+    assert directions <= {angle % 180.0, 180.0} if angle == 0.0 else directions == {angle % 180.0}
+    assert plan.area == pytest.approx(13_500.0)
+
+
+def test_lines_beside_an_outline_say_the_direction_of_passes(tmp_path):
+    ring = lon_lat([(0, 0), (200, 0), (200, 150), (0, 150), (0, 0)])
+    long, short = lon_lat([(20, 10), (120, 110)]), lon_lat([(0, 0), (10, 0)])
+    lines = {"type": "MultiLineString", "coordinates": [short, long]}
+    geojson(tmp_path / "field.geojson", {"type": "Polygon", "coordinates": [ring]}, lines)
+    job = job_of(tmp_path, "{file: field.geojson}")
+    assert job.plan.direction_deg == pytest.approx(45.0, abs=1.0)
+    assert any("longest of 2 lines" in note for note in job.notes)
+    assert shapely_here().Polygon(job.field.boundary_m).area == pytest.approx(30_000.0, rel=3e-3)
+
+
+def test_guidance_lines_and_holes_of_task_data_are_taken(tmp_path):
+    """A line from A north to B."""
+    taskdata(tmp_path / "TASKDATA")
+    job = job_of(tmp_path, "{file: TASKDATA}")
+    assert abs(abs(job.plan.direction_deg) - 90.0) < 1.5
+    assert len(job.field.holes_m) == 1
+    hole = shapely_here().Polygon(job.field.holes_m[0]).area
+    assert hole == pytest.approx(0.0005 * NORTH_M * 0.0005 * EAST_M, rel=0.01)
+
+
+@pytest.mark.parametrize("stated", [False, True])
+def test_ground_direction_and_yield_of_a_log_are_taken(tmp_path, stated):
+    """Ten passes of 200 m, 8 m wide, at 2 m/s with 11.2 kg/s: 7 t/ha, 60 degrees from east."""
+    c, s = math.cos(math.radians(60.0)), math.sin(math.radians(60.0))
+    rows, t = ["time,lat,lon,flow,width,speed"], 0
+    for n in range(10):
+        for i in range(101):
+            x, y = 2.0 * i if n % 2 == 0 else 200.0 - 2.0 * i, 8.0 * n
+            (lon, lat), flow = lon_lat([(c * x - s * y, s * x + c * y)])[0], 11.2
+            rows.append(f"{t},{lat:.8f},{lon:.8f},{flow},8,2")
+            t += 1
+        t += 20
+    (tmp_path / "log.csv").write_text("\n".join(rows) + "\n")
+    job = job_of(tmp_path, "{log: log.csv, yield_t_ha: 5}" if stated else "{log: log.csv}")
+    assert job.field.yield_t_ha == pytest.approx(5.0 if stated else 7.0, rel=0.01)
+    assert job.plan.direction_deg == pytest.approx(60.0, abs=2.5)  # of grid north
+    assert shapely_here().Polygon(job.field.boundary_m).area == pytest.approx(16_000.0, rel=0.03)
+    assert np.min(job.field.boundary_m, axis=0) == pytest.approx([0.0, 0.0], abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("field", "rest", "said"),
+    [
+        ("{}", REST, "expected one of boundary_m, file and log"),
+        ("{file: a.geojson, log: b.csv}", REST, "expected one of boundary_m, file and log"),
+        ("{file: none.geojson}", REST, "expected a file that is there"),
+        ("{boundary_m: [[0, 0], [9, 0], [9, 9]]}", REST.replace("combine:", '"../c":'), "a machine's name"),
+        ("{boundary_m: [[0, 0], [9, 0], [9, 9]]}", REST.replace("{combine:", "{truck:"), "not truck"),
+    ],
+)
+def test_wrong_input_is_one_clear_error(tmp_path, field, rest, said):
+    with pytest.raises(InputError, match=said):
+        job_of(tmp_path, field, rest)
+
+
+def test_keys_of_other_levels_are_left_out_with_a_note(tmp_path):
+    rest = REST + "carts: {k: {align_s: 9}}\nunload: {finish_s: 3}\nteam: {lag_m: 20}\n"
+    job = job_of(
+        tmp_path, "{boundary_m: [[0, 0], [90, 0], [90, 60]]}", rest + "plan: {headland: clockwise}\n"
+    )
+    for key in ("carts.*.align_s", "unload", "team", "plan.headland"):
+        assert any(note.startswith(f"{key} is not read") for note in job.notes)
