@@ -86,6 +86,38 @@ def beside(profile: Profile, x: wp.float64, y: wp.float64, station: int) -> Besi
     return found
 
 
+@wp.func
+def crop_along(
+    profile: Profile,
+    x: wp.float64,
+    y: wp.float64,
+    dx: wp.float64,
+    dy: wp.float64,
+    crop: wp.array(dtype=wp.bool),
+    station: int,
+) -> int:
+    """Whether crop stands at the middles of steps from a place on [m]; the station there. station: near it"""
+    last = profile.reach.shape[0] - 1
+    count = crop.shape[0]
+    first = int(0)
+    begin = beside(profile, x, y, station)
+    while first < count:  # straight in between: an edge bends by less than 0.1 mm on such a way
+        after = wp.min(first + RUN, count)
+        way = wp.float64(after)
+        end = beside(profile, x + way * dx, y + way * dy, begin.station)
+        per = wp.float64(1.0) / wp.float64(after - first)
+        for i in range(first, after):
+            share = (wp.float64(i - first) + wp.float64(0.5)) * per
+            along = begin.along + share * (end.along - begin.along)
+            inside = float(begin.inside + share * (end.inside - begin.inside))
+            b = wp.clamp(int(wp.floor(along * wp.float64(profile.bins_per_m))), 0, last)
+            is_cut = inside >= profile.near[b] and inside < profile.far[b]
+            crop[i] = inside >= profile.reach[b] and not is_cut
+        begin = end
+        first = after
+    return begin.station
+
+
 @wp.kernel
 def stands_along(
     profile: Profile,
@@ -95,27 +127,7 @@ def stands_along(
     station: wp.array(dtype=int),
 ):
     """Whether crop stands at the middles of steps from starts on [m]; one thread. station: of the last one"""
-    last = profile.reach.shape[0] - 1
-    count = crop.shape[1]
     k = station[0]
     for line in range(starts.shape[0]):
-        first = int(0)
-        x = starts[line, 0]
-        y = starts[line, 1]
-        begin = beside(profile, x, y, k)
-        while first < count:  # straight in between: an edge bends by less than 0.1 mm on such a way
-            after = wp.min(first + RUN, count)
-            way = wp.float64(after)
-            end = beside(profile, x + way * step[0], y + way * step[1], begin.station)
-            per = wp.float64(1.0) / wp.float64(after - first)
-            for i in range(first, after):
-                share = (wp.float64(i - first) + wp.float64(0.5)) * per
-                along = begin.along + share * (end.along - begin.along)
-                inside = float(begin.inside + share * (end.inside - begin.inside))
-                b = wp.clamp(int(wp.floor(along * wp.float64(profile.bins_per_m))), 0, last)
-                is_cut = inside >= profile.near[b] and inside < profile.far[b]
-                crop[line, i] = inside >= profile.reach[b] and not is_cut
-            begin = end
-            first = after
-        k = begin.station
+        k = crop_along(profile, starts[line, 0], starts[line, 1], step[0], step[1], crop[line], k)
     station[0] = k
