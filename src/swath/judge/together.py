@@ -6,7 +6,6 @@ world's evaluator when the world ends, who then says what it came to as in a run
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from swath.core.abilities import EndsRun
 from swath.core.graph import EndOfRun
-from swath.core.together import Samples
+from swath.core.together import Samples, takes_all
 from swath.judge.evaluation import Evaluation
 from swath.judge.evaluator import Rests, WantsNewest
 from swath.signals import Signal
@@ -38,23 +37,6 @@ class Asleep:
 
     def give(self, world: int) -> None:
         """Nothing was seen."""
-
-
-def field_of(samples: Samples, name: str) -> Any:
-    """Values of a field: of each world, or one for all."""
-    if name in samples.arrays:
-        return samples.arrays[name]
-    return samples.alike.get(name, next(f.default for f in fields(samples.kind) if f.name == name))
-
-
-def takes_all(kind: type, method: str) -> bool:
-    """Whether a class says itself, or who wrote `method` for it, how all worlds are taken at once."""
-    for known in kind.__mro__:
-        if "together" in vars(known):
-            return True
-        if method in vars(known):
-            return False
-    return False
 
 
 class EvaluationOfAll:

@@ -18,8 +18,8 @@ from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.signal import Signal
 from swath.core.stopping import raise_if_lost
-from swath.core.together import Samples, StepsTogether, Together
-from swath.judge.together import EvaluationOfAll, kind_of, takes_all
+from swath.core.together import EndsWorlds, Samples, StepsTogether, Together, takes_all
+from swath.judge.together import EvaluationOfAll, kind_of
 from swath.record.digest import Digests
 from swath.runtime.job import Running
 from swath.runtime.loop import REPORT_EVERY
@@ -234,11 +234,13 @@ class Worlds:
     def _stopped(self, t: int) -> list[int]:
         """Worlds that a part or an evaluator ends before the tick at t [ns]."""
         found: list[int] = []
-        if not self._ending and self._judges is not None and not self._judges.may_end:
+        reasons = [slot.all.reasons if isinstance(slot.all, EndsWorlds) else None for slot in self._ending]
+        is_quiet = all(told is not None and not told for told in reasons)
+        if is_quiet and self._judges is not None and not self._judges.may_end:
             return found
         for world in self._running():
             try:
-                self.worlds[world].end_with_parts(t)
+                self._end_with_parts(world, reasons, t)
                 if self._judges is not None:
                     self._judges.end_with(world, t)
                 elif reason := self.runs[world].evaluation.end_reason(t):
@@ -249,6 +251,13 @@ class Worlds:
                 self._end_t[world] = max(int(self._end_t[world]), at)
                 found.append(world)
         return found
+
+    def _end_with_parts(self, world: int, reasons: Sequence[Mapping[int, str] | None], t: int) -> None:
+        """EndOfRun where a part of a world wants that. reasons: of parts that step at once, by slot"""
+        for slot, told in zip(self._ending, reasons, strict=True):
+            reason = slot.parts[world].end_reason(t) if told is None else told.get(world, "")
+            if reason:
+                raise EndOfRun(f"{slot.name}: {reason}")
 
     def _arrived(self) -> Any:
         """Which worlds have driven their distance."""

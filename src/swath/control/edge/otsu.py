@@ -14,7 +14,7 @@ from swath.control.edge.canopy_offset import CanopyOffset
 from swath.control.edge.detector import EdgeDetector, EdgeParams, footprint
 from swath.control.edge.profile import crop_sign
 from swath.control.inclination import SINCE, TURN, UP
-from swath.control.inertial_memory import SAMPLES
+from swath.control.inertial_memory import SAMPLES, AllInertial
 from swath.core.component import State
 from swath.core.errors import SwathError
 from swath.core.random import Stream
@@ -28,7 +28,6 @@ from swath.signals.setup import ControlSetup
 
 ERROR_ODDS = 3.0  # nat: log odds of an echo being on the right side of the threshold, 95 %
 ROOM = 1024  # scans whose edge points are kept: 6 s at 170 Hz
-INERTIAL = ("rate_x", "rate_y", "rate_z", "force_x", "force_y", "force_z")
 
 
 def otsu_threshold(z: F64) -> tuple[float, float]:
@@ -117,20 +116,21 @@ class Detectors:
         units = [part.setup.mountings.get("inertial") for part in parts]
         self._turns = np.array([(np.eye(3) if unit is None else unit.rotation).ravel() for unit in units])
         self._asked, self._odometry = np.zeros(3, np.int64), np.zeros((n, 2))
-        self._inertial = np.zeros((n, SAMPLES))
+        self._inertial = AllInertial(n)
         self._beams: tuple[Any, ...] = (None, None, None)
         self._reference = self._settings.of["reference"]
         self._kernel, self._places = kernel.detect, kernel.SCRATCH
-        self._make_room(0, 1, 16)
+        self._make_room(0, 1)
 
     def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
         """No edge at t = 0: nothing was seen yet."""
         self._states.clear()
         for name in ("crop", "stubble", "shift"):
             self._states.of[name][:] = np.nan
-        self._seen[:], self._heights[:], self._inertial[:] = 0.0, 0.0, 0.0
-        self._inertial[:, TURN:SINCE] = self._turns
-        self._inertial[:, UP + 2] = 1.0
+        self._seen[:], self._heights[:], self._edges[:, 2:4] = 0.0, 0.0, 0.0
+        self._inertial.clear()
+        self._inertial.rows[:, TURN:SINCE] = self._turns
+        self._inertial.rows[:, UP + 2] = 1.0
         self._edges[:] = [np.nan, np.nan, 0.0, 0.0, np.nan, np.nan]
         return self._samples(0)
 
@@ -142,14 +142,8 @@ class Detectors:
         self._odometry[:, 0], self._odometry[:, 1] = odometry.arrays["speed"], odometry.arrays["yaw_rate"]
         if scan is not None:
             self._take(scan)
-        if SAMPLES + 7 * len(samples) > self._inertial.shape[1]:
-            self._make_room(*self._directions.shape[:2][::-1], 2 * len(samples))
-        self._inertial[:, 0] = len(samples)
-        for k, sample in enumerate(samples):
-            row = self._inertial[:, SAMPLES + 7 * k :]
-            row[:, 0] = sample.t
-            for place, name in enumerate(INERTIAL, 1):
-                row[:, place] = sample.arrays[name]
+        if self._inertial.put(samples):
+            self._make_room(*self._directions.shape[:2][::-1])
         self._launch.launch()
         return self._samples(t + dt)
 
@@ -161,7 +155,7 @@ class Detectors:
             "track": self._tracks[world, :count].copy(),
             "seen": self._seen[world].copy(),
             "heights": self._heights[world].copy(),
-            "inertial": self._inertial[world, :SAMPLES].copy(),
+            "inertial": self._inertial.rows[world, :SAMPLES].copy(),
         }
 
     def load(self, world: int, state: State) -> None:
@@ -169,7 +163,7 @@ class Detectors:
         self._states.load(world, state["state"])
         self._tracks[world, : len(state["track"])] = state["track"]
         self._seen[world], self._heights[world] = state["seen"], state["heights"]
-        self._inertial[world, :SAMPLES] = state["inertial"]
+        self._inertial.rows[world, :SAMPLES] = state["inertial"]
 
     def _take(self, scan: Samples) -> None:
         """The beams of a scan into memory; their angles only where they are others."""
@@ -182,7 +176,7 @@ class Detectors:
             return
         is_alike = beams[0].ndim == 1
         if n > self._ranges.shape[1] or len(self._directions) != (1 if is_alike else len(ranges)):
-            self._make_room(n, 1 if is_alike else len(ranges), 16)
+            self._make_room(n, 1 if is_alike else len(ranges))
             self._beams = (None, None, None)
         self._ranges[:, :n] = ranges[:, :, 0]
         if not (is_alike and all(a is b for a, b in zip(beams, self._beams, strict=True))):
@@ -190,16 +184,14 @@ class Detectors:
             self._directions[:, :n] = beam_directions(beams[0], beams[1])
             self._ago[:, :n] = np.clip(np.nan_to_num(beams[2]), -0.5, 0.0)
 
-    def _make_room(self, beams: int, tables: int, samples: int) -> None:
-        """For so many beams, their angles in so many tables, and samples of an inertial unit; keeps these."""
-        n, kept = len(self._edges), self._inertial[:, :SAMPLES]
-        self._inertial = np.zeros((n, SAMPLES + 7 * samples))
-        self._inertial[:, :SAMPLES] = kept
+    def _make_room(self, beams: int, tables: int) -> None:
+        """For so many beams, and their angles in so many tables."""
+        n = len(self._edges)
         self._ranges = np.zeros((n, beams), np.float32)
         self._directions, self._ago = np.zeros((tables, beams, 3)), np.zeros((tables, beams))
         room = max(beams, ROOM) + 1
         scratch, indices = np.zeros((n, self._places, room)), np.zeros((n, room), np.int32)
-        rows = (self._mountings, self._asked, self._odometry, self._inertial, self._ranges)
+        rows = (self._mountings, self._asked, self._odometry, self._inertial.rows, self._ranges)
         tables_of = shared(self._directions, start_warp().vec3d), shared(self._ago), self._states.array
         more = (
             self._tracks,

@@ -7,9 +7,9 @@ import numpy as np
 
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.together import Samples
+from swath.core.together import Samples, field_of
 from swath.judge.evaluator import EvaluatorSetup, Metric
-from swath.judge.together import Bits, field_of
+from swath.judge.together import Bits
 from swath.signals import EngineState, MachineLoad, MachineState, Signal
 
 GROUP = "Crop and engine"

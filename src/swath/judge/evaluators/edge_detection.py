@@ -14,12 +14,12 @@ from swath.core.frames import Pose, wrap_angle
 from swath.core.packed_state import saved_type
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.together import Samples
+from swath.core.together import Samples, field_of
 from swath.field.present_edge import SIDE_M, STEP_M, crop_across, edges_of
 from swath.judge.evaluator import EvaluatorSetup, Metric
 from swath.judge.kept_rows import KeptRows
 from swath.judge.statistics import mean, rms
-from swath.judge.together import Bits, Table, field_of
+from swath.judge.together import Bits, Table
 from swath.kernels import of_worlds, repeatable, shared
 from swath.record.tracks import Column
 from swath.signals import F64, CropEdge, MachineState, Signal

@@ -8,10 +8,10 @@ import numpy as np
 
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.together import Samples
+from swath.core.together import Samples, field_of
 from swath.judge.evaluator import EvaluatorSetup, Event, Metric
 from swath.judge.header_path import HeaderPath
-from swath.judge.together import Bits, field_of
+from swath.judge.together import Bits
 from swath.signals import CropEdge, MachineState, Signal, SteerCommand
 
 GROUP = "Edge detection"

@@ -6,11 +6,11 @@ import numpy as np
 
 from swath.core import portable
 from swath.core.registry import Level
-from swath.core.together import Samples
+from swath.core.together import Samples, field_of
 from swath.judge.evaluator import EvaluatorSetup, Metric
 from swath.judge.header_path import HeaderPath, HeaderPaths
 from swath.judge.statistics import ratio
-from swath.judge.together import Bits, field_of
+from swath.judge.together import Bits
 from swath.signals import CropFlow, MachineState, Signal
 
 GROUP = "Harvest"

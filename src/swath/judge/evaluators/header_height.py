@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from swath.core.registry import Level
-from swath.core.together import Samples
+from swath.core.together import Samples, field_of
 from swath.judge.evaluator import EvaluatorSetup, Metric
 from swath.judge.kept_rows import KeptRows
-from swath.judge.together import Bits, field_of
+from swath.judge.together import Bits
 from swath.signals import CropFlow, HeaderState, MachineState, Signal
 
 GROUP = "Header height"

@@ -6,9 +6,9 @@ from math import fsum
 import numpy as np
 
 from swath.core.registry import Level
-from swath.core.together import Samples
+from swath.core.together import Samples, field_of
 from swath.judge.evaluator import EvaluatorSetup, Metric
-from swath.judge.together import Bits, field_of
+from swath.judge.together import Bits
 from swath.signals import CropFlow, MachineLoad, Signal, UnloadState
 
 
