@@ -121,8 +121,8 @@ class _Group:
 
     @property
     def may_end_now(self) -> bool:
-        """False of those that are asleep."""
-        return not isinstance(self.all, Asleep)
+        """False of those that saw nothing so far."""
+        return not (isinstance(self.all, Asleep) or (isinstance(self.all, Woken) and not self.all.was_woken))
 
     def see(
         self, slot: str, t: int, kinds: Sequence[type], samples: _Both, active: Bits, *, is_first: bool
@@ -165,7 +165,7 @@ class Woken:
     def __init__(
         self, evaluators: Sequence[Any], asks: Callable[[int, Mapping[str, Samples], Bits], Bits | None]
     ) -> None:
-        self._evaluators, self._asks = evaluators, asks
+        self._evaluators, self._asks, self.was_woken = evaluators, asks, False
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
         """Show it to those who ask."""
@@ -174,6 +174,7 @@ class Woken:
             for world in np.flatnonzero(wanted & active).tolist():
                 own = {name: samples.of(world) for name, samples in outputs.items()}
                 self._evaluators[world].see(slot, t, own)
+                self.was_woken = True
 
     def give(self, world: int) -> None:
         """They know already."""
