@@ -40,7 +40,7 @@ def profile_figure() -> None:
     begin = edge.offset + 2.0
     line = crop_across(world.field, state.pose, np.array([edge.reference_x]), begin, begin - 4.0)
     true_y = begin - STEP_M * edges_of(line)[0][0]
-    rows = machine.parts["edge"]._track._rows
+    rows = machine.parts["edge"].save()["track"]
     used = rows[rows[:, 5] > 0]
 
     fig, (top, plan) = plt.subplots(1, 2, figsize=(11, 4.2), constrained_layout=True)

@@ -71,6 +71,12 @@ def address(array: Any) -> int:
         return int(array.ctypes.data)
 
 
+def constants(*values: float) -> tuple[Any, ...]:
+    """Real numbers as kernels have them."""
+    wp = start_warp()
+    return tuple(wp.constant(wp.float64(value)) for value in values)
+
+
 class Row:
     """One struct of real numbers in memory that Python and a kernel on the CPU share.
 

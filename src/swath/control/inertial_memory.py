@@ -6,6 +6,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
+from swath.core.together import Samples
 from swath.kernels import launch_on
 from swath.signals import F64, Inertial
 
@@ -80,3 +81,32 @@ class InertialMemory:
 
             self._launch = launch_on(getattr(inertial_kernel, self._kernel), self._all)
         self._launch()
+
+
+FIELDS = ("rate_x", "rate_y", "rate_z", "force_x", "force_y", "force_z")
+
+
+class AllInertial:
+    """Such memories of many worlds. rows: (worlds, SAMPLES and samples)"""
+
+    def __init__(self, worlds: int) -> None:
+        self.rows = np.zeros((worlds, SAMPLES + 7 * ROOM))
+
+    def clear(self) -> None:
+        """Zeros."""
+        self.rows[:] = 0.0
+
+    def put(self, samples: Sequence[Samples]) -> bool:
+        """Take samples over; True where the rows lie elsewhere now, since these were more than before."""
+        is_moved = SAMPLES + 7 * len(samples) > self.rows.shape[1]
+        if is_moved:
+            rows = np.zeros((len(self.rows), SAMPLES + 14 * len(samples)))
+            rows[:, :SAMPLES] = self.rows[:, :SAMPLES]
+            self.rows = rows
+        self.rows[:, 0] = len(samples)
+        for k, sample in enumerate(samples):
+            at = SAMPLES + 7 * k
+            self.rows[:, at] = sample.t
+            for place, name in enumerate(FIELDS, at + 1):
+                self.rows[:, place] = sample.arrays[name]
+        return is_moved

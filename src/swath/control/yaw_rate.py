@@ -48,7 +48,7 @@ class YawRate(KeepsState):
         self._wheelbase = wheelbase
         self._up = [0.0, 0.0, 1.0] if mounting is None else mounting.rotation[2].tolist()
         self._memory = InertialMemory("take_yaw_rate")
-        numbers = self._memory.numbers
+        numbers = self.numbers = self._memory.numbers
         numbers[WHEELBASE], numbers[UP] = wheelbase, self._up
         self._angle, self._unit = _Mean(numbers[WHEELS]), _Mean(numbers[TURN])
         self.clear()

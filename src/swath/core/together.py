@@ -116,6 +116,23 @@ def _plain(value: Any) -> Any:
     return value
 
 
+def field_of(samples: Samples, name: str) -> Any:
+    """Values of a field: of each world, or one for all."""
+    if name in samples.arrays:
+        return samples.arrays[name]
+    return samples.alike.get(name, next(f.default for f in fields(samples.kind) if f.name == name))
+
+
+def takes_all(kind: type, method: str) -> bool:
+    """Whether a class says itself, or who wrote `method` for it, how all worlds are taken at once."""
+    for known in kind.__mro__:
+        if "together" in vars(known):
+            return True
+        if method in vars(known):
+            return False
+    return False
+
+
 class Together(Protocol):
     """The parts of one slot in all worlds. errors: of worlds that cannot go on, by their number"""
 
@@ -125,6 +142,14 @@ class Together(Protocol):
     def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]: ...
     def save(self, world: int) -> State: ...
     def load(self, world: int, state: State) -> None: ...
+
+
+@runtime_checkable
+class EndsWorlds(Protocol):
+    """Parts that may want their worlds to end. reasons: why, by number of the world"""
+
+    @property
+    def reasons(self) -> Mapping[int, str]: ...
 
 
 class KeepsRows:
@@ -148,6 +173,44 @@ class StepsTogether(Protocol):
 
     @classmethod
     def together(cls, parts: Sequence[Any]) -> Together: ...
+
+
+class OneByOne:
+    """Parts that are stepped world by world after all."""
+
+    def __init__(self, parts: Sequence[Any]) -> None:
+        self.parts, self.errors = parts, dict[int, SwathError]()
+
+    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
+        """As a part's own."""
+        return _joined([part.reset(stream) for part, stream in zip(self.parts, streams, strict=True)])
+
+    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
+        """As a part's own; what a part raises is in `errors`."""
+        made: list[Outputs] = []
+        for world, part in enumerate(self.parts):
+            own = {name: _in_world(value, world) for name, value in inputs.items()}
+            made.append(part.step(t, dt, own))
+        return _joined(made)
+
+    def save(self, world: int) -> State:
+        """As a part's own."""
+        found: State = self.parts[world].save()
+        return found
+
+    def load(self, world: int, state: State) -> None:
+        """As a part's own."""
+        self.parts[world].load(state)
+
+
+def _joined(made: Sequence[Outputs]) -> dict[str, Samples]:
+    return {name: Samples.joined([own[name] for own in made]) for name in made[0]}
+
+
+def _in_world(value: Any, world: int) -> Any:
+    if isinstance(value, Samples):
+        return value.of(world)
+    return tuple(sample.of(world) for sample in value) if isinstance(value, tuple) else value
 
 
 class InWorlds(ABC):

@@ -29,6 +29,7 @@ COLUMN, COLUMNS = 1.5, 21  # spacing across the line [m], the middle one on it
 NEARBY = 10.0  # along the line: a beam goes through crop for no longer a way [m]
 LODGED = 20.0 * DEG  # mean lean from which on crop is lodged, as `empirical` has it
 SCALES = 17  # lengths of plants for which masses are summed up; between them straight
+CORNERS = 16  # of a polygon whose crop is counted compiled
 REACH = 8.0  # to both sides: what a profile cannot carry must not be there [m]
 
 
@@ -63,6 +64,7 @@ class Profile(KeepsState):
         self._per_m2: tuple[Array, ...] = ()
         self._struct: Any = None
         self._lines: dict[tuple[int, int], Any] = {}
+        self._area: Any = None
 
     def _lay_line(self, s: Array) -> None:
         shape, field = self.edge.shape, self.field
@@ -75,7 +77,12 @@ class Profile(KeepsState):
         left = COLUMN * (np.arange(COLUMNS + 2) - COLUMNS // 2 - 1)
         x = at[:, :1] - np.sin(heading)[:, None] * left
         y = at[:, 1:] + np.cos(heading)[:, None] * left
-        z = np.asarray(field.terrain.height(x, y))
+        if np.ptp(heading) == 0.0:  # a lattice, for which terrain takes a tenth of the time
+            c, r = np.cos(heading[0]), np.sin(heading[0])
+            ahead, aside = c * at[:, 0] + r * at[:, 1], c * at[0, 1] - r * at[0, 0]
+            z = np.ascontiguousarray(field.terrain.lattice(ahead, aside + left, float(heading[0])).T)
+        else:
+            z = np.asarray(field.terrain.height(x, y))
         along, across = np.gradient(z, STATION, COLUMN)
         left, (x, y, z, along, across) = left[1:-1], (a[:, 1:-1] for a in (x, y, z, along, across))
         self.z = z - across * left
@@ -114,9 +121,19 @@ class Profile(KeepsState):
 
     def standing_area(self, polygon: Array) -> float:
         """Area of standing crop within a convex anticlockwise polygon (n, 2) [m2]."""
-        step = BIN
-        u, v = cells_inside(polygon / step)
-        return float(np.count_nonzero(self.stands((u + 0.5) * step, (v + 0.5) * step))) * step * step
+        if self._area is None:
+            from swath.field.profile_kernel import standing_cells
+
+            arrays = np.zeros((CORNERS, 2)), np.zeros(2, np.int32)
+            inputs = [self.struct(), *(shared(array) for array in arrays), BIN]
+            self._area = repeatable(standing_cells, inputs), arrays
+        launch, (corners, counts) = self._area
+        if len(polygon) > CORNERS:
+            u, v = cells_inside(polygon / BIN)
+            return float(np.count_nonzero(self.stands((u + 0.5) * BIN, (v + 0.5) * BIN))) * BIN * BIN
+        corners[: len(polygon)], counts[0] = polygon, len(polygon)
+        launch.launch()
+        return float(counts[1]) * BIN * BIN
 
     def per_m2(self, width: float) -> tuple[Array, ...]:
         """Grain and straw [kg] that a header takes from a square metre, and stems on it, by station.
@@ -257,13 +274,15 @@ def _reach(edge: BrokenEdge, s: Array) -> tuple[NDArray[np.float32], NDArray[np.
 def _bite(reach: NDArray[np.float32], stations: int) -> NDArray[np.float32]:
     """How far `reach` differs within NEARBY of each station, inf at the begin of the crop."""
     per, far = round(STATION / BIN), round(NEARBY / BIN)
+    padded = np.full(stations * per + 2 * far, np.nan, np.float32)
+    padded[far : far + len(reach)] = reach
+    near = np.lib.stride_tricks.sliding_window_view(padded, 2 * far)[: stations * per : per]
+    known, is_there = np.isfinite(near), ~np.isnan(near)
+    most, least = np.where(known, near, -inf).max(axis=1), np.where(known, near, inf).min(axis=1)
+    some = known.any(axis=1)
     found = np.zeros(stations, np.float32)
-    for k in range(stations):
-        near = reach[max(k * per - far, 0) : k * per + far]
-        known = near[np.isfinite(near)]
-        found[k] = known.max() - known.min() if len(known) else 0.0
-        if 0 < len(known) < len(near):
-            found[k] = inf
+    found[some] = (most - least)[some]
+    found[some & (known.sum(axis=1) < is_there.sum(axis=1))] = inf
     return found
 
 

@@ -86,6 +86,53 @@ def beside(profile: Profile, x: wp.float64, y: wp.float64, station: int) -> Besi
     return found
 
 
+@wp.func
+def bin_at(profile: Profile, along: wp.float64, last: int) -> int:
+    """The bin of a way along the line from the first station on [m]."""
+    return wp.clamp(int(wp.floor(along * wp.float64(profile.bins_per_m))), 0, last)
+
+
+@wp.func
+def crop_along(
+    profile: Profile,
+    x: wp.float64,
+    y: wp.float64,
+    dx: wp.float64,
+    dy: wp.float64,
+    crop: wp.array(dtype=wp.bool),
+    station: int,
+) -> int:
+    """Whether crop stands at the middles of steps from a place on [m]; the station there. station: near it"""
+    last = profile.reach.shape[0] - 1
+    count = crop.shape[0]
+    first = int(0)
+    begin = beside(profile, x, y, station)
+    while first < count:  # straight in between: an edge bends by less than 0.1 mm on such a way
+        after = wp.min(first + RUN, count)
+        way = wp.float64(after)
+        end = beside(profile, x + way * dx, y + way * dy, begin.station)
+        per = wp.float64(1.0) / wp.float64(after - first)
+        b = bin_at(profile, begin.along, last)
+        reach = profile.reach[b]
+        near = profile.near[b]
+        far = profile.far[b]
+        if b == bin_at(profile, end.along, last):  # nearly always, on a line across the edge
+            for i in range(first, after):
+                share = (wp.float64(i - first) + wp.float64(0.5)) * per
+                inside = float(begin.inside + share * (end.inside - begin.inside))
+                crop[i] = inside >= reach and not (inside >= near and inside < far)
+        else:
+            for i in range(first, after):
+                share = (wp.float64(i - first) + wp.float64(0.5)) * per
+                inside = float(begin.inside + share * (end.inside - begin.inside))
+                b = bin_at(profile, begin.along + share * (end.along - begin.along), last)
+                is_cut = inside >= profile.near[b] and inside < profile.far[b]
+                crop[i] = inside >= profile.reach[b] and not is_cut
+        begin = end
+        first = after
+    return begin.station
+
+
 @wp.kernel
 def stands_along(
     profile: Profile,
@@ -95,27 +142,50 @@ def stands_along(
     station: wp.array(dtype=int),
 ):
     """Whether crop stands at the middles of steps from starts on [m]; one thread. station: of the last one"""
-    last = profile.reach.shape[0] - 1
-    count = crop.shape[1]
     k = station[0]
     for line in range(starts.shape[0]):
-        first = int(0)
-        x = starts[line, 0]
-        y = starts[line, 1]
-        begin = beside(profile, x, y, k)
-        while first < count:  # straight in between: an edge bends by less than 0.1 mm on such a way
-            after = wp.min(first + RUN, count)
-            way = wp.float64(after)
-            end = beside(profile, x + way * step[0], y + way * step[1], begin.station)
-            per = wp.float64(1.0) / wp.float64(after - first)
-            for i in range(first, after):
-                share = (wp.float64(i - first) + wp.float64(0.5)) * per
-                along = begin.along + share * (end.along - begin.along)
-                inside = float(begin.inside + share * (end.inside - begin.inside))
-                b = wp.clamp(int(wp.floor(along * wp.float64(profile.bins_per_m))), 0, last)
-                is_cut = inside >= profile.near[b] and inside < profile.far[b]
-                crop[line, i] = inside >= profile.reach[b] and not is_cut
-            begin = end
-            first = after
-        k = begin.station
+        k = crop_along(profile, starts[line, 0], starts[line, 1], step[0], step[1], crop[line], k)
     station[0] = k
+
+
+@wp.kernel
+def standing_cells(
+    profile: Profile, corners: wp.array2d(dtype=wp.float64), counts: wp.array(dtype=int), cell: wp.float64
+):
+    """Cells [m] in which crop stands and whose middles are in a convex anticlockwise polygon [m]; one thread.
+
+    counts: of the corners, then of the cells
+    """
+    n = counts[0]
+    last = profile.reach.shape[0] - 1
+    lowest = corners[0, 1]
+    highest = corners[0, 1]
+    for i in range(1, n):
+        lowest = wp.min(lowest, corners[i, 1])
+        highest = wp.max(highest, corners[i, 1])
+    half = wp.float64(0.5)
+    first_row = int(wp.ceil(lowest / cell - half))
+    last_row = int(wp.floor(highest / cell - half))
+    station = int(0)
+    found = int(0)
+    for row in range(first_row, last_row + 1):
+        y = (wp.float64(row) + half) * cell
+        low = wp.float64(-1.0e30)
+        high = wp.float64(1.0e30)
+        for i in range(n):
+            k = (i + 1) % n
+            rise = corners[k, 1] - corners[i, 1]
+            if rise != wp.float64(0.0):
+                x = corners[i, 0] + (corners[k, 0] - corners[i, 0]) / rise * (y - corners[i, 1])
+                if rise > wp.float64(0.0):
+                    high = wp.min(high, x)
+                else:
+                    low = wp.max(low, x)
+        for column in range(int(wp.ceil(low / cell - half)), int(wp.floor(high / cell - half)) + 1):
+            place = beside(profile, (wp.float64(column) + half) * cell, y, station)
+            station = place.station
+            inside = float(place.inside)
+            b = bin_at(profile, place.along, last)
+            if inside >= profile.reach[b] and not (inside >= profile.near[b] and inside < profile.far[b]):
+                found += 1
+    counts[1] = found

@@ -202,7 +202,7 @@ class Evaluation:
         """
         late = {} if self._windows else {id(later.evaluator): later for later in self._newest}
         shown: _Shown = [], [], []
-        for e in self._interested(slot, kinds):
+        for e in self.interested(slot, kinds):
             later = late.get(id(e))
             if isinstance(e, Rests):
                 shown[1].append(e)
@@ -216,7 +216,21 @@ class Evaluation:
         for later in self._newest:
             later.show()
 
-    def _interested(self, slot: str, kinds: tuple[type[Signal], ...]) -> list[Evaluator]:
+    @property
+    def subjects(self) -> Sequence[str]:
+        """Machines, and the field."""
+        return list(self._of)
+
+    def of(self, subject: str) -> Sequence[Evaluator]:
+        """The evaluators of a machine, or of the field."""
+        return self._of[subject]
+
+    @property
+    def has_windows(self) -> bool:
+        """Whether a limit is on a part of the run."""
+        return bool(self._windows)
+
+    def interested(self, slot: str, kinds: tuple[type[Signal], ...]) -> list[Evaluator]:
         """Who wants samples of these types from a slot: evaluators of its machine, then of the field."""
         own = self._of.get(slot.partition(".")[0], [])
         return [e for e in (*own, *self._of[FIELD]) if not isinstance(e, HasSignals) or is_shown(e, kinds)]

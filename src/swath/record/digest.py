@@ -187,6 +187,63 @@ def _packer(head: bytes, names: Sequence[str], types: Sequence[type]) -> Packer 
     return cast("Packer", define("packer", "t, s", lines, {**known, **kinds, "pack": Struct(layout).pack}))
 
 
+class Digests:
+    """Those of many worlds, fed with samples of all of them.
+
+    While the bytes of a sample are as many in all worlds, they lie side by side until a block is full.
+    """
+
+    def __init__(self, digests: Sequence[Digest]) -> None:
+        self._digests = digests
+        self._columns: dict[tuple[str, str], Columns] = {}
+        self._block = np.zeros((len(digests), BLOCK_BYTES), np.uint8)
+        self._at, self._is_even = 0, True
+
+    def take(
+        self, slot: str, t: int, outputs: Mapping[str, "Samples | Sequence[Signal]"], active: np.ndarray
+    ) -> None:
+        """Take in what `slot` published at t [ns]; of worlds that have ended nothing counts any more."""
+        for output, sent in outputs.items():
+            rows: Sequence[Any] | np.ndarray
+            if isinstance(sent, Samples):
+                columns = self._columns.get((slot, output))
+                if columns is None:
+                    columns = self._columns[slot, output] = Columns(slot, output, sent)
+                rows = columns.bytes_of(t, sent)
+            else:
+                rows = [sample_bytes(slot, output, t, sample) for sample in sent]
+                if self._is_even and len({len(row) for row in rows}) == 1:
+                    rows = np.frombuffer(b"".join(rows), np.uint8).reshape(len(rows), -1)
+            if self._is_even and isinstance(rows, np.ndarray):
+                self._put(rows, active)
+                continue
+            if self._is_even:
+                self._pass_on(np.flatnonzero(active).tolist())
+                self._is_even = False
+            for world in np.flatnonzero(active).tolist():
+                self._digests[world].add(bytes(rows[world]))
+
+    def give(self, world: int) -> None:
+        """What has come so far counts in the digest of a world."""
+        self._digests[world].add(self._block[world, : self._at].tobytes())
+
+    def _put(self, rows: np.ndarray, active: np.ndarray) -> None:
+        end = self._at + rows.shape[1]
+        if end > self._block.shape[1]:
+            more = np.zeros((len(rows), end), np.uint8)
+            more[:, : self._at] = self._block[:, : self._at]
+            self._block = more
+        self._block[:, self._at : end] = rows
+        self._at = end
+        if end >= BLOCK_BYTES:
+            self._pass_on(np.flatnonzero(active).tolist())
+
+    def _pass_on(self, worlds: Sequence[int]) -> None:
+        for world in worlds:
+            self.give(world)
+        self._at = 0
+
+
 class Columns:
     """The bytes of the samples of an output in many worlds, as `sample_bytes` has them."""
 

@@ -8,7 +8,9 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from swath.core.abilities import StepsAnyLength
+import numpy as np
+
+from swath.core.abilities import EndsRun, StepsAnyLength
 from swath.core.component import Port
 from swath.core.errors import SwathError
 from swath.core.graph import EndOfRun, Node
@@ -16,8 +18,9 @@ from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.signal import Signal
 from swath.core.stopping import raise_if_lost
-from swath.core.together import Samples, StepsTogether, Together
-from swath.record.digest import Columns
+from swath.core.together import EndsWorlds, Samples, StepsTogether, Together, takes_all
+from swath.judge.together import EvaluationOfAll, kind_of
+from swath.record.digest import Digests
 from swath.runtime.job import Running
 from swath.runtime.loop import REPORT_EVERY
 from swath.runtime.world import World
@@ -45,7 +48,10 @@ class _Slot:
         kinds = {type(part) for part in self.parts}
         if len(kinds) == 1 and not any(node.fault for node in nodes) and not self.slot.latch:
             kind = kinds.pop()
-            self.all = kind.together(self.parts) if isinstance(kind, StepsTogether) else None
+            is_one = isinstance(kind, StepsTogether) and takes_all(kind, "step")
+            self.all = kind.together(self.parts) if is_one else None
+        self.seconds, self.steps = 0.0, 0
+        self.may_end = any(isinstance(part, EndsRun) for part in self.parts)
 
 
 class Worlds:
@@ -59,7 +65,7 @@ class Worlds:
         graphs = [world.graph for world in worlds]
         self.plan = graphs[0].plan
         self.slots = [_Slot(nodes) for nodes in zip(*(graph.nodes for graph in graphs), strict=True)]
-        self.active = [True] * len(worlds)
+        self.active = np.ones(len(worlds), np.bool_)
         self.runs = [Running(world, None, None, (), ()) for world in worlds]
         self.seconds: dict[str, float] = {}
         self._latest: dict[Wire, Sent] = {}
@@ -71,44 +77,48 @@ class Worlds:
                 wire = slot.wires[name]
                 if wire is not None:
                     self._queues.setdefault(wire, []).append(queue)
-        self._columns: dict[Wire, Columns] = {}
-        self._shown: dict[tuple[str, tuple[type[Signal], ...]], bool] = {}
+        self._digests = Digests([run.digest for run in self.runs])
+        self._judges: EvaluationOfAll | None = None
+        if not any(run.has_tracks or run.evaluation.has_windows for run in self.runs):
+            self._judges = EvaluationOfAll([run.evaluation for run in self.runs])
+        self._watched = {
+            slot for world in worlds if not world.bodies.is_alone for slot in world.graph.watches
+        }
+        self._ending = [slot for slot in self.slots if slot.may_end]
+        self._distance = np.array([world.scenario.run.distance_m for world in worlds])
         self._errors: dict[int, SwathError] = {}
         self._ended = [""] * len(worlds)
-        self._end_t = [0] * len(worlds)
+        self._end_t = np.zeros(len(worlds), np.int64)
 
     def drive(self) -> Iterator[tuple[int, Ended]]:
         """Drive all of them; gives number and summary, or error, of each as it ends."""
         started = time.perf_counter()
         self._reset()
-        ends = [round(world.scenario.run.max_duration_s * NS) for world in self.worlds]
-        yield from self._finished(
-            [i for i, end in enumerate(ends) if end <= 0 or self._has_arrived(i)], started
-        )
-        for t, due in self.plan.walk(0, max(ends)):
-            over = [i for i, end in enumerate(ends) if self.active[i] and t > end]
-            for world in over:
-                self._end_t[world] = ends[world]
-            yield from self._finished(over, started)
+        ends = np.array([round(world.scenario.run.max_duration_s * NS) for world in self.worlds])
+        yield from self._finished(np.flatnonzero((ends <= 0) | self._arrived()).tolist(), started)
+        first = int(ends.min())
+        for t, due in self.plan.walk(0, int(ends.max())):
+            if t > first:
+                over = self.active & (t > ends)
+                self._end_t[over] = ends[over]
+                yield from self._finished(np.flatnonzero(over).tolist(), started)
             yield from self._finished(self._stopped(t), started)
-            if not any(self.active):
+            if not self.active.any():
                 return
             if self._latches:
                 self._before = {wire: _kept(sent) for wire, sent in self._latest.items()}
             for index in due:
                 self._step(self.slots[index], t)
                 yield from self._failed()
-            for world, is_active in enumerate(self.active):
-                if is_active:
-                    self._end_t[world] = t
+            self._end_t[self.active] = t
             raise_if_lost()
-            yield from self._finished([i for i in self._running() if self._has_arrived(i)], started)
-        for world in self._running():
-            self._end_t[world] = ends[world]
+            yield from self._finished(np.flatnonzero(self.active & self._arrived()).tolist(), started)
+        self._end_t[self.active] = ends[self.active]
         yield from self._finished(self._running(), started)
 
     def _running(self) -> list[int]:
-        return [i for i, is_active in enumerate(self.active) if is_active]
+        found: list[int] = np.flatnonzero(self.active).tolist()
+        return found
 
     def _reset(self) -> None:
         for world in self.worlds:
@@ -154,10 +164,8 @@ class Worlds:
                 each.append(made)
             outputs = _turned(each, self._latest, slot.name)
         seconds = time.perf_counter() - started
-        self.seconds[slot.name] = self.seconds.get(slot.name, 0.0) + seconds
-        for node in slot.nodes:
-            node.cost_s += seconds / len(self.worlds)
-            node.step_count += 1
+        self.seconds[slot.name] = slot.seconds = slot.seconds + seconds
+        slot.steps += 1
         self._send(slot, t, outputs)
 
     def _inputs(self, slot: _Slot) -> dict[str, Any]:
@@ -196,71 +204,73 @@ class Worlds:
             self._latest[wire] = sent
             for queue in self._queues.get(wire, ()):
                 queue.append(_kept(sent))
-        running = self._running()
-        self._digest(slot.name, t, outputs, running)
-        kinds = tuple(_kind(sent) for sent in outputs.values())
-        if (slot.name, kinds) not in self._shown:  # to all, or asked each time
-            self._shown[slot.name, kinds] = all(self._is_always_shown(w, slot.name, kinds) for w in running)
-        wanted: Sequence[int] = running
-        if not self._shown[slot.name, kinds]:
-            wanted = [w for w in running if self.runs[w].evaluation.wants(slot.name, t, kinds)]
-            if not wanted:
-                return
+        self._digests.take(slot.name, t, outputs, self.active)
+        if slot.name in self._watched:
+            for world in self._running():
+                if (watch := self.worlds[world].graph.watches.get(slot.name)) is not None:
+                    watch(slot.name, t, {output: _of(sent, world) for output, sent in outputs.items()})
+        if self._judges is not None:
+            self._judges(slot.name, t, outputs, self.active)
+        else:
+            self._show_each(slot.name, t, outputs)
+
+    def _show_each(self, slot: str, t: int, outputs: Mapping[str, Sent]) -> None:
+        """Show samples to the evaluators of each world, and to what records it."""
+        kinds = tuple(kind_of(sent) for sent in outputs.values())
+        wanted = [
+            world for world in self._running()
+            if self.runs[world].has_tracks or self.runs[world].evaluation.wants(slot, t, kinds)
+        ]  # fmt: skip
+        if not wanted:
+            return
         each = {output: _each(sent) for output, sent in outputs.items()}
         for world in wanted:
             own = {output: samples[world] for output, samples in each.items()}
-            if (watch := self.worlds[world].graph.watches.get(slot.name)) is not None:
-                watch(slot.name, t, own)
             run = self.runs[world]
-            run.evaluation(slot.name, t, own)
+            run.evaluation(slot, t, own)
             if run.has_tracks:
-                run.recorder(slot.name, t, own)
-
-    def _is_always_shown(self, index: int, slot: str, kinds: tuple[type[Signal], ...]) -> bool:
-        """Whether somebody beside the digest looks at all samples of a slot in a world."""
-        world, run = self.worlds[index], self.runs[index]
-        is_watched = slot in world.graph.watches and not world.bodies.is_alone
-        return is_watched or run.has_tracks or run.evaluation.wants(slot, -1, kinds)
-
-    def _digest(self, slot: str, t: int, outputs: Mapping[str, Sent], running: Sequence[int]) -> None:
-        for output, sent in outputs.items():
-            if isinstance(sent, Samples):
-                columns = self._columns.get((slot, output))
-                if columns is None:
-                    columns = self._columns[slot, output] = Columns(slot, output, sent)
-                rows = columns.bytes_of(t, sent)
-                for world in running:
-                    self.runs[world].digest.add(rows[world].data)
-            else:
-                for world in running:
-                    self.runs[world].digest(slot, t, {output: sent[world]})
+                run.recorder(slot, t, own)
 
     def _stopped(self, t: int) -> list[int]:
         """Worlds that a part or an evaluator ends before the tick at t [ns]."""
-        found = []
+        found: list[int] = []
+        reasons = [slot.all.reasons if isinstance(slot.all, EndsWorlds) else None for slot in self._ending]
+        is_quiet = all(told is not None and not told for told in reasons)
+        if is_quiet and self._judges is not None and not self._judges.may_end:
+            return found
         for world in self._running():
             try:
-                self.worlds[world].end_with_parts(t)
-                if reason := self.runs[world].evaluation.end_reason(t):
+                self._end_with_parts(world, reasons, t)
+                if self._judges is not None:
+                    self._judges.end_with(world, t)
+                elif reason := self.runs[world].evaluation.end_reason(t):
                     raise EndOfRun(reason)
             except EndOfRun as end:
                 self._ended[world] = str(end)
-                self._end_t[world] = max(self._end_t[world], (t - 1) // REPORT_EVERY * REPORT_EVERY)
+                at = (t - 1) // REPORT_EVERY * REPORT_EVERY
+                self._end_t[world] = max(int(self._end_t[world]), at)
                 found.append(world)
         return found
 
-    def _has_arrived(self, world: int) -> bool:
-        distance = self.worlds[world].scenario.run.distance_m
-        for slot in self.worlds[world].driving:
+    def _end_with_parts(self, world: int, reasons: Sequence[Mapping[int, str] | None], t: int) -> None:
+        """EndOfRun where a part of a world wants that. reasons: of parts that step at once, by slot"""
+        for slot, told in zip(self._ending, reasons, strict=True):
+            reason = slot.parts[world].end_reason(t) if told is None else told.get(world, "")
+            if reason:
+                raise EndOfRun(f"{slot.name}: {reason}")
+
+    def _arrived(self) -> Any:
+        """Which worlds have driven their distance."""
+        found = self._distance <= 0.0
+        for slot in self.worlds[0].driving:
             sent = self._latest.get((slot, "state"))
             if isinstance(sent, Samples):
-                if sent.kind is MachineState and sent.arrays["distance"][world] >= distance:
-                    return True
+                if sent.kind is MachineState:
+                    found = found | (sent.arrays["distance"] >= self._distance)
             elif sent is not None:
-                state = sent[world]
-                if isinstance(state, MachineState) and state.distance >= distance:
-                    return True
-        return distance <= 0.0
+                driven = [s.distance if isinstance(s, MachineState) else -np.inf for s in sent]
+                found = found | (np.array(driven) >= self._distance)
+        return found
 
     def _finished(self, ending: Sequence[int], started: float) -> Iterator[tuple[int, Ended]]:
         """End worlds as a run of its own ends."""
@@ -285,10 +295,14 @@ class Worlds:
     def _finish(self, index: int, wall_s: float) -> dict[str, Any]:
         world, run = self.worlds[index], self.runs[index]
         graph = world.graph
-        graph.t, graph.ended = self._end_t[index], self._ended[index]
+        graph.t, graph.ended = int(self._end_t[index]), self._ended[index]
+        self._digests.give(index)
+        if self._judges is not None:
+            self._judges.give(index)
         for (name, output), sent in self._latest.items():
             graph.put(name, output, _of(sent, index))
         for node, slot in zip(graph.nodes, self.slots, strict=True):
+            node.cost_s, node.step_count = slot.seconds / len(self.worlds), slot.steps
             if slot.all is not None and isinstance(node.component, StepsAnyLength):
                 node.component.reset(Stream(graph.seed, slot.name))
                 node.component.load(slot.all.save(index))
@@ -325,10 +339,6 @@ def _together(sent: Sent) -> Samples:
 
 def _each(sent: Sent) -> Each:
     return sent.each() if isinstance(sent, Samples) else sent
-
-
-def _kind(sent: Sent) -> type[Signal]:
-    return sent.kind if isinstance(sent, Samples) else type(sent[0])
 
 
 def _turned(

@@ -68,6 +68,16 @@ class CanopyOffset(KeepsState):
         self._launch: Any = None
         self.clear()
 
+    def tables(self) -> dict[str, Any]:
+        """What kernels need beside the counts, by their names of it."""
+        found = {"middle": self._middle, "shifts": self._shifts, "met": _MET, "chance": self._chance}
+        return {**found, "there": self._there, "which": self._which}
+
+    def shapes(self) -> tuple[tuple[int, ...], ...]:
+        """Of the counts of rays and of heights, and of scratch: logs and scores."""
+        scores = len(self._spreads), len(self._shifts)
+        return self._seen.shape, self._heights.shape, (2, len(self._there)), scores
+
     def clear(self) -> None:
         """Forget everything."""
         self._seen = np.zeros((2, len(self._middle)))  # rays that went on and that were stopped, by place

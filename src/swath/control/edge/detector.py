@@ -104,7 +104,7 @@ class EdgeDetector(KeepsState):
         self._reach = Reach()
         self._lost = round(p.lost_s * NS)
         memory = Memory(p.track_m, gate=p.gate_m, lost_s=p.lost_s, acquire_s=p.acquire_s, jump_s=p.jump_s)
-        self._reference = p.reference_m or _footprint(setup) - 0.2 * p.track_m
+        self._reference = p.reference_m or footprint(setup) - 0.2 * p.track_m
         self._track = EdgeTrack(memory, Prior(), self._reference, self.fit)
         self._inclination = Inclination(setup.mountings.get("inertial"))
         self._time = 0
@@ -195,7 +195,7 @@ class EdgeDetector(KeepsState):
         return CropEdge(now, nan, nan, 0.0, self._reference, 0.0, nan, nan)
 
 
-def _footprint(setup: ControlSetup) -> float:
+def footprint(setup: ControlSetup) -> float:
     """x [m] where the scanner's middle beam meets a canopy 0.8 m high, between the knife and 20 m ahead."""
     knife = setup.machine.knife_x
     ahead, _, up = setup.mounting.turn([1.0, 0.0, 0.0])

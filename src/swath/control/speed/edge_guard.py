@@ -2,16 +2,19 @@
 not, not at all where it has seen nothing for some metres.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite, sqrt
 from typing import Annotated, Literal
 
+import numpy as np
 from annotated_types import Gt, Le
 
 from swath.core.component import KeepsState
 from swath.core.schedule import NS
+from swath.core.together import Samples, field_of
 from swath.core.units import KMH
-from swath.signals import CropEdge, Odometry
+from swath.signals import F64, CropEdge, Odometry
 
 BRAKE = 0.5  # m/s2, gentler than the drive can
 LAG = 0.25  # s from a wanted speed to the way driven
@@ -41,15 +44,20 @@ class Guard:
 class EdgeGuard(KeepsState):
     """Bounds a wanted speed by the edge. blind: driven without seeing it [m]; reason: to end the run."""
 
-    kept = ("blind", "reason", "_bend")
+    kept = ("blind", "reason", "bend")
 
     def __init__(self, params: Guard) -> None:
         self._p = params
         self.reset()
 
+    @property
+    def params(self) -> Guard:
+        """What it was made of."""
+        return self._p
+
     def reset(self) -> None:
         """Nothing driven yet."""
-        self.blind, self.reason, self._bend = 0.0, "", 0.0
+        self.blind, self.reason, self.bend = 0.0, "", 0.0
 
     def limit(
         self,
@@ -75,8 +83,8 @@ class EdgeGuard(KeepsState):
         is_ahead = edge.is_found and not edge.seen_to < edge.reference_x
         self.blind = 0.0 if is_ahead else self.blind + travel
         bend = abs(edge.curvature) if edge.is_found and isfinite(edge.curvature) else 0.0
-        self._bend += min(1.0, travel / BEND_M) * (bend - self._bend)
-        most = min(wanted, sqrt(p.bend_m_s2 / max(self._bend, 1e-6)))
+        self.bend += min(1.0, travel / BEND_M) * (bend - self.bend)
+        most = min(wanted, sqrt(p.bend_m_s2 / max(self.bend, 1e-6)))
         low = UNSURE * p.sure
         trust = min(max((edge.confidence - low) / (p.sure - low), 0.0), 1.0)
         slow = min(p.slow_kmh * KMH, wanted)
@@ -89,3 +97,61 @@ class EdgeGuard(KeepsState):
         if self.blind == 0.0:
             return bound
         return min(bound, sqrt(2.0 * BRAKE * left)) if left > 0.0 else 0.0
+
+
+class EdgeGuards:
+    """Those of many worlds. blind, bend: as in `EdgeGuard`; reasons: by world"""
+
+    def __init__(self, guards: Sequence[EdgeGuard]) -> None:
+        params = [guard.params for guard in guards]
+        self._lost = np.array([p.when_lost for p in params])
+        rows = [(p.blind_m, p.slow_kmh * KMH, p.sure, p.bend_m_s2) for p in params]
+        self._blind_m, self._slow, self._sure, self._most = np.array(rows).T
+        self.blind, self.bend = np.zeros((2, len(params)))
+        self.reasons: dict[int, str] = {}
+
+    def reset(self) -> None:
+        """Nothing driven yet."""
+        self.blind[:], self.bend[:] = 0.0, 0.0
+        self.reasons.clear()
+
+    def give(self, world: int, guard: EdgeGuard) -> None:
+        """A guard of its own goes on as that of a world."""
+        guard.blind, guard.reason = float(self.blind[world]), self.reasons.get(world, "")
+        guard.bend = float(self.bend[world])
+
+    def take(self, world: int, guard: EdgeGuard) -> None:
+        """The other way round."""
+        self.blind[world], self.bend[world] = guard.blind, guard.bend
+        if guard.reason:
+            self.reasons[world] = guard.reason
+
+    def limit(self, wanted: F64, edge: Samples | None, odometry: Samples | None, dt: int) -> F64:
+        """As `EdgeGuard.limit`, steering by the edge."""
+        if edge is None:
+            return wanted
+        measured = np.full(len(wanted), np.nan) if odometry is None else field_of(odometry, "speed")
+        speed = np.where(np.isfinite(measured), np.abs(measured), wanted)
+        travel = np.where(speed >= STANDING, speed * dt / NS, 0.0)
+        offset, confidence, curvature, seen_to, reference = (
+            field_of(edge, n) for n in ("offset", "confidence", "curvature", "seen_to", "reference_x")
+        )
+        is_found = (confidence > 0.0) & np.isfinite(offset)
+        is_ahead = is_found & ~(np.asarray(seen_to) < reference)
+        counts = self._lost != "ignore"
+        self.blind = np.where(counts, np.where(is_ahead, 0.0, self.blind + travel), self.blind)
+        bend = np.where(is_found & np.isfinite(curvature), np.abs(curvature), 0.0)
+        more = np.minimum(1.0, travel / BEND_M) * (bend - self.bend)
+        self.bend = np.where(counts, self.bend + more, self.bend)
+        most = np.minimum(wanted, np.sqrt(self._most / np.maximum(self.bend, 1e-6)))
+        low = UNSURE * self._sure
+        trust = np.minimum(np.maximum((confidence - low) / (self._sure - low), 0.0), 1.0)
+        slow = np.minimum(self._slow, wanted)
+        bound = np.minimum(most, slow + trust * np.maximum(wanted - slow, 0.0))
+        left = self._blind_m - self.blind - LAG * speed
+        stops = counts & (self._lost != "slow")
+        for world in np.flatnonzero(stops & (left <= STANDING * LAG) & (speed < STANDING)).tolist():
+            self.reasons[world] = f"no crop edge seen for {self.blind[world]:.1f} m"
+        braked = np.where(left > 0.0, np.minimum(bound, np.sqrt(2.0 * BRAKE * np.maximum(left, 0.0))), 0.0)
+        bound = np.where(stops & (self.blind != 0.0), braked, bound)
+        return np.where(counts, bound, wanted)

@@ -46,6 +46,11 @@ class Guards(KeepsState):
         return min(by_edge, self._stop.limit(wanted, inputs.get("objects"), odometry, dt))
 
     @property
+    def edge(self) -> EdgeGuard:
+        """That of the edge."""
+        return self._edge
+
+    @property
     def reason(self) -> str:
         """Why the run ends: the machine stopped because it no longer saw the edge."""
         return self._edge.reason

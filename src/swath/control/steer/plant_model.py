@@ -50,6 +50,11 @@ class ActuatorModel(KeepsState):
         self._rate = 1.0 / distance if distance > 0.0 else 0.0
         self.reset()
 
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Share of the lag in a period, the period, commands under way and after them, pace of learning."""
+        return self._share, self._period, self._pending.maxlen or 1, self._more, self._rate
+
     def reset(self) -> None:
         """Everything at rest, straight ahead."""
         self._pending.extend([0.0] * (self._pending.maxlen or 1))
@@ -98,6 +103,11 @@ class SlipObserver(KeepsState):
         self._pole = 1.0 / distance if distance > 0.0 else 0.0
         self._clip, self._limit = clip, limit
         self.reset()
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """The pole, its square [1/m], the clip [m]."""
+        return self._pole, self._pole**2, self._clip
 
     def reset(self) -> None:
         """No slip."""

@@ -21,20 +21,26 @@ All this holds in the frame in which the machine will stand when the command has
 lag), and the slip of the machine on slopes is observed.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan, atan2, cos, isfinite, sin, tan
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.control.inclination import CRAB, Inclination
+from swath.control.inertial_memory import SAMPLES, AllInertial
 from swath.control.steer.plant_model import CRAWL, ActuatorModel, Place, SlipObserver, driven_curvature
 from swath.control.yaw_rate import YawRate
-from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.component import Inputs, KeepsState, Outputs, Port, State
+from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.core.together import Given, Samples, field_of
 from swath.core.units import CM, DEG
+from swath.kernels import Rows, repeatable, shared
 from swath.signals import CropEdge, Inertial, Odometry, SteerCommand
 from swath.signals.setup import ControlSetup
 
@@ -112,6 +118,11 @@ class Preview(KeepsState):
         self._command, self._held = 0.0, 0.0
         self._engaged, self._lost = 0.0, float("inf")
 
+    @classmethod
+    def together(cls, parts: Sequence["Preview"]) -> "Steerers":
+        """All of them."""
+        return Steerers(parts)
+
     def reset(self, stream: Stream) -> Outputs:
         """Straight ahead, not engaged, until an edge is seen."""
         self._actuator.reset()
@@ -147,6 +158,20 @@ class Preview(KeepsState):
         wanted = min(max(wanted, -self._limit), self._limit)
         self._command += min(max(wanted - self._command, -step), step)
         return {"command": SteerCommand(t + dt, self._command, self._lost <= self._p.hold_s)}
+
+    def law(self) -> tuple[float, ...]:
+        """In the order of `preview_kernel.Law`."""
+        p, actuator, observer = self._p, self._actuator, self._observer
+        return (
+            *(*self._end, self._outward, self._wheelbase, self._limit, self._rate),
+            *(p.lookahead_m, p.lookahead_s, p.approach_deg * DEG, p.crab, p.hold_s, p.engage_s),
+            *actuator.numbers,
+            *observer.numbers,
+        )
+
+    def memories(self) -> tuple[Any, Any]:
+        """Numbers of what takes samples of an inertial unit: of the inclination, of the yaw rate."""
+        return self._inclination.numbers, self._yaw_rate.numbers
 
     def beside(self, edge: CropEdge) -> float:
         """How far to the left the machine is led [m] by the edge where it is reported."""
@@ -210,6 +235,94 @@ class Preview(KeepsState):
         angle = atan(slope + bend * ahead)
         lateral = edge.offset + ahead * (slope + 0.5 * bend * ahead) - end.y
         return lateral * cos(angle) + self._outward, angle - place.heading
+
+
+class Steerers:
+    """Those of many worlds, in a kernel that comes to the same bits."""
+
+    def __init__(self, parts: Sequence[Preview]) -> None:
+        from swath.control.steer import preview_kernel as kernel
+
+        n = len(parts)
+        self.errors: dict[int, SwathError] = {}
+        self._parts, self._laws = parts, Rows(kernel.Law, n, [part.law() for part in parts])
+        self._states, self._edges = Rows(kernel.State, n), Rows(kernel.Edge, n)
+        self._asked, self._odometry, self._commands = np.zeros(3), np.zeros((n, 3)), np.zeros((n, 2))
+        self._upward, self._turning = AllInertial(n), AllInertial(n)
+        self._pending = np.zeros((n, int(self._laws.of["pending"].max())))
+        self._kernel = kernel.steer
+        self._prepare()
+
+    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
+        """Straight ahead, not engaged, until an edge is seen."""
+        self._states.clear()
+        self._states.of["lost"][:], self._states.of["error"][:] = np.inf, np.nan
+        self._pending[:], self._commands[:] = 0.0, 0.0
+        for world, part in enumerate(self._parts):
+            part.reset(streams[world])
+            for memory, own in zip((self._upward, self._turning), part.memories(), strict=True):
+                memory.rows[world, :SAMPLES] = own
+        return self._samples(0)
+
+    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
+        """The wanted curvatures from the newest edges and odometry, valid at t + dt."""
+        edge, odometry = inputs["edge"], inputs["odometry"]
+        samples = inputs.get("inertial") or ()
+        moved = self._upward.put(samples), self._turning.put(samples)
+        if any(moved):
+            self._prepare()
+        for k, name in enumerate(("speed", "yaw_rate", "steer_angle")):
+            self._odometry[:, k] = field_of(odometry, name)
+        self._asked[0], self._asked[2] = dt / NS, edge is not None
+        if edge is not None:
+            self._asked[1] = (t + dt - edge.t) / NS
+            for name, of in EDGE.items():
+                self._edges.of[name][:] = field_of(edge, of)
+        self._launch.launch()
+        return self._samples(t + dt)
+
+    def save(self, world: int) -> State:
+        """Everything that is needed to go on exactly."""
+        numbers = (memory.rows[world, :SAMPLES].copy() for memory in (self._upward, self._turning))
+        return {
+            "state": self._states.save(world),
+            "pending": self._pending[world].copy(),
+            "memories": [*numbers],
+        }
+
+    def load(self, world: int, state: State) -> None:
+        """Back to a saved moment."""
+        self._states.load(world, state["state"])
+        self._pending[world] = state["pending"]
+        for memory, own in zip((self._upward, self._turning), state["memories"], strict=True):
+            memory.rows[world, :SAMPLES] = own
+
+    def _prepare(self) -> None:
+        """A launch over the memory that is there."""
+        rows = (self._upward.rows, self._turning.rows, self._pending)
+        self._held = [
+            self._laws.array,
+            *(shared(array) for array in (self._asked, self._odometry)),
+            self._edges.array,
+            *(shared(array) for array in rows),
+            self._states.array,
+            shared(self._commands),
+        ]
+        self._launch = repeatable(self._kernel, self._held, threads=len(self._commands))
+
+    def _samples(self, t: int) -> dict[str, Samples]:
+        arrays = {"curvature": self._commands[:, 0], "is_engaged": self._commands[:, 1] > 0.0}
+        return {"command": Samples(SteerCommand, t, arrays)}
+
+
+EDGE = {
+    "offset": "offset",
+    "heading": "heading",
+    "curvature": "curvature",
+    "reference": "reference_x",
+    "confidence": "confidence",
+    "sd": "offset_sd",
+}  # of the kernel's -> of the signal
 
 
 def _chain(first: Place, then: Place) -> Place:

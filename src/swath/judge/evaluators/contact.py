@@ -7,6 +7,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import TRAILER, Contact
 from swath.judge.evaluator import EvaluatorSetup, Event, Metric
+from swath.judge.together import Asleep
 from swath.record.tracks import Column, Latest
 from swath.signals import MachineState, Signal
 
@@ -57,6 +58,11 @@ class ContactWatch:
             if isinstance(signal, MachineState) and signal.t >= self.rests_until:
                 self.rests_until = signal.t + PERIOD
                 self._look(signal)
+
+    @classmethod
+    def together(cls, evaluators: Sequence["ContactWatch"]) -> Asleep | None:
+        """Of many worlds: where each machine is alone there is nothing to look at."""
+        return Asleep() if all(e.setup.bodies.is_alone for e in evaluators) else None
 
     def metrics(self) -> dict[str, float]:
         """How often it touched something, and how near it came where there is something."""

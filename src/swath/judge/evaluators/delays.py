@@ -1,13 +1,15 @@
 """How old detected edges and steering commands are when they arrive."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.core.together import Samples
 from swath.judge.evaluator import EvaluatorSetup, Metric
+from swath.judge.together import Bits
 from swath.signals import CropEdge, Signal, SteerCommand
 
 
@@ -42,6 +44,11 @@ class Delays:
             self._ages[name] = Counter()
         self._ages[name][age] += 1
 
+    @classmethod
+    def together(cls, evaluators: Sequence["Delays"]) -> "_Together":
+        """Of many worlds."""
+        return _Together(evaluators)
+
     def metrics(self) -> dict[str, float]:
         """Of what the machine has: nothing without an edge detection or automatic steering."""
         return {name: _percentile(ages, 95.0) / NS for name, ages in self._ages.items()}
@@ -49,6 +56,24 @@ class Delays:
 
 def _percentile(ages: Counter[int], share: float) -> float:
     return float(np.percentile(np.repeat(list(ages.keys()), list(ages.values())), share))
+
+
+class _Together:
+    """The ages are those of all worlds."""
+
+    def __init__(self, evaluators: Sequence[Delays]) -> None:
+        self._evaluators, self._ages = evaluators, dict[str, Counter[int]]()
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
+        """Note the age of what arrives at t [ns]."""
+        for samples in outputs.values():
+            if t > 0 and samples.kind in (SteerCommand, CropEdge):
+                name = "command_delay_s" if samples.kind is SteerCommand else "edge_delay_s"
+                self._ages.setdefault(name, Counter())[t - samples.t] += 1
+
+    def give(self, world: int) -> None:
+        """What was seen of a world."""
+        self._evaluators[world]._ages = {name: ages.copy() for name, ages in self._ages.items()}
 
 
 LEVEL = Level(Delays, None, summary="how old detected edges and steering commands are on arrival")

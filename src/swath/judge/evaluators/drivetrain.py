@@ -1,13 +1,15 @@
 """Throughput, losses, engine and fuel of a machine."""
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.core.together import Samples, field_of
 from swath.judge.evaluator import EvaluatorSetup, Metric
+from swath.judge.together import Bits
 from swath.signals import EngineState, MachineLoad, MachineState, Signal
 
 GROUP = "Crop and engine"
@@ -67,6 +69,11 @@ class Drivetrain:
             elif isinstance(signal, EngineState):
                 self._see_engine(signal)
 
+    @classmethod
+    def together(cls, evaluators: Sequence["Drivetrain"]) -> "_Together":
+        """Of many worlds."""
+        return _Together(evaluators)
+
     def metrics(self) -> dict[str, float]:
         """What there is to say; without a load or an engine their metrics are left out."""
         found: dict[str, float] = {}
@@ -106,7 +113,10 @@ class Drivetrain:
         self._recent.append((load.t, load.loss_share))
         while self._recent[0][0] <= load.t - round(AVERAGED_S * NS):
             self._recent.popleft()
-        self._peak_loss = max(self._peak_loss, float(np.mean([v for _, v in self._recent])))
+        total = 0.0
+        for _, share in self._recent:  # in this order, whatever adds them up
+            total += share
+        self._peak_loss = max(self._peak_loss, total / len(self._recent))
 
     def _see_engine(self, engine: EngineState) -> None:
         self._fuel = engine.fuel_used
@@ -122,6 +132,64 @@ class Drivetrain:
 def _grain(load: MachineLoad) -> float:
     """Grain that came in so far [kg]."""
     return load.tank_gain + load.lost_grain + load.held_grain
+
+
+class _Together:
+    """Loads of all worlds; engines one by one. recent: time, where crop was in the drum, share lost"""
+
+    def __init__(self, evaluators: Sequence[Drivetrain]) -> None:
+        n = len(evaluators)
+        self._evaluators = evaluators
+        self._settling = np.array([e._settling for e in evaluators])
+        self._distance, self._peak = np.zeros((2, n))
+        self._feed, self._loss = np.zeros((3, n)), np.zeros((2, n))
+        self._recent: deque[tuple[int, Bits, np.ndarray]] = deque()
+        self._is_first = True
+        self._load: Samples | None = None
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
+        """Note loads and engines."""
+        for name, samples in outputs.items():
+            if samples.kind is MachineState:
+                self._distance[:] = samples.arrays["distance"]
+            elif samples.kind is MachineLoad:
+                self._see_load(samples, active)
+            elif samples.kind is EngineState:
+                for world in np.flatnonzero(active).tolist():
+                    self._evaluators[world]._distance = float(self._distance[world])
+                    self._evaluators[world].see(slot, t, {name: samples.of(world)})
+
+    def give(self, world: int) -> None:
+        """What was seen of a world."""
+        e = self._evaluators[world]
+        e._distance, e._peak_loss = float(self._distance[world]), float(self._peak[world])
+        e._feed, e._loss = self._feed[:, world].tolist(), self._loss[:, world].tolist()
+        e._last = None if self._load is None else self._load.of(world)  # type: ignore[assignment]
+
+    def _see_load(self, samples: Samples, active: Bits) -> None:
+        self._load = samples
+        drum, feeder, share = (field_of(samples, k) for k in ("drum_flow", "feeder_flow", "loss_share"))
+        counts = (self._distance >= self._settling) & (drum > 0.0)
+        begins = counts & (self._feed[0] == 0.0) & active
+        for world in np.flatnonzero(begins | self._is_first).tolist():
+            e, load = self._evaluators[world], samples.of(world)
+            e._first = e._first or load  # type: ignore[assignment]
+            if begins[world]:
+                e._start = samples.t, load  # type: ignore[assignment]
+        self._is_first = False
+        for total, value in zip(self._feed, (1.0, feeder, feeder**2), strict=True):
+            total += np.where(counts, value, 0.0)
+        for total, value in zip(self._loss, (drum, drum * share), strict=True):
+            total += np.where(counts, value, 0.0)
+        self._recent.append((samples.t, counts, np.where(counts, share, 0.0)))
+        while self._recent[0][0] <= samples.t - round(AVERAGED_S * NS):
+            self._recent.popleft()
+        number = np.sum([counted for _, counted, _ in self._recent], axis=0)
+        total = np.zeros(len(drum))
+        for _, _, share in self._recent:
+            total += share
+        mean = total / np.maximum(number, 1)
+        self._peak = np.where(counts, np.maximum(self._peak, mean), self._peak)
 
 
 LEVEL = Level(Drivetrain, None, summary="throughput, losses, engine and fuel")

@@ -1,9 +1,11 @@
 """The detected crop edge against the one that stands in the field."""
 
 from bisect import bisect_left
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +14,13 @@ from swath.core.frames import Pose, wrap_angle
 from swath.core.packed_state import saved_type
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.core.together import Samples, field_of
 from swath.field.present_edge import SIDE_M, STEP_M, crop_across, edges_of
 from swath.judge.evaluator import EvaluatorSetup, Metric
 from swath.judge.kept_rows import KeptRows
 from swath.judge.statistics import mean, rms
+from swath.judge.together import Bits, Table
+from swath.kernels import of_worlds, repeatable, shared
 from swath.record.tracks import Column
 from swath.signals import F64, CropEdge, MachineState, Signal
 
@@ -136,6 +141,13 @@ class EdgeDetection:
         other._states = self._states
         return other
 
+    @classmethod
+    def together(cls, evaluators: Sequence["EdgeDetection"]) -> "_Together | None":
+        """Of many worlds, where their fields are profiles and all lines across machines as long."""
+        if any(getattr(e.setup.field, "profile", None) is None for e in evaluators):
+            return None
+        return _Together(evaluators)
+
     def metrics(self) -> dict[str, float]:
         """Of all edges; nothing of a machine without an edge detection."""
         if not self._rows and not self._judged and not self._waiting:
@@ -228,13 +240,25 @@ class EdgeDetection:
         """How far inside the initial edge reported places lie that are beside its gaps [m], nan elsewhere."""
         if not self.setup.gaps:
             return [NAN] * len(rows)
-        x, y = np.array([row.place for row in rows]).T
+        places, found = np.array([row.place for row in rows]), np.array([row.edge.is_found for row in rows])
+        across: Sequence[float] = self.across_gaps(places, found).tolist()
+        return across
+
+    def across_gaps(self, places: F64, found: NDArray[np.bool_]) -> F64:
+        """How far inside the initial edge places (n, 2) lie that are beside its gaps [m], nan elsewhere.
+
+        found: an edge was reported there
+        """
+        x, y = places.T
         s = np.asarray(self.setup.edge.project(x, y)[0])
-        is_beside = [row.edge.is_found for row in rows] & np.any(
-            [(s >= gap.start) & (s < gap.end) for gap in self.setup.gaps], axis=0
-        )
-        inside: Sequence[float] = np.where(is_beside, self.setup.edge.signed_distance(x, y), NAN).tolist()
-        return inside
+        gaps = [(s >= gap.start) & (s < gap.end) for gap in self.setup.gaps]
+        is_beside = found & np.any(gaps, axis=0)
+        return np.where(is_beside, self.setup.edge.signed_distance(x, y), NAN)
+
+    def take(self, rows: F64) -> None:
+        """Rows that were judged elsewhere."""
+        self._judged.add(rows.ravel().tolist())
+        self._newest = rows[-1].copy()
 
     def _at(self, t: int) -> tuple[Pose, float]:
         """True pose and distance at t [ns]; position and angles are interpolated between samples."""
@@ -244,12 +268,128 @@ class EdgeDetection:
         b = self._states[after]
         if b.t == t or after == 0:
             return b.pose, b.distance
-        a = self._states[after - 1]
-        share = (t - a.t) / (b.t - a.t)
-        start, end = np.array(a.pose.euler()), np.array(b.pose.euler())
-        roll, pitch, yaw = start + share * wrap_angle(end - start)
-        position = a.pose.position + share * (b.pose.position - a.pose.position)
-        return Pose.from_euler(position, roll, pitch, yaw), a.distance + share * (b.distance - a.distance)
+        both = [(s.t, s.pose, s.distance) for s in self._states[after - 1 : after + 1]]
+        return between_states(*both, t)
+
+
+class _Together:
+    """The same in arrays: a line across each machine, and its edges, in one launch.
+
+    states: time, poses, distances; waiting: edges of later times; rows: as in `_judge`, places: as in `_Row`
+    """
+
+    def __init__(self, evaluators: Sequence[EdgeDetection]) -> None:
+        from swath.field.profile_kernel import Profile
+        from swath.judge.evaluators.edge_detection_kernel import edges_across
+
+        n = len(evaluators)
+        self._evaluators = evaluators
+        self._side, self._end_y, self._begin, self._reference = np.array(
+            [(e.side, e._end_y, e._begin, e._reference) for e in evaluators]
+        ).T.copy()
+        self._states: deque[tuple[int, F64, F64]] = deque(maxlen=512)
+        self._waiting: deque[Samples] = deque()
+        self._rows, self._places = Table(n, 10), Table(n, 2)
+        count = round(2.0 * (FAR_M + SIDE_M) / STEP_M)
+        self._starts, self._steps = np.zeros((2, n, 2))
+        self._crop, self._counts = np.zeros((n, count), np.bool_), np.zeros(n, np.int32)
+        self._edges = np.zeros((n, 16), np.int32)
+        fields: list[Any] = [e.setup.field for e in evaluators]
+        self._held = [field.profile.struct() for field in fields]
+        inputs: list[Any] = [
+            of_worlds(Profile, self._held),
+            *(shared(array) for array in (self._starts, self._steps)),
+            round(SIDE_M / STEP_M),
+            *(shared(a) for a in (self._crop, np.zeros(n, np.int32), self._counts, self._edges)),
+        ]
+        self._launch = repeatable(edges_across, inputs, threads=n)
+        self._worlds = np.arange(n)
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
+        """Look up what stands where edges are reported, once the truth has reached their time."""
+        for samples in outputs.values():
+            if samples.kind is MachineState:
+                arrays = samples.arrays
+                self._states.append((samples.t, arrays["pose"].copy(), arrays["distance"].copy()))
+            elif samples.kind is CropEdge:
+                self._waiting.append(samples.copy())
+        while self._waiting and self._states and self._waiting[0].t <= self._states[-1][0]:
+            self._look(self._waiting.popleft())
+
+    def give(self, world: int) -> None:
+        """What was seen of a world."""
+        e, rows = self._evaluators[world], self._rows.of(world)
+        if len(rows):
+            if e.setup.gaps:
+                rows[:, 9] = e.across_gaps(self._places.of(world), rows[:, 4] > 0.0)
+            e.take(rows)
+        e._waiting = [edge.of(world) for edge in self._waiting]  # type: ignore[misc]
+
+    def _look(self, edge: Samples) -> None:
+        pose, distance = self._at(edge.t)
+        offset, confidence, reference = (
+            np.broadcast_to(field_of(edge, name), self._side.shape)
+            for name in ("offset", "confidence", "reference_x")
+        )
+        told = np.isfinite(reference)
+        self._reference[told] = reference[told]
+        px, py, _, ax, bx, _, ay, by, *_ = pose.T
+        begin = self._begin
+        end = 2.0 * self._end_y - begin
+        width = (end - begin) / self._crop.shape[1]
+        self._starts[:, 0] = px + bx * begin + ax * self._reference
+        self._starts[:, 1] = py + by * begin + ay * self._reference
+        self._steps[:, 0], self._steps[:, 1] = bx * width, by * width
+        self._launch.launch()
+        found = (confidence > 0.0) & np.isfinite(offset)
+        seen = np.where(found, offset, NAN)
+        at = begin[:, None] - (self._side * STEP_M)[:, None] * self._edges
+        at[np.arange(at.shape[1]) >= self._counts[:, None]] = np.inf
+        exists = (np.abs(at - self._end_y[:, None]) <= NEAR_M).any(axis=1)
+        to = np.where(found, offset, self._end_y)
+        true = at[self._worlds, np.abs(at - to[:, None]).argmin(axis=1)]
+        true[~((found & (self._counts > 0)) | exists)] = NAN
+        more = (field_of(edge, name) for name in ("is_held", "offset_sd"))
+        self._rows.add(self._worlds, edge.t, distance, true, seen, found, exists, confidence, *more, NAN)
+        x, y = self._reference, to
+        self._places.add(self._worlds, px + ax * x + bx * y, py + ay * x + by * y)
+
+    def _at(self, t: int) -> tuple[F64, F64]:
+        """As `EdgeDetection._at`, poses as numbers."""
+        newest, pose, distance = self._states[-1]
+        if newest == t:
+            return pose, distance
+        times = [state[0] for state in self._states]
+        after = min(bisect_left(times, t), len(times) - 1)
+        _, pose, distance = self._states[after]
+        if times[after] == t or after == 0:
+            return pose, distance
+        poses, distances = [], []
+        for world in range(len(pose)):
+            both = [_state_of(self._states[k], world) for k in (after - 1, after)]
+            between, driven = between_states(*both, t)
+            place, rows = between.numbers
+            poses.append([*place, *(v for row in rows for v in row)])
+            distances.append(driven)
+        return np.array(poses), np.array(distances)
+
+
+def _state_of(state: tuple[int, F64, F64], world: int) -> tuple[int, Pose, float]:
+    numbers = state[1][world].tolist()
+    rows = [numbers[k : k + 3] for k in (3, 6, 9)]
+    return state[0], Pose.of_numbers(numbers[:3], rows), float(state[2][world])
+
+
+def between_states(
+    first: tuple[int, Pose, float], second: tuple[int, Pose, float], t: int
+) -> tuple[Pose, float]:
+    """Pose and distance at t [ns] between two states (time, pose, distance); angles are interpolated."""
+    (before, a, start), (after, b, end) = first, second
+    share = (t - before) / (after - before)
+    angles, last = np.array(a.euler()), np.array(b.euler())
+    roll, pitch, yaw = angles + share * wrap_angle(last - angles)
+    position = a.position + share * (b.position - a.position)
+    return Pose.from_euler(position, roll, pitch, yaw), start + share * (end - start)
 
 
 def bridges_gaps(series: EdgeSeries) -> bool:

@@ -4,10 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import fsum
 
+import numpy as np
+
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.core.together import Samples, field_of
 from swath.judge.evaluator import EvaluatorSetup, Event, Metric
 from swath.judge.header_path import HeaderPath
+from swath.judge.together import Bits
 from swath.signals import CropEdge, MachineState, Signal, SteerCommand
 
 GROUP = "Edge detection"
@@ -51,6 +55,11 @@ class EdgeLost:
                 self._is_steering = signal.is_engaged
             elif isinstance(signal, CropEdge) and self._state is not None:
                 self._see_edge(signal, self._state)
+
+    @classmethod
+    def together(cls, evaluators: Sequence["EdgeLost"]) -> "_Together":
+        """Of many worlds."""
+        return _Together(evaluators)
 
     def metrics(self) -> dict[str, float]:
         """Of all losses; nothing of a machine without an edge detection."""
@@ -101,6 +110,38 @@ class EdgeLost:
         elif not self._is_listed and edge.t - self._begin.t >= LEAST_S * NS:
             self._events.append(self._begin)
             self._is_listed = True
+
+
+class _Together:
+    """Shows an edge to those who see none or saw none before, and when the automatic comes and goes."""
+
+    def __init__(self, evaluators: Sequence[EdgeLost]) -> None:
+        self._evaluators = evaluators
+        self._state: Samples | None = None
+        self._was_found, self._was_steering = np.zeros((2, len(evaluators)), np.bool_)
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
+        """Note whether there are edges."""
+        for samples in outputs.values():
+            if samples.kind is MachineState:
+                self._state = samples
+            elif samples.kind is SteerCommand:
+                is_steering = np.broadcast_to(field_of(samples, "is_engaged"), self._was_steering.shape)
+                for world in np.flatnonzero(is_steering != self._was_steering).tolist():
+                    self._evaluators[world]._is_steering = bool(is_steering[world])
+                self._was_steering[:] = is_steering
+            elif samples.kind is CropEdge and self._state is not None:
+                is_found = (field_of(samples, "confidence") > 0.0) & np.isfinite(field_of(samples, "offset"))
+                for world in np.flatnonzero(active & ~(is_found & self._was_found)).tolist():
+                    e = self._evaluators[world]
+                    e._state = self._state.of(world)
+                    e._see_edge(samples.of(world), e._state)
+                self._was_found[:] = is_found
+
+    def give(self, world: int) -> None:
+        """What was seen of a world."""
+        if self._state is not None:
+            self._evaluators[world]._state = self._state.of(world)
 
 
 LEVEL = Level(EdgeLost, None, summary="when the machine steers itself and no edge is reported")

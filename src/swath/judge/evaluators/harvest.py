@@ -1,14 +1,16 @@
 """What the header cut, and what it left standing."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from swath.core import portable
 from swath.core.registry import Level
+from swath.core.together import Samples, field_of
 from swath.judge.evaluator import EvaluatorSetup, Metric
-from swath.judge.header_path import HeaderPath
+from swath.judge.header_path import HeaderPath, HeaderPaths
 from swath.judge.statistics import ratio
+from swath.judge.together import Bits
 from swath.signals import CropFlow, MachineState, Signal
 
 GROUP = "Harvest"
@@ -57,6 +59,11 @@ class Harvest:
                         self._way += self._distance - self._last
                     self._last = self._distance
 
+    @classmethod
+    def together(cls, evaluators: Sequence["Harvest"]) -> "_Together":
+        """Of many worlds."""
+        return _Together(evaluators)
+
     def metrics(self) -> dict[str, float]:
         """Of all that was cut; nothing of a machine without a header."""
         if not self._has_header:
@@ -89,6 +96,46 @@ class Harvest:
             area += standing(np.array([inner[i], inner[i + 1], outer[i + 1]]))
             area += standing(np.array([inner[i], outer[i + 1], outer[i]]))
         return area
+
+
+class _Together:
+    """sums: grain and area, area and way after settling; last: distance at the last cut after settling"""
+
+    def __init__(self, evaluators: Sequence[Harvest]) -> None:
+        n = len(evaluators)
+        self._evaluators = evaluators
+        self._paths = HeaderPaths([e._path for e in evaluators])
+        self._distance, self._last = np.zeros(n), np.full(n, np.nan)
+        self._settling = np.array([e.setup.settling_m for e in evaluators])
+        self._area, self._grain, self._settled_area, self._way = np.zeros((4, n))
+        self._has_header = False
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
+        """Add what was cut."""
+        for samples in outputs.values():
+            if samples.kind is MachineState:
+                self._distance[:] = samples.arrays["distance"]
+                self._paths.see(samples)
+            elif samples.kind is CropFlow:
+                self._has_header = True
+                area = field_of(samples, "area")
+                self._area += area
+                self._grain += field_of(samples, "grain")
+                is_settled = self._distance >= self._settling
+                counts = is_settled & (self._last == self._last)
+                self._settled_area += np.where(counts, area, 0.0)
+                self._way += np.where(counts, self._distance - self._last, 0.0)
+                self._last[is_settled] = self._distance[is_settled]
+
+    def give(self, world: int) -> None:
+        """What was seen of a world."""
+        e = self._evaluators[world]
+        self._paths.give(world)
+        e._distance, e._has_header = float(self._distance[world]), self._has_header
+        e._area, e._grain = float(self._area[world]), float(self._grain[world])
+        e._settled_area, e._way = float(self._settled_area[world]), float(self._way[world])
+        last = float(self._last[world])
+        e._last = last if last == last else None
 
 
 LEVEL = Level(Harvest, None, summary="what the header cut, and what it left standing")

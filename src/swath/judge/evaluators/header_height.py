@@ -1,12 +1,14 @@
 """How well a header kept its height, and what it lost."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from swath.core.registry import Level
+from swath.core.together import Samples, field_of
 from swath.judge.evaluator import EvaluatorSetup, Metric
 from swath.judge.kept_rows import KeptRows
+from swath.judge.together import Bits
 from swath.signals import CropFlow, HeaderState, MachineState, Signal
 
 GROUP = "Header height"
@@ -51,6 +53,11 @@ class HeaderHeight:
                 if self._distance >= self._settling:
                     self._note((signal.heights - signal.wanted).tolist())
 
+    @classmethod
+    def together(cls, evaluators: Sequence["HeaderHeight"]) -> "_Together":
+        """Of many worlds."""
+        return _Together(evaluators)
+
     def metrics(self) -> dict[str, float]:
         """What there is to say; nothing about a header that does not tell its height."""
         if not self._is_controlled:
@@ -70,6 +77,33 @@ class HeaderHeight:
         if self._errors is None:
             self._errors = KeptRows(len(errors))
         self._errors.add(errors)
+
+
+class _Together:
+    """Sums of flows; heights of knives one by one."""
+
+    def __init__(self, evaluators: Sequence[HeaderHeight]) -> None:
+        self._evaluators = evaluators
+        self._distance, *self._sums = np.zeros((4, len(evaluators)))
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
+        """Note heights and losses."""
+        for name, samples in outputs.items():
+            if samples.kind is MachineState:
+                self._distance[:] = samples.arrays["distance"]
+            elif samples.kind is CropFlow:
+                for total, part in zip(self._sums, ("grain", "lost_grain", "left_grain"), strict=True):
+                    total += field_of(samples, part)
+            elif samples.kind is HeaderState:
+                for world in np.flatnonzero(active).tolist():
+                    self._evaluators[world]._distance = float(self._distance[world])
+                    self._evaluators[world].see(slot, t, {name: samples.of(world)})
+
+    def give(self, world: int) -> None:
+        """What was seen of a world."""
+        e = self._evaluators[world]
+        e._taken, e._lost, e._left = (float(total[world]) for total in self._sums)
+        e._distance = float(self._distance[world])
 
 
 LEVEL = Level(HeaderHeight, None, summary="how well the header kept its height, and what it lost")

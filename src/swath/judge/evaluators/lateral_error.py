@@ -1,14 +1,16 @@
 """How far the header end is from where it should be beside the initial edge."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from swath.core.registry import Level
+from swath.core.together import Samples
 from swath.judge.evaluator import EvaluatorSetup, Metric
-from swath.judge.header_path import HeaderPath
+from swath.judge.header_path import HeaderPath, HeaderPaths
 from swath.judge.statistics import even_path, mean, rms
+from swath.judge.together import Bits
 from swath.record.tracks import Column
 from swath.signals import F64, CropFlow, MachineState, Signal
 
@@ -54,6 +56,11 @@ class LateralError:
             elif isinstance(signal, CropFlow):
                 self._has_header = True
 
+    @classmethod
+    def together(cls, evaluators: Sequence["LateralError"]) -> "_Together":
+        """Of many worlds."""
+        return _Together(evaluators)
+
     def metrics(self) -> dict[str, float]:
         """Of the whole path; nothing of a machine without a header."""
         if not self._has_header:
@@ -93,6 +100,26 @@ def lateral_metrics(distance: F64, error: F64, *, settling: float) -> dict[str, 
     settled = settled[np.isfinite(settled)]
     p95 = float(np.percentile(np.abs(settled), 95.0)) if len(settled) else float("nan")
     return {"lateral_rms_m": rms(settled), "lateral_p95_m": p95, "lateral_bias_m": mean(settled)}
+
+
+class _Together:
+    def __init__(self, evaluators: Sequence[LateralError]) -> None:
+        self._evaluators = evaluators
+        self._paths = HeaderPaths([e._path for e in evaluators])
+        self._has_header = False
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
+        """Note where the header ends are."""
+        for samples in outputs.values():
+            if samples.kind is MachineState:
+                self._paths.see(samples)
+            elif samples.kind is CropFlow:
+                self._has_header = True
+
+    def give(self, world: int) -> None:
+        """What was seen of a world."""
+        self._paths.give(world)
+        self._evaluators[world]._has_header = self._has_header
 
 
 LEVEL = Level(LateralError, None, summary="the header end against where it should be beside the initial edge")

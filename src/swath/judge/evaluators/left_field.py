@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from swath.core.registry import Level
+from swath.core.together import Samples
 from swath.judge.evaluator import EvaluatorSetup, Event, Metric
 from swath.judge.header_path import HeaderPath
+from swath.judge.together import Bits, Woken, newest_of
 from swath.signals import F64, CropFlow, MachineState, Signal
 
 GROUP = "Harvest"
@@ -59,6 +61,28 @@ class LeftField:
                         self._judge()
             elif isinstance(signal, CropFlow):
                 self._has_header = True
+
+    @classmethod
+    def together(cls, evaluators: Sequence["LeftField"]) -> Woken:
+        """Of many worlds."""
+        following = np.zeros(len(evaluators))
+
+        def asks(t: int, outputs: Mapping[str, Samples], active: Bits) -> Bits | None:
+            if newest_of(outputs, CropFlow) is not None:
+                return (
+                    np.array([not e._has_header for e in evaluators])
+                    if not evaluators[0]._has_header
+                    else None
+                )
+            state = newest_of(outputs, MachineState)
+            if state is None or not evaluators[0]._has_header:
+                return None
+            distance = state.arrays["distance"]
+            looks = distance >= following
+            following[looks] = distance[looks] + STEP_M
+            return looks
+
+        return Woken(evaluators, asks)
 
     def metrics(self) -> dict[str, float]:
         """Of the whole way; nothing of a machine without a header."""

@@ -1,10 +1,14 @@
 """Whether everything that left the field is somewhere: in a machine, lost, or on the ground."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import fsum
 
+import numpy as np
+
 from swath.core.registry import Level
+from swath.core.together import Samples, field_of
 from swath.judge.evaluator import EvaluatorSetup, Metric
+from swath.judge.together import Bits
 from swath.signals import CropFlow, MachineLoad, Signal, UnloadState
 
 
@@ -42,6 +46,11 @@ class MassBalance:
             elif isinstance(signal, UnloadState):
                 self._unloads[slot.partition(".")[0]] = signal
 
+    @classmethod
+    def together(cls, evaluators: Sequence["MassBalance"]) -> "_Together":
+        """Of many worlds."""
+        return _Together(evaluators)
+
     def metrics(self) -> dict[str, float]:
         """The error as it stands now."""
         missing = self.setup.field.recount()
@@ -65,6 +74,39 @@ class MassBalance:
             if (unload := self._unloads.get(name)) is not None:  # drawn, and not yet booked by the process
                 grain += load.unloaded_grain - unload.drawn + unload.held
         return grain, straw
+
+
+class _Together:
+    """By machine. moving: grain, straw between header and process, grain that was shed, (3, worlds)"""
+
+    def __init__(self, evaluators: Sequence[MassBalance]) -> None:
+        self._evaluators = evaluators
+        self._moving: dict[str, np.ndarray] = {}
+        self._loads: dict[str, Samples] = {}
+        self._unloads: dict[str, Samples] = {}
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
+        """Note what headers took in and what machines hold."""
+        name, n = slot.partition(".")[0], len(self._evaluators)
+        for samples in outputs.values():
+            if samples.kind is CropFlow:
+                moving = self._moving.setdefault(name, np.zeros((3, n)))
+                for k, part in enumerate(("grain", "straw", "lost_grain")):
+                    moving[k] += field_of(samples, part)
+            elif samples.kind is MachineLoad:
+                self._loads[name] = samples
+                self._moving.setdefault(name, np.zeros((3, n)))[:2] = 0.0
+            elif samples.kind is UnloadState:
+                self._unloads[name] = samples
+
+    def give(self, world: int) -> None:
+        """What was seen of a world."""
+        e = self._evaluators[world]
+        for name, moving in self._moving.items():
+            grain, straw, shed = moving[:, world].tolist()
+            e._in_transit[name], e._shed[name] = [grain, straw], shed
+        e._loads = {name: samples.of(world) for name, samples in self._loads.items()}  # type: ignore[misc]
+        e._unloads = {name: samples.of(world) for name, samples in self._unloads.items()}  # type: ignore[misc]
 
 
 def balance_error(missing: float, accounted: float) -> float:

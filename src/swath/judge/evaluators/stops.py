@@ -2,8 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from swath.core.registry import Level
+from swath.core.together import Samples
 from swath.judge.evaluator import EvaluatorSetup, Event, Metric
+from swath.judge.together import Bits, Woken, newest_of
 from swath.signals import MachineState, Signal
 
 STANDS, DRIVES = (
@@ -40,6 +44,23 @@ class Stops:
                 near = f", {gap:.1f} m before {other}" if other and gap < 20.0 else ""
                 name, text = self._setup.name, f"{self._setup.name} stands{near}"
                 self._events.append(Event(signal.t, "stop", name, x, y, signal.distance, text, signal.t))
+
+    @classmethod
+    def together(cls, evaluators: Sequence["Stops"]) -> Woken:
+        """Of many worlds."""
+        drove = np.zeros(len(evaluators), np.bool_)
+
+        def asks(t: int, outputs: Mapping[str, Samples], active: Bits) -> Bits | None:
+            state = newest_of(outputs, MachineState)
+            if state is None:
+                return None
+            speed = np.abs(state.arrays["speed"])
+            begins = ~drove & (speed > DRIVES)
+            ends = drove & (speed < STANDS)
+            drove[begins], drove[ends] = True, False
+            return begins | ends
+
+        return Woken(evaluators, asks)
 
     def metrics(self) -> dict[str, float]:
         """How often."""

@@ -3,20 +3,23 @@
 Grain goes to the tank, straw to a swath on the ground behind the machine. Nothing is held inside.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.component import Inputs, KeepsState, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.core.together import Given, OneByOne, Samples, field_of
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.machine.compensated_sum import Total
 from swath.machine.process.straw_outlet import StrawOutlet
-from swath.signals import CropFlow, MachineLoad, MachineState
+from swath.signals import F64, CropFlow, MachineLoad, MachineState
 
 TOTALS = ("tank", "lost", "straw")
 
@@ -43,9 +46,15 @@ class ConstantProcess(KeepsState):
     outputs = (Port("load", MachineLoad),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
+        self._field = setup.field
         self._loss = params.loss_percent * PERCENT
         rear = setup.machine.body[0]
         self._outlet = StrawOutlet(setup.field, rear, params.swath_width_m, params.swath_step_m, ridge=True)
+
+    @classmethod
+    def together(cls, parts: Sequence["ConstantProcess"]) -> "Processes | None":
+        """All of them, on fields where straw is counted and not seen."""
+        return Processes(parts) if all(part._field.profile is not None for part in parts) else None
 
     def reset(self, stream: Stream) -> Outputs:
         """Empty tank; the swath starts where the first state finds the machine."""
@@ -86,6 +95,74 @@ class ConstantProcess(KeepsState):
             separation_loss=lost,
             loss_share=self._loss if feed > 0.0 else 0.0,
         )
+
+
+class Processes(OneByOne):
+    """Those of many worlds."""
+
+    def __init__(self, parts: Sequence[ConstantProcess]) -> None:
+        super().__init__(parts)
+        self._loss = np.array([part._loss for part in parts])
+        self._totals, self._rests = np.zeros((2, len(TOTALS), len(parts)))
+
+    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
+        """Empty tanks."""
+        for part, stream in zip(self.parts, streams, strict=True):
+            part.reset(stream)
+        self._totals[:], self._rests[:] = 0.0, 0.0
+        return self._loads(0, *np.zeros((3, len(self.parts))))
+
+    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
+        """Pass on what the headers took in since the last step."""
+        grain, straw, lost = np.zeros((3, len(self.parts)))
+        for flow in inputs["flow"]:
+            cut, stems = field_of(flow, "grain"), field_of(flow, "straw")
+            gone = cut * self._loss
+            for k, part in enumerate((cut - gone, gone, stems)):
+                self._add(k, part)
+            grain, straw, lost = grain + cut - gone, straw + stems, lost + gone
+        for part, laid in zip(self.parts, straw.tolist(), strict=True):
+            part._field.profile.straw_kg += laid
+        rate = NS / dt
+        return self._loads(t + dt, grain * rate, straw * rate, lost * rate)
+
+    def save(self, world: int) -> State:
+        """Everything that is needed to go on exactly."""
+        totals, rests = self._totals[:, world].tolist(), self._rests[:, world].tolist()
+        kept = zip(TOTALS, totals, rests, strict=True)
+        self.parts[world]._totals = {name: Total(total, rest) for name, total, rest in kept}
+        return super().save(world)
+
+    def load(self, world: int, state: State) -> None:
+        """Back to it."""
+        super().load(world, state)
+        for k, name in enumerate(TOTALS):
+            saved = self.parts[world]._totals[name].save()
+            self._totals[k, world], self._rests[k, world] = saved["total"], saved["rest"]
+
+    def _add(self, k: int, value: F64) -> None:
+        """As `Total.add`."""
+        old = self._totals[k]
+        new = old + value
+        self._rests[k] += np.where(np.abs(old) >= np.abs(value), (old - new) + value, (value - new) + old)
+        self._totals[k] = new
+
+    def _loads(self, t: int, grain: F64, straw: F64, lost: F64) -> dict[str, Samples]:
+        tank, gone, laid = self._totals + self._rests
+        feed = grain + lost + straw
+        arrays = {
+            "tank_grain": tank,
+            "lost_grain": gone,
+            "dropped_straw": laid,
+            "grain_flow": grain,
+            "straw_flow": straw,
+            **dict.fromkeys(("header_flow", "feeder_flow", "drum_flow"), feed),
+            "rotor_flow": straw,
+            "shoe_flow": grain,
+            "separation_loss": lost,
+            "loss_share": np.where(feed > 0.0, self._loss, 0.0),
+        }
+        return {"load": Samples(MachineLoad, t, arrays, {"held_grain": 0.0, "held_straw": 0.0})}
 
 
 LEVEL = Level(

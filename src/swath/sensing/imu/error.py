@@ -3,17 +3,20 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import sqrt
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
+import numpy as np
 from annotated_types import Ge, Le
 
-from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.component import Inputs, KeepsState, Outputs, Port, State
 from swath.core.random import Normals, Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.core.together import Given, OneByOne, Samples
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.sensing.imu.imu_step import ImuStep
+from swath.kernels import repeatable, shared
+from swath.sensing.imu.imu_step import FIRST, LAST_TWO, MADE, SIZE, ImuStep
 from swath.sensing.imu.noise_grades import STANDARD_GRAVITY, UNITS
 from swath.sensing.imu.strapdown import Place, Reading, back
 from swath.sensing.imu.vibration import Shaking, Vibration
@@ -76,6 +79,11 @@ class ErrorImu(KeepsState):
         rate, force = self._white_sd
         return {"rate": (rate, self._bias_sd[0]), "force": (force, self._bias_sd[3])}
 
+    @classmethod
+    def together(cls, parts: Sequence["ErrorImu"]) -> "Units | None":
+        """All of them; not those that shake."""
+        return Units(parts) if all(part._shaking is None for part in parts) else None
+
     def reset(self, stream: Stream) -> Outputs:
         """At rest, level; draws bias and scale of this unit."""
         self._normals = Normals(stream)
@@ -134,6 +142,74 @@ class ErrorImu(KeepsState):
         wrong = zip((*truth[0], *truth[1]), *kept, draw, strict=True)
         p, q, r, x, y, z = [v * scale + bias + sd * d for v, scale, bias, sd, d in wrong]
         return {"inertial": Inertial(t, p, q, r, x, y, z, *self._white_sd)}
+
+
+class Units(OneByOne):
+    """Those of many worlds: their memories side by side; the first samples, of rest, one by one."""
+
+    def __init__(self, parts: Sequence[ErrorImu]) -> None:
+        super().__init__(parts)
+        self._memory = np.zeros((len(parts), SIZE))
+        for part, row in zip(parts, self._memory, strict=True):
+            part._motion.lie_in(row)
+        self._sd = np.array([part._white_sd for part in parts]).T
+        self._last: Samples | None = None
+        self._launch: Any = None
+
+    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
+        """At rest, level."""
+        self._last = None
+        return super().reset(streams)
+
+    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
+        """Samples at t + dt."""
+        states: tuple[Samples, ...] = inputs["state"]
+        if self._last is None or not states or states[0].t <= self._last.t:
+            self._give_back()
+            made = super().step(t, dt, inputs)
+            if states and all(part._motion.moves for part in self.parts):
+                self._last = states[-1]
+                self._lay(FIRST, self._last)
+            return made
+        for part in self.parts:
+            part._normals.into(t + dt, part._motion.draw)
+            if dt != part._dt:
+                part._spread(dt)
+        self._memory[:, 0] = min(len(states), 2)
+        for place, state in zip((LAST_TWO + 13, LAST_TWO), states[::-1], strict=False):
+            self._lay(place, state)
+        if self._launch is None:
+            from swath.sensing.imu.imu_step_kernel import sample_each
+
+            self._launch = repeatable(sample_each, [shared(self._memory)], threads=len(self.parts)).launch
+        self._launch()
+        self._last = states[-1]
+        made_of = self._memory[:, MADE:SIZE].T
+        names = ("rate_x", "rate_y", "rate_z", "force_x", "force_y", "force_z", "rate_sd", "force_sd")
+        arrays = dict(zip(names, (*made_of, *self._sd), strict=True))
+        return {"inertial": Samples(Inertial, t + dt, arrays)}
+
+    def save(self, world: int) -> State:
+        """Everything that is needed to go on exactly."""
+        if self._last is not None:
+            self.parts[world]._motion.went_on(self._last.of(world))
+        return super().save(world)
+
+    def load(self, world: int, state: State) -> None:
+        """Back to it: the next sample is made one by one."""
+        self._give_back()
+        super().load(world, state)
+
+    def _lay(self, place: int, state: Samples) -> None:
+        self._memory[:, place] = state.t
+        self._memory[:, place + 1 : place + 13] = state.arrays["pose"]
+
+    def _give_back(self) -> None:
+        """Each part knows where it was last."""
+        if self._last is not None:
+            for world, part in enumerate(self.parts):
+                part._motion.went_on(self._last.of(world))
+            self._last = None
 
 
 def _six(gyro: float, accel: float) -> list[float]:

@@ -13,7 +13,7 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.kernels import launch_on
 from swath.sensing.imu.strapdown import Strapdown, Triple
-from swath.signals import MachineState
+from swath.signals import F64, MachineState
 
 STATE = Struct("13d")  # t [ns], position, rotation
 PAIR = Struct("26d")
@@ -45,6 +45,24 @@ class ImuStep(Strapdown):
         self._held: MachineState | None = None  # whose numbers lie at FIRST
         self._launch: Callable[[], Any] | None = None
         super().__init__(mounting)
+
+    def lie_in(self, row: F64) -> None:
+        """Its memory is a row of that of many worlds from now on."""
+        row[:] = self._memory
+        self._memory, self._bytes = row, row.data.cast("B")
+        self.scale, self.bias, self.steps, self.white = (
+            row[first : first + 6] for first in (SCALE, BIAS, STEPS, WHITE)
+        )
+        self.draw, self._launch = row[DRAW:READING], None
+
+    @property
+    def moves(self) -> bool:
+        """Whether a sample needs no more than the states."""
+        return self._moves and self._last is not None
+
+    def went_on(self, last: MachineState) -> None:
+        """Others made samples of its memory, up to this state."""
+        self._last = self._held = last
 
     @property
     def _velocity(self) -> tuple[float, Triple] | None:

@@ -14,6 +14,12 @@ def make_sample(memory: wp.array(dtype=wp.float64)): ...
 
 
 @wp.kernel
+def sample_each(memories: wp.array2d(dtype=wp.float64)):
+    """One thread a world."""
+    make_sample(memories[wp.tid()])
+
+
+@wp.kernel
 def sample_once(memory: wp.array(dtype=wp.float64)):
     """One thread; see imu_step.cpp."""
     make_sample(memory)

@@ -1,0 +1,995 @@
+"""The level `otsu` as a kernel over worlds: scan and odometry in, crop edge out.
+
+The chain of `detector.EdgeDetector` in its terms and its order: profile, height step, track, canopy offset.
+"""
+
+import warp as wp
+
+from swath.control import inclination
+from swath.control.edge import canopy_offset, detector, height_step, line_fit, otsu, profile, tracking
+from swath.control.edge.canopy_offset_kernel import SPREADS, score_of_shifts
+from swath.control.inertial_kernel import incline
+from swath.kernels import constants
+
+wp.set_module_options({"fuse_fp": False, "enable_backward": False})
+
+real = wp.float64
+Numbers = wp.array(dtype=wp.float64)
+Table = wp.array2d(dtype=wp.float64)
+ZERO, HALF, ONE, NS, INF = constants(0.0, 0.5, 1.0, 1e9, float("inf"))
+X, U, VARIANCE, QUALITY, AGE, IS_USED, SLOPE, COLUMNS = (
+    wp.constant(i) for i in range(8)
+)  # of a track's rows
+# Places in scratch: echoes of a scan; those about the edge in lateral order, as they came first and as they
+# count; keys, heights, scores of splits; points of a fit and their weights
+ECHO_X, ECHO_U, ECHO_Z, RAW_X, RAW_LEVEL, RAW_UPPER, RAW_LOWER = (wp.constant(i) for i in range(7))
+AHEAD, LATERAL, LEVEL, UPPER, LOWER, VALUES, SCORE, MET = (wp.constant(7 + i) for i in range(8))
+FIT_X, FIT_U, FIT_VARIANCE, ROBUST, SCRATCH = (wp.constant(15 + i) for i in range(5))
+# What stays the same in all detectors, as Python has it
+REACH, GATES, PRIOR, MEMORY = profile.Reach(), height_step.Gates(), line_fit.Prior(), tracking.Memory()
+MIN_POINTS = wp.constant(GATES.min_points)
+NEAR, FAR, LOWEST, HIGHEST = constants(REACH.near, REACH.far, REACH.low, REACH.high)
+HEADROOM, ROOM, CLEARER = constants(detector.HEADROOM, detector.ROOM, detector.CLEARER)
+FIRST_TOP, SECOND_TOP = constants(*detector.TOPS)
+INNER, MAX_GROUND, RESOLUTION = constants(height_step.MET, GATES.max_ground, GATES.resolution)
+SLOPE_SD, BEND_SD = constants(PRIOR.slope, PRIOR.bend)
+TUKEY, MAD, ERROR_ODDS = constants(line_fit.TUKEY, line_fit.MAD, otsu.ERROR_ODDS)
+WINDOW_S, FORGET_S, MIN_SHARE = constants(MEMORY.window_s, MEMORY.forget_s, MEMORY.min_share)
+PER_SAMPLE, LEVER = constants(tracking.SCANS_PER_SAMPLE, tracking.LEVER)
+CRAB, GRAVITY = constants(inclination.CRAB, inclination.GRAVITY)
+REACHED, FROM, BIN, LAYER = constants(
+    canopy_offset.REACHED, canopy_offset.FROM, canopy_offset.BIN, canopy_offset.LAYER
+)
+FEWEST, STRAY, CLOSE = constants(canopy_offset.FEWEST, canopy_offset.STRAY, canopy_offset.CLOSE)
+GUESS, OFTEN, COUNT = constants(
+    canopy_offset.GUESS, canopy_offset.OFTEN, 1.0 / canopy_offset.SCANS_PER_SAMPLE
+)
+INSIDE_FROM, INSIDE_TO = constants(*canopy_offset.INSIDE)
+
+
+@wp.struct
+class Settings:
+    """What stays: numbers of `EdgeParams` in SI, and where the detector looks from.
+
+    sign: +1 where u is y, -1 where it is -y; centre: u of the header end; mounting: pose_machine_sensor, its
+    position, then rows of the rotation; lost: after so long without an edge none is reported [ns]
+    reference: where ahead the offset holds; lean, spot, memory: as in `CanopyOffset`
+    """
+
+    sign: wp.float64
+    centre: wp.float64
+    reference: wp.float64
+    lost: wp.float64
+    min_step: wp.float64
+    min_gain: wp.float64
+    min_separation: wp.float64
+    window: wp.float64
+    search: wp.float64
+    track: wp.float64
+    gate: wp.float64
+    lost_s: wp.float64
+    acquire_s: wp.float64
+    jump_s: wp.float64
+    lean: wp.float64
+    spot: wp.float64
+    memory: wp.float64
+
+
+@wp.struct
+class Offset:
+    """Tables of `CanopyOffset`."""
+
+    middle: wp.array(dtype=wp.float64)
+    shifts: wp.array(dtype=wp.float64)
+    met: wp.array(dtype=wp.float64)
+    chance: wp.array(dtype=wp.float64)
+    there: wp.array(dtype=wp.float64)
+    which: wp.array3d(dtype=int)
+
+
+@wp.struct
+class Line:
+    """u(x) = offset + slope (x - x0) + bend (x - x0)^2 / 2. is_there: 0 = none"""
+
+    x0: wp.float64
+    offset: wp.float64
+    slope: wp.float64
+    bend: wp.float64
+    is_there: wp.float64
+
+
+@wp.struct
+class State:
+    """What a detector knows. time: of its last scan [ns]; rows: of its track; the others as in Python"""
+
+    time: wp.int64
+    rows: wp.int64
+    line: Line
+    is_found: wp.float64
+    unseen: wp.float64
+    crop: wp.float64
+    stubble: wp.float64
+    ground: wp.float64
+    since: wp.float64
+    shift: wp.float64
+
+
+@wp.struct
+class Split:
+    """first: index of the first crop point"""
+
+    gain: wp.float64
+    first: int
+
+
+@wp.struct
+class Step:
+    """As `height_step.Step` with what it needs of `Rays`; is_there: 0 = no edge in this profile"""
+
+    is_there: int
+    count: int
+    x: wp.float64
+    u: wp.float64
+    variance: wp.float64
+    quality: wp.float64
+    crop: wp.float64
+    stubble: wp.float64
+    ground: wp.float64
+    separation: wp.float64
+    top: wp.float64
+    limit: wp.float64
+
+
+@wp.func
+def at(line: Line, x: wp.float64) -> wp.float64:
+    ahead = x - line.x0
+    return line.offset + ahead * (line.slope + HALF * line.bend * ahead)
+
+
+@wp.func
+def moved(line: Line, distance: wp.float64, turn: wp.float64) -> Line:
+    offset = line.offset + distance * (line.slope + HALF * line.bend * distance)
+    slope = line.slope + line.bend * distance
+    found = line
+    found.offset = offset - line.x0 * turn + slope * offset * turn
+    found.slope = slope - turn * (ONE + slope * slope)
+    return found
+
+
+@wp.func
+def chosen(v: Numbers, n: int, k: int) -> wp.float64:
+    """The k-th smallest of n numbers, with none greater before it (Hoare's selection, in place)."""
+    low = int(0)
+    high = int(n - 1)
+    while low < high:
+        pivot = v[k]
+        i = int(low)
+        j = int(high)
+        while i <= j:
+            while v[i] < pivot:
+                i += 1
+            while pivot < v[j]:
+                j -= 1
+            if i <= j:
+                kept = v[i]
+                v[i] = v[j]
+                v[j] = kept
+                i += 1
+                j -= 1
+        if j < k:
+            low = i
+        if k < i:
+            high = j
+    return v[k]
+
+
+@wp.func
+def median(v: Numbers, n: int) -> wp.float64:
+    """Of n > 0 numbers, whose order changes."""
+    upper = chosen(v, n, n // 2)
+    if n % 2 == 1:
+        return upper
+    lower = v[0]
+    for i in range(1, n // 2):
+        lower = wp.max(lower, v[i])
+    return HALF * (lower + upper)
+
+
+@wp.func
+def order(v: Numbers, n: int):
+    """Shell's sort, gaps after Ciura 2001."""
+    for k in range(7):
+        gap = int(1)
+        if k == 0:
+            gap = 301
+        if k == 1:
+            gap = 132
+        if k == 2:
+            gap = 57
+        if k == 3:
+            gap = 23
+        if k == 4:
+            gap = 10
+        if k == 5:
+            gap = 4
+        for i in range(gap, n):
+            kept = v[i]
+            j = int(i)
+            while j >= gap and v[wp.max(j - gap, 0)] > kept:
+                v[j] = v[j - gap]
+                j -= gap
+            v[j] = kept
+
+
+@wp.func
+def mean_of(v: Numbers, first: int, last: int) -> wp.float64:
+    total = real(0.0)
+    for i in range(first, last):
+        total += v[i]
+    return total / real(last - first)
+
+
+@wp.func
+def variance_of(v: Numbers, first: int, last: int, mean: wp.float64) -> wp.float64:
+    total = real(0.0)
+    for i in range(first, last):
+        total += (v[i] - mean) * (v[i] - mean)
+    return total / real(last - first)
+
+
+@wp.func
+def coin(count: int, n: int) -> wp.float64:
+    """Entropy [nat] of n draws of which `count` fell on one side."""
+    share = wp.min(wp.max(real(count) / real(n), real(1e-9)), ONE - real(1e-9))
+    return -real(n) * (share * wp.log(share) + (ONE - share) * wp.log(ONE - share))
+
+
+@wp.func
+def otsu_threshold(v: Numbers, n: int) -> wp.float64:
+    """Of n > 1 heights, which it sorts: with the largest variance between both classes."""
+    order(v, n)
+    mean = mean_of(v, 0, n)
+    centred = real(0.0)
+    most = real(-1.0)
+    best = int(0)
+    for i in range(n - 1):
+        centred += v[i] - mean
+        low = real(i + 1)
+        between = centred * centred / (low * (real(n) - low))
+        if between > most:
+            most = between
+            best = i
+    return HALF * (v[best] + v[best + 1])
+
+
+@wp.func
+def split_by_otsu(z: Numbers, n: int, values: Numbers, score: Numbers) -> Split:
+    """As `otsu.split_by_otsu`: score of a split before each of the points 1..n-1, its gain, the best."""
+    high = int(0)
+    for i in range(n):
+        values[i] = z[i]
+    threshold = otsu_threshold(values, n)
+    for i in range(n):
+        if z[i] > threshold:
+            high += 1
+    before = int(0)
+    best = int(0)
+    fewest = int(n + 1)
+    for k in range(1, n):
+        if z[k - 1] > threshold:
+            before += 1
+        wrong = before + (n - high) - (k - before)
+        score[k - 1] = -INF
+        if k >= MIN_POINTS and n - k >= MIN_POINTS:
+            score[k - 1] = -ERROR_ODDS * real(wrong)
+            if wrong < fewest:
+                fewest = wrong
+                best = k
+    found = Split()
+    found.first = best
+    found.gain = wp.max(coin(high, n) - coin(fewest, n), ZERO)
+    return found
+
+
+@wp.func
+def ground_slope(lateral: Numbers, z: Numbers, n: int, values: Numbers) -> wp.float64:
+    """As `height_step._ground_slope`, of the n points on the stubble side."""
+    for i in range(n):
+        values[i] = z[i]
+    middle = median(values, n)
+    total = real(0.0)
+    across = real(0.0)
+    up = real(0.0)
+    for i in range(n):
+        away = (z[i] - middle) / real(0.1)
+        weight = ONE / (ONE + away * away)
+        values[i] = weight
+        total += weight
+        across += weight * lateral[i]
+        up += weight * z[i]
+    across = across / total
+    up = up / total
+    noise = real(0.0)
+    both = real(0.0)
+    wide = real(0.0)
+    for i in range(n):
+        dw = lateral[i] - across
+        dh = z[i] - up
+        noise += values[i] * dh * dh
+        both += values[i] * dw * dh
+        wide += values[i] * dw * dw
+    return both / (wide + noise / total / (real(0.035) * real(0.035)) + real(1e-9))
+
+
+@wp.func
+def sort_by(key: Numbers, index: wp.array(dtype=int), n: int):
+    """Stable, for keys that are nearly in order."""
+    for i in range(n):
+        index[i] = i
+    for i in range(1, n):
+        kept = key[i]
+        j = int(i)
+        while j > 0 and key[wp.max(j - 1, 0)] > kept:
+            key[j] = key[j - 1]
+            index[j] = index[j - 1]
+            j -= 1
+        key[j] = kept
+        index[j] = i
+
+
+@wp.func
+def abreast(x: Numbers, lateral: Numbers, edge: wp.float64, first: int, n: int, v: Numbers) -> wp.float64:
+    """As `height_step._abreast`."""
+    total = real(0.0)
+    sides = int(0)
+    for side in range(2):
+        begin = int(0)
+        end = int(first)
+        if side == 1:
+            begin = first
+            end = n
+        count = int(0)
+        for i in range(begin, end):
+            if wp.abs(lateral[i] - edge) < ONE:
+                v[count] = x[i]
+                count += 1
+        if count > 0:
+            total += median(v, count)
+            sides += 1
+    if sides > 0:
+        return total / real(sides)
+    for i in range(n):
+        v[i] = x[i]
+    return median(v, n)
+
+
+@wp.func
+def find_step(
+    s: Settings,
+    expected: Line,
+    echoes: int,
+    top_of_all: wp.float64,
+    is_known: int,
+    rise_known: wp.float64,
+    sensor: wp.vec3d,
+    scratch: Table,
+    index: wp.array(dtype=int),
+) -> Step:
+    """As `height_step.find_step` of the echoes below a top."""
+    step = Step()
+    half = s.window
+    line = expected
+    if line.is_there == ZERO:
+        half = s.search
+        line.offset = s.centre
+        line.x0 = ZERO
+        line.slope = ZERO
+        line.bend = ZERO
+    x = scratch[RAW_X]
+    z = scratch[RAW_LEVEL]
+    lateral = scratch[LATERAL]
+    n = int(0)
+    first_lateral = real(0.0)
+    last_lateral = real(0.0)
+    for i in range(echoes):
+        if scratch[ECHO_Z, i] < top_of_all:
+            beside = scratch[ECHO_U, i] - at(line, scratch[ECHO_X, i])
+            if wp.abs(beside) < half:
+                if n == 0:
+                    first_lateral = beside
+                last_lateral = beside
+                n += 1
+    if n < 2 * MIN_POINTS:
+        return step
+    place = int(0)
+    way = int(1)
+    if first_lateral > last_lateral:  # such scans come from the other side
+        place = n - 1
+        way = -1
+    values = scratch[VALUES]
+    for i in range(echoes):
+        if scratch[ECHO_Z, i] < top_of_all:
+            beside = scratch[ECHO_U, i] - at(line, scratch[ECHO_X, i])
+            if wp.abs(beside) < half:
+                values[place] = scratch[ECHO_X, i]
+                scratch[MET, place] = scratch[ECHO_Z, i]
+                lateral[place] = beside
+                place += way
+    sort_by(lateral, index, n)
+    for i in range(n):
+        x[i] = values[index[i]]
+        z[i] = scratch[MET, index[i]]
+    score = scratch[SCORE]
+    split = split_by_otsu(z, n, values, score)
+    if not (split.gain > ZERO):
+        return step
+    first = split.first
+    slope = ground_slope(lateral, z, first, values)
+    for i in range(n):
+        z[i] = z[i] - slope * lateral[i]
+    low = mean_of(z, 0, first)
+    limit = HALF * (low + mean_of(z, first, n))
+    for i in range(first, n):
+        values[i - first] = z[i]
+    top = wp.min(chosen(values, n - first, int(real(0.9) * real(n - first))), sensor[2] - real(0.3))
+    top = wp.max(top, limit)
+    aside = -slope
+    if is_known == 1:
+        aside = rise_known
+    for i in range(n):
+        down = wp.max(sensor[2] - z[i], real(0.1))
+        u = lateral[i] + at(line, x[i])
+        share = wp.min(wp.max((sensor[2] - top) / down, ZERO), real(2.0))
+        upper_x = sensor[0] + share * (x[i] - sensor[0])
+        upper = sensor[1] + share * (u - sensor[1]) - at(line, upper_x) - aside * (top - low)
+        share = wp.min(wp.max((sensor[2] - limit) / down, ZERO), real(2.0))
+        lower_x = sensor[0] + share * (x[i] - sensor[0])
+        lower = sensor[1] + share * (u - sensor[1]) - at(line, lower_x) - aside * (limit - low)
+        share = INNER
+        if upper > lower:
+            share = ONE - INNER
+        x[i] = share * upper_x + (ONE - share) * lower_x
+        lateral[i] = share * upper + (ONE - share) * lower
+        scratch[RAW_UPPER, i] = upper
+        scratch[RAW_LOWER, i] = lower
+    sort_by(lateral, index, n)
+    level = scratch[LEVEL]
+    met = scratch[MET]
+    for i in range(n):
+        k = index[i]
+        scratch[AHEAD, i] = x[k]
+        level[i] = z[k]
+        scratch[UPPER, i] = scratch[RAW_UPPER, k]
+        scratch[LOWER, i] = scratch[RAW_LOWER, k]
+        met[i] = z[k]
+        if z[k] < limit:
+            met[i] = wp.min(z[k], low)
+    split = split_by_otsu(met, n, values, score)
+    if not (split.gain > s.min_gain):
+        return step
+    first = split.first
+    below = mean_of(level, 0, first)
+    above = mean_of(level, first, n)
+    spread = variance_of(level, 0, first, below) + variance_of(level, first, n, above)
+    separation = (above - below) / wp.sqrt(spread + real(1e-6))
+    if above - below < s.min_step or separation < s.min_separation or wp.abs(below) > MAX_GROUND:
+        return step
+    most = score[first - 1]
+    sure = real(0.0)
+    middle = real(0.0)
+    for i in range(n - 1):
+        gap = lateral[i + 1] - lateral[i]
+        values[i] = wp.exp(score[i] - most) * wp.min(wp.max(gap, real(1e-3)), real(0.3))
+        sure += values[i]
+        middle += values[i] * (HALF * (lateral[i + 1] + lateral[i]))
+    middle = middle / sure
+    variance = real(0.0)
+    for i in range(n - 1):
+        gap = lateral[i + 1] - lateral[i]
+        off = HALF * (lateral[i + 1] + lateral[i]) - middle
+        variance += values[i] / sure * (off * off + gap * gap / real(12.0))
+    step.x = abreast(scratch[AHEAD], lateral, middle, first, n, values)
+    step.u = at(line, step.x) + middle
+    step.variance = variance + RESOLUTION * RESOLUTION
+    step.quality = wp.min(wp.max((separation - HALF * s.min_separation) / s.min_separation, real(0.2)), ONE)
+    for i in range(first):
+        values[i] = level[i]
+    step.ground = chosen(values, first, int(real(0.1) * real(first)))
+    step.stubble = chosen(values, first, int(real(0.9) * real(first))) - step.ground
+    for i in range(first, n):
+        values[i - first] = level[i]
+    step.crop = chosen(values, n - first, int(real(0.9) * real(n - first))) - step.ground
+    step.separation = separation
+    step.top = top - step.ground
+    step.limit = limit - step.ground
+    step.count = n
+    step.is_there = 1
+    return step
+
+
+@wp.func
+def fit_line(scratch: Table, n: int, start: Line, x0: wp.float64) -> Line:
+    """As `line_fit.fit_line`, of n points in scratch, where the weights are left."""
+    x = scratch[FIT_X]
+    u = scratch[FIT_U]
+    variance = scratch[FIT_VARIANCE]
+    robust = scratch[ROBUST]
+    values = scratch[VALUES]
+    line = start
+    if start.is_there == ZERO:
+        for i in range(n):
+            values[i] = u[i]
+        line.offset = median(values, n)
+        line.slope = ZERO
+        line.bend = ZERO
+    line.x0 = x0
+    line.is_there = ONE
+    for _ in range(4):
+        for i in range(n):
+            values[i] = wp.abs(u[i] - at(line, x[i]))
+        spread = MAD * median(values, n)
+        spread = spread * spread
+        total = real(0.0)
+        for i in range(n):
+            away = u[i] - at(line, x[i])
+            rest = wp.max(ONE - away * away / (TUKEY * TUKEY * (variance[i] + spread)), ZERO)
+            robust[i] = rest * rest
+            total += robust[i]
+        if total < HALF:
+            for i in range(n):
+                robust[i] = ONE
+        a = real(0.0)
+        b = real(0.0)
+        c = real(0.0)
+        d = real(0.0)
+        e = real(0.0)
+        p = real(0.0)
+        q = real(0.0)
+        r = real(0.0)
+        for i in range(n):  # the normal matrix (a b c; b d e; c e g) with g = sum of (half square) squares
+            w = robust[i] / variance[i]
+            ahead = x[i] - x0
+            square = HALF * ahead * ahead
+            a += w
+            b += w * ahead
+            c += w * square
+            e += w * ahead * square
+            d += w * square * square
+            p += w * u[i]
+            q += w * ahead * u[i]
+            r += w * square * u[i]
+        m = real(2.0) * c + ONE / (SLOPE_SD * SLOPE_SD)  # squares of ahead are twice `square`
+        g = d + ONE / (BEND_SD * BEND_SD)
+        share = b / a
+        m = m - share * b
+        mixed = e - share * c
+        q = q - share * p
+        share = c / a
+        g = g - share * c
+        r = r - share * p
+        share = mixed / m
+        line.bend = (r - share * q) / (g - share * mixed)
+        line.slope = (q - mixed * line.bend) / m
+        line.offset = (p - b * line.slope - c * line.bend) / a
+    return line
+
+
+@wp.func
+def fit_used(rows: Table, scratch: Table, state: State, s: Settings) -> Line:
+    """Through the points of the track that count."""
+    n = int(0)
+    for i in range(int(state.rows)):
+        if rows[i, IS_USED] > ZERO:
+            x = rows[i, X]
+            slope = real(0.0)
+            if state.line.is_there > ZERO:
+                slope = state.line.slope + state.line.bend * (x - state.line.x0)
+            lean = LEVER * (rows[i, SLOPE] - slope)
+            scratch[FIT_X, n] = x
+            scratch[FIT_U, n] = rows[i, U]
+            scratch[FIT_VARIANCE, n] = PER_SAMPLE * rows[i, VARIANCE] + lean * lean
+            n += 1
+    return fit_line(scratch, n, state.line, s.reference)
+
+
+@wp.func
+def tried(rows: Table, scratch: Table, state: State, span: wp.float64, near: Line, s: Settings) -> State:
+    """As `EdgeTrack._try`."""
+    if state.unseen < span - real(1e-6) and near.is_there == ZERO:
+        return state
+    asked = int(0)
+    n = int(0)
+    oldest = real(0.0)
+    for i in range(int(state.rows)):
+        oldest = wp.max(oldest, rows[i, AGE])
+        if rows[i, AGE] <= span + real(1e-6):
+            asked += 1
+            if wp.isfinite(rows[i, X]):
+                scratch[FIT_X, n] = rows[i, X]
+                scratch[FIT_U, n] = rows[i, U]
+                scratch[FIT_VARIANCE, n] = rows[i, VARIANCE]
+                n += 1
+    fewest = wp.max(real(3.0), MIN_SHARE * real(asked))
+    if oldest < span - real(1e-6) or real(n) < fewest:
+        return state
+    line = fit_line(scratch, n, near, s.reference)
+    reference = near
+    if near.is_there == ZERO:
+        reference = line
+    agree = int(0)
+    for i in range(n):
+        is_close = wp.abs(scratch[FIT_U, i] - at(reference, scratch[FIT_X, i])) < s.gate
+        if scratch[ROBUST, i] > ZERO and is_close:
+            agree += 1
+        else:
+            scratch[ROBUST, i] = ZERO
+    if real(agree) < fewest:
+        return state
+    point = int(0)
+    for i in range(int(state.rows)):
+        rows[i, IS_USED] = ZERO
+        if rows[i, AGE] <= span + real(1e-6) and wp.isfinite(rows[i, X]):
+            if scratch[ROBUST, point] > ZERO:
+                rows[i, IS_USED] = ONE
+            point += 1
+    state.is_found = ONE
+    state.unseen = ZERO
+    state.line = line
+    state.line = fit_used(rows, scratch, state, s)
+    return state
+
+
+@wp.func
+def move_track(
+    rows: Table,
+    state: State,
+    distance: wp.float64,
+    turn: wp.float64,
+    dt: wp.float64,
+    crab: wp.float64,
+    s: Settings,
+) -> State:
+    """As `EdgeTrack.move`."""
+    course = HALF * turn + crab
+    dx = distance * wp.cos(course)
+    du = distance * wp.sin(course)
+    c = wp.cos(turn)
+    t = wp.sin(turn)
+    front = -INF
+    for i in range(int(state.rows)):
+        x = rows[i, X] - dx
+        u = rows[i, U] - du
+        rows[i, X] = c * x + t * u
+        rows[i, U] = c * u - t * x
+        rows[i, AGE] = rows[i, AGE] + dt
+        rows[i, SLOPE] = rows[i, SLOPE] - turn
+        if rows[i, X] > front:
+            front = rows[i, X]
+    if front == -INF:
+        front = ZERO
+    n = int(0)
+    for i in range(int(state.rows)):
+        if rows[i, AGE] <= WINDOW_S and not (rows[i, X] < front - s.track):
+            if n < i:
+                for k in range(COLUMNS):
+                    rows[n, k] = rows[i, k]
+            n += 1
+    state.rows = wp.int64(n)
+    state.unseen = state.unseen + dt
+    if state.line.is_there > ZERO:
+        state.line = moved(state.line, distance, turn)
+        state.line.offset = state.line.offset - distance * crab
+        if state.unseen > FORGET_S:
+            state.line.is_there = ZERO
+            state.is_found = ZERO
+    return state
+
+
+@wp.func
+def update_track(rows: Table, scratch: Table, state: State, step: Step, s: Settings) -> State:
+    """As `EdgeTrack.update`."""
+    n = int(state.rows)
+    if n == rows.shape[0]:
+        for i in range(1, n):
+            for k in range(COLUMNS):
+                rows[i - 1, k] = rows[i, k]
+        n -= 1
+    for k in range(COLUMNS):
+        rows[n, k] = real(wp.nan)
+    rows[n, AGE] = ZERO
+    rows[n, IS_USED] = ZERO
+    if step.is_there == 1:
+        rows[n, X] = step.x
+        rows[n, U] = step.u
+        rows[n, VARIANCE] = step.variance
+        rows[n, QUALITY] = step.quality
+        rows[n, SLOPE] = ZERO
+        if state.line.is_there > ZERO:
+            rows[n, SLOPE] = state.line.slope + state.line.bend * (step.x - state.line.x0)
+            if state.is_found > ZERO and wp.abs(step.u - at(state.line, step.x)) < s.gate:
+                rows[n, IS_USED] = ONE
+    state.rows = wp.int64(n + 1)
+    if rows[n, IS_USED] > ZERO:
+        state.unseen = ZERO
+        state.line = fit_used(rows, scratch, state, s)
+    elif state.is_found > ZERO and state.unseen > s.lost_s:
+        state.is_found = ZERO
+        for i in range(n + 1):
+            rows[i, IS_USED] = ZERO
+    if state.is_found == ZERO:
+        near = state.line
+        state = tried(rows, scratch, state, s.acquire_s, near, s)
+        if state.is_found == ZERO and near.is_there > ZERO:
+            near.is_there = ZERO
+            state = tried(rows, scratch, state, s.jump_s, near, s)
+    return state
+
+
+@wp.func
+def confidence_of(rows: Table, state: State, s: Settings) -> wp.float64:
+    """As `EdgeTrack.confidence`."""
+    recent = int(0)
+    used = int(0)
+    quality = real(0.0)
+    for i in range(int(state.rows)):
+        if rows[i, AGE] <= HALF:
+            recent += 1
+            if rows[i, IS_USED] > ZERO:
+                used += 1
+                quality += rows[i, QUALITY]
+    if used == 0:
+        return ZERO
+    fading = wp.max(ZERO, ONE - state.unseen / (s.lost_s + real(1e-9)))
+    share = real(used) / real(recent) * (quality / real(used)) * fading
+    return wp.min(wp.max(share, real(0.01)), ONE)
+
+
+@wp.func
+def height_at(heights: Numbers, total: wp.float64, share: wp.float64) -> wp.float64:
+    """As `canopy_offset.height_at`, of one share."""
+    n = heights.shape[0]
+    reached = real(0.0)
+    before = real(0.0)
+    k = int(0)
+    for i in range(n):
+        if reached <= share * total:
+            before = reached
+            reached += heights[i]
+            k = i
+    if k == 0 or reached <= share * total:
+        return LAYER * real(k + 1)
+    return LAYER * (real(k) + (share * total - before) / (reached - before))
+
+
+@wp.func
+def guess_of(s: Settings, height: wp.float64) -> wp.float64:
+    """How far the feet are behind the canopy's edge before anything is learned [m]."""
+    return s.lean * wp.max(height, ZERO) + s.spot
+
+
+@wp.func
+def stopped_depth(o: Offset, most: wp.float64) -> wp.float64:
+    """Pieces that a ray meets where a share of them is stopped."""
+    low = int(0)
+    high = int(o.chance.shape[0] - 1)
+    if most <= o.chance[0]:
+        return o.met[0]
+    if most >= o.chance[high]:
+        return o.met[high]
+    while high - low > 1:
+        k = (low + high) // 2
+        if o.chance[k] <= most:
+            low = k
+        else:
+            high = k
+    share = (most - o.chance[low]) / (o.chance[high] - o.chance[low])
+    return o.met[low] + share * (o.met[high] - o.met[low])
+
+
+@wp.func
+def fitted_shift(o: Offset, guess: wp.float64, seen: Table, logs: Table, score: Table) -> wp.float64:
+    """As `CanopyOffset._fit`."""
+    passed = real(0.0)
+    held = real(0.0)
+    for i in range(o.middle.shape[0]):
+        if o.middle[i] > INSIDE_FROM:
+            passed += seen[0, i]
+            held += seen[1, i]
+    most = wp.min(wp.max(held / wp.max(passed + held, real(1e-9)), real(0.3)), ONE - STRAY)
+    depth = stopped_depth(o, most)
+    score_of_shifts(depth, STRAY, o.met, o.chance, o.there, o.which, seen, logs, score)
+    best = -INF
+    for k in range(o.shifts.shape[0]):
+        away = (o.shifts[k] - guess) / GUESS
+        for spread in range(SPREADS):
+            score[spread, k] = score[spread, k] - HALF * away * away
+            best = wp.max(best, score[spread, k])
+    total = real(0.0)
+    mean = real(0.0)
+    for k in range(o.shifts.shape[0]):
+        for spread in range(SPREADS):
+            chance = wp.exp(score[spread, k] - best)
+            total += chance
+            mean += chance * o.shifts[k]
+    return mean / total
+
+
+@wp.func
+def learn_offset(
+    o: Offset,
+    s: Settings,
+    state: State,
+    step: Step,
+    lateral: wp.float64,
+    scratch: Table,
+    seen: Table,
+    heights: Numbers,
+    logs: Table,
+    score: Table,
+) -> State:
+    """As `CanopyOffset.add`."""
+    if s.memory <= ZERO or wp.abs(lateral) > CLOSE:
+        return state
+    over = wp.max(step.top - step.limit, real(0.01))
+    share = (HALF * (step.limit + step.top) - step.limit) / over
+    layers = heights.shape[0]
+    for i in range(step.count):
+        place = scratch[LOWER, i] + share * (scratch[UPPER, i] - scratch[LOWER, i])
+        if place > INSIDE_FROM and place < INSIDE_TO:
+            height = (scratch[LEVEL, i] - step.ground) / LAYER
+            heights[wp.clamp(int(height), 0, layers - 1)] += ONE
+    total = real(0.0)
+    for i in range(layers):
+        total += heights[i]
+    if total < FEWEST:
+        return state
+    least = wp.max(height_at(heights, total, ONE - REACHED), step.limit)
+    share = (height_at(heights, total, HALF) - step.limit) / over
+    for i in range(step.count):
+        place = scratch[LOWER, i] + share * (scratch[UPPER, i] - scratch[LOWER, i])
+        k = int(wp.floor((place - FROM) / BIN))
+        if k >= 0 and k < seen.shape[1]:
+            if scratch[LEVEL, i] - step.ground > least:
+                seen[1, k] += COUNT
+            else:
+                seen[0, k] += COUNT
+    if state.since >= OFTEN and state.crop > ZERO:
+        state.since = ZERO
+        state.shift = fitted_shift(o, guess_of(s, state.crop), seen, logs, score)
+    return state
+
+
+@wp.kernel
+def detect(
+    settings: wp.array(dtype=Settings),
+    offsets: wp.array(dtype=Offset),
+    mountings: wp.array2d(dtype=wp.float64),
+    asked: wp.array(dtype=wp.int64),
+    odometry: wp.array2d(dtype=wp.float64),
+    inertial: wp.array2d(dtype=wp.float64),
+    ranges: wp.array2d(dtype=float),
+    directions: wp.array2d(dtype=wp.vec3d),
+    ago: wp.array2d(dtype=wp.float64),
+    states: wp.array(dtype=State),
+    tracks: wp.array3d(dtype=wp.float64),
+    seen: wp.array3d(dtype=wp.float64),
+    heights: wp.array2d(dtype=wp.float64),
+    all_scratch: wp.array3d(dtype=wp.float64),
+    all_logs: wp.array3d(dtype=wp.float64),
+    all_scores: wp.array3d(dtype=wp.float64),
+    indices: wp.array2d(dtype=int),
+    edges: wp.array2d(dtype=wp.float64),
+):
+    """asked: end of the step, time of the scan [ns], its beams; directions, ago: of each world or of all
+    edges: offset, heading, curvature, confidence, height of crop and stubble
+    """
+    w = wp.tid()
+    s = settings[w]
+    state = states[w]
+    rows = tracks[w]
+    scratch = all_scratch[w]
+    speed = real(0.0)
+    if wp.isfinite(odometry[w, 0]):
+        speed = odometry[w, 0]
+    yaw_rate = real(0.0)
+    if wp.isfinite(odometry[w, 1]):
+        yaw_rate = odometry[w, 1]
+    if inertial[w, 0] > ZERO:
+        inertial[w, 1] = speed
+        incline(inertial[w])
+    rise = inertial[w, 3] / wp.max(inertial[w, 4], HALF)
+    is_known = int(0)
+    if inertial[w, 8] != ZERO:
+        is_known = 1
+    if asked[1] > state.time:
+        elapsed = real(asked[1] - state.time) / NS
+        state.time = asked[1]
+        crab = -s.sign * (CRAB * (rise + speed * yaw_rate / GRAVITY))
+        state = move_track(rows, state, speed * elapsed, s.sign * yaw_rate * elapsed, elapsed, crab, s)
+        if s.memory > ZERO and speed * elapsed > ZERO:
+            keep = wp.exp(-(speed * elapsed) / s.memory)
+            for i in range(seen.shape[2]):
+                seen[w, 0, i] = seen[w, 0, i] * keep
+                seen[w, 1, i] = seen[w, 1, i] * keep
+            for i in range(heights.shape[1]):
+                heights[w, i] = heights[w, i] * keep
+            state.since = state.since + speed * elapsed
+        m = mountings[w]
+        of = wp.min(w, directions.shape[0] - 1)
+        n = int(0)
+        for i in range(int(asked[2])):
+            far = real(ranges[w, i])
+            if far > NEAR and far < FAR:
+                d = directions[of, i]
+                px = m[0] + far * (m[3] * d[0] + m[4] * d[1] + m[5] * d[2])
+                py = m[1] + far * (m[6] * d[0] + m[7] * d[1] + m[8] * d[2])
+                pz = m[2] + far * (m[9] * d[0] + m[10] * d[1] + m[11] * d[2])
+                if pz > LOWEST and pz < HIGHEST:
+                    back = ago[of, i]
+                    turn = yaw_rate * back
+                    c = wp.cos(turn)
+                    t = wp.sin(turn)
+                    scratch[ECHO_X, n] = speed * back + c * px - t * py
+                    scratch[ECHO_U, n] = s.sign * (HALF * speed * back * turn + t * px + c * py)
+                    scratch[ECHO_Z, n] = pz
+                    n += 1
+        sensor = wp.vec3d(m[0], s.sign * m[1], m[2])
+        before = state.line
+        was_found = state.is_found
+        aside = s.sign * rise
+        top = HIGHEST
+        tops = int(3)
+        if was_found > ZERO and wp.isfinite(state.crop):
+            top = state.ground + HEADROOM * wp.max(state.crop, ZERO) + ROOM
+            tops = 1
+        best = Step()
+        for k in range(tops):
+            step = find_step(s, state.line, n, top, is_known, aside, sensor, scratch, indices[w])
+            if step.is_there == 1 and (best.is_there == 0 or step.separation > CLEARER * best.separation):
+                best = step
+            if k == 0:
+                top = FIRST_TOP
+            else:
+                top = SECOND_TOP
+        state = update_track(rows, scratch, state, best, s)
+        if best.is_there == 1:
+            if wp.isfinite(state.crop):
+                state.crop = real(0.9) * state.crop + real(0.1) * best.crop
+                state.stubble = real(0.9) * state.stubble + real(0.1) * best.stubble
+                state.ground = real(0.9) * state.ground + real(0.1) * best.ground
+            else:
+                state.crop = best.crop
+                state.stubble = best.stubble
+                state.ground = best.ground
+            if was_found > ZERO and before.is_there > ZERO:
+                lateral = best.u - at(before, best.x)
+                state = learn_offset(
+                    offsets[w],
+                    s,
+                    state,
+                    best,
+                    lateral,
+                    scratch,
+                    seen[w],
+                    heights[w],
+                    all_logs[w],
+                    all_scores[w],
+                )
+    age = asked[0] - state.time
+    for k in range(6):
+        edges[w, k] = real(wp.nan)
+    edges[w, 2] = ZERO
+    edges[w, 3] = ZERO
+    if state.line.is_there > ZERO and state.is_found > ZERO and real(age) <= s.lost:
+        line = moved(state.line, speed * real(age) / NS, s.sign * yaw_rate * real(age) / NS)
+        steep = ONE + line.slope * line.slope
+        shift = guess_of(s, state.crop)
+        if wp.isfinite(state.shift):
+            shift = state.shift
+        edges[w, 0] = s.sign * (line.offset + shift * wp.sqrt(steep))
+        edges[w, 1] = s.sign * wp.atan(line.slope)
+        edges[w, 2] = s.sign * (line.bend / (steep * wp.sqrt(steep)))
+        edges[w, 3] = confidence_of(rows, state, s)
+        edges[w, 4] = state.crop
+        edges[w, 5] = state.stubble
+    states[w] = state

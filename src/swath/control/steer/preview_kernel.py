@@ -1,0 +1,290 @@
+"""The level `preview` as a kernel over worlds: the same operations in the same order as in Python."""
+
+from pathlib import Path
+
+import warp as wp
+
+from swath.control import inclination, yaw_rate
+from swath.control.inertial_kernel import incline, turn
+from swath.control.steer import plant_model, preview
+from swath.core.units import DEG
+from swath.kernels import constants, exact_code
+
+wp.set_module_options({"fuse_fp": False, "enable_backward": False})
+
+real = wp.float64
+Numbers = wp.array(dtype=wp.float64)
+ZERO, HALF, ONE, TWO, NS, INF = constants(0.0, 0.5, 1.0, 2.0, 1e9, float("inf"))
+GRAVITY, CRAWL, BETTER, FORGET = constants(
+    inclination.GRAVITY, plant_model.CRAWL, plant_model.BETTER, plant_model.FORGET_M
+)
+SURE, AGAIN, LONGEST = constants(preview.SURE, yaw_rate.AGAIN_S, yaw_rate.LONGEST_S)
+STEEPEST, SLIP_LIMIT = constants(1.2, 4.0 * DEG)
+
+
+@wp.func_native(exact_code(Path(__file__).parent.parent / "yaw_bias.cpp"))
+def bias_of(memory: wp.array(dtype=wp.float64)) -> wp.float64: ...
+
+
+@wp.struct
+class Law:
+    """What stays: numbers of `preview.Params` in SI, and of the machine. x, y: of the header end [m]
+
+    share, period, more, learnt: of `ActuatorModel`, pending: commands on their way; pole, pole_squared, clip:
+    of `SlipObserver`
+    """
+
+    x: wp.float64
+    y: wp.float64
+    outward: wp.float64
+    wheelbase: wp.float64
+    limit: wp.float64
+    rate: wp.float64
+    lookahead: wp.float64
+    lookahead_s: wp.float64
+    steepest: wp.float64
+    crab: wp.float64
+    hold: wp.float64
+    engage: wp.float64
+    share: wp.float64
+    period: wp.float64
+    pending: wp.float64
+    more: wp.float64
+    learnt: wp.float64
+    pole: wp.float64
+    pole_squared: wp.float64
+    clip: wp.float64
+
+
+@wp.struct
+class State:
+    """As the attributes of `Preview` and its parts; error: nan = none"""
+
+    command: wp.float64
+    held: wp.float64
+    engaged: wp.float64
+    lost: wp.float64
+    slip: wp.float64
+    curvature: wp.float64
+    deficit: wp.float64
+    model: wp.float64
+    observed: wp.float64
+    error: wp.float64
+    sd: wp.float64
+    bias: wp.float64
+    since: wp.float64
+
+
+@wp.struct
+class Place:
+    """As `plant_model.Place`."""
+
+    x: wp.float64
+    y: wp.float64
+    heading: wp.float64
+
+
+@wp.struct
+class Edge:
+    """Of `CropEdge`, reference_x and offset_sd as reference and sd."""
+
+    offset: wp.float64
+    heading: wp.float64
+    curvature: wp.float64
+    reference: wp.float64
+    confidence: wp.float64
+    sd: wp.float64
+
+
+@wp.struct
+class Target:
+    """As `Preview._target`."""
+
+    error: wp.float64
+    angle: wp.float64
+
+
+@wp.func
+def between(value: wp.float64, low: wp.float64, high: wp.float64) -> wp.float64:
+    return wp.min(wp.max(value, low), high)
+
+
+@wp.func
+def chained(first: Place, then: Place) -> Place:
+    c = wp.cos(first.heading)
+    s = wp.sin(first.heading)
+    found = Place()
+    found.x = first.x + c * then.x - s * then.y
+    found.y = first.y + s * then.x + c * then.y
+    found.heading = first.heading + then.heading
+    return found
+
+
+@wp.func
+def target_of(law: Law, edge: Edge, place: Place) -> Target:
+    point = Place()
+    point.x = law.x
+    point.y = law.y
+    end = chained(place, point)
+    slope = wp.tan(edge.heading)
+    bend = edge.curvature / wp.pow(wp.cos(edge.heading), real(3.0))
+    ahead = end.x - edge.reference
+    angle = wp.atan(slope + bend * ahead)
+    lateral = edge.offset + ahead * (slope + HALF * bend * ahead) - end.y
+    found = Target()
+    found.error = lateral * wp.cos(angle) + law.outward
+    found.angle = angle - place.heading
+    return found
+
+
+@wp.func
+def ahead_of(law: Law, state: State, pending: Numbers, speed: wp.float64) -> Place:
+    """As `ActuatorModel.ahead`."""
+    found = Place()
+    curvature = state.curvature
+    last = int(law.pending) - 1
+    for k in range(int(law.pending) + int(law.more)):
+        curvature += law.share * (pending[wp.min(k, last)] - state.deficit - curvature)
+        bend = speed * law.period * curvature
+        found.x += speed * law.period
+        found.y += speed * law.period * (found.heading + HALF * bend + state.slip)
+        found.heading += bend
+    return found
+
+
+@wp.func
+def curvature_for(law: Law, direction: wp.float64) -> wp.float64:
+    slope = wp.tan(between(direction, -STEEPEST, STEEPEST))
+    if law.x + law.y * slope < real(0.1) * wp.abs(law.x):
+        if slope > ZERO:
+            return law.limit
+        return -law.limit
+    return slope / (law.x + law.y * slope)
+
+
+@wp.func
+def observe(
+    state: State, law: Law, error: wp.float64, drift: wp.float64, travel: wp.float64, weight: wp.float64,
+    sd: wp.float64,
+) -> State:  # fmt: skip
+    """As `SlipObserver.update`."""
+    found = state
+    if found.error != found.error or law.pole == ZERO or sd < BETTER * found.sd:
+        found.error = error
+        found.sd = sd
+        return found
+    found.sd += wp.min(ONE, travel / FORGET) * wp.max(sd - found.sd, ZERO)
+    found.error += (drift - found.observed) * travel
+    missed = between(error - found.error, -law.clip, law.clip)
+    found.error += missed * wp.min(ONE, TWO * law.pole * weight * travel)
+    found.observed -= missed * law.pole_squared * weight * travel
+    found.observed = between(found.observed, -SLIP_LIMIT, SLIP_LIMIT)
+    if wp.abs(error - found.error) > real(3.0) * law.clip:
+        found.error = error
+    return found
+
+
+@wp.kernel
+def steer(
+    laws: wp.array(dtype=Law),
+    asked: wp.array(dtype=wp.float64),
+    odometry: wp.array2d(dtype=wp.float64),
+    edges: wp.array(dtype=Edge),
+    upward: wp.array2d(dtype=wp.float64),
+    turning: wp.array2d(dtype=wp.float64),
+    pendings: wp.array2d(dtype=wp.float64),
+    states: wp.array(dtype=State),
+    commands: wp.array2d(dtype=wp.float64),
+):
+    """asked: length of the step [s], age of the edge at its end [s], whether there is one
+
+    upward, turning: memories of `Inclination` and `YawRate`; commands: curvature, whether it steers
+    """
+    w = wp.tid()
+    law = laws[w]
+    state = states[w]
+    seconds = asked[0]
+    measured = odometry[w, 0]
+    rate = odometry[w, 1]
+    angle = odometry[w, 2]
+    speed = real(0.0)
+    if wp.isfinite(measured):
+        speed = measured
+    if wp.isfinite(rate):
+        short = wp.min(seconds, LONGEST)
+        turning[w, 1] = rate
+        turning[w, 2] = measured
+        turning[w, 3] = angle
+        turning[w, 4] = short
+        turn(turning[w])
+        state.since += short
+        if state.since >= AGAIN:
+            state.since = ZERO
+            state.bias = bias_of(turning[w])
+        rate = rate - state.bias
+    driven = real(0.0)
+    if measured > CRAWL and wp.isfinite(rate):
+        driven = rate / measured
+    elif wp.isfinite(angle):
+        driven = wp.tan(angle) / law.wheelbase
+    driven = between(driven, -law.limit, law.limit)
+    pending = pendings[w]
+    state.model += law.share * (pending[0] - state.model)
+    last = int(law.pending) - 1
+    for k in range(last):
+        pending[k] = pending[k + 1]
+    pending[last] = state.command
+    state.curvature = driven
+    travel = wp.max(speed, ZERO) * seconds
+    state.deficit += wp.min(ONE, travel * law.learnt) * (state.model - driven - state.deficit)
+    if upward[w, 0] > ZERO:
+        upward[w, 1] = speed
+        incline(upward[w])
+    aside = upward[w, 3] / wp.max(upward[w, 4], HALF)
+    expected = -(law.crab * (aside + speed * state.curvature * speed / GRAVITY))
+    state.slip = state.observed + expected
+    edge = edges[w]
+    is_usable = edge.confidence > ZERO and wp.isfinite(edge.offset) and wp.abs(edge.heading) < ONE
+    wanted = real(0.0)
+    if asked[2] > ZERO and is_usable and wp.isfinite(edge.curvature) and measured > ZERO:
+        state.engaged += seconds
+        state.lost = ZERO
+        far = measured * wp.max(asked[1], ZERO)
+        now = Place()
+        now.x = far
+        now.heading = far * state.curvature
+        now.y = far * (HALF * now.heading + state.slip)
+        if measured > CRAWL:
+            target = target_of(law, edge, now)
+            slow = wp.max(real(0.1), ONE - law.y * state.curvature)
+            drift = target.angle - wp.atan2(law.x * state.curvature, slow) - (state.slip - state.observed)
+            sd = real(0.0)
+            if wp.isfinite(edge.sd):
+                sd = edge.sd
+            weight = wp.pow(SURE / wp.max(sd, SURE), TWO)
+            state = observe(state, law, target.error, drift, measured * seconds, weight, sd)
+        then = chained(now, ahead_of(law, state, pending, measured))
+        target = target_of(law, edge, then)
+        preview_m = wp.max(law.lookahead, law.lookahead_s * measured)
+        approach = between(wp.atan(target.error / preview_m), -law.steepest, law.steepest)
+        wanted = curvature_for(law, target.angle + approach - state.slip) + state.deficit
+        state.held += wp.min(ONE, seconds / HALF) * (wanted - state.held)
+        blend = real(1.0)
+        if law.engage > ZERO:
+            blend = wp.min(ONE, state.engaged / law.engage)
+        wanted = state.command + blend * (wanted - state.command)
+    else:
+        state.engaged = ZERO
+        state.lost += seconds
+        state.error = real(wp.nan)
+        state.sd = ZERO
+        if state.lost <= law.hold:
+            wanted = state.held
+    step = law.rate * seconds
+    wanted = between(wanted, -law.limit, law.limit)
+    state.command += between(wanted - state.command, -step, step)
+    commands[w, 0] = state.command
+    commands[w, 1] = ZERO
+    if state.lost <= law.hold:
+        commands[w, 1] = ONE
+    states[w] = state

@@ -1,0 +1,211 @@
+"""Evaluators of many worlds that are shown a sample of all of them at once.
+
+A class that can do that has the class method `together(evaluators)`, one of each world; it gives an object
+with the members of `Judges`, or None where these evaluators cannot. What it saw of a world it gives to that
+world's evaluator when the world ends, who then says what it came to as in a run of its own.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.abilities import EndsRun
+from swath.core.graph import EndOfRun
+from swath.core.together import Samples, takes_all
+from swath.judge.evaluation import Evaluation
+from swath.judge.evaluator import Rests, WantsNewest
+from swath.signals import Signal
+
+Bits = NDArray[np.bool_]
+Sent = Samples | Sequence[Signal]
+
+
+class Judges(Protocol):
+    """The evaluators of one class in all worlds. active: worlds that still run"""
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None: ...
+    def give(self, world: int) -> None: ...
+
+
+class Asleep:
+    """Evaluators that have nothing to look at."""
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
+        """Nothing comes of it."""
+
+    def give(self, world: int) -> None:
+        """Nothing was seen."""
+
+
+class EvaluationOfAll:
+    """Shows samples of all worlds to their evaluators: to those of a class at once, or one by one."""
+
+    def __init__(self, evaluations: Sequence[Evaluation]) -> None:
+        self._evaluations = evaluations
+        first = evaluations[0]
+        self._groups = {
+            id(e): _Group(subject, [other.of(subject)[k] for other in evaluations])
+            for subject in first.subjects
+            for k, e in enumerate(first.of(subject))
+        }
+        self._shown: dict[tuple[Any, ...], list[_Group]] = {}
+        self._ending = [group for group in self._groups.values() if group.may_end]
+
+    def __call__(self, slot: str, t: int, outputs: Mapping[str, Sent], active: Bits) -> None:
+        """Samples that a slot of all worlds published at t [ns]."""
+        kinds = tuple(kind_of(sent) for sent in outputs.values())
+        groups = self._shown.get((slot, *kinds))
+        is_first = groups is None
+        if groups is None:
+            interested = self._evaluations[0].interested(slot, kinds)
+            groups = self._shown[slot, *kinds] = [self._groups[id(e)] for e in interested]
+        if not groups:
+            return
+        samples = _Both(outputs)
+        for group in groups:
+            group.see(slot, t, kinds, samples, active, is_first=is_first)
+
+    def end_with(self, world: int, t: int) -> None:
+        """Before the tick at t [ns]: EndOfRun where an evaluator of a world wants that."""
+        for group in self._ending:
+            if reason := group.evaluators[world].end_reason(t):
+                raise EndOfRun(f"{group.subject}: {reason}")
+
+    @property
+    def may_end(self) -> bool:
+        """Whether an evaluator may want a world to end."""
+        return any(group.may_end_now for group in self._ending)
+
+    def give(self, world: int) -> None:
+        """The evaluators of a world know what was seen of it."""
+        for group in self._groups.values():
+            group.give(world)
+
+
+class _Both:
+    """Samples of all worlds, in arrays and one by one, each made where it is asked for."""
+
+    def __init__(self, outputs: Mapping[str, Sent]) -> None:
+        self.sent = outputs
+        self._all: dict[str, Samples] | None = None
+        self._each: dict[str, Sequence[Signal]] | None = None
+
+    @property
+    def all(self) -> dict[str, Samples]:
+        if self._all is None:
+            self._all = {k: s if isinstance(s, Samples) else Samples.joined(s) for k, s in self.sent.items()}
+        return self._all
+
+    def of(self, world: int) -> dict[str, Signal]:
+        if self._each is None:
+            self._each = {k: s.each() if isinstance(s, Samples) else s for k, s in self.sent.items()}
+        return {name: each[world] for name, each in self._each.items()}
+
+
+class _Group:
+    """The evaluators of one place in all worlds. all: those that see all worlds at once, None = one by one"""
+
+    def __init__(self, subject: str, evaluators: Sequence[Any]) -> None:
+        self.subject, self.evaluators = subject, evaluators
+        kind = type(evaluators[0])
+        self.all: Judges | None = None
+        if takes_all(kind, "see") and all(type(e) is kind for e in evaluators):
+            self.all = kind.together(evaluators)  # type: ignore[attr-defined]
+        self.may_end = isinstance(evaluators[0], EndsRun)
+        self._rests = isinstance(evaluators[0], Rests)
+        self._newest = evaluators[0].NEWEST if isinstance(evaluators[0], WantsNewest) else ()
+        self._waiting: dict[str, tuple[str, int, Mapping[str, Sent]]] = {}
+        self._until = min(e.rests_until for e in evaluators) if self._rests else 0
+
+    @property
+    def may_end_now(self) -> bool:
+        """False of those that saw nothing so far."""
+        return not (isinstance(self.all, Asleep) or (isinstance(self.all, Woken) and not self.all.was_woken))
+
+    def see(
+        self, slot: str, t: int, kinds: Sequence[type], samples: _Both, active: Bits, *, is_first: bool
+    ) -> None:
+        if self.all is not None:
+            self.all.see(slot, t, samples.all, active)
+            return
+        if self._newest and all(issubclass(kind, self._newest) for kind in kinds) and not is_first:
+            self._waiting[slot] = slot, t, samples.sent
+            return
+        if t < self._until:
+            return
+        for world in np.flatnonzero(active).tolist():
+            evaluator = self.evaluators[world]
+            if self._waiting:
+                self._show(world)
+            if not self._rests or t >= evaluator.rests_until:
+                evaluator.see(slot, t, samples.of(world))
+        self._waiting.clear()
+        if self._rests:
+            self._until = min(e.rests_until for e in self.evaluators)
+
+    def give(self, world: int) -> None:
+        if self.all is not None:
+            self.all.give(world)
+        self._show(world)
+
+    def _show(self, world: int) -> None:
+        for slot, t, outputs in self._waiting.values():
+            own = {k: s.of(world) if isinstance(s, Samples) else s[world] for k, s in outputs.items()}
+            self.evaluators[world].see(slot, t, own)
+
+
+class Woken:
+    """Evaluators that are shown a sample where something about it asks for it.
+
+    asks: worlds where it does, from samples of all of them
+    """
+
+    def __init__(
+        self, evaluators: Sequence[Any], asks: Callable[[int, Mapping[str, Samples], Bits], Bits | None]
+    ) -> None:
+        self._evaluators, self._asks, self.was_woken = evaluators, asks, False
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
+        """Show it to those who ask."""
+        wanted = self._asks(t, outputs, active)
+        if wanted is not None:
+            for world in np.flatnonzero(wanted & active).tolist():
+                own = {name: samples.of(world) for name, samples in outputs.items()}
+                self._evaluators[world].see(slot, t, own)
+                self.was_woken = True
+
+    def give(self, world: int) -> None:
+        """They know already."""
+
+
+def newest_of(outputs: Mapping[str, Samples], kind: type[Signal]) -> Samples | None:
+    """The sample of a type among outputs."""
+    return next((s for s in outputs.values() if issubclass(s.kind, kind)), None)
+
+
+def kind_of(sent: Sent) -> type[Signal]:
+    """Of which type samples are."""
+    return sent.kind if isinstance(sent, Samples) else type(sent[0])
+
+
+class Table:
+    """Rows of numbers of each world, as many as come. rows: (worlds, room, width); count: (worlds,)"""
+
+    def __init__(self, worlds: int, width: int) -> None:
+        self._rows = np.zeros((worlds, 64, width))
+        self.count = np.zeros(worlds, np.int64)
+
+    def add(self, where: NDArray[np.int64], *columns: Any) -> None:
+        """A row for each of these worlds."""
+        at = self.count[where]
+        if len(at) and int(at.max()) >= self._rows.shape[1]:
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)], axis=1)
+        for k, column in enumerate(columns):
+            self._rows[where, at, k] = column
+        self.count[where] += 1
+
+    def of(self, world: int) -> NDArray[np.float64]:
+        """Those of a world, (n, width)."""
+        return self._rows[world, : self.count[world]]
