@@ -343,7 +343,8 @@ def detected(stored: dict[str, Any], level: str, params: Mapping[str, Any] | Non
 
     entry = import_module(f"swath.control.edge.{level}").LEVEL
     machine, mountings, side, period, height = stored["setup"]
-    part = entry.component(entry.params(**(params or {})), ControlSetup(machine, mountings, side, period, height))
+    global PART
+    part = PART = entry.component(entry.params(**(params or {})), ControlSetup(machine, mountings, side, period, height))
     told = [part.reset(Stream(1, "edge"))["edge"]]
     began = time.process_time()
     for t, dt, inputs in stored["kept"]:

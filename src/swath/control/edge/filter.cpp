@@ -5,14 +5,16 @@
 // out: told.
 
 typedef double D;
-constexpr int L = 10, C = 90, K = 8, W = C + 2 * K, NODES = 48, S = 80;  // layers, cells, half template, padded row, nodes, cells of the start
+constexpr int L = 10, C = 90, K = 16, W = C + 2 * K, NODES = 48, S = 80;  // layers, cells, half template, padded row, nodes, cells of the start
 constexpr D STEP = 0.4, CELL = 0.04, E0 = -0.5 * C * CELL, WIDE = 0.1, W0 = -0.5 * S * WIDE;
 constexpr D TINY = 1e-12, MANY = 1e9;
+constexpr int SHAPES = 10, UPRIGHT = 4;
+constexpr D LEAN[SHAPES] = {-0.6, -0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45, 0.6, 0.9};  // of the crop's side toward the crop, per height
 struct Given { D seconds, age, speed, rate, crab, rise, beams, is_new; };
 struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest, ray_low; };
 struct Numbers {
-  D search, begin_nat, begin_m, bend, turn, bend_sd, turn_sd, tooth_m, tooth, memory, hole, hole_ends, apart, wall_stays, wall_none,
-    wall_step, path, least, spread, spot, overhang, drift, lost, hold, height_sd, oblique;
+  D search, begin_nat, begin_m, bend, turn, bend_sd, turn_sd, tooth_m, tooth, tooth_first, memory, hole, hole_ends, apart, wall_stays, wall_none,
+    wall_step, path, least, bend_tail, spot, overhang, drift, lost, hold, lean_sd, shape_alike, height_sd;
 };
 struct Node {
   D x, u, phi, bend;             // a place of the reference path
@@ -21,13 +23,15 @@ struct Node {
   D eta, prec, edge, hole;       // site of this node's rays in e; what they say for an edge, for a hole
   D standing, before[4], cover[16], mean[4], cov[16];  // predicted and smoothed (y, theta, kappa, tooth)
   D pi;                          // chance of an edge, from the neighbours alone
+  D gust;                        // variance of the step of the bend to here, per metre
 };
 struct Rates { D n[L], x[L], lost, rays; };
 struct Head {
-  D X, U, psi, level, slope, known, since, way, scans, first, count, touched, alpha, over, tooth2, height;
+  D X, U, psi, level, slope, known, since, way, scans, first, count, touched, alpha, over, tooth2, height, learned;
   D mean[4], cov[16];            // before the first node's rays
   Rates in, out;                 // learned from nodes that no ray reaches any more
   D mu_in[L], mu_out[L], q_in, q_out;
+  D said[SHAPES], aside[SHAPES], chance[SHAPES];  // of each shape of the edge: log-likelihood, where it puts the feet, posterior
   Node nodes[NODES];
 };
 constexpr int GRID = 2 * L * W + 2 * W + 2 * (C + 1);  // floats of a node: stops, paths, rays, lost, score, wall
@@ -41,6 +45,7 @@ D* const out = (D*)told.data;
 auto node = [&](int k) -> Node& { return h.nodes[((int)h.first + k) % NODES]; };
 auto grid = [&](int k) -> float* { return all + (long)(((int)h.first + k) % NODES) * GRID; };
 float* const wide = all + (long)NODES * GRID;  // of the start: stops, paths (L, S), rays, lost (S,)
+float* const shapes = wide + 2 * L * S + 2 * S;  // share of the stand that is there: (SHAPES, L, 2 K)
 auto sq = [](D v) { return v * v; };
 auto least = [](D a, D b) { return a < b ? a : b; };
 auto most = [](D a, D b) { return a > b ? a : b; };
@@ -69,12 +74,20 @@ auto clear_rates = [&](Rates& r) {
 };
 auto lose = [&]() {
   h.count = h.first = h.since = h.way = h.scans = 0.0, h.touched = MANY;
-  h.over = 3.0, h.tooth2 = sq(1.5 * p.tooth), h.height = s.usual;
+  h.over = 3.0, h.tooth2 = sq(p.tooth_first), h.learned = 0.0, h.height = s.usual;
   clear_rates(h.in), clear_rates(h.out);
+  for (int f = 0; f < SHAPES; ++f) {
+    const D lean = LEAN[f];
+    h.said[f] = h.aside[f] = 0.0;
+    for (int l = 0; l < L; ++l) {
+      const D z = s.lowest + (l + 0.5) * s.layer, width = p.spot;
+      for (int t = 0; t < 2 * K; ++t) shapes[(f * L + l) * 2 * K + t] = (float)share_below(((t - K + 0.5) * CELL - lean * z) / width);
+    }
+  }
   for (int i = 0; i < 2 * L * S + 2 * S; ++i) wide[i] = 0.0f;
 };
 auto renew = [&](Node& n, const Node* from) {  // a node from the one before
-  n.scans = n.learned = n.height = n.eta = n.prec = 0.0, n.edge = n.hole = 1.0, n.standing = 1.0, n.pi = 1.0;
+  n.scans = n.learned = n.height = n.eta = n.prec = 0.0, n.edge = n.hole = 1.0, n.standing = 1.0, n.pi = 1.0, n.gust = sq(p.bend);
   for (int i = 0; i < 4; ++i) n.mean[i] = 0.0;
   for (int i = 0; i < 16; ++i) n.cov[i] = i % 5 ? 0.0 : 1.0;
   if (!from) return;
@@ -94,7 +107,7 @@ auto onward = [&](const Node& n, D tooth2, D* m, D* P) {  // from the node befor
   m[0] = y, m[1] = t, m[3] *= r;
   for (int j = 0; j < 4; ++j) P[j] += a * P[4 + j] + q * P[8 + j], P[4 + j] += a * P[8 + j], P[12 + j] *= r;
   for (int i = 0; i < 16; i += 4) P[i] += a * P[i + 1] + q * P[i + 2], P[i + 1] += a * P[i + 2], P[i + 3] *= r;
-  P[5] += sq(p.turn) * a, P[10] += sq(p.bend) * a, P[15] += tooth2 * (1.0 - r * r);
+  P[5] += sq(p.turn) * a, P[10] += n.gust * a, P[15] += tooth2 * (1.0 - r * r);
 };
 auto given_site = [&](const Node& n, D* m, D* P) {  // y + tooth is measured
   if (n.prec < 1e-6) return;
@@ -146,6 +159,10 @@ auto smooth = [&]() {  // forward, then back: Bryson and Frazier, no inverse
         for (int l = 0; l < 4; ++l) v -= QZ[4 * i + l] * Q[4 * l + j];
         a.cov[4 * i + j] = v;
       }
+    if (k + 1 < n) {  // steps of the bend after Student: its variance given the step
+      Node& b = node(k + 1);
+      b.gust = (p.bend_tail * sq(p.bend) + sq(b.mean[2] - a.mean[2]) / STEP) / (p.bend_tail + 1.0);
+    }
     if (k) {
       const D t = a.a, q = 0.5 * t * t, r = ::exp(-t / p.tooth_m);
       z[2] += t * z[1] + q * z[0], z[1] += t * z[0], z[3] *= r;
@@ -161,6 +178,19 @@ auto put = [](float* row, int cells, D first, D width, D b, D amount) {
   if (!(v >= 0.0 && v < cells - 1)) return;
   const int i = (int)v;
   row[i] += (float)(amount * (1.0 - (v - i))), row[i + 1] += (float)(amount * (v - i));
+};
+auto reaches = [&]() {  // whether the ground is seen beyond the last node
+  const Node& a = node((int)h.count - 1);
+  const D c = ::cos(a.phi - h.psi), d = ::sin(a.phi - h.psi), cp = ::cos(h.psi), sp = ::sin(h.psi);
+  const D x0 = cp * (a.x - h.X) + sp * (a.u - h.U), u0 = cp * (a.u - h.U) - sp * (a.x - h.X);
+  int beyond = 0;
+  for (int i = 0; i < (int)g.beams; ++i) {
+    const D *v = aim.data + 3 * i, r = ranges.data[i];
+    if (!(v[2] < -0.05 && r > 1.0 && r < 25.0)) continue;
+    const D x = s.x + r * v[0] - x0, u = s.y + r * v[1] - u0, b = c * u - d * x;
+    if (c * x + d * u > 0.5 * STEP && b > -1.5 && b < 1.5 && ++beyond >= 3) return true;
+  }
+  return false;
 };
 auto take = [&]() {
   const int n = (int)g.beams, count = (int)h.count;
@@ -209,7 +239,7 @@ auto take = [&]() {
     if (round) h.known = 1.0;
   }
   h.level = level, h.slope = slope;
-  int beyond = 0, at = count - 1;
+  int at = count - 1;
   D said[NODES] = {}, whole = 0.0;
   const D top = s.lowest + L * s.layer;
   for (int i = 0; i < n; ++i) {
@@ -241,8 +271,6 @@ auto take = [&]() {
       }
       return along > -0.6 * STEP && along < 0.6 * STEP;
     };
-    const D low = (s.ray_low - h0) / dh;
-    if (!locate(low) && count && at == count - 1 && along > 0.5 * STEP && beside > -1.5 && beside < 1.5) ++beyond;
     if (locate((0.4 * s.usual - h0) / dh)) {
       float* rays = count ? grid(at) + 2 * L * W : wide + 2 * L * S;
       const int next = count ? W : S;
@@ -278,11 +306,30 @@ auto take = [&]() {
     }
   }
   if (whole > 0.0) for (int k = 0; k < count; ++k) node(k).scans += said[k] / whole;
-  return beyond;
 };
 
-// ---- Rates of stops per metre on both sides; the template of an edge
+// ---- Rates of stops per metre on both sides; the shape of an edge
 float up[L][2 * K], way_up[L][2 * K], full[L], way_full[L], ln_lost, ln_kept;
+auto shape = [&](const float* there) {  // what stops and metres say where a share of the stand is there, (L, 2 K)
+  for (int l = 0; l < L; ++l) {
+    const float o = (float)h.mu_out[l], more = (float)(h.mu_in[l] - h.mu_out[l]), per = 1.0f / o;
+    for (int t = 0; t < 2 * K; ++t) {
+      const float w = more * there[l * 2 * K + t];
+      up[l][t] = (float)::log((D)(1.0f + w * per)), way_up[l][t] = w;
+    }
+  }
+};
+auto weigh_shapes = [&]() {
+  D best = -1e30, sum = 0.0, v[SHAPES];
+  for (int f = 0; f < SHAPES; ++f) {
+    const D lean = LEAN[f], high = h.height / s.usual * ::sqrt(1.0 + lean * lean) - 1.0;
+    v[f] = h.said[f] / p.shape_alike - 1.5 * ::log(1.0 + sq(lean / p.lean_sd));
+    if (s.is_usual > 0.0) v[f] -= ::log(1.0 + sq(high / p.height_sd));
+    best = most(best, v[f]);
+  }
+  for (int f = 0; f < SHAPES; ++f) sum += h.chance[f] = ::exp(v[f] - best);
+  for (int f = 0; f < SHAPES; ++f) h.chance[f] /= sum;
+};
 auto rates = [&](const Rates& in, const Rates& away) {
   D ni = 0.0, xi = 0.0;
   for (int l = 0; l < L; ++l) ni += in.n[l], xi += in.x[l];
@@ -290,17 +337,20 @@ auto rates = [&](const Rates& in, const Rates& away) {
   for (int l = 0; l < L; ++l) {
     h.mu_in[l] = (in.n[l] + p.path * mean) / (in.x[l] + p.path);
     h.mu_out[l] = (away.n[l] + p.path * p.least) / (away.x[l] + p.path) + p.least;
-    const D z = s.lowest + (l + 0.5) * s.layer, width = ::sqrt(sq(p.spread * z) + sq(p.spot));
-    for (int t = 0; t < 2 * K; ++t) {
-      const D w = share_below((t - K + 0.5) * CELL / width), mu = h.mu_out[l] + w * (h.mu_in[l] - h.mu_out[l]);
-      up[l][t] = (float)::log(mu / h.mu_out[l]), way_up[l][t] = (float)(mu - h.mu_out[l]);
-    }
     full[l] = (float)::log(h.mu_in[l] / h.mu_out[l]), way_full[l] = (float)(h.mu_in[l] - h.mu_out[l]);
   }
+  weigh_shapes();
+  float there[L * 2 * K] = {};
+  for (int f = 0; f < SHAPES; ++f) {
+    if (h.chance[f] < 1e-4) continue;
+    const float c = (float)h.chance[f], *q = shapes + f * L * 2 * K;
+    for (int i = 0; i < L * 2 * K; ++i) there[i] += c * q[i];
+  }
+  shape(there);
   h.q_in = (in.lost + 0.5) / (in.rays + 10.0), h.q_out = (away.lost + 0.5) / (away.rays + 10.0);
   ln_lost = (float)::log(h.q_in / h.q_out), ln_kept = (float)::log((1.0 - h.q_in) / (1.0 - h.q_out));
 };
-auto score_of = [&](int k) {  // log-likelihood of the wall at every place
+auto score_of = [&](int k, float* to) {  // log-likelihood of the wall at every place
   float *q = grid(k), score[C + 1];
   for (int j = 0; j <= C; ++j) score[j] = 0.0f;
   for (int l = 0; l < L; ++l) {
@@ -325,7 +375,6 @@ auto score_of = [&](int k) {  // log-likelihood of the wall at every place
     sum += lost[j] * ln_lost + (rays[j] - lost[j]) * ln_kept;
     if (j - K <= C) score[j - K] += sum;
   }
-  float* to = q + 2 * L * W + 2 * W;
   const float per = (float)(1.0 / h.over);
   for (int j = 0; j <= C; ++j) to[j] = score[j] * per;
 };
@@ -349,15 +398,36 @@ auto add_sides = [&](int k, Rates& in, Rates& away, D worth) {  // what was seen
 auto learn = [&](int k) {  // from a node that no ray reaches any more
   Node& a = node(k);
   a.learned = 1.0;
-  const D keep = ::exp(-STEP / p.memory), share = 1.0 - keep;
+  if (a.scans <= 0.0) return;
+  const D keep = ::exp(-STEP / p.memory), share = most(1.0 - keep, 1.0 / (h.learned + 5.0));
+  h.learned += 1.0;
   Rates* both[2] = {&h.in, &h.out};
   for (Rates* r : both) {
     for (int l = 0; l < L; ++l) r->n[l] *= keep, r->x[l] *= keep;
     r->lost *= keep, r->rays *= keep;
   }
-  if (a.standing < 0.5 || a.scans <= 0.0) return;
+  if (a.standing < 0.5) return;
   add_sides(k, h.in, h.out, a.standing);
   h.tooth2 = most(h.tooth2 + share * (sq(a.mean[3]) + a.cov[15] - h.tooth2), sq(p.tooth));
+  // the shape of the edge: how well each explains this node, wherever it puts the feet
+  for (int f = 0; f < SHAPES; ++f) {
+    float to[C + 1];
+    shape(shapes + f * L * 2 * K);
+    score_of(k, to);
+    float top = to[0];
+    for (int j = 1; j <= C; ++j) top = to[j] > top ? to[j] : top;
+    D sum = 0.0, at = 0.0;
+    for (int j = 0; j <= C; ++j) {
+      const D v = to[j] - top > -20.0f ? ::exp((D)(to[j] - top)) : 0.0;
+      sum += v, at += v * (E0 + j * CELL);
+    }
+    h.said[f] = h.said[f] * keep + top + ::log(sum);
+    at /= sum;
+    h.aside[f] += share * ((at - (a.mean[0] + a.mean[3])) - h.aside[f]);
+  }
+  D highest = h.said[0];
+  for (int f = 1; f < SHAPES; ++f) highest = most(highest, h.said[f]);
+  for (int f = 0; f < SHAPES; ++f) h.said[f] -= highest;
   // how much more stops scatter from place to place than those of a Poisson process
   const float* q = grid(k);
   const D e = a.mean[0] + a.mean[3];
@@ -477,19 +547,20 @@ auto modes = [&]() {  // edge or hole, forward and back; pi leaves out the node'
 };
 auto update = [&]() {
   const int n = (int)h.count, touched = (int)least(h.touched, n);
-  for (int k = 0; k < touched; ++k) if (node(k).learned == 0.0) learn(k);
   Rates in = h.in, away = h.out;
-  for (int k = touched; k < n; ++k) if (node(k).standing > 0.5 && node(k).scans > 0.3) add_sides(k, in, away, node(k).standing);
+  for (int k = 0; k < n; ++k) if (node(k).learned == 0.0 && node(k).standing > 0.5 && node(k).scans > 0.3) add_sides(k, in, away, node(k).standing);
   rates(in, away);
   measure();
-  for (int k = 0; k < n; ++k) if (k >= touched && node(k).scans > 0.0) score_of(k);
+  for (int k = 0; k < n; ++k) if (k >= touched && node(k).scans > 0.0) score_of(k, grid(k) + 2 * L * W + 2 * W);
   for (int sweep = 0; sweep < 2; ++sweep) {
     smooth();
     for (int k = most(touched - 4, 0); k < n; ++k) if (node(k).scans > 0.0) hear(k);
     modes();
   }
   smooth();
+  for (int k = 0; k < touched; ++k) if (node(k).learned == 0.0) learn(k);
   h.touched = MANY, h.since = 0.0;
+  while (h.count > 12.0 && node((int)h.count - 1).scans < 0.5) h.count -= 1.0;  // laid anew from what is believed by now
   // what lies behind goes into what is believed before the first node's rays
   const D c = ::cos(h.psi), d = ::sin(h.psi);
   while (h.count > 3.0) {
@@ -572,8 +643,9 @@ if (g.is_new > 0.0) {
     take();
     if (h.since >= 0.5 * STEP) h.since = 0.0, begin(travel);
   } else {
-    for (int more = take(); more >= 3 && h.count < NODES; more = 0) extend();
-    if (h.count < 12.0) while (h.count < 24.0) extend();
+    while (h.count < 12.0) extend();
+    for (int round = 0; round < 30 && reaches() && h.count < NODES; ++round) extend();
+    take();
     if (h.since >= 0.75 * STEP && h.touched < MANY) update();
   }
 }
@@ -609,7 +681,10 @@ if (h.count >= 3.0) {
     const D size = way < 0.0 ? -way : way;
     var += sq(p.turn) * size * size * size / 3.0 + sq(p.bend) * size * size * size * size * size / 20.0;
     foot = most(farthest - s.reference, 0.0);
-    var += sq(p.overhang * h.height) + sq(p.drift * foot);
+    D middle = 0.0, between = 0.0;  // where shapes put the feet
+    for (int f = 0; f < SHAPES; ++f) middle += h.chance[f] * h.aside[f];
+    for (int f = 0; f < SHAPES; ++f) between += h.chance[f] * sq(h.aside[f] - middle);
+    var += between + sq(p.overhang * h.height) + sq(p.drift * foot);
     const D sd = ::sqrt(most(var, 0.0)) / steep;
     if (sd < p.lost && farthest > s.reference - p.hold) {
       out[0] = 1.0, out[1] = offset, out[2] = heading, out[3] = a.mean[2];

@@ -60,11 +60,11 @@ from swath.kernels import repeatable, shared, start_warp
 from swath.signals import CropEdge, Inertial, Odometry, Scan, beam_directions
 from swath.signals.setup import ControlSetup
 
-LAYERS, CELLS, HALF, NODES, WIDE = 10, 90, 8, 48, 80  # as in filter.cpp
-NODE, HEAD = 56, 36 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2
+LAYERS, CELLS, HALF, NODES, WIDE, SHAPES = 10, 90, 16, 48, 80, 10  # as in filter.cpp
+NODE, HEAD = 57, 37 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
 STATE = HEAD + NODES * NODE
 ROW = CELLS + 2 * HALF
-GRIDS = NODES * (2 * LAYERS * ROW + 2 * ROW + 2 * (CELLS + 1)) + 2 * LAYERS * WIDE + 2 * WIDE
+GRIDS = NODES * (2 * LAYERS * ROW + 2 * ROW + 2 * (CELLS + 1)) + (2 * LAYERS + 2) * WIDE + SHAPES * LAYERS * 2 * HALF
 USUAL = 0.85  # m: height of a crop that nobody named
 TOP, LOWEST = 1.25, 0.05  # of the usual height, m: where the layers end and begin
 LATE = 0.4  # s: age of the newest scan from which on there is no edge
@@ -94,12 +94,13 @@ class Params:
     search_m: Annotated[float, Gt(0.1), Le(10)] = 1.5
     begin_nat: Annotated[float, Ge(0)] = 20.0
     begin_m: Annotated[float, Gt(0)] = 1.2
-    bend_noise: Annotated[float, Gt(0)] = 0.02
+    bend_noise: Annotated[float, Gt(0)] = 0.008
     turn_noise: Annotated[float, Gt(0)] = 0.004
     bend_sd: Annotated[float, Gt(0)] = 0.02
     turn_sd: Annotated[float, Gt(0)] = 0.1
     tooth_m: Annotated[float, Gt(0)] = 1.5
     tooth_sd_m: Annotated[float, Gt(0)] = 0.012
+    tooth_first_m: Annotated[float, Gt(0)] = 0.06
     memory_m: Annotated[float, Gt(0)] = 15.0
     hole: Annotated[float, Gt(0), Le(1)] = 0.01
     hole_ends: Annotated[float, Gt(0), Le(1)] = 0.1
@@ -109,12 +110,15 @@ class Params:
     wall_step_m: Annotated[float, Gt(0)] = 0.05
     prior_m: Annotated[float, Gt(0)] = 0.3
     least: Annotated[float, Gt(0)] = 0.03
-    spread: Annotated[float, Ge(0)] = 0.1
+    bend_tail: Annotated[float, Gt(0)] = 2.0
     spot_m: Annotated[float, Gt(0)] = 0.03
-    overhang: Annotated[float, Ge(0)] = 0.035
+    overhang: Annotated[float, Ge(0)] = 0.025
     drift: Annotated[float, Ge(0)] = 0.003
     lost_m: Annotated[float, Gt(0)] = 0.6
     hold_m: Annotated[float, Ge(0), Le(20)] = 5.0
+    lean_sd: Annotated[float, Gt(0)] = 0.1
+    shape_alike: Annotated[float, Gt(0)] = 6.0
+    height_sd: Annotated[float, Gt(0)] = 0.12
     reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
     crab: Annotated[float, Ge(0), Le(1)] = CRAB
