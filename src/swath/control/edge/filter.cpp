@@ -331,11 +331,9 @@ auto weigh_shapes = [&]() {
   for (int f = 0; f < SHAPES; ++f) h.chance[f] /= sum;
 };
 auto rates = [&](const Rates& in, const Rates& away) {
-  D ni = 0.0, xi = 0.0;
-  for (int l = 0; l < L; ++l) ni += in.n[l], xi += in.x[l];
-  const D mean = most(ni / most(xi, TINY), 4.0 * p.least);
-  for (int l = 0; l < L; ++l) {
-    h.mu_in[l] = (in.n[l] + p.path * mean) / (in.x[l] + p.path);
+  D mean = 4.0 * p.least;  // crop that is not seen is as dense as the layer above it
+  for (int l = L - 1; l >= 0; --l) {
+    mean = h.mu_in[l] = most((in.n[l] + p.path * mean) / (in.x[l] + p.path), 4.0 * p.least);
     h.mu_out[l] = (away.n[l] + p.path * p.least) / (away.x[l] + p.path) + p.least;
     full[l] = (float)::log(h.mu_in[l] / h.mu_out[l]), way_full[l] = (float)(h.mu_in[l] - h.mu_out[l]);
   }
