@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.component import Port
+from swath.core.errors import SwathError
 from swath.core.foreign_code import allow_code
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
@@ -194,10 +195,14 @@ def _drawn(rng: np.random.Generator, number: int) -> dict[str, Any]:
 
 def world_of(sets: Sets, level: str, lidar: str) -> World:
     """The scenario `straight` with these settings."""
-    wires = sets["combine.edge.wires"]
-    given = {**sets, "combine.edge.level": level, "combine.lidar.level": lidar, "combine.edge.wires": wires}
-    with allow_code(None):
-        return assemble(load_scenario("straight", sets=[f"{k}={json.dumps(v)}" for k, v in given.items()]))
+    given = {**sets, "combine.edge.level": level, "combine.lidar.level": lidar}
+    try:
+        with allow_code(None):
+            return assemble(load_scenario("straight", sets=[f"{k}={json.dumps(v)}" for k, v in given.items()]))
+    except SwathError:  # no table of this crop
+        if lidar == "plants":
+            raise
+        return world_of(sets, level, "plants")
 
 
 # ---- Errors

@@ -179,14 +179,14 @@ auto put = [](float* row, int cells, D first, D width, D b, D amount) {
   const int i = (int)v;
   row[i] += (float)(amount * (1.0 - (v - i))), row[i + 1] += (float)(amount * (v - i));
 };
-auto reaches = [&]() {  // whether the ground is seen beyond the last node
+auto reaches = [&]() {  // whether rays come to the ground beyond the last node
   const Node& a = node((int)h.count - 1);
   const D c = ::cos(a.phi - h.psi), d = ::sin(a.phi - h.psi), cp = ::cos(h.psi), sp = ::sin(h.psi);
   const D x0 = cp * (a.x - h.X) + sp * (a.u - h.U), u0 = cp * (a.u - h.U) - sp * (a.x - h.X);
   int beyond = 0;
   for (int i = 0; i < (int)g.beams; ++i) {
-    const D *v = aim.data + 3 * i, r = ranges.data[i];
-    if (!(v[2] < -0.05 && r > 1.0 && r < 25.0)) continue;
+    const D *v = aim.data + 3 * i, r = v[2] < -0.05 ? (s.lowest - s.z) / v[2] : MANY;
+    if (r > 20.0) continue;
     const D x = s.x + r * v[0] - x0, u = s.y + r * v[1] - u0, b = c * u - d * x;
     if (c * x + d * u > 0.5 * STEP && b > -1.5 && b < 1.5 && ++beyond >= 3) return true;
   }
