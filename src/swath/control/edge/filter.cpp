@@ -277,6 +277,7 @@ auto take = [&]() {
       const D first = count ? E0 - K * CELL : W0, width = count ? CELL : WIDE;
       put(rays, next, first, width, beside, 1.0);
       if (!seen) put(rays + next, next, first, width, beside, 1.0);
+      if (count && beside > -1.0 && beside < 1.0) said[at] += s.layer, whole += s.layer, h.touched = least(h.touched, at);
     }
     if (!seen) continue;
     for (int l = L - 1; l >= 0; --l) {
