@@ -559,7 +559,11 @@ auto update = [&]() {
   smooth();
   for (int k = 0; k < touched; ++k) if (node(k).learned == 0.0) learn(k);
   h.touched = MANY, h.since = 0.0;
-  while (h.count > 12.0 && node((int)h.count - 1).scans < 0.5) h.count -= 1.0;  // laid anew from what is believed by now
+  while (h.count > 12.0) {  // the path's end is laid anew from what is believed by now where it is off, or was not seen
+    const Node& a = node((int)h.count - 1);
+    if (a.scans >= 1.0 || (a.scans >= 0.02 && sq(a.mean[0]) < sq(0.5) && sq(a.mean[1]) < sq(0.2))) break;
+    h.count -= 1.0;
+  }
   // what lies behind goes into what is believed before the first node's rays
   const D c = ::cos(h.psi), d = ::sin(h.psi);
   while (h.count > 3.0) {
