@@ -14,7 +14,7 @@ struct Given { D seconds, age, speed, rate, crab, rise, beams, is_new; };
 struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest, ray_low; };
 struct Numbers {
   D search, begin_nat, begin_m, bend, turn, bend_sd, turn_sd, tooth_m, tooth, tooth_first, memory, hole, hole_ends, apart, wall_stays, wall_none,
-    wall_step, path, least, bend_tail, spot, overhang, drift, lost, hold, lean_sd, shape_alike, height_sd;
+    wall_step, path, least, bend_tail, over_first, shoulder, spot, overhang, drift, lost, hold, lean_sd, shape_alike, height_sd;
 };
 struct Node {
   D x, u, phi, bend;             // a place of the reference path
@@ -74,7 +74,7 @@ auto clear_rates = [&](Rates& r) {
 };
 auto lose = [&]() {
   h.count = h.first = h.since = h.way = h.scans = 0.0, h.touched = MANY;
-  h.over = 3.0, h.tooth2 = sq(p.tooth_first), h.learned = 0.0, h.height = s.usual;
+  h.over = p.over_first, h.tooth2 = sq(p.tooth_first), h.learned = 0.0, h.height = s.usual;
   clear_rates(h.in), clear_rates(h.out);
   for (int f = 0; f < SHAPES; ++f) {
     const D lean = LEAN[f];
@@ -349,10 +349,10 @@ auto rates = [&](const Rates& in, const Rates& away) {
   h.q_in = (in.lost + 0.5) / (in.rays + 10.0), h.q_out = (away.lost + 0.5) / (away.rays + 10.0);
   ln_lost = (float)::log(h.q_in / h.q_out), ln_kept = (float)::log((1.0 - h.q_in) / (1.0 - h.q_out));
 };
-auto score_of = [&](int k, float* to) {  // log-likelihood of the wall at every place
+auto score_of = [&](int k, int layers, float* to) {  // log-likelihood of the wall at every place, from so many layers
   float *q = grid(k), score[C + 1];
   for (int j = 0; j <= C; ++j) score[j] = 0.0f;
-  for (int l = 0; l < L; ++l) {
+  for (int l = 0; l < layers; ++l) {
     const float *n = q + l * W, *x = q + L * W + l * W;
     float any = 0.0f;
     for (int i = 0; i < W; ++i) any += x[i];
@@ -409,10 +409,11 @@ auto learn = [&](int k) {  // from a node that no ray reaches any more
   add_sides(k, h.in, h.out, a.standing);
   h.tooth2 = most(h.tooth2 + share * (sq(a.mean[3]) + a.cov[15] - h.tooth2), sq(p.tooth));
   // the shape of the edge: how well each explains this node, wherever it puts the feet
+  const int sides = (int)clip((p.shoulder * h.height - s.lowest) / s.layer, 1.0, L);  // above them tops are round
   for (int f = 0; f < SHAPES; ++f) {
     float to[C + 1];
     shape(shapes + f * L * 2 * K);
-    score_of(k, to);
+    score_of(k, sides, to);
     float top = to[0];
     for (int j = 1; j <= C; ++j) top = to[j] > top ? to[j] : top;
     D sum = 0.0, at = 0.0;
@@ -550,7 +551,7 @@ auto update = [&]() {
   for (int k = 0; k < n; ++k) if (node(k).learned == 0.0 && node(k).standing > 0.5 && node(k).scans > 0.3) add_sides(k, in, away, node(k).standing);
   rates(in, away);
   measure();
-  for (int k = 0; k < n; ++k) if (k >= touched && node(k).scans > 0.0) score_of(k, grid(k) + 2 * L * W + 2 * W);
+  for (int k = 0; k < n; ++k) if (k >= touched && node(k).scans > 0.0) score_of(k, L, grid(k) + 2 * L * W + 2 * W);
   for (int sweep = 0; sweep < 2; ++sweep) {
     smooth();
     for (int k = most(touched - 4, 0); k < n; ++k) if (node(k).scans > 0.0) hear(k);

@@ -100,7 +100,7 @@ class Params:
     turn_sd: Annotated[float, Gt(0)] = 0.1
     tooth_m: Annotated[float, Gt(0)] = 1.5
     tooth_sd_m: Annotated[float, Gt(0)] = 0.012
-    tooth_first_m: Annotated[float, Gt(0)] = 0.06
+    tooth_first_m: Annotated[float, Gt(0)] = 0.12
     memory_m: Annotated[float, Gt(0)] = 15.0
     hole: Annotated[float, Gt(0), Le(1)] = 0.01
     hole_ends: Annotated[float, Gt(0), Le(1)] = 0.1
@@ -111,6 +111,8 @@ class Params:
     prior_m: Annotated[float, Gt(0)] = 0.3
     least: Annotated[float, Gt(0)] = 0.03
     bend_tail: Annotated[float, Gt(0)] = 2.0
+    over_first: Annotated[float, Ge(1)] = 8.0
+    shoulder: Annotated[float, Gt(0), Le(1)] = 0.75
     spot_m: Annotated[float, Gt(0)] = 0.03
     overhang: Annotated[float, Ge(0)] = 0.025
     drift: Annotated[float, Ge(0)] = 0.003
