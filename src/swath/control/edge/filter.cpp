@@ -14,7 +14,7 @@ struct Given { D seconds, age, speed, rate, crab, rise, beams, is_new; };
 struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest, ray_low; };
 struct Numbers {
   D search, begin_nat, begin_m, bend, turn, bend_sd, turn_sd, tooth_m, tooth, tooth_first, memory, hole, hole_ends, apart, wall_stays, wall_none,
-    wall_step, path, least, bend_tail, over_first, shoulder, spot, overhang, drift, lost, hold, lean_sd, shape_alike, height_sd;
+    wall_step, path, least, bend_tail, over_first, clear, shoulder, spot, overhang, drift, lost, hold, lean_sd, shape_alike, height_sd;
 };
 struct Node {
   D x, u, phi, bend;             // a place of the reference path
@@ -394,6 +394,7 @@ auto add_sides = [&](int k, Rates& in, Rates& away, D worth) {  // what was seen
   for (int i = from; i < W; ++i) in.lost += worth * lost[i], in.rays += worth * rays[i];
   for (int i = 0; i < to; ++i) away.lost += worth * lost[i], away.rays += worth * rays[i];
 };
+auto is_clear = [&](const Node& a) { return a.standing > 0.9 && a.prec > 1.0 / sq(p.clear); };  // an edge, and seen from both sides
 auto learn = [&](int k) {  // from a node that no ray reaches any more
   Node& a = node(k);
   a.learned = 1.0;
@@ -405,7 +406,7 @@ auto learn = [&](int k) {  // from a node that no ray reaches any more
     for (int l = 0; l < L; ++l) r->n[l] *= keep, r->x[l] *= keep;
     r->lost *= keep, r->rays *= keep;
   }
-  if (a.standing < 0.5) return;
+  if (!is_clear(a)) return;
   add_sides(k, h.in, h.out, a.standing);
   h.tooth2 = most(h.tooth2 + share * (sq(a.mean[3]) + a.cov[15] - h.tooth2), sq(p.tooth));
   // the shape of the edge: how well each explains this node, wherever it puts the feet
@@ -548,7 +549,7 @@ auto modes = [&]() {  // edge or hole, forward and back; pi leaves out the node'
 auto update = [&]() {
   const int n = (int)h.count, touched = (int)least(h.touched, n);
   Rates in = h.in, away = h.out;
-  for (int k = 0; k < n; ++k) if (node(k).learned == 0.0 && node(k).standing > 0.5 && node(k).scans > 0.3) add_sides(k, in, away, node(k).standing);
+  for (int k = 0; k < n; ++k) if (node(k).learned == 0.0 && is_clear(node(k))) add_sides(k, in, away, node(k).standing);
   rates(in, away);
   measure();
   for (int k = 0; k < n; ++k) if (k >= touched && node(k).scans > 0.0) score_of(k, L, grid(k) + 2 * L * W + 2 * W);
@@ -665,6 +666,7 @@ if (h.count >= 3.0) {
   int near = 0;
   D nearest = 1e30, farthest = -1e30, foot = 0.0;
   int last = -1;
+  bool is_lost = false;
   for (int k = 0; k < n; ++k) {
     const Node& a = node(k);
     const D x = a.x - ::sin(a.phi) * a.mean[0] - X, u = a.u + ::cos(a.phi) * a.mean[0] - U, ahead = c * x + d * u;
@@ -690,6 +692,7 @@ if (h.count >= 3.0) {
     for (int f = 0; f < SHAPES; ++f) between += h.chance[f] * sq(h.aside[f] - middle);
     var += between + sq(p.overhang * h.height) + sq(p.drift * foot);
     const D sd = ::sqrt(most(var, 0.0)) / steep;
+    is_lost = sd > p.lost && nearest < 1.0 && a.scans > 0.2;
     if (sd < p.lost && farthest > s.reference - p.hold) {
       out[0] = 1.0, out[1] = offset, out[2] = heading, out[3] = a.mean[2];
       out[4] = erf_(0.1 / (sd * 1.4142135623730951));
@@ -697,5 +700,5 @@ if (h.count >= 3.0) {
       out[8] = farthest, out[9] = a.standing < 0.5 || nearest > 1.0 ? 1.0 : 0.0;
     }
   }
-  if (last < 0 ? n > 40 : farthest < s.reference - p.hold) lose();
+  if (is_lost || last < 0 ? is_lost || n > 40 : farthest < s.reference - p.hold) lose();
 }

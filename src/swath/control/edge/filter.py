@@ -112,6 +112,7 @@ class Params:
     least: Annotated[float, Gt(0)] = 0.03
     bend_tail: Annotated[float, Gt(0)] = 2.0
     over_first: Annotated[float, Ge(1)] = 8.0
+    clear_m: Annotated[float, Gt(0)] = 0.5
     shoulder: Annotated[float, Gt(0), Le(1)] = 0.75
     spot_m: Annotated[float, Gt(0)] = 0.03
     overhang: Annotated[float, Ge(0)] = 0.025
@@ -119,7 +120,7 @@ class Params:
     lost_m: Annotated[float, Gt(0)] = 0.6
     hold_m: Annotated[float, Ge(0), Le(20)] = 5.0
     lean_sd: Annotated[float, Gt(0)] = 0.1
-    shape_alike: Annotated[float, Gt(0)] = 6.0
+    shape_alike: Annotated[float, Gt(0)] = 10.0
     height_sd: Annotated[float, Gt(0)] = 0.12
     reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
