@@ -1,0 +1,258 @@
+"""One Bayes filter for the edge. The equations are below; they are carried out in filter.cpp.
+
+The edge is cut into nodes, one every 0.4 m of a reference path in the frame of dead reckoning, from some
+metres behind the reported place to the farthest seen. The path goes on where the edge is believed to go.
+
+**Line.** At each node (y, theta, kappa, tooth): offset, direction and bend of a line that a machine can
+follow, and how far the wall of the crop stands off that line there,
+
+    y' = y + a theta + a^2 kappa / 2,  theta' = theta + a kappa + N(0, turn^2 a),  kappa' = kappa + N(0, bend^2 a)
+    tooth' = r tooth + N(0, s^2 (1 - r^2)),  r = exp(-a / tooth_m)
+
+a linear Gaussian chain; s is learned from the smoothed teeth. Teeth, wind and ragged stands widen what is
+told and do not move the line.
+
+**Rays.** The canopy is layers of height. A ray that travels x metres through a layer is stopped there at a
+rate mu per metre, p(stopped at x) = mu exp(-mu x). With N stops and X metres in cell c of layer l at a node,
+a wall at e has the log-likelihood
+
+    L(e) = 1 / over  sum over c, l of  N log mu_l(c - e) - X mu_l(c - e)
+    mu_l(d) = out_l + (in_l - out_l) Phi(d / w_l),  w_l^2 = (spread z_l)^2 + spot^2
+
+over: how much more stops scatter than those of a Poisson process (looks at the same stems are alike), learned
+from the blocks of the crop. in_l, out_l: (stops + prior) / (metres + prior) on both sides of the wall as it
+is believed, so that density, stubble, weeds and low crop are learned. Rays without an echo count by how many
+of them there are on either side. This is the one place where a ray's likelihood stands (`take`, `score_of`).
+
+**Edge or hole.** A node has an edge, wall e = y + tooth, or a hole, where the wall is anywhere else and goes
+on by a chain of its own. The two are a Markov chain along the way: holes begin with a chance `hole` per node
+and end with `hole_ends`. Given what all other nodes say, e ~ N(m, v),
+
+    p(rays | edge) = integral of N(e; m, v) exp L(e),  p(rays | hole) = sum over walls w, |w - e| > apart
+
+and the moments of N(e; m, v) (pi exp L(e) + (1 - pi) hole(e)) are those that the node's Gaussian site has to
+give (expectation propagation: Minka 2001). Sites are renewed while rays reach their nodes; smoothing is by
+Bryson and Frazier (1963), the modes by forward and backward recursion.
+
+**Told** is the smoothed line at the reference, with its deviation, to which come what no scatter shows:
+overhang per height, drift of dead reckoning from where the edge was seen. P(|error| <= 0.1 m) is the
+confidence. Before any edge is known, the same rays over the last metres are split at the place that gains
+most over no edge.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from math import isfinite
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from swath.control.edge.profile import crop_sign
+from swath.control.inclination import CRAB, Inclination
+from swath.control.yaw_rate import YawRate
+from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.core.units import PERCENT
+from swath.kernels import repeatable, shared, start_warp
+from swath.signals import CropEdge, Inertial, Odometry, Scan, beam_directions
+from swath.signals.setup import ControlSetup
+
+LAYERS, CELLS, HALF, NODES, WIDE, SHAPES = 10, 90, 16, 48, 80, 10  # as in filter.cpp
+NODE, HEAD = 57, 37 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
+STATE = HEAD + NODES * NODE
+ROW = CELLS + 2 * HALF
+GRIDS = NODES * (2 * LAYERS * ROW + 2 * ROW + 2 * (CELLS + 1)) + (2 * LAYERS + 2) * WIDE + SHAPES * LAYERS * 2 * HALF
+USUAL = 0.85  # m: height of a crop that nobody named
+TOP, LOWEST = 1.25, 0.05  # of the usual height, m: where the layers end and begin
+LATE = 0.4  # s: age of the newest scan from which on there is no edge
+
+
+@dataclass(frozen=True)
+class Params:
+    """Of the filter; [fitted] on drawn cases by benchmarks/edge_pairs.py, the others are estimates.
+
+    search_m: standard deviation of where the edge is expected beside the header end, at the start
+    begin_nat: gain of two sides over one from which on there is an edge; begin_m: travel that it is summed over
+    bend_noise: of the line's bend [1/m per sqrt(m)]; turn_noise: of its direction [rad per sqrt(m)]
+    bend_sd, turn_sd: at the start [1/m], [rad]
+    tooth_m: length over which teeth are alike; tooth_sd_m: their least standard deviation
+    memory_m: travel over which densities, teeth and scatter are learned
+    hole, hole_ends: chance per 0.4 m that a hole begins, that it ends; apart_m: its wall is at least so far off
+    wall_stays, wall_none: chances that a hole's wall goes on from the node before, that there is none;
+    wall_step_m: scale of its steps
+    prior_m: way through the canopy that the prior rates are worth; least: rate of stray stops [1/m]
+    spread: standard deviation of where a stem stands aside of its foot, per height [1]; spot_m: of the rest
+    overhang: standard deviation of what that leaves open, per height [1]
+    drift: of dead reckoning [rad]; lost_m: deviation from which on there is no edge
+    hold_m: how far beyond the last place seen the edge is held; reference_m: where ahead of the knife it is told
+    slip_percent: by which the wheels turn faster than the ground passes; crab: side slip per side slope
+    """
+
+    search_m: Annotated[float, Gt(0.1), Le(10)] = 1.5
+    begin_nat: Annotated[float, Ge(0)] = 20.0
+    begin_m: Annotated[float, Gt(0)] = 1.2
+    bend_noise: Annotated[float, Gt(0)] = 0.008
+    turn_noise: Annotated[float, Gt(0)] = 0.004
+    bend_sd: Annotated[float, Gt(0)] = 0.02
+    turn_sd: Annotated[float, Gt(0)] = 0.1
+    tooth_m: Annotated[float, Gt(0)] = 1.5
+    tooth_sd_m: Annotated[float, Gt(0)] = 0.012
+    tooth_first_m: Annotated[float, Gt(0)] = 0.12
+    memory_m: Annotated[float, Gt(0)] = 15.0
+    hole: Annotated[float, Gt(0), Le(1)] = 0.01
+    hole_ends: Annotated[float, Gt(0), Le(1)] = 0.1
+    apart_m: Annotated[float, Gt(0)] = 0.18
+    wall_stays: Annotated[float, Gt(0), Le(1)] = 0.88
+    wall_none: Annotated[float, Gt(0), Le(1)] = 0.02
+    wall_step_m: Annotated[float, Gt(0)] = 0.05
+    prior_m: Annotated[float, Gt(0)] = 0.3
+    least: Annotated[float, Gt(0)] = 0.03
+    bend_tail: Annotated[float, Gt(0)] = 2.0
+    over_first: Annotated[float, Ge(1)] = 8.0
+    clear_m: Annotated[float, Gt(0)] = 0.5
+    shoulder: Annotated[float, Gt(0), Le(1)] = 0.75
+    spot_m: Annotated[float, Gt(0)] = 0.03
+    overhang: Annotated[float, Ge(0)] = 0.025
+    drift: Annotated[float, Ge(0)] = 0.003
+    lost_m: Annotated[float, Gt(0)] = 0.6
+    hold_m: Annotated[float, Ge(0), Le(20)] = 5.0
+    lean_sd: Annotated[float, Gt(0)] = 0.1
+    shape_alike: Annotated[float, Gt(0)] = 10.0
+    height_sd: Annotated[float, Gt(0)] = 0.12
+    reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
+    slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
+    crab: Annotated[float, Ge(0), Le(1)] = CRAB
+
+
+OTHERS = ("reference_m", "slip_percent", "crab")  # parameters that are none of the `Numbers` of filter.cpp
+
+
+class EdgeFilter(KeepsState):
+    """Scan, odometry and, where there is one, an inertial unit in; crop edge out."""
+
+    kept = ("_time", "_saved", "_inclination", "_yaw_rate")
+    inputs = (
+        Port("scan", Scan, unit="m", shape=(None,)),
+        Port("odometry", Odometry),
+        Port("inertial", Inertial, history=True, optional=True),
+    )
+    outputs = (Port("edge", CropEdge),)
+
+    def __init__(self, params: Params, setup: ControlSetup) -> None:
+        self._p, self._sign, self._mount = params, crop_sign(setup.edge_side), setup.mounting
+        knife, end_y = setup.machine.header_end(setup.edge_side)
+        self._reference = knife + params.reference_m
+        usual = setup.crop_height or USUAL
+        x, y, z = self._mount.position.tolist()
+        self._setup = np.array(
+            [x, self._sign * y, z, self._reference, self._sign * end_y, usual, float(setup.crop_height > 0.0),
+             (TOP * usual - LOWEST) / LAYERS, LOWEST, LOWEST]
+        )  # fmt: skip
+        self._numbers = np.array([getattr(params, f.name) for f in fields(params) if f.name not in OTHERS])
+        self._inclination = Inclination(setup.mountings.get("inertial"))
+        self._yaw_rate = YawRate(setup.machine.wheelbase, setup.mountings.get("inertial"))
+        self._state, self._grids = np.zeros((1, STATE)), np.zeros((1, GRIDS), np.float32)
+        self._given, self._told = np.zeros((1, 8)), np.zeros((1, 12))
+        self._room, self._beams = -1, ()
+        self._launch: Any = None
+        self._forget()
+
+    def _forget(self) -> None:
+        self._time = 0
+        self._state[:] = 0.0
+        self._grids[:] = 0.0
+        self._inclination.clear()
+        self._yaw_rate.clear()
+
+    @property
+    def _saved(self) -> Any:
+        return self._state.copy(), self._grids.copy()
+
+    @_saved.setter
+    def _saved(self, saved: Any) -> None:
+        self._state[:], self._grids[:] = saved
+        self._beams = ()
+
+    def reset(self, stream: Stream) -> Outputs:
+        """No edge at t = 0: nothing was seen yet."""
+        self._forget()
+        return {"edge": self._no_edge(0)}
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """Take a new scan, if there is one, and tell the edge in the machine frame of t + dt."""
+        scan, odometry, inertial = inputs["scan"], inputs["odometry"], inputs.get("inertial")
+        speed = _finite(odometry.speed) / (1.0 + PERCENT * self._p.slip_percent)
+        rate = self._sign * _finite(self._yaw_rate.of(odometry, inertial, dt / NS))
+        self._inclination.take(inertial, speed)
+        seconds, is_new = 0.0, scan is not None and scan.t > self._time
+        if is_new:
+            seconds, self._time = min((scan.t - self._time) / NS, 1.0), scan.t
+            self._point(scan)
+        age = (t + dt - self._time) / NS
+        if age > LATE or self._launch is None:
+            return {"edge": self._no_edge(t + dt)}
+        # both per side of the machine: > 0 toward the crop
+        crab = self._sign * self._inclination.crab(self._p.crab, self._sign * speed * rate)
+        rise = self._sign * self._inclination.rise[1] if self._inclination.is_known else 0.0
+        self._given[0] = seconds, age, speed, rate, crab, rise, self._count, float(is_new)
+        self._launch()
+        return {"edge": self._as_edge(t + dt, self._told[0].tolist())}
+
+    def _point(self, scan: Scan) -> None:
+        """Directions and times of the beams, where they are not those before, and the ranges."""
+        beams = scan.azimuth, scan.elevation, scan.beam_t
+        if len(self._beams) != 3 or not all(a is b for a, b in zip(beams, self._beams, strict=True)):
+            self._beams = beams
+            self._good = np.isfinite(scan.azimuth) & np.isfinite(scan.elevation)
+            self._count = int(np.count_nonzero(self._good))
+            if self._count > self._room:
+                self._compile(self._count)
+            aim = self._mount.turn(beam_directions(scan.azimuth[self._good], scan.elevation[self._good]))
+            self._aim[0, : 3 * self._count] = (aim * [1.0, self._sign, 1.0]).ravel()
+            self._ago[0, : self._count] = np.clip(np.nan_to_num(scan.beam_t[self._good]), -0.5, 0.0)
+        self._ranges[0, : self._count] = scan.ranges[self._good, 0] if scan.ranges.size else np.nan
+
+    def _compile(self, room: int) -> None:
+        from swath.control.edge import filter_kernel as kernel
+
+        wp = start_warp()
+        self._room = room
+        self._aim, self._ago, self._ranges = np.zeros((1, 3 * room)), np.zeros((1, room)), np.zeros((1, room))
+        arrays = [
+            self._given, self._setup[None], self._numbers[None], self._aim, self._ago, self._ranges, self._state
+        ]  # fmt: skip
+        self._inputs = [
+            *(shared(np.ascontiguousarray(a), wp.float64) for a in arrays), shared(self._grids, wp.float32),
+            shared(self._told, wp.float64),
+        ]  # fmt: skip
+        self._launch = repeatable(kernel.filter_edges, self._inputs).launch
+
+    def _as_edge(self, now: int, told: Sequence[float]) -> CropEdge:
+        is_found, offset, heading, bend, sure, height, sd, heading_sd, seen_to, is_held, *_ = told
+        if not is_found:
+            return self._no_edge(now)
+        sign = self._sign
+        return CropEdge(
+            now, sign * offset, sign * heading, sign * bend, self._reference, min(max(sure, 0.01), 1.0), height,
+            float("nan"), offset_sd=sd, heading_sd=heading_sd, seen_to=seen_to, is_held=is_held > 0.0,
+        )  # fmt: skip
+
+    def _no_edge(self, now: int) -> CropEdge:
+        nan = float("nan")
+        return CropEdge(now, nan, nan, 0.0, self._reference, 0.0, nan, nan)
+
+
+def _finite(value: float) -> float:
+    return float(value) if isfinite(value) else 0.0
+
+
+LEVEL = Level(
+    EdgeFilter,
+    Params,
+    summary="one Bayes filter: line, teeth and holes along the way, densities learned per height",
+    cost="",
+    tolerance="",
+)
