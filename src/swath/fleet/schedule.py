@@ -21,7 +21,7 @@ from swath.core.errors import InputError
 from swath.fleet.bodies import Body, Place, body_of
 from swath.fleet.dispatcher import Dispatcher, Option, State, dispatcher_of
 from swath.fleet.files import JobFile
-from swath.fleet.ground import CELL, Ground, shapely_here
+from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import Cart, Combine, Machines, beside, machines_of
 from swath.fleet.plan import CLEAN, HEADLAND, Pass, Plan, plan_of, strip_of
 from swath.fleet.plan import PARAMS as PLAN
@@ -51,6 +51,8 @@ class Params:
     joins: int = 2
     early_s: float = 2.0
     soon_s: float = 30.0
+    part: float = 0.5
+    inner_m: float = 60.0
     out_percent: float = 0.5
 
 
@@ -151,7 +153,7 @@ class _Scheduler:
         self.job, self.dispatcher, self.ground, self.machines = job, dispatcher, ground, machines
         self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s, notes=list(job.notes))
         self.table = self.schedule.table
-        self.finder = Finder(ground.west, ground.south, CELL, ground.edge)
+        self.finder = Finder(ground.grid)
         self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T
         self.truck_free, self.truck_room = 0.0, math.inf
         if job.truck.volume_m3 is not None:
@@ -168,9 +170,9 @@ class _Scheduler:
             self.table.stand(c.spec.name, standing(np.array(c.home), c.spec.body, 0.0, "home"))
         for k in self.carts:
             self.table.stand(k.spec.name, standing(np.array(k.home), k.spec.body, 0.0, "home"))
-        self.ground.version += 1
         self.homes = {k.spec.name: run_of(k.spec.body, k.home, 0.0, WIDE) for k in self.carts}
         self.places = list(self._service_places())
+        self.inner = list(_along_passes(plan)) if self.carts else []
 
     def waits(self) -> list[Waits]:
         """All machines that move, with their places at the truck."""
@@ -196,6 +198,9 @@ class _Scheduler:
         """Until all is cut and at the truck."""
         room = 0
         while any(not c.is_done for c in self.combines):
+            for k in self.carts:  # who came home with its load, since the way to the truck was not free
+                if self.is_full(k):
+                    self.empties(k)
             busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: (c.time, c.spec.name))
             if any(self.turn(c) for c in busy):
                 room = 0
@@ -332,21 +337,37 @@ class _Scheduler:
         u = np.array([math.cos(task.heading), math.sin(task.heading)])
         start = np.array(task.start) - c.spec.knife * u
         place = Place(float(start[0]), float(start[1]), task.heading, task.heading)
+        run = straight(place, task.length, c.spec.body)
+        marks = np.linspace(0.0, task.length, max(1, math.ceil(task.length / PARAMS.cut_m)) + 1)
+        cut = segments(run, run.distance, c.spec.body, "cut", marks)
+        if not shapely_here().contains(self.ground.rough, cut.swept).all():
+            return None  # its body would be in a hole or off open ground
+        strips = _strips(task, c.spec.width, marks)
+        areas = self.ground.crop_in(strips)
+        length = np.diff(marks)
+        speed = [c.spec.speed_in(a * self.density / d) for a, d in zip(areas, length, strict=True)]
+        cut.spent = length / np.array(speed)
+        leg = _Leg(cut, task, areas * self.density, areas, strips, 0, time)
+        if not self.is_worth(c, leg):
+            return None
         way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, time)
         if way is None:
             return None
         path = segments(way, times_along(way, c.spec.drive), c.spec.body, "way")
-        run = straight(place, task.length, c.spec.body)
-        marks = np.linspace(0.0, task.length, max(1, math.ceil(task.length / PARAMS.cut_m)) + 1)
-        strips = _strips(task, c.spec.width, marks)
-        areas = self.ground.crop_in(strips)
-        cut = segments(run, run.distance, c.spec.body, "cut", marks)
-        if not shapely_here().contains(self.ground.rough, cut.swept).all():
-            return None  # its body would be in a hole or off open ground
-        length = np.diff(marks)
-        speed = [c.spec.speed_in(a * self.density / d) for a, d in zip(areas, length, strict=True)]
-        cut.spent = length / np.array(speed)
-        return _Leg(_behind(path, cut), task, areas * self.density, areas, strips, len(path), time)
+        return replace(leg, path=_behind(path, cut), first=len(path))
+
+    def is_worth(self, c: CombineState, leg: _Leg) -> bool:
+        """Whether a pass can be cut in any way, before a way to it is looked for."""
+        grain = math.fsum(leg.masses)
+        if c.tank + grain <= c.spec.tank + LEFT_KG or self.is_for_part(c):
+            return True
+        lanes = (self.free_lane(c, k, leg, *beside(c.spec, k.spec)) for k in self.likely(c))
+        return any(lane is not None for lane in lanes)
+
+    @staticmethod
+    def is_for_part(c: CombineState) -> bool:
+        """Whether a combine whose tank does not take a pass cuts a part of it."""
+        return c.tank < PARAMS.part * c.spec.tank
 
     def way(
         self,
@@ -376,10 +397,7 @@ class _Scheduler:
                 wide = [p.buffer(YARD.wide_m, join_style="mitre") for p in s.path.swept[s.index]]
                 is_near = other == beside or shapely_here().intersects(own, wide).any()
                 shapes += list(s.path.swept[s.index]) if is_near else wide
-        free, version = self.ground.free_from, self.ground.version
-        return self.finder.find(
-            free, body, drive, start, goal, version=version, stand=shapes, time=time, **more
-        )
+        return self.finder.find(body, drive, start, goal, stand=shapes, time=time, **more)
 
     def names(self) -> list[str]:
         """Of all machines that move."""
@@ -407,7 +425,7 @@ class _Scheduler:
                 found = self.comes_beside(c, k, leg, levels)
                 if found is not None:
                     yield found
-        if not fits and c.tank < 0.5 * c.spec.tank:
+        if not fits and self.is_for_part(c):
             yield from self.cuts_part(c, leg, levels)
 
     def likely(self, c: CombineState) -> list[CartState]:
@@ -672,12 +690,17 @@ class _Scheduler:
         other: str,
     ) -> tuple[Path, list[float], tuple[bool, float, list[Poured]]] | None:
         """A path with what follows: to the truck if the load is worth it, then to the cart's place."""
-        to_truck = load >= k.spec.leave or load >= 0.95 * k.spec.load
-        for empties in (True, False) if to_truck else (False,):
+        for empties in (True, False) if self.is_full(k, load) else (False,):
             found = self.home_by(k, path, now, time, load, exact, empties, other)
             if found is not None:
                 return found
         return None
+
+    @staticmethod
+    def is_full(k: CartState, load: float | None = None) -> bool:
+        """Whether a load is worth the way to the truck."""
+        load = k.load if load is None else load
+        return load >= min(k.spec.leave, 0.95 * k.spec.load)
 
     def home_by(
         self,
@@ -761,18 +784,33 @@ class _Scheduler:
             if at_truck is not None:
                 yield at_truck
             return
-        near = sorted(self.places, key=lambda p: round(math.dist(p[:2], c.place[:2]), 2))
         found: list[tuple[Option, Any]] = []
         looked = 0
-        for place in (c.place, *near):
+        for place in self.by_way(c):
             for k in self.likely(c):
                 if looked < PARAMS.places and self.has_room(c, k, place):
                     looked += 1
                     one = self.stands(c, k, place)
                     found += [one] if one is not None else []
-            if len(found) >= 2:
+            if len(found) >= min(2, len(self.carts)):
                 break
         yield from found
+
+    def by_way(self, c: CombineState) -> list[Place]:
+        """Places to be emptied at, those first to which it and a cart there and back have not far."""
+        k = self.likely(c)[0] if self.likely(c) else self.carts[0]
+        come, go = (
+            self.finder.far_from(k.spec.drive, goal, c.time, there=there)
+            for goal, there in ((k.home, True), (self.cart_dock(k.spec), False))
+        )
+        ahead, left = beside(c.spec, k.spec)
+
+        def cost(place: Place) -> tuple[float, Place]:
+            at = place.ahead(ahead, left)
+            own = math.dist(place[:2], c.place[:2]) / c.spec.drive.straight
+            return round(own + (come(at) + go(at)) / k.spec.drive.straight, 1), place
+
+        return sorted((c.place, *self.places, *self.inner), key=cost)
 
     def has_room(self, c: CombineState, k: CartState, place: Place) -> bool:
         """Whether both can stand there, on open ground that is cut and where nobody stands."""
@@ -926,6 +964,17 @@ class _Scheduler:
             goal = place.ahead(ahead, left)
             if fits(bare, c.body, place) and fits(bare, k.body, goal):
                 yield place
+
+
+def _along_passes(plan: Plan) -> Iterator[Place]:
+    """Places on headland passes, in both directions."""
+    for p in plan.passes:
+        if p.kind == HEADLAND:
+            count = max(1, int(p.length / PARAMS.inner_m))
+            for share in (np.arange(count) + 0.5) / count:
+                x, y = ((1.0 - share) * a + share * b for a, b in zip(p.start, p.end, strict=True))
+                for h in (p.heading, p.heading + math.pi):
+                    yield Place(float(x), float(y), h, h)
 
 
 def _along(ground: Ground) -> Iterator[Place]:

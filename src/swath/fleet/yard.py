@@ -128,8 +128,7 @@ def _ways(ground: Ground, finder: Finder, m: Waits, place: Place, taken: Sequenc
         for ends in ([(place, g) for g in goals], [(g, place) for g in goals]):
             ways = (
                 finder.find(
-                    ground.free_from, m.body, m.drive, start, goal, version=ground.version, stand=taken,
-                    in_line=True, most=PARAMS.poses,
+                    m.body, m.drive, start, goal, stand=taken, in_line=True, most=PARAMS.poses,
                 )
                 for start, goal in ends
             )  # fmt: skip
