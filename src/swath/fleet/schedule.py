@@ -26,13 +26,14 @@ from swath.fleet.machines import Cart, Combine, Machines, beside, machines_of
 from swath.fleet.plan import CLEAN, HEADLAND, Pass, Plan, plan_of, strip_of
 from swath.fleet.plan import PARAMS as PLAN
 from swath.fleet.table import Path, Table, segments, standing
-from swath.fleet.ways import Finder, Track, driven, joined, straight, times_along
+from swath.fleet.ways import Far, Finder, Track, driven, joined, straight, times_along
 from swath.fleet.yard import PARAMS as YARD
 from swath.fleet.yard import WIDE, Waits, fits, run_of, waiting_places
 
 Array = NDArray[np.float64]
 SQUARE_M_PER_HA_T = 0.1  # t/ha in kg/m2
 LEFT_KG = 1e-6  # of grain, that is none
+NEAR = 0.04  # m, that a way keeps off who stands near, beyond the gaps of bodies
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,8 @@ class _Scheduler:
         self.job, self.dispatcher, self.ground, self.machines = job, dispatcher, ground, machines
         self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s, notes=list(job.notes))
         self.table = self.schedule.table
-        self.finder = Finder(ground.grid)
+        self._far: dict[tuple[str, int], tuple[Far, Far]] = {}
+        self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
         self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T
         self.truck_free, self.truck_room = 0.0, math.inf
         if job.truck.volume_m3 is not None:
@@ -390,14 +392,18 @@ class _Scheduler:
         ):
             return driven(start, [(0.0, 1e-3)], body)
         shapes = [home for o, home in self.homes.items() if o != name]
+        near: list[Any] = []
         own = run_of(body, start, 0.0)
         for other in self.names():
             s = self.last_of(other)
             if other != name and s.into < time + PARAMS.soon_s:
                 wide = [p.buffer(YARD.wide_m, join_style="mitre") for p in s.path.swept[s.index]]
                 is_near = other == beside or shapely_here().intersects(own, wide).any()
-                shapes += list(s.path.swept[s.index]) if is_near else wide
-        return self.finder.find(body, drive, start, goal, stand=shapes, time=time, **more)
+                if is_near:
+                    near += [p.buffer(NEAR, join_style="mitre") for p in s.path.swept[s.index]]
+                else:
+                    shapes += wide
+        return self.finder.find(body, drive, start, goal, stand=shapes, near=near, time=time, **more)
 
     def names(self) -> list[str]:
         """Of all machines that move."""
@@ -492,10 +498,16 @@ class _Scheduler:
         if run is None:
             return None
         first, last = run
+        come, go = self.far(k, c.time)
+        end = Place(*leg.path.track.places[leg.path.last[leg.first + last - 1]].tolist())
+        if math.isinf(go(end.ahead(ahead, left))):
+            return None
         way = None
         for join in range(first, last - 1, PARAMS.join):
             place = Place(*leg.path.track.places[leg.path.first[leg.first + join]].tolist())
             start, first = place.ahead(ahead, left), join
+            if math.isinf(come(start)):
+                continue
             way = self.way(
                 k.spec.name, k.spec.body, k.spec.drive, k.home, start, max(k.time, c.time), c.spec.name,
                 in_line=True,
@@ -799,10 +811,7 @@ class _Scheduler:
     def by_way(self, c: CombineState) -> list[Place]:
         """Places to be emptied at, those first to which it and a cart there and back have not far."""
         k = self.likely(c)[0] if self.likely(c) else self.carts[0]
-        come, go = (
-            self.finder.far_from(k.spec.drive, goal, c.time, there=there)
-            for goal, there in ((k.home, True), (self.cart_dock(k.spec), False))
-        )
+        come, go = self.far(k, c.time)
         ahead, left = beside(c.spec, k.spec)
 
         def cost(place: Place) -> tuple[float, Place]:
@@ -811,6 +820,17 @@ class _Scheduler:
             return round(own + (come(at) + go(at)) / k.spec.drive.straight, 1), place
 
         return sorted((c.place, *self.places, *self.inner), key=cost)
+
+    def far(self, k: CartState, time: float) -> tuple[Far, Far]:
+        """How far it is about from a cart's place and to the truck; kept until crop is cut."""
+        key = k.spec.name, len(self.ground.grid.changed)
+        if key not in self._far:
+            self._far = {o: fields for o, fields in self._far.items() if o[1] == key[1]}
+            self._far[key] = (
+                self.finder.far_from(k.spec.drive, k.home, time, there=True),
+                self.finder.far_from(k.spec.drive, self.cart_dock(k.spec), time, there=False),
+            )
+        return self._far[key]
 
     def has_room(self, c: CombineState, k: CartState, place: Place) -> bool:
         """Whether both can stand there, on open ground that is cut and where nobody stands."""

@@ -19,6 +19,7 @@ const float* edge = (const float*)edge_rows.data;
 const float* reachable = (const float*)reachable_from.data;
 int* follows = (int*)following.data;
 float* lanes = (float*)lane_rows.data;
+const D* sides = (const D*)near_sides.data;
 const unsigned char* taken = (const unsigned char*)taken_cells.data;
 D* out = (D*)found.data;
 constexpr int ROW = 11, AT_PARENT = 7, AT_BEND = 8, AT_WAY = 9, AT_BIN = 10;
@@ -109,8 +110,9 @@ const bool all_lanes = m[26] > 0.5;  // nothing else is asked for
 if (far[start_cell] > NEVER && !all_lanes) return;
 // the same with eight headings of which each step along one changes at most to the next: so a way
 // around a field is not tried first in the direction in which it cannot turn round. Cells of about an eighth of its circle
-constexpr int TURNS = 8, LANE = 3, WIDE_RING = 160, AXIS = 30, ACROSS = 42, BACK = 3;
-constexpr D STEP_M = LANE * COARSE, EIGHTH = 0.25 * PI, OFF = 300.0, ROUGH = 12.0;
+constexpr int TURNS = 8, WIDE_RING = 160, BACK = 3;
+const int LANE = (int)m[39], AXIS = 10 * LANE, ACROSS = 14 * LANE;
+constexpr D EIGHTH = 0.25 * PI, OFF = 300.0, ROUGH = 12.0;
 const int lx = (cx + LANE - 1) / LANE, ly = (cy + LANE - 1) / LANE, ei[TURNS] = {1, 1, 0, -1, -1, -1, 0, 1}, ej[TURNS] = {0, 1, 1, 1, 0, -1, -1, -1};
 auto lane_of = [&](D x, D y) { const int c = coarse_of(x, y); return c / cy / LANE * ly + c % cy / LANE; };
 auto eighth_of = [&](D c, D s) { const D a = atan2(s, c) / EIGHTH; return (int)floor(a) + TURNS; };
@@ -123,7 +125,7 @@ D expected = far[start_cell];
       for (int a = i * LANE; a < (i + 1) * LANE && a < cx; ++a)
         for (int b = j * LANE; b < (j + 1) * LANE && b < cy; ++b) open += far[a * cy + b] >= 0.0f;
       const int c = i * ly + j;
-      for (int h = 0; h < TURNS; ++h) lanes[c * TURNS + h] = 2 * open > LANE * LANE || c == goal_lane || c == start_lane ? 1e18f : -1.0f;
+      for (int h = 0; h < TURNS; ++h) lanes[c * TURNS + h] = 2 * open >= LANE * LANE || c == goal_lane || c == start_lane ? 1e18f : -1.0f;
     }
   int first_lane[WIDE_RING];
   for (int k = 0; k < WIDE_RING; ++k) first_lane[k] = -1;
@@ -197,6 +199,18 @@ auto edge_at = [&](D gi, D gj) {  // the distance to closed ground, between the 
   u -= i; w -= j;
   return (1.0 - u) * ((1.0 - w) * e[0] + w * e[1]) + u * ((1.0 - w) * e[ny] + w * e[ny + 1]);
 };
+// of who stands so near at the start that cells are too coarse: sides (normal, distance) of convex outlines
+auto inside_any = [&](D x, D y) {
+  const D* side = sides;
+  for (int k = 0; k < (int)m[36]; ++k) {
+    const int n = (int)side[0];
+    bool is_inside = true;
+    for (int i = 0; i < n && is_inside; ++i) is_inside = x * side[1 + 3 * i] + y * side[2 + 3 * i] < side[3 + 3 * i];
+    if (is_inside) return true;
+    side += 1 + 3 * n;
+  }
+  return false;
+};
 // a body at a pose and a time: on open ground throughout, its wheels not in standing crop
 auto is_clear = [&](D x, D y, D c, D s, D tx, D ty, D when) {
   D u = 1.0, w = 0.0;
@@ -212,6 +226,7 @@ auto is_clear = [&](D x, D y, D c, D s, D tx, D ty, D when) {
     else { px = x + p[0] * c - p[1] * s; py = y + p[0] * s + p[1] * c; }
     const D gi = (px - west) / cell, gj = (py - south) / cell;
     if (gi < 0.0 || gj < 0.0 || gi >= nx || gj >= ny) return false;
+    if (inside_any(px, py)) return false;
     const int at = (int)gi * ny + (int)gj;
     const float f = free_from[at];
     if ((somebody_stands && taken[at]) || (p[3] < 0.5 && f > when)) return false;

@@ -24,6 +24,7 @@ def search(
     following: wp.array(dtype=wp.int32),
     lane_rows: wp.array(dtype=wp.float32),
     taken_cells: wp.array(dtype=wp.uint8),
+    near_sides: wp.array(dtype=wp.float64),
     found: wp.array(dtype=wp.float64),
 ): ...
 
@@ -45,10 +46,12 @@ def find_way(
     following: wp.array(dtype=wp.int32),
     lane_rows: wp.array(dtype=wp.float32),
     taken_cells: wp.array(dtype=wp.uint8),
+    near_sides: wp.array(dtype=wp.float64),
     found: wp.array(dtype=wp.float64),
 ):
     """One thread; see search.cpp."""
     search(
         numbers, body, ground, node_rows, heap_keys, heap_nodes, best_rows, distance, edge_rows,
-        reachable_from, discs_own, discs_towed, following, lane_rows, taken_cells, found,
+        reachable_from, discs_own, discs_towed, following, lane_rows, taken_cells,
+        near_sides, found,
     )  # fmt: skip

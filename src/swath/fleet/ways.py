@@ -24,7 +24,7 @@ MOST = 6_000  # poses that it looks at to a goal 150 m off, more to one farther 
 ROOM = 60_000  # poses that are kept
 BIN = 1.5  # m, within which it keeps one pose of a heading, as in search.cpp
 COARSE = 2.0  # m, cells of its heuristic, as in search.cpp
-LANE, TURNS = 3, 8  # coarse cells of a cell, and headings, of its heuristic for who cannot reverse
+TURNS = 8  # headings of its estimate, as in search.cpp
 BODY_POINTS = 0.45  # m between points on the sides of a body
 CREEP = 0.3  # m/s, at which a bend that cannot be eased is driven
 RAMP = 3.0  # m over which bends grow and fade, a combine's steering at walking pace
@@ -261,14 +261,17 @@ def times_along(track: Track, drive: Drive, top: float | None = None) -> Array:
 class Far:
     """Rough distances of all places to or from one, with eight headings and turns of their drive."""
 
-    def __init__(self, lanes: NDArray[np.float32], grid: Grid, coarse: tuple[int, ...], there: bool) -> None:
-        self.lanes, self.grid, self.there = lanes, grid, there
-        self.shape = tuple(-(-n // LANE) for n in coarse)
+    def __init__(
+        self, lanes: NDArray[np.float32], grid: Grid, shape: tuple[int, ...], size: float, there: bool
+    ) -> None:
+        self.lanes, self.grid, self.there, self.shape, self.size = lanes, grid, there, shape, size
 
     def __call__(self, place: Place) -> float:
         """Of a place [m], infinite where no way is known."""
-        size = LANE * COARSE
-        i, j = int((place.x - self.grid.west) / size), int((place.y - self.grid.south) / size)
+        i, j = (
+            int((at - low) / self.size)
+            for at, low in ((place.x, self.grid.west), (place.y, self.grid.south))
+        )
         heading = place.heading + (math.pi if self.there else 0.0)
         n = (min(max(i, 0), self.shape[0] - 1) * self.shape[1] + min(max(j, 0), self.shape[1] - 1)) * TURNS
         h = math.floor(heading / (2.0 * math.pi / TURNS))
@@ -277,13 +280,18 @@ class Far:
 
 
 class Finder:
-    """Searches ways on a grid of free ground; keeps what it has worked out of ground that did not change."""
+    """Searches ways on a grid of free ground; keeps what it has worked out of ground that did not change.
 
-    def __init__(self, grid: Grid) -> None:
+    lane: width of the narrowest ground that is cut between standing crop [m]
+    """
+
+    def __init__(self, grid: Grid, lane: float = 10.0) -> None:
         self.grid = grid
+        self._lane = 3 if lane >= 9.0 else 2  # coarse cells of a cell of the estimate with headings
         shape, cell = grid.edge.shape, grid.cell
         wide, high = int(shape[0] * cell / BIN) + 1, int(shape[1] * cell / BIN) + 1
         self._coarse = tuple(-(-n // round(COARSE / cell)) for n in shape)
+        self._rows = tuple(-(-n // self._lane) for n in self._coarse)
         cells = self._coarse[0] * self._coarse[1]
         self._numbers, self._found = np.zeros(40 + 3 * STAND), np.zeros(4100)
         self._nodes = np.zeros(11 * ROOM)
@@ -291,7 +299,7 @@ class Finder:
         room = max(4 * ROOM, 10 * cells)
         self._keys, self._heap = np.zeros(room), np.zeros((2, room), np.int32)
         self._far = np.zeros(cells, np.float32)
-        self._lanes = np.zeros(TURNS * math.prod(-(-n // LANE) for n in self._coarse), np.float32)
+        self._lanes = np.zeros(TURNS * math.prod(self._rows), np.float32)
         self._taken = np.zeros(shape, np.uint8)
         self._reachable = np.full(self._coarse, 2e18, np.float32)
         self._bodies: dict[tuple[Body, float], tuple[Array, NDArray[np.float32]]] = {}
@@ -336,19 +344,20 @@ class Finder:
 
     def find(
         self, body: Body, drive: Drive, start: Place, goal: Place, *, stand: Sequence[Any] = (),
-        time: float = 0.0, gap: float = 0.15, in_line: bool = False, most: int = MOST,
+        near: Sequence[Any] = (), time: float = 0.0, gap: float = 0.15, in_line: bool = False, most: int = MOST,
     ) -> Track | None:  # fmt: skip
         """The way that takes the shortest time from a place to another, None where there is none.
 
-        stand: outlines of machines that stand, as polygons; time: of the start [s]; gap: kept all round the
+        stand: outlines of machines that stand, as polygons; near: convex ones that cells are too coarse for; time: of the start [s]; gap: kept all round the
         body [m]; in_line: the trailer ends in line; most: poses that are looked at to a goal 150 m off
         """
         self._refresh()
+        self._near = [_sides(shape) for shape in near]
         windows = [self._window(shape) for shape in stand]
         for i, j, inside in windows:
             self._taken[i, j] |= inside
         try:
-            return self._find(body, drive, start, goal, stand, time, gap, in_line, most)
+            return self._find(body, drive, start, goal, (*stand, *near), time, gap, in_line, most)
         finally:
             for i, j, _ in windows:
                 self._taken[i, j] = 0
@@ -369,8 +378,9 @@ class Finder:
         self._refresh()
         place = goal if not there else goal.ahead(0.0)._replace(heading=goal.heading + math.pi)
         body = next(iter(self._bodies), (Body(()), 0.0))[0]
+        self._near = []
         self._launch(body, drive, place, place, (), time, 0.15, False, MOST, lanes=True)
-        return Far(self._lanes.copy(), self.grid, self._coarse, there)
+        return Far(self._lanes.copy(), self.grid, self._rows, self._lane * COARSE, there)
 
     def _find(
         self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
@@ -414,7 +424,8 @@ class Finder:
             len(points), *self._taken.shape, STEP, HEADINGS,
         )  # fmt: skip
         self._numbers[32:36] = (*_circle(body.own, gap), *_circle(body.towed, gap))
-        self._numbers[37:39] = self._heap.shape[1], len(stand)
+        self._numbers[36:40] = len(self._near), self._heap.shape[1], len(stand), self._lane
+        sides = np.concatenate([np.concatenate([[len(n)], n.ravel()]) for n in self._near] or [np.zeros(1)])
         for i, shape in enumerate(stand):
             west, south, east, north = shape.bounds
             around = 0.5 * math.hypot(east - west, north - south)
@@ -422,7 +433,8 @@ class Finder:
         arrays: list[Any] = [
             self._numbers, points.ravel(), grid.free_from.ravel(), self._nodes, self._keys, self._heap[0],
             self._best, self._far, grid.edge.ravel(), self._reachable.ravel(), discs[0], discs[1],
-            self._heap[1], self._lanes, self._taken.ravel(), self._found,
+            self._heap[1], self._lanes, self._taken.ravel(), sides,
+            self._found,
         ]  # fmt: skip
         inputs = [wp.array(a, dtype=getattr(wp, a.dtype.name), device="cpu", copy=False) for a in arrays]
         wp.launch(search_kernel.find_way, dim=1, inputs=inputs, device="cpu")
@@ -441,14 +453,29 @@ class Finder:
             c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
             ox = (x + body.hitch * np.cos(heading) - body.drawbar * np.cos(trailer) if towed else x)[:, None]
             oy = (y + body.hitch * np.sin(heading) - body.drawbar * np.sin(trailer) if towed else y)[:, None]
-            i = ((ox + on[:, 0] * c - on[:, 1] * s - self.grid.west) / self.grid.cell).astype(int)
-            j = ((oy + on[:, 0] * s + on[:, 1] * c - self.grid.south) / self.grid.cell).astype(int)
+            px, py = ox + on[:, 0] * c - on[:, 1] * s, oy + on[:, 0] * s + on[:, 1] * c
+            for n in self._near:
+                if (px[..., None] * n[:, 0] + py[..., None] * n[:, 1] < n[:, 2]).all(axis=-1).any():
+                    return False
+            i = ((px - self.grid.west) / self.grid.cell).astype(int)
+            j = ((py - self.grid.south) / self.grid.cell).astype(int)
             shape = self._taken.shape
             if i.min() < 0 or j.min() < 0 or i.max() >= shape[0] or j.max() >= shape[1]:
                 return False
             if self._taken[i, j].any() or (self.grid.edge[i, j] < -STRAY).any():
                 return False
         return True
+
+
+def _sides(shape: Any) -> Array:
+    """Outward normals of the sides of a convex polygon, and how far each is along them, (n, 3)."""
+    points = np.array(shape.exterior.coords)
+    d = np.diff(points, axis=0)
+    area = float((points[:-1, 0] * points[1:, 1] - points[1:, 0] * points[:-1, 1]).sum())
+    d = d[np.hypot(*d.T) > 1e-6] * math.copysign(1.0, area)
+    at = points[:-1][np.hypot(*np.diff(points, axis=0).T) > 1e-6]
+    normal = np.column_stack([d[:, 1], -d[:, 0]]) / np.hypot(*d.T)[:, None]
+    return np.column_stack([normal, (normal * at).sum(axis=1)])
 
 
 def _circle(parts: tuple[Rectangle, ...], gap: float) -> tuple[float, float]:
