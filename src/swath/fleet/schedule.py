@@ -54,6 +54,8 @@ class Params:
     soon_s: float = 30.0
     part: float = 0.5
     inner_m: float = 60.0
+    behind: float = 0.25
+    again_s: float = 60.0
     out_percent: float = 0.5
 
 
@@ -174,6 +176,7 @@ class _Scheduler:
             self.table.stand(k.spec.name, standing(np.array(k.home), k.spec.body, 0.0, "home"))
         self.homes = {k.spec.name: run_of(k.spec.body, k.home, 0.0, WIDE) for k in self.carts}
         self.places = list(self._service_places())
+        self.vain: dict[Place, int] = {}  # how often in a row nobody could be emptied there
         self.inner = list(_along_passes(plan)) if self.carts else []
 
     def waits(self) -> list[Waits]:
@@ -260,14 +263,20 @@ class _Scheduler:
                 return self.takes(c, list(self.emptied(c)))
             c.is_done = self.goes_home(c)
             return c.is_done
-        options: list[tuple[Option, Any]] = []
-        for leg in legs:
-            options = list(self.cuts(c, leg))
-            if options:
-                break
-        if not any(o.kind != "truck" and o.kind != "stand" for o, _ in options):
-            options += list(self.emptied(c)) if c.tank > LEFT_KG else []
+        options = self.first(c, legs, part=False)
+        if not options and c.tank > LEFT_KG:
+            options = list(self.emptied(c))
+        if not options:
+            options = self.first(c, self.next_legs(c) or iter(()), part=True)
         return self.takes(c, options)
+
+    def first(self, c: CombineState, legs: Iterator[_Leg], *, part: bool) -> list[tuple[Option, Any]]:
+        """What can be done on the first leg on which anything can; part: or a part of it, wherever that ends"""
+        for leg in legs:
+            options = list(self.cuts(c, leg, part))
+            if options:
+                return options
+        return []
 
     def takes(self, c: CombineState, options: list[tuple[Option, Any]]) -> bool:
         """What the dispatcher decides, granted; False where there is nothing to decide."""
@@ -414,7 +423,7 @@ class _Scheduler:
         return self.table.segments[self.table.last[name]]
 
     # what a combine can do
-    def cuts(self, c: CombineState, leg: _Leg) -> Iterator[tuple[Option, Any]]:
+    def cuts(self, c: CombineState, leg: _Leg, part: bool) -> Iterator[tuple[Option, Any]]:
         """Cut on: alone where the tank takes it, with carts beside; as much of it as the tank takes."""
         levels = c.tank + np.concatenate([[0.0], np.cumsum(leg.masses)])
         fits = bool(levels[-1] <= c.spec.tank + LEFT_KG)
@@ -432,7 +441,7 @@ class _Scheduler:
                 if found is not None:
                     yield found
         if not fits and self.is_for_part(c):
-            yield from self.cuts_part(c, leg, levels)
+            yield from self.cuts_part(c, leg, levels, part)
 
     def likely(self, c: CombineState) -> list[CartState]:
         """Carts with room, those that are free first."""
@@ -440,11 +449,19 @@ class _Scheduler:
         far = {k.spec.name: math.dist(k.home[:2], c.place[:2]) / k.spec.drive.straight for k in room}
         return sorted(room, key=lambda k: (max(k.time, c.time) + far[k.spec.name], k.spec.name))[:2]
 
-    def cuts_part(self, c: CombineState, leg: _Leg, levels: Array) -> Iterator[tuple[Option, Any]]:
-        """As much of a pass as the tank takes; what is left is a pass of its own."""
+    def cuts_part(
+        self, c: CombineState, leg: _Leg, levels: Array, anywhere: bool
+    ) -> Iterator[tuple[Option, Any]]:
+        """As much of a pass as the tank takes; what is left is a pass of its own. anywhere: or only up to where
+        a cart can come beside
+        """
         count = int(np.searchsorted(levels, c.spec.tank, side="right")) - 1
         if count < 1 or leg.task is None:
             return
+        if not anywhere and self.carts:
+            lanes = [self.free_lane(c, k, leg, *beside(c.spec, k.spec)) for k in self.likely(c)]
+            if not any(lane is not None and lane[0] < count <= lane[1] for lane in lanes):
+                return
         path = _cut_off(leg.path, leg.first + count)
         part = _Leg(
             path,
@@ -804,6 +821,7 @@ class _Scheduler:
                     looked += 1
                     one = self.stands(c, k, place)
                     found += [one] if one is not None else []
+                    self.vain[place] = 0 if one is not None else self.vain.get(place, 0) + 1
             if len(found) >= min(2, len(self.carts)):
                 break
         yield from found
@@ -817,7 +835,9 @@ class _Scheduler:
         def cost(place: Place) -> tuple[float, Place]:
             at = place.ahead(ahead, left)
             own = math.dist(place[:2], c.place[:2]) / c.spec.drive.straight
-            return round(own + (come(at) + go(at)) / k.spec.drive.straight, 1), place
+            cart = max(k.time - c.time, 0.0) + come(at) / k.spec.drive.straight
+            rest = PARAMS.behind * go(at) / k.spec.drive.straight
+            return round(max(own, cart) + own + rest + PARAMS.again_s * self.vain.get(place, 0), 1), place
 
         return sorted((c.place, *self.places, *self.inner), key=cost)
 
