@@ -3,7 +3,7 @@
 from swath.fleet.bodies import body_of
 from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import machines_of
-from swath.fleet.ways import Finder
+from swath.fleet.ways import LINE, Finder
 from swath.fleet.yard import WIDE, Waits, at_gate, run_of, waiting_places
 from tests.fleet.drawn import drawn_job
 
@@ -23,7 +23,7 @@ def test_seven_machines_wait_so_that_each_can_leave_and_come_back_with_all_other
 
         def way(start, goal, w=w, others=others):
             return finder.find(
-                w.body, w.drive, start, goal, stand=others, in_line=True
+                w.body, w.drive, start, goal, stand=others, in_line=LINE
             )
 
         for goals in (at_gate(ground), [w.dock] if w.dock is not None else []):

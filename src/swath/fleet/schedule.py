@@ -26,7 +26,7 @@ from swath.fleet.machines import Cart, Combine, Machines, beside, machines_of
 from swath.fleet.plan import CLEAN, HEADLAND, Pass, Plan, plan_of, strip_of
 from swath.fleet.plan import PARAMS as PLAN
 from swath.fleet.table import Path, Table, segments, standing
-from swath.fleet.ways import Far, Finder, Track, driven, joined, straight, times_along
+from swath.fleet.ways import LINE, Far, Finder, Track, driven, joined, straight, times_along
 from swath.fleet.yard import PARAMS as YARD
 from swath.fleet.yard import WIDE, Waits, fits, run_of, waiting_places
 
@@ -56,6 +56,7 @@ class Params:
     inner_m: float = 60.0
     behind: float = 0.25
     again_s: float = 60.0
+    line_deg: float = 2.0
     out_percent: float = 0.5
 
 
@@ -527,7 +528,7 @@ class _Scheduler:
                 continue
             way = self.way(
                 k.spec.name, k.spec.body, k.spec.drive, k.home, start, max(k.time, c.time), c.spec.name,
-                in_line=True,
+                in_line=PARAMS.line_deg,
             )  # fmt: skip
             if way is not None or join - run[0] >= PARAMS.joins * PARAMS.join:
                 break
@@ -748,14 +749,14 @@ class _Scheduler:
         whole, dock_at = path, -1
         if empties:
             dock = self.cart_dock(k.spec)
-            way = self.way(name, body, drive, here, dock, time, other, in_line=True)
+            way = self.way(name, body, drive, here, dock, time, other, in_line=LINE)
             if way is None:
                 return None
             whole = _behind(whole, segments(way, times_along(way, drive), body, "to truck"))
             dock_at = len(whole)
             whole = _behind(whole, standing(way.places[-1], body, 0.0, "at truck"))
             here = way.end
-        way = self.way(name, body, drive, here, k.home, time, other, in_line=True)
+        way = self.way(name, body, drive, here, k.home, time, other, in_line=LINE)
         if way is None:
             return None
         whole = _behind(whole, segments(way, times_along(way, drive), body, "to its place"))
@@ -929,7 +930,7 @@ class _Scheduler:
     ) -> Any:
         """A cart's path to beside a combine that stands there from a time on, poured into, and away."""
         name, body, drive = k.spec.name, k.spec.body, k.spec.drive
-        way = self.way(name, body, drive, k.home, goal, now, other, in_line=True)
+        way = self.way(name, body, drive, k.home, goal, now, other, in_line=PARAMS.line_deg)
         if way is None:
             return None
         path = segments(way, times_along(way, drive), body, "to combine")

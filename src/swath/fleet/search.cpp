@@ -23,7 +23,7 @@ const D* sides = (const D*)near_sides.data;
 const unsigned char* taken = (const unsigned char*)taken_cells.data;
 D* out = (D*)found.data;
 constexpr int ROW = 11, AT_PARENT = 7, AT_BEND = 8, AT_WAY = 9, AT_BIN = 10;
-constexpr D PI = 3.14159265358979323846, NEVER = 1e17, SAMPLE = 1.0, COARSE = 2.0, SHOT = 25.0, LATER = 1000.0, BIN = 1.5, WEIGHT = 1.5, RUN_IN = 2.0, PER_M = 3.0, LONG = 4.0;
+constexpr D PI = 3.14159265358979323846, NEVER = 1e17, SAMPLE = 1.0, COARSE = 2.0, SHOT = 25.0, LATER = 1000.0, BIN = 1.5, WEIGHT = 1.5, BEND = 0.7, PER_M = 3.0, LONG = 4.0;
 constexpr int AFTER = 500;  // poses that are looked at once a way is found
 const D radius = m[10], turning = m[11], straight = m[12], backwards = m[13], shift = m[14], start_time = m[15];
 const D cell = m[16], west = m[17], south = m[18], hitch = m[20], drawbar = m[21], step = m[30], tolerance = m[25];
@@ -287,7 +287,7 @@ auto word_to = [&](D x, D y, D c, D s, D run_in, int word, D* parts) {
   parts[0] = t * radius; parts[1] = p * radius; parts[2] = q * radius; parts[3] = run_in;
   return true;
 };
-const D run_in_line = has_trailer && tolerance > -1.0 ? RUN_IN * drawbar : 0.0;
+const D run_in_line = has_trailer && tolerance > -1.0 ? drawbar * __builtin_log(BEND / __builtin_acos(tolerance)) : 0.0;
 auto shoot_to = [&](int n, D run_in) {  // the shortest of the four that is free
   const D* q0 = nodes + ROW * n;
   for (int word = 0; word < 4; ++word) {

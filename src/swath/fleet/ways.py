@@ -30,7 +30,7 @@ CREEP = 0.3  # m/s, at which a bend that cannot be eased is driven
 RAMP = 3.0  # m over which bends grow and fade, a combine's steering at walking pace
 EASE_BEND = 0.1  # weight of a bend that is changed against a metre of length
 STRAY = 0.1  # m that an eased way may be nearer to closed ground than the searched one
-STRAIGHT = math.cos(math.radians(6.0))  # of a trailer behind its tractor at the end of a way
+LINE = 6.0  # deg, of a trailer that is in line at the end of a way
 
 
 @dataclass(frozen=True)
@@ -344,12 +344,12 @@ class Finder:
 
     def find(
         self, body: Body, drive: Drive, start: Place, goal: Place, *, stand: Sequence[Any] = (),
-        near: Sequence[Any] = (), time: float = 0.0, gap: float = 0.15, in_line: bool = False, most: int = MOST,
+        near: Sequence[Any] = (), time: float = 0.0, gap: float = 0.15, in_line: float = 0.0, most: int = MOST,
     ) -> Track | None:  # fmt: skip
         """The way that takes the shortest time from a place to another, None where there is none.
 
         stand: outlines of machines that stand, as polygons; near: convex ones that cells are too coarse for; time: of the start [s]; gap: kept all round the
-        body [m]; in_line: the trailer ends in line; most: poses that are looked at to a goal 150 m off
+        body [m]; in_line: the trailer ends in line within so much [deg], 0: as it comes; most: poses that are looked at to a goal 150 m off
         """
         self._refresh()
         self._near = [_sides(shape) for shape in near]
@@ -379,12 +379,12 @@ class Finder:
         place = goal if not there else goal.ahead(0.0)._replace(heading=goal.heading + math.pi)
         body = next(iter(self._bodies), (Body(()), 0.0))[0]
         self._near = []
-        self._launch(body, drive, place, place, (), time, 0.15, False, MOST, lanes=True)
+        self._launch(body, drive, place, place, (), time, 0.15, 0.0, MOST, lanes=True)
         return Far(self._lanes.copy(), self.grid, self._rows, self._lane * COARSE, there)
 
     def _find(
         self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: bool, most: int,
+        gap: float, in_line: float, most: int,
     ) -> Track | None:  # fmt: skip
         points = self._launch(body, drive, start, goal, stand, time, gap, in_line, most)
         count = int(self._found[0])
@@ -402,7 +402,7 @@ class Finder:
 
     def _launch(
         self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: bool, most: int, lanes: bool = False,
+        gap: float, in_line: float, most: int, lanes: bool = False,
     ) -> Array:  # fmt: skip
         """Run the kernel; returns the points of the body."""
         wp = start_warp()
@@ -420,7 +420,7 @@ class Finder:
             goal.x, goal.y, math.cos(goal.heading), math.sin(goal.heading),
             drive.radius, drive.turning, drive.straight, drive.backwards or 1.0, drive.shift, time,
             grid.cell, grid.west, grid.south, body.has_trailer, body.hitch, body.drawbar or 1.0,
-            drive.backwards > 0.0, ROOM, most, STRAIGHT if in_line else -2.0, lanes,
+            drive.backwards > 0.0, ROOM, most, math.cos(math.radians(in_line)) if in_line > 0.0 else -2.0, lanes,
             len(points), *self._taken.shape, STEP, HEADINGS,
         )  # fmt: skip
         self._numbers[32:36] = (*_circle(body.own, gap), *_circle(body.towed, gap))
