@@ -15,7 +15,7 @@ def test_seven_machines_wait_so_that_each_can_leave_and_come_back_with_all_other
     finder = Finder(ground.grid)
     waits = [Waits(c.name, c.body, c.drive, None) for c in machines.combines]
     waits += [Waits(k.name, k.body, k.drive, ground.dock.ahead(-k.box_x)) for k in machines.carts]
-    places = waiting_places(ground, finder, waits)
+    places = [home.place for home in waiting_places(ground, finder, waits)]
     taken = [run_of(w.body, place, 0.0, WIDE) for w, place in zip(waits, places, strict=True)]
     for i, (w, place) in enumerate(zip(waits, places, strict=True)):
         others = taken[:i] + taken[i + 1 :]

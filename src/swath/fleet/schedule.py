@@ -21,12 +21,13 @@ from swath.core.errors import InputError
 from swath.fleet.bodies import Body, Place, body_of
 from swath.fleet.dispatcher import Dispatcher, Option, State, dispatcher_of
 from swath.fleet.files import JobFile
+from swath.fleet.ground import PARAMS as GROUND
 from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import Cart, Combine, Machines, beside, machines_of
 from swath.fleet.plan import CLEAN, HEADLAND, Pass, Plan, plan_of, strip_of
 from swath.fleet.plan import PARAMS as PLAN
 from swath.fleet.table import Path, Table, segments, standing
-from swath.fleet.ways import LINE, Far, Finder, Track, driven, joined, straight, times_along
+from swath.fleet.ways import LINE, Far, Finder, Track, behind, driven, joined, straight, times_along
 from swath.fleet.yard import PARAMS as YARD
 from swath.fleet.yard import WIDE, Waits, fits, run_of, waiting_places
 
@@ -163,7 +164,9 @@ class _Scheduler:
         self.truck_free, self.truck_room = 0.0, math.inf
         if job.truck.volume_m3 is not None:
             self.truck_room = job.truck.volume_m3 * machines.density
-        homes = waiting_places(ground, self.finder, self.waits())
+        waits = waiting_places(ground, self.finder, self.waits())
+        self.kept = {w.name: home for w, home in zip(self.waits(), waits, strict=True)}
+        homes = [home.place for home in waits]
         own = {i: [p for p in plan.passes if p.combine == i] for i in range(len(machines.combines))}
         self.combines = [
             CombineState(c, homes[i], homes[i], own[i], tank=c.start) for i, c in enumerate(machines.combines)
@@ -413,7 +416,19 @@ class _Scheduler:
                     near += [p.buffer(NEAR, join_style="mitre") for p in s.path.swept[s.index]]
                 else:
                     shapes += wide
-        return self.finder.find(body, drive, start, goal, stand=shapes, near=near, time=time, **more)
+        more = {"stand": shapes, "near": near, "time": time, **more}
+        kept, none = self.kept[name], driven(start, [(0.0, 1e-3)], body)
+        for way, area in zip(kept.ways, kept.areas, strict=True):
+            begins, ends = (math.dist(a[:2], b[:2]) < 0.01 for a, b in ((start, way.start), (goal, way.end)))
+            if not ends or shapely_here().intersects(area, [*shapes, *near]).any():
+                continue
+            if begins:
+                return behind(none, way, body)
+            if math.dist(start[:2], way.places[0, :2]) > GROUND.yard_m:  # up to the gate, then as kept
+                first = self.finder.find(body, drive, start, way.start, **{**more, "in_line": LINE})
+                if first is not None:
+                    return behind(first, way, body)
+        return self.finder.find(body, drive, start, goal, **more)
 
     def names(self) -> list[str]:
         """Of all machines that move."""

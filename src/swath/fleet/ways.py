@@ -191,6 +191,15 @@ def _dragged(x: Array, y: Array, heading: Array, first: float, body: Body) -> Ar
     return np.unwrap(out)
 
 
+def behind(first: Track, then: Track, body: Body) -> Track:
+    """Two tracks one after the other; the trailer comes to the second as it leaves the first."""
+    if body.has_trailer:
+        x, y, heading, _ = then.places.T
+        trailer = _dragged(x, y, heading, float(first.places[-1, 3]), body)
+        then = Track(np.column_stack([x, y, heading, trailer]), then.distance, then.ways, then.bends)
+    return joined([first, then])
+
+
 def joined(tracks: list[Track]) -> Track:
     """Tracks driven one after the other as one; each begins where the one before ends."""
     tracks = [t for t in tracks if len(t.places) > 1] or tracks[:1]
