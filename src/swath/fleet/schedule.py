@@ -409,7 +409,7 @@ class _Scheduler:
         own = run_of(body, start, 0.0)
         for other in self.names():
             s = self.last_of(other)
-            if other != name and s.into < time + PARAMS.soon_s:
+            if other != name and (other == beside or s.into < time + PARAMS.soon_s):
                 wide = [p.buffer(YARD.wide_m, join_style="mitre") for p in s.path.swept[s.index]]
                 is_near = other == beside or shapely_here().intersects(own, wide).any()
                 if is_near:
@@ -952,10 +952,10 @@ class _Scheduler:
         path = _behind(path, standing(way.places[-1], body, PARAMS.align_s, "beside"))
         at = len(path)
         path = _behind(path, standing(way.places[-1], body, pour, "beside, pouring"))
-        came = self.table.earliest(name, path, now, stays=False)
+        came = self.table.earliest(name, path, now, stays=False, after={at: time})
         if came is None:
             return None
-        begin = max(came[at], time)
+        begin = came[at]
         found = self.away(k, path, now, begin + pour, load, {at: begin}, other)
         return None if found is None else (*found, at)
 

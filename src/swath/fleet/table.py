@@ -178,13 +178,15 @@ class Table:
     def earliest(
         self, machine: str, path: Path, time: float, *, exact: Mapping[int, float] | None = None,
         meets: Sequence[Sequence[int]] | None = None, stays: bool = True, early: bool = False,
+        after: Mapping[int, float] | None = None,
     ) -> list[float] | None:  # fmt: skip
         """First times of entry into the segments of a path [s], begun at a time at the earliest; None where
-        there are none. exact: times that are given; stays: it must be able to stand at the end for good;
+        there are none. exact: times that are given; after: earliest ones;
+        stays: it must be able to stand at the end for good;
         early: it drives on as soon as it can, not only when it need not wait on the way any more
         """
         meets = self.meets(path, machine) if meets is None else meets
-        exact = exact or {}
+        exact, after = exact or {}, {**(after or {}), **(exact or {})}
         labels: list[list[tuple[float, float, int]]] = []
         for i in range(len(path)):
             row: list[tuple[float, float, int]] = []
@@ -196,7 +198,7 @@ class Table:
             for low, high in self._safe(meets[i]):
                 best: tuple[float, float, int] | None = None
                 for t, until, k in came:
-                    enter = max(t, low, exact.get(i, -math.inf))
+                    enter = max(t, low, after.get(i, -math.inf))
                     if i in exact and enter > exact[i] + 1e-6:
                         continue
                     if enter <= until and enter < high and (best is None or enter < best[0]):
