@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from swath.fleet.bodies import Drive, Place, body_of
-from swath.fleet.ways import Finder, driven, eased, limits_along, straight, times_along
+from swath.fleet.ground import Grid
+from swath.fleet.ways import LINE, Finder, driven, eased, limits_along, straight, times_along
 from swath.machine.machine_sheet import load_machine
 
 COMBINE, CART = body_of(load_machine("lexion-700")), body_of(load_machine("tractor-grain-cart"))
@@ -19,7 +20,14 @@ def ground(closed=()):
     free, edge = np.full((200, 160), -1.0, np.float32), np.full((200, 160), 9.0, np.float32)
     for w, e, s, n in closed:
         free[int(2 * w) : int(2 * e), int(2 * s) : int(2 * n)] = 1e18
-    return free, Finder(0.0, 0.0, 0.5, edge)
+    return Finder(Grid(0.0, 0.0, 0.5, edge, free))
+
+
+def cut(finder, time):
+    """All crop, at a time."""
+    free = finder.grid.free_from
+    free[free > 1e17] = time
+    finder.grid.changed.append((slice(0, free.shape[0]), slice(0, free.shape[1])))
 
 
 @pytest.mark.parametrize(
@@ -31,18 +39,18 @@ def ground(closed=()):
     ],
 )
 def test_on_open_ground_the_shortest_way_is_the_dubins_path(goal, length):
-    free, finder = ground()
+    finder = ground()
     start, end = Place(30.0, 40.0, 0.0, 0.0), Place(*goal, goal[2])
-    way = finder.find(free, COMBINE, DRIVE, start, end, version=0)
+    way = finder.find(COMBINE, DRIVE, start, end)
     assert way.length == pytest.approx(length, abs=0.01)
     assert way.end[:2] == pytest.approx(goal[:2], abs=1e-6)
 
 
 def test_no_way_leads_through_crop_that_stands_and_one_around_it_is_found():
     crop = [(48.0, 52.0, 0.0, 60.0)]
-    free, finder = ground(crop)
+    finder = ground(crop)
     way = finder.find(
-        free, COMBINE, DRIVE, Place(30.0, 20.0, 0.0, 0.0), Place(70.0, 20.0, 0.0, 0.0), version=0
+        COMBINE, DRIVE, Place(30.0, 20.0, 0.0, 0.0), Place(70.0, 20.0, 0.0, 0.0)
     )
     chassis = COMBINE.outlines(way.places)[:, 0]
     inside = (chassis[..., 0] > 48.5) & (chassis[..., 0] < 51.5) & (chassis[..., 1] < 59.5)
@@ -51,28 +59,28 @@ def test_no_way_leads_through_crop_that_stands_and_one_around_it_is_found():
 
 
 def test_crop_that_is_cut_by_then_is_open_ground():
-    free, finder = ground([(48.0, 52.0, 0.0, 80.0)])
+    finder = ground([(48.0, 52.0, 0.0, 80.0)])
     start, goal = Place(20.0, 20.0, 0.0, 0.0), Place(80.0, 20.0, 0.0, 0.0)
-    assert finder.find(free, COMBINE, DRIVE, start, goal, version=0) is None
-    free[free > 1e17] = 500.0
-    assert finder.find(free, COMBINE, DRIVE, start, goal, version=1, time=100.0) is None
-    assert finder.find(free, COMBINE, DRIVE, start, goal, version=2, time=600.0) is not None
+    assert finder.find(COMBINE, DRIVE, start, goal) is None
+    cut(finder, 500.0)
+    assert finder.find(COMBINE, DRIVE, start, goal, time=100.0) is None
+    assert finder.find(COMBINE, DRIVE, start, goal, time=600.0) is not None
 
 
 def test_a_combine_backs_out_of_a_dead_end_and_a_cart_cannot():
     walls = [(20.0, 61.0, 32.0, 36.0), (20.0, 61.0, 44.0, 48.0), (57.0, 61.0, 32.0, 48.0)]
-    free, finder = ground(walls)
+    finder = ground(walls)
     start, goal = Place(44.0, 40.0, 0.0, 0.0), Place(12.0, 60.0, math.pi / 2, math.pi / 2)
-    way = finder.find(free, COMBINE, DRIVE, start, goal, version=0)
+    way = finder.find(COMBINE, DRIVE, start, goal)
     assert (way.ways < 0.0).any()
-    assert finder.find(free, CART, TOWS, start, goal, version=0) is None
+    assert finder.find(CART, TOWS, start, goal) is None
 
 
 @pytest.mark.parametrize("goal", [(60.0, 62.0, math.pi), (75.0, 30.0, -math.pi / 2), (85.0, 55.0, 0.0)])
 def test_a_trailer_that_has_to_be_in_line_comes_straight_to_the_goal_at_once(goal):
-    free, finder = ground()
+    finder = ground()
     end = Place(*goal, goal[2])
-    way = finder.find(free, CART, TOWS, Place(40.0, 40.0, 0.0, 0.0), end, version=0, in_line=True, most=200)
+    way = finder.find(CART, TOWS, Place(40.0, 40.0, 0.0, 0.0), end, in_line=LINE, most=200)
     x, y, heading, trailer = way.places[-1]
     assert (x, y) == pytest.approx(goal[:2], abs=1e-6)
     assert math.cos(heading - goal[2]) == pytest.approx(1.0)

@@ -1,9 +1,9 @@
 """Waiting places: each can be left and come to when all others are taken."""
 
 from swath.fleet.bodies import body_of
-from swath.fleet.ground import CELL, Ground, shapely_here
+from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import machines_of
-from swath.fleet.ways import Finder
+from swath.fleet.ways import LINE, Finder
 from swath.fleet.yard import WIDE, Waits, at_gate, run_of, waiting_places
 from tests.fleet.drawn import drawn_job
 
@@ -12,10 +12,10 @@ def test_seven_machines_wait_so_that_each_can_leave_and_come_back_with_all_other
     job = drawn_job(101, (0.5, 1.0))
     machines = machines_of(job)
     ground = Ground(job, body_of(machines.truck))
-    finder = Finder(ground.west, ground.south, CELL, ground.edge)
+    finder = Finder(ground.grid)
     waits = [Waits(c.name, c.body, c.drive, None) for c in machines.combines]
     waits += [Waits(k.name, k.body, k.drive, ground.dock.ahead(-k.box_x)) for k in machines.carts]
-    places = waiting_places(ground, finder, waits)
+    places = [home.place for home in waiting_places(ground, finder, waits)]
     taken = [run_of(w.body, place, 0.0, WIDE) for w, place in zip(waits, places, strict=True)]
     for i, (w, place) in enumerate(zip(waits, places, strict=True)):
         others = taken[:i] + taken[i + 1 :]
@@ -23,7 +23,7 @@ def test_seven_machines_wait_so_that_each_can_leave_and_come_back_with_all_other
 
         def way(start, goal, w=w, others=others):
             return finder.find(
-                ground.free_from, w.body, w.drive, start, goal, version=0, stand=others, in_line=True
+                w.body, w.drive, start, goal, stand=others, in_line=LINE
             )
 
         for goals in (at_gate(ground), [w.dock] if w.dock is not None else []):

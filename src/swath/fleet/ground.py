@@ -6,6 +6,7 @@ depends on how the field lies on the map.
 
 import math
 from dataclasses import dataclass, replace
+from dataclasses import field as made
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from swath.fleet.files import JobFile
 
 Array = NDArray[np.float64]
 CELL = 0.5  # m, of the grid of free ground
-TAKEN, CLOSED, BARE, STANDING = -3.0, -2.0, -1.0, 1e18  # of a cell, as in search.cpp
+CLOSED, BARE, STANDING = -2.0, -1.0, 1e18  # of a cell, as in search.cpp
 GRAIN = 1e-4  # m, that places in the frame are rounded to, so that turning a field changes no decision
 
 
@@ -69,13 +70,28 @@ class Frame:
         return np.column_stack([self.x + c * p[:, 0] - s * p[:, 1], self.y + s * p[:, 0] + c * p[:, 1]])
 
 
+@dataclass
+class Grid:
+    """Free ground in cells, shape (n, m). west, south: of the first [m]; cell [m]; edge: of the middle of
+    each, the distance to closed ground, < 0 in it [m], exact up to 2 m; free_from: the time from which no
+    crop stands there [s], -1 for ground without crop, -2 for closed ground, 1e18 for crop that stays;
+    changed: rows and columns in which crop was cut, in order
+    """
+
+    west: float
+    south: float
+    cell: float
+    edge: NDArray[np.float32]
+    free_from: NDArray[np.float32]
+    changed: list[tuple[slice, slice]] = made(default_factory=list)
+
+
 class Ground:
     """field: crop at the start; open: may be driven on, crop or not; around: the
     outlines and the strip around them; rough: open and a little over its edge; remaining: crop that no pass
     has been given, all shapely, in the field's frame; dock: where a cart's box stands to empty, its truck to
     its left;
-    gate: where the way to the truck leaves the field [m]; truck: the truck's outline; free_from: of each
-    cell, the time from which it is free of crop [s], see `Finder.find`
+    gate: where the way to the truck leaves the field [m]; truck: the truck's outline; grid: what is free when
     """
 
     def __init__(self, job: JobFile, truck: Body) -> None:
@@ -87,7 +103,6 @@ class Ground:
         self.holes = holes
         self.field = shapely.difference(shapely.union_all(parts), holes)
         self.remaining = self.field
-        self.version = 0
         place = self.frame.to_field([(job.truck.x_m, job.truck.y_m)])[0]
         self.gate, self.dock = _at_truck(shapely, self.field, holes, place, truck, job)
         self.truck_place = self.dock.ahead(0.0, PARAMS.truck_m)
@@ -100,7 +115,7 @@ class Ground:
         west, south, east, north = self.open.bounds
         self.west, self.south = math.floor(west) - 2.0, math.floor(south) - 2.0
         self.shape: tuple[int, int] = int((east - self.west) / CELL) + 5, int((north - self.south) / CELL) + 5
-        self.free_from = self._raster(shapely)
+        self.grid = self._raster(shapely)
         self.rough = self.open.buffer(PARAMS.rough_m)
         shapely.prepare([self.open, self.rough])
 
@@ -109,18 +124,17 @@ class Ground:
         road = shapely.LineString([self.gate, place]) if math.dist(self.gate, place) > 1.0 else None
         return yards if road is None else [*yards, road.buffer(PARAMS.road_m)]
 
-    def _raster(self, shapely: Any) -> NDArray[np.float32]:
-        self.x, self.y = (
+    def _raster(self, shapely: Any) -> Grid:
+        at_x, at_y = (
             low + CELL * (np.arange(n) + 0.5)
             for low, n in zip((self.west, self.south), self.shape, strict=True)
         )
-        x, y = np.meshgrid(self.x, self.y, indexing="ij")
+        x, y = np.meshgrid(at_x, at_y, indexing="ij")
         free = np.full(self.shape, CLOSED, np.float32)
         for area, value in ((self.open, BARE), (self.field, STANDING)):
             shapely.prepare(area)
             free[shapely.contains_xy(area, x, y)] = value
-        self.edge = self._edge(shapely, x, y, free == CLOSED)
-        return free
+        return Grid(self.west, self.south, CELL, self._edge(shapely, x, y, free == CLOSED), free)
 
     @staticmethod
     def _far(closed: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -161,9 +175,9 @@ class Ground:
         for strip, time in zip(strips, times.tolist(), strict=True):
             wide = shapely.buffer(strip, 0.25 * CELL, join_style="mitre")
             i, j, inside = cells_of(wide, self.west, self.south, CELL, self.shape)
-            part = self.free_from[i, j]
+            part = self.grid.free_from[i, j]
             part[inside & (part > time)] = time
-        self.version += 1
+            self.grid.changed.append((i, j))
         total = float(areas.sum())
         return areas * (gone / total) if total > 0.0 else areas
 
@@ -180,7 +194,7 @@ class Ground:
         for n, area in enumerate(np.atleast_1d(areas)):
             if free[n]:
                 i, j, inside = cells_of(area, self.west, self.south, CELL, self.shape)
-                free[n] = bool((self.free_from[i, j][inside] <= time).all())
+                free[n] = bool((self.grid.free_from[i, j][inside] <= time).all())
         return free
 
 

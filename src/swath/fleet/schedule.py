@@ -21,18 +21,20 @@ from swath.core.errors import InputError
 from swath.fleet.bodies import Body, Place, body_of
 from swath.fleet.dispatcher import Dispatcher, Option, State, dispatcher_of
 from swath.fleet.files import JobFile
-from swath.fleet.ground import CELL, Ground, shapely_here
+from swath.fleet.ground import PARAMS as GROUND
+from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import Cart, Combine, Machines, beside, machines_of
 from swath.fleet.plan import CLEAN, HEADLAND, Pass, Plan, plan_of, strip_of
 from swath.fleet.plan import PARAMS as PLAN
 from swath.fleet.table import Path, Table, segments, standing
-from swath.fleet.ways import Finder, Track, driven, joined, straight, times_along
+from swath.fleet.ways import LINE, Far, Finder, Track, behind, driven, joined, straight, times_along
 from swath.fleet.yard import PARAMS as YARD
 from swath.fleet.yard import WIDE, Waits, fits, run_of, waiting_places
 
 Array = NDArray[np.float64]
 SQUARE_M_PER_HA_T = 0.1  # t/ha in kg/m2
 LEFT_KG = 1e-6  # of grain, that is none
+NEAR = 0.04  # m, that a way keeps off who stands near, beyond the gaps of bodies
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,11 @@ class Params:
     joins: int = 2
     early_s: float = 2.0
     soon_s: float = 30.0
+    part: float = 0.5
+    inner_m: float = 60.0
+    behind: float = 0.25
+    again_s: float = 60.0
+    line_deg: float = 2.0
     out_percent: float = 0.5
 
 
@@ -151,12 +158,15 @@ class _Scheduler:
         self.job, self.dispatcher, self.ground, self.machines = job, dispatcher, ground, machines
         self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s, notes=list(job.notes))
         self.table = self.schedule.table
-        self.finder = Finder(ground.west, ground.south, CELL, ground.edge)
+        self._far: dict[tuple[str, int], tuple[Far, Far]] = {}
+        self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
         self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T
         self.truck_free, self.truck_room = 0.0, math.inf
         if job.truck.volume_m3 is not None:
             self.truck_room = job.truck.volume_m3 * machines.density
-        homes = waiting_places(ground, self.finder, self.waits())
+        waits = waiting_places(ground, self.finder, self.waits())
+        self.kept = {w.name: home for w, home in zip(self.waits(), waits, strict=True)}
+        homes = [home.place for home in waits]
         own = {i: [p for p in plan.passes if p.combine == i] for i in range(len(machines.combines))}
         self.combines = [
             CombineState(c, homes[i], homes[i], own[i], tank=c.start) for i, c in enumerate(machines.combines)
@@ -168,9 +178,10 @@ class _Scheduler:
             self.table.stand(c.spec.name, standing(np.array(c.home), c.spec.body, 0.0, "home"))
         for k in self.carts:
             self.table.stand(k.spec.name, standing(np.array(k.home), k.spec.body, 0.0, "home"))
-        self.ground.version += 1
         self.homes = {k.spec.name: run_of(k.spec.body, k.home, 0.0, WIDE) for k in self.carts}
         self.places = list(self._service_places())
+        self.vain: dict[Place, int] = {}  # how often in a row nobody could be emptied there
+        self.inner = list(_along_passes(plan)) if self.carts else []
 
     def waits(self) -> list[Waits]:
         """All machines that move, with their places at the truck."""
@@ -196,6 +207,9 @@ class _Scheduler:
         """Until all is cut and at the truck."""
         room = 0
         while any(not c.is_done for c in self.combines):
+            for k in self.carts:  # who came home with its load, since the way to the truck was not free
+                if self.is_full(k):
+                    self.empties(k)
             busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: (c.time, c.spec.name))
             if any(self.turn(c) for c in busy):
                 room = 0
@@ -253,14 +267,20 @@ class _Scheduler:
                 return self.takes(c, list(self.emptied(c)))
             c.is_done = self.goes_home(c)
             return c.is_done
-        options: list[tuple[Option, Any]] = []
-        for leg in legs:
-            options = list(self.cuts(c, leg))
-            if options:
-                break
-        if not any(o.kind != "truck" and o.kind != "stand" for o, _ in options):
-            options += list(self.emptied(c)) if c.tank > LEFT_KG else []
+        options = self.first(c, legs, part=False)
+        if not options and c.tank > LEFT_KG:
+            options = list(self.emptied(c))
+        if not options:
+            options = self.first(c, self.next_legs(c) or iter(()), part=True)
         return self.takes(c, options)
+
+    def first(self, c: CombineState, legs: Iterator[_Leg], *, part: bool) -> list[tuple[Option, Any]]:
+        """What can be done on the first leg on which anything can; part: or a part of it, wherever that ends"""
+        for leg in legs:
+            options = list(self.cuts(c, leg, part))
+            if options:
+                return options
+        return []
 
     def takes(self, c: CombineState, options: list[tuple[Option, Any]]) -> bool:
         """What the dispatcher decides, granted; False where there is nothing to decide."""
@@ -332,21 +352,37 @@ class _Scheduler:
         u = np.array([math.cos(task.heading), math.sin(task.heading)])
         start = np.array(task.start) - c.spec.knife * u
         place = Place(float(start[0]), float(start[1]), task.heading, task.heading)
+        run = straight(place, task.length, c.spec.body)
+        marks = np.linspace(0.0, task.length, max(1, math.ceil(task.length / PARAMS.cut_m)) + 1)
+        cut = segments(run, run.distance, c.spec.body, "cut", marks)
+        if not shapely_here().contains(self.ground.rough, cut.swept).all():
+            return None  # its body would be in a hole or off open ground
+        strips = _strips(task, c.spec.width, marks)
+        areas = self.ground.crop_in(strips)
+        length = np.diff(marks)
+        speed = [c.spec.speed_in(a * self.density / d) for a, d in zip(areas, length, strict=True)]
+        cut.spent = length / np.array(speed)
+        leg = _Leg(cut, task, areas * self.density, areas, strips, 0, time)
+        if not self.is_worth(c, leg):
+            return None
         way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, time)
         if way is None:
             return None
         path = segments(way, times_along(way, c.spec.drive), c.spec.body, "way")
-        run = straight(place, task.length, c.spec.body)
-        marks = np.linspace(0.0, task.length, max(1, math.ceil(task.length / PARAMS.cut_m)) + 1)
-        strips = _strips(task, c.spec.width, marks)
-        areas = self.ground.crop_in(strips)
-        cut = segments(run, run.distance, c.spec.body, "cut", marks)
-        if not shapely_here().contains(self.ground.rough, cut.swept).all():
-            return None  # its body would be in a hole or off open ground
-        length = np.diff(marks)
-        speed = [c.spec.speed_in(a * self.density / d) for a, d in zip(areas, length, strict=True)]
-        cut.spent = length / np.array(speed)
-        return _Leg(_behind(path, cut), task, areas * self.density, areas, strips, len(path), time)
+        return replace(leg, path=_behind(path, cut), first=len(path))
+
+    def is_worth(self, c: CombineState, leg: _Leg) -> bool:
+        """Whether a pass can be cut in any way, before a way to it is looked for."""
+        grain = math.fsum(leg.masses)
+        if c.tank + grain <= c.spec.tank + LEFT_KG or self.is_for_part(c):
+            return True
+        lanes = (self.free_lane(c, k, leg, *beside(c.spec, k.spec)) for k in self.likely(c))
+        return any(lane is not None for lane in lanes)
+
+    @staticmethod
+    def is_for_part(c: CombineState) -> bool:
+        """Whether a combine whose tank does not take a pass cuts a part of it."""
+        return c.tank < PARAMS.part * c.spec.tank
 
     def way(
         self,
@@ -369,17 +405,30 @@ class _Scheduler:
         ):
             return driven(start, [(0.0, 1e-3)], body)
         shapes = [home for o, home in self.homes.items() if o != name]
+        near: list[Any] = []
         own = run_of(body, start, 0.0)
         for other in self.names():
             s = self.last_of(other)
-            if other != name and s.into < time + PARAMS.soon_s:
+            if other != name and (other == beside or s.into < time + PARAMS.soon_s):
                 wide = [p.buffer(YARD.wide_m, join_style="mitre") for p in s.path.swept[s.index]]
                 is_near = other == beside or shapely_here().intersects(own, wide).any()
-                shapes += list(s.path.swept[s.index]) if is_near else wide
-        free, version = self.ground.free_from, self.ground.version
-        return self.finder.find(
-            free, body, drive, start, goal, version=version, stand=shapes, time=time, **more
-        )
+                if is_near:
+                    near += [p.buffer(NEAR, join_style="mitre") for p in s.path.swept[s.index]]
+                else:
+                    shapes += wide
+        more = {"stand": shapes, "near": near, "time": time, **more}
+        kept, none = self.kept[name], driven(start, [(0.0, 1e-3)], body)
+        for way, area in zip(kept.ways, kept.areas, strict=True):
+            begins, ends = (math.dist(a[:2], b[:2]) < 0.01 for a, b in ((start, way.start), (goal, way.end)))
+            if not ends or shapely_here().intersects(area, [*shapes, *near]).any():
+                continue
+            if begins:
+                return behind(none, way, body)
+            if math.dist(start[:2], way.places[0, :2]) > GROUND.yard_m:  # up to the gate, then as kept
+                first = self.finder.find(body, drive, start, way.start, **{**more, "in_line": LINE})
+                if first is not None:
+                    return behind(first, way, body)
+        return self.finder.find(body, drive, start, goal, **more)
 
     def names(self) -> list[str]:
         """Of all machines that move."""
@@ -390,7 +439,7 @@ class _Scheduler:
         return self.table.segments[self.table.last[name]]
 
     # what a combine can do
-    def cuts(self, c: CombineState, leg: _Leg) -> Iterator[tuple[Option, Any]]:
+    def cuts(self, c: CombineState, leg: _Leg, part: bool) -> Iterator[tuple[Option, Any]]:
         """Cut on: alone where the tank takes it, with carts beside; as much of it as the tank takes."""
         levels = c.tank + np.concatenate([[0.0], np.cumsum(leg.masses)])
         fits = bool(levels[-1] <= c.spec.tank + LEFT_KG)
@@ -407,8 +456,8 @@ class _Scheduler:
                 found = self.comes_beside(c, k, leg, levels)
                 if found is not None:
                     yield found
-        if not fits and c.tank < 0.5 * c.spec.tank:
-            yield from self.cuts_part(c, leg, levels)
+        if not fits and self.is_for_part(c):
+            yield from self.cuts_part(c, leg, levels, part)
 
     def likely(self, c: CombineState) -> list[CartState]:
         """Carts with room, those that are free first."""
@@ -416,11 +465,19 @@ class _Scheduler:
         far = {k.spec.name: math.dist(k.home[:2], c.place[:2]) / k.spec.drive.straight for k in room}
         return sorted(room, key=lambda k: (max(k.time, c.time) + far[k.spec.name], k.spec.name))[:2]
 
-    def cuts_part(self, c: CombineState, leg: _Leg, levels: Array) -> Iterator[tuple[Option, Any]]:
-        """As much of a pass as the tank takes; what is left is a pass of its own."""
+    def cuts_part(
+        self, c: CombineState, leg: _Leg, levels: Array, anywhere: bool
+    ) -> Iterator[tuple[Option, Any]]:
+        """As much of a pass as the tank takes; what is left is a pass of its own. anywhere: or only up to where
+        a cart can come beside
+        """
         count = int(np.searchsorted(levels, c.spec.tank, side="right")) - 1
         if count < 1 or leg.task is None:
             return
+        if not anywhere and self.carts:
+            lanes = [self.free_lane(c, k, leg, *beside(c.spec, k.spec)) for k in self.likely(c)]
+            if not any(lane is not None and lane[0] < count <= lane[1] for lane in lanes):
+                return
         path = _cut_off(leg.path, leg.first + count)
         part = _Leg(
             path,
@@ -474,13 +531,19 @@ class _Scheduler:
         if run is None:
             return None
         first, last = run
+        come, go = self.far(k, c.time)
+        end = Place(*leg.path.track.places[leg.path.last[leg.first + last - 1]].tolist())
+        if math.isinf(go(end.ahead(ahead, left))):
+            return None
         way = None
         for join in range(first, last - 1, PARAMS.join):
             place = Place(*leg.path.track.places[leg.path.first[leg.first + join]].tolist())
             start, first = place.ahead(ahead, left), join
+            if math.isinf(come(start)):
+                continue
             way = self.way(
                 k.spec.name, k.spec.body, k.spec.drive, k.home, start, max(k.time, c.time), c.spec.name,
-                in_line=True,
+                in_line=PARAMS.line_deg,
             )  # fmt: skip
             if way is not None or join - run[0] >= PARAMS.joins * PARAMS.join:
                 break
@@ -672,12 +735,17 @@ class _Scheduler:
         other: str,
     ) -> tuple[Path, list[float], tuple[bool, float, list[Poured]]] | None:
         """A path with what follows: to the truck if the load is worth it, then to the cart's place."""
-        to_truck = load >= k.spec.leave or load >= 0.95 * k.spec.load
-        for empties in (True, False) if to_truck else (False,):
+        for empties in (True, False) if self.is_full(k, load) else (False,):
             found = self.home_by(k, path, now, time, load, exact, empties, other)
             if found is not None:
                 return found
         return None
+
+    @staticmethod
+    def is_full(k: CartState, load: float | None = None) -> bool:
+        """Whether a load is worth the way to the truck."""
+        load = k.load if load is None else load
+        return load >= min(k.spec.leave, 0.95 * k.spec.load)
 
     def home_by(
         self,
@@ -696,14 +764,14 @@ class _Scheduler:
         whole, dock_at = path, -1
         if empties:
             dock = self.cart_dock(k.spec)
-            way = self.way(name, body, drive, here, dock, time, other, in_line=True)
+            way = self.way(name, body, drive, here, dock, time, other, in_line=LINE)
             if way is None:
                 return None
             whole = _behind(whole, segments(way, times_along(way, drive), body, "to truck"))
             dock_at = len(whole)
             whole = _behind(whole, standing(way.places[-1], body, 0.0, "at truck"))
             here = way.end
-        way = self.way(name, body, drive, here, k.home, time, other, in_line=True)
+        way = self.way(name, body, drive, here, k.home, time, other, in_line=LINE)
         if way is None:
             return None
         whole = _behind(whole, segments(way, times_along(way, drive), body, "to its place"))
@@ -761,18 +829,44 @@ class _Scheduler:
             if at_truck is not None:
                 yield at_truck
             return
-        near = sorted(self.places, key=lambda p: round(math.dist(p[:2], c.place[:2]), 2))
         found: list[tuple[Option, Any]] = []
         looked = 0
-        for place in (c.place, *near):
+        for place in self.by_way(c):
             for k in self.likely(c):
                 if looked < PARAMS.places and self.has_room(c, k, place):
                     looked += 1
                     one = self.stands(c, k, place)
                     found += [one] if one is not None else []
-            if len(found) >= 2:
+                    self.vain[place] = 0 if one is not None else self.vain.get(place, 0) + 1
+            if len(found) >= min(2, len(self.carts)):
                 break
         yield from found
+
+    def by_way(self, c: CombineState) -> list[Place]:
+        """Places to be emptied at, those first to which it and a cart there and back have not far."""
+        k = self.likely(c)[0] if self.likely(c) else self.carts[0]
+        come, go = self.far(k, c.time)
+        ahead, left = beside(c.spec, k.spec)
+
+        def cost(place: Place) -> tuple[float, Place]:
+            at = place.ahead(ahead, left)
+            own = math.dist(place[:2], c.place[:2]) / c.spec.drive.straight
+            cart = max(k.time - c.time, 0.0) + come(at) / k.spec.drive.straight
+            rest = PARAMS.behind * go(at) / k.spec.drive.straight
+            return round(max(own, cart) + own + rest + PARAMS.again_s * self.vain.get(place, 0), 1), place
+
+        return sorted((c.place, *self.places, *self.inner), key=cost)
+
+    def far(self, k: CartState, time: float) -> tuple[Far, Far]:
+        """How far it is about from a cart's place and to the truck; kept until crop is cut."""
+        key = k.spec.name, len(self.ground.grid.changed)
+        if key not in self._far:
+            self._far = {o: fields for o, fields in self._far.items() if o[1] == key[1]}
+            self._far[key] = (
+                self.finder.far_from(k.spec.drive, k.home, time, there=True),
+                self.finder.far_from(k.spec.drive, self.cart_dock(k.spec), time, there=False),
+            )
+        return self._far[key]
 
     def has_room(self, c: CombineState, k: CartState, place: Place) -> bool:
         """Whether both can stand there, on open ground that is cut and where nobody stands."""
@@ -851,17 +945,17 @@ class _Scheduler:
     ) -> Any:
         """A cart's path to beside a combine that stands there from a time on, poured into, and away."""
         name, body, drive = k.spec.name, k.spec.body, k.spec.drive
-        way = self.way(name, body, drive, k.home, goal, now, other, in_line=True)
+        way = self.way(name, body, drive, k.home, goal, now, other, in_line=PARAMS.line_deg)
         if way is None:
             return None
         path = segments(way, times_along(way, drive), body, "to combine")
         path = _behind(path, standing(way.places[-1], body, PARAMS.align_s, "beside"))
         at = len(path)
         path = _behind(path, standing(way.places[-1], body, pour, "beside, pouring"))
-        came = self.table.earliest(name, path, now, stays=False)
+        came = self.table.earliest(name, path, now, stays=False, after={at: time})
         if came is None:
             return None
-        begin = max(came[at], time)
+        begin = came[at]
         found = self.away(k, path, now, begin + pour, load, {at: begin}, other)
         return None if found is None else (*found, at)
 
@@ -926,6 +1020,17 @@ class _Scheduler:
             goal = place.ahead(ahead, left)
             if fits(bare, c.body, place) and fits(bare, k.body, goal):
                 yield place
+
+
+def _along_passes(plan: Plan) -> Iterator[Place]:
+    """Places on headland passes, in both directions."""
+    for p in plan.passes:
+        if p.kind == HEADLAND:
+            count = max(1, int(p.length / PARAMS.inner_m))
+            for share in (np.arange(count) + 0.5) / count:
+                x, y = ((1.0 - share) * a + share * b for a, b in zip(p.start, p.end, strict=True))
+                for h in (p.heading, p.heading + math.pi):
+                    yield Place(float(x), float(y), h, h)
 
 
 def _along(ground: Ground) -> Iterator[Place]:

@@ -14,13 +14,17 @@ D* keys = (D*)heap_keys.data;
 int* heap = (int*)heap_nodes.data;
 float* best = (float*)best_rows.data;
 float* far = (float*)distance.data;
-float *room_now = (float*)clearance.data, *room_ever = (float*)clearance_ever.data;
+float *disc_own = (float*)discs_own.data, *disc_towed = (float*)discs_towed.data;
 const float* edge = (const float*)edge_rows.data;
-const float* lasting = (const float*)ground_alone.data;
+const float* reachable = (const float*)reachable_from.data;
+int* follows = (int*)following.data;
+float* lanes = (float*)lane_rows.data;
+const D* sides = (const D*)near_sides.data;
+const unsigned char* taken = (const unsigned char*)taken_cells.data;
 D* out = (D*)found.data;
-constexpr int ROW = 10, AT_PARENT = 7, AT_BEND = 8, AT_WAY = 9;
-constexpr D PI = 3.14159265358979323846, NEVER = 1e17, SAMPLE = 1.0, COARSE = 2.0, SHOT = 25.0, LATER = 1000.0, BIN = 1.5, WEIGHT = 1.5, RUN_IN = 2.0, FAR = 300.0;
-constexpr int AFTER = 1500;  // poses that are looked at once a way is found
+constexpr int ROW = 11, AT_PARENT = 7, AT_BEND = 8, AT_WAY = 9, AT_BIN = 10;
+constexpr D PI = 3.14159265358979323846, NEVER = 1e17, SAMPLE = 1.0, COARSE = 2.0, SHOT = 25.0, LATER = 1000.0, BIN = 1.5, WEIGHT = 1.5, BEND = 0.7, PER_M = 3.0, LONG = 4.0;
+constexpr int AFTER = 500;  // poses that are looked at once a way is found
 const D radius = m[10], turning = m[11], straight = m[12], backwards = m[13], shift = m[14], start_time = m[15];
 const D cell = m[16], west = m[17], south = m[18], hitch = m[20], drawbar = m[21], step = m[30], tolerance = m[25];
 const bool has_trailer = m[19] > 0.5, reverses = m[22] > 0.5;
@@ -55,75 +59,135 @@ auto pop = [&](D& key) {
   return node;
 };
 
-// the distance of each cell to one that is closed or not free by a time, in steps along the grid and across (Borgefors 1986)
-auto nearer = [&](float* room, int c, int i, int j, float d) {
-  if (i < 0 || j < 0 || i >= nx || j >= ny) { if (room[c] > d) room[c] = d; return; }
-  const float r = room[i * ny + j] + d;
-  if (r < room[c]) room[c] = r;
-};
-auto measure = [&](float* room, D when) {
-  for (int i = 0; i < nx * ny; ++i) room[i] = lasting[i] < -1.5f || lasting[i] > when ? 0.0f : 1e6f;
-  for (int i = 0; i < nx; ++i)
-    for (int j = 0; j < ny; ++j) {
-      const int c = i * ny + j;
-      nearer(room, c, i - 1, j, 1.0f); nearer(room, c, i, j - 1, 1.0f); nearer(room, c, i - 1, j - 1, 1.41421356f); nearer(room, c, i - 1, j + 1, 1.41421356f);
-    }
-  for (int i = nx - 1; i >= 0; --i)
-    for (int j = ny - 1; j >= 0; --j) {
-      const int c = i * ny + j;
-      nearer(room, c, i + 1, j, 1.0f); nearer(room, c, i, j + 1, 1.0f); nearer(room, c, i + 1, j + 1, 1.41421356f); nearer(room, c, i + 1, j - 1, 1.41421356f);
-    }
-};
-if (m[37] > 0.5) { measure(room_ever, NEVER); measure(room_now, m[39]); }
-
-// the distance to the goal on coarse cells in which the fixed axle can be somewhere, `m[36]` from what is never free
+// the distance to the goal on coarse cells in which a fixed axle can be by then, `reachable` their times: buckets of steps
+// along and across (10 and 14 for 10 and 14.1), each a list
 auto coarse_of = [&](D x, D y) {
   int i = (int)((x - west) / COARSE), j = (int)((y - south) / COARSE);
   i = i < 0 ? 0 : i >= cx ? cx - 1 : i;
   j = j < 0 ? 0 : j >= cy ? cy - 1 : j;
   return i * cy + j;
 };
-for (int i = 0; i < cx; ++i)
-  for (int j = 0; j < cy; ++j) {
-    bool is_free = false;
-    for (int a = i * ratio; a < (i + 1) * ratio && a < nx && !is_free; ++a)
-      for (int b = j * ratio; b < (j + 1) * ratio && b < ny && !is_free; ++b) {
-          is_free = (room_ever[a * ny + b] + 1.0) * cell > m[36];
-        }
-    far[i * cy + j] = is_free ? 1e18f : -1.0f;
-  }
+const bool somebody_stands = m[38] > 0.5;
+auto is_taken = [&](int c) {
+  const int i = c / cy * ratio, j = c % cy * ratio;
+  for (int a = i; a < i + ratio && a < nx; ++a)
+    for (int b = j; b < j + ratio && b < ny; ++b)
+      if (!taken[a * ny + b]) return false;
+  return true;
+};
 const int goal_cell = coarse_of(m[6], m[7]), start_cell = coarse_of(m[0], m[1]);
+const float by_then = (float)(start_time + LATER), unit = (float)(0.1 * COARSE);
+for (int c = 0; c < cx * cy; ++c) far[c] = reachable[c] <= by_then ? 1e18f : -1.0f;
 far[start_cell] = 1e18f;
 far[goal_cell] = 0.0f;
-push(0.0, goal_cell);
-D enough = 1e17;
-while (size) {
-  D key;
-  const int c = pop(key);
-  if (key > far[c]) continue;
-  if (key > enough) break;
-  if (c == start_cell) enough = 1.3 * key + 60.0;
-  const int i = c / cy, j = c % cy;
-  for (int a = -1; a <= 1; ++a)
-    for (int b = -1; b <= 1; ++b) {
-      if ((!a && !b) || i + a < 0 || j + b < 0 || i + a >= cx || j + b >= cy) continue;
-      const int n = c + a * cy + b;
-      const float d = (float)(key + COARSE * (a && b ? 1.41421356 : 1.0));
-      if (d < far[n]) { far[n] = d; push(d, n); }
+constexpr int RING = 16;
+int first_of[RING];
+for (int k = 0; k < RING; ++k) first_of[k] = -1;
+int entries = 0, waiting = 1, enough = 1 << 30;
+heap[entries] = goal_cell; follows[entries] = -1; first_of[0] = entries++;
+for (int now = 0; waiting > 0 && now <= enough && m[26] < 0.5; ++now) {
+  for (int e = first_of[now % RING]; e >= 0; e = first_of[now % RING]) {
+    first_of[now % RING] = follows[e];
+    --waiting;
+    const int c = heap[e];
+    if (far[c] < now * unit - 0.01f) continue;
+    if (c == start_cell && enough == 1 << 30) enough = (int)(1.3 * now + 60.0 / unit);
+    const int i = c / cy, j = c % cy;
+    for (int a = -1; a <= 1; ++a)
+      for (int b = -1; b <= 1; ++b) {
+        if ((!a && !b) || i + a < 0 || j + b < 0 || i + a >= cx || j + b >= cy) continue;
+        const int n = c + a * cy + b, d = now + (a && b ? 14 : 10);
+        if (d * unit > far[n] - 0.01f) continue;
+        if (somebody_stands && n != start_cell && is_taken(n)) { far[n] = -1.0f; continue; }
+        far[n] = d * unit;
+        if (entries >= (int)m[37]) return;
+        heap[entries] = n; follows[entries] = first_of[d % RING]; first_of[d % RING] = entries++;
+        ++waiting;
+      }
+  }
+}
+const bool all_lanes = m[26] > 0.5;  // nothing else is asked for
+if (far[start_cell] > NEVER && !all_lanes) return;
+// the same with eight headings of which each step along one changes at most to the next: so a way
+// around a field is not tried first in the direction in which it cannot turn round. Cells of about an eighth of its circle
+constexpr int TURNS = 8, WIDE_RING = 160, BACK = 3;
+const int LANE = (int)m[39], AXIS = 10 * LANE, ACROSS = 14 * LANE;
+constexpr D EIGHTH = 0.25 * PI, OFF = 300.0, ROUGH = 12.0;
+const int lx = (cx + LANE - 1) / LANE, ly = (cy + LANE - 1) / LANE, ei[TURNS] = {1, 1, 0, -1, -1, -1, 0, 1}, ej[TURNS] = {0, 1, 1, 1, 0, -1, -1, -1};
+auto lane_of = [&](D x, D y) { const int c = coarse_of(x, y); return c / cy / LANE * ly + c % cy / LANE; };
+auto eighth_of = [&](D c, D s) { const D a = atan2(s, c) / EIGHTH; return (int)floor(a) + TURNS; };
+D expected = far[start_cell];
+{
+  const int goal_lane = lane_of(m[6], m[7]), start_lane = lane_of(m[0], m[1]), start_turn = eighth_of(m[2], m[3]), goal_turn = eighth_of(m[8], m[9]);
+  for (int i = 0; i < lx; ++i)
+    for (int j = 0; j < ly; ++j) {
+      int open = 0;
+      for (int a = i * LANE; a < (i + 1) * LANE && a < cx; ++a)
+        for (int b = j * LANE; b < (j + 1) * LANE && b < cy; ++b) open += far[a * cy + b] >= 0.0f;
+      const int c = i * ly + j;
+      for (int h = 0; h < TURNS; ++h) lanes[c * TURNS + h] = 2 * open >= LANE * LANE || c == goal_lane || c == start_lane ? 1e18f : -1.0f;
+    }
+  int first_lane[WIDE_RING];
+  for (int k = 0; k < WIDE_RING; ++k) first_lane[k] = -1;
+  entries = 0; waiting = 0; enough = 1 << 30;
+  for (int k = 0; k < 2; ++k) {
+    const int n = goal_lane * TURNS + (goal_turn + k) % TURNS;
+    lanes[n] = 0.0f; heap[entries] = n; follows[entries] = first_lane[0]; first_lane[0] = entries++; ++waiting;
+  }
+  for (int now = 0; waiting > 0 && now <= enough; ++now)
+    for (int e = first_lane[now % WIDE_RING]; e >= 0; e = first_lane[now % WIDE_RING]) {
+      first_lane[now % WIDE_RING] = follows[e];
+      --waiting;
+      const int n = heap[e], c = n / TURNS, h = n % TURNS;
+      if (lanes[n] < now * unit - 0.01f) continue;
+      if (c == start_lane && (h == start_turn % TURNS || h == (start_turn + 1) % TURNS) && enough == 1 << 30 && !all_lanes) { enough = (int)(1.3 * now + 60.0 / unit); expected = now * unit; }
+      for (int t = 0; t < (reverses ? 6 : 3); ++t) {  // it came along g, or backwards, and turned to h
+        const int g = (h + t % 3 - 1 + TURNS) % TURNS, way = t < 3 ? 1 : -1, i = c / ly - way * ei[g], j = c % ly - way * ej[g];
+        if (i < 0 || j < 0 || i >= lx || j >= ly) continue;
+        const int from = (i * ly + j) * TURNS + g, d = now + (g % 2 ? ACROSS : AXIS) * (way < 0 ? BACK : 1);
+        if (d * unit > lanes[from] - 0.01f) continue;
+        lanes[from] = d * unit;
+        if (entries >= (int)m[37]) return;
+        heap[entries] = from; follows[entries] = first_lane[d % WIDE_RING]; first_lane[d % WIDE_RING] = entries++;
+        ++waiting;
+      }
     }
 }
-size = 0;
-if (far[start_cell] > NEVER) return;
-const D poses = m[24] * (0.5 + far[start_cell] / FAR);  // more for who has farther to go
+auto lane_at = [&](D x, D y, D c, D s) {
+  const int n = lane_of(x, y) * TURNS, h = eighth_of(c, s);
+  const float a = lanes[n + h % TURNS], b = lanes[n + (h + 1) % TURNS], least = a < b ? a : b;
+  return least < 0.0f || least > 1e17f ? -1.0 : (D)least;
+};
+if (all_lanes) return;
+const D poses = 0.5 * m[24] + expected * PER_M;  // more for who has farther to go
 const int most = poses < capacity ? (int)poses : capacity;
 
-auto has_room = [&](D x, D y, D around) {
+// whether a disc is free by a time: of each coarse cell, from when the disc is free about all its points, once it was asked
+// for
+auto is_open = [&](float* known, D x, D y, D around, D when) {
+  const D gi = (x - west) / cell, gj = (y - south) / cell;
+  if (!(gi >= 0.0 && gj >= 0.0 && gi < nx && gj < ny)) return false;
+  const int c = (int)gi / ratio * cy + (int)gj / ratio;
+  if (known[c] < -5.0f) {
+    const D reach = around / cell + 0.75 * ratio, mi = ((int)gi / ratio + 0.5) * ratio, mj = ((int)gj / ratio + 0.5) * ratio;
+    float latest = -1.0f;
+    const int low = (int)__builtin_ceil(mi - 0.5 - reach), high = (int)(mi - 0.5 + reach);
+    for (int i = low; i <= high && latest < 1e17f; ++i) {
+      const D d = i + 0.5 - mi, half = reach * reach > d * d ? __builtin_sqrt(reach * reach - d * d) : 0.0;
+      const int from = (int)__builtin_ceil(mj - 0.5 - half), to = (int)(mj - 0.5 + half);
+      if (i < 0 || i >= nx || from < 0 || to >= ny) { latest = 2e18f; break; }
+      for (int j = from; j <= to; ++j) { const float f = free_from[i * ny + j]; latest = f < -1.5f ? 2e18f : f > latest ? f : latest; }
+    }
+    known[c] = latest;
+  }
+  return known[c] <= when;
+};
+auto has_room = [&](float* known, D x, D y, D around, D when) {
   for (int k = 0; k < (int)m[38]; ++k) {
     const D dx = x - m[40 + 3 * k], dy = y - m[41 + 3 * k], near = m[42 + 3 * k] + around;
     if (dx * dx + dy * dy < near * near) return false;
   }
-  const D gi = (x - west) / cell, gj = (y - south) / cell;
-  return gi >= 0.0 && gj >= 0.0 && gi < nx && gj < ny && (room_now[(int)gi * ny + (int)gj] * 0.92 - 1.5) * cell > around;
+  return is_open(known, x, y, around, when);
 };
 
 auto edge_at = [&](D gi, D gj) {  // the distance to closed ground, between the middles of four cells
@@ -135,6 +199,18 @@ auto edge_at = [&](D gi, D gj) {  // the distance to closed ground, between the 
   u -= i; w -= j;
   return (1.0 - u) * ((1.0 - w) * e[0] + w * e[1]) + u * ((1.0 - w) * e[ny] + w * e[ny + 1]);
 };
+// of who stands so near at the start that cells are too coarse: sides (normal, distance) of convex outlines
+auto inside_any = [&](D x, D y) {
+  const D* side = sides;
+  for (int k = 0; k < (int)m[36]; ++k) {
+    const int n = (int)side[0];
+    bool is_inside = true;
+    for (int i = 0; i < n && is_inside; ++i) is_inside = x * side[1 + 3 * i] + y * side[2 + 3 * i] < side[3 + 3 * i];
+    if (is_inside) return true;
+    side += 1 + 3 * n;
+  }
+  return false;
+};
 // a body at a pose and a time: on open ground throughout, its wheels not in standing crop
 auto is_clear = [&](D x, D y, D c, D s, D tx, D ty, D when) {
   D u = 1.0, w = 0.0;
@@ -142,7 +218,7 @@ auto is_clear = [&](D x, D y, D c, D s, D tx, D ty, D when) {
     u = (x + hitch * c - tx) / drawbar; w = (y + hitch * s - ty) / drawbar;
     if (u * c + w * s < 0.5) return false;  // 60 deg
   }
-  if (has_room(x + m[32] * c, y + m[32] * s, m[33]) && (!has_trailer || has_room(tx + m[34] * u, ty + m[34] * w, m[35]))) return true;
+  if (has_room(disc_own, x + m[32] * c, y + m[32] * s, m[33], when) && (!has_trailer || has_room(disc_towed, tx + m[34] * u, ty + m[34] * w, m[35], when))) return true;
   for (int k = 0; k < point_count; ++k) {
     const D* p = points + 4 * k;
     D px, py;
@@ -150,9 +226,10 @@ auto is_clear = [&](D x, D y, D c, D s, D tx, D ty, D when) {
     else { px = x + p[0] * c - p[1] * s; py = y + p[0] * s + p[1] * c; }
     const D gi = (px - west) / cell, gj = (py - south) / cell;
     if (gi < 0.0 || gj < 0.0 || gi >= nx || gj >= ny) return false;
+    if (inside_any(px, py)) return false;
     const int at = (int)gi * ny + (int)gj;
     const float f = free_from[at];
-    if (f < -2.5f || (p[3] < 0.5 && f > when)) return false;
+    if ((somebody_stands && taken[at]) || (p[3] < 0.5 && f > when)) return false;
     if (edge[at] < 1.0f && edge_at(gi, gj) < 0.0) return false;
   }
   return true;
@@ -210,7 +287,7 @@ auto word_to = [&](D x, D y, D c, D s, D run_in, int word, D* parts) {
   parts[0] = t * radius; parts[1] = p * radius; parts[2] = q * radius; parts[3] = run_in;
   return true;
 };
-const D run_in_line = has_trailer && tolerance > -1.0 ? RUN_IN * drawbar : 0.0;
+const D run_in_line = has_trailer && tolerance > -1.0 ? drawbar * __builtin_log(BEND / __builtin_acos(tolerance)) : 0.0;
 auto shoot_to = [&](int n, D run_in) {  // the shortest of the four that is free
   const D* q0 = nodes + ROW * n;
   for (int word = 0; word < 4; ++word) {
@@ -239,11 +316,12 @@ auto shoot = [&](int n) {  // a trailer that has to be in line behind a bend com
 // the time to the goal: on the grid, or of who cannot reverse along the shortest Dubins path, whichever is longer
 auto estimate = [&](const State& q) {
   const D on_grid = far[coarse_of(q.x, q.y)];
-  if (reverses || on_grid < 0.0) return on_grid / straight * WEIGHT;
+  if (on_grid < 0.0) return on_grid;
   D least = 1e18, parts[4];
-  for (int word = 0; word < 4; ++word)
+  for (int word = 0; word < 4 && !reverses; ++word)
     if (word_to(q.x, q.y, q.c, q.s, run_in_line, word, parts)) { const D t = (parts[0] + parts[2]) / turning + (parts[1] + parts[3]) / straight; if (t < least) least = t; }
-  const D alone = on_grid / straight * WEIGHT;
+  const D on_lanes = lane_at(q.x, q.y, q.c, q.s), farther = on_lanes < 0.0 ? on_grid * WEIGHT + OFF : on_lanes * WEIGHT - ROUGH;
+  const D alone = (farther > on_grid * WEIGHT ? farther : on_grid * WEIGHT) / straight;
   return least < 1e17 && least > alone ? least : alone;
 };
 auto bin_of = [&](const State& q) {
@@ -260,34 +338,35 @@ auto add = [&](const State& q, D g, int parent, D bend, D way) {
   best[bin] = (float)g;
   D* n = nodes + ROW * count;
   n[0] = q.x; n[1] = q.y; n[2] = q.c; n[3] = q.s; n[4] = q.tx; n[5] = q.ty; n[6] = g;
-  n[AT_PARENT] = parent; n[AT_BEND] = bend; n[AT_WAY] = way;
+  n[AT_PARENT] = parent; n[AT_BEND] = bend; n[AT_WAY] = way; n[AT_BIN] = bin;
   push(g + e, count++);
 };
 const State first = {m[0], m[1], m[2], m[3], m[4], m[5]};
 add(first, 0.0, -1, 0.0, 0.0);
-const D arcs[5] = {0.0, 1.0, -1.0, 0.5, -0.5};
+const D arcs[6] = {0.0, 1.0, -1.0, 0.5, -0.5, 0.0};
 while (size) {
   D key;
   const int n = pop(key);
   const D* q0 = nodes + ROW * n;
   if (key >= best_cost - 1e-6 || (best_node >= 0 && popped > found_at + AFTER)) break;
   const State here = {q0[0], q0[1], q0[2], q0[3], q0[4], q0[5]};
-  const int bin = bin_of(here);
-  if (q0[6] > best[bin] * 1.000001 + 1e-6) continue;
+  if (q0[6] > best[(int)q0[AT_BIN]] * 1.000001 + 1e-6) continue;
   if (popped % 16 == 0 || far[coarse_of(here.x, here.y)] < SHOT) shoot(n);
   ++popped;
   const D before = q0[AT_WAY], g0 = q0[6];
   for (int way = 1; way >= (reverses ? -1 : 1); way -= 2)
-    for (int k = 0; k < 5; ++k) {
+    for (int k = 0; k < (way > 0 ? 6 : 5); ++k) {  // the last one a long straight
       State q = here;
+      const D length = k == 5 ? LONG * step : step;
       const D speed = way < 0 ? backwards : arcs[k] == 0.0 ? straight : turning;
       const D changed = before * way < 0.0 ? shift : 0.0;
       D when = start_time + g0 + changed;
-      if (!drive(q, arcs[k], way * step, when, speed)) continue;
+      if (!drive(q, arcs[k], way * length, when, speed)) continue;
       // what bends at all costs a little more, so that of two ways alike the straighter one is taken
-      add(q, g0 + changed + step / speed * (1.0 + 0.02 * __builtin_fabs(arcs[k])), n, arcs[k], way * step);
+      add(q, g0 + changed + length / speed * (1.0 + 0.02 * __builtin_fabs(arcs[k])), n, arcs[k], way * length);
     }
 }
+for (int n = 0; n < count; ++n) best[(int)nodes[ROW * n + AT_BIN]] = 1e18f;  // as it was
 if (best_node < 0) return;
 int pieces = 0;
 out[3] = 0.0; out[4 + 2 * pieces++] = best_parts[3];

@@ -18,9 +18,13 @@ def search(
     best_rows: wp.array(dtype=wp.float32),
     distance: wp.array(dtype=wp.float32),
     edge_rows: wp.array(dtype=wp.float32),
-    ground_alone: wp.array(dtype=wp.float32),
-    clearance_ever: wp.array(dtype=wp.float32),
-    clearance: wp.array(dtype=wp.float32),
+    reachable_from: wp.array(dtype=wp.float32),
+    discs_own: wp.array(dtype=wp.float32),
+    discs_towed: wp.array(dtype=wp.float32),
+    following: wp.array(dtype=wp.int32),
+    lane_rows: wp.array(dtype=wp.float32),
+    taken_cells: wp.array(dtype=wp.uint8),
+    near_sides: wp.array(dtype=wp.float64),
     found: wp.array(dtype=wp.float64),
 ): ...
 
@@ -36,13 +40,18 @@ def find_way(
     best_rows: wp.array(dtype=wp.float32),
     distance: wp.array(dtype=wp.float32),
     edge_rows: wp.array(dtype=wp.float32),
-    ground_alone: wp.array(dtype=wp.float32),
-    clearance_ever: wp.array(dtype=wp.float32),
-    clearance: wp.array(dtype=wp.float32),
+    reachable_from: wp.array(dtype=wp.float32),
+    discs_own: wp.array(dtype=wp.float32),
+    discs_towed: wp.array(dtype=wp.float32),
+    following: wp.array(dtype=wp.int32),
+    lane_rows: wp.array(dtype=wp.float32),
+    taken_cells: wp.array(dtype=wp.uint8),
+    near_sides: wp.array(dtype=wp.float64),
     found: wp.array(dtype=wp.float64),
 ):
     """One thread; see search.cpp."""
     search(
-        numbers, body, ground, node_rows, heap_keys, heap_nodes, best_rows, distance, edge_rows, ground_alone,
-        clearance_ever, clearance, found,
+        numbers, body, ground, node_rows, heap_keys, heap_nodes, best_rows, distance, edge_rows,
+        reachable_from, discs_own, discs_towed, following, lane_rows, taken_cells,
+        near_sides, found,
     )  # fmt: skip

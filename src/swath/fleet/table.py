@@ -145,8 +145,7 @@ class Table:
         """Room for the swept ground of all."""
         self._polygons: list[Any] = []
         self._owner: list[int] = []
-        self._bounds = np.zeros((0, 4))
-        self._room = 0
+        self._grown: list[tuple[int, int, Any]] = []  # first polygon, the one behind the last, tree
 
     def stand(self, machine: str, path: Path, time: float = 0.0) -> None:
         """A machine's first place."""
@@ -154,37 +153,40 @@ class Table:
 
     def meets(self, path: Path, but: str) -> list[list[int]]:
         """Numbers of segments of others that sweep ground of each segment of a path."""
-        shapely = shapely_here()
-        flat = path.swept.ravel()
-        low = shapely.bounds(flat)
-        have = self._bounds[: len(self._polygons)]
+        flat, rects = path.swept.ravel(), path.swept.shape[1]
         found: list[set[int]] = [set() for _ in range(len(path))]
-        for begin in range(0, len(flat), 200):
-            some = low[begin : begin + 200]
-            near = (some[:, None, 0] < have[None, :, 2]) & (some[:, None, 2] > have[None, :, 0])
-            near &= (some[:, None, 1] < have[None, :, 3]) & (some[:, None, 3] > have[None, :, 1])
-            i, j = np.nonzero(near)
-            if not len(i):
-                continue
-            polygons = np.array(self._polygons, dtype=object)[j]
-            hit = shapely.intersects(flat[begin + i], polygons)
-            rects = path.swept.shape[1]
-            for a, b in zip(((begin + i[hit]) // rects).tolist(), j[hit].tolist(), strict=True):
-                owner = self._owner[b]
+        for begin, tree in self._trees():
+            mine, theirs = tree.query(flat, predicate="intersects").tolist()
+            for a, b in zip(mine, theirs, strict=True):
+                owner = self._owner[begin + b]
                 if self.segments[owner].machine != but:
-                    found[a].add(owner)
+                    found[a // rects].add(owner)
         return [sorted(f) for f in found]
+
+    def _trees(self) -> list[tuple[int, Any]]:
+        """Trees of all swept ground, and the numbers of their first polygons: few, the larger ones older."""
+        shapely, count = shapely_here(), len(self._polygons)
+        done = self._grown[-1][1] if self._grown else 0
+        if done < count:
+            begin = done
+            while self._grown and self._grown[-1][1] - self._grown[-1][0] < 2 * (count - begin):
+                begin = self._grown.pop()[0]
+            tree = shapely.STRtree(self._polygons[begin:count])
+            self._grown.append((begin, count, tree))
+        return [(begin, tree) for begin, _, tree in self._grown]
 
     def earliest(
         self, machine: str, path: Path, time: float, *, exact: Mapping[int, float] | None = None,
         meets: Sequence[Sequence[int]] | None = None, stays: bool = True, early: bool = False,
+        after: Mapping[int, float] | None = None,
     ) -> list[float] | None:  # fmt: skip
         """First times of entry into the segments of a path [s], begun at a time at the earliest; None where
-        there are none. exact: times that are given; stays: it must be able to stand at the end for good;
+        there are none. exact: times that are given; after: earliest ones;
+        stays: it must be able to stand at the end for good;
         early: it drives on as soon as it can, not only when it need not wait on the way any more
         """
         meets = self.meets(path, machine) if meets is None else meets
-        exact = exact or {}
+        exact, after = exact or {}, {**(after or {}), **(exact or {})}
         labels: list[list[tuple[float, float, int]]] = []
         for i in range(len(path)):
             row: list[tuple[float, float, int]] = []
@@ -196,7 +198,7 @@ class Table:
             for low, high in self._safe(meets[i]):
                 best: tuple[float, float, int] | None = None
                 for t, until, k in came:
-                    enter = max(t, low, exact.get(i, -math.inf))
+                    enter = max(t, low, after.get(i, -math.inf))
                     if i in exact and enter > exact[i] + 1e-6:
                         continue
                     if enter <= until and enter < high and (best is None or enter < best[0]):
@@ -286,11 +288,6 @@ class Table:
             numbers.append(number)
             self._polygons += list(path.swept[i])
             self._owner += [number] * path.swept.shape[1]
-        bounds = shapely_here().bounds(path.swept[: len(times)].ravel())
-        count = len(self._polygons)
-        if count > len(self._bounds):
-            self._bounds = np.concatenate([self._bounds, np.zeros((count + 2000, 4))])
-        self._bounds[count - len(bounds) : count] = bounds
         self.last[machine] = numbers[-1]
         return numbers
 
@@ -302,6 +299,8 @@ class Table:
     def back(self, mark: tuple[int, int, int, int, dict[str, int]]) -> None:
         """Take back all that was granted since a mark."""
         segments, polygons, order, together, last = mark
+        while self._grown and self._grown[-1][1] > polygons:
+            self._grown.pop()
         del self.segments[segments:], self._polygons[polygons:], self._owner[polygons:]
         del self.order[order:], self.together[together:]
         self.last = last

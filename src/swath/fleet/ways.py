@@ -12,24 +12,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.fleet.bodies import Body, Drive, Place, Rectangle
+from swath.fleet.ground import Grid, cells_of
 from swath.kernels import start_warp
 
 Array = NDArray[np.float64]
 SAMPLE = 0.5  # m between the samples of a track, as in search.cpp
 STEP = 2.0  # m of an arc of the search
 HEADINGS = 24  # that the search tells apart
-SLACK = 120.0  # s before a search, from which on what is free is remembered
 STAND = 80  # polygons of machines that stand, at most
 MOST = 6_000  # poses that it looks at to a goal 150 m off, more to one farther off
 ROOM = 60_000  # poses that are kept
 BIN = 1.5  # m, within which it keeps one pose of a heading, as in search.cpp
 COARSE = 2.0  # m, cells of its heuristic, as in search.cpp
+TURNS = 8  # headings of its estimate, as in search.cpp
 BODY_POINTS = 0.45  # m between points on the sides of a body
 CREEP = 0.3  # m/s, at which a bend that cannot be eased is driven
 RAMP = 3.0  # m over which bends grow and fade, a combine's steering at walking pace
 EASE_BEND = 0.1  # weight of a bend that is changed against a metre of length
 STRAY = 0.1  # m that an eased way may be nearer to closed ground than the searched one
-STRAIGHT = math.cos(math.radians(6.0))  # of a trailer behind its tractor at the end of a way
+LINE = 6.0  # deg, of a trailer that is in line at the end of a way
 
 
 @dataclass(frozen=True)
@@ -190,6 +191,15 @@ def _dragged(x: Array, y: Array, heading: Array, first: float, body: Body) -> Ar
     return np.unwrap(out)
 
 
+def behind(first: Track, then: Track, body: Body) -> Track:
+    """Two tracks one after the other; the trailer comes to the second as it leaves the first."""
+    if body.has_trailer:
+        x, y, heading, _ = then.places.T
+        trailer = _dragged(x, y, heading, float(first.places[-1, 3]), body)
+        then = Track(np.column_stack([x, y, heading, trailer]), then.distance, then.ways, then.bends)
+    return joined([first, then])
+
+
 def joined(tracks: list[Track]) -> Track:
     """Tracks driven one after the other as one; each begins where the one before ends."""
     tracks = [t for t in tracks if len(t.places) > 1] or tracks[:1]
@@ -257,89 +267,135 @@ def times_along(track: Track, drive: Drive, top: float | None = None) -> Array:
     return np.concatenate([[0.0], np.cumsum(spent)])
 
 
-class Finder:
-    """Searches ways on a grid of free ground; keeps the memory of its searches.
+class Far:
+    """Rough distances of all places to or from one, with eight headings and turns of their drive."""
 
-    west, south: of the first cell [m]; cell [m]; edge: of the middle of each cell, the distance to
-    closed ground, < 0 in it [m], exact up to 2 m
+    def __init__(
+        self, lanes: NDArray[np.float32], grid: Grid, shape: tuple[int, ...], size: float, there: bool
+    ) -> None:
+        self.lanes, self.grid, self.there, self.shape, self.size = lanes, grid, there, shape, size
+
+    def __call__(self, place: Place) -> float:
+        """Of a place [m], infinite where no way is known."""
+        i, j = (
+            int((at - low) / self.size)
+            for at, low in ((place.x, self.grid.west), (place.y, self.grid.south))
+        )
+        heading = place.heading + (math.pi if self.there else 0.0)
+        n = (min(max(i, 0), self.shape[0] - 1) * self.shape[1] + min(max(j, 0), self.shape[1] - 1)) * TURNS
+        h = math.floor(heading / (2.0 * math.pi / TURNS))
+        known = [float(self.lanes[n + k % TURNS]) for k in (h, h + 1)]
+        return min((d for d in known if 0.0 <= d < 1e17), default=math.inf)
+
+
+class Finder:
+    """Searches ways on a grid of free ground; keeps what it has worked out of ground that did not change.
+
+    lane: width of the narrowest ground that is cut between standing crop [m]
     """
 
-    def __init__(self, west: float, south: float, cell: float, edge: NDArray[np.float32]) -> None:
-        shape = (edge.shape[0], edge.shape[1])
-        self.edge = edge.ravel()
-        self.west, self.south, self.cell, self.shape = west, south, cell, shape
+    def __init__(self, grid: Grid, lane: float = 10.0) -> None:
+        self.grid = grid
+        self._lane = 3 if lane >= 9.0 else 2  # coarse cells of a cell of the estimate with headings
+        shape, cell = grid.edge.shape, grid.cell
         wide, high = int(shape[0] * cell / BIN) + 1, int(shape[1] * cell / BIN) + 1
-        coarse = (math.ceil(shape[0] * cell / COARSE) + 1) * (math.ceil(shape[1] * cell / COARSE) + 1)
+        self._coarse = tuple(-(-n // round(COARSE / cell)) for n in shape)
+        self._rows = tuple(-(-n // self._lane) for n in self._coarse)
+        cells = self._coarse[0] * self._coarse[1]
         self._numbers, self._found = np.zeros(40 + 3 * STAND), np.zeros(4100)
-        self._nodes, self._best = np.zeros(10 * ROOM), np.zeros(wide * high * HEADINGS, np.float32)
-        room = max(4 * ROOM, 10 * coarse)
-        self._keys, self._heap = np.zeros(room), np.zeros(room, np.int32)
-        self._room, self._room_ever = np.zeros((2, shape[0] * shape[1]), np.float32)
-        self._known = (-1, 0.0)
-        self._far = np.zeros(coarse, np.float32)
-        self._bodies: dict[tuple[Body, float], Array] = {}
+        self._nodes = np.zeros(11 * ROOM)
+        self._best = np.full(wide * high * HEADINGS, 1e18, np.float32)
+        room = max(4 * ROOM, 10 * cells)
+        self._keys, self._heap = np.zeros(room), np.zeros((2, room), np.int32)
+        self._far = np.zeros(cells, np.float32)
+        self._lanes = np.zeros(TURNS * math.prod(self._rows), np.float32)
+        self._taken = np.zeros(shape, np.uint8)
+        self._reachable = np.full(self._coarse, 2e18, np.float32)
+        self._bodies: dict[tuple[Body, float], tuple[Array, NDArray[np.float32]]] = {}
+        self._cells: dict[Any, tuple[slice, slice, NDArray[np.bool_]]] = {}
+        self._seen = 0
+        self._reach(slice(0, shape[0]), slice(0, shape[1]))
         self.searches = self.poses = 0
 
+    def _refresh(self) -> None:
+        """What has changed on the grid since the last search."""
+        ratio = round(COARSE / self.grid.cell)
+        for i, j in self.grid.changed[self._seen :]:
+            self._reach(i, j)
+            for (body, gap), (_, discs) in self._bodies.items():
+                reach = max(_circle(body.own, gap)[1], _circle(body.towed, gap)[1]) + 2.0 * COARSE
+                more = math.ceil(reach / COARSE)
+                rows, columns = (
+                    slice(max(s.start // ratio - more, 0), s.stop // ratio + more + 1) for s in (i, j)
+                )
+                discs.reshape(2, *self._coarse)[:, rows, columns] = -9.0
+        self._seen = len(self.grid.changed)
+
+    def _reach(self, i: slice, j: slice) -> None:
+        """From when an axle can be in coarse cells: in one of their cells, with all around it free."""
+        ratio = round(COARSE / self.grid.cell)
+        rows, columns = (
+            slice(max(s.start // ratio - 1, 0), min((s.stop - 1) // ratio + 2, n))
+            for s, n in zip((i, j), self._coarse, strict=True)
+        )
+        high, wide = (rows.stop - rows.start) * ratio, (columns.stop - columns.start) * ratio
+        around = np.full((high + 2, wide + 2), 2e18, np.float32)
+        r, c = rows.start * ratio - 1, columns.start * ratio - 1
+        part = self.grid.free_from[max(r, 0) : r + high + 2, max(c, 0) : c + wide + 2]
+        part = np.where(part < -1.5, np.float32(2e18), part)
+        around[max(-r, 0) :, max(-c, 0) :][: part.shape[0], : part.shape[1]] = part
+        for axis in (0, 1):
+            k = around.shape[axis]
+            a, b, d = (np.take(around, range(s, k - 2 + s), axis=axis) for s in range(3))
+            around = np.maximum(np.maximum(a, b), d)
+        blocks = around.reshape(rows.stop - rows.start, ratio, columns.stop - columns.start, ratio)
+        self._reachable[rows, columns] = blocks.min(axis=(1, 3))
+
     def find(
-        self, free_from: NDArray[np.float32], body: Body, drive: Drive, start: Place, goal: Place, *,
-        version: int, stand: Sequence[Any] = (), time: float = 0.0, gap: float = 0.15, in_line: bool = False,
-        most: int = MOST,
+        self, body: Body, drive: Drive, start: Place, goal: Place, *, stand: Sequence[Any] = (),
+        near: Sequence[Any] = (), time: float = 0.0, gap: float = 0.15, in_line: float = 0.0, most: int = MOST,
     ) -> Track | None:  # fmt: skip
         """The way that takes the shortest time from a place to another, None where there is none.
 
-        free_from: of each cell, the time from which no crop stands there [s], -1 for ground without crop,
-        -2 for closed ground, -3 where a machine stands, 1e18 for crop that stays; float32, `shape` version:
-        of the grid, another one when crop was cut; stand: outlines of machines that stand, as polygons
-        time: of the start [s]; gap: kept all round the body [m]; in_line: the trailer ends in line;
-        most: poses that are looked at to a goal 150 m off
+        stand: outlines of machines that stand, as polygons; near: convex ones that cells are too coarse for; time: of the start [s]; gap: kept all round the
+        body [m]; in_line: the trailer ends in line within so much [deg], 0: as it comes; most: poses that are looked at to a goal 150 m off
         """
-        wp = start_warp()
-        from swath.fleet import search_kernel
+        self._refresh()
+        self._near = [_sides(shape) for shape in near]
+        windows = [self._window(shape) for shape in stand]
+        for i, j, inside in windows:
+            self._taken[i, j] |= inside
+        try:
+            return self._find(body, drive, start, goal, (*stand, *near), time, gap, in_line, most)
+        finally:
+            for i, j, _ in windows:
+                self._taken[i, j] = 0
 
-        closed = free_from.copy() if stand else free_from
-        for shape in stand:
-            self._close(closed, shape)
-        points = self._bodies.setdefault((body, gap), body.points(BODY_POINTS, gap))
-        pin = start.x + body.hitch * math.cos(start.heading), start.y + body.hitch * math.sin(start.heading)
-        self._numbers[:32] = (
-            start.x, start.y, math.cos(start.heading), math.sin(start.heading),
-            pin[0] - body.drawbar * math.cos(start.trailer), pin[1] - body.drawbar * math.sin(start.trailer),
-            goal.x, goal.y, math.cos(goal.heading), math.sin(goal.heading),
-            drive.radius, drive.turning, drive.straight, drive.backwards or 1.0, drive.shift, time,
-            self.cell, self.west, self.south, body.has_trailer, body.hitch, body.drawbar or 1.0,
-            drive.backwards > 0.0, ROOM, most, STRAIGHT if in_line else -2.0, 0.0,
-            len(points), *self.shape, STEP, HEADINGS,
-        )  # fmt: skip
-        self._numbers[32:36] = (*_circle(body.own, gap), *_circle(body.towed, gap))
-        is_known = version == self._known[0] and time >= self._known[1]
-        self._known = self._known if is_known else (version, time - SLACK)
-        self._numbers[37:40] = not is_known, len(stand), self._known[1]
-        for i, shape in enumerate(stand):
-            west, south, east, north = shape.bounds
-            around = 0.5 * math.hypot(east - west, north - south)
-            self._numbers[40 + 3 * i : 43 + 3 * i] = 0.5 * (west + east), 0.5 * (south + north), around + 1.0
-        self._numbers[36] = min(min(r.left, -r.right, -r.rear, r.front) for r in body.own[:1])
-        self._best.fill(1e18)
-        arrays: list[Any] = [
-            self._numbers,
-            points.ravel(),
-            closed.ravel(),
-            self._nodes,
-            self._keys,
-            self._heap,
-        ]
-        arrays += [
-            self._best,
-            self._far,
-            self.edge,
-            free_from.ravel(),
-            self._room_ever,
-            self._room,
-            self._found,
-        ]
-        inputs = [wp.array(a, dtype=getattr(wp, a.dtype.name), device="cpu", copy=False) for a in arrays]
-        wp.launch(search_kernel.find_way, dim=1, inputs=inputs, device="cpu")
-        self.searches += 1
+    def _window(self, shape: Any) -> tuple[slice, slice, NDArray[np.bool_]]:
+        """Cells about a polygon, and which are in it."""
+        grid = self.grid
+        known = self._cells.get(shape)
+        if known is None:
+            known = cells_of(shape, grid.west, grid.south, grid.cell, self._taken.shape)  # type: ignore[arg-type]
+            if len(self._cells) > 2000:
+                self._cells.clear()
+            self._cells[shape] = known
+        return known
+
+    def far_from(self, drive: Drive, goal: Place, time: float, *, there: bool) -> "Far":
+        """How far it is about to a place, or from there, on ground that is free by a time [s]."""
+        self._refresh()
+        place = goal if not there else goal.ahead(0.0)._replace(heading=goal.heading + math.pi)
+        body = next(iter(self._bodies), (Body(()), 0.0))[0]
+        self._near = []
+        self._launch(body, drive, place, place, (), time, 0.15, 0.0, MOST, lanes=True)
+        return Far(self._lanes.copy(), self.grid, self._rows, self._lane * COARSE, there)
+
+    def _find(
+        self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
+        gap: float, in_line: float, most: int,
+    ) -> Track | None:  # fmt: skip
+        points = self._launch(body, drive, start, goal, stand, time, gap, in_line, most)
         count = int(self._found[0])
         if count < 1:
             return None
@@ -349,11 +405,52 @@ class Finder:
         if drive.steering < math.inf and any(k != 0.0 for k, _ in pieces):
             for ramp in (RAMP, 0.5 * RAMP, 0.25 * RAMP):
                 made = eased(start, pieces, body, ramp)
-                if made is not None and self._is_clear(made, body, points, closed):
+                if made is not None and self._is_clear(made, body, points):
                     return made
         return driven(start, pieces, body)
 
-    def _is_clear(self, track: Track, body: Body, points: Array, closed: NDArray[np.float32]) -> bool:
+    def _launch(
+        self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
+        gap: float, in_line: float, most: int, lanes: bool = False,
+    ) -> Array:  # fmt: skip
+        """Run the kernel; returns the points of the body."""
+        wp = start_warp()
+        from swath.fleet import search_kernel
+
+        grid = self.grid
+        if (body, gap) not in self._bodies:
+            unknown = np.full((2, self._coarse[0] * self._coarse[1]), -9.0, np.float32)
+            self._bodies[body, gap] = body.points(BODY_POINTS, gap), unknown
+        points, discs = self._bodies[body, gap]
+        pin = start.x + body.hitch * math.cos(start.heading), start.y + body.hitch * math.sin(start.heading)
+        self._numbers[:32] = (
+            start.x, start.y, math.cos(start.heading), math.sin(start.heading),
+            pin[0] - body.drawbar * math.cos(start.trailer), pin[1] - body.drawbar * math.sin(start.trailer),
+            goal.x, goal.y, math.cos(goal.heading), math.sin(goal.heading),
+            drive.radius, drive.turning, drive.straight, drive.backwards or 1.0, drive.shift, time,
+            grid.cell, grid.west, grid.south, body.has_trailer, body.hitch, body.drawbar or 1.0,
+            drive.backwards > 0.0, ROOM, most, math.cos(math.radians(in_line)) if in_line > 0.0 else -2.0, lanes,
+            len(points), *self._taken.shape, STEP, HEADINGS,
+        )  # fmt: skip
+        self._numbers[32:36] = (*_circle(body.own, gap), *_circle(body.towed, gap))
+        self._numbers[36:40] = len(self._near), self._heap.shape[1], len(stand), self._lane
+        sides = np.concatenate([np.concatenate([[len(n)], n.ravel()]) for n in self._near] or [np.zeros(1)])
+        for i, shape in enumerate(stand):
+            west, south, east, north = shape.bounds
+            around = 0.5 * math.hypot(east - west, north - south)
+            self._numbers[40 + 3 * i : 43 + 3 * i] = 0.5 * (west + east), 0.5 * (south + north), around + 1.0
+        arrays: list[Any] = [
+            self._numbers, points.ravel(), grid.free_from.ravel(), self._nodes, self._keys, self._heap[0],
+            self._best, self._far, grid.edge.ravel(), self._reachable.ravel(), discs[0], discs[1],
+            self._heap[1], self._lanes, self._taken.ravel(), sides,
+            self._found,
+        ]  # fmt: skip
+        inputs = [wp.array(a, dtype=getattr(wp, a.dtype.name), device="cpu", copy=False) for a in arrays]
+        wp.launch(search_kernel.find_way, dim=1, inputs=inputs, device="cpu")
+        self.searches += 1
+        return points
+
+    def _is_clear(self, track: Track, body: Body, points: Array) -> bool:
         """Whether a body, but for a little, is on open ground and off machines that stand, all along."""
         places = track.places
         x, y, heading, trailer = places.T
@@ -365,20 +462,29 @@ class Finder:
             c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
             ox = (x + body.hitch * np.cos(heading) - body.drawbar * np.cos(trailer) if towed else x)[:, None]
             oy = (y + body.hitch * np.sin(heading) - body.drawbar * np.sin(trailer) if towed else y)[:, None]
-            i = ((ox + on[:, 0] * c - on[:, 1] * s - self.west) / self.cell).astype(int)
-            j = ((oy + on[:, 0] * s + on[:, 1] * c - self.south) / self.cell).astype(int)
-            if i.min() < 0 or j.min() < 0 or i.max() >= self.shape[0] or j.max() >= self.shape[1]:
+            px, py = ox + on[:, 0] * c - on[:, 1] * s, oy + on[:, 0] * s + on[:, 1] * c
+            for n in self._near:
+                if (px[..., None] * n[:, 0] + py[..., None] * n[:, 1] < n[:, 2]).all(axis=-1).any():
+                    return False
+            i = ((px - self.grid.west) / self.grid.cell).astype(int)
+            j = ((py - self.grid.south) / self.grid.cell).astype(int)
+            shape = self._taken.shape
+            if i.min() < 0 or j.min() < 0 or i.max() >= shape[0] or j.max() >= shape[1]:
                 return False
-            if (closed[i, j] < -2.5).any() or (self.edge.reshape(self.shape)[i, j] < -STRAY).any():
+            if self._taken[i, j].any() or (self.grid.edge[i, j] < -STRAY).any():
                 return False
         return True
 
-    def _close(self, free_from: NDArray[np.float32], shape: Any) -> None:
-        """Close the cells of a polygon."""
-        from swath.fleet.ground import TAKEN, cells_of
 
-        i, j, inside = cells_of(shape, self.west, self.south, self.cell, self.shape)
-        free_from[i, j][inside] = TAKEN
+def _sides(shape: Any) -> Array:
+    """Outward normals of the sides of a convex polygon, and how far each is along them, (n, 3)."""
+    points = np.array(shape.exterior.coords)
+    d = np.diff(points, axis=0)
+    area = float((points[:-1, 0] * points[1:, 1] - points[1:, 0] * points[:-1, 1]).sum())
+    d = d[np.hypot(*d.T) > 1e-6] * math.copysign(1.0, area)
+    at = points[:-1][np.hypot(*np.diff(points, axis=0).T) > 1e-6]
+    normal = np.column_stack([d[:, 1], -d[:, 0]]) / np.hypot(*d.T)[:, None]
+    return np.column_stack([normal, (normal * at).sum(axis=1)])
 
 
 def _circle(parts: tuple[Rectangle, ...], gap: float) -> tuple[float, float]:

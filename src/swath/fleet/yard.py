@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.fleet.bodies import Body, Drive, Place
 from swath.fleet.ground import Ground, shapely_here
-from swath.fleet.ways import Finder, Track
+from swath.fleet.ways import LINE, Finder, Track
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,18 @@ class Waits:
     dock: Place | None
 
 
-def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) -> list[Place]:
+@dataclass(frozen=True)
+class Home:
+    """A waiting place. ways: from it to the gate, from there to it, and the same for the truck; area: of each,
+    kept free of others who wait
+    """
+
+    place: Place
+    ways: tuple[Track, ...]
+    areas: tuple[Any, ...]
+
+
+def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) -> list[Home]:
     """A place for each machine, as near to the gate as there is one; who needs most room is first.
 
     InputError where there is none.
@@ -68,7 +79,7 @@ def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) ->
         if m.dock is not None:
             used += [run_of(m.body, m.dock, ahead, 3.0) for ahead in (PARAMS.dock_m, -PARAMS.dock_m)]
     taken: list[Any] = []
-    places: dict[str, Place] = {}
+    places: dict[str, Home] = {}
     for m in sorted(machines, key=lambda m: (not m.body.has_trailer, -m.body.length_behind)):
         found = None
         for off in (ground.around, ground.field):  # in yards, or in the strip around the field, too
@@ -83,7 +94,7 @@ def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) ->
         if found is None:
             expected = f"expected room for {len(machines)} machines to wait, each with a way in and out"
             raise InputError("field.around_m", None, expected)
-        places[m.name] = place
+        places[m.name] = Home(place, tuple(found), tuple(_swept(t, m.body, 0.0) for t in found))
         taken.append(run_of(m.body, place, 0.0, WIDE))
         used += [run_of(m.body, place, 0.0, 2.0), *(_swept(t, m.body) for t in found)]
     return [places[m.name] for m in machines]
@@ -128,8 +139,7 @@ def _ways(ground: Ground, finder: Finder, m: Waits, place: Place, taken: Sequenc
         for ends in ([(place, g) for g in goals], [(g, place) for g in goals]):
             ways = (
                 finder.find(
-                    ground.free_from, m.body, m.drive, start, goal, version=ground.version, stand=taken,
-                    in_line=True, most=PARAMS.poses,
+                    m.body, m.drive, start, goal, stand=taken, in_line=LINE, most=PARAMS.poses,
                 )
                 for start, goal in ends
             )  # fmt: skip
@@ -147,10 +157,10 @@ def at_gate(ground: Ground) -> list[Place]:
     return [Place(x, y, along + turn, along + turn) for turn in (0.5 * math.pi, -0.5 * math.pi, 0.0, math.pi)]
 
 
-def _swept(way: Track, body: Body) -> Any:
+def _swept(way: Track, body: Body, gap: float = WIDE + 0.5) -> Any:
     """The ground of a way, so wide that it is free for the search when others wait beside it."""
     shapely = shapely_here()
-    outlines = body.outlines(way.places[:: max(1, len(way.places) // 200)], WIDE + 0.5)
+    outlines = body.outlines(way.places[:: max(1, len(way.places) // 200)], gap)
     return shapely.union_all(shapely.polygons(outlines.reshape(-1, *outlines.shape[2:])))
 
 
