@@ -76,7 +76,8 @@ def make(page: Path, only: str = "") -> None:
         done = subprocess.run(
             shlex.split(command), cwd=DOCS.parent, capture_output=True, text=True, check=True
         )
-        return found[0].removesuffix(f"{found[2]}```\n") + f"{done.stdout.rstrip()}\n```\n"
+        made = "\n".join(line.rstrip() for line in done.stdout.strip("\n").splitlines())
+        return found[0].removesuffix(f"{found[2]}```\n") + f"{made}\n```\n"
 
     text = LISTED.sub(listing, MARKED.sub(rows, page.read_text(encoding="utf-8")))
 
