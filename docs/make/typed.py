@@ -27,7 +27,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "how-to").glob("*.md"))]
 LISTING = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SAVED = re.compile(r"\b[Ss]ave\b[^`]*`([\w-]+\.(?:yaml|py))`[^`]*$")
 INSTALLED = re.compile(r"pip install\s+'swath\[([\w,]+)\]'")
-LONG = {  # over a minute: cut by the tests, typed whole by benchmarks/docs.py
+LONG = {  # over a minute: cut by the tests, typed whole by benchmarks/typed_lines.py
     "dataset straight --count 1000": "a second or two a picture",
     "paper": "twelve runs",
     "test run catalogue": "every case",
