@@ -40,7 +40,7 @@ SLOPE, DENSITY = "terrain.side_slope", "process.density"
 BIAS_M, STEEP_PERCENT, THIN = 0.2, 10.0, 150.0
 LIMIT_M = 0.2  # of the lateral error that stands for all limits
 EDGES = [-20.0, -10.0, 0.0, 10.0, 20.0]  # of the slope, so that the pair is a cell
-TRUTH = ("combine.edge=truth", "combine.motion=kinematic", "combine.lidar.level=profile")
+TRUTH = ("combine.edge=truth", "combine.motion=kinematic", "combine.lidar.level=empirical")
 
 
 def is_in_cell(point: Point) -> bool:
