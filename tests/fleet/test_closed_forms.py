@@ -60,7 +60,7 @@ def test_pouring_takes_grain_over_the_auger_and_no_cart_takes_more_than_it_holds
 
 
 def test_a_full_truck_is_waited_for_and_the_wait_is_no_unloading(schedule):
-    """10 m3 a truck: the field has more than one load of grain, and each further truck is four minutes off."""
+    """10 m3 a truck: the field has more than one load of grain, each further truck is four minutes off."""
     room = 10.0 * schedule.machines.density
     into = [p for p in schedule.poured if p.target == "truck"]
     assert max(p.amount for p in into) <= room + 1e-6
