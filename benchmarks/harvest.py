@@ -53,7 +53,7 @@ def headland_turns() -> None:
     """40 rolling turns made anew, each at its own shift, speed and excursion."""
     measured = turns.rolling_turns()
     stated = turns.medians([t.figures for t in measured])
-    for made in (turns.in_closed_loop, turns.with_clothoids, turns.rolled_through, turns.as_a_fleet_plans):
+    for made in (turns.in_closed_loop, turns.with_clothoids, turns.rolled_through):
         for antenna in (turns.ANTENNA, 1.0, 2.5) if made is turns.in_closed_loop else (turns.ANTENNA,):
             found = turns.medians([turns.driven_by(made, t, antenna)[0] for t in measured])
             for key in ("duration", "path", "depth"):

@@ -17,7 +17,7 @@ from swath.control.turns.dubins import shortest
 from swath.fleet.bodies import Drive, Place, body_of
 from swath.fleet.machines import PARAMS
 from swath.fleet.turns import rolled
-from swath.fleet.ways import Finder, Track, driven, joined, straight, times_along
+from swath.fleet.ways import driven, joined, straight, times_along
 from swath.machine.loops import approach
 from swath.machine.machine_sheet import dynamics_of, load_machine
 from tests.fleet.turn_figures import TurnFigures, measure
@@ -116,32 +116,15 @@ def with_clothoids(shift, radius, speed, antenna=ANTENNA):
     return track.distance / speed, antenna_of(*track.places.T[:3], antenna)
 
 
-def as_a_fleet_plans(shift, radius, speed, antenna=ANTENNA):
-    """The same as `fleet.ways` searches it on open ground, forwards, in the times that it takes."""
-    grid = np.full((320, 320), 9.0, np.float32)
-    finder = Finder(-80.0, -80.0, 0.5, grid)
-
-    def find(start, goal, drive, body):
-        return finder.find(0.0 * grid - 1.0, body, drive, start, goal, version=0)
-
-    return _of_a_fleet(find, shift, radius, speed, antenna)
-
-
 def rolled_through(shift, radius, speed, antenna=ANTENNA):
-    """The same along `fleet.turns`."""
-    return _of_a_fleet(rolled, shift, radius, speed, antenna)
-
-
-def _of_a_fleet(find, shift, radius, speed, antenna):
+    """The same along `fleet.turns`, in the times that a fleet drives it."""
     dynamics, body = dynamics_of(SHEET), body_of(SHEET)
     steering = PARAMS.steered * dynamics.steer_rate / abs(SHEET.wheelbase)
     drive = Drive(radius, speed, speed, 0.0, dynamics.accel, PARAMS.shift_s, steering)
     start, goal = Place(0.0, 0.0, 0.0, 0.0), Place(0.0, shift, math.pi, math.pi)
-    way = find(start, goal, drive, body)
-    assert way is not None
     before = straight(Place(-RUN, 0.0, 0.0, 0.0), RUN, body)
     after = straight(goal, RUN + 10.0, body)
-    track: Track = joined([before, way, after])
+    track = joined([before, rolled(start, goal, drive, body), after])
     return times_along(track, drive), antenna_of(*track.places.T[:3], antenna)
 
 

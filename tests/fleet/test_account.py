@@ -1,6 +1,7 @@
 """Grain over time, ways, litres, waits; and the page that plays a job from above."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from swath.fleet.driven import driven
 from swath.fleet.replay import NEAR, collected, thinned, write_replay
 from swath.fleet.report import machine_rows, pair_rows
 from swath.fleet.schedule import schedule_of
-from swath.fleet.worked import IDLE, WAITS, Span, by_events
+from swath.fleet.worked import IDLE, WAITS, Span, by_events, checked
 from tests.fleet.drawn import drawn_job
 from tests.replay.browser import Browser, NoBrowser
 
@@ -59,6 +60,13 @@ def test_waits_are_shown_by_what_is_waited_for():
     spans = [Span("wait", 0, 1, reason) for reason in ("cart_1", "ground of cart_1", "the next truck")]
     assert [s.shown for s in spans] == list(WAITS)
     assert Span(IDLE, 0, 1).shown == IDLE
+
+
+def test_a_cart_that_takes_no_load_is_told(done):
+    w = done["events"]
+    assert not any("takes no load" in note for note in checked(w))
+    without = replace(w, poured=[p for p in w.poured if p.target == "truck"])
+    assert [note for note in checked(without) if note.startswith("cart_1 takes no load")]
 
 
 def test_the_table_says_where_all_minutes_of_a_machine_are(done):

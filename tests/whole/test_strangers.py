@@ -108,6 +108,7 @@ class Folder:
         (path / "with.yaml").write_text("mine: {combine.speed.level: mine.py:Part}\n")
         job = find_sheet("jobs", "small-field").read_text()
         (path / "job.yaml").write_text(job.replace("machine: lexion-700", f"machine: {path}/mine.yaml"))
+        (path / "granted.yaml").write_text(job + "\nfleet: {dispatcher: mine.py:Part}\n")
 
     def of_runs(self):
         """Command lines by command that read the run folder."""
@@ -175,6 +176,7 @@ class Folder:
             "fleet run": [
                 [f"{p}/job.yaml", "--set", "field.yield_t_ha=x"],
                 [f"{p}/s.yaml", "--level", "sensors"],
+                [f"{p}/granted.yaml", "--level", "granted"],
             ],
             "fleet list": [[]],
             "fleet day": [[f"{p}/run"]],

@@ -5,7 +5,7 @@ depends on how the field lies on the map.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from dataclasses import field as made
 from typing import Any
 
@@ -228,7 +228,7 @@ def frame_of(job: JobFile) -> Frame:
                 best = side, far, Frame(float(a[0]), float(a[1]), math.atan2(*(b - a)[::-1]))
     assert best is not None
     if job.plan.direction_deg is not None:
-        return replace(best[2], direction=math.radians(job.plan.direction_deg))
+        return Frame(best[2].x, best[2].y, math.radians(job.plan.direction_deg))
     return best[2]
 
 

@@ -188,4 +188,6 @@ def checked(worked: Worked) -> list[str]:
     if worked.schedule.plan.left > 0.0:
         share = 100.0 * worked.schedule.plan.left / worked.schedule.plan.area
         notes.append(f"{worked.schedule.plan.left:.0f} m2 ({share:.2f} %) are in no pass")
-    return notes
+    served = {p.target for p in worked.poured}
+    idle = [k.name for k in worked.schedule.machines.carts if k.name not in served]
+    return [*notes, *(f"{name} takes no load: the job needs fewer carts" for name in idle)]
