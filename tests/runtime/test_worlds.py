@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 import swath
+from swath.control.speed.constant import ConstantSpeed, Params
 from swath.core.errors import InputError, SwathError
 from swath.core.frames import Pose
 from swath.core.together import Samples
 from swath.record.digest import Columns, Digest, sample_bytes
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
-from swath.signals import CropEdge, CropFlow, MachineState, Scan, SteerCommand
+from swath.signals import CropEdge, CropFlow, MachineState, Scan, SpeedCommand, SteerCommand
 
 CLOCK = ("wall_s", "real_time_factor", "cost", "expect")
 SHORT = {
@@ -66,6 +67,54 @@ def test_company_and_processes_change_nothing(in_step, together, processes):
 )
 def test_parts_without_a_kernel_go_world_by_world(sets):
     for run in swath.worlds("straight", n=2, sets={**sets, "run.distance_m": 0.5}):
+        (alone,) = swath.batch([run.entry])
+        assert judged(run.summary) == judged(alone.summary)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "sets", "vary"),
+    [
+        ("straight", {"combine.edge.min_step_m": 1.9, "run.distance_m": 30.0}, {}),
+        (
+            "straight",
+            {"run.distance_m": 1.5},
+            {
+                "combine.steer.dead_time_s": [0.0, 0.15, 0.4],
+                "combine.steer.engage_s": [0.0, 0.5],
+                "combine.imu.unit": ["mti-1", "bmi088"],
+                "combine.process.loss_percent": [1.0, 4.0],
+                "combine.edge.echo_parts": [1, 3],
+                "combine.speed.guard.when_lost": ["stop", "slow", "ignore"],
+            },
+        ),
+        ("straight", {"combine.speed.speed_kmh": 2.0, "run.distance_m": 0.6, "combine.imu.rate_hz": 200}, {}),
+        ("straight", {"combine.edge": "truth", "run.distance_m": 3.0, "combine.lidar.rate_hz": 10}, {}),
+    ],
+    ids=["no edge: the runs end", "levels' parameters differ", "slow, other rates", "another detector"],
+)
+def test_all_that_takes_worlds_at_once_is_the_same_alone(scenario, sets, vary):
+    made = list(swath.worlds(scenario, n=3, vary=vary, sets={**KERNELS, **sets}, seed=11))
+    for run in made:
+        (alone,) = swath.batch([run.entry])
+        assert judged(run.summary) == judged(alone.summary)
+    if not vary and "combine.edge.min_step_m" in sets:
+        assert all("no crop edge seen" in " ".join(run.summary["notes"]) for run in made)
+
+
+class Slower(ConstantSpeed):
+    """A user's own step on a built-in part: what that does for all worlds at once is not his."""
+
+    def __init__(self, params, setup):
+        super().__init__(Params(), setup)
+
+    def step(self, t, dt, inputs):
+        made = super().step(t, dt, inputs)["command"]
+        return {"command": SpeedCommand(made.t, 0.5 * made.speed)}
+
+
+def test_a_part_that_changes_the_step_of_another_goes_world_by_world():
+    sets = {**KERNELS, "combine.speed": Slower, "run.distance_m": 0.4}
+    for run in swath.worlds("straight", n=2, sets=sets):
         (alone,) = swath.batch([run.entry])
         assert judged(run.summary) == judged(alone.summary)
 

@@ -64,19 +64,19 @@ def beside(profile: Profile, x: wp.float64, y: wp.float64, station: int) -> Besi
     k = station
     along = wp.float64(0.0)
     left = wp.float64(0.0)
-    searches = int(1)
-    for _ in range(1000):
-        if searches == 1:
-            du = u - profile.x[k]
-            dv = v - profile.y[k]
-            cosine = wp.float64(profile.cosine[k])
-            sine = wp.float64(profile.sine[k])
-            along = du * cosine + dv * sine
-            left = dv * cosine - du * sine - wp.float64(0.5 * profile.curvature[k]) * along * along
-            next = wp.clamp(k + int(wp.floor(along + wp.float64(0.5))), 0, last)
-            if next == k:
-                searches = 0
-            k = next
+    tries = int(0)
+    while tries < 1000:
+        du = u - profile.x[k]
+        dv = v - profile.y[k]
+        cosine = wp.float64(profile.cosine[k])
+        sine = wp.float64(profile.sine[k])
+        along = du * cosine + dv * sine
+        left = dv * cosine - du * sine - wp.float64(0.5 * profile.curvature[k]) * along * along
+        next = wp.clamp(k + int(wp.floor(along + wp.float64(0.5))), 0, last)
+        tries += 1
+        if next == k:
+            tries = 1000
+        k = next
     found = Beside()
     found.station = k
     found.along = wp.float64(k) + along
@@ -90,6 +90,26 @@ def beside(profile: Profile, x: wp.float64, y: wp.float64, station: int) -> Besi
 def bin_at(profile: Profile, along: wp.float64, last: int) -> int:
     """The bin of a way along the line from the first station on [m]."""
     return wp.clamp(int(wp.floor(along * wp.float64(profile.bins_per_m))), 0, last)
+
+
+@wp.func_native("""
+const double per = 1.0 / (double)(after - first), way = end - begin;
+bool* line = (bool*)crop.data;
+for (int i = first; i < after; ++i) {
+  const float inside = (float)(begin + ((double)(i - first) + 0.5) * per * way);
+  line[i] = (inside >= reach) & !((inside >= near) & (inside < far));
+}
+""")
+def fill_run(
+    crop: wp.array(dtype=wp.bool),
+    first: int,
+    after: int,
+    begin: wp.float64,
+    end: wp.float64,
+    reach: float,
+    near: float,
+    far: float,
+): ...
 
 
 @wp.func
@@ -117,10 +137,7 @@ def crop_along(
         near = profile.near[b]
         far = profile.far[b]
         if b == bin_at(profile, end.along, last):  # nearly always, on a line across the edge
-            for i in range(first, after):
-                share = (wp.float64(i - first) + wp.float64(0.5)) * per
-                inside = float(begin.inside + share * (end.inside - begin.inside))
-                crop[i] = inside >= reach and not (inside >= near and inside < far)
+            fill_run(crop, first, after, begin.inside, end.inside, reach, near, far)
         else:
             for i in range(first, after):
                 share = (wp.float64(i - first) + wp.float64(0.5)) * per

@@ -20,6 +20,7 @@ from swath.signals import F64
 # of a ray's way through the upper half of the crop, from its end nearer to the crop: there it counts. 0.36
 # for 4 to 10 mean free paths of crop and a way across three times the overhang, 0.5 for one along the edge
 MET = 0.35
+ERROR_ODDS = 3.0  # nat: log odds of an echo being on the right side of a threshold between heights, 95 %
 
 # heights in lateral order [m], shape (n,), fewest points on a side -> log-likelihood of a split before each
 # of the points 1..n-1, shape (n - 1,), -inf where a split is not allowed; the gain over "no step" [nat]

@@ -12,6 +12,7 @@ import numpy as np
 
 from swath.control.edge.canopy_offset import CanopyOffset
 from swath.control.edge.detector import EdgeDetector, EdgeParams, footprint
+from swath.control.edge.height_step import ERROR_ODDS
 from swath.control.edge.profile import crop_sign
 from swath.control.inclination import SINCE, TURN, UP
 from swath.control.inertial_memory import SAMPLES, AllInertial
@@ -26,7 +27,6 @@ from swath.kernels import Rows, filled, of_worlds, repeatable, shared, start_war
 from swath.signals import F64, CropEdge, beam_directions
 from swath.signals.setup import ControlSetup
 
-ERROR_ODDS = 3.0  # nat: log odds of an echo being on the right side of the threshold, 95 %
 ROOM = 1024  # scans whose edge points are kept: 6 s at 170 Hz
 
 

@@ -6,7 +6,7 @@ The chain of `detector.EdgeDetector` in its terms and its order: profile, height
 import warp as wp
 
 from swath.control import inclination
-from swath.control.edge import canopy_offset, detector, height_step, line_fit, otsu, profile, tracking
+from swath.control.edge import canopy_offset, detector, height_step, line_fit, profile, tracking
 from swath.control.edge.canopy_offset_kernel import SPREADS, score_of_shifts
 from swath.control.inertial_kernel import incline
 from swath.kernels import constants
@@ -33,7 +33,7 @@ HEADROOM, ROOM, CLEARER = constants(detector.HEADROOM, detector.ROOM, detector.C
 FIRST_TOP, SECOND_TOP = constants(*detector.TOPS)
 INNER, MAX_GROUND, RESOLUTION = constants(height_step.MET, GATES.max_ground, GATES.resolution)
 SLOPE_SD, BEND_SD = constants(PRIOR.slope, PRIOR.bend)
-TUKEY, MAD, ERROR_ODDS = constants(line_fit.TUKEY, line_fit.MAD, otsu.ERROR_ODDS)
+TUKEY, MAD, ERROR_ODDS = constants(line_fit.TUKEY, line_fit.MAD, height_step.ERROR_ODDS)
 WINDOW_S, FORGET_S, MIN_SHARE = constants(MEMORY.window_s, MEMORY.forget_s, MEMORY.min_share)
 PER_SAMPLE, LEVER = constants(tracking.SCANS_PER_SAMPLE, tracking.LEVER)
 CRAB, GRAVITY = constants(inclination.CRAB, inclination.GRAVITY)

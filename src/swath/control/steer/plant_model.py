@@ -84,6 +84,7 @@ class ActuatorModel(KeepsState):
         return Place(x, y, heading)
 
 
+SURE = 0.05  # m, standard deviation of an offset beyond which the slip observer listens less
 BETTER = 0.85  # of the deviation an edge was known with: below, the edge is taken anew
 FORGET_M = 3.0  # m of travel over which it is forgotten how well the edge was known
 

@@ -31,7 +31,7 @@ from annotated_types import Ge, Gt, Le
 
 from swath.control.inclination import CRAB, Inclination
 from swath.control.inertial_memory import SAMPLES, AllInertial
-from swath.control.steer.plant_model import CRAWL, ActuatorModel, Place, SlipObserver, driven_curvature
+from swath.control.steer.plant_model import CRAWL, SURE, ActuatorModel, Place, SlipObserver, driven_curvature
 from swath.control.yaw_rate import YawRate
 from swath.core.component import Inputs, KeepsState, Outputs, Port, State
 from swath.core.errors import SwathError
@@ -43,8 +43,6 @@ from swath.core.units import CM, DEG
 from swath.kernels import Rows, repeatable, shared
 from swath.signals import CropEdge, Inertial, Odometry, SteerCommand
 from swath.signals.setup import ControlSetup
-
-SURE = 0.05  # m, standard deviation of an offset beyond which the slip observer listens less
 
 
 @dataclass(frozen=True)

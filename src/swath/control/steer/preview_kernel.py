@@ -6,7 +6,7 @@ import warp as wp
 
 from swath.control import inclination, yaw_rate
 from swath.control.inertial_kernel import incline, turn
-from swath.control.steer import plant_model, preview
+from swath.control.steer import plant_model
 from swath.core.units import DEG
 from swath.kernels import constants, exact_code
 
@@ -18,7 +18,7 @@ ZERO, HALF, ONE, TWO, NS, INF = constants(0.0, 0.5, 1.0, 2.0, 1e9, float("inf"))
 GRAVITY, CRAWL, BETTER, FORGET = constants(
     inclination.GRAVITY, plant_model.CRAWL, plant_model.BETTER, plant_model.FORGET_M
 )
-SURE, AGAIN, LONGEST = constants(preview.SURE, yaw_rate.AGAIN_S, yaw_rate.LONGEST_S)
+SURE, AGAIN, LONGEST = constants(plant_model.SURE, yaw_rate.AGAIN_S, yaw_rate.LONGEST_S)
 STEEPEST, SLIP_LIMIT = constants(1.2, 4.0 * DEG)
 
 

@@ -11,6 +11,26 @@ ROOM = wp.constant(32)  # places that may be one
 Places = wp.types.vector(length=32, dtype=wp.int32)
 
 
+@wp.func_native("""
+const bool* crop = (const bool*)line.data;
+for (int i = first; i <= last && i < (int)line.shape[0]; ++i)
+  if (crop[i] & !crop[i - 1]) return i;
+return -1;
+""")
+def next_edge(line: wp.array(dtype=wp.bool), first: int, last: int) -> int:
+    """The first place from `first` to `last` where crop begins, -1 = none."""
+
+
+@wp.func_native("""
+const bool* crop = (const bool*)line.data;
+int count = 0;
+for (int i = first; i < after; ++i) count += crop[i];
+return count;
+""")
+def standing_among(line: wp.array(dtype=wp.bool), first: int, after: int) -> int:
+    """Steps with crop."""
+
+
 @wp.kernel
 def edges_across(
     profiles: wp.array(dtype=Profile),
@@ -35,19 +55,15 @@ def edges_across(
     at = Places()
     score = Places()
     found = int(0)
-    for i in range(half, n - half + 1):
-        if i < n and line[i] and not line[i - 1]:
-            inside = int(0)
-            outside = int(0)
-            for k in range(half):
-                if line[i + k]:
-                    inside += 1
-                if not line[i - 1 - k]:
-                    outside += 1
-            if 2 * inside > half and 2 * outside > half and found < ROOM:
-                at[found] = i
-                score[found] = inside + outside
-                found += 1
+    i = next_edge(line, half, n - half)
+    while i >= 0 and found < ROOM:
+        inside = standing_among(line, i, i + half)
+        outside = half - standing_among(line, i - half, i)
+        if 2 * inside > half and 2 * outside > half:
+            at[found] = i
+            score[found] = inside + outside
+            found += 1
+        i = next_edge(line, i + 1, n - half)
     told = int(0)
     for i in range(found):
         is_best = int(1)

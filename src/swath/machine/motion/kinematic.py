@@ -72,7 +72,7 @@ class Vehicles:
 
         n = len(parts)
         self._parts, self.errors = parts, dict[int, SwathError]()
-        self._towing = [(world, part) for world, part in enumerate(parts) if part.towed is not None]
+        self._towing = [(world, part.towed) for world, part in enumerate(parts) if part.towed is not None]
         self._tracks, self._stands = Rows(Track, n), Rows(Stand, n)
         self._asked, self._states = np.zeros((n, 3)), np.zeros((n, 17))
         self._vehicles = of_worlds(kernel.Vehicle, [_vehicle(kernel, part.machine) for part in parts])
@@ -111,11 +111,11 @@ class Vehicles:
             self.errors[world] = InputError("speed command", float(wanted[world]), "expected a finite speed")
         self._asked[:, 0], self._asked[:, 1], self._asked[:, 2] = steer.arrays["angle"], wanted, dt / NS
         self._drive.launch()
-        for world, part in self._towing:
+        for world, towed in self._towing:
             refuse_reverse(float(wanted[world]))
             cargo = inputs.get("cargo")
-            part.towed.carry(None if cargo is None else cargo.of(world))
-            part.towed.follow(*self._place(world))
+            towed.carry(None if cargo is None else cargo.of(world))
+            towed.follow(*self._place(world))
         return self._samples(t + dt)
 
     def save(self, world: int) -> State:
@@ -156,8 +156,8 @@ class Vehicles:
         arrays = {"pose": self._states[:, :12]} | {n: self._states[:, 12 + k] for k, n in enumerate(names)}
         found = {"state": Samples(MachineState, t, arrays)}
         trailers = [
-            part.towed.state(t, Pose.of_numbers(*_numbers(self._states[world])), self._place(world)[2])
-            for world, part in self._towing
+            towed.state(t, Pose.of_numbers(*_numbers(self._states[world])), self._place(world)[2])
+            for world, towed in self._towing
         ]
         if trailers:
             found["trailer"] = Samples.joined(trailers)
