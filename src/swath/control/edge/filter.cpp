@@ -582,11 +582,10 @@ auto update = [&]() {
 };
 
 // ---- The start: two sides anywhere near the header end, in the rays of the last metres
-auto begin = [&](D travel) {
+auto begin = [&]() {
   float *n = wide, *x = wide + L * S, *rays = wide + 2 * L * S, *lost = rays + S;
   D gain[S + 1] = {};
   auto entropy = [&](D a, D b) { return a > 0.0 ? a * ::log(a / most(b, 0.05)) : 0.0; };
-  (void)travel;
   for (int l = 0; l <= L; ++l) {  // the last: lost rays
     const float *a = l < L ? n + l * S : lost, *b = l < L ? x + l * S : rays;
     D sa = 0.0, sb = 0.0, ta = 0.0, tb = 0.0;
@@ -646,7 +645,7 @@ if (g.is_new > 0.0) {
     for (int i = 0; i < 2 * L * S + 2 * S; ++i) wide[i] *= keep;
     h.way = h.way * keep + travel, h.scans = h.scans * keep + 1.0;
     take();
-    if (h.since >= 0.5 * STEP) h.since = 0.0, begin(travel);
+    if (h.since >= 0.5 * STEP) h.since = 0.0, begin();
   } else {
     while (h.count < 12.0) extend();
     for (int round = 0; round < 30 && reaches() && h.count < NODES; ++round) extend();
