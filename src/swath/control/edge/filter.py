@@ -82,7 +82,8 @@ class Params:
     """Of the filter; where no source is given, estimates, checked on drawn cases (benchmarks/edge_pairs.py).
 
     search_m: standard deviation of where the edge is expected beside the header end, at the start
-    begin_nat: gain of two sides over one from which on there is an edge; begin_m: travel that it is summed over
+    begin_nat: gain of two sides over one from which on there is an edge; denser: and so many times more stops
+    per metre on the crop's side; begin_m: travel that it is summed over
     bend_noise: of the line's bend [1/m per sqrt(m)]; turn_noise: of its direction [rad per sqrt(m)]
     bend_sd, turn_sd: at the start [1/m], [rad]
     tooth_m: length over which teeth are alike; tooth_sd_m, tooth_first_m: their least standard deviation, the
@@ -105,6 +106,7 @@ class Params:
 
     search_m: Annotated[float, Gt(0.1), Le(10)] = 1.5
     begin_nat: Annotated[float, Ge(0)] = 20.0
+    denser: Annotated[float, Ge(1)] = 2.0
     begin_m: Annotated[float, Gt(0)] = 1.2
     bend_noise: Annotated[float, Gt(0)] = 0.008
     turn_noise: Annotated[float, Gt(0)] = 0.004
