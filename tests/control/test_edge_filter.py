@@ -1,4 +1,4 @@
-"""The edge filter against a closed-form canopy with a known edge, and its smoother against a dense solution."""
+"""The edge filter against a closed-form canopy with a known edge; its smoother against a dense solution."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def made(side="left", **params):
     return detector
 
 
-def drive(course=None, *, metres=20.0, side="left", stand=None, inside=None, seed=0, detector=None):
+def drive(course=None, *, metres=20.0, side="left", stand=None, inside=None, seed=0, detector=None, begin=0):
     """(edges, their errors [m], > 0 to the left) of a machine that drives along its course."""
     sign = 1.0 if side == "left" else -1.0
     course = course or Course(y=6.0 * sign)
@@ -30,7 +30,7 @@ def drive(course=None, *, metres=20.0, side="left", stand=None, inside=None, see
     scanner = Scanner(Stand(inside, **(stand or {})), mounting(side))
     detector, rng = detector or made(side), np.random.default_rng(seed)
     pose, edges, errors = [0.0, course.y - 6.0 * sign + 0.1 * sign, 0.0], [], []
-    for k in range(round(metres / (SPEED * 0.04))):
+    for k in range(begin, begin + round(metres / (SPEED * 0.04))):
         yaw_rate = SPEED / (course.radius + course.y) if pose[0] > course.bend_at else 0.0
         pose[2] += yaw_rate * 0.04
         pose[0] += SPEED * 0.04 * np.cos(pose[2])
@@ -84,10 +84,10 @@ def test_goes_on_from_a_saved_moment():
     detector = made()
     drive(detector=detector, metres=8.0)
     state = detector.save()
-    first, _ = drive(detector=detector, metres=3.0, seed=1)
+    first, _ = drive(detector=detector, metres=3.0, seed=1, begin=200)
     detector.load(state)
-    again, _ = drive(detector=detector, metres=3.0, seed=1)
-    assert first == again
+    again, _ = drive(detector=detector, metres=3.0, seed=1, begin=200)
+    assert repr(first) == repr(again)  # nan is nan
 
 
 def chain(detector):
@@ -126,13 +126,15 @@ def test_smoothing_is_the_dense_solution_of_the_same_chain():
             pull[here] += row[10] * wall
     dense = np.linalg.solve(precision, pull).reshape(n, 4)
     told = np.array([row[35:39] for row in rows])
-    seen = [k for k, row in enumerate(rows) if row[7] > 0.5]  # nodes laid since the last update are not smoothed yet
+    seen = [
+        k for k, row in enumerate(rows) if row[7] > 0.5
+    ]  # others may be newer than the last update
     assert len(seen) > 8
     assert np.abs(dense[seen, 0] - told[seen, 0]).max() < 0.02
 
 
 def test_each_number_of_the_parameters_has_its_place_in_the_compiled_step():
-    source = (level.__file__.removesuffix(".py") + ".cpp")
+    source = level.__file__.removesuffix(".py") + ".cpp"
     with open(source, encoding="utf-8") as file:
         text = file.read().partition("struct Numbers {")[2].partition("};")[0]
     names = [name.strip() for name in text.replace("D ", "").replace(";", "").split(",")]

@@ -71,7 +71,11 @@ LAYERS, CELLS, HALF, NODES, WIDE, SHAPES = 10, 90, 16, 48, 80, 10  # as in filte
 NODE, HEAD = 57, 37 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
 STATE = HEAD + NODES * NODE
 ROW = CELLS + 2 * HALF
-GRIDS = NODES * (2 * LAYERS * ROW + 2 * ROW + 2 * (CELLS + 1)) + (2 * LAYERS + 2) * WIDE + SHAPES * LAYERS * 2 * HALF
+GRIDS = (
+    NODES * (2 * LAYERS * ROW + 2 * ROW + 2 * (CELLS + 1))
+    + (2 * LAYERS + 2) * WIDE
+    + SHAPES * LAYERS * 2 * HALF
+)
 USUAL = 0.85  # m: height of a crop that nobody named
 TOP, LOWEST = 1.25, 0.05  # of the usual height, m: where the layers end and begin
 LATE = 0.4  # s: age of the newest scan from which on there is no edge
@@ -82,8 +86,8 @@ class Params:
     """Of the filter; where no source is given, estimates, checked on drawn cases (benchmarks/edge_pairs.py).
 
     search_m: standard deviation of where the edge is expected beside the header end, at the start
-    begin_nat: gain of two sides over one from which on there is an edge; denser: and so many times more stops
-    per metre on the crop's side; begin_m: travel that it is summed over
+    begin_nat: gain of two sides over one from which on there is an edge; denser: and so many times more
+    stops per metre on the crop's side; begin_m: travel that they are summed over
     bend_noise: of the line's bend [1/m per sqrt(m)]; turn_noise: of its direction [rad per sqrt(m)]
     bend_sd, turn_sd: at the start [1/m], [rad]
     tooth_m: length over which teeth are alike; tooth_sd_m, tooth_first_m: their least standard deviation, the
@@ -250,8 +254,8 @@ class EdgeFilter(KeepsState):
             return self._no_edge(now)
         sign = self._sign
         return CropEdge(
-            now, sign * offset, sign * heading, sign * bend, self._reference, min(max(sure, 0.01), 1.0), height,
-            float("nan"), offset_sd=sd, heading_sd=heading_sd, seen_to=seen_to, is_held=is_held > 0.0,
+            now, sign * offset, sign * heading, sign * bend, self._reference, min(max(sure, 0.01), 1.0),
+            height, float("nan"), offset_sd=sd, heading_sd=heading_sd, seen_to=seen_to, is_held=is_held > 0.0,
         )  # fmt: skip
 
     def _no_edge(self, now: int) -> CropEdge:
@@ -268,5 +272,5 @@ LEVEL = Level(
     Params,
     summary="one Bayes filter: line, teeth and holes along the way, densities learned per height",
     cost="0.2 ms per scan",
-    tolerance="offset within 0.08 m RMS of the true edge at 50 to 700 stems/m2",
+    tolerance="offset within 0.05 m RMS of the true edge at 500 stems/m2",
 )
