@@ -52,7 +52,12 @@ TEETH_OVER = 2.0  # m: standard deviation of the weights with which teeth are av
 # ---- What makes an edge hard: (rng, side: +1 crop on the right) -> settings
 def bend(rng: np.random.Generator, side: float) -> Sets:
     radius, angle = rng.uniform(11, 25), float(rng.choice([-1.0, 1.0])) * rng.uniform(50, 80)
-    return {f"{EDGE}.shape": "curve", f"{EDGE}.run_in_m": 14, f"{EDGE}.radius_m": radius, f"{EDGE}.angle_deg": angle}
+    return {
+        f"{EDGE}.shape": "curve",
+        f"{EDGE}.run_in_m": 14,
+        f"{EDGE}.radius_m": radius,
+        f"{EDGE}.angle_deg": angle,
+    }
 
 
 def hole(start: float, end: float, depth: float) -> Sets:
@@ -99,7 +104,12 @@ def patchy(rng: np.random.Generator, side: float) -> Sets:
 
 
 def tramline(rng: np.random.Generator, side: float) -> Sets:
-    lines = {"spacing_m": 24, "track_m": 2, "width_m": rng.uniform(0.3, 0.5), "offset_m": -side * rng.uniform(2.0, 4.0)}
+    lines = {
+        "spacing_m": 24,
+        "track_m": 2,
+        "width_m": rng.uniform(0.3, 0.5),
+        "offset_m": -side * rng.uniform(2.0, 4.0),
+    }
     return {f"{STAND}.level": "maps", f"{STAND}.tramlines": lines}
 
 
@@ -121,7 +131,11 @@ def slope(rng: np.random.Generator, side: float) -> Sets:
 
 
 def rough(rng: np.random.Generator, side: float) -> Sets:
-    wave = {"amplitude_m": rng.uniform(0.1, 0.4), "wavelength_m": rng.uniform(25, 50), "azimuth_deg": rng.uniform(0, 90)}
+    wave = {
+        "amplitude_m": rng.uniform(0.1, 0.4),
+        "wavelength_m": rng.uniform(25, 50),
+        "azimuth_deg": rng.uniform(0, 90),
+    }
     return {"field.terrain.waves": [wave], "field.terrain.roughness_class": str(rng.choice(["B", "C", "D"]))}
 
 
@@ -135,7 +149,23 @@ def weeds(rng: np.random.Generator, side: float) -> Sets:
 
 KINDS: dict[str, Callable[[np.random.Generator, float], Sets]] = {
     k.__name__: k
-    for k in (bend, notch, gap, teeth, thin, lean, lodged, patchy, tramline, low, dust, slope, rough, wind, weeds)
+    for k in (
+        bend,
+        notch,
+        gap,
+        teeth,
+        thin,
+        lean,
+        lodged,
+        patchy,
+        tramline,
+        low,
+        dust,
+        slope,
+        rough,
+        wind,
+        weeds,
+    )
 }
 ALIKE = (  # of these no two go together: they set the same keys
     {"notch", "gap"}, {"thin", "patchy", "tramline", "lodged", "low"}, {"slope", "rough"}, {"lean", "wind", "lodged"},
@@ -164,12 +194,17 @@ def _drawn(rng: np.random.Generator, number: int) -> dict[str, Any]:
     scanner, crop = str(rng.choice(SCANNERS)), str(rng.choice(list(CROPS), p=[0.4, 0.2, 0.15, 0.1, 0.15]))
     on = str(rng.choice(["left", "right"]))
     height, pitch = rng.uniform(1.9, 3.1), rng.uniform(12, 22)
-    machine, width = str(rng.choice(["lexion-700-class", "combine-5m"])), float(rng.choice([5.4, 6.6, 7.5, 9.0]))
+    machine, width = (
+        str(rng.choice(["lexion-700-class", "combine-5m"])),
+        float(rng.choice([5.4, 6.6, 7.5, 9.0])),
+    )
     speed, count = rng.uniform(3, 12), (0, 1, 1, 2, 2)[number % 5]
     side = 1.0 if on == "left" else -1.0
     while True:
         kinds = sorted(str(k) for k in rng.choice(list(KINDS), count, replace=False))
-        if not any(len(group & set(kinds)) > 1 for group in ALIKE) and not (crop in ("soy", "rape") and "low" in kinds):
+        if not any(len(group & set(kinds)) > 1 for group in ALIKE) and not (
+            crop in ("soy", "rape") and "low" in kinds
+        ):
             break
     few, many, stubble = CROPS[crop]
     sets: Sets = {
@@ -198,7 +233,9 @@ def world_of(sets: Sets, level: str, lidar: str) -> World:
     given = {**sets, "combine.edge.level": level, "combine.lidar.level": lidar}
     try:
         with allow_code(None):
-            return assemble(load_scenario("straight", sets=[f"{k}={json.dumps(v)}" for k, v in given.items()]))
+            return assemble(
+                load_scenario("straight", sets=[f"{k}={json.dumps(v)}" for k, v in given.items()])
+            )
     except SwathError:  # no table of this crop
         if lidar == "plants":
             raise
@@ -267,7 +304,9 @@ class Recorder:
             return CropEdge(t, self._y, 0.0, 0.0, self._x, 1.0, float("nan"), float("nan"))
         y0, y1, y2 = (self.line.ahead(self.pose, self._x + d, self._y) for d in (-0.5, 0.0, 0.5))
         slope = y2 - y0
-        return CropEdge(t, y1, float(np.arctan(slope)), 4 * (y0 + y2 - 2 * y1), self._x, 1.0, float("nan"), float("nan"))
+        return CropEdge(
+            t, y1, float(np.arctan(slope)), 4 * (y0 + y2 - 2 * y1), self._x, 1.0, float("nan"), float("nan")
+        )
 
     def save(self) -> Any:
         return None
@@ -349,7 +388,9 @@ def detected(stored: dict[str, Any], level: str, params: Mapping[str, Any] | Non
     entry = import_module(f"swath.control.edge.{level}").LEVEL
     machine, mountings, side, period, height = stored["setup"]
     global PART
-    part = PART = entry.component(entry.params(**(params or {})), ControlSetup(machine, mountings, side, period, height))
+    part = PART = entry.component(
+        entry.params(**(params or {})), ControlSetup(machine, mountings, side, period, height)
+    )
     told = [part.reset(Stream(1, "edge"))["edge"]]
     began = time.process_time()
     for t, dt, inputs in stored["kept"]:
@@ -471,7 +512,9 @@ def table(options: argparse.Namespace) -> None:
             for name in [*names, *(["pairs"] if len(names) > 1 else []), f"{r['side']} edge", r["scanner"], r["crop"],
                          *(["mounted above 2.7 m"] if r["mount"] > UNSEEN_HEIGHT else [])]:  # fmt: skip
                 groups.setdefault(name, []).append(i)
-        print("| group | runs | holds | stops safely | sure and wrong > 1 m | hazardous | edge RMSE, median [cm] | sure | in 95 % band (95 % interval) |")
+        print(
+            "| group | runs | holds | stops safely | sure and wrong > 1 m | hazardous | edge RMSE, median [cm] | sure | in 95 % band (95 % interval) |"
+        )
         print("|---|---|---|---|---|---|---|---|---|")
         for name, of in groups.items():
             n, s = [out[i] for i in of], [samples(mine[i]) for i in of]
@@ -492,7 +535,9 @@ def table(options: argparse.Namespace) -> None:
             of = interval(picked, lambda v: np.abs(v[:, 0]) <= TOLERANCE)
             said = np.concatenate([v[:, 2] for v in picked])
             mean = float(said.mean()) if len(said) else float("nan")
-            print(f"  {lo:.1f} to {min(hi, 1.0):.1f}: said {mean:.2f}, true {of[0]:.2f} ({of[1]:.2f} to {of[2]:.2f}), {len(said)}")
+            print(
+                f"  {lo:.1f} to {min(hi, 1.0):.1f}: said {mean:.2f}, true {of[0]:.2f} ({of[1]:.2f} to {of[2]:.2f}), {len(said)}"
+            )
         cost = [r["cost_us"] for r in mine if "cost_us" in r]
         if cost:
             print(f"  {np.median(cost):.0f} us per step (median of runs)")

@@ -13,7 +13,7 @@ constexpr D LEAN[SHAPES] = {-0.6, -0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45, 0.6,
 struct Given { D seconds, age, speed, rate, crab, rise, beams, is_new; };
 struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest, ray_low; };
 struct Numbers {
-  D search, begin_nat, begin_m, bend, turn, bend_sd, turn_sd, tooth_m, tooth, tooth_first, memory, hole, hole_ends, apart, wall_stays, wall_none,
+  D search, begin_nat, denser, begin_m, bend, turn, bend_sd, turn_sd, tooth_m, tooth, tooth_first, memory, hole, hole_ends, apart, wall_stays, wall_none,
     wall_step, path, least, bend_tail, over_first, clear, shoulder, spot, overhang, drift, lost, hold, lean_sd, shape_alike, height_sd;
 };
 struct Node {
@@ -582,27 +582,30 @@ auto update = [&]() {
 };
 
 // ---- The start: two sides anywhere near the header end, in the rays of the last metres
-auto begin = [&](D travel) {
+auto begin = [&]() {
   float *n = wide, *x = wide + L * S, *rays = wide + 2 * L * S, *lost = rays + S;
   D gain[S + 1] = {};
   auto entropy = [&](D a, D b) { return a > 0.0 ? a * ::log(a / most(b, 0.05)) : 0.0; };
-  (void)travel;
-  for (int l = 0; l <= L; ++l) {  // the last: lost rays
+  D stops_out[S + 1] = {}, way_out[S + 1] = {}, stops_all = 0.0, way_all = 0.0;
+  for (int l = 1; l <= L; ++l) {  // not the lowest, stubble; the last: lost rays
     const float *a = l < L ? n + l * S : lost, *b = l < L ? x + l * S : rays;
     D sa = 0.0, sb = 0.0, ta = 0.0, tb = 0.0;
     for (int i = 0; i < S; ++i) sa += a[i], sb += b[i];
     for (int i = 0; i <= S; ++i) {
       const D more = ta * (sb - tb) < (sa - ta) * tb ? 1.0 : -1.0;  // inside more than outside
       gain[i] += (l < L ? more : -more) * (entropy(ta, tb) + entropy(sa - ta, sb - tb) - entropy(sa, sb));
+      if (l < L) stops_out[i] += ta, way_out[i] += tb;
       if (i < S) ta += a[i], tb += b[i];
     }
+    if (l < L) stops_all += sa, way_all += sb;
   }
   const D alike = most(1.0, h.scans / (1.0 + h.way / 0.24));
   int best = -1;
   D most_gain = p.begin_nat;
   for (int i = 5; i <= S - 5; ++i) {
     const D e = W0 + i * WIDE, v = gain[i] / alike - 0.5 * sq(e / p.search);
-    if (v > most_gain) most_gain = v, best = i;
+    const bool is_denser = (stops_all - stops_out[i]) * way_out[i] > p.denser * stops_out[i] * (way_all - way_out[i]);
+    if (v > most_gain && is_denser) most_gain = v, best = i;
   }
   if (best < 0) return;
   const D e = W0 + best * WIDE;
@@ -646,7 +649,7 @@ if (g.is_new > 0.0) {
     for (int i = 0; i < 2 * L * S + 2 * S; ++i) wide[i] *= keep;
     h.way = h.way * keep + travel, h.scans = h.scans * keep + 1.0;
     take();
-    if (h.since >= 0.5 * STEP) h.since = 0.0, begin(travel);
+    if (h.since >= 0.5 * STEP) h.since = 0.0, begin();
   } else {
     while (h.count < 12.0) extend();
     for (int round = 0; round < 30 && reaches() && h.count < NODES; ++round) extend();

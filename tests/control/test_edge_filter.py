@@ -1,0 +1,141 @@
+"""The edge filter against a closed-form canopy with a known edge; its smoother against a dense solution."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from swath.control.edge import filter as level
+from swath.control.edge.filter import HEAD, NODE, NODES, EdgeFilter, Params
+from swath.core.random import Stream
+from swath.signals import Odometry
+from tests.control.closed_loop import Course, setup_of
+from tests.control.synthetic_edge import Scanner, Stand, mounting
+
+PERIOD, SPEED = 40_000_000, 2.0
+
+
+def made(side="left", **params):
+    setup = replace(setup_of(side, 0.04, mounting(side)), crop_height=0.85)
+    detector = EdgeFilter(Params(slip_percent=0.0, **params), setup)
+    detector.reset(Stream(1, "edge"))
+    return detector
+
+
+def drive(course=None, *, metres=20.0, side="left", stand=None, inside=None, seed=0, detector=None, begin=0):
+    """(edges, their errors [m], > 0 to the left) of a machine that drives along its course."""
+    sign = 1.0 if side == "left" else -1.0
+    course = course or Course(y=6.0 * sign)
+    inside = inside or (lambda x, y: -sign * course.left_of(x, y))
+    scanner = Scanner(Stand(inside, **(stand or {})), mounting(side))
+    detector, rng = detector or made(side), np.random.default_rng(seed)
+    pose, edges, errors = [0.0, course.y - 6.0 * sign + 0.1 * sign, 0.0], [], []
+    for k in range(begin, begin + round(metres / (SPEED * 0.04))):
+        yaw_rate = SPEED / (course.radius + course.y) if pose[0] > course.bend_at else 0.0
+        pose[2] += yaw_rate * 0.04
+        pose[0] += SPEED * 0.04 * np.cos(pose[2])
+        pose[1] += SPEED * 0.04 * np.sin(pose[2])
+        scan = scanner.scan((k + 1) * PERIOD, pose, rng)
+        steering = float(np.arctan(3.9 * yaw_rate / SPEED))
+        inputs = {"scan": scan, "odometry": Odometry(0, SPEED, yaw_rate, steering)}
+        edges.append(detector.step(k * PERIOD, PERIOD, inputs)["edge"])
+        errors.append(edges[-1].offset - course.seen_from(pose, edges[-1].reference_x)[0])
+    return edges, np.array(errors)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_straight_edge(side):
+    edges, error = drive(side=side)
+    assert all(e.is_found for e in edges[75:])
+    assert np.sqrt(np.mean(error[100:] ** 2)) < 0.04
+    assert all(abs(v) < 3.0 * e.offset_sd for v, e in zip(error[100:], edges[100:], strict=True))
+    assert edges[-1].confidence > 0.7
+    assert edges[-1].seen_to > edges[-1].reference_x + 2.0
+    assert not edges[-1].is_held
+
+
+def test_thin_stands_are_found():
+    edges, error = drive(stand={"density": 80.0}, metres=16.0)
+    assert all(e.is_found for e in edges[100:])
+    assert np.abs(error[100:]).max() < 0.15
+
+
+@pytest.mark.parametrize("radius", [15.0, -15.0])
+def test_tight_bends(radius):
+    edges, error = drive(Course(radius, 8.0, y=6.0), metres=24.0)
+    assert all(e.is_found for e in edges[100:])
+    assert np.abs(error[100:]).max() < 0.2
+
+
+@pytest.mark.parametrize(("tip", "where"), [(0.12, 6.0), (0.85, 100.0), (0.85, -100.0)])
+def test_no_edge_in_stubble_or_in_crop_alone(tip, where):
+    far = lambda x, y: np.full_like(x, where)  # noqa: E731
+    assert not any(e.is_found for e in drive(stand={"tip": tip}, inside=far, metres=8.0)[0])
+
+
+def test_a_notch_is_not_followed():
+    notch = lambda x, y: 6.0 - y - np.where((x > 18.0) & (x < 21.0), 1.0, 0.0)  # noqa: E731
+    edges, error = drive(inside=notch, metres=22.0)
+    assert all(e.is_found for e in edges[75:])
+    assert np.abs(error[75:]).max() < 0.2
+
+
+def test_goes_on_from_a_saved_moment():
+    detector = made()
+    drive(detector=detector, metres=8.0)
+    state = detector.save()
+    first, _ = drive(detector=detector, metres=3.0, seed=1, begin=200)
+    detector.load(state)
+    again, _ = drive(detector=detector, metres=3.0, seed=1, begin=200)
+    assert repr(first) == repr(again)  # nan is nan
+
+
+def chain(detector):
+    """(nodes in order as rows of numbers, mean and covariance before the first, variance of teeth)."""
+    state = detector._state[0]
+    first, count = int(state[9]), int(state[10])
+    rows = [state[HEAD + ((first + k) % NODES) * NODE :][:NODE] for k in range(count)]
+    return rows, state[17:21], state[21:37].reshape(4, 4), state[14]
+
+
+def test_smoothing_is_the_dense_solution_of_the_same_chain():
+    """All nodes as one normal vector, given the same sites."""
+    detector, p = made(), Params()
+    drive(detector=detector, metres=9.0)
+    rows, mean, cov, tooth2 = chain(detector)
+    n = len(rows)
+    assert n > 10
+    precision, pull = np.zeros((4 * n, 4 * n)), np.zeros(4 * n)
+    prior = np.linalg.inv(cov)
+    precision[:4, :4], pull[:4] = prior, prior @ mean
+    for k, row in enumerate(rows):
+        here = slice(4 * k, 4 * k + 4)
+        if k:
+            a, b, turn, gust = row[4], row[5], row[6], row[56]
+            r = np.exp(-a / p.tooth_m)
+            f = np.array([[1, a, a * a / 2, 0], [0, 1, a, 0], [0, 0, 1, 0], [0, 0, 0, r]])
+            noise = np.array([1e-12, p.turn_noise**2 * a, gust * a, tooth2 * (1 - r * r)])
+            both = np.hstack([-f, np.eye(4)])
+            span = slice(4 * k - 4, 4 * k + 4)
+            weight = both.T / noise
+            precision[span, span] += weight @ both
+            pull[span] += weight @ np.array([-b, -turn, 0.0, 0.0])
+        if row[11] >= 1e-6:
+            wall = np.array([1.0, 0.0, 0.0, 1.0])
+            precision[here, here] += row[11] * np.outer(wall, wall)
+            pull[here] += row[10] * wall
+    dense = np.linalg.solve(precision, pull).reshape(n, 4)
+    told = np.array([row[35:39] for row in rows])
+    seen = [
+        k for k, row in enumerate(rows) if row[7] > 0.5
+    ]  # others may be newer than the last update
+    assert len(seen) > 8
+    assert np.abs(dense[seen, 0] - told[seen, 0]).max() < 0.02
+
+
+def test_each_number_of_the_parameters_has_its_place_in_the_compiled_step():
+    source = level.__file__.removesuffix(".py") + ".cpp"
+    with open(source, encoding="utf-8") as file:
+        text = file.read().partition("struct Numbers {")[2].partition("};")[0]
+    names = [name.strip() for name in text.replace("D ", "").replace(";", "").split(",")]
+    assert len(names) == len(Params.__dataclass_fields__) - len(level.OTHERS)
