@@ -48,7 +48,7 @@ class Design:
 
     def _one(self, planned: F64, rng: np.random.Generator) -> tuple[list[int], dict[str, Value]]:
         gain = self._gain(planned)
-        tries = []
+        tries: list[tuple[float, int, list[int]]] = []
         for _ in range(TRIES):
             buckets = self._combination(gain, rng)
             tries.append((-float(gain[np.ix_(buckets, buckets)].sum()), len(tries), buckets))
