@@ -21,7 +21,7 @@ from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.together import Given, InWorlds, Samples
+from swath.core.together import Given, InWorlds, Samples, field_of
 from swath.core.units import DEG, MM
 from swath.kernels import Rows, filled, of_worlds, repeatable, shared, start_warp
 from swath.signals import F64, CropEdge, beam_directions
@@ -169,14 +169,16 @@ class Detectors:
         """The beams of a scan into memory; their angles only where they are others."""
         about = {**scan.alike, **scan.arrays}
         beams = about["azimuth"], about["elevation"], about["beam_t"]
-        ranges = scan.arrays["ranges"]
+        ranges = field_of(scan, "ranges")
+        if ranges.ndim == 2:  # a recorded scan: one for all worlds
+            ranges = ranges[np.newaxis]
         n = ranges.shape[1] if ranges.size else 0
         self._asked[1:] = scan.t, n
         if not n:
             return
         is_alike = beams[0].ndim == 1
-        if n > self._ranges.shape[1] or len(self._directions) != (1 if is_alike else len(ranges)):
-            self._make_room(n, 1 if is_alike else len(ranges))
+        if n > self._ranges.shape[1] or len(self._directions) != (1 if is_alike else len(self._edges)):
+            self._make_room(n, 1 if is_alike else len(self._edges))
             self._beams = (None, None, None)
         self._ranges[:, :n] = ranges[:, :, 0]
         if not (is_alike and all(a is b for a, b in zip(beams, self._beams, strict=True))):
