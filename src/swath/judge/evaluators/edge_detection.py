@@ -275,7 +275,7 @@ class _Together:
 
     def __init__(self, evaluators: Sequence[EdgeDetection]) -> None:
         from swath.field.profile_kernel import Profile
-        from swath.judge.evaluators.edge_detection_kernel import edges_across
+        from swath.judge.edge_detection_kernel import edges_across
 
         n = len(evaluators)
         self._evaluators = evaluators
