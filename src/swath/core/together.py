@@ -169,10 +169,10 @@ class KeepsRows:
 
 @runtime_checkable
 class StepsTogether(Protocol):
-    """A class of parts that can be stepped together with those of other worlds."""
+    """A class of parts that can be stepped together with those of other worlds; None: these parts cannot."""
 
     @classmethod
-    def together(cls, parts: Sequence[Any]) -> Together: ...
+    def together(cls, parts: Sequence[Any]) -> Together | None: ...
 
 
 class OneByOne:

@@ -109,10 +109,10 @@ class _Group:
 
     def __init__(self, subject: str, evaluators: Sequence[Any]) -> None:
         self.subject, self.evaluators = subject, evaluators
-        kind = type(evaluators[0])
+        kind: Any = type(evaluators[0])
         self.all: Judges | None = None
         if takes_all(kind, "see") and all(type(e) is kind for e in evaluators):
-            self.all = kind.together(evaluators)  # type: ignore[attr-defined]
+            self.all = kind.together(evaluators)
         self.may_end = isinstance(evaluators[0], EndsRun)
         self._rests = isinstance(evaluators[0], Rests)
         self._newest = evaluators[0].NEWEST if isinstance(evaluators[0], WantsNewest) else ()

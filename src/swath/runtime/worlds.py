@@ -47,9 +47,9 @@ class _Slot:
         self.all: Together | None = None
         kinds = {type(part) for part in self.parts}
         if len(kinds) == 1 and not any(node.fault for node in nodes) and not self.slot.latch:
-            kind = kinds.pop()
-            is_one = isinstance(kind, StepsTogether) and takes_all(kind, "step")
-            self.all = kind.together(self.parts) if is_one else None
+            kind: Any = kinds.pop()
+            if takes_all(kind, "step") and isinstance(kind, StepsTogether):
+                self.all = kind.together(self.parts)
         self.seconds, self.steps = 0.0, 0
         self.may_end = any(isinstance(part, EndsRun) for part in self.parts)
 
@@ -234,7 +234,7 @@ class Worlds:
     def _stopped(self, t: int) -> list[int]:
         """Worlds that a part or an evaluator ends before the tick at t [ns]."""
         found: list[int] = []
-        reasons = [slot.all.reasons if isinstance(slot.all, EndsWorlds) else None for slot in self._ending]
+        reasons = [_reasons_of(slot.all) for slot in self._ending]
         is_quiet = all(told is not None and not told for told in reasons)
         if is_quiet and self._judges is not None and not self._judges.may_end:
             return found
@@ -255,7 +255,8 @@ class Worlds:
     def _end_with_parts(self, world: int, reasons: Sequence[Mapping[int, str] | None], t: int) -> None:
         """EndOfRun where a part of a world wants that. reasons: of parts that step at once, by slot"""
         for slot, told in zip(self._ending, reasons, strict=True):
-            reason = slot.parts[world].end_reason(t) if told is None else told.get(world, "")
+            part: Any = slot.parts[world]
+            reason = part.end_reason(t) if told is None else told.get(world, "")
             if reason:
                 raise EndOfRun(f"{slot.name}: {reason}")
 
@@ -318,6 +319,11 @@ class Worlds:
         summary = run.finish(wall_s, incomplete=False)
         graph.let_go()
         return summary
+
+
+def _reasons_of(parts: Any) -> Mapping[int, str] | None:
+    """Why parts that step at once want worlds to end; None where each is asked."""
+    return parts.reasons if isinstance(parts, EndsWorlds) else None
 
 
 def as_ours(error: Exception) -> SwathError:

@@ -268,8 +268,8 @@ class EdgeDetection:
         b = self._states[after]
         if b.t == t or after == 0:
             return b.pose, b.distance
-        both = [(s.t, s.pose, s.distance) for s in self._states[after - 1 : after + 1]]
-        return between_states(*both, t)
+        first, second = ((s.t, s.pose, s.distance) for s in self._states[after - 1 : after + 1])
+        return between_states(first, second, t)
 
 
 class _Together:
@@ -280,7 +280,7 @@ class _Together:
 
     def __init__(self, evaluators: Sequence[EdgeDetection]) -> None:
         from swath.field.profile_kernel import Profile
-        from swath.judge.evaluators.edge_detection_kernel import edges_across
+        from swath.judge.edge_detection_kernel import edges_across
 
         n = len(evaluators)
         self._evaluators = evaluators
@@ -366,8 +366,8 @@ class _Together:
             return pose, distance
         poses, distances = [], []
         for world in range(len(pose)):
-            both = [_state_of(self._states[k], world) for k in (after - 1, after)]
-            between, driven = between_states(*both, t)
+            first, second = (_state_of(self._states[k], world) for k in (after - 1, after))
+            between, driven = between_states(first, second, t)
             place, rows = between.numbers
             poses.append([*place, *(v for row in rows for v in row)])
             distances.append(driven)

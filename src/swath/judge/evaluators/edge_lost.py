@@ -133,15 +133,14 @@ class _Together:
             elif samples.kind is CropEdge and self._state is not None:
                 is_found = (field_of(samples, "confidence") > 0.0) & np.isfinite(field_of(samples, "offset"))
                 for world in np.flatnonzero(active & ~(is_found & self._was_found)).tolist():
-                    e = self._evaluators[world]
-                    e._state = self._state.of(world)
-                    e._see_edge(samples.of(world), e._state)
+                    own: dict[str, Signal] = {"state": self._state.of(world), "edge": samples.of(world)}
+                    self._evaluators[world].see(slot, t, own)
                 self._was_found[:] = is_found
 
     def give(self, world: int) -> None:
         """What was seen of a world."""
         if self._state is not None:
-            self._evaluators[world]._state = self._state.of(world)
+            self._evaluators[world].see("", 0, {"state": self._state.of(world)})
 
 
 LEVEL = Level(EdgeLost, None, summary="when the machine steers itself and no edge is reported")

@@ -58,7 +58,8 @@ class Stops:
             begins = ~drove & (speed > DRIVES)
             ends = drove & (speed < STANDS)
             drove[begins], drove[ends] = True, False
-            return begins | ends
+            changes: Bits = begins | ends
+            return changes
 
         return Woken(evaluators, asks)
 
