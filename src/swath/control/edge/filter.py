@@ -174,7 +174,9 @@ class EdgeFilter(KeepsState):
         self._yaw_rate = YawRate(setup.machine.wheelbase, setup.mountings.get("inertial"))
         self._state, self._grids = np.zeros((1, STATE)), np.zeros((1, GRIDS), np.float32)
         self._given, self._told = np.zeros((1, 8)), np.zeros((1, 12))
-        self._room, self._beams = -1, ()
+        self._room = -1
+        self._beams: tuple[Any, ...] = ()
+        self._count = 0
         self._launch: Any = None
         self._forget()
 
