@@ -126,9 +126,7 @@ def test_smoothing_is_the_dense_solution_of_the_same_chain():
             pull[here] += row[10] * wall
     dense = np.linalg.solve(precision, pull).reshape(n, 4)
     told = np.array([row[35:39] for row in rows])
-    seen = [
-        k for k, row in enumerate(rows) if row[7] > 0.5
-    ]  # others may be newer than the last update
+    seen = [k for k, row in enumerate(rows) if row[7] > 0.5]  # others may be newer than the last update
     assert len(seen) > 8
     assert np.abs(dense[seen, 0] - told[seen, 0]).max() < 0.02
 

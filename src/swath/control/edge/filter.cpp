@@ -240,7 +240,8 @@ auto take = [&]() {
   }
   h.level = level, h.slope = slope;
   int at = count - 1;
-  D said[NODES] = {}, whole = 0.0;
+  D said[NODES] = {}, whole = 0.0, cosine[NODES], sine[NODES];
+  for (int k = 0; k < count; ++k) cosine[k] = ::cos(node(k).phi), sine[k] = ::sin(node(k).phi);
   const D top = s.lowest + L * s.layer;
   for (int i = 0; i < n; ++i) {
     if (!(aim.data[3 * i + 2] < -0.05)) continue;
@@ -262,7 +263,7 @@ auto take = [&]() {
       }
       for (int round = 0; round < 8; ++round) {
         const Node& a = node(at);
-        const D c = ::cos(a.phi), d = ::sin(a.phi), x = px - a.x, u = pu - a.u;
+        const D c = cosine[at], d = sine[at], x = px - a.x, u = pu - a.u;
         along = c * x + d * u, beside = c * u - d * x;
         const int go = along > 0.5 * STEP ? (int)(along / STEP + 0.5) : along < -0.5 * STEP ? -(int)(0.5 - along / STEP) : 0;
         const int to = at + go < 0 ? 0 : at + go >= count ? count - 1 : at + go;
@@ -271,6 +272,13 @@ auto take = [&]() {
       }
       return along > -0.6 * STEP && along < 0.6 * STEP;
     };
+    if (count) {  // passes far beside the path from the crop's top to the ground
+      constexpr D FAR = -E0 + K * CELL + 0.3;
+      locate((top - h0) / dh);
+      const D over = beside;
+      locate((s.lowest - h0) / dh);
+      if ((over > FAR && beside > FAR) || (over < -FAR && beside < -FAR)) continue;
+    }
     if (locate((0.4 * s.usual - h0) / dh)) {
       float* rays = count ? grid(at) + 2 * L * W : wide + 2 * L * S;
       const int next = count ? W : S;

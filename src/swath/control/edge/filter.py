@@ -92,11 +92,11 @@ class Params:
     bend_sd, turn_sd: at the start [1/m], [rad]
     tooth_m: length over which teeth are alike; tooth_sd_m, tooth_first_m: their least standard deviation, the
     first; memory_m: travel over which densities, teeth and scatter are learned
-    hole, hole_ends: chance per 0.4 m that a hole begins, that it ends; apart_m: its wall is at least so far off
+    hole, hole_ends: chance per 0.4 m that a hole begins, that it ends; apart_m: least distance of its wall
     wall_stays, wall_none: chances that a hole's wall goes on from the node before, that there is none;
     wall_step_m: scale of its steps
     prior_m: way through the canopy that the prior rates are worth; least: rate of stray stops [1/m]
-    bend_tail: degrees of freedom of the bend's steps; over_first: scatter of stops at the start, over Poisson's
+    bend_tail: degrees of freedom of the bend's steps; over_first: `over` at the start
     clear_m: greatest standard deviation of a node that is learned from; shoulder: share of the crop's height
     below which its side shows a lean; spot_m: standard deviation of where a ray counts
     overhang: standard deviation of what the rays leave open, per height [1]; drift: of dead reckoning [rad]
@@ -174,7 +174,9 @@ class EdgeFilter(KeepsState):
         self._yaw_rate = YawRate(setup.machine.wheelbase, setup.mountings.get("inertial"))
         self._state, self._grids = np.zeros((1, STATE)), np.zeros((1, GRIDS), np.float32)
         self._given, self._told = np.zeros((1, 8)), np.zeros((1, 12))
-        self._room, self._beams = -1, ()
+        self._room = -1
+        self._beams: tuple[Any, ...] = ()
+        self._count = 0
         self._launch: Any = None
         self._forget()
 
@@ -240,8 +242,14 @@ class EdgeFilter(KeepsState):
         self._room = room
         self._aim, self._ago, self._ranges = np.zeros((1, 3 * room)), np.zeros((1, room)), np.zeros((1, room))
         arrays = [
-            self._given, self._setup[None], self._numbers[None], self._aim, self._ago, self._ranges, self._state
-        ]  # fmt: skip
+            self._given,
+            self._setup[None],
+            self._numbers[None],
+            self._aim,
+            self._ago,
+            self._ranges,
+            self._state,
+        ]
         self._inputs = [
             *(shared(np.ascontiguousarray(a), wp.float64) for a in arrays), shared(self._grids, wp.float32),
             shared(self._told, wp.float64),
