@@ -34,15 +34,19 @@ from swath.fleet.yard import WIDE, Waits, run_of, waiting_places
 Array = NDArray[np.float64]
 SQUARE_M_PER_HA_T = 0.1  # t/ha in kg/m2
 LEFT_KG = 1e-6  # of grain, that is none
-NEAR = 0.04  # m, that a way keeps off who stands near, beyond the gaps of bodies
 
 
 @dataclass(frozen=True)
 class Params:
     """cut_m: longest segment of a pass; align_s: until a cart that has come beside is in line; tries,
-    places: passes, and places to pour at, that are looked at, the nearest first; early_s: of what a combine
-    waits for a cart beyond what is known; soon_s: within which a machine stands that a way leads around;
-    out_percent: of the field that is left where no way leads
+    places: passes, and places to pour at, that are looked at, the nearest first; join, joins: segments of a
+    pass between places at which a cart may come beside, and how many; early_s: of what a combine waits for a
+    cart beyond what is known; soon_s: within which a machine stands that a way leads around; part: of a tank,
+    up to which a combine begins a pass that its tank does not take; behind: share in the cost of a place of
+    a cart's way to the truck, which keeps nobody waiting; again_s: more cost of a place at which nobody could
+    be emptied; line_deg: of a trailer that comes beside a header; near_m: that a way keeps off who stands
+    near, beyond the gaps of bodies; out_percent: of the field that is left where no way leads. Estimates,
+    but for line_deg: a box of 9 m then swings by less than the gap beside a header.
     """
 
     cut_m: float = 8.0
@@ -57,6 +61,7 @@ class Params:
     behind: float = 0.25
     again_s: float = 60.0
     line_deg: float = 2.0
+    near_m: float = 0.04
     out_percent: float = 0.5
 
 
@@ -420,7 +425,7 @@ class _Scheduler:
                 wide = [p.buffer(YARD.wide_m, join_style="mitre") for p in s.path.swept[s.index]]
                 is_near = other == beside or shapely_here().intersects(own, wide).any()
                 if is_near:
-                    near += [p.buffer(NEAR, join_style="mitre") for p in s.path.swept[s.index]]
+                    near += [p.buffer(PARAMS.near_m, join_style="mitre") for p in s.path.swept[s.index]]
                 else:
                     shapes += wide
         more = {"stand": shapes, "near": near, "time": time, **more}
