@@ -45,8 +45,8 @@ class Params:
     up to which a combine begins a pass that its tank does not take; behind: share in the cost of a place of
     a cart's way to the truck, which keeps nobody waiting; again_s: more cost of a place at which nobody could
     be emptied; line_deg: of a trailer that comes beside a header; near_m: that a way keeps off who stands
-    near, beyond the gaps of bodies; out_percent: of the field that is left where no way leads. Estimates,
-    but for line_deg: a box of 9 m then swings by less than the gap beside a header.
+    near, beyond the gaps of bodies; rests: power of two, most grants to others before who can do nothing
+    looks again; out_percent: of the field that is left where no way leads. Estimates, but for line_deg: a box of 9 m then swings by less than the gap beside a header.
     """
 
     cut_m: float = 8.0
@@ -62,6 +62,7 @@ class Params:
     again_s: float = 60.0
     line_deg: float = 2.0
     near_m: float = 0.04
+    rests: int = 3
     out_percent: float = 0.5
 
 
@@ -162,6 +163,8 @@ class _Scheduler:
         self.job, self.dispatcher, self.ground, self.machines = job, dispatcher, ground, machines
         self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s, notes=list(job.notes))
         self.table = self.schedule.table
+        self.rests: dict[str, int] = {}  # grants to others before a combine looks again for what it can do
+        self.failed: dict[str, int] = {}  # how often in a row it could do nothing
         self._far: dict[tuple[str, int], tuple[Far, Far]] = {}
         self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
         self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T
@@ -223,7 +226,7 @@ class _Scheduler:
                 if self.is_full(k):
                     self.empties(k)
             busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: (c.time, c.spec.name))
-            if any(self.turn(c) for c in busy):
+            if self.goes_on(busy):
                 room = 0
                 continue
             if room > 2 * len(self.combines) or not self.makes_room(room):
@@ -242,6 +245,20 @@ class _Scheduler:
                 room += 1
                 k.time = max(k.time, *(c.time for c in self.combines))
         self.schedule.ends = max((p.ends for p in self.schedule.poured if p.target == "truck"), default=0.0)
+
+    def goes_on(self, busy: Sequence[CombineState]) -> bool:
+        """One combine does its next thing, who is free first; who could do nothing looks again when others
+        have done something, less and less often.
+        """
+        for c in sorted(busy, key=lambda c: self.rests.get(c.spec.name, 0) > 0):
+            name = c.spec.name
+            if self.turn(c):
+                self.rests = {n: k - 1 for n, k in self.rests.items() if n != name}
+                self.failed.pop(name, None)
+                return True
+            self.failed[name] = self.failed.get(name, 0) + 1
+            self.rests[name] = 2 ** min(self.failed[name], PARAMS.rests) - 1
+        return False
 
     def makes_room(self, turn: int) -> bool:
         """A combine drives where it is not in the way, another one each time; False where none can."""

@@ -407,7 +407,7 @@ class Finder:
         if drive.steering < math.inf and any(k != 0.0 for k, _ in pieces):
             for ramp in (RAMP, 0.5 * RAMP, 0.25 * RAMP):
                 made = eased(start, pieces, body, ramp)
-                if made is not None and self._is_clear(made, body, points):
+                if made is not None and self._is_clear(made, body, points, time, drive.straight):
                     return made
         return driven(start, pieces, body)
 
@@ -453,9 +453,9 @@ class Finder:
         self.searches += 1
         return points
 
-    def _is_clear(self, track: Track, body: Body, points: Array) -> bool:
-        """Whether a body, but for a little, is on open ground and off machines that stand, all along."""
-        places = track.places
+    def _is_clear(self, track: Track, body: Body, points: Array, time: float, speed: float) -> bool:
+        """Whether a body is on open ground, but for a little, and off who stands and crop, all along."""
+        places, when = track.places, (time + track.distance / speed)[:, None]
         x, y, heading, trailer = places.T
         for towed in (False, True):
             on = points[(points[:, 2] > 0.5) == towed]
@@ -476,6 +476,9 @@ class Finder:
             if i.min() < 0 or j.min() < 0 or i.max() >= shape[0] or j.max() >= shape[1]:
                 return False
             if self._taken[i, j].any() or (self.grid.edge[i, j] < -STRAY).any():
+                return False
+            wheels = on[:, 3] < 0.5
+            if (self.grid.free_from[i[:, wheels], j[:, wheels]] > when).any():
                 return False
         return True
 
