@@ -46,7 +46,8 @@ class Params:
     a cart's way to the truck, which keeps nobody waiting; again_s: more cost of a place at which nobody could
     be emptied; line_deg: of a trailer that comes beside a header; near_m: that a way keeps off who stands
     near, beyond the gaps of bodies; rests: power of two, most grants to others before who can do nothing
-    looks again; out_percent: of the field that is left where no way leads. Estimates, but for line_deg: a box of 9 m then swings by less than the gap beside a header.
+    looks again; out_percent: of the field that is left where no way leads. Estimates, but for line_deg:
+    a box of 9 m then swings by less than the gap beside a header.
     """
 
     cut_m: float = 8.0
