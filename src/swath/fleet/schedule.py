@@ -10,6 +10,7 @@ one makes room.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -1009,6 +1010,11 @@ class _Scheduler:
         self.leaves(k, exits, self.table.commit(k.spec.name, path, times))
         return True
 
+    def is_off_ways(self, c: CombineState, place: Place) -> bool:
+        """Whether a combine at a place is off the ways that others keep to their places and the truck."""
+        areas = [area for name, home in self.kept.items() if name != c.spec.name for area in home.areas]
+        return not shapely_here().intersects(run_of(c.spec.body, place, 0.0), areas).any()
+
     def goes_home(self, c: CombineState, off: bool = False) -> bool:
         """A combine that is done, or in the way, drives to its waiting place, or one near; off: to another
         one.
@@ -1016,8 +1022,10 @@ class _Scheduler:
         if c.place == c.home and not off:
             return True
         near = sorted(self.places, key=lambda p: round(math.dist(p[:2], c.place[:2]), 2))
+        off_ways = (p for p in near if self.is_off_ways(c, p))
+        places = (self.kept[c.spec.name].place, *islice(off_ways, PARAMS.places))
         for time in self.moments(c):
-            for place in (c.home, *near[: PARAMS.places]):
+            for place in places:
                 if place == c.place or not self.is_room(c.spec, place, time):
                     continue
                 way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, time)
