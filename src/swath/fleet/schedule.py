@@ -602,7 +602,8 @@ class _Scheduler:
         if found is None or times is None:
             return None
         granted = times
-        cart_path, cart_times, amounts, meet, exits = found
+        cart_path, cart_times, amounts, behind_first, exits = found
+        meet = first + behind_first
         given = float(math.fsum(amounts))
         ends = times[-1] + float(leg.path.spent[-1])
         into = [*times, ends]

@@ -472,12 +472,12 @@ class Finder:
                     return False
             i = ((px - self.grid.west) / self.grid.cell).astype(int)
             j = ((py - self.grid.south) / self.grid.cell).astype(int)
-            shape = self._taken.shape
+            shape = self.grid.edge.shape
             if i.min() < 0 or j.min() < 0 or i.max() >= shape[0] or j.max() >= shape[1]:
                 return False
             if self._taken[i, j].any() or (self.grid.edge[i, j] < -STRAY).any():
                 return False
-            wheels = on[:, 3] < 0.5
+            wheels = np.flatnonzero(on[:, 3] < 0.5)
             if (self.grid.free_from[i[:, wheels], j[:, wheels]] > when).any():
                 return False
         return True
