@@ -48,6 +48,7 @@ def looked_at(schedule: Schedule, worked=None) -> Found:
                 found.contact[a, b] = touched * STEP
     _ground(schedule, machines, where, clock, into, found)
     cut, poured = math.fsum(kg for _, kg, _ in schedule.cut), (worked or schedule).poured
+    cut += math.fsum(c.start for c in schedule.machines.combines)
     at = math.fsum(p.amount for p in poured if p.target == "truck")
     found.mass = abs(cut - at) / max(cut, 1.0)
     return found

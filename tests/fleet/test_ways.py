@@ -49,9 +49,7 @@ def test_on_open_ground_the_shortest_way_is_the_dubins_path(goal, length):
 def test_no_way_leads_through_crop_that_stands_and_one_around_it_is_found():
     crop = [(48.0, 52.0, 0.0, 60.0)]
     finder = ground(crop)
-    way = finder.find(
-        COMBINE, DRIVE, Place(30.0, 20.0, 0.0, 0.0), Place(70.0, 20.0, 0.0, 0.0)
-    )
+    way = finder.find(COMBINE, DRIVE, Place(30.0, 20.0, 0.0, 0.0), Place(70.0, 20.0, 0.0, 0.0))
     chassis = COMBINE.outlines(way.places)[:, 0]
     inside = (chassis[..., 0] > 48.5) & (chassis[..., 0] < 51.5) & (chassis[..., 1] < 59.5)
     assert not inside.any()

@@ -22,9 +22,7 @@ def test_seven_machines_wait_so_that_each_can_leave_and_come_back_with_all_other
         assert not shapely_here().intersects(run_of(w.body, place, 0.0), others).any()
 
         def way(start, goal, w=w, others=others):
-            return finder.find(
-                w.body, w.drive, start, goal, stand=others, in_line=LINE
-            )
+            return finder.find(w.body, w.drive, start, goal, stand=others, in_line=LINE)
 
         for goals in (at_gate(ground), [w.dock] if w.dock is not None else []):
             assert not goals or any(way(place, g) is not None for g in goals)

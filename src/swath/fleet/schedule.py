@@ -10,7 +10,7 @@ one makes room.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import islice
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -26,23 +26,29 @@ from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import Cart, Combine, Machines, beside, machines_of
 from swath.fleet.plan import CLEAN, HEADLAND, Pass, Plan, plan_of, strip_of
 from swath.fleet.plan import PARAMS as PLAN
+from swath.fleet.service import along_passes, service_places
 from swath.fleet.table import Path, Table, segments, standing
-from swath.fleet.ways import LINE, Far, Finder, Track, behind, driven, joined, straight, times_along
+from swath.fleet.ways import LINE, Far, Finder, Track, behind, driven, straight, times_along
 from swath.fleet.yard import PARAMS as YARD
-from swath.fleet.yard import WIDE, Waits, fits, run_of, waiting_places
+from swath.fleet.yard import WIDE, Waits, run_of, waiting_places
 
 Array = NDArray[np.float64]
 SQUARE_M_PER_HA_T = 0.1  # t/ha in kg/m2
 LEFT_KG = 1e-6  # of grain, that is none
-NEAR = 0.04  # m, that a way keeps off who stands near, beyond the gaps of bodies
 
 
 @dataclass(frozen=True)
 class Params:
     """cut_m: longest segment of a pass; align_s: until a cart that has come beside is in line; tries,
-    places: passes, and places to pour at, that are looked at, the nearest first; early_s: of what a combine
-    waits for a cart beyond what is known; soon_s: within which a machine stands that a way leads around;
-    out_percent: of the field that is left where no way leads
+    places: passes, and places to pour at, that are looked at, the nearest first; join, joins: segments of a
+    pass between places at which a cart may come beside, and how many; early_s: of what a combine waits for a
+    cart beyond what is known; soon_s: within which a machine stands that a way leads around; part: of a tank,
+    up to which a combine begins a pass that its tank does not take; behind: share in the cost of a place of
+    a cart's way to the truck, which keeps nobody waiting; again_s: more cost of a place at which nobody could
+    be emptied; line_deg: of a trailer that comes beside a header; near_m: that a way keeps off who stands
+    near, beyond the gaps of bodies; rests: power of two, most grants to others before who can do nothing
+    looks again; out_percent: of the field that is left where no way leads. Estimates, but for line_deg:
+    a box of 9 m then swings by less than the gap beside a header.
     """
 
     cut_m: float = 8.0
@@ -54,10 +60,11 @@ class Params:
     early_s: float = 2.0
     soon_s: float = 30.0
     part: float = 0.5
-    inner_m: float = 60.0
     behind: float = 0.25
     again_s: float = 60.0
     line_deg: float = 2.0
+    near_m: float = 0.04
+    rests: int = 3
     out_percent: float = 0.5
 
 
@@ -158,6 +165,8 @@ class _Scheduler:
         self.job, self.dispatcher, self.ground, self.machines = job, dispatcher, ground, machines
         self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s, notes=list(job.notes))
         self.table = self.schedule.table
+        self.rests: dict[str, int] = {}  # grants to others before a combine looks again for what it can do
+        self.failed: dict[str, int] = {}  # how often in a row it could do nothing
         self._far: dict[tuple[str, int], tuple[Far, Far]] = {}
         self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
         self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T
@@ -179,9 +188,17 @@ class _Scheduler:
         for k in self.carts:
             self.table.stand(k.spec.name, standing(np.array(k.home), k.spec.body, 0.0, "home"))
         self.homes = {k.spec.name: run_of(k.spec.body, k.home, 0.0, WIDE) for k in self.carts}
-        self.places = list(self._service_places())
+        self.places = list(self.service_places()) if self.carts else []
         self.vain: dict[Place, int] = {}  # how often in a row nobody could be emptied there
-        self.inner = list(_along_passes(plan)) if self.carts else []
+        self.inner = list(along_passes(plan)) if self.carts else []
+
+    def service_places(self) -> Iterator[Place]:
+        """Where a combine can stand with a cart beside it, outside of the crop and off all who wait."""
+        homes = [(w.body, self.kept[w.name].place) for w in self.waits()]
+        docks = [(w.body, w.dock) for w in self.waits() if w.dock is not None]
+        c = max(self.machines.combines, key=lambda c: c.width)
+        k = max(self.machines.carts, key=lambda k: k.body.half_width)
+        return service_places(self.ground, c.body, k.body, beside(c, k), homes + docks)
 
     def waits(self) -> list[Waits]:
         """All machines that move, with their places at the truck."""
@@ -211,7 +228,7 @@ class _Scheduler:
                 if self.is_full(k):
                     self.empties(k)
             busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: (c.time, c.spec.name))
-            if any(self.turn(c) for c in busy):
+            if self.goes_on(busy):
                 room = 0
                 continue
             if room > 2 * len(self.combines) or not self.makes_room(room):
@@ -230,6 +247,20 @@ class _Scheduler:
                 room += 1
                 k.time = max(k.time, *(c.time for c in self.combines))
         self.schedule.ends = max((p.ends for p in self.schedule.poured if p.target == "truck"), default=0.0)
+
+    def goes_on(self, busy: Sequence[CombineState]) -> bool:
+        """One combine does its next thing, who is free first; who could do nothing looks again when others
+        have done something, less and less often.
+        """
+        for c in sorted(busy, key=lambda c: self.rests.get(c.spec.name, 0) > 0):
+            name = c.spec.name
+            if self.turn(c):
+                self.rests = {n: k - 1 for n, k in self.rests.items() if n != name}
+                self.failed.pop(name, None)
+                return True
+            self.failed[name] = self.failed.get(name, 0) + 1
+            self.rests[name] = 2 ** min(self.failed[name], PARAMS.rests) - 1
+        return False
 
     def makes_room(self, turn: int) -> bool:
         """A combine drives where it is not in the way, another one each time; False where none can."""
@@ -275,7 +306,7 @@ class _Scheduler:
         return self.takes(c, options)
 
     def first(self, c: CombineState, legs: Iterator[_Leg], *, part: bool) -> list[tuple[Option, Any]]:
-        """What can be done on the first leg on which anything can; part: or a part of it, wherever that ends"""
+        """What can be done on the first leg on which anything can; part: or a part, wherever that ends"""
         for leg in legs:
             options = list(self.cuts(c, leg, part))
             if options:
@@ -369,7 +400,7 @@ class _Scheduler:
         if way is None:
             return None
         path = segments(way, times_along(way, c.spec.drive), c.spec.body, "way")
-        return replace(leg, path=_behind(path, cut), first=len(path))
+        return replace(leg, path=path.then(cut), first=len(path))
 
     def is_worth(self, c: CombineState, leg: _Leg) -> bool:
         """Whether a pass can be cut in any way, before a way to it is looked for."""
@@ -413,7 +444,7 @@ class _Scheduler:
                 wide = [p.buffer(YARD.wide_m, join_style="mitre") for p in s.path.swept[s.index]]
                 is_near = other == beside or shapely_here().intersects(own, wide).any()
                 if is_near:
-                    near += [p.buffer(NEAR, join_style="mitre") for p in s.path.swept[s.index]]
+                    near += [p.buffer(PARAMS.near_m, join_style="mitre") for p in s.path.swept[s.index]]
                 else:
                     shapes += wide
         more = {"stand": shapes, "near": near, "time": time, **more}
@@ -468,8 +499,8 @@ class _Scheduler:
     def cuts_part(
         self, c: CombineState, leg: _Leg, levels: Array, anywhere: bool
     ) -> Iterator[tuple[Option, Any]]:
-        """As much of a pass as the tank takes; what is left is a pass of its own. anywhere: or only up to where
-        a cart can come beside
+        """As much of a pass as the tank takes; what is left is a pass of its own. anywhere: not only up to
+        where a cart can come beside
         """
         count = int(np.searchsorted(levels, c.spec.tank, side="right")) - 1
         if count < 1 or leg.task is None:
@@ -478,7 +509,7 @@ class _Scheduler:
             lanes = [self.free_lane(c, k, leg, *beside(c.spec, k.spec)) for k in self.likely(c)]
             if not any(lane is not None and lane[0] < count <= lane[1] for lane in lanes):
                 return
-        path = _cut_off(leg.path, leg.first + count)
+        path = leg.path.until(leg.first + count)
         part = _Leg(
             path,
             leg.task,
@@ -551,7 +582,7 @@ class _Scheduler:
             return None
         to = segments(way, times_along(way, k.spec.drive), k.spec.body, "to combine")
         lane = self.lane(k, leg, start, first, last)
-        approach = _behind(to, lane)
+        approach = to.then(lane)
         meets = self.table.meets(leg.path, c.spec.name)
         begin = max(c.time, leg.not_before)
         full = (
@@ -571,7 +602,8 @@ class _Scheduler:
         if found is None or times is None:
             return None
         granted = times
-        cart_path, cart_times, amounts, meet, exits = found
+        cart_path, cart_times, amounts, behind_first, exits = found
+        meet = first + behind_first
         given = float(math.fsum(amounts))
         ends = times[-1] + float(leg.path.spent[-1])
         into = [*times, ends]
@@ -707,7 +739,7 @@ class _Scheduler:
         """A cart's whole path: to the combine, beside it, to the truck or not, to its place. ready: time
         until it is in line there [s]
         """
-        kept = _cut_off(approach, lane_at + len(amounts))
+        kept = approach.until(lane_at + len(amounts))
         kept.spent[lane_at - 1] += ready
         for i in range(len(amounts)):
             kept.spent[lane_at + i] = into[i + 1] - into[i]
@@ -767,15 +799,15 @@ class _Scheduler:
             way = self.way(name, body, drive, here, dock, time, other, in_line=LINE)
             if way is None:
                 return None
-            whole = _behind(whole, segments(way, times_along(way, drive), body, "to truck"))
+            whole = whole.then(segments(way, times_along(way, drive), body, "to truck"))
             dock_at = len(whole)
-            whole = _behind(whole, standing(way.places[-1], body, 0.0, "at truck"))
+            whole = whole.then(standing(way.places[-1], body, 0.0, "at truck"))
             here = way.end
         way = self.way(name, body, drive, here, k.home, time, other, in_line=LINE)
         if way is None:
             return None
-        whole = _behind(whole, segments(way, times_along(way, drive), body, "to its place"))
-        whole = _behind(whole, standing(way.places[-1], body, 0.0, "home"))
+        whole = whole.then(segments(way, times_along(way, drive), body, "to its place"))
+        whole = whole.then(standing(way.places[-1], body, 0.0, "home"))
         meets = self.table.meets(whole, name)
         poured: list[Poured] = []
         times: list[float] | None = None
@@ -880,7 +912,7 @@ class _Scheduler:
         if way is None:
             return None
         path = segments(way, times_along(way, c.spec.drive), c.spec.body, "to truck")
-        path = _behind(path, standing(way.places[-1], c.spec.body, 0.0, "at truck"))
+        path = path.then(standing(way.places[-1], c.spec.body, 0.0, "at truck"))
         times = self.table.earliest(c.spec.name, path, c.time)
         if times is None:
             return None
@@ -908,8 +940,8 @@ class _Scheduler:
         amount = min(c.tank, k.spec.load - k.load)
         pour = amount / c.spec.auger
         path = segments(way, times_along(way, c.spec.drive), c.spec.body, "way to unload")
-        path = _behind(path, standing(way.places[-1], c.spec.body, 0.0, "waits for cart"))
-        path = _behind(path, standing(way.places[-1], c.spec.body, pour, "pours standing"))
+        path = path.then(standing(way.places[-1], c.spec.body, 0.0, "waits for cart"))
+        path = path.then(standing(way.places[-1], c.spec.body, pour, "pours standing"))
         meets = self.table.meets(path, c.spec.name)
         times = self.table.earliest(c.spec.name, path, c.time, meets=meets)
         if times is None:
@@ -949,9 +981,9 @@ class _Scheduler:
         if way is None:
             return None
         path = segments(way, times_along(way, drive), body, "to combine")
-        path = _behind(path, standing(way.places[-1], body, PARAMS.align_s, "beside"))
+        path = path.then(standing(way.places[-1], body, PARAMS.align_s, "beside"))
         at = len(path)
-        path = _behind(path, standing(way.places[-1], body, pour, "beside, pouring"))
+        path = path.then(standing(way.places[-1], body, pour, "beside, pouring"))
         came = self.table.earliest(name, path, now, stays=False, after={at: time})
         if came is None:
             return None
@@ -979,6 +1011,11 @@ class _Scheduler:
         self.leaves(k, exits, self.table.commit(k.spec.name, path, times))
         return True
 
+    def is_off_ways(self, c: CombineState, place: Place) -> bool:
+        """Whether a combine at a place is off the ways that others keep to their places and the truck."""
+        areas = [area for name, home in self.kept.items() if name != c.spec.name for area in home.areas]
+        return not shapely_here().intersects(run_of(c.spec.body, place, 0.0), areas).any()
+
     def goes_home(self, c: CombineState, off: bool = False) -> bool:
         """A combine that is done, or in the way, drives to its waiting place, or one near; off: to another
         one.
@@ -986,74 +1023,23 @@ class _Scheduler:
         if c.place == c.home and not off:
             return True
         near = sorted(self.places, key=lambda p: round(math.dist(p[:2], c.place[:2]), 2))
+        off_ways = (p for p in near if self.is_off_ways(c, p))
+        places = (self.kept[c.spec.name].place, *islice(off_ways, PARAMS.places))
         for time in self.moments(c):
-            for place in (c.home, *near[: PARAMS.places]):
+            for place in places:
                 if place == c.place or not self.is_room(c.spec, place, time):
                     continue
                 way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, time)
                 if way is None:
                     continue
                 path = segments(way, times_along(way, c.spec.drive), c.spec.body, "to its place")
-                path = _behind(path, standing(way.places[-1], c.spec.body, 0.0, "home"))
+                path = path.then(standing(way.places[-1], c.spec.body, 0.0, "home"))
                 times = self.table.earliest(c.spec.name, path, time)
                 if times is not None:
                     self.table.commit(c.spec.name, path, times)
                     c.place, c.home, c.time = place, place, times[-1] + float(path.spent[-1])
                     return True
         return False
-
-    def _service_places(self) -> Iterator[Place]:
-        """Places on ground without crop where a combine can stand with a cart beside it."""
-        shapely = shapely_here()
-        if not self.carts:
-            return
-        bare = shapely.difference(self.ground.open, self.ground.field)
-        homes = [(k.spec.body, k.home) for k in self.carts] + [(c.spec.body, c.home) for c in self.combines]
-        docks = [(w.body, w.dock) for w in self.waits() if w.dock is not None]
-        taken = [shapely.polygons(b.outlines(np.array([p]), 2.0)[0]) for b, p in homes + docks]
-        bare = shapely.difference(bare, shapely.union_all(np.concatenate(taken)))
-        shapely.prepare(bare)
-        c = max((c.spec for c in self.combines), key=lambda c: c.width)
-        k = max((k.spec for k in self.carts), key=lambda k: k.body.half_width)
-        ahead, left = beside(c, k)
-        for place in _along(self.ground):
-            goal = place.ahead(ahead, left)
-            if fits(bare, c.body, place) and fits(bare, k.body, goal):
-                yield place
-
-
-def _along_passes(plan: Plan) -> Iterator[Place]:
-    """Places on headland passes, in both directions."""
-    for p in plan.passes:
-        if p.kind == HEADLAND:
-            count = max(1, int(p.length / PARAMS.inner_m))
-            for share in (np.arange(count) + 0.5) / count:
-                x, y = ((1.0 - share) * a + share * b for a, b in zip(p.start, p.end, strict=True))
-                for h in (p.heading, p.heading + math.pi):
-                    yield Place(float(x), float(y), h, h)
-
-
-def _along(ground: Ground) -> Iterator[Place]:
-    """Places beside the outlines, along them in both directions, and about the gate and the truck."""
-    shapely = shapely_here()
-    for part in shapely.get_parts(ground.field):
-        points = shapely.get_coordinates(shapely.orient_polygons(part, exterior_cw=False).exterior)
-        for a, b in pairwise(points):
-            length, heading = math.dist(a, b), math.atan2(*(b - a)[::-1])
-            count = max(1, int(length / 30.0))
-            for i in range(count):
-                middle = a + (i + 0.5) / count * (b - a)
-                for out in (7.0, 9.0, 12.0, 14.0):
-                    for turn in (0.0, math.pi):
-                        h = heading + turn
-                        x, y = middle + out * np.array([math.sin(heading), -math.cos(heading)])
-                        yield Place(float(x), float(y), h, h)
-    x0, y0 = ground.gate
-    for x in np.arange(-40.0, 41.0, 10.0):
-        for y in np.arange(-40.0, 41.0, 10.0):
-            for h in (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi):
-                h = h + ground.dock.heading
-                yield Place(x0 + float(x), y0 + float(y), h, h)
 
 
 def _strips(task: Pass, width: float, marks: Array) -> Any:
@@ -1062,32 +1048,3 @@ def _strips(task: Pass, width: float, marks: Array) -> Any:
     v = 0.5 * width * np.array([-u[1], u[0]])
     at = np.array(task.start) + marks[:, None] * u
     return shapely_here().polygons(np.stack([at[:-1] - v, at[1:] - v, at[1:] + v, at[:-1] + v], axis=1))
-
-
-def _behind(a: Path, b: Path) -> Path:
-    """Two paths, one after the other."""
-    if not len(a):
-        return b
-    track = joined([a.track, b.track])
-    shift = len(a.track.places) - 1
-    if len(b.track.places) < 2 or len(track.places) != shift + len(b.track.places):
-        raise ValueError("expected paths of at least two samples")
-    return Path(
-        track, np.concatenate([a.first, b.first + shift]), np.concatenate([a.last, b.last + shift]),
-        np.concatenate([a.swept, b.swept]), np.concatenate([a.spent, b.spent]), a.kinds + b.kinds,
-    )  # fmt: skip
-
-
-def _cut_off(path: Path, count: int) -> Path:
-    """The first segments of a path."""
-    n = int(path.last[count - 1]) + 1
-    t = path.track
-    track = Track(t.places[:n], t.distance[:n], t.ways[: n - 1], t.bends[: n - 1])
-    return Path(
-        track,
-        path.first[:count],
-        path.last[:count],
-        path.swept[:count],
-        path.spent[:count].copy(),
-        path.kinds[:count],
-    )

@@ -109,7 +109,7 @@ for (int now = 0; waiting > 0 && now <= enough && m[26] < 0.5; ++now) {
 const bool all_lanes = m[26] > 0.5;  // nothing else is asked for
 if (far[start_cell] > NEVER && !all_lanes) return;
 // the same with eight headings of which each step along one changes at most to the next: so a way
-// around a field is not tried first in the direction in which it cannot turn round. Cells of about an eighth of its circle
+// around a field is not tried first in the direction in which it cannot turn round. A cell is about an eighth of a turning circle
 constexpr int TURNS = 8, WIDE_RING = 160, BACK = 3;
 const int LANE = (int)m[39], AXIS = 10 * LANE, ACROSS = 14 * LANE;
 constexpr D EIGHTH = 0.25 * PI, OFF = 300.0, ROUGH = 12.0;

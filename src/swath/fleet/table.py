@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from swath.fleet.bodies import Body
 from swath.fleet.ground import shapely_here
-from swath.fleet.ways import Track
+from swath.fleet.ways import Track, joined
 
 Array = NDArray[np.float64]
 
@@ -59,6 +59,27 @@ class Path:
 
     def __len__(self) -> int:
         return len(self.spent)
+
+    def then(self, other: "Path") -> "Path":
+        """This one and another one behind it."""
+        if not len(self):
+            return other
+        track = joined([self.track, other.track])
+        shift = len(self.track.places) - 1
+        if len(other.track.places) < 2 or len(track.places) != shift + len(other.track.places):
+            raise ValueError("expected paths of at least two samples")
+        return Path(
+            track, np.concatenate([self.first, other.first + shift]),
+            np.concatenate([self.last, other.last + shift]), np.concatenate([self.swept, other.swept]),
+            np.concatenate([self.spent, other.spent]), self.kinds + other.kinds,
+        )  # fmt: skip
+
+    def until(self, count: int) -> "Path":
+        """Its first segments."""
+        n, t = int(self.last[count - 1]) + 1, self.track
+        track = Track(t.places[:n], t.distance[:n], t.ways[: n - 1], t.bends[: n - 1])
+        swept, spent = self.swept[:count], self.spent[:count].copy()
+        return Path(track, self.first[:count], self.last[:count], swept, spent, self.kinds[:count])
 
 
 def segments(track: Track, times: Array, body: Body, kind: str, marks: Array | None = None) -> Path:

@@ -20,7 +20,7 @@ SAMPLE = 0.5  # m between the samples of a track, as in search.cpp
 STEP = 2.0  # m of an arc of the search
 HEADINGS = 24  # that the search tells apart
 STAND = 80  # polygons of machines that stand, at most
-MOST = 6_000  # poses that it looks at to a goal 150 m off, more to one farther off
+MOST = 6_000  # half of it are poses that it looks at, and more to a goal farther off
 ROOM = 60_000  # poses that are kept
 BIN = 1.5  # m, within which it keeps one pose of a heading, as in search.cpp
 COARSE = 2.0  # m, cells of its heuristic, as in search.cpp
@@ -278,8 +278,7 @@ class Far:
     def __call__(self, place: Place) -> float:
         """Of a place [m], infinite where no way is known."""
         i, j = (
-            int((at - low) / self.size)
-            for at, low in ((place.x, self.grid.west), (place.y, self.grid.south))
+            int((at - low) / self.size) for at, low in ((place.x, self.grid.west), (place.y, self.grid.south))
         )
         heading = place.heading + (math.pi if self.there else 0.0)
         n = (min(max(i, 0), self.shape[0] - 1) * self.shape[1] + min(max(j, 0), self.shape[1] - 1)) * TURNS
@@ -313,6 +312,7 @@ class Finder:
         self._reachable = np.full(self._coarse, 2e18, np.float32)
         self._bodies: dict[tuple[Body, float], tuple[Array, NDArray[np.float32]]] = {}
         self._cells: dict[Any, tuple[slice, slice, NDArray[np.bool_]]] = {}
+        self._near: list[Array] = []  # sides of who stands near
         self._seen = 0
         self._reach(slice(0, shape[0]), slice(0, shape[1]))
         self.searches = self.poses = 0
@@ -353,12 +353,14 @@ class Finder:
 
     def find(
         self, body: Body, drive: Drive, start: Place, goal: Place, *, stand: Sequence[Any] = (),
-        near: Sequence[Any] = (), time: float = 0.0, gap: float = 0.15, in_line: float = 0.0, most: int = MOST,
+        near: Sequence[Any] = (), time: float = 0.0, gap: float = 0.15, in_line: float = 0.0,
+        most: int = MOST,
     ) -> Track | None:  # fmt: skip
         """The way that takes the shortest time from a place to another, None where there is none.
 
-        stand: outlines of machines that stand, as polygons; near: convex ones that cells are too coarse for; time: of the start [s]; gap: kept all round the
-        body [m]; in_line: the trailer ends in line within so much [deg], 0: as it comes; most: poses that are looked at to a goal 150 m off
+        stand: outlines of machines that stand, as polygons; near: convex ones that cells are too coarse for;
+        time: of the start [s]; gap: kept all round the body [m]; in_line: the trailer ends in line within so
+        much [deg], 0: as it comes; most: two for each pose that is looked at near the start
         """
         self._refresh()
         self._near = [_sides(shape) for shape in near]
@@ -405,7 +407,7 @@ class Finder:
         if drive.steering < math.inf and any(k != 0.0 for k, _ in pieces):
             for ramp in (RAMP, 0.5 * RAMP, 0.25 * RAMP):
                 made = eased(start, pieces, body, ramp)
-                if made is not None and self._is_clear(made, body, points):
+                if made is not None and self._is_clear(made, body, points, time, drive.straight):
                     return made
         return driven(start, pieces, body)
 
@@ -423,13 +425,14 @@ class Finder:
             self._bodies[body, gap] = body.points(BODY_POINTS, gap), unknown
         points, discs = self._bodies[body, gap]
         pin = start.x + body.hitch * math.cos(start.heading), start.y + body.hitch * math.sin(start.heading)
+        line = math.cos(math.radians(in_line)) if in_line > 0.0 else -2.0
         self._numbers[:32] = (
             start.x, start.y, math.cos(start.heading), math.sin(start.heading),
             pin[0] - body.drawbar * math.cos(start.trailer), pin[1] - body.drawbar * math.sin(start.trailer),
             goal.x, goal.y, math.cos(goal.heading), math.sin(goal.heading),
             drive.radius, drive.turning, drive.straight, drive.backwards or 1.0, drive.shift, time,
             grid.cell, grid.west, grid.south, body.has_trailer, body.hitch, body.drawbar or 1.0,
-            drive.backwards > 0.0, ROOM, most, math.cos(math.radians(in_line)) if in_line > 0.0 else -2.0, lanes,
+            drive.backwards > 0.0, ROOM, most, line, lanes,
             len(points), *self._taken.shape, STEP, HEADINGS,
         )  # fmt: skip
         self._numbers[32:36] = (*_circle(body.own, gap), *_circle(body.towed, gap))
@@ -450,9 +453,9 @@ class Finder:
         self.searches += 1
         return points
 
-    def _is_clear(self, track: Track, body: Body, points: Array) -> bool:
-        """Whether a body, but for a little, is on open ground and off machines that stand, all along."""
-        places = track.places
+    def _is_clear(self, track: Track, body: Body, points: Array, time: float, speed: float) -> bool:
+        """Whether a body is on open ground, but for a little, and off who stands and crop, all along."""
+        places, when = track.places, (time + track.distance / speed)[:, None]
         x, y, heading, trailer = places.T
         for towed in (False, True):
             on = points[(points[:, 2] > 0.5) == towed]
@@ -462,16 +465,20 @@ class Finder:
             c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
             ox = (x + body.hitch * np.cos(heading) - body.drawbar * np.cos(trailer) if towed else x)[:, None]
             oy = (y + body.hitch * np.sin(heading) - body.drawbar * np.sin(trailer) if towed else y)[:, None]
-            px, py = ox + on[:, 0] * c - on[:, 1] * s, oy + on[:, 0] * s + on[:, 1] * c
+            px: Array = ox + on[:, 0] * c - on[:, 1] * s
+            py: Array = oy + on[:, 0] * s + on[:, 1] * c
             for n in self._near:
                 if (px[..., None] * n[:, 0] + py[..., None] * n[:, 1] < n[:, 2]).all(axis=-1).any():
                     return False
             i = ((px - self.grid.west) / self.grid.cell).astype(int)
             j = ((py - self.grid.south) / self.grid.cell).astype(int)
-            shape = self._taken.shape
+            shape = self.grid.edge.shape
             if i.min() < 0 or j.min() < 0 or i.max() >= shape[0] or j.max() >= shape[1]:
                 return False
             if self._taken[i, j].any() or (self.grid.edge[i, j] < -STRAY).any():
+                return False
+            wheels = np.flatnonzero(on[:, 3] < 0.5)
+            if (self.grid.free_from[i[:, wheels], j[:, wheels]] > when).any():
                 return False
         return True
 

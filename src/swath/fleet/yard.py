@@ -10,6 +10,7 @@ is in the way of another. Who drives or stands elsewhere in a yard is not looked
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,8 @@ class Params:
     body_m: that the outline of who waits is wider; wide_m: that a way keeps off machines that stand, more
     than a cell of the search and two gaps of bodies; edges_m: that a place is off the outer edge, the
     second so far that a trailer comes straight to it along a round one; spots_m:
-    between places that are looked at; tries: of them that ways are searched to; poses: that such a search
+    between places that are looked at; tries: of the nearest that ways are searched to, and then of each
+    `apart`th farther off; poses: that such a search
     looks at, so that a place is one to which a way is found fast
     """
 
@@ -40,6 +42,7 @@ class Params:
     edges_m: tuple[float, float] = (2.0, 7.0)
     spots_m: float = 5.0
     tries: int = 60
+    apart: int = 4
     poses: int = 3000
 
 
@@ -59,8 +62,8 @@ class Waits:
 
 @dataclass(frozen=True)
 class Home:
-    """A waiting place. ways: from it to the gate, from there to it, and the same for the truck; area: of each,
-    kept free of others who wait
+    """A waiting place. ways: from it to the gate, from there to it, and the same for the truck; areas: of
+    each, kept free of others who wait
     """
 
     place: Place
@@ -122,13 +125,9 @@ def _places(ground: Ground, bare: Any, body: Body) -> Iterator[Place]:
             far = round(math.dist((x, y), ground.gate), 3)
             turns = (math.atan2(v, u), math.atan2(-v, -u))
             spots += [(far, Place(x, y, heading, heading)) for heading in turns]
-    count = 0
-    for _, place in sorted(spots):
-        if fits(bare, body, place):
-            yield place
-            count += 1
-            if count == PARAMS.tries:
-                return
+    near = (place for _, place in sorted(spots) if fits(bare, body, place))
+    yield from islice(near, PARAMS.tries)
+    yield from islice(near, 0, PARAMS.tries * PARAMS.apart, PARAMS.apart)
 
 
 def _ways(ground: Ground, finder: Finder, m: Waits, place: Place, taken: Sequence[Any]) -> list[Track] | None:
