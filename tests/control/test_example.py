@@ -54,8 +54,7 @@ def test_the_template_of_a_law_steers_the_header_end_to_the_edge(side):
 
 
 def test_built_in_levels_are_found_by_file_name():
-    levels = ["consensus", "joined", "likelihood_ratio", "max_likelihood", "mixture", "otsu", "threshold"]
-    assert REGISTRY.names("edge") == levels
+    assert {"consensus", "filter", "joined", "likelihood_ratio", "otsu"} <= set(REGISTRY.names("edge"))
     assert {"constant", "path", "preview", "pure_pursuit", "stanley"} <= set(REGISTRY.names("steer"))
     for name in REGISTRY.names("edge"):
         level = REGISTRY.get("edge", name)
