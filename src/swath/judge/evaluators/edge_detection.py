@@ -90,7 +90,7 @@ class EdgeDetection:
         Metric("edge_bias_m", "m", "detected minus true edge, mean; > 0 towards the standing crop", GROUP,
                "", "edge error, mean", "cm"),
         Metric("detection_availability", "1", "share of edge samples with a right edge, where one is near; "
-               "after settling", GROUP, "higher", "availability", "%", 1),
+               "after settling", GROUP, "higher", "availability, settled", "%", 1),
         Metric("false_edge_share", "1", "share of the edges reported as seen that are none, no edge within "
                f"{MATCH_M:g} m", GROUP, "lower", "edges reported where none is", "%", 1),
         Metric("sure_wrong_share", "1", f"share of edge samples with a confidence of {SURE:g} or more and an "
@@ -98,8 +98,8 @@ class EdgeDetection:
         Metric("unsure_right_share", "1", f"share of the edges with an error up to {RIGHT_M:g} m that have a "
                f"confidence below {SURE:g}; after settling", GROUP, "lower", "right, not sure", "%", 1),
         Metric("edge_sample_count", "", "edge samples that were judged", GROUP, "", "edge samples", "", 0),
-        Metric("edge_judged_share", "1", "share of them with a detected and a true edge, over which the edge "
-               "error is", GROUP, "higher", "of them with an error", "%", 1),
+        Metric("edge_judged_share", "1", "share of edge samples with a detected and a true edge, over which "
+               "the edge error is", GROUP, "higher", "samples with both edges", "%", 1),
     )  # fmt: skip
 
     def __init__(self, setup: EvaluatorSetup, across: Callable[..., NDArray[np.bool_]] | None = None) -> None:

@@ -277,12 +277,23 @@ def heights(out: Path) -> Made:
     cases = compare_levels(lab, None)
     with matplotlib.rc_context(STYLE):
         image = as_image(histograms_figure(lab, cases))
-    told = []
+    told, rows = [], []
     for case in cases:
         c, found = case.heights.case, np.concatenate(case.heights.heights["plants"])
-        told.append(f"{c.density:g}/m² with a spot of {100 * c.spot:.1f} cm {np.nanmedian(found):.2f} m")
+        low, median, high = np.nanpercentile(found, (10.0, 50.0, 90.0))
+        rows.append((c.density, c.spot, median, high - low))
+        told.append(
+            f"{c.density:g} plants/m² with a spot of {100 * c.spot:.1f} cm {median:.2f} m "
+            f"(8 of 10 within {100 * (high - low):.0f} cm)"
+        )
+    density, spot, median, spread = np.array(rows).T
+    rise = 100 * (median[density == density.max()].mean() - median[density == density.min()].mean())
+    large, small = spot == spot.max(), spot == spot.min()
+    by_spot = 100 * (median[large].mean() - median[small].mean())
+    narrower = 100 * (spread[large].mean() - spread[small].mean())
     text = (
-        f"Median height by plants: {', '.join(told)}. More plants and a larger spot are measured higher. "
+        f"Median height by plants: {', '.join(told)}. The denser stand is {rise:+.0f} cm higher in the median; the "
+        f"larger spot changes the median by {by_spot:+.0f} cm and the spread by {narrower:+.0f} cm. "
         "Heights measured in the field can be laid over these: swath lab stand --real FILE."
     )
     return Made(image, text)
@@ -340,11 +351,14 @@ def closed_loop(name: str) -> Callable[[Path], Made]:
 
 
 def _told(summary: Mapping[str, Any]) -> str:
+    from swath.judge.evaluators.edge_detection import BRIDGED
+
     cm = {name: 100.0 * summary[name] for name in ("lateral_rms_m", "lateral_p95_m", "edge_rmse_m")}
     return (
         f"Lateral error {cm['lateral_rms_m']:.1f} cm RMS, 95 % within {cm['lateral_p95_m']:.1f} cm; detected "
         f"edge {cm['edge_rmse_m']:.1f} cm RMS, found in {100 * summary['detection_availability']:.0f} % of "
         f"the scans; {summary['distance_m']:.0f} m driven."
+        + "".join(f" {BRIDGED[0].upper()}{BRIDGED[1:]}." for note in summary.get("notes", ()) if BRIDGED in note)
     )
 
 
@@ -369,7 +383,7 @@ def _case_figure(
     )
     below.axhline(0.0, color=FAINT, lw=1.0)
     below.plot(at, 100 * (seen - true), color=ORANGE, lw=1.0, label="detected minus true edge")
-    below.plot(at, 100 * lateral, color=BLUE, lw=1.4, label="header's end from the edge")
+    below.plot(at, 100 * lateral, color=BLUE, lw=1.4, label="header's end from its line, > 0 into the crop")
     below.set(ylabel="error [cm]", xlabel="along the edge [m]", ylim=(-40, 40))
     below.legend(loc="upper right", ncol=2)
     return as_image(fig)
