@@ -292,8 +292,8 @@ def heights(out: Path) -> Made:
     by_spot = 100 * (median[large].mean() - median[small].mean())
     narrower = 100 * (spread[large].mean() - spread[small].mean())
     text = (
-        f"Median height by plants: {', '.join(told)}. The denser stand is {rise:+.0f} cm higher in the median; the "
-        f"larger spot changes the median by {by_spot:+.0f} cm and the spread by {narrower:+.0f} cm. "
+        f"Median height by plants: {', '.join(told)}. The denser stand moves the median by {rise:+.0f} cm; the "
+        f"larger spot moves it by {by_spot:+.0f} cm and the spread by {narrower:+.0f} cm. "
         "Heights measured in the field can be laid over these: swath lab stand --real FILE."
     )
     return Made(image, text)
@@ -353,12 +353,13 @@ def closed_loop(name: str) -> Callable[[Path], Made]:
 def _told(summary: Mapping[str, Any]) -> str:
     from swath.judge.evaluators.edge_detection import BRIDGED
 
+    is_bridged = any(BRIDGED in note for note in summary.get("notes", ()))
     cm = {name: 100.0 * summary[name] for name in ("lateral_rms_m", "lateral_p95_m", "edge_rmse_m")}
     return (
         f"Lateral error {cm['lateral_rms_m']:.1f} cm RMS, 95 % within {cm['lateral_p95_m']:.1f} cm; detected "
         f"edge {cm['edge_rmse_m']:.1f} cm RMS, found in {100 * summary['detection_availability']:.0f} % of "
         f"the scans; {summary['distance_m']:.0f} m driven."
-        + "".join(f" {BRIDGED[0].upper()}{BRIDGED[1:]}." for note in summary.get("notes", ()) if BRIDGED in note)
+        + (f" {BRIDGED[0].upper()}{BRIDGED[1:]}." if is_bridged else "")
     )
 
 
