@@ -1,7 +1,7 @@
 """Every line of README and how-to as it stands, page by page, with the time it takes.
 
-python -m benchmarks.typed_lines [PAGE ...]; the tests cut runs to a moment, here nothing is cut. All pages take
-an hour and more; lines over a minute are listed once more at the end.
+python -m benchmarks.typed_lines [PAGE ...]; the tests cut runs to a moment, here nothing is cut. All pages
+take an hour and more; lines over a minute are listed once more at the end.
 """
 
 import os

@@ -1,8 +1,8 @@
 """README and how-to: every listing in its order, in an empty folder with the page's own installation.
 
 docs/make/typed.py does it: runs are cut to a moment, what they find is judged elsewhere. The lines whole:
-benchmarks/typed_lines.py. Reference and explanation: their lines of `swath`, beside the examples. The tutorials
-are typed as they stand by test_tutorials.py.
+benchmarks/typed_lines.py. Reference and explanation: their lines of `swath`, beside the examples. The
+tutorials are typed as they stand by test_tutorials.py.
 """
 
 import os

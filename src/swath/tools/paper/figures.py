@@ -292,8 +292,8 @@ def heights(out: Path) -> Made:
     by_spot = 100 * (median[large].mean() - median[small].mean())
     narrower = 100 * (spread[large].mean() - spread[small].mean())
     text = (
-        f"Median height by plants: {', '.join(told)}. The denser stand moves the median by {rise:+.0f} cm; the "
-        f"larger spot moves it by {by_spot:+.0f} cm and the spread by {narrower:+.0f} cm. "
+        f"Median height by plants: {', '.join(told)}. The denser stand moves the median by {rise:+.0f} cm; "
+        f"the larger spot moves it by {by_spot:+.0f} cm and the spread by {narrower:+.0f} cm. "
         "Heights measured in the field can be laid over these: swath lab stand --real FILE."
     )
     return Made(image, text)
