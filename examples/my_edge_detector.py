@@ -7,7 +7,7 @@
 A scan goes in, the edge comes out, in the machine frame: x forward, y left, z up from the ground, origin
 under the middle of the fixed axle. This one takes every echo above a fixed height for crop. It is simple on
 purpose: every scan stands alone but for some smoothing, and a machine that rolls by 2 degrees moves its edge.
-The built-in `max_likelihood` does better; yours may do better still.
+The built-in `likelihood_ratio` does better; yours may do better still.
 """
 
 from dataclasses import dataclass

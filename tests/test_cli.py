@@ -231,7 +231,9 @@ def test_interrupt_says_what_is_left(job, capsys, monkeypatch, tmp_path):
 
     monkeypatch.setattr(job, "run_job", stopped)
     assert main(["run", "small.yaml"]) == 130
-    assert capsys.readouterr().err == "swath: stopped; what was recorded is in runs/small-3\n"
+    assert capsys.readouterr().err == (
+        "swath: stopped; what was recorded is in runs/small-3, to look at: swath report runs/small-3\n"
+    )
 
 
 def test_scan(job, capsys):

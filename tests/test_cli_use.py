@@ -362,3 +362,50 @@ def test_usual_slips_are_told_with_what_to_type(line, said, tmp_path, monkeypatc
         pytest.importorskip("rasterio")
     assert main(line.split()) == 2
     assert said in capsys.readouterr().err
+
+
+def test_a_file_of_another_kind_is_named(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "report.html").write_text("<!doctype html>\n<p>a: b</p>")
+    (tmp_path / "mine.py").write_text("import math\nclass Mine:\n    pass\n")
+    (tmp_path / "case.yaml").write_text("format: swath test case 1\nobjective: none\n")
+    (tmp_path / "scenario.yaml").write_text("format: swath scenario 2\nname: one\n")
+    for line, said in (
+        ("run report.html", "expected a YAML file, this is an HTML page"),
+        ("run mine.py", "expected a YAML file, this is a Python file"),
+        ("run case.yaml", "expected a scenario; this file is for: swath test run FILE"),
+        ("test run scenario.yaml --out o", "expected a test case; this file is for: swath run FILE"),
+    ):
+        assert main(line.split()) == 2, line
+        assert said in capsys.readouterr().err, line
+
+
+@pytest.mark.parametrize("name", ["runs", "detector.py.part"])
+def test_a_folder_that_cannot_be_written_is_named(name):
+    from swath.commands.main import _of_system
+
+    refused = _of_system(PermissionError(13, "Permission denied", name))
+    assert refused == (
+        ".: expected a folder that can be written: Permission denied; use --out, or work in another folder"
+    )
+    assert _of_system(PermissionError(13, "Permission denied", __file__)) == f"{__file__}: Permission denied"
+
+
+def test_a_stopped_test_says_that_it_goes_on():
+    from swath.tools.function_test.progress import engine
+
+    with pytest.raises(KeyboardInterrupt, match="what is done is kept, the same command goes on"):
+        with engine("", 1):
+            raise KeyboardInterrupt
+
+
+def test_an_import_does_not_replace_a_field_unasked(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "f").mkdir()
+    (tmp_path / "f" / "field.yaml").write_text("made: before\n")
+    (tmp_path / "f" / "scenario.yaml").write_text("mine: 1\n")
+    assert main(["field", "import", "sample-log", "--out", "f"]) == 2
+    assert "--replace" in capsys.readouterr().err
+    assert (tmp_path / "f" / "scenario.yaml").read_text() == "mine: 1\n"
+    assert main(["field", "import", "sample-log", "--out", "f", "--replace"]) == 0
+    assert "mine" not in (tmp_path / "f" / "scenario.yaml").read_text()

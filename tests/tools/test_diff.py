@@ -59,3 +59,13 @@ def test_the_command_prints_and_writes_the_page(runs, capsys):
 def test_what_is_no_run_is_refused(runs, tmp_path):
     with pytest.raises(InputError, match=r"expected a run folder, it has no scenario.yaml"):
         compare(runs / "a", tmp_path)
+
+
+def test_numbers_have_six_digits_and_say_how_little_they_differ():
+    from swath.tools.diff.compare import _shown
+
+    assert (_shown(1 / 3, 0.5), _shown(0.5, 1 / 3)) == ("0.333333", "0.5")
+    near = 0.1 + 0.2
+    assert (_shown(near, 0.3), _shown(0.3, near)) == ("0.3 (+5.6e-17)", "0.3 (-5.6e-17)")
+    assert _shown("straight", "curve") == "straight"
+    assert _shown(0.5, "-") == "0.5"

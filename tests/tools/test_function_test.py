@@ -159,7 +159,7 @@ def test_what_is_refused_of_a_candidate_names_the_file_where_it_stands(case_file
     with through(Gate()):
         assert main([*line, "--with", str(tmp_path / "own.yaml")]) == 2
     said = capsys.readouterr().err
-    assert "expected no code without --allow-code" in said
+    assert "names code, which runs with your rights: allow it with --allow-code" in said
     assert said.endswith("/own.yaml)\n")
     assert main([*line, "--set", "combine.edge.level=otsuu"]) == 2
     assert capsys.readouterr().err.endswith("(--set combine.edge.level=otsuu)\n")

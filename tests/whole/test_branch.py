@@ -92,7 +92,7 @@ def test_without_saves_or_with_torn_ones_it_begins_at_the_start(saved, fresh, tm
     shutil.rmtree(torn / SAVES)
     line = ["branch", str(torn), "--at-s", str(AT_S), "--out", str(tmp_path / "c"), "--no-code"]
     assert main([*line, *(f"--set={k}={v}" for k, v in CHANGE.items())]) == 0
-    assert "going on from the start, it has no save" in capsys.readouterr().out
+    assert "(swath run --save-every-s), so it is computed again from 0 s" in capsys.readouterr().out
     digest = json.loads((fresh / "summary.json").read_text())["digest"]
     for name in "abc":
         assert json.loads((tmp_path / name / "summary.json").read_text())["digest"] == digest

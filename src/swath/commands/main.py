@@ -1,6 +1,7 @@
 """The command line. Everything heavy is imported by the command that needs it."""
 
 import argparse
+import errno
 import os
 import sys
 import traceback
@@ -61,6 +62,7 @@ ALLOW_CODE = "let code run that the files name, with your rights: Python files, 
 SETTINGS = ("SWATH_CPU", "SWATH_DATA", "SWATH_DEBUG", "SWATH_DEVICE", "SWATH_THREADS")
 MOST_SAID = 20  # of the mistakes in one file
 GONE = {"migrate": MIGRATED_BY}  # commands of version 0.2: what to do instead
+NOT_WRITABLE = (errno.EACCES, errno.EPERM, errno.EROFS)
 BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE, TERMINATED = 2, 70, 130, 141, 143
 
 EXAMPLES = """\
@@ -257,6 +259,10 @@ def _of_system(error: OSError) -> str:
         file = os.fsdecode(error.filename)
         if os.path.islink(file) and not os.path.exists(file):  # of a name that is too long, too, they say no
             return f"{file}: expected a file or folder, not a link to what is not there"
+        if error.errno in NOT_WRITABLE and not os.path.exists(file):  # only who writes meets this
+            folder = os.path.dirname(file) or "."
+            expected = f"expected a folder that can be written: {error.strerror}"
+            return f"{folder}: {expected}; use --out, or work in another folder"
     return f"{error.filename}: {error.strerror}"
 
 

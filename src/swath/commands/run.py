@@ -130,7 +130,8 @@ def run(args: argparse.Namespace) -> int:
         remove_empty(out)
         raise (scenario.locate(error) if isinstance(error, InputError) else error) from error
     except KeyboardInterrupt as error:
-        kept = f"; what was recorded is in {out}" if (out / "summary.json").is_file() else ""
+        is_kept = (out / "summary.json").is_file()
+        kept = f"; what was recorded is in {out}, to look at: swath report {out}" if is_kept else ""
         raise type(error)(f"stopped{kept}") from None
     if args.quiet:
         print(out)

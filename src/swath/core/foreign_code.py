@@ -100,8 +100,8 @@ def need_allowed(key: str, reference: str | Path, base: Path | None = None) -> N
 def refusal() -> str:
     """What was expected where code is refused."""
     if _gate.get().is_narrow:
-        return "expected no code but what the scenario or --allow names: it runs with your rights"
-    return "expected no code without --allow-code (Python: code=True): it runs with your rights"
+        return "names code, which runs with your rights: here only what the scenario or --allow names may"
+    return "names code, which runs with your rights: allow it with --allow-code (in Python code=True)"
 
 
 def code_in(data: Any) -> Iterator[str]:

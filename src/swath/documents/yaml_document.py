@@ -27,6 +27,18 @@ MAX_BYTES = 1 << 20
 MAX_DEPTH = 24
 MAX_VALUES = 50_000
 KEPT_BYTES = 1 << 16  # texts up to here are parsed once in a process
+NO_YAML = {
+    ".html": "an HTML page",
+    ".htm": "an HTML page",
+    ".py": "a Python file",
+    ".md": "a page of text",
+    ".csv": "a table",
+    ".mcap": "a recording",
+    ".parquet": "a table",
+    ".tif": "a raster",
+    ".png": "a picture",
+    ".zip": "an archive",
+}  # by suffix: files that are often given in the place of a YAML file
 _TOO_LARGE = f"expected YAML of at most {MAX_BYTES >> 20} MiB"
 _INT = re.compile(r"^[-+]?[0-9]+$|^0x[0-9a-fA-F]+$|^0o[0-7]+$")
 _FLOAT = re.compile(r"^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?$")
@@ -114,7 +126,10 @@ def read_document(file: Path) -> Document:
     """Parse a YAML file. InputError when it cannot be read or is not YAML."""
     try:
         with file.open("rb") as stream:
-            text = stream.read(MAX_BYTES + 1).decode("utf-8-sig")
+            read = stream.read(MAX_BYTES + 1)
+        if (kind := NO_YAML.get(file.suffix.lower())) is not None:
+            raise InputError(str(file), None, f"expected a YAML file, this is {kind}")
+        text = read.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         if error.end > MAX_BYTES:
             raise InputError(str(file), None, _TOO_LARGE) from error

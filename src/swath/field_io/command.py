@@ -44,6 +44,11 @@ def add(parsers: Any) -> Any:
         "--as", choices=("passes", "map"), default="passes", dest="kind",
         help="map: stand and yield of records in any order, without passes",
     )  # fmt: skip
+    imports.add_argument(
+        "--replace",
+        action="store_true",
+        help="make DIR anew where it is a field; its changes are lost",
+    )
     imports.set_defaults(run=run_import)
     shows = verbs.add_parser("show", help="draw a field folder as a picture")
     shows.add_argument("folder", type=Path, metavar="DIR", help="a field folder")
@@ -64,6 +69,9 @@ def run_import(args: argparse.Namespace) -> int:
     from swath.field_io.pass_scenario import write_pass_scenario
     from swath.terminal.tables import wide_console
 
+    if not args.replace and (args.out / "field.yaml").is_file():
+        expected = "expected a new or empty folder: this field may hold changes; --replace makes it anew"
+        raise InputError("--out", str(args.out), expected)
     keys = ("grain_g_per_stem", "crop_height_m", "header_width_m", "flow_delay_s", "crop")
     given = {key: getattr(args, key) for key in keys}
     settings = Settings(**{k: v for k, v in given.items() if v is not None}, as_map=args.kind == "map")

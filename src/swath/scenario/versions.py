@@ -9,6 +9,12 @@ from swath.documents.hints import unknown_key
 from swath.documents.yaml_document import Document, KeyPath
 
 FORMAT = "swath scenario 2"
+READ_BY = {
+    FORMAT: "swath run FILE",
+    "swath test case 1": "swath test run FILE --out DIR",
+    "swath odd 1": "swath test run --odd FILE --out DIR",
+    "swath fleet 1": "swath fleet run FILE",
+}  # by format, the command that reads such a file
 SECTIONS = ("name", "summary", "seed", "run", "realtime", "field", "evaluators", "expect")
 
 
@@ -48,6 +54,8 @@ def _check_format(document: Document) -> None:
     written = document.data.get("format")
     if written == FORMAT:
         return
+    if isinstance(written, str) and (command := READ_BY.get(written)) is not None:
+        raise document.error(("format",), written, f"expected a scenario; this file is for: {command}")
     older = f"; {MIGRATED_BY}" if written is None else ""
     error: InputError = document.error(("format",), written, f"expected {FORMAT!r}{older}")
     raise error

@@ -37,8 +37,9 @@ def run(args: argparse.Namespace) -> int:
     if plan.has_unreadable:
         print("swath: saves of another version of swath, or damaged ones, are not read", file=sys.stderr)
     if not args.quiet:
-        begin = f"from its save at {plan.saved_s:g} s" if plan.saved_s else "from the start, it has no save"
-        print(f"going on {begin}", flush=True)
+        again = f"{args.folder} holds no saved state to begin with (swath run --save-every-s)"
+        goes_on = f"going on from its save at {plan.saved_s:g} s"
+        print(goes_on if plan.saved_s else f"{again}, so it is computed again from 0 s", flush=True)
     try:
         result = plan.run(
             out, progress=not args.quiet, save_every_s=args.save_every_s, replay=not args.no_replay

@@ -155,29 +155,32 @@ def _value(sample: Signal, name: str) -> Any:
 
 
 def _shown(value: Any, other: Any) -> str:
-    """A number; of an array the first one that differs; enough digits to tell it from the other."""
+    """A number of six digits; of an array the first one that differs; where the digits are those of the
+    other, with the difference from it."""
     if isinstance(value, np.ndarray) and isinstance(other, np.ndarray):
         if value.shape != other.shape:
             return f"{value.shape} numbers"
         at = np.flatnonzero((value != other).ravel() & ~(np.isnan(value) & np.isnan(other)).ravel())
         return _shown(value.ravel()[at[0]].item(), other.ravel()[at[0]].item()) if len(at) else "-"
     if isinstance(value, float):
-        return f"{value:.6g}" if f"{value:.6g}" != f"{other:.6g}" else f"{value!r}"
+        same = isinstance(other, float) and value != other and f"{value:.6g}" == f"{other:.6g}"
+        return f"{value:.6g} ({value - other:+.1e})" if same else f"{value:.6g}"
     return str(value)
 
 
 def _settings(a: Run, b: Run) -> list[tuple[str, str, str]]:
     one, other = dict(_flat(a.scenario, "")), dict(_flat(b.scenario, ""))
     keys = dict.fromkeys([*one, *other])
-    return [(k, one.get(k, "-"), other.get(k, "-")) for k in keys if one.get(k) != other.get(k)]
+    pairs = [(k, one.get(k, "-"), other.get(k, "-")) for k in keys if one.get(k) != other.get(k)]
+    return [(k, _shown(x, y), _shown(y, x)) for k, x, y in pairs]
 
 
-def _flat(node: Any, path: str) -> Iterator[tuple[str, str]]:
+def _flat(node: Any, path: str) -> Iterator[tuple[str, Any]]:
     if isinstance(node, Mapping) and node:
         for key, value in node.items():
             yield from _flat(value, f"{path}.{key}" if path and path != "machines" else str(key))
     else:
-        yield path, str(node)
+        yield path, node
 
 
 def _metrics(a: Run, b: Run) -> list[tuple[str, str, str, str]]:

@@ -24,6 +24,7 @@ from swath.documents.yaml_document import Document, read_document
 from swath.runtime.met import QUANTITIES
 from swath.scenario.overrides import layered
 from swath.scenario.sections import Bounds
+from swath.scenario.versions import READ_BY
 from swath.tools.function_test.files import from_beside
 
 FORMAT = "swath test case 1"
@@ -209,8 +210,10 @@ def read_case(path: Path) -> Case:
     document.kind = "test case"
     if not isinstance(document.data, dict):
         raise document.error((), None, "expected a mapping of keys")
-    if document.data.get("format") != FORMAT:
-        raise document.error(("format",), document.data.get("format"), f"expected `{FORMAT}`")
+    if (written := document.data.get("format")) != FORMAT:
+        command = READ_BY.get(written) if isinstance(written, str) else None
+        expected = f"expected a test case; this file is for: {command}" if command else f"expected `{FORMAT}`"
+        raise document.error(("format",), written, expected)
     made, errors = validate(CaseFile, document.data, (), document)
     if errors:
         raise errors[0]

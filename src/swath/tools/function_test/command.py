@@ -197,7 +197,8 @@ def _work(args: argparse.Namespace) -> int:
         nonlocal count
         count += 1
 
-    session.do_share(int(share), int(of), done)
+    with engine("", 1):
+        session.do_share(int(share), int(of), done)
     print(f"{count} runs done, {sum(1 for _ in session.left())} of the plan are left")
     return 0
 

@@ -28,11 +28,14 @@ def progress(count: int) -> Iterator[Callable[[dict[str, Any]], None]]:
 
 @contextmanager
 def engine(cluster: str, workers: int) -> Iterator[Any]:
-    """A client of dask, None where the runs are done on processes of this machine."""
-    if not cluster:
-        yield None
-        return
-    from swath.tools.function_test.cluster import cluster_client
+    """A client of dask, None where the runs are done on processes of this machine; a stop says what is kept."""
+    try:
+        if not cluster:
+            yield None
+            return
+        from swath.tools.function_test.cluster import cluster_client
 
-    with cluster_client(cluster, max(1, workers)) as client:
-        yield client
+        with cluster_client(cluster, max(1, workers)) as client:
+            yield client
+    except KeyboardInterrupt as error:
+        raise type(error)("stopped; what is done is kept, the same command goes on") from None
