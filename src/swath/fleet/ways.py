@@ -30,6 +30,7 @@ CREEP = 0.3  # m/s, at which a bend that cannot be eased is driven
 RAMP = 3.0  # m over which bends grow and fade, a combine's steering at walking pace
 EASE_BEND = 0.1  # weight of a bend that is changed against a metre of length
 STRAY = 0.1  # m that an eased way may be nearer to closed ground than the searched one
+NEAR = 10.0  # radii, within which a turn is tried before a search
 LINE = 6.0  # deg, of a trailer that is in line at the end of a way
 
 
@@ -397,6 +398,31 @@ class Finder:
         self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
         gap: float, in_line: float, most: int,
     ) -> Track | None:  # fmt: skip
+        turn = self._turn(body, drive, start, goal, time, gap)
+        if turn is not None and times_along(turn, drive)[-1] < _least_time(start, goal, drive):
+            return turn
+        track = self._searched(body, drive, start, goal, stand, time, gap, in_line, most)
+        if track is None or turn is None:
+            return track or turn
+        return min(turn, track, key=lambda t: float(times_along(t, drive)[-1]))
+
+    def _turn(
+        self, body: Body, drive: Drive, start: Place, goal: Place, time: float, gap: float
+    ) -> Track | None:
+        """A turn that is rolled through, where there is room for one."""
+        from swath.fleet.turns import rolled
+
+        far = math.dist(start[:2], goal[:2])
+        if body.has_trailer or drive.steering == math.inf or far > NEAR * drive.radius:
+            return None
+        turn = rolled(start, goal, drive, body)
+        is_clear = self._is_clear(turn, body, self._points(body, gap)[0], time, drive.straight)
+        return turn if is_clear else None
+
+    def _searched(
+        self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
+        gap: float, in_line: float, most: int,
+    ) -> Track | None:  # fmt: skip
         points = self._launch(body, drive, start, goal, stand, time, gap, in_line, most)
         count = int(self._found[0])
         if count < 1:
@@ -420,10 +446,7 @@ class Finder:
         from swath.fleet import search_kernel
 
         grid = self.grid
-        if (body, gap) not in self._bodies:
-            unknown = np.full((2, self._coarse[0] * self._coarse[1]), -9.0, np.float32)
-            self._bodies[body, gap] = body.points(BODY_POINTS, gap), unknown
-        points, discs = self._bodies[body, gap]
+        points, discs = self._points(body, gap)
         pin = start.x + body.hitch * math.cos(start.heading), start.y + body.hitch * math.sin(start.heading)
         line = math.cos(math.radians(in_line)) if in_line > 0.0 else -2.0
         self._numbers[:32] = (
@@ -453,9 +476,18 @@ class Finder:
         self.searches += 1
         return points
 
+    def _points(self, body: Body, gap: float) -> tuple[Array, NDArray[np.float32]]:
+        """Points on a body, and what is known of the ground that is free for its discs."""
+        if (body, gap) not in self._bodies:
+            unknown = np.full((2, self._coarse[0] * self._coarse[1]), -9.0, np.float32)
+            self._bodies[body, gap] = body.points(BODY_POINTS, gap), unknown
+        return self._bodies[body, gap]
+
     def _is_clear(self, track: Track, body: Body, points: Array, time: float, speed: float) -> bool:
-        """Whether a body is on open ground, but for a little, and off who stands and crop, all along."""
-        places, when = track.places, (time + track.distance / speed)[:, None]
+        """Whether a body is on open ground, but for a little, and off who stands and crop, all along from
+        where it begins.
+        """
+        places, when = track.places[1:], (time + track.distance[1:] / speed)[:, None]
         x, y, heading, trailer = places.T
         for towed in (False, True):
             on = points[(points[:, 2] > 0.5) == towed]
@@ -481,6 +513,13 @@ class Finder:
             if (self.grid.free_from[i[:, wheels], j[:, wheels]] > when).any():
                 return False
         return True
+
+
+def _least_time(start: Place, goal: Place, drive: Drive) -> float:
+    """Of which no other way is much faster than one that takes as long [s]."""
+    turned = math.remainder(goal.heading - start.heading, 2.0 * math.pi)
+    least = max(math.dist(start[:2], goal[:2]) / drive.straight, abs(turned) * drive.radius / drive.turning)
+    return 1.25 * least + 2.0 * drive.shift
 
 
 def _sides(shape: Any) -> Array:
