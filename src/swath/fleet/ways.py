@@ -315,6 +315,8 @@ class Finder:
         self._cells: dict[Any, tuple[slice, slice, NDArray[np.bool_]]] = {}
         self._near: list[Array] = []  # sides of who stands near
         self._seen = 0
+        self._last_cut = 0.0  # s
+        self._known: dict[Any, Track | None] = {}  # ways that were asked for since crop was cut
         self._reach(slice(0, shape[0]), slice(0, shape[1]))
         self.searches = self.poses = 0
 
@@ -330,6 +332,9 @@ class Finder:
                     slice(max(s.start // ratio - more, 0), s.stop // ratio + more + 1) for s in (i, j)
                 )
                 discs.reshape(2, *self._coarse)[:, rows, columns] = -9.0
+            free = self.grid.free_from[i, j]
+            self._last_cut = max(self._last_cut, float(free.max(where=free < 1e17, initial=0.0)))
+            self._known.clear()
         self._seen = len(self.grid.changed)
 
     def _reach(self, i: slice, j: slice) -> None:
@@ -364,15 +369,21 @@ class Finder:
         much [deg], 0: as it comes; most: two for each pose that is looked at near the start
         """
         self._refresh()
+        by = min(time, self._last_cut)  # later nothing changes
+        asked = body, drive, start, goal, frozenset(stand), frozenset(near), by, gap, in_line, most
+        if asked in self._known:
+            return self._known[asked]
         self._near = [_sides(shape) for shape in near]
         windows = [self._window(shape) for shape in stand]
         for i, j, inside in windows:
             self._taken[i, j] |= inside
         try:
-            return self._find(body, drive, start, goal, (*stand, *near), time, gap, in_line, most)
+            way = self._find(body, drive, start, goal, (*stand, *near), by, gap, in_line, most)
         finally:
             for i, j, _ in windows:
                 self._taken[i, j] = 0
+        self._known[asked] = way
+        return way
 
     def _window(self, shape: Any) -> tuple[slice, slice, NDArray[np.bool_]]:
         """Cells about a polygon, and which are in it."""
@@ -487,7 +498,8 @@ class Finder:
         """Whether a body is on open ground, but for a little, and off who stands and crop, all along from
         where it begins.
         """
-        places, when = track.places[1:], (time + track.distance[1:] / speed)[:, None]
+        rows = np.unique([*range(1, len(track.places), 2), len(track.places) - 1])  # as near as the search's
+        places, when = track.places[rows], (time + track.distance[rows] / speed)[:, None]
         x, y, heading, trailer = places.T
         for towed in (False, True):
             on = points[(points[:, 2] > 0.5) == towed]
