@@ -8,8 +8,17 @@ import pytest
 
 from swath.fleet.bodies import Drive, Place, body_of
 from swath.fleet.ground import Grid
-from swath.fleet.turns import rolled
-from swath.fleet.ways import LINE, Finder, driven, eased, limits_along, stops_along, straight, times_along
+from swath.fleet.ways import (
+    LINE,
+    Finder,
+    driven,
+    eased,
+    limits_along,
+    rolled,
+    stops_along,
+    straight,
+    times_along,
+)
 from swath.machine.machine_sheet import load_machine
 
 COMBINE, CART = body_of(load_machine("lexion-700")), body_of(load_machine("tractor-grain-cart"))

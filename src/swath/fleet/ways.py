@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.control.turns import TurnLimits, clothoid
+from swath.control.turns.dubins import Place as Pose
 from swath.fleet.bodies import Body, Drive, Place, Rectangle
 from swath.fleet.ground import Grid, cells_of
 from swath.kernels import start_warp
@@ -268,6 +270,20 @@ def times_along(track: Track, drive: Drive, top: float | None = None) -> Array:
     return np.concatenate([[0.0], np.cumsum(spent)])
 
 
+def rolled(start: Place, goal: Place, drive: Drive, body: Body) -> Track:
+    """The shortest way forwards that is rolled through: as sharp as is steered at the speed of a turn,
+    without a stop; what stands there is not looked at.
+    """
+    if not math.isfinite(drive.steering):
+        raise ValueError("expected a drive whose steering takes time")
+    limits = TurnLimits(drive.radius, drive.steering / drive.turning)
+    pieces = []
+    for length, first, last in clothoid.plan(Pose(*start[:3]), Pose(*goal[:3]), limits):
+        count = max(1, math.ceil(length / SAMPLE - 1e-9))
+        pieces += [(first + (i + 0.5) / count * (last - first), length / count) for i in range(count)]
+    return driven(start, [p for p in pieces if p[1] > 1e-9], body)
+
+
 class Far:
     """Rough distances of all places to or from one, with eight headings and turns of their drive."""
 
@@ -421,8 +437,6 @@ class Finder:
         self, body: Body, drive: Drive, start: Place, goal: Place, time: float, gap: float
     ) -> Track | None:
         """A turn that is rolled through, where there is room for one."""
-        from swath.fleet.turns import rolled
-
         far = math.dist(start[:2], goal[:2])
         if body.has_trailer or drive.steering == math.inf or far > NEAR * drive.radius:
             return None
