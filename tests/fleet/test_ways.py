@@ -1,13 +1,24 @@
 """Ways over free ground: closed forms, closed ground, reversing, a trailer."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from swath.fleet.bodies import Drive, Place, body_of
 from swath.fleet.ground import Grid
-from swath.fleet.ways import LINE, Finder, driven, eased, limits_along, straight, times_along
+from swath.fleet.ways import (
+    LINE,
+    Finder,
+    driven,
+    eased,
+    limits_along,
+    rolled,
+    stops_along,
+    straight,
+    times_along,
+)
 from swath.machine.machine_sheet import load_machine
 
 COMBINE, CART = body_of(load_machine("lexion-700")), body_of(load_machine("tractor-grain-cart"))
@@ -135,3 +146,36 @@ def test_who_steers_slowly_drives_bends_no_faster_than_it_steers():
     over = 0.5 * (np.diff(way.distance)[1:] + np.diff(way.distance)[:-1])
     assert (limit[1:-1] * np.abs(np.diff(way.bends)) <= 0.04 * over * 1.0001 + 1e-9).all()
     assert times_along(way, slow)[-1] > times_along(way, DRIVE)[-1]
+
+
+STEERS = replace(DRIVE, steering=0.05)
+
+
+@pytest.mark.parametrize("far", [(50.0, 12.0, math.pi), (65.0, 70.0, 0.0)])  # a turn; too far off for one
+def test_a_way_out_of_crop_that_is_cut_at_that_moment_is_driven_without_a_stop(far):
+    finder = ground([(0.0, 40.0, 0.0, 30.0)])
+    cut(finder, 100.1)  # the last of it under the machine that sets out
+    start, goal = Place(36.0, 20.0, 0.0, 0.0), Place(*far, far[2])
+    way = finder.find(COMBINE, STEERS, start, goal, time=100.0)
+    assert not stops_along(way, STEERS)
+    assert way.end[:2] == pytest.approx(goal[:2], abs=0.02)
+
+
+def test_a_turn_is_rolled_where_there_is_room():
+    start, goal = Place(50.0, 30.0, 0.0, 0.0), Place(50.0, 42.0, math.pi, math.pi)
+    turn = rolled(start, goal, STEERS, COMBINE)
+    assert ground().find(COMBINE, STEERS, start, goal).places == pytest.approx(turn.places)
+
+
+def test_a_way_asked_for_again_is_known_until_crop_is_cut():
+    finder = ground([(48.0, 52.0, 0.0, 80.0)])
+    start, goal = Place(20.0, 20.0, 0.0, 0.0), Place(80.0, 20.0, 0.0, 0.0)
+    for time in (0.0, 50.0, 200.0):  # nothing changes with time
+        assert finder.find(COMBINE, DRIVE, start, goal, time=time) is None
+    assert finder.searches == 1
+    cut(finder, 500.0)
+    assert finder.find(COMBINE, DRIVE, start, goal, time=100.0) is None
+    assert finder.find(COMBINE, DRIVE, start, goal, time=600.0) is finder.find(
+        COMBINE, DRIVE, start, goal, time=700.0
+    )
+    assert finder.searches == 3

@@ -89,7 +89,7 @@ def segments(track: Track, times: Array, body: Body, kind: str, marks: Array | N
     cuts = _cuts(track) if marks is None else np.unique(np.searchsorted(track.distance, marks - 1e-6))
     cuts = np.unique(np.concatenate([[0], cuts, [len(track.places) - 1]]))
     first, last = cuts[:-1], cuts[1:]
-    swept = _swept(body.outlines(track.places, PARAMS.gap_m), first, last)
+    swept = _swept(track.places, body, first, last)
     return Path(track, first, last, swept, times[last] - times[first], [kind] * len(first))
 
 
@@ -104,15 +104,19 @@ def _cuts(track: Track) -> NDArray[np.int64]:
     return np.array(cuts)
 
 
-def _swept(outlines: Array, first: NDArray[np.int64], last: NDArray[np.int64]) -> Any:
+def _swept(places: Array, body: Body, first: NDArray[np.int64], last: NDArray[np.int64]) -> Any:
     """Convex hulls of the corners of each rectangle over each segment, (segments, rectangles)."""
     shapely = shapely_here()
-    count = last - first + 1
-    rows = np.concatenate([np.arange(a, b + 1) for a, b in zip(first, last, strict=True)])
+    runs = []
+    for a, b in zip(first, last, strict=True):
+        turned = np.ptp(places[a : b + 1, 2:], axis=0).max() > 1e-9  # else its ends are enough
+        runs.append(np.arange(a, b + 1) if turned else np.array([a, b]))
+    rows, count = np.concatenate(runs), [len(r) for r in runs]
+    outlines = body.outlines(places[rows], PARAMS.gap_m)
     owner = np.repeat(np.arange(len(first)), count)
     out = []
     for r in range(outlines.shape[1]):
-        corners = outlines[rows, r].reshape(-1, 2)
+        corners = outlines[:, r].reshape(-1, 2)
         out.append(shapely.convex_hull(shapely.multipoints(corners, indices=np.repeat(owner, 4))))
     return np.stack(out, axis=1)
 
@@ -122,7 +126,7 @@ def standing(track_end: Array, body: Body, spent: float, kind: str) -> Path:
     places = np.stack([track_end, track_end])
     track = Track(places, np.zeros(2), np.ones(1), np.zeros(1))
     zero, one = np.zeros(1, np.int64), np.ones(1, np.int64)
-    swept = _swept(body.outlines(places, PARAMS.gap_m), zero, one)
+    swept = _swept(places, body, zero, one)
     return Path(track, zero, one, swept, np.array([spent]), [kind])
 
 

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.control.turns import TurnLimits, clothoid
+from swath.control.turns.dubins import Place as Pose
 from swath.fleet.bodies import Body, Drive, Place, Rectangle
 from swath.fleet.ground import Grid, cells_of
 from swath.kernels import start_warp
@@ -30,6 +32,7 @@ CREEP = 0.3  # m/s, at which a bend that cannot be eased is driven
 RAMP = 3.0  # m over which bends grow and fade, a combine's steering at walking pace
 EASE_BEND = 0.1  # weight of a bend that is changed against a metre of length
 STRAY = 0.1  # m that an eased way may be nearer to closed ground than the searched one
+NEAR = 10.0  # radii, within which a turn is tried before a search
 LINE = 6.0  # deg, of a trailer that is in line at the end of a way
 
 
@@ -267,6 +270,20 @@ def times_along(track: Track, drive: Drive, top: float | None = None) -> Array:
     return np.concatenate([[0.0], np.cumsum(spent)])
 
 
+def rolled(start: Place, goal: Place, drive: Drive, body: Body) -> Track:
+    """The shortest way forwards that is rolled through: as sharp as is steered at the speed of a turn,
+    without a stop; what stands there is not looked at.
+    """
+    if not math.isfinite(drive.steering):
+        raise ValueError("expected a drive whose steering takes time")
+    limits = TurnLimits(drive.radius, drive.steering / drive.turning)
+    pieces = []
+    for length, first, last in clothoid.plan(Pose(*start[:3]), Pose(*goal[:3]), limits):
+        count = max(1, math.ceil(length / SAMPLE - 1e-9))
+        pieces += [(first + (i + 0.5) / count * (last - first), length / count) for i in range(count)]
+    return driven(start, [p for p in pieces if p[1] > 1e-9], body)
+
+
 class Far:
     """Rough distances of all places to or from one, with eight headings and turns of their drive."""
 
@@ -314,6 +331,8 @@ class Finder:
         self._cells: dict[Any, tuple[slice, slice, NDArray[np.bool_]]] = {}
         self._near: list[Array] = []  # sides of who stands near
         self._seen = 0
+        self._last_cut = 0.0  # s
+        self._known: dict[Any, Track | None] = {}  # ways that were asked for since crop was cut
         self._reach(slice(0, shape[0]), slice(0, shape[1]))
         self.searches = self.poses = 0
 
@@ -329,6 +348,9 @@ class Finder:
                     slice(max(s.start // ratio - more, 0), s.stop // ratio + more + 1) for s in (i, j)
                 )
                 discs.reshape(2, *self._coarse)[:, rows, columns] = -9.0
+            free = self.grid.free_from[i, j]
+            self._last_cut = max(self._last_cut, float(free.max(where=free < 1e17, initial=0.0)))
+            self._known.clear()
         self._seen = len(self.grid.changed)
 
     def _reach(self, i: slice, j: slice) -> None:
@@ -363,15 +385,21 @@ class Finder:
         much [deg], 0: as it comes; most: two for each pose that is looked at near the start
         """
         self._refresh()
+        by = min(time, self._last_cut)  # later nothing changes
+        asked = body, drive, start, goal, frozenset(stand), frozenset(near), by, gap, in_line, most
+        if asked in self._known:
+            return self._known[asked]
         self._near = [_sides(shape) for shape in near]
         windows = [self._window(shape) for shape in stand]
         for i, j, inside in windows:
             self._taken[i, j] |= inside
         try:
-            return self._find(body, drive, start, goal, (*stand, *near), time, gap, in_line, most)
+            way = self._find(body, drive, start, goal, (*stand, *near), by, gap, in_line, most)
         finally:
             for i, j, _ in windows:
                 self._taken[i, j] = 0
+        self._known[asked] = way
+        return way
 
     def _window(self, shape: Any) -> tuple[slice, slice, NDArray[np.bool_]]:
         """Cells about a polygon, and which are in it."""
@@ -394,6 +422,29 @@ class Finder:
         return Far(self._lanes.copy(), self.grid, self._rows, self._lane * COARSE, there)
 
     def _find(
+        self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
+        gap: float, in_line: float, most: int,
+    ) -> Track | None:  # fmt: skip
+        turn = self._turn(body, drive, start, goal, time, gap)
+        if turn is not None and times_along(turn, drive)[-1] < _least_time(start, goal, drive):
+            return turn
+        track = self._searched(body, drive, start, goal, stand, time, gap, in_line, most)
+        if track is None or turn is None:
+            return track or turn
+        return min(turn, track, key=lambda t: float(times_along(t, drive)[-1]))
+
+    def _turn(
+        self, body: Body, drive: Drive, start: Place, goal: Place, time: float, gap: float
+    ) -> Track | None:
+        """A turn that is rolled through, where there is room for one."""
+        far = math.dist(start[:2], goal[:2])
+        if body.has_trailer or drive.steering == math.inf or far > NEAR * drive.radius:
+            return None
+        turn = rolled(start, goal, drive, body)
+        is_clear = self._is_clear(turn, body, self._points(body, gap)[0], time, drive.straight)
+        return turn if is_clear else None
+
+    def _searched(
         self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
         gap: float, in_line: float, most: int,
     ) -> Track | None:  # fmt: skip
@@ -420,10 +471,7 @@ class Finder:
         from swath.fleet import search_kernel
 
         grid = self.grid
-        if (body, gap) not in self._bodies:
-            unknown = np.full((2, self._coarse[0] * self._coarse[1]), -9.0, np.float32)
-            self._bodies[body, gap] = body.points(BODY_POINTS, gap), unknown
-        points, discs = self._bodies[body, gap]
+        points, discs = self._points(body, gap)
         pin = start.x + body.hitch * math.cos(start.heading), start.y + body.hitch * math.sin(start.heading)
         line = math.cos(math.radians(in_line)) if in_line > 0.0 else -2.0
         self._numbers[:32] = (
@@ -453,9 +501,19 @@ class Finder:
         self.searches += 1
         return points
 
+    def _points(self, body: Body, gap: float) -> tuple[Array, NDArray[np.float32]]:
+        """Points on a body, and what is known of the ground that is free for its discs."""
+        if (body, gap) not in self._bodies:
+            unknown = np.full((2, self._coarse[0] * self._coarse[1]), -9.0, np.float32)
+            self._bodies[body, gap] = body.points(BODY_POINTS, gap), unknown
+        return self._bodies[body, gap]
+
     def _is_clear(self, track: Track, body: Body, points: Array, time: float, speed: float) -> bool:
-        """Whether a body is on open ground, but for a little, and off who stands and crop, all along."""
-        places, when = track.places, (time + track.distance / speed)[:, None]
+        """Whether a body is on open ground, but for a little, and off who stands and crop, all along from
+        where it begins.
+        """
+        rows = np.unique([*range(1, len(track.places), 2), len(track.places) - 1])  # as near as the search's
+        places, when = track.places[rows], (time + track.distance[rows] / speed)[:, None]
         x, y, heading, trailer = places.T
         for towed in (False, True):
             on = points[(points[:, 2] > 0.5) == towed]
@@ -481,6 +539,13 @@ class Finder:
             if (self.grid.free_from[i[:, wheels], j[:, wheels]] > when).any():
                 return False
         return True
+
+
+def _least_time(start: Place, goal: Place, drive: Drive) -> float:
+    """Of which no other way is much faster than one that takes as long [s]."""
+    turned = math.remainder(goal.heading - start.heading, 2.0 * math.pi)
+    least = max(math.dist(start[:2], goal[:2]) / drive.straight, abs(turned) * drive.radius / drive.turning)
+    return 1.25 * least + 2.0 * drive.shift
 
 
 def _sides(shape: Any) -> Array:
