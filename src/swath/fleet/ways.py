@@ -512,8 +512,7 @@ class Finder:
         """Whether a body is on open ground, but for a little, and off who stands and crop, all along from
         where it begins.
         """
-        rows = np.unique([*range(1, len(track.places), 2), len(track.places) - 1])  # as near as the search's
-        places, when = track.places[rows], (time + track.distance[rows] / speed)[:, None]
+        places, when = track.places[1:], (time + track.distance[1:] / speed)[:, None]
         x, y, heading, trailer = places.T
         for towed in (False, True):
             on = points[(points[:, 2] > 0.5) == towed]
