@@ -394,9 +394,9 @@ def test_a_folder_that_cannot_be_written_is_named(name):
 def test_a_stopped_test_says_that_it_goes_on():
     from swath.tools.function_test.progress import engine
 
-    with pytest.raises(KeyboardInterrupt, match="what is done is kept, the same command goes on"):
-        with engine("", 1):
-            raise KeyboardInterrupt
+    said = "what is done is kept, the same command goes on"
+    with pytest.raises(KeyboardInterrupt, match=said), engine("", 1):
+        raise KeyboardInterrupt
 
 
 def test_an_import_does_not_replace_a_field_unasked(tmp_path, monkeypatch, capsys):

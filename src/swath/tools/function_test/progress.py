@@ -28,7 +28,7 @@ def progress(count: int) -> Iterator[Callable[[dict[str, Any]], None]]:
 
 @contextmanager
 def engine(cluster: str, workers: int) -> Iterator[Any]:
-    """A client of dask, None where the runs are done on processes of this machine; a stop says what is kept."""
+    """A client of dask, None where the runs are done on processes of this machine; a stop says what stays."""
     try:
         if not cluster:
             yield None
