@@ -94,7 +94,7 @@ def test_a_stranger_cannot_make_a_run_execute_a_file(domain, tmp_path):  # noqa:
         bridge.close()
         said = stranger.communicate(timeout=60)[0]
     assert said.startswith("False combine.edge.level")
-    assert "expected no code" in said
+    assert "names code" in said
     assert not (tmp_path / "mark").exists()
 
 
@@ -108,7 +108,7 @@ def test_what_a_stranger_sets_while_parameters_are_declared_is_checked(domain): 
 
     class Control:
         def set(self, name, value):
-            return False, f"{name}: expected no code"
+            return False, f"{name}: names code"
 
     class Changes:
         """Is asked for the values while the parameters are declared, and lets a stranger in just then."""
@@ -123,7 +123,7 @@ def test_what_a_stranger_sets_while_parameters_are_declared_is_checked(domain): 
     node = open_node("here", "a test", allow_undeclared_parameters=True)
     try:
         RunParameters(node, Control()).join(Changes())
-        refused = (False, "combine.edge.level: expected no code")
+        refused = (False, "combine.edge.level: names code")
         assert [(a.successful, a.reason) for a in answers] == [refused]
         assert node.get_parameter("combine.edge.level").value == "truth"
     finally:

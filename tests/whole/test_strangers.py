@@ -238,7 +238,7 @@ def test_the_one_switch_lets_it_run(kind, ran, tmp_path, monkeypatch, capfd):
     )
     main(["run", *source, "--allow-code", "--quiet", "--no-replay", "--out", "out"])
     assert folder.mark.exists()
-    assert "expected no code" not in capfd.readouterr().err
+    assert "names code" not in capfd.readouterr().err
 
 
 def test_a_refusal_says_what_to_type(ran, tmp_path, monkeypatch, capsys):

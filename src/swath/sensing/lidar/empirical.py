@@ -24,7 +24,7 @@ from swath.rays.bodies import BodyCaster
 from swath.rays.spread import AXES, SpreadTable
 from swath.sensing.lidar.scanning import OutdoorParams, ScanningLidar
 from swath.sensing.single import SingleRays
-from swath.sensing.tables import load_table, valid_range
+from swath.sensing.tables import load_table, table_names, valid_range
 from swath.signals import F64
 
 MOST_SHOWN = 5  # keys in a note
@@ -56,7 +56,12 @@ class TableLidar(ScanningLidar):
         if params.table is None and Path(original).is_absolute():
             like = f"no bundled crop is like {Path(crop).name}"
             raise InputError("table", None, f"expected a table: {like}; `swath calibrate lidar` makes one")
-        self.table = load_table(params.table or table_name(original, params.echo), setup.base)
+        name = params.table or table_name(original, params.echo)
+        if params.table is None and name not in table_names():
+            none = f"none is bundled for {original} with echo {params.echo}"
+            expected = f"expected a table: {none}; take level plants, or make one: `swath calibrate lidar`"
+            raise InputError("table", None, expected)
+        self.table = load_table(name, setup.base)
         _check_reading(self.table, params, crop, original)
         self.rays = SingleRays(self.scanner)
         beam = self.sheet.beam

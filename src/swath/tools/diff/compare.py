@@ -163,7 +163,7 @@ def _shown(value: Any, other: Any) -> str:
         at = np.flatnonzero((value != other).ravel() & ~(np.isnan(value) & np.isnan(other)).ravel())
         return _shown(value.ravel()[at[0]].item(), other.ravel()[at[0]].item()) if len(at) else "-"
     if isinstance(value, float):
-        same = isinstance(other, float) and value != other and f"{value:.6g}" == f"{other:.6g}"
+        same = isinstance(other, int | float) and value != other and f"{value:.6g}" == f"{other:.6g}"
         return f"{value:.6g} ({value - other:+.1e})" if same else f"{value:.6g}"
     return str(value)
 
