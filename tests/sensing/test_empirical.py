@@ -307,7 +307,7 @@ def test_a_crop_like_no_other_asks_for_a_table_of_its_own(tmp_path):
 
 def test_a_crop_without_tables_names_the_dearer_level():
     sets = ("combine.lidar.level=empirical", "field.stand.crop=maize")
-    with pytest.raises(InputError, match="none is bundled for maize .* take level plants"):
+    with pytest.raises(InputError, match=r"none is bundled for maize .* take level plants"):
         assemble(parse_scenario(TEXT, sets=sets))
 
 
