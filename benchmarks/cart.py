@@ -1,7 +1,6 @@
 """A cart beside a combine: what comes out, beside what it is held against.
 
-python benchmarks/cart.py [PART ...]                all of them, or heap, trailer, unloading, station, ...
-python benchmarks/cart.py --seen [DRAWS [SEED]]    the box by LiDAR and cameras in day, dust, dusk
+python benchmarks/cart.py [PART ...]    all of them, or heap, trailer, unloading, station, ...
 """
 
 import math
@@ -11,7 +10,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
-from tests.control.box_rig import DUST, EYE, MOUNT, THICK, cameras, drawn, errors, lidar, look, outcome
+from tests.control.box_rig import DUST, EYE, MOUNT, THICK, errors, look
 from tests.levels.test_cooperation import stream_of
 from tests.machine.test_heap import BOXES, SLOPE, until_it_runs_over
 from tests.machine.test_trailer import make, run
@@ -143,23 +142,6 @@ def reachable() -> None:
         say(f"reachable, spread {spread:g} m, station sd 0 2 5 10 20 cm", " ".join(found) + " %", "95 %")
 
 
-def seen(draws: int = 6, seed: int = 77) -> None:
-    """The box by LiDAR and by two cameras, at stations and fills drawn by chance."""
-    haze = ", weather: {extinction_per_m: 0.1}"
-    lights = (
-        ("day", "", ""),
-        ("dust 0.1 1/m", DUST, haze),
-        ("dusk, sun at -3 deg, 79 lx", "", ", sun_elevation_deg: -3"),
-        ("dusk, sun at -5 deg, 10 lx", "", ", sun_elevation_deg: -5"),
-    )
-    stations = drawn(draws, seed)
-    for name, air, light in lights:
-        for word in stations[0][1]:
-            for sensor, sees in (("LiDAR", lidar(air)), ("cameras", cameras(light))):
-                pairs = [look(sees=sees, fill=fills[word], **place) for place, fills in stations]
-                say(f"{sensor}, {name}, {word}", outcome(pairs), "0.10 m, 1 deg, 0.10 m, or not seen")
-
-
 def box() -> None:
     """Rim and grain as a LiDAR above the pipe sees them, at twelve stations drawn by chance."""
     rng = np.random.default_rng(2024)
@@ -202,12 +184,7 @@ def seen_box() -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--seen"]:
-        seen(*map(int, sys.argv[2:4]))
-        sys.exit()
-    parts = {
-        p.__name__: p for p in (heap, trailer, unloading, station, link, fill, reachable, box, seen_box, seen)
-    }
+    parts = {p.__name__: p for p in (heap, trailer, unloading, station, link, fill, reachable, box, seen_box)}
     with allow_code(None):
         for name in sys.argv[1:] or parts:
             parts[name]()

@@ -19,15 +19,11 @@ def lidar(air="", level="rim"):
     return "combine.lidar=" + EYE % (MOUNT, air), f"combine.box={{level: {level}, rate_hz: 10}}"
 
 
-def look(
-    *sets, ahead=0.0, left=8.4, heading=0.0, fill=0.5, aside=0.0, seconds=0.35, seed=1, sees=None, air=""
-):
+def look(*sets, ahead=0.0, left=8.4, heading=0.0, fill=0.5, seconds=0.35, seed=1, sees=None, air=""):
     """(seen, truth) of the last look. sees: sensors and level, none = a LiDAR in this air.
-    ahead, left: middle of the box from the pipe's pivot and from the
-    middle of the combine [m]
 
+    ahead, left: middle of the box from the pipe's pivot and from the middle of the combine [m]
     heading: of the cart against the combine [deg]; fill: of the struck box, above 0.8 poured in cones
-    aside: of their row, to the left of the middle line [m]
     """
     turn = np.radians(90.0 + heading)
     back = 0.3 - 5.8  # from the tractor's axle to the middle of the box [m]
@@ -41,28 +37,16 @@ def look(
         f"cart.start={{x_m: {start[0]}, y_m: {start[1]}, heading_deg: {90.0 + heading}}}",
         f"cart.heap.start_percent={100.0 * min(fill, 0.8)}",
     ], sets)))  # fmt: skip
-    found = Looks(world, fill, aside)
+    found = Looks(world, fill)
     drive(world, [found], until_s=seconds)
     return found.seen, found.truths[min(found.truths, key=lambda t: abs(t - found.seen.t))]
-
-
-def drawn(count, seed):
-    """Drawn stations as `look` takes them, and a fill for each of empty, half, full: rows of dictionaries."""
-    rng = np.random.default_rng(seed)
-    rows = []
-    for k in range(count):
-        low = (-1.8, 8.2, -6.0, -0.3, 0.0, 0.4, 0.95)
-        ahead, left, heading, aside, *fills = rng.uniform(low, (1.8, 9.1, 6.0, 0.3, 0.03, 0.6, 1.1)).tolist()
-        place = {"ahead": ahead, "left": left, "heading": heading, "aside": aside, "seed": 1000 * seed + k}
-        rows.append((place, dict(zip(("empty", "half", "full"), fills, strict=True))))
-    return rows
 
 
 class Looks:
     """Observer: keeps the newest find and the truth by time. Pours what is beyond 80 % at the start."""
 
-    def __init__(self, world, fill, aside=0.0):
-        self.world, self.rest, self.aside = world, max(fill - 0.8, 0.0), aside
+    def __init__(self, world, fill):
+        self.world, self.rest = world, max(fill - 0.8, 0.0)
         self.seen, self.truths = None, {}
 
     def __call__(self, slot, t, outputs):
@@ -79,7 +63,7 @@ class Looks:
         volume = self.rest * box.length * box.width * box.depth
         reach, pose = 0.5 * (box.length - box.width), self.world.bodies.pose_of("cart.trailer")
         for place in np.linspace(-reach, reach, 13):
-            heap.pour(volume / 13 * heap.density, place, self.aside, self.world.field, pose)
+            heap.pour(volume / 13 * heap.density, place, 0.0, self.world.field, pose)
         self.rest = 0.0
 
 
@@ -92,17 +76,3 @@ def errors(seen, truth):
     worst = float(np.abs(grain[known]).max()) if known.any() else np.nan
     turn = np.degrees(seen.heading - truth.heading)
     return c * dx + s * dy, c * dy - s * dx, seen.rim_height - truth.rim_height, turn, worst, known.mean()
-
-
-def outcome(pairs):
-    """How many of (seen, truth) were seen, and the largest errors, in words."""
-    rows = np.abs([errors(seen, truth) for seen, truth in pairs if seen.is_seen])
-    text = f"{len(rows)} of {len(pairs)} seen"
-    if len(rows) == 0:
-        return text
-    grain = rows[:, 4][np.isfinite(rows[:, 4])]
-    text += f", largest: rim {rows[:, :3].max():.3f} m {rows[:, 3].max():.2f} deg, "
-    if len(grain) == 0:
-        return text + "grain not seen"
-    beyond = f", beyond 0.10 m at {np.count_nonzero(grain > 0.10)}" if grain.max() > 0.10 else ""
-    return text + f"grain {grain.max():.3f} m{beyond}, known {rows[:, 5].mean():.2f}"

@@ -413,10 +413,7 @@ def is_instance(name: str, kind: SlotKind) -> bool:
 FIELD_PACKAGES: dict[str, tuple[str, ...]] = {n: (f"swath.field.{n}",) for n in ("terrain", "stand")}
 FIELD_LEVELS = {"terrain": "formula", "stand": "uniform"}
 
-GONE = {
-    "box.stereo": "`rim` finds the box in scans; one for pictures can be your own, `file.py:Class`",
-    "cooperate.oscillate": "`by_profile` levels the heap by what it sees of it",
-}
+GONE = {"cooperate.oscillate": "`by_profile` levels the heap by what it sees of it"}
 REGISTRY = Registry(
     {**FIELD_PACKAGES, **{s.name: s.packages for s in SLOTS}},
     links="swath.link.levels",
