@@ -370,10 +370,12 @@ def test_a_file_of_another_kind_is_named(tmp_path, monkeypatch, capsys):
     (tmp_path / "mine.py").write_text("import math\nclass Mine:\n    pass\n")
     (tmp_path / "case.yaml").write_text("format: swath test case 1\nobjective: none\n")
     (tmp_path / "scenario.yaml").write_text("format: swath scenario 2\nname: one\n")
+    (tmp_path / "sheet.yaml").write_text("format: swath sensor 2\nname: one\n")
     for line, said in (
         ("run report.html", "expected a YAML file, this is an HTML page"),
         ("run mine.py", "expected a YAML file, this is a Python file"),
         ("run case.yaml", "expected a scenario; this file is for: swath test run FILE"),
+        ("run sheet.yaml", "expected a scenario; this file is for: swath sheets check FILE"),
         ("test run scenario.yaml --out o", "expected a test case; this file is for: swath run FILE"),
     ):
         assert main(line.split()) == 2, line

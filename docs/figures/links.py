@@ -24,6 +24,7 @@ from swath.commands.main import main as swath
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.field_io.agopengps import read_agopengps
+from swath.record.read.fields import pose_of_transform
 from swath.record.read.files import open_log
 from swath.report import plots
 from swath.runtime.job import run_job, run_unrecorded
@@ -39,7 +40,7 @@ DECAY = 2.0  # of a scan in the layout [s]
 
 
 class Guidance(threading.Thread):
-    """What AgOpenGPS does, in 20 lines: an AB line, positions in, the angle of the wheels out."""
+    """What AgOpenGPS does: an AB line, positions in, the angle of the wheels out."""
 
     def __init__(self, plane: Any, line: np.ndarray) -> None:
         super().__init__(daemon=True)
@@ -189,7 +190,7 @@ def _scene(axes: Any, heard: dict[str, list[tuple[float, Any]]]) -> None:
     points, strength = [], []
     for t, message in [*heard["/tf_static"], *heard["/tf"]]:
         for tf in message.transforms:
-            poses[tf.child_frame_id] = tf.header.frame_id, _pose(tf.transform)
+            poses[tf.child_frame_id] = tf.header.frame_id, pose_of_transform(tf.transform)
         while len(poses) > 2 and scans and scans[0][0] <= t:
             at, scan = scans.pop(0)
             ranges = np.asarray(scan.ranges)
@@ -232,16 +233,6 @@ def _solid(axes: Any, visual: Any, placed: Any) -> None:
         lines = [np.stack([r * np.cos(a), 0.0 * a, r * np.sin(a)], axis=1)]
     for line in lines:
         axes.plot(*placed(np.asarray(line, dtype=float) + origin).T, color="#b9c77a", lw=1.0)
-
-
-def _pose(transform: Any) -> Pose:
-    """A transform of /tf: `pose_parent_child`."""
-    t, q = transform.translation, transform.rotation
-    x, y, z, w = q.x, q.y, q.z, q.w
-    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
-    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return Pose.from_euler((t.x, t.y, t.z), roll, pitch, yaw)
 
 
 def _in_map(poses: dict[str, tuple[str, Pose]], frame: str, points: np.ndarray) -> np.ndarray:

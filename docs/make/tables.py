@@ -82,10 +82,11 @@ def make(page: Path, only: str = "") -> None:
     text = LISTED.sub(listing, MARKED.sub(rows, page.read_text(encoding="utf-8")))
 
     def stamp(found: re.Match[str]) -> str:
-        before = found[1].split(f" `{only}`: ")[0]
-        return (
-            f"<!-- made -->\n{f'{before} `{only}`: {_made()[0].lower()}{_made()[1:]}' if only else _made()}\n"
-        )
+        made = _made()
+        if only:
+            others = re.sub(rf" `{re.escape(only)}`: .*?\.(?= `|$)", "", found[1])
+            made = f"{others} `{only}`: {made[0].lower()}{made[1:]}"
+        return f"<!-- made -->\n{made}\n"
 
     page.write_text(STAMP.sub(stamp, text), encoding="utf-8")
 

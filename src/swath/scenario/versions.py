@@ -5,6 +5,7 @@ machine may have the name of a section.
 """
 
 from swath.core.errors import MIGRATED_BY, InputError
+from swath.documents.data_sheets import KINDS, VERSION
 from swath.documents.hints import unknown_key
 from swath.documents.yaml_document import Document, KeyPath
 
@@ -14,6 +15,7 @@ READ_BY = {
     "swath test case 1": "swath test run FILE --out DIR",
     "swath odd 1": "swath test run --odd FILE --out DIR",
     "swath fleet 1": "swath fleet run FILE",
+    **{f"swath {kind} {VERSION}": "swath sheets check FILE" for kind in KINDS.values()},
 }  # by format, the command that reads such a file
 SECTIONS = ("name", "summary", "seed", "run", "realtime", "field", "evaluators", "expect")
 
