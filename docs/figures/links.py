@@ -24,7 +24,7 @@ from swath.commands.main import main as swath
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.field_io.agopengps import read_agopengps
-from swath.record.read.fields import pose_of_transform
+from swath.record.read.fields import number_at, pose_of_transform
 from swath.record.read.files import open_log
 from swath.report import plots
 from swath.runtime.job import run_job, run_unrecorded
@@ -169,8 +169,8 @@ def foxglove() -> None:
         for place, panel in enumerate(rows):
             axes = figure.add_subplot(grid[place, 1])
             for each in panel["paths"]:
-                topic, *fields = each["value"].split(".")
-                series = [(t, _field(message, fields)) for t, message in heard.get(topic, ())]
+                topic, _, path = each["value"].partition(".")
+                series = [(t, number_at(message, path)) for t, message in heard.get(topic, ())]
                 if series:
                     axes.plot(*np.transpose(series), lw=1.2, label=each["label"])
             axes.set_title(panel["title"], fontsize=8, loc="left")
@@ -240,12 +240,6 @@ def _in_map(poses: dict[str, tuple[str, Pose]], frame: str, points: np.ndarray) 
         frame, pose = poses[frame]
         points = pose.apply(points)
     return points
-
-
-def _field(message: Any, fields: list[str]) -> float:
-    for name in fields:
-        message = getattr(message, name)
-    return float(message)
 
 
 def isobus() -> None:
