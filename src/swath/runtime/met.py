@@ -6,7 +6,7 @@ and the field; a number that a scenario only sets, such as the wind, needs none:
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import atan2, cos, degrees, nan, pi, sin
+from math import atan2, cos, degrees, pi, sin
 from typing import Any
 
 from swath.core.errors import InputError
@@ -117,4 +117,4 @@ class MetHook(RunHook):
 
 def _rounded(value: float) -> float:
     """Four digits: a line of a journal is read by people and kept by the million."""
-    return float(f"{value:.4g}") if value == value else nan
+    return float(f"{value:.4g}")
