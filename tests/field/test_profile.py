@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
+from swath.field.cut_result import cells_inside
 from swath.field.edge import CurveEdge, GapParams, PolylineEdge, StraightEdge, TeethParams
-from swath.field.profile import BIN, COLUMN
+from swath.field.profile import BIN, COLUMN, CORNERS
 from swath.field.stand import maps, uniform
 from swath.field.terrain import formula
 from swath.field.wind import Wind
@@ -82,6 +83,23 @@ def test_what_it_cannot_carry_is_refused_and_sent_to_empirical(given, what):
     with pytest.raises(InputError, match=f"expected no .*{what}.*; the level empirical"):
         field.profiled(field.first_edge)
     assert field.profile is None
+
+
+@pytest.mark.parametrize("corners", [3, 4, CORNERS, CORNERS + 1])
+def test_standing_area_is_that_of_the_cells_whose_middles_are_inside(corners):
+    rng = np.random.default_rng(corners)
+    field = made_field(edge=drawn_edge(rng), seed=corners)
+    profile = field.profiled(field.first_edge)
+    middle = field.first_edge.point_at(np.array([20.0, 35.0, 50.0]))
+    angles = np.arange(corners) * 2.0 * np.pi / corners + rng.uniform(0.0, 0.5, (3, 1))
+    for place, angle in zip(middle, angles, strict=True):
+        polygon = place + 4.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        u, v = cells_inside(polygon / BIN)
+        wanted = np.count_nonzero(profile.stands((u + 0.5) * BIN, (v + 0.5) * BIN)) * BIN**2
+        assert wanted > 1.0
+        assert field.standing_area(polygon) == pytest.approx(wanted, rel=5e-3)  # a bend is a parabola there
+    flat = np.array([[0.0, 0.5 * BIN], [1.0, 0.5 * BIN], [2.0, 0.5 * BIN]])
+    assert field.standing_area(flat) == 0.0
 
 
 @pytest.mark.parametrize("seed", range(4))

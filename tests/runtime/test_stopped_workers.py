@@ -20,6 +20,7 @@ if __name__ == "__main__":
         print(run.index, run.error)
 """
 TEST = [sys.executable, "-m", "swath", "test", "run", "straight-clean", "--workers", "2", "--out", "out"]
+STOPPED = "swath: stopped; what is done is kept, the same command goes on"
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="process groups of POSIX")
 
 
@@ -60,7 +61,7 @@ def test_the_workers_of_a_stopped_group_say_nothing(tmp_path, which, moment, num
         assert driver.wait(60) == (9 if which == "batch" else 128 + number)
         said = (tmp_path / "said").read_text()
         assert "Traceback" not in said
-        assert said.splitlines()[-1] == ("up" if which == "batch" else "swath: stopped")
+        assert said.splitlines()[-1] == ("up" if which == "batch" else STOPPED)
         wait_for(lambda: not members(driver.pid), 10.0)
     finally:
         if driver.poll() is None:

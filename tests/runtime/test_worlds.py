@@ -127,6 +127,30 @@ def test_a_world_that_fails_leaves_the_others():
     assert "speed_kmh" in str(bad.error)
 
 
+@pytest.mark.parametrize(
+    ("sets", "vary"),
+    [
+        ({"combine.edge.fault.loss_percent": 30.0}, {}),
+        ({}, {"combine.edge.fault.latency_ms": [0.0, 80.0]}),
+        ({"combine.edge.fault.bias.offset_m": 0.1}, {}),
+    ],
+    ids=["lost", "late", "wrong"],
+)
+def test_worlds_with_faults_are_the_same_alone(sets, vary):
+    runs = list(swath.worlds("straight", n=3, vary=vary, sets={**KERNELS, **sets}, seed=5))
+    assert len({run.summary["digest"] for run in runs}) == 3
+    for run in runs:
+        (alone,) = swath.batch([run.entry])
+        assert judged(run.summary) == judged(alone.summary)
+
+
+def test_samples_of_several_times_are_refused_where_worlds_run():
+    edges = [CropEdge(t, 0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0) for t in (5, 9, 9)]
+    assert Samples.joined(edges, [False, True, True]).t == 9
+    with pytest.raises(SwathError, match=r"t = 5 ns in one world, 9 ns in another.*together=1"):
+        Samples.joined(edges)
+
+
 class Crashes:
     """A detector that fails in one world."""
 

@@ -41,6 +41,11 @@ class Fault:
     burst: float
     latency: float
 
+    @property
+    def keeps_time(self) -> bool:
+        """Whether every sample leaves at the step that made it."""
+        return not (self.silent or self.loss or self.latency)
+
 
 class FaultyOutput(KeepsState):
     """A fault at work on the outputs of one slot. InputError for a field that none of them has."""

@@ -11,6 +11,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from itertools import compress
 from typing import Any, ClassVar, Protocol, get_type_hints, runtime_checkable
 
 import numpy as np
@@ -42,8 +43,8 @@ class Samples:
     ) -> None:
         self.kind, self.t, self.arrays, self.alike = kind, t, arrays, alike or {}
 
-    def of(self, world: int) -> Signal:
-        """The sample of one world; it stays what it is."""
+    def of(self, world: int) -> Any:
+        """The sample of one world, of type `kind`; it stays what it is."""
         one = Samples(
             self.kind, self.t, {k: a[world : world + 1] for k, a in self.arrays.items()}, self.alike
         )
@@ -61,12 +62,17 @@ class Samples:
         return Samples(self.kind, self.t, {k: a.copy() for k, a in self.arrays.items()}, self.alike)
 
     @staticmethod
-    def joined(signals: Sequence[Signal]) -> "Samples":
+    def joined(signals: Sequence[Signal], active: Sequence[bool] | None = None) -> "Samples":
         """Of the samples of all worlds; fields that are arrays have one shape in all of them.
 
-        A world that has ended has an older one, which nobody looks at any more.
+        active: worlds that still run, None = all; others have an older sample, which nobody looks at any
+        more. SwathError where the samples of those that run are not of one time.
         """
         first = signals[0]
+        times = {signal.t for signal in (signals if active is None else compress(signals, active))}
+        if len(times) > 1:
+            text = f"{type(first).__name__}: t = {min(times)} ns in one world, {max(times)} ns in another"
+            raise SwathError(f"{text}: they cannot go in step, swath.worlds(together=1) can")
         arrays, alike = {}, {}
         for name in _makers(type(first)):
             values = [getattr(signal, name) for signal in signals]
@@ -74,7 +80,7 @@ class Samples:
                 alike[name] = values[0]
             else:
                 arrays[name] = np.array([_plain(value) for value in values])
-        return Samples(type(first), max(signal.t for signal in signals), arrays, alike)
+        return Samples(type(first), max(times, default=first.t), arrays, alike)
 
 
 @per_signal

@@ -23,7 +23,7 @@ from swath.field.weeds import Weeds
 from swath.kernels import filled, repeatable, shared
 
 Array = NDArray[np.float64]
-STATION, BIN = 1.0, 0.05  # spacing along the line [m]
+STATION, BIN = 1.0, 0.05  # spacing along the line [m], our choice; kernels take stations to be 1 m apart
 BEYOND = 60.0  # the profile goes on so far before and after the line [m]
 COLUMN, COLUMNS = 1.5, 21  # spacing across the line [m], the middle one on it
 NEARBY = 10.0  # along the line: a beam goes through crop for no longer a way [m]

@@ -183,6 +183,8 @@ def standing_cells(
     half = wp.float64(0.5)
     first_row = int(wp.ceil(lowest / cell - half))
     last_row = int(wp.floor(highest / cell - half))
+    if lowest == highest:  # no edge bounds a row
+        last_row = first_row - 1
     station = int(0)
     found = int(0)
     for row in range(first_row, last_row + 1):

@@ -63,7 +63,7 @@ class EvaluationOfAll:
             groups = self._shown[slot, *kinds] = [self._groups[id(e)] for e in interested]
         if not groups:
             return
-        samples = _Both(outputs)
+        samples = _Both(outputs, active)
         for group in groups:
             group.see(slot, t, kinds, samples, active, is_first=is_first)
 
@@ -87,15 +87,18 @@ class EvaluationOfAll:
 class _Both:
     """Samples of all worlds, in arrays and one by one, each made where it is asked for."""
 
-    def __init__(self, outputs: Mapping[str, Sent]) -> None:
-        self.sent = outputs
+    def __init__(self, outputs: Mapping[str, Sent], active: Bits) -> None:
+        self.sent, self._active = outputs, active
         self._all: dict[str, Samples] | None = None
         self._each: dict[str, Sequence[Signal]] | None = None
 
     @property
     def all(self) -> dict[str, Samples]:
         if self._all is None:
-            self._all = {k: s if isinstance(s, Samples) else Samples.joined(s) for k, s in self.sent.items()}
+            self._all = {
+                k: s if isinstance(s, Samples) else Samples.joined(s, self._active.tolist())
+                for k, s in self.sent.items()
+            }
         return self._all
 
     def of(self, world: int) -> dict[str, Signal]:

@@ -6,7 +6,7 @@ and the field; a number that a scenario only sets, such as the wind, needs none:
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import atan2, cos, degrees, nan, pi, sin
+from math import atan2, cos, degrees, pi, sin
 from typing import Any
 
 from swath.core.errors import InputError
@@ -71,14 +71,19 @@ QUANTITIES: Mapping[str, Quantity] = {
 }  # fmt: skip
 
 
+def check_quantities(names: Sequence[str]) -> None:
+    """InputError for one that is not known."""
+    for name in names:
+        if name not in QUANTITIES:
+            expected = f"expected one of {', '.join(QUANTITIES)}{near_miss(name, list(QUANTITIES))}"
+            raise InputError("met", name, expected)
+
+
 class MetHook(RunHook):
     """Writes quantities down along the way of the leading machine."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        for name in names:
-            if name not in QUANTITIES:
-                expected = f"expected one of {', '.join(QUANTITIES)}{near_miss(name, list(QUANTITIES))}"
-                raise InputError("met", name, expected)
+        check_quantities(names)
         self._names = list(names)
 
     def begin(self, run: ActiveRun) -> None:
@@ -117,4 +122,4 @@ class MetHook(RunHook):
 
 def _rounded(value: float) -> float:
     """Four digits: a line of a journal is read by people and kept by the million."""
-    return float(f"{value:.4g}") if value == value else nan
+    return float(f"{value:.4g}")

@@ -146,9 +146,8 @@ class Worlds:
         outputs: Mapping[str, Sent]
         if slot.all is not None:
             outputs = slot.all.step(t - period, period, self._inputs(slot))
-            if slot.all.errors:
-                self._errors |= slot.all.errors
-                slot.all.errors.clear()
+            self._errors |= {w: error for w, error in slot.all.errors.items() if self.active[w]}
+            slot.all.errors.clear()
         else:
             inputs = self._inputs_each(slot)
             each: list[Any] = []
@@ -163,6 +162,8 @@ class Worlds:
                         self._errors[world] = as_ours(error)
                 each.append(made)
             outputs = _turned(each, self._latest, slot.name)
+        for world in self._errors:
+            self.active[world] = False
         seconds = time.perf_counter() - started
         self.seconds[slot.name] = slot.seconds = slot.seconds + seconds
         slot.steps += 1
@@ -173,12 +174,15 @@ class Worlds:
         found: dict[str, Any] = {}
         for name, wire in slot.wires.items():
             if name in slot.queues:
-                found[name] = tuple(_together(sent) for sent in slot.queues[name])
+                found[name] = tuple(self._together(sent) for sent in slot.queues[name])
                 slot.queues[name].clear()
             else:
                 sent = self._latest.get(wire) if wire is not None else None
-                found[name] = None if sent is None else _together(sent)
+                found[name] = None if sent is None else self._together(sent)
         return found
+
+    def _together(self, sent: Sent) -> Samples:
+        return sent if isinstance(sent, Samples) else Samples.joined(sent, self.active.tolist())
 
     def _inputs_each(self, slot: _Slot) -> list[dict[str, Any]]:
         """For parts that are stepped world by world."""
@@ -286,11 +290,9 @@ class Worlds:
     def _failed(self) -> Iterator[tuple[int, Ended]]:
         """Worlds that cannot go on."""
         for index, error in list(self._errors.items()):
-            if self.active[index]:
-                self.active[index] = False
-                self.worlds[index].close()
-                self.worlds[index].graph.let_go()
-                yield index, error
+            self.worlds[index].close()
+            self.worlds[index].graph.let_go()
+            yield index, error
         self._errors.clear()
 
     def _finish(self, index: int, wall_s: float) -> dict[str, Any]:
@@ -339,10 +341,6 @@ def _kept(sent: Sent) -> Sent:
     return sent.copy() if isinstance(sent, Samples) else sent
 
 
-def _together(sent: Sent) -> Samples:
-    return sent if isinstance(sent, Samples) else Samples.joined(sent)
-
-
 def _each(sent: Sent) -> Each:
     return sent.each() if isinstance(sent, Samples) else sent
 
@@ -369,12 +367,14 @@ def _turned(
 
 def drive_together(worlds: Sequence[World]) -> Iterator[tuple[int, Ended]]:
     """Drive worlds, those in step whose slots, rates and wires are alike; gives what each comes to by its
-    number, as it ends.
+    number, as it ends. A world with a fault that loses or delays samples goes alone.
     """
     groups: dict[Any, list[int]] = {}
     for number, world in enumerate(worlds):
-        about = [(node.slot, tuple(sorted(node.wires.items()))) for node in world.graph.nodes]
-        groups.setdefault(tuple(about), []).append(number)
+        nodes = world.graph.nodes
+        about = [(node.slot, tuple(sorted(node.wires.items()))) for node in nodes]
+        goes_alone = any(node.fault and not node.fault.fault.keeps_time for node in nodes)
+        groups.setdefault((*about, number if goes_alone else None), []).append(number)
     for group in groups.values():
         for place, found in Worlds([worlds[number] for number in group]).drive():
             yield group[place], found

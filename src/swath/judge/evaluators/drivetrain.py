@@ -164,7 +164,7 @@ class _Together:
         e = self._evaluators[world]
         e._distance, e._peak_loss = float(self._distance[world]), float(self._peak[world])
         e._feed, e._loss = self._feed[:, world].tolist(), self._loss[:, world].tolist()
-        e._last = None if self._load is None else self._load.of(world)  # type: ignore[assignment]
+        e._last = None if self._load is None else self._load.of(world)
 
     def _see_load(self, samples: Samples, active: Bits) -> None:
         self._load = samples
@@ -173,9 +173,9 @@ class _Together:
         begins = counts & (self._feed[0] == 0.0) & active
         for world in np.flatnonzero(begins | self._is_first).tolist():
             e, load = self._evaluators[world], samples.of(world)
-            e._first = e._first or load  # type: ignore[assignment]
+            e._first = e._first or load
             if begins[world]:
-                e._start = samples.t, load  # type: ignore[assignment]
+                e._start = samples.t, load
         self._is_first = False
         for total, value in zip(self._feed, (1.0, feeder, feeder**2), strict=True):
             total += np.where(counts, value, 0.0)

@@ -323,7 +323,7 @@ class _Together:
             if e.setup.gaps:
                 rows[:, 9] = e.across_gaps(self._places.of(world), rows[:, 4] > 0.0)
             e.take(rows)
-        e._waiting = [edge.of(world) for edge in self._waiting]  # type: ignore[misc]
+        e._waiting = [edge.of(world) for edge in self._waiting]
 
     def _look(self, edge: Samples) -> None:
         pose, distance = self._at(edge.t)

@@ -65,17 +65,15 @@ class LeftField:
     @classmethod
     def together(cls, evaluators: Sequence["LeftField"]) -> Woken:
         """Of many worlds."""
-        following = np.zeros(len(evaluators))
+        following, has_header = np.zeros(len(evaluators)), False
 
         def asks(t: int, outputs: Mapping[str, Samples], active: Bits) -> Bits | None:
+            nonlocal has_header
             if newest_of(outputs, CropFlow) is not None:
-                return (
-                    np.array([not e._has_header for e in evaluators])
-                    if not evaluators[0]._has_header
-                    else None
-                )
+                is_first, has_header = not has_header, True
+                return active if is_first else None
             state = newest_of(outputs, MachineState)
-            if state is None or not evaluators[0]._has_header:
+            if state is None or not has_header:
                 return None
             distance = state.arrays["distance"]
             looks = distance >= following

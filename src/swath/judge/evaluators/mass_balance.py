@@ -105,8 +105,8 @@ class _Together:
         for name, moving in self._moving.items():
             grain, straw, shed = moving[:, world].tolist()
             e._in_transit[name], e._shed[name] = [grain, straw], shed
-        e._loads = {name: samples.of(world) for name, samples in self._loads.items()}  # type: ignore[misc]
-        e._unloads = {name: samples.of(world) for name, samples in self._unloads.items()}  # type: ignore[misc]
+        e._loads = {name: samples.of(world) for name, samples in self._loads.items()}
+        e._unloads = {name: samples.of(world) for name, samples in self._unloads.items()}
 
 
 def balance_error(missing: float, accounted: float) -> float:

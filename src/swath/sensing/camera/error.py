@@ -3,7 +3,7 @@
 Light becomes photons: a surface across the sun that sends the share c of its light has the radiance
 c E / pi, its image the irradiance c E tau cos(a)^falloff / (4 N^2) (lens of f-number N, transmission tau;
 Hecht, Optics, 5.7), a from the axis. E is the direct sunlight in a band of 100 nm of each colour, in twilight
-what the sky alone gives (`daylight.py`). The picture is linear up to saturation, white-balanced for the sun,
+what the sky alone gives (`sunlight`). The picture is linear up to saturation, white-balanced for the sun,
 then sRGB.
 
 Each row is exposed for the exposure time that ends at its readout, the last row at the time of the sample;
