@@ -113,10 +113,12 @@ def test_smoothing_is_the_dense_solution_of_the_same_chain():
     assert np.abs(dense[seen, 0] - told[seen, 0]).max() < 0.02
 
 
-def test_each_number_of_the_parameters_has_its_place_in_the_compiled_step():
+def test_python_lays_memory_out_as_the_compiled_step_has_it():
     source = level.__file__.removesuffix(".py") + ".cpp"
     with open(source, encoding="utf-8") as file:
-        text = file.read().partition("struct Numbers {")[2].partition("};")[0]
+        text = file.read()
+    assert f"STATE = {level.STATE}, GRIDS = {level.GRIDS};" in text
+    text = text.partition("struct Numbers {")[2].partition("};")[0]
     names = [name.strip() for name in text.replace("D ", "").replace(";", "").split(",")]
     params = [name for name in Params.__dataclass_fields__ if name not in level.OTHERS]
     assert all(param.startswith(name) for param, name in zip(params, names, strict=True))

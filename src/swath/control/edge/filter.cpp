@@ -35,6 +35,8 @@ struct Head {
   Node nodes[NODES];
 };
 constexpr int GRID = 2 * L * W + 2 * W + 2 * (C + 1);  // floats of a node: stops, paths, rays, lost, score, wall
+constexpr int STATE = 2821, GRIDS = 142528;  // numbers of either, as filter.py makes room for them
+static_assert(sizeof(Head) == STATE * sizeof(D) && NODES * GRID + 2 * L * S + 2 * S + SHAPES * L * 2 * K == GRIDS);
 const Given& g = *(const Given*)given.data;
 const Setup& s = *(const Setup*)setup.data;
 const Numbers& p = *(const Numbers*)numbers.data;

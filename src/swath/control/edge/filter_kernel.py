@@ -1,22 +1,13 @@
 """The level `filter` as a kernel over worlds: filter.cpp, one thread a world."""
 
-from dataclasses import fields
 from pathlib import Path
 
 import warp as wp
 
-from swath.control.edge import filter as level
-
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 
-SIZES = f"""
-static_assert(sizeof(Head) == {level.STATE} * sizeof(D) && sizeof(Node) == {level.NODE} * sizeof(D));
-static_assert(NODES * GRID + 2 * L * S + 2 * S + SHAPES * L * 2 * K == {level.GRIDS});
-static_assert(sizeof(Numbers) == {len(fields(level.Params)) - len(level.OTHERS)} * sizeof(D));
-"""  # memory that Python lays out for it
 
-
-@wp.func_native((Path(__file__).parent / "filter.cpp").read_text(encoding="utf-8") + SIZES)
+@wp.func_native((Path(__file__).parent / "filter.cpp").read_text(encoding="utf-8"))
 def filter_edge(
     given: wp.array(dtype=wp.float64),
     setup: wp.array(dtype=wp.float64),

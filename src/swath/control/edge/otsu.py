@@ -117,6 +117,7 @@ class Detectors:
         self._turns = np.array([(np.eye(3) if unit is None else unit.rotation).ravel() for unit in units])
         self._asked, self._odometry = np.zeros(3, np.int64), np.zeros((n, 2))
         self._inertial = AllInertial(n)
+        self._beams: tuple[Any, ...]
         self._reference = self._settings.of["reference"]
         self._kernel, self._places = kernel.detect, kernel.SCRATCH
         self._make_room(0, 1)
@@ -189,7 +190,7 @@ class Detectors:
         n = len(self._edges)
         self._ranges = np.zeros((n, beams), np.float32)
         self._directions, self._ago = np.zeros((tables, beams, 3)), np.zeros((tables, beams))
-        self._beams: tuple[Any, ...] = (None, None, None)
+        self._beams = (None, None, None)
         room = max(beams, ROOM) + 1
         scratch, indices = np.zeros((n, self._places, room)), np.zeros((n, room), np.int32)
         rows = (self._mountings, self._asked, self._odometry, self._inertial.rows, self._ranges)
