@@ -1,7 +1,8 @@
 """Edge detectors on drawn cases: single difficulties and pairs; other scanners, mountings, headers, crops.
 
     python benchmarks/edge_pairs.py record --pool fitting --number 60 --into scans/
-             scans of the drawn cases, driven along the true line; of `plants` unless --lidar empirical
+             scans of the drawn cases, driven along the true line; of `plants` unless --lidar empirical, and
+             then, too, where that has no table of the crop (a line on stderr says so)
     python benchmarks/edge_pairs.py detect --from scans/ --levels likelihood_ratio filter --out told.jsonl
     python benchmarks/edge_pairs.py drive --pool final --number 60 --out driven.jsonl        closed loop
     python benchmarks/edge_pairs.py table told.jsonl ... [--each]
@@ -23,23 +24,27 @@ import pickle
 import sys
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from edge_hard import BEGIN, DUST, EDGE, STAND
 
 from swath.core.component import Port
 from swath.core.errors import SwathError
 from swath.core.foreign_code import allow_code
+from swath.core.random import Stream
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.runtime.world import World
 from swath.scenario.scenario import load_scenario
 from swath.signals import CropEdge, Inertial, MachineState, Odometry, Scan
+from swath.signals.setup import ControlSetup
 
 Sets = dict[str, Any]
-STAND, EDGE, DUST = "field.stand", "field.edge", "combine.lidar.weather"
-DISTANCE, BEGIN = 46.0, 8.0  # m: of a run; from where on errors count
+DISTANCE = 46.0  # m, of a run
 POOLS = {"fitting": 81, "choosing": 4021, "final": 770077, "left_out": 5150}
 SCANNERS = ("sick-lms511-hr", "sick-lms511-sr", "sick-lms111", "sick-lms291", "hokuyo-utm-30lx")
 CROPS = {  # stems per m2, stubble height
@@ -270,9 +275,10 @@ def world_of(sets: Sets, level: str, lidar: str) -> World:
             return assemble(
                 load_scenario("straight", sets=[f"{k}={json.dumps(v)}" for k, v in given.items()])
             )
-    except SwathError:  # no table of this crop
+    except SwathError as error:  # no table of this crop
         if lidar == "plants":
             raise
+        print(f"lidar plants instead of {lidar}: {error}", file=sys.stderr)
         return world_of(sets, level, "plants")
 
 
@@ -280,12 +286,13 @@ def world_of(sets: Sets, level: str, lidar: str) -> World:
 class Line:
     """The line to be steered along: the edge without gaps, with the mean of its teeth."""
 
-    def __init__(self, world: World) -> None:
-        machine = world.leader
-        self.edge = machine.edge
-        self.teeth = next(e.teeth for e in world.field.edges.values() if e.shape is machine.edge)
-        self.end = (*machine.sheet.header_end(machine.edge_side), 0.0)
-        self.overlap = machine.overlap
+    def __init__(self, edge: Any, teeth: Any) -> None:
+        self.edge, self.teeth = edge, teeth
+
+    @classmethod
+    def of(cls, world: World) -> "Line":
+        edge = world.leader.edge
+        return cls(edge, next(e.teeth for e in world.field.edges.values() if e.shape is edge))
 
     def inside(self, points: Any) -> Any:
         """How far inside the line world points lie [m]."""
@@ -310,9 +317,10 @@ class Line:
 class Recorder:
     """Stands in for an edge detector: keeps what it is given, and tells the true line (`line`, once set)."""
 
-    from dataclasses import make_dataclass
+    @dataclass(frozen=True)
+    class Params:
+        """None."""
 
-    Params = make_dataclass("Params", [], frozen=True)
     inputs = (
         Port("scan", Scan, unit="m", shape=(None,)),
         Port("odometry", Odometry),
@@ -391,15 +399,14 @@ def record(options: argparse.Namespace) -> None:
         drawn, began = case(options.pool, number), time.process_time()
         world = world_of(drawn["sets"], f"{Path(__file__).resolve()}:Recorder", options.lidar)
         part = world.leader.parts["edge"]
-        part.line, watch = Line(world), Poses(part)
+        part.line, watch = Line.of(world), Poses(part)
         drive(world, [watch])
-        teeth = part.line.teeth
         setup = part.setup
         stored = {
             **drawn,
             "setup": (setup.machine, dict(setup.mountings), setup.edge_side, setup.period, setup.crop_height),
             "edge": part.line.edge,
-            "teeth": teeth,
+            "teeth": part.line.teeth,
             "kept": part.kept,
             "poses": watch.at,
         }
@@ -417,26 +424,17 @@ def detect(options: argparse.Namespace) -> None:
                 print(json.dumps({"file": file.name, "level": level, **run}), file=out, flush=True)
 
 
-def detected(stored: dict[str, Any], level: str, params: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def detected(stored: dict[str, Any], level: str) -> dict[str, Any]:
     """What a level tells of stored scans, without a world."""
-    from importlib import import_module
-
-    from swath.core.random import Stream
-    from swath.signals.setup import ControlSetup
-
     entry = import_module(f"swath.control.edge.{level}").LEVEL
     machine, mountings, side, period, height = stored["setup"]
-    part = entry.component(
-        entry.params(**(params or {})), ControlSetup(machine, mountings, side, period, height)
-    )
+    part = entry.component(entry.params(), ControlSetup(machine, mountings, side, period, height))
     told = [part.reset(Stream(1, "edge"))["edge"]]
     began = time.process_time()
     for t, dt, inputs in stored["kept"]:
         told.append(part.step(t, dt, inputs)["edge"])
     seconds = (time.process_time() - began) / max(len(stored["kept"]), 1)
-    line = Line.__new__(Line)
-    line.edge, line.teeth = stored["edge"], stored["teeth"]
-    rows = errors(line, stored["poses"], told)
+    rows = errors(Line(stored["edge"], stored["teeth"]), stored["poses"], told)
     facts = {k: stored[k] for k in ("number", "kinds", "scanner", "crop", "side", "mount", "pitch", "speed")}
     return {**facts, "loop": "open", "cost_us": seconds * 1e6, "rows": rows}
 
@@ -449,10 +447,11 @@ def closed(options: argparse.Namespace) -> None:
             if (number, level) in done:
                 continue
             world = world_of(drawn["sets"], level, options.lidar)
-            watch, line = Poses(), Line(world)
+            watch, line, machine = Poses(), Line.of(world), world.leader
             drive(world, [watch])
-            ends = [(at, p.apply(line.end)) for p, at in watch.at.values()]
-            lateral = line.inside([p for _, p in ends]) + line.overlap
+            end = (*machine.sheet.header_end(machine.edge_side), 0.0)
+            ends = [(at, p.apply(end)) for p, at in watch.at.values()]
+            lateral = line.inside([p for _, p in ends]) + machine.overlap
             late = np.array([at for at, _ in ends]) > BEGIN
             driven = ends[-1][0]
             facts = {k: v for k, v in drawn.items() if k != "sets"}
@@ -522,8 +521,8 @@ def samples(run: Mapping[str, Any]) -> Any:
     return rows[first][:, 1:]
 
 
-def interval(runs: list[Any], share: Callable[[Any], Any], level: float = 95.0) -> tuple[float, float, float]:
-    """(share pooled, lower, upper) by bootstrap over runs; share: samples -> booleans."""
+def interval(runs: list[Any], share: Callable[[Any], Any]) -> tuple[float, float, float]:
+    """(share pooled, 2.5 and 97.5 percentile of it) by bootstrap over runs; share: samples -> booleans."""
     per = [share(s) for s in runs if len(s)]
     per = [p for p in per if len(p)]
     if not per:
@@ -531,8 +530,7 @@ def interval(runs: list[Any], share: Callable[[Any], Any], level: float = 95.0) 
     sums, counts = np.array([p.sum() for p in per], float), np.array([len(p) for p in per], float)
     pick = np.random.default_rng(1).integers(0, len(per), (2000, len(per)))
     draws = sums[pick].sum(1) / counts[pick].sum(1)
-    half = (100.0 - level) / 2
-    return float(sums.sum() / counts.sum()), *(float(v) for v in np.percentile(draws, [half, 100 - half]))
+    return float(sums.sum() / counts.sum()), *(float(v) for v in np.percentile(draws, [2.5, 97.5]))
 
 
 def table(options: argparse.Namespace) -> None:

@@ -7,9 +7,11 @@ import numpy as np
 from swath.control.edge.detector import EdgeParams
 from swath.control.edge.max_likelihood import MaxLikelihood
 from swath.core.random import Stream
-from swath.signals import Odometry
+from swath.signals import Inertial, Odometry
 from tests.control.closed_loop import Course, setup_of
 from tests.control.synthetic_edge import Scanner, Stand, mounting
+
+PERIOD, SPEED = 40_000_000, 2.0
 
 
 class EdgeSensor:
@@ -17,7 +19,7 @@ class EdgeSensor:
 
     def __init__(
         self, course, *, level=MaxLikelihood, side="left", hz=25, seed=0, roll_sd=0.0, tilt=0.0, outside=0.3,
-        stand=None, scanner=None, params=None, every=1, dust=0.0, kind=EdgeParams,
+        stand=None, scanner=None, params=None, every=1, dust=0.0, kind=EdgeParams, inertial=0,
     ):  # fmt: skip
         sign = 1.0 if side == "left" else -1.0
         self.mounting = mounting(side, outside=outside)
@@ -28,7 +30,7 @@ class EdgeSensor:
         self.level = level(kind(**{**upright, **(params or {})}), setup_of(side, 1 / hz, self.mounting))
         self.level.reset(Stream(1, "edge"))
         self.rng = np.random.default_rng(seed)
-        self.dust = dust
+        self.dust, self.inertial = dust, inertial  # inertial: samples per scan
         self.roll_sd, self.tilt, self.roll, self.pitch = roll_sd, tilt, 0.0, 0.0
 
     def __call__(self, t, pose, speed, yaw_rate):
@@ -40,7 +42,11 @@ class EdgeSensor:
             puff = 0.7 + self.rng.standard_exponential(scan.ranges.shape)
             meets = (self.rng.uniform(size=puff.shape) < self.dust) & (puff < scan.ranges)
             scan = replace(scan, ranges=np.where(meets, puff, scan.ranges).astype(np.float32))
-        inputs = {"scan": scan, "odometry": Odometry(t, speed, yaw_rate, 0.0), "inertial": None}
+        apart = self.period // max(self.inertial, 1)
+        unit = tuple(
+            Inertial(t - k * apart, 0.0, 0.0, yaw_rate, 0.0, 0.3, 9.8) for k in reversed(range(self.inertial))
+        )
+        inputs = {"scan": scan, "odometry": Odometry(t, speed, yaw_rate, 0.0), "inertial": unit or None}
         return self.level.step(t - self.period, self.period, inputs)["edge"]
 
 
@@ -63,6 +69,34 @@ def drive(
         wrong = edge.offset - true[0], edge.heading - true[1], edge.curvature - true[2]
         rows.append((t / 1e9, edge.is_found, *wrong, edge.confidence, edge.crop_height, edge.stubble_height))
     return np.array(rows, dtype=float)
+
+
+def along(
+    level, course=None, *, metres=20.0, side="left", stand=None, speed=SPEED, seed=0, y=0.1, inside=None,
+    mounted=None, begin=0, **made,
+):  # fmt: skip
+    """(edges, their errors [m], > 0 to the left) of a machine that drives along its course.
+
+    level(side, mounted=..., **made) makes the detector; begin: periods that it has behind it
+    """
+    sign = 1.0 if side == "left" else -1.0
+    course = course or Course(y=6.0 * sign)
+    inside = inside or (lambda x, y: -sign * course.left_of(x, y))
+    scanner = Scanner(Stand(inside, **(stand or {})), mounted or mounting(side))
+    detector, rng = level(side, mounted=mounted, **made), np.random.default_rng(seed)
+    pose, edges, wrong = [0.0, course.y - 6.0 * sign + y * sign, 0.0], [], []
+    for k in range(begin, begin + round(metres / (speed * 0.04))):
+        yaw_rate = speed / (course.radius + course.y) if pose[0] > course.bend_at else 0.0
+        pose[2] += yaw_rate * 0.04
+        pose[0] += speed * 0.04 * np.cos(pose[2])
+        pose[1] += speed * 0.04 * np.sin(pose[2])
+        scan = scanner.scan((k + 1) * PERIOD, pose, rng)
+        steering = float(np.arctan(3.9 * yaw_rate / speed))
+        inputs = {"scan": scan, "odometry": Odometry(0, speed, yaw_rate, steering)}
+        edge = detector.step(k * PERIOD, PERIOD, inputs)["edge"]
+        edges.append(edge)
+        wrong.append(edge.offset - course.seen_from(pose, edge.reference_x)[0])
+    return edges, np.array(wrong)
 
 
 def errors(rows, after=1.0):

@@ -1,6 +1,7 @@
 """The edge filter against a closed-form canopy with a known edge; its smoother against a dense solution."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,39 +9,19 @@ import pytest
 from swath.control.edge import filter as level
 from swath.control.edge.filter import HEAD, NODE, NODES, EdgeFilter, Params
 from swath.core.random import Stream
-from swath.signals import Odometry
 from tests.control.closed_loop import Course, setup_of
-from tests.control.synthetic_edge import Scanner, Stand, mounting
+from tests.control.edge_drive import along
+from tests.control.synthetic_edge import mounting
 
-PERIOD, SPEED = 40_000_000, 2.0
 
-
-def made(side="left", **params):
-    setup = replace(setup_of(side, 0.04, mounting(side)), crop_height=0.85)
-    detector = EdgeFilter(Params(slip_percent=0.0, **params), setup)
+def made(side="left", mounted=None):
+    setup = replace(setup_of(side, 0.04, mounted or mounting(side)), crop_height=0.85)
+    detector = EdgeFilter(Params(slip_percent=0.0), setup)
     detector.reset(Stream(1, "edge"))
     return detector
 
 
-def drive(course=None, *, metres=20.0, side="left", stand=None, inside=None, seed=0, detector=None, begin=0):
-    """(edges, their errors [m], > 0 to the left) of a machine that drives along its course."""
-    sign = 1.0 if side == "left" else -1.0
-    course = course or Course(y=6.0 * sign)
-    inside = inside or (lambda x, y: -sign * course.left_of(x, y))
-    scanner = Scanner(Stand(inside, **(stand or {})), mounting(side))
-    detector, rng = detector or made(side), np.random.default_rng(seed)
-    pose, edges, errors = [0.0, course.y - 6.0 * sign + 0.1 * sign, 0.0], [], []
-    for k in range(begin, begin + round(metres / (SPEED * 0.04))):
-        yaw_rate = SPEED / (course.radius + course.y) if pose[0] > course.bend_at else 0.0
-        pose[2] += yaw_rate * 0.04
-        pose[0] += SPEED * 0.04 * np.cos(pose[2])
-        pose[1] += SPEED * 0.04 * np.sin(pose[2])
-        scan = scanner.scan((k + 1) * PERIOD, pose, rng)
-        steering = float(np.arctan(3.9 * yaw_rate / SPEED))
-        inputs = {"scan": scan, "odometry": Odometry(0, SPEED, yaw_rate, steering)}
-        edges.append(detector.step(k * PERIOD, PERIOD, inputs)["edge"])
-        errors.append(edges[-1].offset - course.seen_from(pose, edges[-1].reference_x)[0])
-    return edges, np.array(errors)
+drive = partial(along, made)
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -82,11 +63,12 @@ def test_a_notch_is_not_followed():
 
 def test_goes_on_from_a_saved_moment():
     detector = made()
-    drive(detector=detector, metres=8.0)
+    drive_on = partial(along, lambda side, mounted: detector)
+    drive_on(metres=8.0)
     state = detector.save()
-    first, _ = drive(detector=detector, metres=3.0, seed=1, begin=200)
+    first, _ = drive_on(metres=3.0, seed=1, begin=200)
     detector.load(state)
-    again, _ = drive(detector=detector, metres=3.0, seed=1, begin=200)
+    again, _ = drive_on(metres=3.0, seed=1, begin=200)
     assert repr(first) == repr(again)  # nan is nan
 
 
@@ -101,7 +83,7 @@ def chain(detector):
 def test_smoothing_is_the_dense_solution_of_the_same_chain():
     """All nodes as one normal vector, given the same sites."""
     detector, p = made(), Params()
-    drive(detector=detector, metres=9.0)
+    along(lambda side, mounted: detector, metres=9.0)
     rows, mean, cov, tooth2 = chain(detector)
     n = len(rows)
     assert n > 10
@@ -111,7 +93,7 @@ def test_smoothing_is_the_dense_solution_of_the_same_chain():
     for k, row in enumerate(rows):
         here = slice(4 * k, 4 * k + 4)
         if k:
-            a, b, turn, gust = row[4], row[5], row[6], row[56]
+            a, b, turn, gust = row[4], row[5], row[6], row[55]
             r = np.exp(-a / p.tooth_m)
             f = np.array([[1, a, a * a / 2, 0], [0, 1, a, 0], [0, 0, 1, 0], [0, 0, 0, r]])
             noise = np.array([1e-12, p.turn_noise**2 * a, gust * a, tooth2 * (1 - r * r)])
@@ -120,20 +102,23 @@ def test_smoothing_is_the_dense_solution_of_the_same_chain():
             weight = both.T / noise
             precision[span, span] += weight @ both
             pull[span] += weight @ np.array([-b, -turn, 0.0, 0.0])
-        if row[11] >= 1e-6:
+        if row[10] >= 1e-6:
             wall = np.array([1.0, 0.0, 0.0, 1.0])
-            precision[here, here] += row[11] * np.outer(wall, wall)
-            pull[here] += row[10] * wall
+            precision[here, here] += row[10] * np.outer(wall, wall)
+            pull[here] += row[9] * wall
     dense = np.linalg.solve(precision, pull).reshape(n, 4)
-    told = np.array([row[35:39] for row in rows])
+    told = np.array([row[34:38] for row in rows])
     seen = [k for k, row in enumerate(rows) if row[7] > 0.5]  # others may be newer than the last update
     assert len(seen) > 8
     assert np.abs(dense[seen, 0] - told[seen, 0]).max() < 0.02
 
 
-def test_each_number_of_the_parameters_has_its_place_in_the_compiled_step():
+def test_python_lays_memory_out_as_the_compiled_step_has_it():
     source = level.__file__.removesuffix(".py") + ".cpp"
     with open(source, encoding="utf-8") as file:
-        text = file.read().partition("struct Numbers {")[2].partition("};")[0]
+        text = file.read()
+    assert f"STATE = {level.STATE}, GRIDS = {level.GRIDS};" in text
+    text = text.partition("struct Numbers {")[2].partition("};")[0]
     names = [name.strip() for name in text.replace("D ", "").replace(";", "").split(",")]
-    assert len(names) == len(Params.__dataclass_fields__) - len(level.OTHERS)
+    params = [name for name in Params.__dataclass_fields__ if name not in level.OTHERS]
+    assert all(param.startswith(name) for param, name in zip(params, names, strict=True))

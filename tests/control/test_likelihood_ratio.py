@@ -1,6 +1,7 @@
 """The likelihood-ratio detector against a closed-form canopy with a known edge."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -28,10 +29,9 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.signals import Odometry, Scan
 from tests.control.closed_loop import Course, setup_of
+from tests.control.edge_drive import PERIOD, SPEED, along
 from tests.control.synthetic_edge import Scanner, Stand, mounting
 from tests.control.test_edge_hostile import check, odometry, scans, stamped
-
-PERIOD, SPEED = 40_000_000, 2.0
 
 
 def detector(side="left", usual=0.0, mounted=None, **params):
@@ -41,38 +41,7 @@ def detector(side="left", usual=0.0, mounted=None, **params):
     return made
 
 
-def drive(
-    course=None,
-    *,
-    metres=20.0,
-    side="left",
-    stand=None,
-    speed=SPEED,
-    seed=0,
-    y=0.1,
-    inside=None,
-    mounted=None,
-    **made,
-):
-    """(edges, their errors [m], > 0 to the left) of a machine that drives along its course."""
-    sign = 1.0 if side == "left" else -1.0
-    course = course or Course(y=6.0 * sign)
-    inside = inside or (lambda x, y: -sign * course.left_of(x, y))
-    scanner = Scanner(Stand(inside, **(stand or {})), mounted or mounting(side))
-    level, rng = detector(side, mounted=mounted, **made), np.random.default_rng(seed)
-    pose, edges, errors = [0.0, course.y - 6.0 * sign + y * sign, 0.0], [], []
-    for k in range(round(metres / (speed * 0.04))):
-        yaw_rate = speed / (course.radius + course.y) if pose[0] > course.bend_at else 0.0
-        pose[2] += yaw_rate * 0.04
-        pose[0] += speed * 0.04 * np.cos(pose[2])
-        pose[1] += speed * 0.04 * np.sin(pose[2])
-        scan = scanner.scan((k + 1) * PERIOD, pose, rng)
-        steering = float(np.arctan(3.9 * yaw_rate / speed))
-        inputs = {"scan": scan, "odometry": Odometry(0, speed, yaw_rate, steering)}
-        edge = level.step(k * PERIOD, PERIOD, inputs)["edge"]
-        edges.append(edge)
-        errors.append(edge.offset - course.seen_from(pose, edge.reference_x)[0])
-    return edges, np.array(errors)
+drive = partial(along, detector)
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

@@ -24,8 +24,9 @@ class InPython(EdgeDetector):
         {"hz": 10, "params": {"learn_m": 0.0, "echo_parts": 5, "spot_mm": 60.0}},
         {"stand": {"tip": 0.30}},
         {"dust": 0.1, "crab": 0.03, "params": {"track_m": 3.0, "lost_s": 0.1}},
+        {"inertial": 40},
     ],
-    ids=["plain", "thin, rolling", "bend to the right", "10 Hz", "too low", "dust"],
+    ids=["plain", "thin, rolling", "bend to the right", "10 Hz", "too low", "dust", "inertial at 1 kHz"],
 )
 def test_it_finds_what_the_chain_in_python_finds(case):
     kernel, python = (drive(level=level, scans=200, **case) for level in (Otsu, InPython))

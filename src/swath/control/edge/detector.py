@@ -10,7 +10,7 @@ from annotated_types import Ge, Gt, Le
 from swath.control.edge.canopy_offset import CanopyOffset
 from swath.control.edge.height_step import Gates, SplitRule, Step, find_step
 from swath.control.edge.line_fit import Line, LineFit, Prior, fit_line
-from swath.control.edge.profile import Profile, Reach, crop_sign, make_profile
+from swath.control.edge.profile import Profile, Reach, crop_sign, finite, make_profile, no_edge
 from swath.control.edge.tracking import EdgeTrack, Memory
 from swath.control.inclination import CRAB, Inclination
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -118,12 +118,12 @@ class EdgeDetector(KeepsState):
         self._inclination.clear()
         self._time = 0
         self._crop, self._stubble, self._ground = float("nan"), float("nan"), 0.0
-        return {"edge": self._no_edge(0)}
+        return {"edge": no_edge(0, self._reference)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Take a new scan, if there is one, and report the edge in the machine frame of t + dt."""
         scan, odometry = inputs["scan"], inputs["odometry"]
-        speed, yaw_rate = _finite(odometry.speed), _finite(odometry.yaw_rate)
+        speed, yaw_rate = finite(odometry.speed), finite(odometry.yaw_rate)
         self._inclination.take(inputs.get("inertial"), speed)
         if scan is not None and scan.t > self._time:
             self._take(scan, speed, yaw_rate)
@@ -172,7 +172,7 @@ class EdgeDetector(KeepsState):
     def _report(self, now: int, speed: float, yaw_rate: float) -> CropEdge:
         line, age = self._track.line, now - self._time
         if line is None or not self._track.is_found or age > self._lost:
-            return self._no_edge(now)
+            return no_edge(now, self._reference)
         line = line.moved(speed * age / NS, self._sign * yaw_rate * age / NS)
         return self._as_edge(now, line)
 
@@ -190,10 +190,6 @@ class EdgeDetector(KeepsState):
             stubble_height=self._stubble,
         )
 
-    def _no_edge(self, now: int) -> CropEdge:
-        nan = float("nan")
-        return CropEdge(now, nan, nan, 0.0, self._reference, 0.0, nan, nan)
-
 
 def footprint(setup: ControlSetup) -> float:
     """x [m] where the scanner's middle beam meets a canopy 0.8 m high, between the knife and 20 m ahead."""
@@ -203,7 +199,3 @@ def footprint(setup: ControlSetup) -> float:
     if up >= -1e-3 or drop <= 0.0:
         return knife + 5.0
     return float(np.clip(setup.mounting.position[0] - drop * ahead / up, knife + 1.0, 20.0))
-
-
-def _finite(value: float) -> float:
-    return float(value) if np.isfinite(value) else 0.0

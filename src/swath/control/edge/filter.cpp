@@ -2,24 +2,24 @@
 //
 // In and out: state (what is believed), grids (what rays said, by node, layer and cell); in: given, setup and numbers as filter.py
 // lays them out, aim (directions of the beams in the machine frame, toward the crop counted positive), ago [s], ranges [m];
-// out: told.
+// out: told. Numbers that stand in the text are estimates, as those of Params without a source [m, m/s, rad, nat, 1/m].
 
 typedef double D;
 constexpr int L = 10, C = 90, K = 16, W = C + 2 * K, NODES = 48, S = 80;  // layers, cells, half template, padded row, nodes, cells of the start
 constexpr D STEP = 0.4, CELL = 0.04, E0 = -0.5 * C * CELL, WIDE = 0.1, W0 = -0.5 * S * WIDE;
-constexpr D TINY = 1e-12, MANY = 1e9;
-constexpr int SHAPES = 10, UPRIGHT = 4;
+constexpr D MANY = 1e9;
+constexpr int SHAPES = 10;
 constexpr D LEAN[SHAPES] = {-0.6, -0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45, 0.6, 0.9};  // of the crop's side toward the crop, per height
 struct Given { D seconds, age, speed, rate, crab, rise, beams, is_new; };
-struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest, ray_low; };
+struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest; };
 struct Numbers {
   D search, begin_nat, denser, begin_m, bend, turn, bend_sd, turn_sd, tooth_m, tooth, tooth_first, memory, hole, hole_ends, apart, wall_stays, wall_none,
-    wall_step, path, least, bend_tail, over_first, clear, shoulder, spot, overhang, drift, lost, hold, lean_sd, shape_alike, height_sd;
+    wall_step, prior, least, bend_tail, over_first, clear, shoulder, spot, overhang, drift, lost, hold, lean_sd, shape_alike, height_sd;
 };
 struct Node {
   D x, u, phi, bend;             // a place of the reference path
   D a, b, turn;                  // from the node before: along, aside, angle
-  D scans, learned, height;      // how often seen; whether learned from; of what stops rays here
+  D scans, learned;              // how often seen; whether learned from
   D eta, prec, edge, hole;       // site of this node's rays in e; what they say for an edge, for a hole
   D standing, before[4], cover[16], mean[4], cov[16];  // predicted and smoothed (y, theta, kappa, tooth)
   D pi;                          // chance of an edge, from the neighbours alone
@@ -35,6 +35,8 @@ struct Head {
   Node nodes[NODES];
 };
 constexpr int GRID = 2 * L * W + 2 * W + 2 * (C + 1);  // floats of a node: stops, paths, rays, lost, score, wall
+constexpr int STATE = 2821, GRIDS = 142528;  // numbers of either, as filter.py makes room for them
+static_assert(sizeof(Head) == STATE * sizeof(D) && NODES * GRID + 2 * L * S + 2 * S + SHAPES * L * 2 * K == GRIDS);
 const Given& g = *(const Given*)given.data;
 const Setup& s = *(const Setup*)setup.data;
 const Numbers& p = *(const Numbers*)numbers.data;
@@ -77,17 +79,16 @@ auto lose = [&]() {
   h.over = p.over_first, h.tooth2 = sq(p.tooth_first), h.learned = 0.0, h.height = s.usual;
   clear_rates(h.in), clear_rates(h.out);
   for (int f = 0; f < SHAPES; ++f) {
-    const D lean = LEAN[f];
     h.said[f] = h.aside[f] = 0.0;
     for (int l = 0; l < L; ++l) {
-      const D z = s.lowest + (l + 0.5) * s.layer, width = p.spot;
-      for (int t = 0; t < 2 * K; ++t) shapes[(f * L + l) * 2 * K + t] = (float)share_below(((t - K + 0.5) * CELL - lean * z) / width);
+      const D z = s.lowest + (l + 0.5) * s.layer;
+      for (int t = 0; t < 2 * K; ++t) shapes[(f * L + l) * 2 * K + t] = (float)share_below(((t - K + 0.5) * CELL - LEAN[f] * z) / p.spot);
     }
   }
   for (int i = 0; i < 2 * L * S + 2 * S; ++i) wide[i] = 0.0f;
 };
 auto renew = [&](Node& n, const Node* from) {  // a node from the one before
-  n.scans = n.learned = n.height = n.eta = n.prec = 0.0, n.edge = n.hole = 1.0, n.standing = 1.0, n.pi = 1.0, n.gust = sq(p.bend);
+  n.scans = n.learned = n.eta = n.prec = 0.0, n.edge = n.hole = 1.0, n.standing = 1.0, n.pi = 1.0, n.gust = sq(p.bend);
   for (int i = 0; i < 4; ++i) n.mean[i] = 0.0;
   for (int i = 0; i < 16; ++i) n.cov[i] = i % 5 ? 0.0 : 1.0;
   if (!from) return;
@@ -342,8 +343,8 @@ auto weigh_shapes = [&]() {
 auto rates = [&](const Rates& in, const Rates& away) {
   D mean = 4.0 * p.least;  // crop that is not seen is as dense as the layer above it
   for (int l = L - 1; l >= 0; --l) {
-    mean = h.mu_in[l] = most((in.n[l] + p.path * mean) / (in.x[l] + p.path), 4.0 * p.least);
-    h.mu_out[l] = (away.n[l] + p.path * p.least) / (away.x[l] + p.path) + p.least;
+    mean = h.mu_in[l] = most((in.n[l] + p.prior * mean) / (in.x[l] + p.prior), 4.0 * p.least);
+    h.mu_out[l] = (away.n[l] + p.prior * p.least) / (away.x[l] + p.prior) + p.least;
     full[l] = (float)::log(h.mu_in[l] / h.mu_out[l]), way_full[l] = (float)(h.mu_in[l] - h.mu_out[l]);
   }
   weigh_shapes();
@@ -475,7 +476,7 @@ auto hear = [&](int k) {
   for (int j = 0; j <= C; ++j) like[j] = score[j] - best > -40.0f ? (float)::exp((D)(score[j] - best)) : 0.0f;
   // in a hole: a wall anywhere, that goes on from node to node
   const float* last = k ? grid(k - 1) + 2 * L * W + 2 * W + C + 1 : nullptr;
-  const D shift = k ? (a.b - 0.0) / CELL : 0.0;  // the path steps aside
+  const D shift = k ? a.b / CELL : 0.0;  // the path steps aside
   for (int j = 0; j <= C; ++j) {
     const D v = j + shift;
     const int i = (int)(v < 0.0 ? v - 1.0 : v);
@@ -667,7 +668,7 @@ if (g.is_new > 0.0) {
 }
 
 // ---- What is told, of where the machine is by now
-for (int i = 0; i < 12; ++i) out[i] = __builtin_nan("");
+for (int i = 0; i < 10; ++i) out[i] = __builtin_nan("");
 out[0] = 0.0;
 if (h.count >= 3.0) {
   D X, U, psi;
@@ -675,7 +676,7 @@ if (h.count >= 3.0) {
   const D c = ::cos(psi), d = ::sin(psi);
   const int n = (int)h.count;
   int near = 0;
-  D nearest = 1e30, farthest = -1e30, foot = 0.0;
+  D nearest = 1e30, farthest = -1e30;
   int last = -1;
   bool is_lost = false;
   for (int k = 0; k < n; ++k) {
@@ -697,11 +698,10 @@ if (h.count >= 3.0) {
     for (int i = 0; i < 3; ++i) for (int j = 0; j < 3; ++j) var += J[i] * J[j] * a.cov[4 * i + j];
     const D size = way < 0.0 ? -way : way;
     var += sq(p.turn) * size * size * size / 3.0 + sq(p.bend) * size * size * size * size * size / 20.0;
-    foot = most(farthest - s.reference, 0.0);
     D middle = 0.0, between = 0.0;  // where shapes put the feet
     for (int f = 0; f < SHAPES; ++f) middle += h.chance[f] * h.aside[f];
     for (int f = 0; f < SHAPES; ++f) between += h.chance[f] * sq(h.aside[f] - middle);
-    var += between + sq(p.overhang * h.height) + sq(p.drift * foot);
+    var += between + sq(p.overhang * h.height) + sq(p.drift * most(farthest - s.reference, 0.0));
     const D sd = ::sqrt(most(var, 0.0)) / steep;
     is_lost = sd > p.lost && nearest < 1.0 && a.scans > 0.2;
     if (sd < p.lost && farthest > s.reference - p.hold) {
@@ -711,5 +711,5 @@ if (h.count >= 3.0) {
       out[8] = farthest, out[9] = a.standing < 0.5 || nearest > 1.0 ? 1.0 : 0.0;
     }
   }
-  if (is_lost || last < 0 ? is_lost || n > 40 : farthest < s.reference - p.hold) lose();
+  if (is_lost || (last < 0 ? n > 40 : farthest < s.reference - p.hold)) lose();
 }

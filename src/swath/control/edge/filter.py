@@ -49,13 +49,12 @@ place that gains most over no edge; from there on the chain has it.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from math import isfinite
 from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.control.edge.profile import crop_sign
+from swath.control.edge.profile import crop_sign, finite, no_edge
 from swath.control.inclination import CRAB, Inclination
 from swath.control.yaw_rate import YawRate
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -67,8 +66,9 @@ from swath.kernels import repeatable, shared, start_warp
 from swath.signals import CropEdge, Inertial, Odometry, Scan, beam_directions
 from swath.signals.setup import ControlSetup
 
-LAYERS, CELLS, HALF, NODES, WIDE, SHAPES = 10, 90, 16, 48, 80, 10  # as in filter.cpp
-NODE, HEAD = 57, 37 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
+# Counts as in filter.cpp, and numbers of a node, of all before the nodes, of the state and of the grids
+LAYERS, CELLS, HALF, NODES, WIDE, SHAPES = 10, 90, 16, 48, 80, 10
+NODE, HEAD = 56, 37 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
 STATE = HEAD + NODES * NODE
 ROW = CELLS + 2 * HALF
 GRIDS = (
@@ -76,8 +76,8 @@ GRIDS = (
     + (2 * LAYERS + 2) * WIDE
     + SHAPES * LAYERS * 2 * HALF
 )
-USUAL = 0.85  # m: height of a crop that nobody named
-TOP, LOWEST = 1.25, 0.05  # of the usual height, m: where the layers end and begin
+USUAL = 0.85  # m: height of a crop that nobody named, that of wheat
+TOP, LOWEST = 1.25, 0.05  # of the usual height [1] and [m]: where the layers end and begin; estimates
 LATE = 0.4  # s: age of the newest scan from which on there is no edge
 
 
@@ -167,13 +167,13 @@ class EdgeFilter(KeepsState):
         x, y, z = self._mount.position.tolist()
         self._setup = np.array(
             [x, self._sign * y, z, self._reference, self._sign * end_y, usual, float(setup.crop_height > 0.0),
-             (TOP * usual - LOWEST) / LAYERS, LOWEST, LOWEST]
+             (TOP * usual - LOWEST) / LAYERS, LOWEST]
         )  # fmt: skip
         self._numbers = np.array([getattr(params, f.name) for f in fields(params) if f.name not in OTHERS])
         self._inclination = Inclination(setup.mountings.get("inertial"))
         self._yaw_rate = YawRate(setup.machine.wheelbase, setup.mountings.get("inertial"))
         self._state, self._grids = np.zeros((1, STATE)), np.zeros((1, GRIDS), np.float32)
-        self._given, self._told = np.zeros((1, 8)), np.zeros((1, 12))
+        self._given, self._told = np.zeros((1, 8)), np.zeros((1, 10))
         self._room = -1
         self._beams: tuple[Any, ...] = ()
         self._count = 0
@@ -199,13 +199,13 @@ class EdgeFilter(KeepsState):
     def reset(self, stream: Stream) -> Outputs:
         """No edge at t = 0: nothing was seen yet."""
         self._forget()
-        return {"edge": self._no_edge(0)}
+        return {"edge": no_edge(0, self._reference)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Take a new scan, if there is one, and tell the edge in the machine frame of t + dt."""
         scan, odometry, inertial = inputs["scan"], inputs["odometry"], inputs.get("inertial")
-        speed = _finite(odometry.speed) / (1.0 + PERCENT * self._p.slip_percent)
-        rate = self._sign * _finite(self._yaw_rate.of(odometry, inertial, dt / NS))
+        speed = finite(odometry.speed) / (1.0 + PERCENT * self._p.slip_percent)
+        rate = self._sign * finite(self._yaw_rate.of(odometry, inertial, dt / NS))
         self._inclination.take(inertial, speed)
         seconds, is_new = 0.0, scan is not None and scan.t > self._time
         if is_new:
@@ -213,7 +213,7 @@ class EdgeFilter(KeepsState):
             self._point(scan)
         age = (t + dt - self._time) / NS
         if age > LATE or self._launch is None:
-            return {"edge": self._no_edge(t + dt)}
+            return {"edge": no_edge(t + dt, self._reference)}
         # both per side of the machine: > 0 toward the crop
         crab = self._sign * self._inclination.crab(self._p.crab, self._sign * speed * rate)
         rise = self._sign * self._inclination.rise[1] if self._inclination.is_known else 0.0
@@ -241,15 +241,10 @@ class EdgeFilter(KeepsState):
         wp = start_warp()
         self._room = room
         self._aim, self._ago, self._ranges = np.zeros((1, 3 * room)), np.zeros((1, room)), np.zeros((1, room))
-        arrays = [
-            self._given,
-            self._setup[None],
-            self._numbers[None],
-            self._aim,
-            self._ago,
-            self._ranges,
-            self._state,
-        ]
+        arrays = (
+            self._given, self._setup[None], self._numbers[None],
+            self._aim, self._ago, self._ranges, self._state,
+        )  # fmt: skip
         self._inputs = [
             *(shared(np.ascontiguousarray(a), wp.float64) for a in arrays), shared(self._grids, wp.float32),
             shared(self._told, wp.float64),
@@ -257,22 +252,14 @@ class EdgeFilter(KeepsState):
         self._launch = repeatable(kernel.filter_edges, self._inputs).launch
 
     def _as_edge(self, now: int, told: Sequence[float]) -> CropEdge:
-        is_found, offset, heading, bend, sure, height, sd, heading_sd, seen_to, is_held, *_ = told
+        is_found, offset, heading, bend, sure, height, sd, heading_sd, seen_to, is_held = told
         if not is_found:
-            return self._no_edge(now)
+            return no_edge(now, self._reference)
         sign = self._sign
         return CropEdge(
             now, sign * offset, sign * heading, sign * bend, self._reference, min(max(sure, 0.01), 1.0),
             height, float("nan"), offset_sd=sd, heading_sd=heading_sd, seen_to=seen_to, is_held=is_held > 0.0,
         )  # fmt: skip
-
-    def _no_edge(self, now: int) -> CropEdge:
-        nan = float("nan")
-        return CropEdge(now, nan, nan, 0.0, self._reference, 0.0, nan, nan)
-
-
-def _finite(value: float) -> float:
-    return float(value) if isfinite(value) else 0.0
 
 
 LEVEL = Level(

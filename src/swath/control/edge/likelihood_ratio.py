@@ -18,7 +18,7 @@ from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
 from swath.control.edge.near_line import WAY, LineFit, NearLine
 from swath.control.edge.overhang import HeightOverhang, Overhang
-from swath.control.edge.profile import crop_sign
+from swath.control.edge.profile import crop_sign, finite, no_edge
 from swath.control.inclination import CRAB, Inclination
 from swath.control.yaw_rate import YawRate
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -114,14 +114,14 @@ class LikelihoodRatio(KeepsState):
         self._forget()
         self._line.compile()
         self._blocks.feet.compile()
-        return {"edge": self._no_edge(0)}
+        return {"edge": no_edge(0, self._reference)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Take a new scan, if there is one, and report the edge in the machine frame of t + dt."""
         scan, odometry = inputs["scan"], inputs["odometry"]
-        speed = _finite(odometry.speed) / (1.0 + PERCENT * self._p.slip_percent)
+        speed = finite(odometry.speed) / (1.0 + PERCENT * self._p.slip_percent)
         inertial = inputs.get("inertial")
-        yaw_rate = self._sign * _finite(self._yaw_rate.of(odometry, inertial, dt / NS))
+        yaw_rate = self._sign * finite(self._yaw_rate.of(odometry, inertial, dt / NS))
         self._inclination.take(inertial, speed)
         if scan is not None and scan.t > self._time:
             self._take(scan, speed, yaw_rate)
@@ -166,11 +166,11 @@ class LikelihoodRatio(KeepsState):
     def _report(self, now: int, speed: float, yaw_rate: float) -> CropEdge:
         age = (now - self._time) / NS
         if self._blocks.track.arc is None or age > LATE:
-            return self._no_edge(now)
+            return no_edge(now, self._reference)
         has_begun = self._blocks.followed >= BEGIN
         line = self._near(self._moved(speed, yaw_rate, age)) if has_begun else None
         if line is None or (line.gap > self._p.hold_m and not self._lies_ahead(line)):
-            return self._no_edge(now)
+            return no_edge(now, self._reference)
         edge = self._as_edge(now, line)
         fresh = min((LATE - age) / (LATE - OLD), 1.0)
         return edge if fresh >= 1.0 else replace(edge, confidence=max(fresh * edge.confidence, 0.01))
@@ -240,10 +240,6 @@ class LikelihoodRatio(KeepsState):
         way = float(points.rows[-1, WAY]) - line.seen_to
         return points.shows(way, BETWEEN, self._early * crop + 0.5 * BLOCK)
 
-    def _no_edge(self, now: int) -> CropEdge:
-        nan = float("nan")
-        return CropEdge(now, nan, nan, 0.0, self._reference, 0.0, nan, nan)
-
 
 def _abreast(edge: EdgeFrame, reference: float) -> EdgeFrame:
     """A parabola's frame moved along it, to a place ahead of the machine's origin [m]."""
@@ -255,10 +251,6 @@ def _abreast(edge: EdgeFrame, reference: float) -> EdgeFrame:
 def _closed(stopped: float) -> float:
     """How closed a stand is that stops a share of the rays, 0..1; of an open one the wall is ragged."""
     return min(max((stopped - STOPPED[0]) / (STOPPED[1] - STOPPED[0]), 0.0), 1.0)
-
-
-def _finite(value: float) -> float:
-    return float(value) if isfinite(value) else 0.0
 
 
 LEVEL = Level(

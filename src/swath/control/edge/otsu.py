@@ -117,7 +117,7 @@ class Detectors:
         self._turns = np.array([(np.eye(3) if unit is None else unit.rotation).ravel() for unit in units])
         self._asked, self._odometry = np.zeros(3, np.int64), np.zeros((n, 2))
         self._inertial = AllInertial(n)
-        self._beams: tuple[Any, ...] = (None, None, None)
+        self._beams: tuple[Any, ...]
         self._reference = self._settings.of["reference"]
         self._kernel, self._places = kernel.detect, kernel.SCRATCH
         self._make_room(0, 1)
@@ -127,7 +127,7 @@ class Detectors:
         self._states.clear()
         for name in ("crop", "stubble", "shift"):
             self._states.of[name][:] = np.nan
-        self._seen[:], self._heights[:], self._edges[:, 2:4] = 0.0, 0.0, 0.0
+        self._seen[:], self._heights[:] = 0.0, 0.0
         self._inertial.clear()
         self._inertial.rows[:, TURN:SINCE] = self._turns
         self._inertial.rows[:, UP + 2] = 1.0
@@ -138,12 +138,12 @@ class Detectors:
         """Take a new scan, if there is one, and report the edge in the machine frames of t + dt."""
         scan, odometry = inputs["scan"], inputs["odometry"]
         samples = inputs.get("inertial") or ()
-        self._asked[0] = t + dt
+        self._asked[:] = t + dt, 0, 0
         self._odometry[:, 0], self._odometry[:, 1] = odometry.arrays["speed"], odometry.arrays["yaw_rate"]
-        if scan is not None:
-            self._take(scan)
         if self._inertial.put(samples):
             self._make_room(*self._directions.shape[:2][::-1])
+        if scan is not None:
+            self._take(scan)
         self._launch.launch()
         return self._samples(t + dt)
 
@@ -179,7 +179,6 @@ class Detectors:
         is_alike = beams[0].ndim == 1
         if n > self._ranges.shape[1] or len(self._directions) != (1 if is_alike else len(self._edges)):
             self._make_room(n, 1 if is_alike else len(self._edges))
-            self._beams = (None, None, None)
         self._ranges[:, :n] = ranges[:, :, 0]
         if not (is_alike and all(a is b for a, b in zip(beams, self._beams, strict=True))):
             self._beams = beams
@@ -191,6 +190,7 @@ class Detectors:
         n = len(self._edges)
         self._ranges = np.zeros((n, beams), np.float32)
         self._directions, self._ago = np.zeros((tables, beams, 3)), np.zeros((tables, beams))
+        self._beams = (None, None, None)
         room = max(beams, ROOM) + 1
         scratch, indices = np.zeros((n, self._places, room)), np.zeros((n, room), np.int32)
         rows = (self._mountings, self._asked, self._odometry, self._inertial.rows, self._ranges)

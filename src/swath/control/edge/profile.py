@@ -7,12 +7,13 @@ arithmetic is the same for both sides, so left and right give mirrored results e
 
 from collections.abc import Hashable
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 
 from swath.control.edge.shared import shared
 from swath.core.frames import Pose
-from swath.signals import F64, Scan, beam_directions
+from swath.signals import F64, CropEdge, Scan, beam_directions
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,17 @@ class Reach:
 def crop_sign(edge_side: str) -> float:
     """+1 when the crop lies to the left of the edge (y grows into it), -1 when it lies to the right."""
     return -1.0 if edge_side == "left" else 1.0
+
+
+def finite(value: float) -> float:
+    """A measured value, zero where there is none."""
+    return float(value) if isfinite(value) else 0.0
+
+
+def no_edge(t: int, reference: float) -> CropEdge:
+    """That there is none at t [ns]; reference: where it would be told [m]."""
+    nan = float("nan")
+    return CropEdge(t, nan, nan, 0.0, reference, 0.0, nan, nan)
 
 
 def _key(scan: Scan, mounting: Pose, sign: float, speed: float, yaw_rate: float, reach: Reach) -> Hashable:

@@ -47,13 +47,8 @@ class EdgeGuard(KeepsState):
     kept = ("blind", "reason", "bend")
 
     def __init__(self, params: Guard) -> None:
-        self._p = params
+        self.params = params
         self.reset()
-
-    @property
-    def params(self) -> Guard:
-        """What it was made of."""
-        return self._p
 
     def reset(self) -> None:
         """Nothing driven yet."""
@@ -72,7 +67,7 @@ class EdgeGuard(KeepsState):
 
         is_led: the steering follows a path instead of the edge
         """
-        p = self._p
+        p = self.params
         if is_led and p.when_lost == "path":
             self.blind = 0.0
             return min(wanted, p.slow_kmh * KMH)

@@ -20,7 +20,7 @@ from typing import Annotated, NamedTuple
 from annotated_types import Ge, Gt, Le
 
 from swath.control.steer.guidance_line import Bend, GuidanceLine, along_bends, rounded, wrapped
-from swath.control.steer.plant_model import CRAWL, ActuatorModel, SlipObserver, driven_curvature
+from swath.control.steer.plant_model import CRAWL, SLIP_LIMIT, ActuatorModel, SlipObserver, driven_curvature
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
@@ -146,7 +146,7 @@ class PathSteer(KeepsState):
         self._limit = tan(params.share_of_lock * machine.max_steer) / machine.wheelbase
         self._rate = params.rate_deg_s * DEG / machine.wheelbase
         self._actuator = ActuatorModel(params.dead_time_s, params.lag_s, setup.period, params.trim_m)
-        self._observer = SlipObserver(params.slip_m, params.slip_step_cm * CM, 4.0 * DEG)
+        self._observer = SlipObserver(params.slip_m, params.slip_step_cm * CM, SLIP_LIMIT)
         self._own = _own_line(params, setup)
         self._forget()
 

@@ -5,6 +5,7 @@ from math import isfinite, tan
 from typing import NamedTuple
 
 from swath.core.component import KeepsState
+from swath.core.units import DEG
 from swath.signals import Odometry
 
 CRAWL = 0.2  # m/s, below which the path curvature cannot be measured and the slip observer rests
@@ -85,6 +86,8 @@ class ActuatorModel(KeepsState):
 
 
 SURE = 0.05  # m, standard deviation of an offset beyond which the slip observer listens less
+SLIP_LIMIT = 4.0 * DEG  # rad, of the slip observer: a combine crabs by as much on a side slope of 28 %
+STEEPEST = 1.2  # rad, direction of travel beyond which no curvature is sought
 BETTER = 0.85  # of the deviation an edge was known with: below, the edge is taken anew
 FORGET_M = 3.0  # m of travel over which it is forgotten how well the edge was known
 

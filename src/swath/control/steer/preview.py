@@ -31,7 +31,16 @@ from annotated_types import Ge, Gt, Le
 
 from swath.control.inclination import CRAB, Inclination
 from swath.control.inertial_memory import SAMPLES, AllInertial
-from swath.control.steer.plant_model import CRAWL, SURE, ActuatorModel, Place, SlipObserver, driven_curvature
+from swath.control.steer.plant_model import (
+    CRAWL,
+    SLIP_LIMIT,
+    STEEPEST,
+    SURE,
+    ActuatorModel,
+    Place,
+    SlipObserver,
+    driven_curvature,
+)
 from swath.control.yaw_rate import YawRate
 from swath.core.component import Inputs, KeepsState, Outputs, Port, State
 from swath.core.errors import SwathError
@@ -109,7 +118,7 @@ class Preview(KeepsState):
         self._limit = tan(params.share_of_lock * machine.max_steer) / machine.wheelbase
         self._rate = params.rate_deg_s * DEG / machine.wheelbase
         self._actuator = ActuatorModel(params.dead_time_s, params.lag_s, setup.period, params.trim_m)
-        self._observer = SlipObserver(params.slip_m, params.slip_step_cm * CM, 4.0 * DEG)
+        self._observer = SlipObserver(params.slip_m, params.slip_step_cm * CM, SLIP_LIMIT)
         self._inclination = Inclination(setup.mountings.get("inertial"))
         self._yaw_rate = YawRate(setup.machine.wheelbase, setup.mountings.get("inertial"))
         self._slip = 0.0  # direction of travel to the left of what the steering explains [rad]
@@ -220,7 +229,7 @@ class Preview(KeepsState):
     def _curvature(self, direction: float) -> float:
         """Curvature [1/m] that gives E a direction of travel [rad]; the other way round of `_direction`."""
         a, b = self._end
-        slope = tan(min(max(direction, -1.2), 1.2))
+        slope = tan(min(max(direction, -STEEPEST), STEEPEST))
         if a + b * slope < 0.1 * abs(a):
             return self._limit if slope > 0.0 else -self._limit
         return slope / (a + b * slope)

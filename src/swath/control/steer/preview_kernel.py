@@ -7,7 +7,6 @@ import warp as wp
 from swath.control import inclination, yaw_rate
 from swath.control.inertial_kernel import incline, turn
 from swath.control.steer import plant_model
-from swath.core.units import DEG
 from swath.kernels import constants, exact_code
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
@@ -19,7 +18,7 @@ GRAVITY, CRAWL, BETTER, FORGET = constants(
     inclination.GRAVITY, plant_model.CRAWL, plant_model.BETTER, plant_model.FORGET_M
 )
 SURE, AGAIN, LONGEST = constants(plant_model.SURE, yaw_rate.AGAIN_S, yaw_rate.LONGEST_S)
-STEEPEST, SLIP_LIMIT = constants(1.2, 4.0 * DEG)
+STEEPEST, SLIP_LIMIT = constants(plant_model.STEEPEST, plant_model.SLIP_LIMIT)
 
 
 @wp.func_native(exact_code(Path(__file__).parent.parent / "yaw_bias.cpp"))
