@@ -332,10 +332,6 @@ class Table:
         for number in last.values():
             self.segments[number].out, self.segments[number].next = math.inf, -1
 
-    def blockers(self, meets: Sequence[Sequence[int]]) -> set[str]:
-        """Machines that stand for good, as far as is known, on ground of a path."""
-        return {self.segments[k].machine for row in meets for k in row if self.segments[k].out == math.inf}
-
 
 @dataclass
 class Order:
