@@ -116,7 +116,7 @@ def with_clothoids(shift, radius, speed, antenna=ANTENNA):
 
 
 def rolled_through(shift, radius, speed, antenna=ANTENNA):
-    """The same along `fleet.turns`, in the times that a fleet drives it."""
+    """The same along `fleet.ways.rolled`, in the times that a fleet drives it."""
     dynamics, body = dynamics_of(SHEET), body_of(SHEET)
     steering = PARAMS.steered * dynamics.steer_rate / abs(SHEET.wheelbase)
     drive = Drive(radius, speed, speed, 0.0, dynamics.accel, PARAMS.shift_s, steering)

@@ -1,6 +1,7 @@
 """Spread: draws are jobs of their own, close to what was given, the same each time; a stopped one goes on."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -44,6 +45,18 @@ def test_hours_are_those_of_the_drawn_jobs_and_a_stopped_spread_goes_on(three, t
     (tmp_path / "draws.json").write_text('{"job": "another", "draws": [1.0, 2.0, 3.0]}')
     monkeypatch.setattr(spread, "schedule_of", lambda *_: (_ for _ in ()).throw(InputError("x", None, "no")))
     assert spread_of(JOB, None, 5.0, tmp_path) == ([], ["x: no"] * 3)
+
+
+def test_draws_of_another_dispatcher_under_the_same_name_are_not_kept(tmp_path, monkeypatch):
+    def refused(said):
+        raise InputError("x", None, said)
+
+    monkeypatch.setattr(spread, "DRAWS", 1)
+    job = replace(JOB, fleet=replace(JOB.fleet, dispatcher="mine.py:Mine"))
+    for code, said, kept in (("1", "one", "one"), ("1", "one again", "one"), ("2", "two", "two")):
+        (tmp_path / "mine.py").write_text(code)
+        monkeypatch.setattr(spread, "schedule_of", lambda *_, said=said: refused(said))
+        assert spread_of(job, tmp_path, 5.0, tmp_path / "out")[1] == [f"x: {kept}"]
 
 
 @pytest.mark.parametrize("percent", [0.0, -1.0, 21.0])

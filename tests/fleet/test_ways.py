@@ -9,7 +9,7 @@ import pytest
 from swath.fleet.bodies import Drive, Place, body_of
 from swath.fleet.ground import Grid
 from swath.fleet.ways import (
-    LINE,
+    PARAMS,
     Finder,
     driven,
     eased,
@@ -89,7 +89,7 @@ def test_a_combine_backs_out_of_a_dead_end_and_a_cart_cannot():
 def test_a_trailer_that_has_to_be_in_line_comes_straight_to_the_goal_at_once(goal):
     finder = ground()
     end = Place(*goal, goal[2])
-    way = finder.find(CART, TOWS, Place(40.0, 40.0, 0.0, 0.0), end, in_line=LINE, most=200)
+    way = finder.find(CART, TOWS, Place(40.0, 40.0, 0.0, 0.0), end, in_line=PARAMS.line_deg, most=200)
     x, y, heading, trailer = way.places[-1]
     assert (x, y) == pytest.approx(goal[:2], abs=1e-6)
     assert math.cos(heading - goal[2]) == pytest.approx(1.0)

@@ -3,7 +3,8 @@
 from swath.fleet.bodies import body_of
 from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import machines_of
-from swath.fleet.ways import LINE, Finder
+from swath.fleet.ways import PARAMS as WAYS
+from swath.fleet.ways import Finder
 from swath.fleet.yard import WIDE, Waits, at_gate, run_of, waiting_places
 from tests.fleet.drawn import drawn_job
 
@@ -22,7 +23,7 @@ def test_seven_machines_wait_so_that_each_can_leave_and_come_back_with_all_other
         assert not shapely_here().intersects(run_of(w.body, place, 0.0), others).any()
 
         def way(start, goal, w=w, others=others):
-            return finder.find(w.body, w.drive, start, goal, stand=others, in_line=LINE)
+            return finder.find(w.body, w.drive, start, goal, stand=others, in_line=WAYS.line_deg)
 
         for goals in (at_gate(ground), [w.dock] if w.dock is not None else []):
             assert not goals or any(way(place, g) is not None for g in goals)

@@ -327,7 +327,7 @@ class _Drive:
             goal, most = self.station(m, goal)
         before = m.at
         m.drive(goal, most)
-        self.says(name, m, m.at > before or m.shift > 0.0)
+        self.says(m, m.at > before or m.shift > 0.0)
 
     def goal(self, name: str, m: _Mover) -> float:
         """How far it may drive without stopping [m]."""
@@ -391,7 +391,7 @@ class _Drive:
         p.left = p.left - flow if flow < p.left else 0.0
         p.ends = self.last = self.time + STEP
 
-    def says(self, name: str, m: _Mover, moves: bool) -> None:
+    def says(self, m: _Mover, moves: bool) -> None:
         """What a machine does in this step."""
         s, now, then = m.segment, self.time, self.time + STEP
         if moves or self.stays(m) > 0.0:

@@ -104,7 +104,7 @@ class Ground:
         self.field = shapely.difference(shapely.union_all(parts), holes)
         self.remaining = self.field
         place = self.frame.to_field([(job.truck.x_m, job.truck.y_m)])[0]
-        self.gate, self.dock = _at_truck(shapely, self.field, holes, place, truck, job)
+        self.gate, self.dock = _at_truck(shapely, self.field, holes, place, job)
         self.truck_place = self.dock.ahead(0.0, PARAMS.truck_m)
         self.truck = shapely.polygons(truck.outlines(np.array([self.truck_place]))[0, 0])
         around = shapely.union_all(parts).buffer(job.field.around_m, join_style="mitre", mitre_limit=2.0)
@@ -247,7 +247,7 @@ def _polygon(ring: Any, frame: Frame, key: str) -> Any:
 
 
 def _at_truck(
-    shapely: Any, field: Any, holes: Any, place: Array, truck: Body, job: JobFile
+    shapely: Any, field: Any, holes: Any, place: Array, job: JobFile
 ) -> tuple[tuple[float, float], Place]:
     """Where the way to the truck leaves the field, and the place of a cart's box beside the truck."""
     point = shapely.Point(place)

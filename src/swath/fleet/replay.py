@@ -12,9 +12,9 @@ from swath.fleet.account import grain, stays
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
 from swath.fleet.worked import CUT, SHOWN, WAIT, Worked, state_of
-from swath.machine.heap.surface import largest_heap, slope_of
 from swath.replay.pack import packed
 from swath.replay.writer import render
+from swath.report.plots import BLUE, CROP, GREEN, GREY, ORANGE, PURPLE, SKY
 
 Array = NDArray[np.float64]
 FILE = "replay.html"
@@ -22,13 +22,16 @@ SCRIPTS = ("data", "timeline", "job")
 EVERY = 5  # samples of driven bodies, which are 0.1 s apart
 NEAR = (0.05, 0.05, 0.01, 0.01)  # m, m, rad, rad that a place may be off the line between those kept
 TOLD = 30.0  # s: longer waits are moments
+COLOURS = dict(
+    zip(SHOWN, (CROP, SKY, PURPLE, "#8cccb0", GREEN, BLUE, ORANGE, "#f2a97c", "#8c2d04", GREY), strict=True)
+)
 
 
 def write_replay(w: Worked, name: str, about: str, out: Path) -> Path:
     """Write the page of a job into a folder."""
     values, arrays = collected(w)
     data = packed({"name": name, "about": about, **values}, arrays)
-    return write_whole(out / FILE, render(name, data, frame="job.html", scripts=SCRIPTS))
+    return write_whole(out / FILE, render(name, data, body="job", scripts=SCRIPTS))
 
 
 def collected(w: Worked) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
@@ -52,14 +55,12 @@ def collected(w: Worked) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         })  # fmt: skip
     arrays["at_truck"] = np.stack(held["truck"]).astype(np.float32)
     rings = [r for part in shapely_here().get_parts(ground.field) for r in (part.exterior, *part.interiors)]
-    box = machines.truck.box
     values: dict[str, Any] = {
-        "duration": max(w.ends, w.cut, 1.0), "machines": shown, "states": list(SHOWN), "moments": [],
+        "duration": max(w.ends, w.cut, 1.0), "machines": shown, "states": list(SHOWN),
+        "colours": list(COLOURS.values()), "moments": [],
         "events": _moments(w), "rings": [_mapped(w, np.asarray(r.coords)).round(2).tolist() for r in rings],
         "truck": _mapped(w, np.asarray(ground.truck.exterior.coords)).round(2).tolist(),
-        "truck_holds": largest_heap(box, slope_of(math.radians(25.0))) * machines.density if box else 0.0,
         "pours": [[p.source, p.target, round(p.begins, 1), round(p.ends, 1)] for p in w.poured],
-        "north": ground.frame.direction,
     }  # fmt: skip
     return values, arrays
 

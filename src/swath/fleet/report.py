@@ -12,16 +12,13 @@ from swath.core.whole_file import new_file, write_whole
 from swath.fleet.account import litres_per_ha, used
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
-from swath.fleet.replay import write_replay
+from swath.fleet.replay import COLOURS, write_replay
 from swath.fleet.worked import CUT, SHOWN, STATES, Worked, checked
 from swath.judge.summary import json_safe
 from swath.report.html import write_page
-from swath.report.plots import BLUE, CROP, GREEN, GREY, INK, ORANGE, PURPLE, SKY, STYLE, as_image, figure
+from swath.report.plots import BLUE, GREY, INK, ORANGE, STYLE, as_image, figure
 
 FILES = ("results.json", "job.png", "report.html", "replay.html", "plan.json", "draws.json")
-COLOURS = dict(
-    zip(SHOWN, (CROP, SKY, PURPLE, "#8cccb0", GREEN, BLUE, ORANGE, "#f2a97c", "#8c2d04", GREY), strict=True)
-)
 
 
 def check_target(out: Path) -> None:

@@ -28,7 +28,8 @@ from swath.fleet.plan import CLEAN, HEADLAND, Pass, Plan, plan_of, strip_of
 from swath.fleet.plan import PARAMS as PLAN
 from swath.fleet.service import along_passes, service_places
 from swath.fleet.table import Path, Table, segments, standing
-from swath.fleet.ways import LINE, Far, Finder, Track, behind, driven, straight, times_along
+from swath.fleet.ways import PARAMS as WAYS
+from swath.fleet.ways import Far, Finder, Track, behind, driven, straight, times_along
 from swath.fleet.yard import PARAMS as YARD
 from swath.fleet.yard import WIDE, Waits, run_of, waiting_places
 
@@ -270,12 +271,11 @@ class _Scheduler:
 
     def leave_out(self, busy: Sequence[CombineState]) -> None:
         """Passes to which nobody finds a way stay uncut, with a note, as long as they are few."""
-        lists = (self.shared, self.clean, *(o.todo for o in self.combines))
-        passes = [p for todo in lists for p in todo]
+        passes = [p for todo in self.todo() for p in todo]
         crop = self.ground.crop_in(np.array([strip_of(p) for p in passes])).sum() if passes else math.inf
         if crop > PARAMS.out_percent / 100.0 * self.ground.field.area:
             raise self.stuck(busy)
-        for todo in lists:
+        for todo in self.todo():
             todo.clear()
         self.schedule.notes.append(
             f"{len(passes)} passes, {crop:.0f} m2, left uncut: there is no way to them"
@@ -286,8 +286,7 @@ class _Scheduler:
         where = ", ".join(
             f"{c.spec.name} at ({c.place.x:.0f}, {c.place.y:.0f}) in the field's frame" for c in busy
         )
-        left = len(self.shared) + len(self.clean) + sum(len(c.todo) for c in self.combines)
-        expected = f"expected ground on which machines find a way; {left} passes left, {where}"
+        expected = f"expected ground on which machines find a way; {self.left} passes left, {where}"
         return InputError("field.around_m", self.job.field.around_m, expected)
 
     def turn(self, c: CombineState) -> bool:
@@ -317,10 +316,16 @@ class _Scheduler:
         """What the dispatcher decides, granted; False where there is nothing to decide."""
         if not options:
             return False
-        left = len(self.shared) + len(self.clean) + sum(len(o.todo) for o in self.combines)
         carts = {k.spec.name: (k.time, k.spec.load - k.load) for k in self.carts}
         state = State(
-            c.time, c.spec.name, c.tank, c.spec.tank, c.spec.call, carts, left, tuple(o for o, _ in options)
+            c.time,
+            c.spec.name,
+            c.tank,
+            c.spec.tank,
+            c.spec.call,
+            carts,
+            self.left,
+            tuple(o for o, _ in options),
         )
         chosen = self.dispatcher.decide(state)
         for option, grant in options:
@@ -330,6 +335,15 @@ class _Scheduler:
         raise InputError("fleet.dispatcher", str(chosen), "expected one of the options of the state")
 
     # passes
+    def todo(self) -> tuple[list[Pass], ...]:
+        """Lists of all passes that are left."""
+        return self.shared, self.clean, *(c.todo for c in self.combines)
+
+    @property
+    def left(self) -> int:
+        """Passes that are left."""
+        return sum(map(len, self.todo()))
+
     def candidates(self, c: CombineState) -> list[Pass]:
         """Passes that a combine may cut next, the best first: headland, its own, others' lands, the rest."""
         low = min((p.land for p in self.shared), default=0)
@@ -347,7 +361,7 @@ class _Scheduler:
 
     def drop_empty(self) -> None:
         """Passes whose crop others have cut are no longer to be driven."""
-        for todo in (self.shared, self.clean, *(o.todo for o in self.combines)):
+        for todo in self.todo():
             areas = self.ground.crop_in(np.array([strip_of(p) for p in todo])) if todo else ()
             todo[:] = [p for p, area in zip(todo, areas, strict=True) if area > PLAN.least_m2]
 
@@ -456,7 +470,7 @@ class _Scheduler:
             if begins:
                 return behind(none, way, body)
             if math.dist(start[:2], way.places[0, :2]) > GROUND.yard_m:  # up to the gate, then as kept
-                first = self.finder.find(body, drive, start, way.start, **{**more, "in_line": LINE})
+                first = self.finder.find(body, drive, start, way.start, **{**more, "in_line": WAYS.line_deg})
                 if first is not None:
                     return behind(first, way, body)
         return self.finder.find(body, drive, start, goal, **more)
@@ -510,15 +524,8 @@ class _Scheduler:
             if not any(lane is not None and lane[0] < count <= lane[1] for lane in lanes):
                 return
         path = leg.path.until(leg.first + count)
-        part = _Leg(
-            path,
-            leg.task,
-            leg.masses[:count],
-            leg.areas[:count],
-            leg.strips[:count],
-            leg.first,
-            leg.not_before,
-        )
+        masses, areas, strips = leg.masses[:count], leg.areas[:count], leg.strips[:count]
+        part = replace(leg, path=path, masses=masses, areas=areas, strips=strips)
         times = self.table.earliest(c.spec.name, path, max(c.time, leg.not_before))
         if times is None:
             return
@@ -547,7 +554,7 @@ class _Scheduler:
 
     def _take_off(self, task: Pass, rest: Pass | None) -> None:
         """A pass is no longer to be cut; what is left of it is."""
-        for todo in (self.shared, self.clean, *(o.todo for o in self.combines)):
+        for todo in self.todo():
             for i, p in enumerate(todo):
                 if {p.start, p.end} == {task.start, task.end}:
                     todo[i : i + 1] = [] if rest is None else [rest]
@@ -796,14 +803,14 @@ class _Scheduler:
         whole, dock_at = path, -1
         if empties:
             dock = self.cart_dock(k.spec)
-            way = self.way(name, body, drive, here, dock, time, other, in_line=LINE)
+            way = self.way(name, body, drive, here, dock, time, other, in_line=WAYS.line_deg)
             if way is None:
                 return None
             whole = whole.then(segments(way, times_along(way, drive), body, "to truck"))
             dock_at = len(whole)
             whole = whole.then(standing(way.places[-1], body, 0.0, "at truck"))
             here = way.end
-        way = self.way(name, body, drive, here, k.home, time, other, in_line=LINE)
+        way = self.way(name, body, drive, here, k.home, time, other, in_line=WAYS.line_deg)
         if way is None:
             return None
         whole = whole.then(segments(way, times_along(way, drive), body, "to its place"))

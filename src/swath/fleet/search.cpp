@@ -23,7 +23,14 @@ const D* sides = (const D*)near_sides.data;
 const unsigned char* taken = (const unsigned char*)taken_cells.data;
 D* out = (D*)found.data;
 constexpr int ROW = 11, AT_PARENT = 7, AT_BEND = 8, AT_WAY = 9, AT_BIN = 10;
-constexpr D PI = 3.14159265358979323846, NEVER = 1e17, SAMPLE = 1.0, COARSE = 2.0, SHOT = 25.0, LATER = 1000.0, BIN = 1.5, WEIGHT = 1.5, BEND = 0.7, PER_M = 3.0, LONG = 4.0;
+constexpr D PI = 3.14159265358979323846, NEVER = 1e17, SAMPLE = 1.0, COARSE = 2.0, BIN = 1.5;  // m, as in ways.py
+// estimates, such that ways in drawn fields are found in few poses
+constexpr D SHOT = 25.0;  // m to the goal, within which each pose is joined to it, farther off each 16th
+constexpr D LATER = 1000.0;  // s: ground that is free so much after the start counts in the estimate of what is left
+constexpr D WEIGHT = 1.5;  // of that estimate
+constexpr D BEND = 0.7;  // rad of a trailer at the end of a bend, which comes in line on a straight
+constexpr D PER_M = 3.0;  // poses that are looked at for each metre to the goal
+constexpr D LONG = 4.0;  // steps of a long straight
 constexpr int AFTER = 500;  // poses that are looked at once a way is found
 const D radius = m[10], turning = m[11], straight = m[12], backwards = m[13], shift = m[14], start_time = m[15];
 const D cell = m[16], west = m[17], south = m[18], hitch = m[20], drawbar = m[21], step = m[30], tolerance = m[25];
@@ -110,9 +117,9 @@ const bool all_lanes = m[26] > 0.5;  // nothing else is asked for
 if (far[start_cell] > NEVER && !all_lanes) return;
 // the same with eight headings of which each step along one changes at most to the next: so a way
 // around a field is not tried first in the direction in which it cannot turn round. A cell is about an eighth of a turning circle
-constexpr int TURNS = 8, WIDE_RING = 160, BACK = 3;
+constexpr int TURNS = 8, WIDE_RING = 160, BACK = 3;  // a step backwards counts as three
 const int LANE = (int)m[39], AXIS = 10 * LANE, ACROSS = 14 * LANE;
-constexpr D EIGHTH = 0.25 * PI, OFF = 300.0, ROUGH = 12.0;
+constexpr D EIGHTH = 0.25 * PI, OFF = 300.0, ROUGH = 12.0;  // m: more where it knows no way, and by what it may be too far; estimates
 const int lx = (cx + LANE - 1) / LANE, ly = (cy + LANE - 1) / LANE, ei[TURNS] = {1, 1, 0, -1, -1, -1, 0, 1}, ej[TURNS] = {0, 1, 1, 1, 0, -1, -1, -1};
 auto lane_of = [&](D x, D y) { const int c = coarse_of(x, y); return c / cy / LANE * ly + c % cy / LANE; };
 auto eighth_of = [&](D c, D s) { const D a = atan2(s, c) / EIGHTH; return (int)floor(a) + TURNS; };

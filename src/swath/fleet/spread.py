@@ -11,6 +11,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from swath.core.errors import InputError
+from swath.core.foreign_code import file_of
 from swath.core.random import Stream
 from swath.core.whole_file import write_whole
 from swath.fleet.files import JobFile
@@ -56,8 +57,7 @@ def spread_of(
     """
     if not 0.0 < percent <= MOST:
         raise InputError("--spread", percent, f"expected more than 0 and at most {MOST:g} percent")
-    key = sha256(f"{job} {percent}".encode()).hexdigest()
-    kept = _kept(out, key)
+    kept = _kept(out, key := _key(job, base, percent))
     for number in range(len(kept), DRAWS):
         told(f"draw {number + 1} of {DRAWS}")
         try:
@@ -68,6 +68,14 @@ def spread_of(
             out.mkdir(parents=True, exist_ok=True)
             write_whole(out / FILE, json.dumps({"job": key, "draws": kept}) + "\n")
     return [k for k in kept if isinstance(k, float)], [k for k in kept if isinstance(k, str)]
+
+
+def _key(job: JobFile, base: Path | None, percent: float) -> str:
+    """Of a job with its dispatcher's and machines' files as they are now."""
+    sheets = [*(c.machine for c in job.combines.values()), *(k.machine for k in job.carts.values())]
+    files = [file_of(name, base) for name in (job.fleet.dispatcher, job.truck.machine, *sheets)]
+    texts = [file.read_bytes() for file in files if file.is_file()]
+    return sha256(f"{job} {percent} {texts}".encode()).hexdigest()
 
 
 def _kept(out: Path | None, key: str) -> list[float | str]:

@@ -332,10 +332,6 @@ class Table:
         for number in last.values():
             self.segments[number].out, self.segments[number].next = math.inf, -1
 
-    def blockers(self, meets: Sequence[Sequence[int]]) -> set[str]:
-        """Machines that stand for good, as far as is known, on ground of a path."""
-        return {self.segments[k].machine for row in meets for k in row if self.segments[k].out == math.inf}
-
 
 @dataclass
 class Order:
@@ -351,14 +347,14 @@ class Order:
     before: list[list[tuple[int, int]]]
     groups: list[list[int]]
 
-    def times(self, spent: Array, gap: float = 0.0) -> Array:
+    def times(self, spent: Array) -> Array:
         """Times of entry, (n, draws), with times spent in the segments, (n, draws) [s]."""
         into = np.zeros(spent.shape)
         for group in self.groups:
             t = np.zeros(spent.shape[1])
             for number in group:
                 for other, waits in self.before[number]:
-                    t = np.maximum(t, into[other] + (spent[other] if waits else gap))
+                    t = np.maximum(t, into[other] + (spent[other] if waits else 0.0))
             for number in group:
                 into[number] = t
         return into

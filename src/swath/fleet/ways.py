@@ -18,22 +18,37 @@ from swath.fleet.ground import Grid, cells_of
 from swath.kernels import start_warp
 
 Array = NDArray[np.float64]
-SAMPLE = 0.5  # m between the samples of a track, as in search.cpp
-STEP = 2.0  # m of an arc of the search
-HEADINGS = 24  # that the search tells apart
-STAND = 80  # polygons of machines that stand, at most
-MOST = 6_000  # half of it are poses that it looks at, and more to a goal farther off
+SAMPLE = 0.5  # m between the samples of a track, of which the search looks at every other one
 ROOM = 60_000  # poses that are kept
 BIN = 1.5  # m, within which it keeps one pose of a heading, as in search.cpp
 COARSE = 2.0  # m, cells of its heuristic, as in search.cpp
 TURNS = 8  # headings of its estimate, as in search.cpp
-BODY_POINTS = 0.45  # m between points on the sides of a body
-CREEP = 0.3  # m/s, at which a bend that cannot be eased is driven
-RAMP = 3.0  # m over which bends grow and fade, a combine's steering at walking pace
-EASE_BEND = 0.1  # weight of a bend that is changed against a metre of length
-STRAY = 0.1  # m that an eased way may be nearer to closed ground than the searched one
-NEAR = 10.0  # radii, within which a turn is tried before a search
-LINE = 6.0  # deg, of a trailer that is in line at the end of a way
+
+
+@dataclass(frozen=True)
+class Params:
+    """step_m: of an arc of the search; headings: that it tells apart; poses: half of it are looked at, and
+    more to a goal farther off; body_m: between points on the sides of a body, less than a cell; creep_m_s: at
+    which a bend that cannot be eased is driven; ramp_m: over which bends grow and fade, a combine's steering
+    at walking pace; ease: weight of a bend that is changed against a metre of length; stray_m: that an eased
+    way may be nearer to closed ground than the searched one; near: radii, within which a turn is tried before
+    a search; line_deg: of a trailer that is in line at the end of a way. Estimates, those of the search such
+    that drawn fields are planned fast.
+    """
+
+    step_m: float = 2.0
+    headings: int = 24
+    poses: int = 6_000
+    body_m: float = 0.45
+    creep_m_s: float = 0.3
+    ramp_m: float = 3.0
+    ease: float = 0.1
+    stray_m: float = 0.1
+    near: float = 10.0
+    line_deg: float = 6.0
+
+
+PARAMS = Params()
 
 
 @dataclass(frozen=True)
@@ -127,7 +142,7 @@ def eased(start: Place, pieces: Sequence[tuple[float, float]], body: Body, ramp:
             lengths * bends * np.array([-(goal[1] - mids[:, 1]), goal[0] - mids[:, 0], np.ones(len(bends))])
         )
         both = np.concatenate([stretch, bent], axis=1)
-        weight = np.concatenate([np.minimum(np.abs(first), 5.0), np.full(len(bends), EASE_BEND)])
+        weight = np.concatenate([np.minimum(np.abs(first), 5.0), np.full(len(bends), PARAMS.ease)])
         a, b, c = np.einsum("in,jn->ij", both * weight, both)  # and its inverse by minors
         minors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
         size = float((a * minors[0]).sum())
@@ -226,7 +241,7 @@ def stops_along(track: Track, drive: Drive) -> dict[int, float]:
     change = np.abs(np.diff(track.bends))
     turned = np.diff(track.ways) != 0.0
     steers = change / drive.steering
-    at = np.flatnonzero(turned | (change * CREEP > drive.steering * over))
+    at = np.flatnonzero(turned | (change * PARAMS.creep_m_s > drive.steering * over))
     spent = np.where(turned, np.maximum(drive.shift, steers), steers)
     return {int(i) + 1: float(spent[i]) for i in at}
 
@@ -243,7 +258,7 @@ def limits_along(track: Track, drive: Drive, top: float | None = None) -> Array:
     speed: Array = np.minimum(np.concatenate([[0.0], limit]), np.concatenate([limit, [0.0]]))
     over = 0.5 * (np.diff(track.distance)[1:] + np.diff(track.distance)[:-1])
     changed = np.maximum(np.abs(np.diff(track.bends)), 1e-9)
-    speed[1:-1] = np.minimum(speed[1:-1], np.maximum(drive.steering * over / changed, CREEP))
+    speed[1:-1] = np.minimum(speed[1:-1], np.maximum(drive.steering * over / changed, PARAMS.creep_m_s))
     speed[list(stops_along(track, drive))] = 0.0
     return speed
 
@@ -318,9 +333,9 @@ class Finder:
         self._coarse = tuple(-(-n // round(COARSE / cell)) for n in shape)
         self._rows = tuple(-(-n // self._lane) for n in self._coarse)
         cells = self._coarse[0] * self._coarse[1]
-        self._numbers, self._found = np.zeros(40 + 3 * STAND), np.zeros(4100)
+        self._found = np.zeros(4100)
         self._nodes = np.zeros(11 * ROOM)
-        self._best = np.full(wide * high * HEADINGS, 1e18, np.float32)
+        self._best = np.full(wide * high * PARAMS.headings, 1e18, np.float32)
         room = max(4 * ROOM, 10 * cells)
         self._keys, self._heap = np.zeros(room), np.zeros((2, room), np.int32)
         self._far = np.zeros(cells, np.float32)
@@ -376,7 +391,7 @@ class Finder:
     def find(
         self, body: Body, drive: Drive, start: Place, goal: Place, *, stand: Sequence[Any] = (),
         near: Sequence[Any] = (), time: float = 0.0, gap: float = 0.15, in_line: float = 0.0,
-        most: int = MOST,
+        most: int = PARAMS.poses,
     ) -> Track | None:  # fmt: skip
         """The way that takes the shortest time from a place to another, None where there is none.
 
@@ -415,10 +430,10 @@ class Finder:
     def far_from(self, drive: Drive, goal: Place, time: float, *, there: bool) -> "Far":
         """How far it is about to a place, or from there, on ground that is free by a time [s]."""
         self._refresh()
-        place = goal if not there else goal.ahead(0.0)._replace(heading=goal.heading + math.pi)
+        place = goal if not there else goal._replace(heading=goal.heading + math.pi)
         body = next(iter(self._bodies), (Body(()), 0.0))[0]
         self._near = []
-        self._launch(body, drive, place, place, (), time, 0.15, 0.0, MOST, lanes=True)
+        self._launch(body, drive, place, place, (), time, 0.15, 0.0, PARAMS.poses, lanes=True)
         return Far(self._lanes.copy(), self.grid, self._rows, self._lane * COARSE, there)
 
     def _find(
@@ -438,7 +453,7 @@ class Finder:
     ) -> Track | None:
         """A turn that is rolled through, where there is room for one."""
         far = math.dist(start[:2], goal[:2])
-        if body.has_trailer or drive.steering == math.inf or far > NEAR * drive.radius:
+        if body.has_trailer or drive.steering == math.inf or far > PARAMS.near * drive.radius:
             return None
         turn = rolled(start, goal, drive, body)
         is_clear = self._is_clear(turn, body, self._points(body, gap)[0], time, drive.straight)
@@ -456,8 +471,8 @@ class Finder:
         rows = self._found[3 : 3 + 2 * count].reshape(-1, 2)[::-1]
         pieces = [(float(k), float(d)) for k, d in rows if abs(d) > 1e-6] or [(0.0, 1e-3)]
         if drive.steering < math.inf and any(k != 0.0 for k, _ in pieces):
-            for ramp in (RAMP, 0.5 * RAMP, 0.25 * RAMP):
-                made = eased(start, pieces, body, ramp)
+            for part in (1.0, 0.5, 0.25):
+                made = eased(start, pieces, body, part * PARAMS.ramp_m)
                 if made is not None and self._is_clear(made, body, points, time, drive.straight):
                     return made
         return driven(start, pieces, body)
@@ -474,24 +489,25 @@ class Finder:
         points, discs = self._points(body, gap)
         pin = start.x + body.hitch * math.cos(start.heading), start.y + body.hitch * math.sin(start.heading)
         line = math.cos(math.radians(in_line)) if in_line > 0.0 else -2.0
-        self._numbers[:32] = (
+        numbers = np.zeros(40 + 3 * len(stand))
+        numbers[:32] = (
             start.x, start.y, math.cos(start.heading), math.sin(start.heading),
             pin[0] - body.drawbar * math.cos(start.trailer), pin[1] - body.drawbar * math.sin(start.trailer),
             goal.x, goal.y, math.cos(goal.heading), math.sin(goal.heading),
             drive.radius, drive.turning, drive.straight, drive.backwards or 1.0, drive.shift, time,
             grid.cell, grid.west, grid.south, body.has_trailer, body.hitch, body.drawbar or 1.0,
             drive.backwards > 0.0, ROOM, most, line, lanes,
-            len(points), *self._taken.shape, STEP, HEADINGS,
+            len(points), *self._taken.shape, PARAMS.step_m, PARAMS.headings,
         )  # fmt: skip
-        self._numbers[32:36] = (*_circle(body.own, gap), *_circle(body.towed, gap))
-        self._numbers[36:40] = len(self._near), self._heap.shape[1], len(stand), self._lane
+        numbers[32:36] = (*_circle(body.own, gap), *_circle(body.towed, gap))
+        numbers[36:40] = len(self._near), self._heap.shape[1], len(stand), self._lane
         sides = np.concatenate([np.concatenate([[len(n)], n.ravel()]) for n in self._near] or [np.zeros(1)])
         for i, shape in enumerate(stand):
             west, south, east, north = shape.bounds
             around = 0.5 * math.hypot(east - west, north - south)
-            self._numbers[40 + 3 * i : 43 + 3 * i] = 0.5 * (west + east), 0.5 * (south + north), around + 1.0
+            numbers[40 + 3 * i : 43 + 3 * i] = 0.5 * (west + east), 0.5 * (south + north), around + 1.0
         arrays: list[Any] = [
-            self._numbers, points.ravel(), grid.free_from.ravel(), self._nodes, self._keys, self._heap[0],
+            numbers, points.ravel(), grid.free_from.ravel(), self._nodes, self._keys, self._heap[0],
             self._best, self._far, grid.edge.ravel(), self._reachable.ravel(), discs[0], discs[1],
             self._heap[1], self._lanes, self._taken.ravel(), sides,
             self._found,
@@ -505,7 +521,7 @@ class Finder:
         """Points on a body, and what is known of the ground that is free for its discs."""
         if (body, gap) not in self._bodies:
             unknown = np.full((2, self._coarse[0] * self._coarse[1]), -9.0, np.float32)
-            self._bodies[body, gap] = body.points(BODY_POINTS, gap), unknown
+            self._bodies[body, gap] = body.points(PARAMS.body_m, gap), unknown
         return self._bodies[body, gap]
 
     def _is_clear(self, track: Track, body: Body, points: Array, time: float, speed: float) -> bool:
@@ -532,7 +548,7 @@ class Finder:
             shape = self.grid.edge.shape
             if i.min() < 0 or j.min() < 0 or i.max() >= shape[0] or j.max() >= shape[1]:
                 return False
-            if self._taken[i, j].any() or (self.grid.edge[i, j] < -STRAY).any():
+            if self._taken[i, j].any() or (self.grid.edge[i, j] < -PARAMS.stray_m).any():
                 return False
             wheels = np.flatnonzero(on[:, 3] < 0.5)
             if (self.grid.free_from[i[:, wheels], j[:, wheels]] > when).any():

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.fleet.bodies import Body, Drive, Place
 from swath.fleet.ground import Ground, shapely_here
-from swath.fleet.ways import LINE, Finder, Track
+from swath.fleet.ways import PARAMS as WAYS
+from swath.fleet.ways import Finder, Track
 
 Array = NDArray[np.float64]
 
@@ -138,7 +139,7 @@ def _ways(ground: Ground, finder: Finder, m: Waits, place: Place, taken: Sequenc
         for ends in ([(place, g) for g in goals], [(g, place) for g in goals]):
             ways = (
                 finder.find(
-                    m.body, m.drive, start, goal, stand=taken, in_line=LINE, most=PARAMS.poses,
+                    m.body, m.drive, start, goal, stand=taken, in_line=WAYS.line_deg, most=PARAMS.poses,
                 )
                 for start, goal in ends
             )  # fmt: skip

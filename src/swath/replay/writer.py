@@ -79,15 +79,19 @@ def render(
     data: bytes,
     *,
     more: tuple[str, ...] = (),
-    frame: str = "page.html",
+    body: str = "page",
     scripts: tuple[str, ...] = SCRIPTS,
 ) -> str:
-    """The whole page. more: further scripts of it; frame, scripts: of another one"""
+    """The whole page. more: further scripts of it; body, scripts: of another one, with styles of its own"""
     script = "".join((PAGE / f"{part}.js").read_text(encoding="utf-8") for part in (*scripts, *more))
-    page = (PAGE / frame).read_text(encoding="utf-8")
+    styles = "".join(
+        (PAGE / f"{part}.css").read_text(encoding="utf-8") for part in dict.fromkeys(("page", body))
+    )
+    page = (PAGE / "frame.html").read_text(encoding="utf-8")
     parts = {
+        "BODY": (PAGE / f"{body}.html").read_text(encoding="utf-8"),
         "NAME": html.escape(name),
-        "STYLE": (PAGE / "page.css").read_text(encoding="utf-8"),
+        "STYLE": styles,
         "SCRIPT": f'"use strict";(() => {{\n{script}}})();\n',
         "DATA": as_text(data),
     }

@@ -1,7 +1,6 @@
 """Turns from one pass to the next. `plan(start, end, limits)` gives the pieces of a path between two poses.
 
-`dubins` jumps from straight to full lock; `clothoid` turns the steering at its rate; `tracked` is either,
-driven by a machine with its steering in closed loop.
+`dubins` jumps from straight to full lock; `clothoid` turns the steering at its rate.
 """
 
 from swath.control.turns.limits import TurnLimits, limits_of

@@ -2,6 +2,7 @@
 
 import math
 
+from swath.control.turns.clothoid import bends_of
 from swath.control.turns.dubins import Place, shortest
 from swath.job.path import Piece, Pose
 from swath.job.turns import TurnLimits
@@ -9,9 +10,8 @@ from swath.job.turns import TurnLimits
 
 def plan(start: Pose, end: Pose, limits: TurnLimits) -> list[Piece]:
     """Pieces of the shortest path between two poses."""
-    bend = 1.0 / limits.radius
-    sign = {"L": bend, "S": 0.0, "R": -bend}
-    return [Piece(sign[c], sign[c], size) for c, size in shortest(Place(*start), Place(*end), limits.radius)]
+    way = shortest(Place(*start), Place(*end), limits.radius)
+    return [Piece(b.begin, b.end, b.length) for b in bends_of(way, limits.radius)]
 
 
 def length(start: Pose, end: Pose, radius: float) -> float:

@@ -1,10 +1,6 @@
 // A job from above: the field, what is cut, machines to scale, what they hold and why they wait.
 
 const CAMERAS = [];
-const COLOURS = {
-  cut: "#c98a00", way: "#56a5d8", pour: "#8a5fb0", beside: "#7cc4a4", load: "#1f9a6d", "at truck": "#0069a8",
-  "waits for partner": "#d1512a", "waits for ground": "#ef9a72", "waits for truck": "#8c2d04", idle: "#9aa0a8",
-};
 const LEAST = 9; // px, that a machine is drawn at least
 const isDark = matchMedia("(prefers-color-scheme: dark)");
 const tones = () => (isDark.matches
@@ -62,12 +58,12 @@ class Job {
       element("machine").append(new Option(`follow ${m.name}`, m.name));
       return row;
     });
-    for (const state of this.data.states) {
+    this.data.states.forEach((state, k) => {
       const item = document.createElement("li"), spot = document.createElement("i");
-      spot.style.background = COLOURS[state];
+      spot.style.background = this.data.colours[k];
       item.append(spot, state);
       element("states").append(item);
-    }
+    });
   }
 
   controls() {
@@ -298,7 +294,7 @@ class Job {
       pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
       data.machines.forEach((m, k) => {
         for (const [state, begin, end] of m.spans) {
-          pen.fillStyle = COLOURS[data.states[state]];
+          pen.fillStyle = data.colours[state];
           const x = begin / data.duration * wide;
           pen.fillRect(x, gap + k * (high + gap), (end - begin) / data.duration * wide + 0.3, high);
         }
