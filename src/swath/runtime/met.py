@@ -71,14 +71,19 @@ QUANTITIES: Mapping[str, Quantity] = {
 }  # fmt: skip
 
 
+def check_names(names: Sequence[str]) -> None:
+    """InputError for what is no quantity."""
+    for name in names:
+        if name not in QUANTITIES:
+            expected = f"expected one of {', '.join(QUANTITIES)}{near_miss(name, list(QUANTITIES))}"
+            raise InputError("met", name, expected)
+
+
 class MetHook(RunHook):
     """Writes quantities down along the way of the leading machine."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        for name in names:
-            if name not in QUANTITIES:
-                expected = f"expected one of {', '.join(QUANTITIES)}{near_miss(name, list(QUANTITIES))}"
-                raise InputError("met", name, expected)
+        check_names(names)
         self._names = list(names)
 
     def begin(self, run: ActiveRun) -> None:

@@ -21,7 +21,7 @@ from swath.core.random import Stream
 from swath.documents.hints import near_miss
 from swath.documents.validation import validate
 from swath.documents.yaml_document import Document, read_document
-from swath.runtime.met import QUANTITIES
+from swath.runtime.met import check_names
 from swath.scenario.overrides import layered
 from swath.scenario.sections import Bounds
 from swath.scenario.versions import READ_BY
@@ -116,10 +116,7 @@ class CaseFile:
     met: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        for name in self.met:
-            if name not in QUANTITIES:
-                expected = f"expected one of {', '.join(QUANTITIES)}{near_miss(name, list(QUANTITIES))}"
-                raise InputError("met", name, expected)
+        check_names(self.met)
 
 
 @dataclass(frozen=True)
