@@ -342,7 +342,7 @@ class _Scheduler:
     @property
     def left(self) -> int:
         """Passes that are left."""
-        return sum(map(len, self.todo()))
+        return sum(len(passes) for passes in self.todo())
 
     def candidates(self, c: CombineState) -> list[Pass]:
         """Passes that a combine may cut next, the best first: headland, its own, others' lands, the rest."""

@@ -10,12 +10,13 @@ the interval that goes with Wilcoxon's test. Several questions at once: Holm 197
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan, sqrt
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from swath.core.errors import MissingExtra
 
+Name = TypeVar("Name", str, int)
 ALPHA = 0.05  # chance with which something is shown that is not there
 POWER = 0.8  # with which the smallest difference would have been seen
 EFFICIENCY = 0.955  # of Wilcoxon's test to Student's in normal differences, 3 / pi
@@ -75,9 +76,9 @@ def verdict_test(better: int, worse: int) -> float:
     return float(_scipy().binomtest(better, count, 0.5).pvalue) if count else 1.0
 
 
-def holm(p: Mapping[str, float], level: float = ALPHA) -> set[str]:
+def holm(p: Mapping[Name, float], level: float = ALPHA) -> set[Name]:
     """Names of what is shown, all together false with a chance of `level` at most."""
-    shown: set[str] = set()
+    shown: set[Name] = set()
     for rank, (name, value) in enumerate(sorted(p.items(), key=lambda item: item[1])):
         if not value <= level / (len(p) - rank):
             break

@@ -16,8 +16,6 @@ import numpy as np
 from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
 from swath.documents.hints import near_miss
-from swath.documents.json_file import read_object
-from swath.documents.text_file import read_text
 from swath.signals import F64
 from swath.tools.function_test.boundary import Boundary, first_points, next_points
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases
@@ -25,7 +23,7 @@ from swath.tools.function_test.journal import TABLE, Result, read_table
 from swath.tools.function_test.margin import margin
 from swath.tools.function_test.plan import Plan, code_hash
 from swath.tools.function_test.pool import Done
-from swath.tools.function_test.session import PLAN, Session
+from swath.tools.function_test.session import PLAN, Session, check_empty, read_asked
 
 SEARCH = "search.json"
 FEWEST = 8  # runs of a search
@@ -127,14 +125,9 @@ def run_search(
 
 def open_search(session: Session) -> Searched | None:
     """The search that a folder holds, None where it is another function test."""
-    file = session.folder / SEARCH
-    if not file.is_file():
+    search = read_asked(session.folder / SEARCH, Search, "a search")
+    if search is None:
         return None
-    data = read_object(file, "search", "a search")
-    try:
-        search = Search(**{**data, "sets": tuple(data["sets"])})
-    except (KeyError, TypeError) as error:
-        raise InputError(SEARCH, None, f"expected a search: {error}", file=file) from error
     return Searched(session.folder, search, session.plan.found[0], session.results())
 
 
@@ -176,13 +169,13 @@ def _limits_of(case: Case) -> list[str]:
 
 def _claim(folder: Path, search: Search) -> None:
     """Make the folder one of this search. InputError where there is another one."""
-    file, text = folder / SEARCH, json.dumps(asdict(search), indent=2, sort_keys=True) + "\n"
-    if file.is_file():
-        if read_text(file, "--out", "a search") != text:
+    file = folder / SEARCH
+    before = read_asked(file, Search, "a search")
+    if before is not None:
+        if before != search:
             expected = "expected a new folder: this one holds another search, or one of other code"
             raise InputError("--out", str(folder), expected)
         return
-    if folder.is_dir() and any(folder.iterdir()):
-        raise InputError("--out", str(folder), "expected a new or empty folder, or one of a search")
+    check_empty(folder, "a search")
     folder.mkdir(parents=True, exist_ok=True)
-    write_whole(file, text)
+    write_whole(file, json.dumps(asdict(search), indent=2, sort_keys=True) + "\n")

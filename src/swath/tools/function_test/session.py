@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from swath.tools.function_test.plan import ID_LENGTH, Plan, PlannedRun, plan_of
 from swath.tools.function_test.pool import Done, run_all
 
 PLAN, JOURNALS = "plan.json", "journal"
+Asked = TypeVar("Asked")
 
 
 @dataclass(frozen=True)
@@ -131,12 +132,29 @@ def begin(folder: Path, plan: Plan, candidates: Path | None = None) -> Session:
             "expected a new folder: in this one lie results of another plan, or of another version of swath"
         )
         raise InputError("--out", str(folder), expected)
-    if not file.is_file() and folder.is_dir() and any(folder.iterdir()):
-        raise InputError("--out", str(folder), "expected a new or empty folder, or one of a function test")
+    if not file.is_file():
+        check_empty(folder, "a function test")
     plan.check(candidates)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(file, text)
     return Session(folder, plan)
+
+
+def check_empty(folder: Path, what: str) -> None:
+    """InputError for a folder in which something lies. what: that could have gone on there"""
+    if folder.is_dir() and any(folder.iterdir()):
+        raise InputError("--out", str(folder), f"expected a new or empty folder, or one of {what}")
+
+
+def read_asked(file: Path, kind: type[Asked], what: str) -> Asked | None:
+    """What a search or campaign asks, from its file in a folder; None where there is none. what: in words"""
+    if not file.is_file():
+        return None
+    data = read_object(file, what.split()[-1], what)
+    try:
+        return kind(**{key: tuple(v) if isinstance(v, list) else v for key, v in data.items()})
+    except TypeError as error:
+        raise InputError(file.name, None, f"expected {what}: {error}", file=file) from error
 
 
 def _but_limits(text: str) -> str:

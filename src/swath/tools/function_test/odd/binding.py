@@ -5,7 +5,6 @@ A binding is a file of its own beside the OpenODD documents, which stay as their
 says what is asked of the function: scenario, limits and claim, in the words of a test case.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.resources import files
@@ -21,7 +20,7 @@ from swath.core.errors import InputError
 from swath.documents.hints import near_miss
 from swath.documents.validation import validate
 from swath.documents.yaml_document import Document, dump, read_document
-from swath.runtime.met import QUANTITIES
+from swath.runtime.met import QUANTITIES, check_quantities
 from swath.signals import F64
 from swath.tools.function_test.case import FORMAT as CASE_FORMAT
 from swath.tools.function_test.case import Case, CaseFile, Claim
@@ -29,6 +28,7 @@ from swath.tools.function_test.files import from_beside
 from swath.tools.function_test.odd.openodd import Domain, Value, read_domain
 
 FORMAT = "swath odd 1"
+WITHIN = (0.02, 0.5, 0.98)  # of the width of a bucket, where it is looked at: near both edges, in the middle
 BUNDLED = Path(str(files("swath.data") / "odds"))
 CLAIM = Claim(pass_rate=0.8, confidence=0.95)  # 14 runs without a failure for one cell
 
@@ -37,12 +37,17 @@ CLAIM = Claim(pass_rate=0.8, confidence=0.95)  # 14 runs without a failure for o
 class Bound:
     """How swath makes and measures an attribute.
 
-    key: of the scenario, which gets value * scale + offset; unit: of the values here buckets: rising edges of
-    a number; values: of a category, the scenario keys and values each stands for exposure: share of the
-    working time of each bucket or value, any sum; none = all alike met: quantity of a run
-    (`swath.runtime.met`) that says what was driven; none = what was set holds all the way; alone: nothing
-    sets the attribute, runs only measure whether they stay inside the ODD not_simulated: why swath cannot
-    make it; such an attribute has nothing else
+    key: of the scenario, which gets value * scale + offset; unit: of the values here
+
+    buckets: rising edges of a number; values: of a category, the scenario keys and values each stands for
+
+    exposure: share of the working time of each bucket or value, any sum; none = all alike
+
+    met: quantity of a run (`swath.runtime.met`), in the same unit, that says what was driven; none = what was
+    set holds all the way; alone: nothing sets the attribute, runs only measure whether they stay inside the
+    ODD
+
+    not_simulated: why swath cannot make it; such an attribute has nothing else
     """
 
     key: str = ""
@@ -77,10 +82,17 @@ class Bound:
         """True where it sets something."""
         return bool(self.key or self.values)
 
+    @property
+    def keys(self) -> list[str]:
+        """The scenario keys that it sets."""
+        return [self.key] if self.key else sorted({key for keys in self.values.values() for key in keys})
+
     def _check_met(self) -> None:
-        if self.met and self.met not in QUANTITIES:
-            expected = f"expected one of {', '.join(QUANTITIES)}{near_miss(self.met, list(QUANTITIES))}"
-            raise InputError("met", self.met, expected)
+        if not self.met:
+            return
+        check_quantities([self.met])
+        if self.unit != (unit := QUANTITIES[self.met].unit):
+            raise InputError("unit", self.unit or None, f"expected {unit}, in which {self.met} is measured")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,6 +132,11 @@ class Axis:
     def layer(self) -> str:
         """Its group at the top of the taxonomy."""
         return self.name.partition(".")[0]
+
+    @property
+    def unit(self) -> str:
+        """With a space before it, to follow a number; "" of what has none."""
+        return "" if self.bound.unit in ("", "1") else f" {self.bound.unit}"
 
     @property
     def count(self) -> int:
@@ -192,10 +209,10 @@ class Odd:
     @cached_property
     def possible(self) -> Any:
         """Pairs of buckets that have a place inside the ODD, (n, n) of bool; diagonal: a bucket alone."""
-        count, shares = self.bucket_count, (0.02, 0.5, 0.98)
+        count = self.bucket_count
         out = np.zeros((count, count), dtype=bool)
         tried = [
-            {axis.name: [axis.value(bucket, share) for share in (shares if axis.edges else (0.0,))]}
+            {axis.name: [axis.value(bucket, share) for share in (WITHIN if axis.edges else (0.0,))]}
             for axis, bucket in self.bucket_axis
         ]
         alone = [[{n: v} for n, vs in one.items() for v in vs if self.domain.holds({n: v})] for one in tried]
@@ -289,17 +306,13 @@ def read_odd(path: Path) -> Odd:
     return odd
 
 
-def outside_keys(odd: Odd) -> Sequence[tuple[str, str]]:
-    """Keys that two attributes set, or an attribute and `set`: key, and who else sets it."""
+def keys_set_twice(odd: Odd) -> list[tuple[str, str, str]]:
+    """Keys that two attributes set, or an attribute and `set`: attribute, key, and who else sets it."""
     seen: dict[str, str] = dict.fromkeys(odd.file.set, "set")
     found = []
     for axis in odd.axes:
-        bound = axis.bound
-        keys: Mapping[str, Any] = dict.fromkeys([bound.key] if bound.key else [])
-        for more in bound.values.values():
-            keys = {**keys, **dict.fromkeys(more)}
-        for key in keys:
+        for key in axis.bound.keys:
             if key in seen:
-                found.append((f"{axis.name}: {key}", seen[key]))
+                found.append((axis.name, key, seen[key]))
             seen[key] = axis.name
     return found

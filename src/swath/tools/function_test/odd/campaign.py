@@ -15,8 +15,6 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
-from swath.documents.json_file import read_object
-from swath.documents.text_file import read_text
 from swath.tools.function_test.case import Claim, Point
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.odd.binding import Odd, read_odd
@@ -25,7 +23,7 @@ from swath.tools.function_test.odd.coverage import Coverage, coverage_of, driven
 from swath.tools.function_test.odd.design import Design
 from swath.tools.function_test.plan import Plan, code_hash
 from swath.tools.function_test.pool import Done
-from swath.tools.function_test.session import PLAN, Session
+from swath.tools.function_test.session import PLAN, Session, check_empty, read_asked
 
 CAMPAIGN, ODD_FILE, CASE_FILE = "campaign.json", "campaign.odd.yaml", "campaign.yaml"
 ROUND = 50  # runs between two looks at what was driven
@@ -106,22 +104,16 @@ def conduct(
 
 def open_campaign(session: Session) -> Conducted | None:
     """The campaign that a folder holds, None where it is another function test."""
-    file = session.folder / CAMPAIGN
-    if not file.is_file():
+    campaign = read_asked(session.folder / CAMPAIGN, Campaign, "a campaign")
+    if campaign is None:
         return None
-    data = read_object(file, "campaign", "a campaign")
-    try:
-        budgets, sets = tuple(data["budgets"]), tuple(data["sets"])
-        campaign = Campaign(**{**data, "budgets": budgets, "sets": sets})
-    except (KeyError, TypeError) as error:
-        raise InputError(CAMPAIGN, None, f"expected a campaign: {error}", file=file) from error
     odd, results = replace(read_odd(session.folder / ODD_FILE), name=campaign.odd), session.results()
     return Conducted(session, campaign, odd, coverage_of(odd, results), results)
 
 
 def revision_of(odd: Odd) -> str:
-    """What an ODD and its binding are: SHA-256 of the one, and all that the other says."""
-    return f"{odd.domain.revision} {json.dumps(odd.case_data(), sort_keys=True)}"
+    """What an ODD and its binding are: SHA-256 of the one, and all that the other says, with whole paths."""
+    return f"{odd.domain.revision} {json.dumps([odd.document.data, odd.case_data()], sort_keys=True)}"
 
 
 def pair_count(odd: Odd) -> int:
@@ -143,22 +135,18 @@ def _claim_folder(folder: Path, campaign: Campaign, odd: Odd) -> Campaign:
     if campaign.budgets[0] < LEAST:
         raise InputError("--runs", campaign.budgets[0], f"expected {LEAST} runs or more")
     file = folder / CAMPAIGN
-    if file.is_file():
-        before = json.loads(read_text(file, "--out", "a campaign"))
-        mine = json.loads(json.dumps(asdict(campaign)))
-        if {**before, "budgets": 0} != {**mine, "budgets": 0}:
+    before = read_asked(file, Campaign, "a campaign")
+    if before is not None:
+        if replace(before, budgets=campaign.budgets) != campaign:
             expected = (
                 "expected a new folder: this one holds another campaign, or one of another ODD or other code"
             )
             raise InputError("--out", str(folder), expected)
-        budgets = tuple(before["budgets"])
-        if campaign.budgets[-1] > budgets[-1]:
-            budgets = (*budgets, *campaign.budgets)
-        campaign = replace(campaign, budgets=budgets)
-    elif folder.is_dir() and any(folder.iterdir()):
-        raise InputError("--out", str(folder), "expected a new or empty folder, or one of a campaign")
-    folder.mkdir(parents=True, exist_ok=True)
-    if not file.is_file():
+        is_longer = campaign.budgets[-1] > before.budgets[-1]
+        campaign = replace(before, budgets=(*before.budgets, *campaign.budgets)) if is_longer else before
+    else:
+        check_empty(folder, "a campaign")
+        folder.mkdir(parents=True, exist_ok=True)
         names = [f"{number}.openodd.yaml" for number in range(len(odd.domain.documents))]
         for name, document in zip(names, odd.domain.documents, strict=True):
             assert document.file is not None

@@ -16,14 +16,14 @@ e-process of `verdict` takes its place: the reciprocal of its capital is a p-val
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from math import exp, log
+from math import exp
 
 import numpy as np
 
-from swath.signals import F64
 from swath.tools.function_test.case import Claim
 from swath.tools.function_test.odd.coverage import Coverage
-from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, log_capital
+from swath.tools.function_test.paired import holm
+from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, log_capital, needed
 
 NEVER = "never driven"
 VERDICTS = (SHOWN, BROKEN, NOT_SHOWN, NEVER)
@@ -53,6 +53,8 @@ class OddCell:
 
 def judged(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[OddCell]:
     """All cells that the ODD has, buckets first. is_complete: the plan is, as it was made first"""
+    from scipy.stats import false_discovery_control
+
     odd = coverage.odd
     places = [(i, i) for i in range(odd.bucket_count) if odd.possible[i, i]]
     places += [(int(i), int(j)) for i, j in zip(*np.nonzero(np.triu(odd.possible, 1)), strict=True)]
@@ -64,19 +66,20 @@ def judged(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[OddCe
     shown = np.array(
         [p_shown(int(n), int(k), claim, is_complete) for n, k in zip(counted, failed, strict=True)]
     )
-    is_pair = np.array([i != j for i, j in places])
-    is_broken, is_shown = holm(broken, claim.confidence), np.zeros(len(places), dtype=bool)
+    wrong = 1.0 - claim.confidence
+    surely_broken = holm(dict(enumerate(broken.tolist())), wrong)
+    is_shown, is_pair = np.zeros(len(places), dtype=bool), np.array([i != j for i, j in places])
     for family in (is_pair, ~is_pair):
-        is_shown[family] = benjamini_yekutieli(shown[family], claim.confidence)
-    causes = causes_of(coverage, [p for p, b in zip(places, is_broken, strict=True) if b], claim)
-    cells = []
+        is_shown[family] = false_discovery_control(shown[family], method="by") <= wrong
+    causes = causes_of(coverage, [place for n, place in enumerate(places) if n in surely_broken], claim)
+    cells, driven = [], coverage.driven
     for number, (i, j) in enumerate(places):
         own = (i,) if i == j else (i, j)
         axes = [odd.bucket_axis[place] for place in own]
-        driven = coverage.hits[i, j] > 0 or counted[number] > 0
         verdict = (
-            BROKEN if is_broken[number] else SHOWN if is_shown[number] else NOT_SHOWN if driven else NEVER
-        )
+            BROKEN if number in surely_broken else SHOWN if is_shown[number]
+            else NOT_SHOWN if driven[i, j] else NEVER
+        )  # fmt: skip
         cause = causes.get((i, j))
         cells.append(
             OddCell(own, named(coverage, own), tuple(axis.layer for axis, _ in axes), int(counted[number]),
@@ -90,11 +93,7 @@ def judged(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[OddCe
 def named(coverage: Coverage, places: tuple[int, ...]) -> str:
     """A cell in words."""
     axes = [coverage.odd.bucket_axis[place] for place in dict.fromkeys(places)]
-    return ", ".join(f"{axis.name} {axis.labels[b]}{_unit(axis.bound.unit)}" for axis, b in axes)
-
-
-def _unit(unit: str) -> str:
-    return f" {unit}" if unit not in ("", "1") else ""
+    return ", ".join(f"{axis.name} {axis.labels[b]}{axis.unit}" for axis, b in axes)
 
 
 @cache
@@ -102,8 +101,6 @@ def p_broken(counted: int, failed: int, claim: Claim, is_complete: bool) -> floa
     """Chance of so many failures or more where the claimed share of runs passes."""
     from scipy.stats import binom
 
-    if counted == 0:
-        return 1.0
     if is_complete:
         return float(binom.sf(failed - 1, counted, 1.0 - claim.pass_rate))
     return min(1.0, exp(-log_capital(counted - failed, counted, claim.pass_rate, is_for=False)))
@@ -114,41 +111,15 @@ def p_shown(counted: int, failed: int, claim: Claim, is_complete: bool) -> float
     """Chance of so few failures where no more than the claimed share of runs passes."""
     from scipy.stats import binom
 
-    if counted == 0:
-        return 1.0
     if is_complete:
         return float(binom.cdf(failed, counted, 1.0 - claim.pass_rate))
     return min(1.0, exp(-log_capital(counted - failed, counted, claim.pass_rate, is_for=True)))
 
 
-def holm(p: F64, confidence: float) -> np.ndarray:
-    """Which hypotheses are rejected, with all of them together right with the confidence (Holm 1979)."""
-    order = np.argsort(p, kind="stable")
-    passed = p[order] <= (1.0 - confidence) / (len(p) - np.arange(len(p)))
-    out = np.zeros(len(p), dtype=bool)
-    out[order] = np.logical_and.accumulate(passed)
-    return out
-
-
-def benjamini_yekutieli(p: F64, confidence: float) -> np.ndarray:
-    """Which hypotheses are rejected, with an expected share of wrong ones of 1 - confidence at most."""
-    count = len(p)
-    order = np.argsort(p, kind="stable")
-    limit = (1.0 - confidence) * np.arange(1, count + 1) / (count * harmonic(count))
-    below = np.flatnonzero(p[order] <= limit)
-    out = np.zeros(count, dtype=bool)
-    out[order[: below[-1] + 1 if len(below) else 0]] = True
-    return out
-
-
-def harmonic(count: int) -> float:
-    """1 + 1/2 + ... + 1/count."""
-    return float(np.sum(1.0 / np.arange(1, count + 1)))
-
-
 def needed_each(count: int, claim: Claim) -> int:
     """Runs without a failure in each of `count` cells that show all of them."""
-    return int(np.ceil(log((1.0 - claim.confidence) / harmonic(count)) / log(claim.pass_rate) - 1e-9))
+    correction = float(np.sum(1.0 / np.arange(1, count + 1)))  # of Benjamini & Yekutieli, all equally likely
+    return needed(claim.pass_rate, 1.0 - (1.0 - claim.confidence) / correction)
 
 
 def causes_of(
@@ -159,7 +130,7 @@ def causes_of(
     The cell with the least likely failures comes first, of equals the simpler one; its runs are taken away,
     and what is then no more broken by itself, at the claim's confidence, is explained by it; and so on with
     the rest.
-    """  # fmt: skip
+    """
     runs = [(set(coverage.main(run).tolist()), run.passes) for run in coverage.runs if run.counts]
     left, found = list(broken), dict[tuple[int, int], tuple[int, ...]]()
     while left:
@@ -184,12 +155,12 @@ def remaining(coverage: Coverage, cells: list[OddCell], claim: Claim, *, is_comp
     The causes were found with the runs that then show the rest: a new campaign on what remains confirms it.
     """
     causes = {cell.cause for cell in cells if cell.verdict == BROKEN}
-    broken = [set(cell.places) for cell in cells if cell.text in causes]
+    broken = [cell.places for cell in cells if cell.text in causes]
     if not broken:
         return cells
     rest = Coverage(coverage.odd)
     for run in coverage.runs:
-        if not any(set(coverage.main(run).tolist()) >= places for places in broken):
+        if not any(coverage.is_in(run, places) for places in broken):
             rest.add(run)
     return judged(rest, claim, is_complete=is_complete)
 

@@ -11,11 +11,11 @@ import numpy as np
 from swath.core.errors import InputError
 from swath.documents.yaml_document import read_document
 from swath.scenario.scenario import load_scenario
-from swath.tools.function_test.odd.binding import FORMAT, Axis, Odd, outside_keys, read_odd
+from swath.tools.function_test.odd.binding import FORMAT, WITHIN, Axis, Odd, keys_set_twice, read_odd
 from swath.tools.function_test.odd.design import Design
-from swath.tools.function_test.odd.openodd import Domain, Value, read_domain
+from swath.tools.function_test.odd.openodd import TAXONOMY, Domain, Value, read_domain
 
-FEWEST = 4  # buckets of a number
+FEWEST = 4  # buckets of a number: fewer put its ends and its usual values into one verdict
 UNBOUND, OUT_OF_RANGE, CONTRADICTORY, FEW = "unbound", "out of range", "contradictory", "few buckets"
 NOT_SIMULATED, NOT_DRAWN = "not simulated", "not drawn"
 WRONG = (UNBOUND, OUT_OF_RANGE, CONTRADICTORY, FEW)  # what has to be mended; the others are told
@@ -38,7 +38,7 @@ def check_file(path: Path) -> tuple[Domain, list[Finding]]:
     if isinstance(document.data, dict) and document.data.get("format") == FORMAT:
         odd = read_odd(path)
         return odd.domain, check(odd)
-    if isinstance(document.data, dict) and "TAXONOMY" in document.data:
+    if isinstance(document.data, dict) and TAXONOMY in document.data:
         domain = read_domain([path], {})
         return domain, [
             Finding(UNBOUND, name, "no binding says how swath makes it") for name in domain.attributes
@@ -54,9 +54,8 @@ def check(odd: Odd) -> list[Finding]:
     bound = odd.file.attributes
     text = "the binding does not name it"
     found = [Finding(UNBOUND, name, text) for name in odd.domain.attributes if name not in bound]
-    for key, other in outside_keys(odd):
-        name, _, rest = key.partition(": ")
-        found.append(Finding(CONTRADICTORY, name, f"{rest} is set by {other}, too"))
+    for name, key, other in keys_set_twice(odd):
+        found.append(Finding(CONTRADICTORY, name, f"{key} is set by {other}, too"))
     for axis in odd.axes:
         found += _axis(odd, axis)
     if not any(f.kind == CONTRADICTORY for f in found):
@@ -77,10 +76,10 @@ def _axis(odd: Odd, axis: Axis) -> list[Finding]:
         step = 1e-3 * (axis.edges[-1] - axis.edges[0])
         for edge, beyond in ((axis.edges[0], -step), (axis.edges[-1], step)):
             if odd.domain.holds({axis.name: edge + beyond}):
-                text = f"the ODD goes on beyond {edge:g} {axis.bound.unit}, the buckets end there"
-                found.append(Finding(NOT_DRAWN, axis.name, text.replace("  ", " ")))
+                text = f"the ODD goes on beyond {edge:g}{axis.unit}, the buckets end there"
+                found.append(Finding(NOT_DRAWN, axis.name, text))
         for bucket in range(axis.count):
-            limits = [odd.domain.holds({axis.name: axis.value(bucket, share)}) for share in (0.02, 0.5, 0.98)]
+            limits = [odd.domain.holds({axis.name: axis.value(bucket, share)}) for share in WITHIN]
             if any(limits) and not all(limits):
                 text = f"a limit of the ODD lies inside the bucket {axis.labels[bucket]}: set an edge there"
                 found.append(Finding(NOT_DRAWN, axis.name, text))

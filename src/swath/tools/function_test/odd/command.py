@@ -19,7 +19,7 @@ def add(parsers: Any) -> None:
 def _check(args: argparse.Namespace) -> int:
     from swath.terminal.tables import as_json, table
     from swath.tools.function_test.odd.binding import find_odd
-    from swath.tools.function_test.odd.check import WRONG, check_file, table_of
+    from swath.tools.function_test.odd.check import NOT_SIMULATED, UNBOUND, WRONG, check_file, table_of
 
     domain, findings = check_file(find_odd(args.odd))
     rows = table_of(findings)
@@ -29,7 +29,7 @@ def _check(args: argparse.Namespace) -> int:
         return 1 if wrong else 0
     if rows:
         table("", ("kind", "attribute", "what"), rows)
-    bound = len(domain.attributes) - len({f.name for f in findings if f.kind in ("unbound", "not simulated")})
+    bound = len(domain.attributes) - len({f.name for f in findings if f.kind in (UNBOUND, NOT_SIMULATED)})
     print(f"{bound} of {len(domain.attributes)} attributes are bound; {wrong} to mend")
     return 1 if wrong else 0
 

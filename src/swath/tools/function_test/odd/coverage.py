@@ -20,8 +20,8 @@ from swath.tools.function_test.journal import Result
 from swath.tools.function_test.odd.binding import Axis, Odd
 from swath.tools.function_test.odd.openodd import Value
 
-HIT_M = 5.0  # driven in a bucket for a hit: what is less is a way through
-INSIDE = 0.9  # share of its way that a passing run has to be inside the ODD to count
+HIT_M = 5.0  # driven in a bucket for a hit: what is less is a way through [m]; estimated
+INSIDE = 0.9  # share of its way that a passing run has to be inside the ODD to count; estimated
 Counts = NDArray[np.int64]
 
 
@@ -157,6 +157,15 @@ class Coverage:
         found: Counts = (self._first + run.main)[run.main >= 0]
         return found
 
+    def is_in(self, run: Driven, places: Iterable[int]) -> bool:
+        """Whether a run counts for the verdict of some buckets together."""
+        return set(places) <= set(self.main(run).tolist())
+
+    @property
+    def driven(self) -> NDArray[np.bool_]:
+        """Cells that a run drove HIT_M or more, or for whose verdict one counts."""
+        return (self.hits > 0) | (self.counted > 0)
+
     @property
     def planned(self) -> F64:
         """Runs in each pair of buckets, for the design: those that count for its verdict."""
@@ -166,7 +175,7 @@ class Coverage:
     def pair_share(self) -> tuple[int, int]:
         """Pairs of buckets of two attributes that were driven, of those that the ODD has."""
         is_pair = np.triu(self.odd.possible, 1)
-        return int((is_pair & (self.hits > 0)).sum()), int(is_pair.sum())
+        return int((is_pair & self.driven).sum()), int(is_pair.sum())
 
 
 def coverage_of(odd: Odd, results: Iterable[Result]) -> Coverage:

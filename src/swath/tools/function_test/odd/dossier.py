@@ -2,8 +2,7 @@
 shown.
 
 Every statement on the page is one of the cells in `cells.csv` or of the runs in `runs.csv`; each run can be
-made again from its name. Sections about what the simulation itself was checked for, and about the numbers
-that a metric rests on, have their place behind `believe`.
+made again from its name.
 """
 
 import csv
@@ -18,18 +17,20 @@ from xml.etree import ElementTree as ET
 from swath import __version__
 from swath.core.whole_file import write_whole
 from swath.report.html import write_page
+from swath.runtime.met import QUANTITIES
 from swath.tools.function_test.cells import cells_of
 from swath.tools.function_test.junit import write_junit
 from swath.tools.function_test.odd.campaign import Conducted
 from swath.tools.function_test.odd.cells import NEVER, VERDICTS, OddCell, excluded, needed_each, remaining
-from swath.tools.function_test.odd.coverage import Driven
+from swath.tools.function_test.odd.coverage import HIT_M, INSIDE, Driven
 from swath.tools.function_test.odd.restricted import write_restricted
 from swath.tools.function_test.page import write_matrix
-from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, describe, lower_bound
+from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, lower_bound
 
 COLOURS = {SHOWN: "#2f9e77", BROKEN: "#d55e00", NOT_SHOWN: "#e3cf86", NEVER: "#c9ced4"}
 CLEAN = "#bfe0c9"  # of a pair that is not shown and in which no run fails
 OUTSIDE = "#ffffff"  # of a pair that the ODD does not have
+NOWHERE = "nowhere"
 STEP = 8  # of the matrix of buckets [px]
 LISTED = 60  # rows of a list on the page; all are in the tables
 NO_CERTIFICATE = (
@@ -92,7 +93,8 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
     write_matrix(folder / "report.html", tested)
     runs = found.coverage.runs
     passed = sum(run.passes for run in runs)
-    rule = claim.pass_rate, claim.confidence
+    share, sure = f"{100 * claim.pass_rate:g} %", f"{100 * claim.confidence:g} %"
+    shown_now, shown_left = _shown(found, cells), _shown(found, rest)
     driven, pairs = found.coverage.pair_share
     broken = causes(cells)
     failing = [run for run in runs if not run.passes]
@@ -106,18 +108,23 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         counts={v: sum(c.verdict == v for c in cells) for v in VERDICTS},
         facts={
             "runs": f"{len(runs)} of {found.campaign.budgets[-1]}",
-            "pass": str(passed),
-            "claim for each cell": f"{100 * rule[0]:g} % of runs at {100 * rule[1]:g} % confidence",
-            "pairs driven": f"{driven} of {pairs} ({100 * driven / max(1, pairs):.1f} %)",
+            "runs that pass": str(passed),
+            "claim for each cell": f"{share} of its runs pass, {sure} confidence",
+            "pairs of buckets driven": f"{driven} of {pairs} ({100 * driven / max(1, pairs):.1f} %)",
             "requirement": found.odd.file.requirement or None,
             "ODD version": found.odd.domain.version or None,
             "LiDAR level": found.campaign.level or "that of the scenario",
             "swath": __version__,
         },
-        overall=describe(passed, len(runs), *rule, SHOWN) + f", with the confidence of {100 * rule[1]:g} %, "
-        "over the draws of this campaign",
+        overall=f"{passed} of {len(runs)} runs pass. So, with {sure} confidence, at least "
+        f"{100 * lower_bound(passed, len(runs), claim.confidence):.3g} % of all runs drawn like these pass",
+        claim={"share": share, "sure": sure, "wrong": f"{100 * (1.0 - claim.confidence):g} %"},
+        test="the exact binomial test" if found.is_complete else "an e-process (see above)",
+        hit_m=f"{HIT_M:g}",
+        inside=f"{100 * INSIDE:g} %",
         short=_short(found, cells),
-        shown=[(*a, b) for a, (_, b) in zip(_shown(found, cells), _shown(found, rest), strict=True)],
+        shown=[(*a, b) for a, (_, b) in zip(shown_now, shown_left, strict=True)],
+        nothing_left=[name for name, where in shown_left if where == NOWHERE],
         broken=[_cause(found, cells, cell) for cell in broken],
         never=[c.text for c in cells if c.verdict == NEVER][:LISTED],
         never_count=sum(c.verdict == NEVER for c in cells),
@@ -164,13 +171,12 @@ def _shown(found: Conducted, cells: Sequence[OddCell]) -> list[tuple[str, str]]:
             parts = [f"{axis.edges[r[0][1]]:g} to {axis.edges[r[-1][1] + 1]:g}" for r in runs]
         else:
             parts = [axis.labels[p] for p in places]
-        unit = "" if axis.bound.unit == "1" else axis.bound.unit
-        said.append((axis.name, f"{', '.join(parts)} {unit}".strip() if parts else "nowhere"))
+        said.append((axis.name, f"{', '.join(parts)}{axis.unit}" if parts else NOWHERE))
     return said
 
 
 def _cause(found: Conducted, cells: Sequence[OddCell], cell: OddCell) -> dict[str, Any]:
-    runs = [run for run in found.coverage.runs if set(cell.places) <= set(found.coverage.main(run).tolist())]
+    runs = [run for run in found.coverage.runs if found.coverage.is_in(run, cell.places)]
     failing = sorted((run for run in runs if not run.passes), key=lambda run: str(run.result["id"]))
     return {
         "text": cell.text,
@@ -191,7 +197,7 @@ def _layers(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
     for i, a in enumerate(names):
         row = []
         for b in names[: i + 1]:
-            some = [c for c in cells if {*c.layers} == {a, b} or (a == b and set(c.layers) == {a})]
+            some = [c for c in cells if {*c.layers} == {a, b}]
             total = len(some)
             row.append(
                 {
@@ -237,8 +243,9 @@ def _attributes(found: Conducted, cells: Sequence[OddCell]) -> list[dict[str, An
                     "colour": OUTSIDE if cell is None else COLOURS[cell.verdict],
                 }
             )
-        measured = f"measured: {axis.bound.met}" if axis.bound.met else "as set"
-        key = axis.bound.key or ", ".join(sorted({k for v in axis.bound.values.values() for k in v}))
+        met = axis.bound.met
+        measured = f"counted as measured: {QUANTITIES[met].meaning}" if met else "counted as set"
+        key = ", ".join(axis.bound.keys)
         out.append(
             {"name": axis.name, "unit": axis.bound.unit, "buckets": buckets, "measured": measured, "key": key}
         )
@@ -248,7 +255,7 @@ def _attributes(found: Conducted, cells: Sequence[OddCell]) -> list[dict[str, An
 def _matrix(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
     """Every pair of buckets as a square, below the diagonal."""
     odd = found.odd
-    squares, lines = [], []
+    squares, lines, layer = [], [], ""
     for cell in cells:
         i, j = cell.places[0], cell.places[-1]
         counts = f"{cell.counted - cell.failed} of {cell.counted} pass, {cell.metres:.0f} m"
@@ -256,7 +263,7 @@ def _matrix(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
         colour = CLEAN if cell.verdict == NOT_SHOWN and not cell.failed else COLOURS[cell.verdict]
         squares.append({"x": i * STEP, "y": j * STEP, "colour": colour, "title": text})
     for axis in odd.axes:
-        is_new = axis is odd.axes[0] or odd.axes[odd.axes.index(axis) - 1].layer != axis.layer
+        is_new, layer = axis.layer != layer, axis.layer
         lines.append(
             {
                 "at": axis.first * STEP,
@@ -290,19 +297,19 @@ def _run(run: Driven) -> dict[str, str]:
 def _believe(found: Conducted) -> list[str]:
     """What the verdicts do not take into account."""
     said = [
-        "Whether each part of the simulation was inside the range where it was checked is not judged here; "
-        "what each level assumes is listed by the command swath levels.",
-        "Limits, buckets and exposure are the numbers of the ODD's binding; its source says: "
-        f"{found.odd.file.source}.",
-        "A cell is judged over the other attributes as the campaign spreads them, each bucket alike once all "
-        "pairs are driven, not as often as they are met at work.",
-        "Faults that need three attributes at once are found only as far as they break a pair.",
+        "This page does not judge whether each model of the simulation was used inside the range in which it "
+        "was checked. The command swath levels lists what each assumes.",
+        "Limits, buckets and exposure are numbers of the file that binds the ODD to swath. It gives as their "
+        f"source: {found.odd.file.source}.",
+        "The share of runs that pass in a cell is not the share at work: the campaign spreads the other "
+        "attributes over all their buckets, work meets some of these more often.",
+        "A fault that needs three or more attributes at once is found only where it breaks a pair, too.",
     ]
     if not found.is_complete:
         said.append(
-            "Runs of the plan are missing, or it was made longer after a look: verdicts rest on an "
-            "e-process, "
-            "which may be looked at at any time and needs more runs."
+            "Planned runs are missing, or runs were added after results had been seen. The exact binomial "
+            "test does not allow for that; the verdicts rest on an e-process, a test that does and that "
+            "needs more runs."
         )
     return said
 

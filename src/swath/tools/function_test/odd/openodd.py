@@ -38,12 +38,9 @@ class Attribute:
 
 @dataclass(frozen=True)
 class Domain:
-    """An ODD as it was read. documents: its files, the first one with the root module; units: of the numbers
-    that are judged, by attribute
-    """
+    """An ODD as it was read. documents: its files, the first one with the root module"""
 
     documents: Sequence[Document]
-    units: Mapping[str, str]
     odd: Any
 
     @cached_property
@@ -113,13 +110,10 @@ def read_domain(files: Sequence[Path], units: Mapping[str, str]) -> Domain:
     library = _library()
     documents = [read_document(file) for file in files]
     known = attributes_of(documents)
-    units = {name: unit for name, unit in units.items() if name in known}
-    bindings = {name: {"unit": unit} for name, unit in units.items() if unit}
+    bindings = {name: {"unit": unit} for name, unit in units.items() if unit and name in known}
     while True:
         try:
-            return Domain(
-                documents, units, library.load_openodd(*files, bindings=bindings, name=files[0].stem)
-            )
+            return Domain(documents, library.load_openodd(*files, bindings=bindings, name=files[0].stem))
         except (library.OpenOddError, library.UnitError, ValueError) as error:
             found = _UNKNOWN_UNIT.search(str(error))
             if found is None or found[1] in bindings:
