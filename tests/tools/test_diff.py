@@ -69,3 +69,35 @@ def test_numbers_have_six_digits_and_say_how_little_they_differ():
     assert (_shown(near, 0.3), _shown(0.3, near)) == ("0.3 (+5.6e-17)", "0.3 (-5.6e-17)")
     assert _shown("straight", "curve") == "straight"
     assert _shown(0.5, "-") == "0.5"
+
+
+def test_a_changed_file_is_named(tmp_path):
+    code = tmp_path / "mine.py"
+    for name, factor in (("a", 1.0), ("again", 1.0), ("other", 1.001)):
+        code.write_text(OWN_SPEED.format(factor=factor))
+        sets = {**SETS, "combine.speed": {"level": f"{code}:Own"}}
+        swath.run("straight", tmp_path / name, sets=sets, report=False, code=True)
+    assert compare(tmp_path / "a", tmp_path / "again").settings == []
+    (row,) = compare(tmp_path / "a", tmp_path / "other").settings
+    assert row[0] == "contents of mine.py"
+    assert len(set(row[1:])) == 2
+
+
+OWN_SPEED = """
+from swath.core.component import Port
+from swath.signals import SpeedCommand
+
+
+class Own:
+    inputs = ()
+    outputs = (Port("command", SpeedCommand),)
+
+    def __init__(self, params, setup):
+        pass
+
+    def reset(self, stream):
+        return {{"command": SpeedCommand(0, {factor})}}
+
+    def step(self, t, dt, inputs):
+        return {{"command": SpeedCommand(t, {factor})}}
+"""

@@ -14,6 +14,7 @@ from swath.core.graph import Observer
 from swath.core.schedule import NS
 from swath.core.stopping import stoppable, unstopped
 from swath.core.whole_file import write_whole
+from swath.documents.contents import hashes
 from swath.judge.limits import exit_code_of
 from swath.judge.summary import make_summary, write_summary
 from swath.record.digest import Digest
@@ -282,6 +283,8 @@ class Running:
         notes = world.field.notes
         notes += [note for machine in world.machines.values() for note in machine.notes]
         notes += self.evaluation.notes()
+        if files := hashes(scenario.plain()):
+            summary["files"] = files
         if world.devices:
             summary["devices"] = {device.setup.name: device.summary() for device in world.devices}
             notes += [note for device in world.devices for note in device.notes]

@@ -172,7 +172,10 @@ def _settings(a: Run, b: Run) -> list[tuple[str, str, str]]:
     one, other = dict(_flat(a.scenario, "")), dict(_flat(b.scenario, ""))
     keys = dict.fromkeys([*one, *other])
     pairs = [(k, one.get(k, "-"), other.get(k, "-")) for k in keys if one.get(k) != other.get(k)]
-    return [(k, _shown(x, y), _shown(y, x)) for k, x, y in pairs]
+    files = [run.summary.get("files", {}) for run in (a, b)]
+    changed = [name for name in files[0] if files[1].get(name, files[0][name]) != files[0][name]]
+    rows = [(k, _shown(x, y), _shown(y, x)) for k, x, y in pairs]
+    return rows + [(f"contents of {n}", files[0][n][:8], files[1][n][:8]) for n in changed]
 
 
 def _flat(node: Any, path: str) -> Iterator[tuple[str, Any]]:

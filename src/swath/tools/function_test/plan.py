@@ -16,6 +16,7 @@ from typing import Any
 import swath
 from swath.core.errors import InputError
 from swath.core.foreign_code import code_unread
+from swath.documents.contents import file_hash, with_contents
 from swath.documents.yaml_document import parse_value
 from swath.scenario.overrides import layered, says_about
 from swath.scenario.scenario import Scenario, load_scenario
@@ -215,7 +216,7 @@ def code_hash() -> str:
     """SHA-256 of what this package consists of."""
     root = Path(swath.__file__).parent
     files = sorted(p for p in root.rglob("*") if p.suffix in CODE and "__pycache__" not in p.parts)
-    return _sha(f"{p.relative_to(root).as_posix()} {_file_hash(p)}" for p in files)
+    return _sha(f"{p.relative_to(root).as_posix()} {file_hash(p)}" for p in files)
 
 
 def _base(case: Case, code: str) -> str:
@@ -227,39 +228,11 @@ def _base(case: Case, code: str) -> str:
         raise InputError(
             f"{case.name}: {error.key}", error.value, error.expected, file=case.document.file
         ) from error
-    return _sha([code, json.dumps(_with_contents(scenario.plain()), sort_keys=True, default=str)])
+    return _sha([code, json.dumps(with_contents(scenario.plain()), sort_keys=True, default=str)])
 
 
 def _contents_of_sets(sets: Sequence[str]) -> str:
-    return _sha(_with_contents(parse_value(text.partition("=")[2], text)) for text in sets)
-
-
-def _with_contents(node: Any) -> Any:
-    """The data with a hash of the contents instead of the path of a file or folder (`file.py:Class` too)."""
-    if isinstance(node, Mapping):
-        return {str(key): _with_contents(value) for key, value in node.items()}
-    if isinstance(node, list | tuple):
-        return [_with_contents(value) for value in node]
-    if not isinstance(node, str | Path):
-        return node
-    text = str(node)
-    file, _, name = text.partition(":")
-    path = Path(file)
-    try:
-        there = bool(file) and ("/" in file or "." in file) and path.exists()
-    except (OSError, ValueError):
-        there = False
-    if not there:
-        return text
-    files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
-    if path.suffix == ".py":  # a user's level may import what lies beside it
-        files = sorted(path.parent.glob("*.py"))
-    return [name, *(f"{p.name} {_file_hash(p)}" for p in files)]
-
-
-def _file_hash(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return _sha(with_contents(parse_value(text.partition("=")[2], text)) for text in sets)
 
 
 def _sha(parts: Any) -> str:

@@ -1,0 +1,73 @@
+"""Hashes of the files that plain data names: sheets, code, logs, terrain, fields."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+
+def with_contents(node: Any) -> Any:
+    """The data with hashes of the contents instead of the path of a file or folder (`file.py:Class` too)."""
+    if isinstance(node, Mapping):
+        return {str(key): with_contents(value) for key, value in node.items()}
+    if isinstance(node, list | tuple):
+        return [with_contents(value) for value in node]
+    path = _named(node)
+    if path is None:
+        return str(node) if isinstance(node, Path) else node
+    name = str(node).partition(":")[2]
+    return [name, *(f"{p.name} {file_hash(p)}" for p in _files(path))]
+
+
+def hashes(node: Any) -> dict[str, str]:
+    """SHA-256 of each file or folder that the data names, by its name; of Python with what lies beside it."""
+    found: dict[str, str] = {}
+    for path in dict.fromkeys(_all_named(node)):
+        files = _files(path)
+        value = file_hash(path) if files == [path] else _hash_of([f"{p.name} {file_hash(p)}" for p in files])
+        found[path.name if found.get(path.name, value) == value else path.as_posix()] = value
+    return dict(sorted(found.items()))
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file."""
+    of = path.stat()
+    return _read_hash(path, of.st_mtime_ns, of.st_size)
+
+
+@lru_cache(maxsize=256)
+def _read_hash(path: Path, _changed_ns: int, _size: int) -> str:
+    """Files are read once, also for many runs."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _hash_of(lines: list[str]) -> str:
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+def _all_named(node: Any) -> Iterator[Path]:
+    if isinstance(node, Mapping | list | tuple):
+        for value in node.values() if isinstance(node, Mapping) else node:
+            yield from _all_named(value)
+    elif (path := _named(node)) is not None:
+        yield path
+
+
+def _named(node: Any) -> Path | None:
+    """The file or folder that a text names, None where it names none."""
+    if not isinstance(node, str | Path):
+        return None
+    file = str(node).partition(":")[0]
+    try:
+        there = Path(file).name not in ("", "..") and ("/" in file or "." in file) and Path(file).exists()
+    except (OSError, ValueError):
+        there = False
+    return Path(file) if there else None
+
+
+def _files(path: Path) -> list[Path]:
+    if path.suffix == ".py":  # a user's level may import what lies beside it
+        return sorted(path.parent.glob("*.py"))
+    return [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
