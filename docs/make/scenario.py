@@ -42,7 +42,8 @@ it gives completion in editors with a YAML language server:
 {example}```
 
 Where a level is chosen, `steer: preview` stands for `steer: {{level: preview}}`. A level is a built-in name,
-an installed one (entry point group `swath.levels`, name `slot.level`), or your own `path/to/file.py:Class`,
+an installed one (entry point group `swath.levels`, name `slot.level`; `log.ENDING` reads logs of an ending, `command.NAME` adds a
+command), or your own `path/to/file.py:Class`,
 which runs, with your rights, only with `--allow-code` or where the command line names it
 ([SECURITY.md](../../SECURITY.md)).
 `--set combine.lidar.level=empirical` changes one key for one run; choosing another level drops the keys that
@@ -59,7 +60,8 @@ is `degrade`; keys of the present level that the cheaper one knows are kept.
 
 EVALUATORS = """\
 ## evaluators
-A list of your own evaluators, `file.py:Class`, beside those that are built in: [metrics.md](metrics.md).
+A list of your own evaluators, `file.py:Class`, or of names that installed packages give (entry points `evaluator.name`), beside
+those that are built in: [metrics.md](metrics.md).
 """
 EXPECT = """\
 For each metric a limit or a list of limits, for columns of the tracks too: [metrics.md](metrics.md).

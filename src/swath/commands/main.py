@@ -27,7 +27,7 @@ from swath.commands import (
 from swath.core.collector import collect_rarely
 from swath.core.errors import MIGRATED_BY, InputError, SwathError, fitted, shortened
 from swath.core.foreign_code import SUFFIXES, allow_code, code_in
-from swath.core.registry import user_line
+from swath.core.registry import installed, installed_part, user_line
 from swath.core.stopping import Terminated, raise_if_lost, stoppable
 from swath.link.can import command as can
 from swath.link.fmi import command as fmu
@@ -181,7 +181,7 @@ def _dispatch(argv: list[str]) -> int:
         argv = ["--help"]
     if argv[0] in GONE:
         raise UsageError(f"{argv[0]}: no such command any more, {GONE[argv[0]]}")
-    parser, names = make_parser()
+    parser, names = make_parser(argv[0])
     if not argv[0].startswith("-") and argv[0] not in names:
         import difflib
 
@@ -200,8 +200,12 @@ def _dispatch(argv: list[str]) -> int:
     return code
 
 
-def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
-    """The parser of all command lines, and the names of the commands."""
+def make_parser(named: str = "--help") -> tuple[argparse.ArgumentParser, list[str]]:
+    """The parser of all command lines, and the names of the commands.
+
+    named: the first argument; installed packages are looked through where swath has no command of that name,
+    and the one that has it is loaded
+    """
     parser = _Parser(prog="swath", usage="swath COMMAND ...", formatter_class=_Help)
     parser.add_argument("-V", "--version", action="version", version=f"swath {__version__}")
     parsers: Any = parser.add_subparsers(prog="swath", metavar="COMMAND", required=True, action=_Commands)
@@ -211,6 +215,16 @@ def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
         for module in modules:
             module.add(parsers)
         shown.append("\n".join([f"{group}:", *parsers.lines[first:]]))
+    if named not in parsers.choices and named not in ("-V", "--version"):
+        first = len(parsers.lines)
+        for name, package in installed("command").items():
+            if name == named:
+                installed_part("command", name).add(parsers)
+            elif name not in parsers.choices:
+                parsers.add_parser(name, help=f"of the installed package {package}")
+        shown += ["\n".join(["installed beside swath:", *parsers.lines[first:]])] * (
+            len(parsers.lines) > first
+        )
     parser.description = "\n\n".join(
         [*shown, "swath COMMAND --help explains a command, swath docs lists the documentation."]
     )

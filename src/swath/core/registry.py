@@ -5,7 +5,7 @@ A built-in level is a module in one of the slot's packages; its file name is the
     LEVEL = Level(SomeComponent, summary="...", cost="...", tolerance="...")
 
 A level may also come from an entry point (group `swath.levels`, name `slot.level`; its package is loaded when
-the level is chosen) or from a user's file
+the level is chosen; evaluators, readers of logs and commands come the same way) or from a user's file
 (`path/to/file.py:Class`). In every case the class has a nested or module-level dataclass of parameters,
 `Params`, and is made by `Class(params, setup)`; `setup` is what the slot may know (see `signals/setup.py`).
 Levels that stand for somebody else's part (an FMU, a ROS 2 node, a log) may fill any slot of a machine.
@@ -77,8 +77,7 @@ class Registry:
 
     def installed(self, kind: str) -> dict[str, str]:
         """Levels of a slot kind in installed packages, with the package, which is not loaded for this."""
-        points = [e for e in _entry_points() if e.name.startswith(f"{kind}.")]
-        return {e.name.partition(".")[2]: e.dist.name if e.dist else e.value for e in points}
+        return installed(kind)
 
     def links(self) -> list[str]:
         """Names of the levels that any linkable slot may have."""
@@ -94,10 +93,8 @@ class Registry:
         for package in [*self._packages(kind), *linked]:
             if level.isidentifier() and importlib.util.find_spec(f"{package}.{level}") is not None:
                 return self._checked(importlib.import_module(f"{package}.{level}"), kind, level)
-        for entry in _entry_points():
-            if entry.name == f"{kind}.{level}":
-                loaded = entry.load()
-                return loaded if isinstance(loaded, Level) else _level_of_class(loaded)
+        if (loaded := installed_part(kind, level)) is not None:
+            return loaded if isinstance(loaded, Level) else _level_of_class(loaded)
         if instead := self._gone.get(f"{kind}.{level}"):
             raise InputError(f"{kind}.level", level, f"expected another level: it is gone, {instead}")
         names = [*self.names(kind), *self.installed(kind), *(self.links() if linked else [])]
@@ -130,6 +127,19 @@ def _level_files(package: str) -> tuple[str, ...]:
 
 def _is_level(module: Any) -> bool:
     return isinstance(getattr(module, "LEVEL", None), Level)
+
+
+def installed(kind: str) -> dict[str, str]:
+    """Names of what installed packages have of a kind (a slot, `evaluator`, `log`, `command`), with the
+    package, which is not loaded for this.
+    """
+    points = [e for e in _entry_points() if e.name.startswith(f"{kind}.")]
+    return {e.name.partition(".")[2]: e.dist.name if e.dist else e.value for e in points}
+
+
+def installed_part(kind: str, name: str) -> Any:
+    """What an installed package has under a name of a kind, loaded; None where there is none."""
+    return next((e.load() for e in _entry_points() if e.name == f"{kind}.{name}"), None)
 
 
 @cache

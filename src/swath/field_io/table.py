@@ -8,7 +8,7 @@ import math
 from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any, TextIO
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.registry import installed, installed_part
 from swath.documents.packed import LARGEST_BYTES, most_unpacked, readable
 from swath.field_io.columns import AG_LEADER, AG_LEADER_2000, unit_symbol
 from swath.field_io.isoxml import is_taskdata, read_taskdata
@@ -94,7 +95,17 @@ class Cells:
 
 
 def read_table(path: Path) -> Table:
-    """Read a log file. Raises InputError for what is none: missing, empty, binary, an image, a web page."""
+    """Read a log file. Raises InputError for what is none: missing, empty, binary, an image, a web page.
+
+    An installed package may read files of an ending: its entry point `log.ENDING` gets the path and returns a
+    Table.
+    """
+    ending = path.suffix.lstrip(".").lower()
+    if (package := installed("log").get(ending)) is not None:
+        table = installed_part("log", ending)(path)
+        if not isinstance(table, Table):
+            raise InputError("log", str(path), f"expected a Table of the reader of package {package}")
+        return replace(table, notes=(*table.notes, f"read by the installed package {package}"))
     with readable("log", "a readable file", path):
         if is_taskdata(path):
             return _read_isoxml(path)

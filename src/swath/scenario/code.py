@@ -11,7 +11,8 @@ from swath.scenario.scenario import Scenario
 def code_of(scenario: Scenario) -> list[Path]:
     """Files with code that a scenario names, without crop habits, which data sheets name."""
     references = [r for _, choice in _choices(scenario) for r in _named(choice)]
-    return list(dict.fromkeys(file_of(r, _base(scenario)) for r in (*references, *scenario.evaluators)))
+    references += [reference for reference in scenario.evaluators if ".py:" in reference]
+    return list(dict.fromkeys(file_of(reference, _base(scenario)) for reference in references))
 
 
 def slots_without_code(scenario: Scenario) -> list[str]:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from swath.core.errors import InputError, SwathError
+from swath.core.registry import installed
 from swath.documents.hints import unknown_key
 from swath.documents.yaml_document import KeyPath
 from swath.scenario.resolved import Expectation, MachineSection
@@ -27,10 +28,11 @@ def read_evaluators(reader: SectionReader, data: Any) -> tuple[tuple[str, ...], 
     judged = reader.catalogue.judged()
     for index, entry in enumerate(data):
         where = (*path, index)
-        if not isinstance(entry, str) or ".py:" not in entry or "\0" in entry:
-            reader.note(where, entry, "expected file.py:Class")
+        of_package = isinstance(entry, str) and entry in installed("evaluator")
+        if not of_package and (not isinstance(entry, str) or ".py:" not in entry or "\0" in entry):
+            reader.note(where, entry, "expected file.py:Class, or the name that an installed package gives")
             continue
-        reference = reader.absolute_level(entry, reader.base(where))
+        reference = entry if of_package else reader.absolute_level(entry, reader.base(where))
         try:
             judged = reader.catalogue.judged([*good, reference])
             good.append(reference)

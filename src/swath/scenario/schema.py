@@ -10,6 +10,7 @@ import re
 import typing
 from typing import Any
 
+from swath.core.registry import installed
 from swath.core.units import split_unit
 from swath.documents.validation import schema_of
 from swath.scenario.catalogue import CATALOGUE, Catalogue
@@ -33,6 +34,8 @@ FOREIGN = {"type": "string", "pattern": r"\.py:[A-Za-z_]\w*$"}
 def scenario_schema(catalogue: Catalogue = CATALOGUE) -> Node:
     """The whole schema, draft 2020-12."""
     defs: dict[str, Node] = {}
+    packages = [{"const": name} for name in installed("evaluator")]
+    own: Node = {"anyOf": [FOREIGN, *packages]} if packages else FOREIGN
     machine = _machine(catalogue, defs)
     head = adopt(Head, "head", defs)["properties"]
     return {
@@ -48,7 +51,7 @@ def scenario_schema(catalogue: Catalogue = CATALOGUE) -> Node:
             "realtime": _realtime(defs),
             "field": _field(catalogue, defs),
             "machines": {"type": "object", "minProperties": 1, "additionalProperties": machine},
-            "evaluators": {"type": "array", "items": FOREIGN, "description": "your own evaluators"},
+            "evaluators": {"type": "array", "items": own, "description": "your own evaluators"},
             "expect": {"type": "object", "description": "limits; one that fails makes the exit code 1"},
         },
         # evaluators of the user's own bring metrics that are not known here
@@ -197,13 +200,13 @@ def _slot(catalogue: Catalogue, kind: str, defs: dict[str, Node]) -> Node:
 
 
 def _choice(catalogue: Catalogue, kind: str, common: Node, defs: dict[str, Node]) -> Node:
-    names, installed = catalogue.registry.names(kind), [*catalogue.registry.installed(kind)]
+    names, packages = catalogue.registry.names(kind), [*catalogue.registry.installed(kind)]
     members: list[Node] = [
-        {"enum": names + installed, "description": "the level, with its defaults"},
+        {"enum": names + packages, "description": "the level, with its defaults"},
         FOREIGN,
     ]
     members += [_level_of(catalogue, kind, name, kind, common, defs) for name in names]
-    for other in (FOREIGN, *({"const": name} for name in installed)):
+    for other in (FOREIGN, *({"const": name} for name in packages)):
         members.append({"type": "object", "properties": {"level": other, **common}, "required": ["level"]})
     return {"anyOf": members}
 
