@@ -15,7 +15,7 @@ from swath.field.boundary import Region
 from swath.field.crop import Crop
 from swath.field.cut_field import Cutter
 from swath.field.cut_result import Corner, Cut, StemIndex, cells_inside, corners_of
-from swath.field.edge_defects import BrokenEdge
+from swath.field.edge_defects import BrokenEdge, Gap
 from swath.field.field_setup import HasExtent, Stand, Terrain
 from swath.field.footprint import Block, Footprint
 from swath.field.grain import GrainPiles
@@ -96,6 +96,10 @@ class Field:
     def first_edge(self) -> EdgeShape:
         """Line of the first edge, without gaps and teeth: for whoever needs an edge and has no machine."""
         return next(iter(self.edges.values())).shape
+
+    def gaps_of(self, shape: EdgeShape | None) -> Sequence[Gap]:
+        """The gaps of the edge with this line, none where there is no such edge."""
+        return next((edge.gaps for edge in self.edges.values() if edge.shape is shape), ())
 
     def to_stand(self, x: Any, y: Any) -> tuple[Array, Array]:
         """World points in the stand frame."""
