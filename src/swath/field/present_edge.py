@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from swath.core.frames import Pose
 from swath.field.edge_defects import Gap
+from swath.field.rows import Rows
 
 Array = NDArray[np.float64]
 Bits = NDArray[np.bool_]
@@ -31,13 +32,20 @@ _HALF = round(SIDE_M / STEP_M)
 
 
 class Standing(Protocol):
-    """Whether crop stands at the middles of `count` steps from places on: (n, count)."""
+    """Whether crop stands at the middles of `count` steps from places on: (n, count).
 
+    rows: of a row crop
+    """
+
+    @property
+    def rows(self) -> Rows | None: ...
     def standing_along(self, starts: Sequence[Place], step: Place, count: int, /) -> Bits: ...
 
 
 def crop_across(field: Standing, pose: Pose, x: Array | float, begin: float, end: float) -> Bits:
     """Whether crop stands on lines across a machine at x [m] ahead, from y = begin to y = end [m].
+
+    In a row crop the ground is its row's, see `field/rows.py`.
 
     pose: pose_world_machine. Shape (n, k) for x of shape (n,), else (k,): the middles of k steps.
     """
@@ -47,7 +55,11 @@ def crop_across(field: Standing, pose: Pose, x: Array | float, begin: float, end
     at = np.asarray(x, dtype=float)
     starts = [(first_x + ax * ahead, first_y + ay * ahead) for ahead in at.ravel().tolist()]
     width = (end - begin) / count
-    return field.standing_along(starts, (bx * width, by * width), count).reshape(*at.shape, count)
+    crop = field.standing_along(starts, (bx * width, by * width), count)
+    rows = field.rows
+    if rows is not None and rows.are_along(ax, ay):
+        crop = rows.whole(crop, rows.left(*np.array(starts).T), width * float(rows.left(bx, by)))
+    return crop.reshape(*at.shape, count)
 
 
 def edges_of(crop: Bits) -> list[Array]:

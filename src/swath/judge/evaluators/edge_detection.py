@@ -177,8 +177,9 @@ class EdgeDetection:
 
     @classmethod
     def together(cls, evaluators: Sequence["EdgeDetection"]) -> "_Together | None":
-        """Of many worlds, where their fields are profiles and all lines across machines as long."""
-        if any(getattr(e.setup.field, "profile", None) is None for e in evaluators):
+        """Of many worlds, where their fields are profiles without rows."""
+        fields = [e.setup.field for e in evaluators]
+        if any(getattr(f, "profile", None) is None or f.rows is not None for f in fields):
             return None
         return _Together(evaluators)
 
