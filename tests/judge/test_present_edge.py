@@ -206,6 +206,20 @@ def test_a_metric_over_few_scans_says_over_how_many():
     assert evaluation.notes() == ["combine: the edge error is over 1 of 10 edge samples"]
 
 
+def test_a_run_that_ends_before_it_has_settled_is_not_judged():
+    """As by the lateral error: no number, no note."""
+    ground = GridField(ArcEdge())
+    evaluation = evaluation_of(ground, machine())
+    for k in range(5):
+        state = MachineState(k, Pose.from_euler([0.1 * k, -3.5, 0.0]), 2.0, 0.0, 0.0, 0.0, 0.1 * k)
+        evaluation("combine.motion", k, {"state": state})
+        evaluation("combine.edge", k, {"edge": CropEdge(k, 3.5, 0.0, 0.0, REFERENCE, 0.9, NAN, NAN)})
+    found = evaluation.metrics("combine")
+    assert np.isnan([found["edge_rmse_m"], found["sure_wrong_share"], found["edge_judged_share"]]).all()
+    assert found["edge_sample_count"] == 0
+    assert evaluation.notes() == []
+
+
 def test_places_are_those_of_the_best_split():
     line = np.zeros((3, 1000), dtype=bool)
     line[0, 400:] = True

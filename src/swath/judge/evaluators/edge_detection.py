@@ -194,8 +194,9 @@ class EdgeDetection:
         """Over how many samples the error is, where those are few."""
         found = self.metrics()
         count, share = found.get("edge_sample_count", 0.0), found.get("edge_judged_share", 1.0)
-        few = f"the edge error is over {round(share * count)} of {count:.0f} edge samples"
-        return [few] if share < FEW else []
+        if not share < FEW:
+            return []
+        return [f"the edge error is over {round(share * count)} of {count:.0f} edge samples"]
 
     @property
     def true_offset(self) -> float:
