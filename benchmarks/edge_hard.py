@@ -17,6 +17,7 @@ import numpy as np
 
 from swath.core.frames import Pose
 from swath.field.track import EdgeShape
+from swath.judge.evaluators.edge_detection import SURE, WRONG_M
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.runtime.world import World
@@ -138,7 +139,7 @@ class Watch:
         if found and self.teeth is not None:
             x, y = np.array([p[:2] for *_, p in found], dtype=float).T
             error = error - self.teeth.depth(self.edge.project(x, y)[0])
-        wrong = [e.confidence >= 0.5 and abs(v) > 0.3 for (e, *_), v in zip(found, error, strict=True)]
+        wrong = [e.confidence >= SURE and abs(v) > WRONG_M for (e, *_), v in zip(found, error, strict=True)]
         metres = [int(at) for _, at, _ in found]
         first = [k for k, at in enumerate(metres) if k == 0 or at > metres[k - 1]]
         driven = poses[-1][1]
@@ -150,7 +151,7 @@ class Watch:
             "found": len(found) / max(len(told), 1),
             "edge": float(np.sqrt(np.mean(error**2))) * 100 if found else float("nan"),
             "wrong": _longest([at for _, at, _ in found], wrong),
-            "sure": float(np.mean([e.confidence >= 0.5 for e, *_ in told])) if told else 0.0,
+            "sure": float(np.mean([e.confidence >= SURE for e, *_ in told])) if told else 0.0,
             "speed": 3.6 * (driven - BEGIN) / max(0.04 * float(np.count_nonzero(late)), 0.04),
             "samples": [(float(error[k]), found[k][0].offset_sd, found[k][0].confidence) for k in first],
             "driven": driven,

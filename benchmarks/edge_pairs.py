@@ -36,6 +36,9 @@ from swath.core.component import Port
 from swath.core.errors import SwathError
 from swath.core.foreign_code import allow_code
 from swath.core.random import Stream
+from swath.judge.evaluators.edge_detection import DEVIATIONS, SURE
+from swath.judge.evaluators.edge_detection import RIGHT_M as TOLERANCE
+from swath.judge.evaluators.edge_detection import WRONG_M as WRONG
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.runtime.world import World
@@ -55,7 +58,6 @@ CROPS = {  # stems per m2, stubble height
     "rye": (250, 450, 0.25),
 }
 UNSEEN_SCANNERS, UNSEEN_CROP, UNSEEN_HEIGHT = ("sick-lms291", "hokuyo-utm-30lx"), "rye", 2.7
-TOLERANCE, WRONG, SURE = 0.10, 0.30, 0.5  # m, m, confidence
 TEETH_OVER = 2.0  # m: standard deviation of the weights with which teeth are averaged to a line
 
 
@@ -479,7 +481,7 @@ def numbers(run: Mapping[str, Any]) -> dict[str, Any]:
     at, error, sd, sure = np.array(run["rows"], dtype=float).reshape(-1, 4).T
     found = np.isfinite(error)
     is_wrong = found & (sure >= SURE) & (np.abs(error) > WRONG)
-    hazard = is_wrong & (np.abs(error) > 3.0 * sd)
+    hazard = is_wrong & ~(np.abs(error) <= DEVIATIONS * sd)
     share = float(np.mean(found)) if len(found) else 0.0
     if run["loop"] == "closed":
         stands = not run["is_stopped"]

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from swath.core.foreign_code import allow_code
 from swath.documents.yaml_document import parse_value
 from swath.tools.function_test.candidates import read_candidates
 from swath.tools.function_test.fidelity import CHEAP, DEAR, LEVEL_BIAS_M
@@ -108,6 +109,7 @@ def main() -> None:
     parser.add_argument("--show", action="store_true", help="what is there already; runs nothing")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
+    allow_code()
     rows = []
     for stand in args.stands:
         found = {}

@@ -104,6 +104,7 @@ class GridField:
         return self.standing(x + step[0] * middle, y + step[1] * middle)
 
     boundary = None
+    rows = None
 
     def why_outside(self, x, y):
         inside = (x > self.low[0]) & (x < self.low[0] + self.size[0])

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from examples.edge.consensus import fit_consensus
+from examples.edge.mixture import Mixture, fit_mixture
 
-from swath.control.edge.consensus import fit_consensus
 from swath.control.edge.detector import EdgeParams
 from swath.control.edge.line_fit import Prior
 from swath.control.edge.max_likelihood import split_by_likelihood
-from swath.control.edge.mixture import Mixture, fit_mixture
 from swath.control.edge.otsu import otsu_threshold, split_at, split_by_otsu
 from tests.control.closed_loop import setup_of
 

@@ -230,8 +230,8 @@ def test_a_crop_habit_touches_two_files(extended):
     assert status == 0
     metrics = summary(out)
     assert metrics["mass_balance_error"] < 1e-9
-    assert metrics["edge_judged_share"] > 0.5  # rays meet a step of 0.6 m
     tracks = columns(out)
+    assert np.isfinite(np.asarray(tracks["edge_offset_m"], float)).mean() > 0.5  # rays meet a step of 0.6 m
     assert finite(tracks["edge_offset_m"])[-1] == pytest.approx(finite(tracks["edge_true_m"])[-1], abs=0.5)
     fed = 300 * 0.34e-3 * 12.0 * finite(tracks["speed_m_s"])[-1]  # of whole spears [kg/s]
     assert 0.2 * fed < finite(tracks["feeder_flow_kg_s"])[-1] < fed

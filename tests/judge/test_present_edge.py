@@ -54,27 +54,62 @@ def test_a_detector_that_is_right_beside_a_gap_is_right(side, sign):
     assert m["edge_bias_m"] == pytest.approx(0.2, abs=0.06)
     assert m["detection_availability"] == 1.0
     assert m["edge_judged_share"] == 1.0
-    assert m["edge_sample_count"] == len(series.t) == 300
+    assert len(series.t) == 300
+    assert m["edge_sample_count"] == np.count_nonzero(series.distance >= 10.0) == 175
     assert m["sure_wrong_share"] == 0.0
 
 
+HOLE = (Gap(20.0, 30.0, 3.0, 15),)
+
+
 @pytest.mark.parametrize(("side", "sign"), [("left", -1.0), ("right", 1.0)])
-def test_beside_a_gap_the_error_against_the_line_across_it_is_known_too(side, sign):
-    gaps = (Gap(20.0, 30.0, 3.0, 15),)
-    series = judged(lambda x: 0.1 * sign, side, gap, gaps=gaps)[1]
-    is_beside = np.isfinite(series.across)
+def test_across_a_hole_the_line_to_be_steered_along_is_the_true_edge(side, sign):
+    """Told 10 cm inside of it throughout: right; what stands beside it, 3 m in, is the wall."""
+    m, series = judged(lambda x: 0.1 * sign, side, gap, gaps=HOLE)
+    assert series.error == pytest.approx(0.1, abs=0.03)
+    assert m["edge_rmse_m"] == pytest.approx(0.1, abs=0.02)
+    assert m["sure_wrong_share"] == m["false_edge_share"] == 0.0
+    is_beside = np.abs(series.wall - series.true) > 0.1
     assert is_beside.mean() == pytest.approx(10 / 24, abs=0.02)
-    assert series.across[is_beside] == pytest.approx(0.1, abs=0.01)
-    wall = judged(behind_the_gap(sign, 0.0), side, gap, gaps=gaps)[1]
-    assert np.nanmax(wall.across) == pytest.approx(3.0, abs=0.03)
-    assert np.isnan(judged(lambda x: NAN, side, gap, gaps=gaps)[1].across).all()
+    assert sign * (series.wall - series.true)[is_beside] == pytest.approx(3.0, abs=0.03)
+    nothing = judged(lambda x: NAN, side, gap, gaps=HOLE)[1]
+    assert nothing.true == pytest.approx(series.true, abs=0.03)
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", -1.0), ("right", 1.0)])
+def test_whoever_is_sure_of_the_wall_of_a_hole_is_wrong(side, sign):
+    """Over the 10 m of it, of which the first samples are those of settling: 10 of 14 m. The wall is no
+    phantom: an edge is there.
+    """
+    m, series = judged(behind_the_gap(sign, 0.0), side, gap, gaps=HOLE)
+    assert m["sure_wrong_share"] == pytest.approx(10 / 14, abs=0.02)
+    assert m["edge_rmse_m"] == pytest.approx(0.0, abs=0.03)  # over the rest
+    assert m["false_edge_share"] == 0.0
+    assert series.settled(10.0).episodes() == [pytest.approx((10.0, 20.0), abs=0.1)]
+    unsure = judged(behind_the_gap(sign, 0.0), side, gap, gaps=HOLE, confidence=0.4)
+    assert unsure[0]["sure_wrong_share"] == 0.0
+    assert unsure[1].episodes() == []
+
+
+def test_a_later_pass_and_the_end_of_the_crop_have_no_line_across_a_hole():
+    """Cut to y = -7 before, the hole of 10 m goes on there; or it goes on to where the edge ends."""
+    deep = (Gap(20.0, 30.0, 10.0, 15),)
+    series = judged(lambda x: -7.0, end=-7.0, gaps=deep, shape=lambda crop, x, y: gap(crop, x, y, depth=10.0)
+                    & (y < -7.0))[1]  # fmt: skip
+    assert series.true == pytest.approx(series.wall, nan_ok=True)
+    end = (Gap(20.0, 500.0, 50.0, 15),)
+    m, series = judged(lambda x: 0.0, shape=lambda crop, x, y: gap(crop, x, y, 20.0, 500.0, 50.0), gaps=end)
+    assert np.isnan(series.true[series.distance > 10.1]).all()
+    assert m["sure_wrong_share"] == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_line_held_over_the_gap_is_no_edge_that_stands_there():
-    """42 % of the way lies beside the gap: false when claimed as seen, and sure; silent it only lacks."""
+    """10 of the 14 m judged lie beside a gap that is none of the initial edge: false when claimed as seen,
+    and sure; silent it only lacks.
+    """
     straight_on = judged(lambda x: 0.0, shape=gap)[0]
-    assert straight_on["false_edge_share"] == pytest.approx(10 / 24, abs=0.02)
-    assert straight_on["sure_wrong_share"] == pytest.approx(10 / 24, abs=0.02)
+    assert straight_on["false_edge_share"] == pytest.approx(10 / 14, abs=0.02)
+    assert straight_on["sure_wrong_share"] == pytest.approx(10 / 14, abs=0.02)
     held = judged(lambda x: 0.0, shape=gap, confidence=0.3, is_held=True)[0]
     assert np.isnan(held["false_edge_share"])
     assert held["sure_wrong_share"] == 0.0
@@ -160,15 +195,29 @@ def test_a_metric_over_few_scans_says_over_how_many():
         return 0.0 if 20.0 < x < 22.4 else NAN
 
     m, _ = judged(seldom)
-    assert m["edge_judged_share"] == pytest.approx(0.1, abs=0.01)
+    assert m["edge_judged_share"] == pytest.approx(2.32 / 14, abs=0.01)
     ground = GridField(ArcEdge())
     evaluation = evaluation_of(ground, machine())
     for k in range(10):
-        state = MachineState(k, Pose.from_euler([0.1 * k, -3.5, 0.0]), 2.0, 0.0, 0.0, 0.0, 0.1 * k)
+        state = MachineState(k, Pose.from_euler([0.1 * k, -3.5, 0.0]), 2.0, 0.0, 0.0, 0.0, 10 + 0.1 * k)
         evaluation("combine.motion", k, {"state": state})
         y, sure = (3.5, 0.9) if k == 3 else (NAN, 0.0)
         evaluation("combine.edge", k, {"edge": CropEdge(k, y, 0.0, 0.0, REFERENCE, sure, NAN, NAN)})
     assert evaluation.notes() == ["combine: the edge error is over 1 of 10 edge samples"]
+
+
+def test_a_run_that_ends_before_it_has_settled_is_not_judged():
+    """As by the lateral error: no number, no note."""
+    ground = GridField(ArcEdge())
+    evaluation = evaluation_of(ground, machine())
+    for k in range(5):
+        state = MachineState(k, Pose.from_euler([0.1 * k, -3.5, 0.0]), 2.0, 0.0, 0.0, 0.0, 0.1 * k)
+        evaluation("combine.motion", k, {"state": state})
+        evaluation("combine.edge", k, {"edge": CropEdge(k, 3.5, 0.0, 0.0, REFERENCE, 0.9, NAN, NAN)})
+    found = evaluation.metrics("combine")
+    assert np.isnan([found["edge_rmse_m"], found["sure_wrong_share"], found["edge_judged_share"]]).all()
+    assert found["edge_sample_count"] == 0
+    assert evaluation.notes() == []
 
 
 def test_places_are_those_of_the_best_split():
@@ -190,5 +239,5 @@ def test_edges_that_are_none_may_say_nowhere():
         evaluation("combine.motion", t, {"state": MachineState(t, pose, 2.0, 0.0, 0.0, 0.0, s)})
         evaluation("combine.edge", t, {"edge": CropEdge(t, NAN, NAN, NAN, NAN, 0.0, NAN, NAN)})
     found = evaluation.find("combine", EdgeDetection).metrics()
-    assert found["edge_sample_count"] == 200
+    assert found["edge_sample_count"] == 75
     assert found["detection_availability"] == 0.0

@@ -244,7 +244,7 @@ def test_what_cannot_be_done_is_refused_with_a_reason_and_changes_nothing(domain
     assert [done for done, *_ in replies[:-2]] == [False] * 7
     expected = (
         "speed_kmh'",
-        "expected one of consensus, filter, joined, likelihood_ratio",
+        "expected one of filter, joined, likelihood_ratio",
         "to exchange",
         "rhythm",
         "x_m",

@@ -25,6 +25,7 @@ SHORT = {
 }
 PROFILE = {**SHORT, "combine.lidar.level": "profile", "combine.header.level": "profile"}
 KERNELS = {**PROFILE, "combine.motion.level": "kinematic"}
+HOLE = {"start_m": 20.0, "end_m": 22.5, "depth_m": 1.0}
 VARY = {"combine.motion.start_speed_kmh": (4.0, 9.0), "run.distance_m": [1.0, 0.4]}
 
 
@@ -89,8 +90,15 @@ def test_parts_without_a_kernel_go_world_by_world(sets):
         ),
         ("straight", {"combine.speed.speed_kmh": 2.0, "run.distance_m": 0.6, "combine.imu.rate_hz": 200}, {}),
         ("straight", {"combine.edge": "truth", "run.distance_m": 3.0, "combine.lidar.rate_hz": 10}, {}),
+        ("straight", {"run.distance_m": 13.0, "field.edge.gaps": [HOLE], "combine.lidar.rate_hz": 10}, {}),
     ],
-    ids=["no edge: the runs end", "levels' parameters differ", "slow, other rates", "another detector"],
+    ids=[
+        "no edge: the runs end",
+        "levels' parameters differ",
+        "slow, other rates",
+        "another detector",
+        "beside a hole",
+    ],
 )
 def test_all_that_takes_worlds_at_once_is_the_same_alone(scenario, sets, vary):
     made = list(swath.worlds(scenario, n=3, vary=vary, sets={**KERNELS, **sets}, seed=11))
@@ -99,6 +107,9 @@ def test_all_that_takes_worlds_at_once_is_the_same_alone(scenario, sets, vary):
         assert judged(run.summary) == judged(alone.summary)
     if not vary and "combine.edge.min_step_m" in sets:
         assert all("no crop edge seen" in " ".join(run.summary["notes"]) for run in made)
+    if "field.edge.gaps" in sets:  # told where the initial edge goes on, not 1 m further in
+        assert all(run.summary["edge_rmse_m"] < 0.1 for run in made)
+        assert all(run.summary["edge_judged_share"] > 0.5 for run in made)
 
 
 class Slower(ConstantSpeed):

@@ -121,3 +121,23 @@ def test_lines_across_a_real_field_find_the_edge_where_it_is():
     field.cut(rectangle(1.0, -5.0, 2.5, 5.0), 0.15)
     field.cut(rectangle(3.0, -1.0, 3.2, 1.0), 0.15)
     assert places(0.0, yaw=0.0) == pytest.approx([5.5], abs=0.02)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("angle", [60.0, 1e-3, -60.0])
+def test_a_machine_that_follows_an_edge_is_told_the_line_across_its_holes(side, angle):
+    """In bends too, where the hole is longer than the look ahead, and at a look across its begin and end."""
+    gap = GapParams(start_m=25.0, end_m=40.0, depth_m=2.0)
+    crop_side = "right" if side == "left" else "left"
+    shape = {"run_in_m": 20.0, "radius_m": 20.0, "run_out_m": 40.0, "angle_deg": angle}
+    field = made_field(edge=CurveEdge(crop_side=crop_side, gaps=(gap,), crop_begins_m=None, **shape))
+    line = field.first_edge
+    for s in np.linspace(8.0, 44.0, 13):
+        pose = beside(line, float(s), side, off=0.1)
+        setup = SiteSetup(field, MACHINE, Pose.identity(), side, 0.04, edge=line)
+        state = MachineState(0, pose, 0.0, 0.0, 0.0, 0.0, 0.0)
+        edge = TruthEdge(Params(), setup).step(0, 40_000_000, {"state": state})["edge"]
+        assert edge.is_found, s
+        y, heading = true_y(line, pose, edge)
+        assert edge.offset == pytest.approx(y, abs=0.03)
+        assert edge.heading == pytest.approx(heading, abs=0.06)

@@ -1,21 +1,26 @@
 """The Stanford diagram: samples in its fields, episodes, and the rate that a way without any shows."""
 
+import re
+from importlib.resources import files
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from jinja2 import Template
 
-from swath.judge.evaluators.edge_detection import EdgeSeries, bridges_gaps
-from swath.tools.function_test.charts import boundary
+from swath.judge.evaluators.edge_detection import EdgeSeries
+from swath.tools.function_test.charts import boundary, stanford
 from swath.tools.function_test.integrity import episodes_per_km, integrity_of, pooled
 
 COUNT = 1000
 
 
-def series(error, sd, confidence=0.9, across=np.nan):
+def series(error, sd, confidence=0.9):
     ones = np.ones(COUNT)
     distance = np.linspace(0.0, 100.0, COUNT)
     known = ones > 0
     return EdgeSeries(distance, distance, ones, ones, error * ones, known, known, confidence * ones, ~known,
-                      sd * ones, across * ones)  # fmt: skip
+                      sd * ones, ones)  # fmt: skip
 
 
 def test_a_detector_that_is_wrong_and_says_so_is_no_hazard():
@@ -27,29 +32,26 @@ def test_a_detector_that_is_wrong_and_says_so_is_no_hazard():
 
 def test_episodes_are_unbroken_stretches():
     error = np.zeros(COUNT)
-    error[100:151], error[500:502] = 0.4, -0.4
+    error[100:151], error[500:515] = 0.4, -0.4
     told = integrity_of(series(error, 0.03), 0.0)
-    assert (told["hazardous"], told["episodes"]) == (53, 2)
+    assert (told["hazardous"], told["episodes"]) == (66, 2)
     assert told["longest_m"] == pytest.approx(5.0, abs=0.02)
     assert integrity_of(series(error, 0.03), 20.0)["episodes"] == 1  # after settling
 
 
-def test_that_a_detector_bridges_a_gap_is_told_where_it_does():
-    assert bridges_gaps(series(-1.2, 0.03, across=0.02))
-    assert bridges_gaps(series(np.nan, 0.03, across=0.02))  # the gap is deeper than an edge is matched
-    assert not bridges_gaps(series(0.05, 0.03, across=0.02))  # as where the gap is shallow
-    assert not bridges_gaps(series(0.05, 0.03, across=1.2))  # it follows the gap
-    assert not bridges_gaps(series(-1.2, 0.03))  # no gap
+def test_an_episode_is_longer_than_a_metre():
+    error = np.zeros(COUNT)
+    error[300:310] = 0.4  # 0.9 m
+    assert integrity_of(series(error, 0.03), 0.0)["episodes"] == 0
+    error[310:312] = 0.4
+    assert integrity_of(series(error, 0.03), 0.0)["episodes"] == 1
 
 
-def test_beside_a_gap_the_line_across_it_is_the_edge():
-    """The far wall, 1.2 m in, is not to be followed: whoever is sure of it is wrong."""
-    across = np.full(COUNT, np.nan)
-    across[300:400] = 0.0
-    error = np.where(np.isfinite(across), -1.2, 0.0)
-    assert integrity_of(series(error, 0.03, across=across), 0.0)["episodes"] == 0
-    told = integrity_of(series(0.0, 0.03, across=1.2 + across), 0.0)
-    assert (told["hazardous"], told["episodes"]) == (100, 1)
+def test_sure_of_an_edge_where_none_is_is_a_hazard():
+    assert integrity_of(series(np.nan, 0.03), 0.0)["episodes"] == 1
+    told = integrity_of(series(np.nan, 0.03, 0.4), 0.0)
+    assert told["episodes"] == 0
+    assert told["bins"] == [[19, 19, COUNT]]  # not sure: unavailable
 
 
 def test_without_a_standard_deviation_confidence_tells():
@@ -73,3 +75,21 @@ def test_a_boundary_is_drawn_where_one_value_does_for_nine_of_ten():
     assert boundary([(v, int(v) % 2 == 0) for v, _ in runs]) is None
     assert boundary([(v, True) for v, _ in runs]) is None
     assert boundary([(v, v != 5) for v, _ in runs]) is None  # one run that fails is no boundary
+
+
+def test_the_diagram_shades_what_is_counted_as_hazardous():
+    """Right of the alert limit and below the diagonal; the page says what an episode is."""
+    cell = SimpleNamespace(integrity=integrity_of(series(0.5, 0.03), 0.0), candidate="mine")
+    found = stanford([cell], 0)
+    assert found["episode"] == "1"
+    assert found["text"].startswith("1 hazardous episodes in 0.1 km")
+    (square,) = found["squares"]
+    side, alert = found["side"], found["alert"]
+    assert square["x"] > alert
+    assert side - square["y"] - found["cell"] < square["x"]
+    text = files("swath.report").joinpath("templates", "function_test.html.j2").read_text(encoding="utf-8")
+    (corners,) = re.findall(r'<polygon points="([^"]*)"', text)
+    points = Template(corners).render(d=found).split()
+    assert [tuple(map(float, p.split(","))) for p in points] == [
+        (alert, side), (alert, side - alert), (side, 0.0), (side, side)
+    ]  # fmt: skip

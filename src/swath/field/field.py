@@ -15,7 +15,7 @@ from swath.field.boundary import Region
 from swath.field.crop import Crop
 from swath.field.cut_field import Cutter
 from swath.field.cut_result import Corner, Cut, StemIndex, cells_inside, corners_of
-from swath.field.edge_defects import BrokenEdge
+from swath.field.edge_defects import BrokenEdge, Gap
 from swath.field.field_setup import HasExtent, Stand, Terrain
 from swath.field.footprint import Block, Footprint
 from swath.field.grain import GrainPiles
@@ -25,6 +25,7 @@ from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Page
 from swath.field.pages import KeptPages, PageStore
 from swath.field.profile import Profile, refused
 from swath.field.recount import recount_pages
+from swath.field.rows import moved_edges, rows_of
 from swath.field.stored_changes import Change, Key
 from swath.field.straw import StrawLayer, write_depth
 from swath.field.tile_generator import PageMaker
@@ -63,7 +64,10 @@ class Field:
         if stand.density_max > library.density_max * (1.0 + 1e-6):
             expected = f"expected at most the {library.density_max:g} stems/m2 of the plant library"
             raise InputError("field.stand.density_max", stand.density_max, expected)
-        self.terrain, self.stand, self.edges, self.boundary = terrain, stand, edges, boundary
+        self.terrain, self.stand, self.boundary = terrain, stand, boundary
+        self.rows = rows_of(library.row_spacing, float(stand.row_heading))
+        edges, self._moved = moved_edges(edges, self.rows)
+        self.edges: Edges = edges
         self.library = library
         self.stand_yaw = float(stand.row_heading)
         self.wind: Sway | None = make_sway(getattr(stand, "wind", None), self.stand_yaw)
@@ -83,9 +87,10 @@ class Field:
 
     @property
     def notes(self) -> list[str]:
-        """What was assumed of the maps that it is made of."""
+        """What was assumed of the maps that it is made of, and of its edges."""
         parts = {"field.terrain": self.terrain, "field.stand": self.stand}
-        return [f"{key}: {n}" for key, p in parts.items() if isinstance(p, HasNotes) for n in p.notes]
+        said = [f"{key}: {n}" for key, p in parts.items() if isinstance(p, HasNotes) for n in p.notes]
+        return [*said, *self._moved]
 
     @property
     def pages(self) -> Pages:
@@ -96,6 +101,10 @@ class Field:
     def first_edge(self) -> EdgeShape:
         """Line of the first edge, without gaps and teeth: for whoever needs an edge and has no machine."""
         return next(iter(self.edges.values())).shape
+
+    def gaps_of(self, shape: EdgeShape | None) -> Sequence[Gap]:
+        """The gaps of the edge with this line, none where there is no such edge."""
+        return next((edge.gaps for edge in self.edges.values() if edge.shape is shape), ())
 
     def to_stand(self, x: Any, y: Any) -> tuple[Array, Array]:
         """World points in the stand frame."""

@@ -1,35 +1,51 @@
-"""The crop edge as it stands now: where, on a line across a machine, ground without crop turns into crop.
+"""The true edge of the crop: the wall that stands now, and the line to be steered along.
 
-The lines are sampled every STEP_M. A place is an edge where more than half of the SIDE_M on its one side are
-standing crop and more than half of those on its other side are not; of several such places within SIDE_M the
-one that splits best counts. So stems left standing, weeds and tramlines narrower than that are no edge.
+The wall is where, on a line across a machine, ground without crop turns into crop. The line is what an edge
+detector is to tell: the wall, but across a hole of the initial edge, which goes on behind it (`Holes`).
+
+Lines across a machine are sampled every STEP_M. A place is an edge where more than half of the SIDE_M on its
+one side are standing crop and more than half of those on its other side are not; of several such places
+within SIDE_M the one that splits best counts. So stems left standing, weeds and tramlines narrower than that
+are no edge.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.frames import Pose
+from swath.field.edge_defects import Gap
+from swath.field.rows import Rows
 
 Array = NDArray[np.float64]
 Bits = NDArray[np.bool_]
 Place = tuple[float, float]  # x, y in the world [m]
 STEP_M = 0.01
 SIDE_M = 1.5
+FIRST_M, ROUNDS, CLOSE_M = 0.1, 4, 0.005  # first step, rounds and what the last one may change
+FLAT = 1e-3  # sine of the angle to the edge at which a line across a machine runs along it
 _HALF = round(SIDE_M / STEP_M)
 
 
 class Standing(Protocol):
-    """Whether crop stands at the middles of `count` steps from places on: (n, count)."""
+    """Whether crop stands at the middles of `count` steps from places on: (n, count).
 
+    rows: of a row crop
+    """
+
+    @property
+    def rows(self) -> Rows | None: ...
     def standing_along(self, starts: Sequence[Place], step: Place, count: int, /) -> Bits: ...
 
 
 def crop_across(field: Standing, pose: Pose, x: Array | float, begin: float, end: float) -> Bits:
     """Whether crop stands on lines across a machine at x [m] ahead, from y = begin to y = end [m].
+
+    In a row crop the ground is its row's, see `field/rows.py`.
 
     pose: pose_world_machine. Shape (n, k) for x of shape (n,), else (k,): the middles of k steps.
     """
@@ -39,7 +55,11 @@ def crop_across(field: Standing, pose: Pose, x: Array | float, begin: float, end
     at = np.asarray(x, dtype=float)
     starts = [(first_x + ax * ahead, first_y + ay * ahead) for ahead in at.ravel().tolist()]
     width = (end - begin) / count
-    return field.standing_along(starts, (bx * width, by * width), count).reshape(*at.shape, count)
+    crop = field.standing_along(starts, (bx * width, by * width), count)
+    rows = field.rows
+    if rows is not None and rows.are_along(ax, ay):
+        crop = rows.whole(crop, rows.left(*np.array(starts).T), width * float(rows.left(bx, by)))
+    return crop.reshape(*at.shape, count)
 
 
 def edges_of(crop: Bits) -> list[Array]:
@@ -71,3 +91,50 @@ def _best(at: NDArray[np.intp], score: NDArray[np.int32]) -> Array:
         better = near & ((score > score[:, None]) | ((score == score[:, None]) & earlier))
         at = at[~better.any(axis=1)]
     return at.astype(float)
+
+
+class InitialEdge(Protocol):
+    """The initial edge without its holes; distances > 0 on the side of the crop. length [m]"""
+
+    @property
+    def length(self) -> float: ...
+    def signed_distance(self, x: Any, y: Any) -> Any: ...
+    def project(self, x: Any, y: Any) -> Any: ...
+
+
+@dataclass(frozen=True)
+class Holes:
+    """Holes of the initial edge, across which the line to be steered along is the initial edge itself.
+
+    A hole ends before the edge does; else the crop ends there. So it is on the first pass, while the header
+    end that follows the edge is within `reach` [m] of it, half a header. A later pass leaves an edge of its
+    own, and nobody knows where it would go on beside a hole.
+    """
+
+    edge: InitialEdge
+    gaps: Sequence[Gap]
+    reach: float
+
+    def line(self, places: Array, left: Array, ends: Array) -> Array:
+        """How far left of places the line across a hole lies [m], nan where no hole is: (n,).
+
+        places: (n, 2) in the world; left: unit vectors (n, 2) of the machine's y axis, along which it is
+        looked for; ends: of the header (n, 2), at the knife
+        """
+        first, second = np.zeros(len(places)), np.full(len(places), FIRST_M)
+        off = self._off(places, left, first)
+        for _ in range(ROUNDS):  # of the secant method: one finds a straight edge
+            last, off = off, self._off(places, left, second)
+            steep = np.abs(off - last) > FLAT * np.abs(second - first)
+            change = np.divide(off * (second - first), off - last, out=np.zeros_like(off), where=steep)
+            first, second = second, second - change
+        x, y = (places + second[:, None] * left).T
+        s = np.asarray(self.edge.project(x, y)[0])
+        holes = [gap for gap in self.gaps if gap.end < self.edge.length]
+        is_hole = np.any([np.zeros(len(s), bool), *((s >= g.start) & (s < g.end) for g in holes)], axis=0)
+        is_first = np.abs(self.edge.signed_distance(*ends.T)) <= self.reach
+        return np.where(is_hole & is_first & (np.abs(change) < CLOSE_M), second, np.nan)
+
+    def _off(self, places: Array, left: Array, at: Array) -> Array:
+        x, y = (places + at[:, None] * left).T
+        return np.asarray(self.edge.signed_distance(x, y), dtype=float)

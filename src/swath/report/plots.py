@@ -114,7 +114,7 @@ def errors_figure(
         _plot_lateral(axes[0], path, settling, (bands or {}).get("lateral"))
         end = max([end, *path.distance[-1:].tolist()])
     if edges is not None:
-        _plot_edge(axes[-1], edges, (bands or {}).get("edge"))
+        _plot_edge(axes[-1], edges, settling, (bands or {}).get("edge"))
         end = max([end, *edges.distance[-1:].tolist()])
     axes[-1].set_xlabel("travelled distance [m]")
     axes[-1].set_xlim(0.0, end)
@@ -133,13 +133,13 @@ def _plot_lateral(ax: Any, series: PathSeries, settling: float, band: float | No
     ax.set_title("> 0: towards the standing crop", loc="right", fontsize=8.5, color=GREY, y=1.0)
 
 
-def _plot_edge(ax: Any, series: EdgeSeries, band: float | None) -> None:
-    is_false = series.found & ~np.isfinite(series.error)
+def _plot_edge(ax: Any, series: EdgeSeries, settling: float, band: float | None) -> None:
+    ax.axvspan(0, settling, color="#F1F2F4", lw=0)
     _shade(ax, series.distance, series.exists & ~series.found, ORANGE, "true edge not detected", "////")
-    _shade(ax, series.distance, is_false, PURPLE, "detected where none is", "\\\\")
+    _shade(ax, series.distance, series.is_none, PURPLE, "detected where none is", "\\\\")
     _shade(ax, series.distance, ~series.exists, GREY, "no true edge near", "")
     ax.plot(series.distance, 100 * series.error, "o", color=GREEN, ms=2.0, mec="none")
-    _limits(ax, 100 * series.error, None if band is None else 100 * band)
+    _limits(ax, 100 * series.settled(settling).error, None if band is None else 100 * band)
     ax.set_ylabel("detected edge\nerror [cm]")
     if ax.get_legend_handles_labels()[0]:
         ax.legend(loc="upper right", ncol=3)

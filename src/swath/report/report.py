@@ -12,7 +12,7 @@ from swath.core.whole_file import write_whole
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluation import Evaluation
 from swath.judge.evaluator import SETTLING_M
-from swath.judge.evaluators.edge_detection import BRIDGED, EdgeDetection, EdgeSeries, bridges_gaps
+from swath.judge.evaluators.edge_detection import EdgeDetection, EdgeSeries
 from swath.judge.evaluators.lateral_error import LateralError, PathSeries
 from swath.judge.evaluators.unloading import Unloading, UnloadingSeries
 from swath.judge.windows import FIELD
@@ -292,8 +292,6 @@ def _errors(data: ReportData, own: MachineReport) -> page.Figure:
     caption = "Above: distance of the header end from its line along the initial edge."
     if own.edges is not None:
         caption += " Below: the detected edge against the true one, where the detector reports it."
-        if bridges_gaps(own.edges):
-            caption += f" {BRIDGED[0].upper()}{BRIDGED[1:]}."
     if bands:
         caption += " Dashed: plus and minus the limit on the root mean square."
     return page.Figure("Steering and detection", plots.as_image(fig), caption)

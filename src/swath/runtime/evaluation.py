@@ -16,7 +16,7 @@ def make_evaluation(world: World, catalogue: EvaluatorCatalogue | None = None) -
             machines=machines,
             name=name,
             overlap=machine.overlap,
-            gaps=next((e.gaps for e in world.field.edges.values() if e.shape is machine.edge), ()),
+            gaps=world.field.gaps_of(machine.edge),
             obstacles=world.obstacles,
             bodies=world.bodies,
             contact_ends_run=world.scenario.run.on_contact == "end",

@@ -413,7 +413,11 @@ def is_instance(name: str, kind: SlotKind) -> bool:
 FIELD_PACKAGES: dict[str, tuple[str, ...]] = {n: (f"swath.field.{n}",) for n in ("terrain", "stand")}
 FIELD_LEVELS = {"terrain": "formula", "stand": "uniform"}
 
-GONE = {"cooperate.oscillate": "`by_profile` levels the heap by what it sees of it"}
+EXAMPLES = {"consensus": "Consensus", "mixture": "Mixture", "threshold": "Threshold"}
+GONE = {
+    "cooperate.oscillate": "`by_profile` levels the heap by what it sees of it",
+    **{f"edge.{n}": f"`examples/edge/{n}.py:{c}` is it, as a file of your own" for n, c in EXAMPLES.items()},
+}
 REGISTRY = Registry(
     {**FIELD_PACKAGES, **{s.name: s.packages for s in SLOTS}},
     links="swath.link.levels",

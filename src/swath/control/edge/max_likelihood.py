@@ -1,9 +1,7 @@
 """Maximum-likelihood step: two populations of heights, each with its own mean and variance.
 
-The heights of a profile in lateral order are cut where two normal populations explain them best. This is the
-likelihood form of choosing the split of a series of distances by the standard deviations of its two parts
-(US 10,225,984). Every beam is one independent look and counts once, so the density of the beams needs no
-correction; between two beams the edge is uniform.
+The heights of a profile in lateral order are cut where two normal populations explain them best: the
+likelihood form of a split by the standard deviations of both parts (US 10,225,984).
 """
 
 from math import log
@@ -16,8 +14,7 @@ from swath.core.registry import Level
 from swath.signals import F64
 
 FLOOR = 0.03  # m, standard deviation no population may fall below: range noise and soil roughness
-STRAY_LOW = 0.05  # share of stubble-side echoes that are something else: weeds, volunteers, straw
-STRAY_HIGH = 0.15  # share of crop-side echoes that are something else: gaps between stems, low tillers
+STRAY_LOW, STRAY_HIGH = 0.05, 0.15  # share of echoes on either side that are something else: weeds, gaps
 STRAY_DENSITY = 1.0  # 1/m, of stray heights: anywhere within a metre
 
 
@@ -25,10 +22,9 @@ def split_by_likelihood(z: F64, min_points: int) -> tuple[F64, float]:
     """Log-likelihood of a step up before each of the points 1..n-1, and the best one's gain over no step.
 
     z: heights in lateral order, stubble first [m], shape (n,). The populations come from the best split into
-    n1 and n2 points with variances v1 and v2: -(n1 ln v1 + n2 ln v2) / 2, up to a constant. Then, with both
-    known and a share of stray echoes in each, the place follows from the sum of the log-likelihood ratios of
-    the single echoes, so that one low echo deep in thin crop cannot pull the edge there. Shape (n - 1,), -inf
-    where a side has fewer than `min_points` or the step goes down. The gain is 0 when no split is allowed.
+    n1 and n2 points with variances v1 and v2: -(n1 ln v1 + n2 ln v2) / 2. Then, with a share of strays in
+    each, the place follows from the log-likelihood ratios of single echoes, so that a low echo in thin crop
+    cannot pull it. -inf where a side has fewer than `min_points` or the step goes down; gain 0 with no split.
     """
     n = len(z)
     if n < 2 * min_points:

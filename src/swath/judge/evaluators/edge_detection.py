@@ -3,7 +3,8 @@
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import partial
 from math import isfinite
 from typing import Any
 
@@ -15,7 +16,7 @@ from swath.core.packed_state import saved_type
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.together import Samples, field_of
-from swath.field.present_edge import SIDE_M, STEP_M, crop_across, edges_of
+from swath.field.present_edge import SIDE_M, STEP_M, Holes, crop_across, edges_of
 from swath.judge.evaluator import EvaluatorSetup, Metric
 from swath.judge.kept_rows import KeptRows
 from swath.judge.statistics import mean, rms
@@ -28,13 +29,13 @@ GROUP = "Edge detection"
 NEAR_M = 5.0  # an edge this near to the header end has to be detected
 FAR_M = 8.0  # one this near may be detected
 MATCH_M = 1.5  # a detected edge is none that stands there when it is farther from it
-SURE, WRONG_M = 0.5, 0.3  # confidence, and error, of an edge that is wrong and sure
+SURE = 0.5  # confidence from which on a detector is sure
+WRONG_M = 0.3  # error beyond which an edge is wrong
+DEVIATIONS = 3.0  # an error beyond so many of those that are told is not told
+EPISODE_M = 1.0  # a longer way wrong, sure and not told is a hazardous episode
 RIGHT_M = 0.1  # error up to which an edge is right: what its confidence is the probability of
 FEW = 0.5  # a metric over a smaller share of the samples is noted
 NAN = float("nan")
-BRIDGED = (
-    "at a gap the true edge follows the gap and the detector bridges it: there the edge error is its depth"
-)
 CHUNK = 32  # samples that are judged together: a millisecond of work
 
 
@@ -42,12 +43,12 @@ CHUNK = 32  # samples that are judged together: a millisecond of work
 class EdgeSeries:
     """The course of a run, arrays of shape (n,): t [s], distance [m].
 
-    true: y in the machine frame at the detector's reference [m] of the edge nearest to the detected one, or
-    to the header end where none is detected; nan = none
+    true: y in the machine frame at the detector's reference [m] of the line to be steered along; nan = none
     detected: likewise, nan = none; error: detected minus true [m], > 0 towards the crop, nan where they are
     farther apart than MATCH_M; found: an edge was reported; exists: one is near enough that it had to be
     confidence, is_held, offset_sd [m]: as reported
-    across: error against the line across a gap of the initial edge [m], like `error`; nan beside none
+    wall: y of the crop that stands, nearest to the detected edge, or to the header end where none is detected
+    [m]; it is the true edge but across a hole of the initial edge, see `present_edge.Holes`; nan = none
     """
 
     t: F64
@@ -60,19 +61,50 @@ class EdgeSeries:
     confidence: F64
     is_held: NDArray[np.bool_]
     offset_sd: F64
-    across: F64
+    wall: F64
+
+    def settled(self, settling: float) -> "EdgeSeries":
+        """What is judged: without the first metres driven [m]."""
+        is_judged = self.distance >= settling
+        return EdgeSeries(*(getattr(self, f.name)[is_judged] for f in fields(self)))
+
+    @property
+    def is_sure(self) -> NDArray[np.bool_]:
+        """Whether the detector tells an edge and is sure of it."""
+        return self.found & (self.confidence >= SURE)
+
+    @property
+    def is_wrong(self) -> NDArray[np.bool_]:
+        """Whether an edge is told that is more than WRONG_M off, or where none is."""
+        return self.found & ~(np.abs(self.error) <= WRONG_M)
+
+    @property
+    def is_hazardous(self) -> NDArray[np.bool_]:
+        """Whether it is wrong and sure, and by more than DEVIATIONS of those that are told."""
+        return self.is_sure & self.is_wrong & ~(np.abs(self.error) <= DEVIATIONS * self.offset_sd)
+
+    @property
+    def is_none(self) -> NDArray[np.bool_]:
+        """Whether an edge is told where there is neither the line nor a wall."""
+        return self.found & ~np.isfinite(self.error) & ~(np.abs(self.detected - self.wall) <= MATCH_M)
+
+    def episodes(self) -> list[tuple[float, float]]:
+        """Where hazardous samples go on unbroken for more than EPISODE_M: first and last distance [m]."""
+        change = np.diff(self.is_hazardous.astype(int), prepend=0, append=0)
+        begins, ends = self.distance[change[:-1] > 0], self.distance[change[1:] < 0]
+        return [(a, b) for a, b in zip(begins.tolist(), ends.tolist(), strict=True) if b - a > EPISODE_M]
 
 
 @saved_type()
 @dataclass
 class _Row:
-    """A sample, its place, and whether crop stands on the line across the machine there, packed."""
+    """A sample, where it was, and whether crop stands on the line across the machine there, packed."""
 
     t: int
     distance: float
     edge: CropEdge
     crop: NDArray[np.uint8]
-    place: tuple[float, float]  # of the reported edge in the world [m]
+    place: tuple[float, ...]  # as in `lines`
 
 
 class EdgeDetection:
@@ -83,23 +115,24 @@ class EdgeDetection:
 
     OF_FIELD = False
     SIGNALS = (MachineState, CropEdge)
-    COLUMNS = ("edge_true_m",)
+    COLUMNS = ("edge_true_m", "edge_wall_m")
     METRICS = (
-        Metric("edge_rmse_m", "m", "detected against true edge, root mean square", GROUP,
+        Metric("edge_rmse_m", "m", "detected against true edge, root mean square; after settling", GROUP,
                "lower", "edge error, RMS", "cm"),
-        Metric("edge_bias_m", "m", "detected minus true edge, mean; > 0 towards the standing crop", GROUP,
-               "", "edge error, mean", "cm"),
+        Metric("edge_bias_m", "m", "detected minus true edge, mean; > 0 towards the standing crop; after "
+               "settling", GROUP, "", "edge error, mean", "cm"),
         Metric("detection_availability", "1", "share of edge samples with a right edge, where one is near; "
-               "after settling", GROUP, "higher", "availability, settled", "%", 1),
+               "after settling", GROUP, "higher", "availability", "%", 1),
         Metric("false_edge_share", "1", "share of the edges reported as seen that are none, no edge within "
-               f"{MATCH_M:g} m", GROUP, "lower", "edges reported where none is", "%", 1),
+               f"{MATCH_M:g} m; after settling", GROUP, "lower", "edges reported where none is", "%", 1),
         Metric("sure_wrong_share", "1", f"share of edge samples with a confidence of {SURE:g} or more and an "
-               f"error above {WRONG_M:g} m", GROUP, "lower", "sure and wrong", "%", 1),
+               f"error above {WRONG_M:g} m; after settling", GROUP, "lower", "sure and wrong", "%", 1),
         Metric("unsure_right_share", "1", f"share of the edges with an error up to {RIGHT_M:g} m that have a "
                f"confidence below {SURE:g}; after settling", GROUP, "lower", "right, not sure", "%", 1),
-        Metric("edge_sample_count", "", "edge samples that were judged", GROUP, "", "edge samples", "", 0),
+        Metric("edge_sample_count", "", "edge samples that were judged; after settling", GROUP, "",
+               "edge samples", "", 0),
         Metric("edge_judged_share", "1", "share of edge samples with a detected and a true edge, over which "
-               "the edge error is", GROUP, "higher", "samples with both edges", "%", 1),
+               "the edge error is; after settling", GROUP, "higher", "samples with both edges", "%", 1),
     )  # fmt: skip
 
     def __init__(self, setup: EvaluatorSetup, across: Callable[..., NDArray[np.bool_]] | None = None) -> None:
@@ -108,6 +141,7 @@ class EdgeDetection:
         self.side = 1.0 if setup.machine.edge_side == "left" else -1.0  # +y or -y is the cut side
         self._reference, self._end_y = setup.machine.geometry.header_end(setup.machine.edge_side)[:2]
         self._begin = self._end_y + self.side * (FAR_M + SIDE_M)  # of the lines, on the cut side
+        self._knife_x = self._reference
         self._states: list[MachineState] = []
         self._waiting: list[CropEdge] = []
         self._rows: list[_Row] = []
@@ -143,8 +177,9 @@ class EdgeDetection:
 
     @classmethod
     def together(cls, evaluators: Sequence["EdgeDetection"]) -> "_Together | None":
-        """Of many worlds, where their fields are profiles and all lines across machines as long."""
-        if any(getattr(e.setup.field, "profile", None) is None for e in evaluators):
+        """Of many worlds, where their fields are profiles without rows."""
+        fields = [e.setup.field for e in evaluators]
+        if any(getattr(f, "profile", None) is None or f.rows is not None for f in fields):
             return None
         return _Together(evaluators)
 
@@ -156,14 +191,12 @@ class EdgeDetection:
 
     @property
     def notes(self) -> Sequence[str]:
-        """Over how many samples the error is, where those are few; where a detector bridges a gap."""
-        found, said = self.metrics(), []
+        """Over how many samples the error is, where those are few."""
+        found = self.metrics()
         count, share = found.get("edge_sample_count", 0.0), found.get("edge_judged_share", 1.0)
-        if share < FEW:
-            said.append(f"the edge error is over {round(share * count)} of {count:.0f} edge samples")
-        if found and bridges_gaps(self.series()):
-            said.append(BRIDGED)
-        return said
+        if not share < FEW:
+            return []
+        return [f"the edge error is over {round(share * count)} of {count:.0f} edge samples"]
 
     @property
     def true_offset(self) -> float:
@@ -178,27 +211,36 @@ class EdgeDetection:
         return self._rows[-1].t if self._rows else -1 if self._newest is None else int(self._newest[0])
 
     def columns(self) -> tuple[Column, ...]:
-        """The true edge, for the newest detected one."""
-        meaning = "true edge at edge_reference_m, > 0 left"
-        return (Column("edge_true_m", "m", meaning, later=self._true_at),)
+        """The true edge and the crop that stands, for the newest detected edge."""
+        meant = {"edge_true_m": "true edge", "edge_wall_m": "edge of the crop that stands, holes included,"}
+        told = {"edge_true_m": "true", "edge_wall_m": "wall"}
+        return tuple(
+            Column(
+                name,
+                "m",
+                f"{meant[name]} at edge_reference_m, > 0 left",
+                later=partial(self._at_rows, told[name]),
+            )
+            for name in self.COLUMNS
+        )
 
     def series(self) -> EdgeSeries:
         """The course of the run so far."""
         self._judge_rows()
         table = self._judged.table()
-        t, at, true, seen, found, exists, confidence, is_held, sd, across = table.T
+        t, at, true, seen, found, exists, confidence, is_held, sd, wall = table.T
         error = -self.side * (seen - true)
         error = np.where(np.abs(error) <= MATCH_M, error, np.nan)
-        told = confidence, is_held > 0, sd, across
+        told = confidence, is_held > 0, sd, wall
         return EdgeSeries(t / NS, at, true, seen, error, found > 0, exists > 0, *told)
 
-    def _true_at(self, tracks: Mapping[str, F64]) -> F64:
-        """y of the true edge [m] for the rows of the tracks."""
+    def _at_rows(self, name: str, tracks: Mapping[str, F64]) -> F64:
+        """An array of the series for the rows of the tracks."""
         series, asked = self.series(), tracks["edge_t_s"]
         if not len(series.t):
             return np.full(len(asked), np.nan)
         index = np.minimum(np.searchsorted(series.t, asked), len(series.t) - 1)
-        return np.where(series.t[index] == asked, series.true[index], np.nan)
+        return np.where(series.t[index] == asked, getattr(series, name)[index], np.nan)
 
     def _look(self, edge: CropEdge) -> None:
         pose, distance = self._at(edge.t)
@@ -207,9 +249,13 @@ class EdgeDetection:
         end = 2.0 * self._end_y - self._begin
         crop = (self._across or crop_across)(self.setup.field, pose, self._reference, self._begin, end)
         (px, py, _), ((ax, bx, _), (ay, by, _), _) = pose.numbers
-        x, y = self._reference, edge.offset if edge.is_found else self._end_y
-        place = px + ax * x + bx * y, py + ay * x + by * y
-        self._rows.append(_Row(edge.t, distance, edge, np.packbits(crop), place))
+        y = self._end_y
+        ends = [
+            v + a * x + b * y
+            for x in (self._reference, self._knife_x)
+            for v, a, b in ((px, ax, bx), (py, ay, by))
+        ]
+        self._rows.append(_Row(edge.t, distance, edge, np.packbits(crop), (*ends, bx, by)))
 
     def _judge_rows(self) -> None:
         if self._rows:
@@ -219,41 +265,35 @@ class EdgeDetection:
             self._rows = []
 
     def _judge(self, rows: Sequence[_Row]) -> F64:
-        """Rows of t [ns], distance, true, seen, found, exists, confidence, is_held, offset_sd, across."""
+        """Rows of t [ns], distance, true, seen, found, exists, confidence, is_held, offset_sd, wall."""
         count = round(2.0 * (FAR_M + SIDE_M) / STEP_M)
         crop = np.unpackbits(np.stack([r.crop for r in rows]), axis=1, count=count).astype(bool)
         judged = []
-        for row, places, across in zip(rows, edges_of(crop), self._across_gaps(rows), strict=True):
+        lines = self.lines(np.array([row.place for row in rows])).tolist()
+        for row, places, line in zip(rows, edges_of(crop), lines, strict=True):
             edge, end = row.edge, self._end_y
             at = [self._begin - self.side * STEP_M * place for place in places.tolist()]
-            seen, true = edge.offset if edge.is_found else NAN, NAN
+            seen, wall = edge.offset if edge.is_found else NAN, NAN
             exists = any(abs(y - end) <= NEAR_M for y in at)
             if edge.is_found and at:
-                true = _nearest(at, seen)
+                wall = _nearest(at, seen)
             elif exists:
-                true = _nearest(at, end)
-            told = edge.is_found, exists, edge.confidence, edge.is_held, edge.offset_sd, across
+                wall = _nearest(at, end)
+            true = line if isfinite(line) else wall
+            told = edge.is_found, exists, edge.confidence, edge.is_held, edge.offset_sd, wall
             judged.append((row.t, row.distance, true, seen, *told))
         return np.array(judged, dtype=float)
 
-    def _across_gaps(self, rows: Sequence[_Row]) -> Sequence[float]:
-        """How far inside the initial edge reported places lie that are beside its gaps [m], nan elsewhere."""
-        if not self.setup.gaps:
-            return [NAN] * len(rows)
-        places, found = np.array([row.place for row in rows]), np.array([row.edge.is_found for row in rows])
-        across: Sequence[float] = self.across_gaps(places, found).tolist()
-        return across
+    def lines(self, places: F64) -> F64:
+        """y of the line across a hole of the initial edge [m], (n,); nan where no hole is.
 
-    def across_gaps(self, places: F64, found: NDArray[np.bool_]) -> F64:
-        """How far inside the initial edge places (n, 2) lie that are beside its gaps [m], nan elsewhere.
-
-        found: an edge was reported there
+        places: x, y of the header end at the detector's reference, then at the knife, then the machine's y
+        axis, in the world, (n, 6)
         """
-        x, y = places.T
-        s = np.asarray(self.setup.edge.project(x, y)[0])
-        gaps = [(s >= gap.start) & (s < gap.end) for gap in self.setup.gaps]
-        is_beside = found & np.any(gaps, axis=0)
-        return np.where(is_beside, self.setup.edge.signed_distance(x, y), NAN)
+        if not self.setup.gaps:
+            return np.full(len(places), NAN)
+        holes = Holes(self.setup.edge, self.setup.gaps, 0.5 * self.setup.machine.geometry.header_width)
+        return self._end_y + holes.line(places[:, :2], places[:, 4:], places[:, 2:4])
 
     def take(self, rows: F64) -> None:
         """Rows that were judged elsewhere."""
@@ -275,7 +315,7 @@ class EdgeDetection:
 class _Together:
     """The same in arrays: a line across each machine, and its edges, in one launch.
 
-    states: time, poses, distances; waiting: edges of later times; rows: as in `_judge`, places: as in `_Row`
+    states: time, poses, distances; waiting: edges of later times; rows: as in `_judge`, places: as in `lines`
     """
 
     def __init__(self, evaluators: Sequence[EdgeDetection]) -> None:
@@ -289,7 +329,8 @@ class _Together:
         ).T.copy()
         self._states: deque[tuple[int, F64, F64]] = deque(maxlen=512)
         self._waiting: deque[Samples] = deque()
-        self._rows, self._places = Table(n, 10), Table(n, 2)
+        self._rows, self._places = Table(n, 10), Table(n, 6)
+        self._knife_x = self._reference.copy()
         count = round(2.0 * (FAR_M + SIDE_M) / STEP_M)
         self._starts, self._steps = np.zeros((2, n, 2))
         self._crop, self._counts = np.zeros((n, count), np.bool_), np.zeros(n, np.int32)
@@ -321,7 +362,8 @@ class _Together:
         e, rows = self._evaluators[world], self._rows.of(world)
         if len(rows):
             if e.setup.gaps:
-                rows[:, 9] = e.across_gaps(self._places.of(world), rows[:, 4] > 0.0)
+                lines = e.lines(self._places.of(world))
+                rows[:, 2] = np.where(np.isfinite(lines), lines, rows[:, 2])
             e.take(rows)
         e._waiting = [edge.of(world) for edge in self._waiting]
 
@@ -347,12 +389,17 @@ class _Together:
         at[np.arange(at.shape[1]) >= self._counts[:, None]] = np.inf
         exists = (np.abs(at - self._end_y[:, None]) <= NEAR_M).any(axis=1)
         to = np.where(found, offset, self._end_y)
-        true = at[self._worlds, np.abs(at - to[:, None]).argmin(axis=1)]
-        true[~((found & (self._counts > 0)) | exists)] = NAN
+        wall = at[self._worlds, np.abs(at - to[:, None]).argmin(axis=1)]
+        wall[~((found & (self._counts > 0)) | exists)] = NAN
         more = (field_of(edge, name) for name in ("is_held", "offset_sd"))
-        self._rows.add(self._worlds, edge.t, distance, true, seen, found, exists, confidence, *more, NAN)
-        x, y = self._reference, to
-        self._places.add(self._worlds, px + ax * x + bx * y, py + ay * x + by * y)
+        self._rows.add(self._worlds, edge.t, distance, wall, seen, found, exists, confidence, *more, wall)
+        y = self._end_y
+        ends = [
+            v + a * x + b * y
+            for x in (self._reference, self._knife_x)
+            for v, a, b in ((px, ax, bx), (py, ay, by))
+        ]
+        self._places.add(self._worlds, *ends, bx, by)
 
     def _at(self, t: int) -> tuple[F64, F64]:
         """As `EdgeDetection._at`, poses as numbers."""
@@ -392,32 +439,25 @@ def between_states(
     return Pose.from_euler(position, roll, pitch, yaw), start + share * (end - start)
 
 
-def bridges_gaps(series: EdgeSeries) -> bool:
-    """Whether edges beside a gap were reported on the line across it, and not where the crop stands."""
-    is_off = ~(np.abs(series.error) <= WRONG_M)
-    return bool(np.any((np.abs(series.across) <= WRONG_M) & is_off))
-
-
 def _nearest(places: Sequence[float], to: float) -> float:
     return min(places, key=lambda place: abs(place - to))
 
 
 def edge_metrics(series: EdgeSeries, *, settling: float) -> dict[str, float]:
     """Quality of an edge detection. settling: driven before a machine has to have found its edge [m]"""
-    right = np.isfinite(series.error)
-    asked = series.exists & (series.distance >= settling)
-    claimed = series.found & ~series.is_held
-    off = ~right | (np.abs(series.error) > WRONG_M)
-    near = claimed & (np.abs(series.error) <= RIGHT_M) & (series.distance >= settling)
+    s = series.settled(settling)
+    is_judged = np.isfinite(s.error)
+    claimed = s.found & ~s.is_held
+    right = claimed & (np.abs(s.error) <= RIGHT_M)
     return {
-        "edge_rmse_m": rms(series.error[right]),
-        "edge_bias_m": mean(series.error[right]),
-        "detection_availability": mean(right[asked].astype(float)),
-        "false_edge_share": mean(~right[claimed]),
-        "sure_wrong_share": mean(series.found & (series.confidence >= SURE) & off),
-        "unsure_right_share": mean(series.confidence[near] < SURE),
-        "edge_sample_count": float(len(series.t)),
-        "edge_judged_share": mean(right),
+        "edge_rmse_m": rms(s.error[is_judged]),
+        "edge_bias_m": mean(s.error[is_judged]),
+        "detection_availability": mean(is_judged[s.exists].astype(float)),
+        "false_edge_share": mean(s.is_none[claimed]),
+        "sure_wrong_share": mean(s.is_sure & s.is_wrong),
+        "unsure_right_share": mean(~s.is_sure[right]),
+        "edge_sample_count": float(len(s.t)),
+        "edge_judged_share": mean(is_judged),
     }
 
 

@@ -1,8 +1,9 @@
 """Edge level `truth`: the crop edge straight from the field. For isolating steering from perception.
 
-The edge is followed forwards from the first place ahead of the header end where there is one, along lines
-across the machine ROW_M apart, as far as it goes on without a break. It is reported at the reference
-distance, or nearer where it bends away or breaks.
+It is the line to be steered along: the edge of the crop that stands, or across a hole the initial edge
+(`field/present_edge.py`). It is followed forwards from the first place ahead of the header end where there is
+one, along lines across the machine ROW_M apart, as far as it goes on without a break. It is reported at the
+reference distance, or nearer where it bends away or breaks.
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.portable import arctan, solve
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.field.present_edge import SIDE_M, STEP_M, crop_across, edges_of
+from swath.field.present_edge import SIDE_M, STEP_M, Holes, crop_across, edges_of
 from swath.field.site_setup import SiteSetup
 from swath.signals import F64, CropEdge, MachineState
 
@@ -48,8 +49,11 @@ class TruthEdge(KeepsState):
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self._p, self._setup = params, setup
-        knife, self._end_y = setup.machine.header_end(setup.edge_side)
-        first = min(np.ceil((knife + AHEAD_M - params.reference_x_m) / ROW_M), -1.0)
+        self._knife_x, self._end_y = setup.machine.header_end(setup.edge_side)
+        gaps = setup.field.gaps_of(setup.edge)
+        reach = 0.5 * setup.machine.header_width
+        self._holes = Holes(setup.edge, gaps, reach) if gaps and setup.edge is not None else None
+        first = min(np.ceil((self._knife_x + AHEAD_M - params.reference_x_m) / ROW_M), -1.0)
         self._x: F64 = params.reference_x_m + ROW_M * np.arange(first, 3.0)
         self._out = 1.0 if setup.edge_side == "left" else -1.0
         self._half = params.reach_m + MORE_M + SIDE_M
@@ -93,8 +97,11 @@ class TruthEdge(KeepsState):
         )
         found: list[float] = []
         first = 0
+        lines = self._across_holes(state)
         for row, places in enumerate(edges_of(crop)):
             y = (begin - self._out * STEP_M * places).tolist()
+            if np.isfinite(lines[row]):
+                y = [float(lines[row])]
             near = self._nearest(y, found)
             if near is None and len(found) < FEWEST:
                 found = []
@@ -105,6 +112,16 @@ class TruthEdge(KeepsState):
             elif found:
                 break
         return self._x[first : first + len(found)], np.array(found)
+
+    def _across_holes(self, state: MachineState) -> F64:
+        """y of the line across a hole, on each line across the machine; nan where no hole is."""
+        if self._holes is None:
+            return np.full(len(self._x), np.nan)
+        (px, py, _), ((ax, bx, _), (ay, by, _), _) = state.pose.numbers
+        end = np.array([px + bx * self._end_y, py + by * self._end_y])
+        left, ahead = np.tile([bx, by], (len(self._x), 1)), np.array([ax, ay])
+        knife = np.tile(end + self._knife_x * ahead, (len(self._x), 1))
+        return self._end_y + self._holes.line(end + self._x[:, None] * ahead, left, knife)
 
     def _nearest(self, y: list[float], found: list[float]) -> float | None:
         """The place on a line where the edge so far goes on; its start is beside the header end."""

@@ -5,6 +5,7 @@ from itertools import pairwise
 from math import log1p
 from typing import Any
 
+from swath.judge.evaluators.edge_detection import EPISODE_M
 from swath.judge.evaluators.edge_detection import WRONG_M as ALERT_M
 from swath.tools.function_test.cells import Cell
 from swath.tools.function_test.integrity import (
@@ -95,6 +96,7 @@ def stanford(cells: Sequence[Cell], number: int) -> dict[str, Any] | None:
         "alert": ALERT_M / BIN_M * CELL,
         "limit": f"{ALERT_M:g}",
         "end": f"{BIN_M * BIN_COUNT:g}",
+        "episode": f"{EPISODE_M:g}",
         "colour": colour(number),
         "squares": [
             {"x": error * CELL, "y": SIDE - (told + 1) * CELL, "opacity": round(log1p(count) / most, 3)}

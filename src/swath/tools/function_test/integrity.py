@@ -1,13 +1,10 @@
 """Is a detector wrong and sure? The Stanford diagram of satellite navigation, for the crop edge.
 
-Over all samples: the error that there is (x) and three standard deviations as they are told (y), both against
-an alert limit. Below the diagonal the error is more than told (misleading); above the limit the detector says
-itself that it is not sure (unavailable); an error beyond the limit while it says that it is sure is
-hazardously misleading (Tossaint et al. 2007, the Stanford-ESA integrity diagram). An episode is an unbroken
-stretch of such samples. A detector without a standard deviation is sure from a confidence of 0.5 on.
-
-Beside a gap of the initial edge the line across it counts as the edge, not the far wall: gaps are to be
-bridged, and a detector that is sure of the wall leads the machine into the crop.
+Over all samples: the error that there is (x) and three standard deviations as they are told (y). Below the
+diagonal the error is more than told (misleading); where it is beyond the alert limit, too, the detector is
+sure and wrong (hazardously misleading; Tossaint et al. 2007, the Stanford-ESA integrity diagram). One that
+says that it is not sure is unavailable: its samples stand in the top row. One without a standard deviation
+tells 0. What sure, wrong and an episode are: `judge/evaluators/edge_detection.py`.
 """
 
 from collections.abc import Iterable, Mapping
@@ -15,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.judge.evaluators.edge_detection import SURE, EdgeDetection, EdgeSeries
-from swath.judge.evaluators.edge_detection import WRONG_M as ALERT_M
+from swath.judge.evaluators.edge_detection import DEVIATIONS, MATCH_M, EdgeDetection, EdgeSeries
 from swath.runtime.hooks import ActiveRun, RunHook
 
 SUMMARY = "integrity"
@@ -39,26 +35,22 @@ class IntegrityHook(RunHook):
 
 def integrity_of(series: EdgeSeries, settling: float) -> dict[str, Any]:
     """Counts of one run: bins (error bin, told bin, samples), samples, hazardous, episodes, longest_m, km."""
-    off = np.where(np.isfinite(series.across), series.across, series.error)
-    is_judged = (series.distance >= settling) & np.isfinite(off) & series.found
-    error, at = np.abs(off[is_judged]), series.distance[is_judged]
-    sd, confidence = series.offset_sd[is_judged], series.confidence[is_judged]
-    unknown = np.where(confidence >= SURE, 0.0, BIN_M * BIN_COUNT)
-    told = np.where(np.isfinite(sd), 3.0 * sd, unknown)
+    s = series.settled(settling)
+    beyond = BIN_M * BIN_COUNT
+    error = np.where(np.isfinite(s.error), np.abs(s.error), MATCH_M)[s.found]
+    told = np.where(np.isfinite(s.offset_sd), DEVIATIONS * s.offset_sd, 0.0)
+    told = np.where(s.is_sure, told, beyond)[s.found]
     pairs = np.minimum(np.stack([error, told]) // BIN_M, BIN_COUNT - 1).astype(int)
     cells, counts = np.unique(pairs, axis=1, return_counts=True)
     bins = [[int(a), int(b), int(n)] for (a, b), n in zip(cells.T, counts, strict=True)]
-    is_hazard = (error > ALERT_M) & (told <= ALERT_M)
-    begins = np.flatnonzero(np.diff(np.r_[0, is_hazard.astype(int)]) == 1)
-    ends = np.flatnonzero(np.diff(np.r_[is_hazard.astype(int), 0]) == -1)
-    driven = series.distance[series.distance >= settling]
+    episodes = s.episodes()
     return {
         "bins": bins,
         "samples": len(error),
-        "hazardous": int(is_hazard.sum()),
-        "episodes": len(begins),
-        "longest_m": float(np.max(at[ends] - at[begins], initial=0.0)),
-        "km": float(np.ptp(driven)) / 1000.0 if len(driven) else 0.0,
+        "hazardous": int(s.is_hazardous.sum()),
+        "episodes": len(episodes),
+        "longest_m": max((end - begin for begin, end in episodes), default=0.0),
+        "km": float(np.ptp(s.distance)) / 1000.0 if len(s.distance) else 0.0,
     }
 
 

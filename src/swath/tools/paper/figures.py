@@ -351,15 +351,11 @@ def closed_loop(name: str) -> Callable[[Path], Made]:
 
 
 def _told(summary: Mapping[str, Any]) -> str:
-    from swath.judge.evaluators.edge_detection import BRIDGED
-
-    is_bridged = any(BRIDGED in note for note in summary.get("notes", ()))
     cm = {name: 100.0 * summary[name] for name in ("lateral_rms_m", "lateral_p95_m", "edge_rmse_m")}
     return (
         f"Lateral error {cm['lateral_rms_m']:.1f} cm RMS, 95 % within {cm['lateral_p95_m']:.1f} cm; detected "
         f"edge {cm['edge_rmse_m']:.1f} cm RMS, found in {100 * summary['detection_availability']:.0f} % of "
         f"the scans; {summary['distance_m']:.0f} m driven."
-        + (f" {BRIDGED[0].upper()}{BRIDGED[1:]}." if is_bridged else "")
     )
 
 

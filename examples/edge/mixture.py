@@ -1,9 +1,9 @@
 """Two normal populations of heights by expectation maximisation, carried from scan to scan.
 
-After Kneip et al. 2020 (Robotics and Autonomous Systems 123:103323): heights are a mixture of two normals,
-fitted by EM; every echo gets its odds of being crop, Bayes' rule adds them up, and the line through the
-places is robust. Theirs adds up in the cells of a grid on the ground; here the odds of a scan add up along
-the lateral order, and successive scans meet in the track.
+    edge: {level: examples/edge/mixture.py:Mixture}
+
+After Kneip et al. 2020 (RAS 123:103323): every echo gets its odds of being crop, Bayes' rule adds them up.
+Theirs adds up in the cells of a grid; here along the lateral order, and successive scans meet in the track.
 """
 
 from math import log
@@ -12,22 +12,19 @@ from typing import ClassVar
 import numpy as np
 
 from swath.control.edge.detector import EdgeDetector, EdgeParams
+from swath.core import portable
 from swath.core.component import Outputs
-from swath.core.portable import exp
-from swath.core.portable import log as logs
 from swath.core.random import Stream
-from swath.core.registry import Level
 from swath.signals import F64
 from swath.signals.setup import ControlSetup
 
 STEPS = 3  # of EM for a scan, from the mixture of the scan before
 FLOOR = 0.03  # m, standard deviation no population may fall below
-SHARE = 0.1  # that each population has at least
-MOST = 3.0  # nat that one echo is worth at most
+SHARE, MOST = 0.1, 3.0  # each population has at least; nat that one echo is worth at most
 
 
 class Mixture(EdgeDetector):
-    """Mixture of two normals per scan, robust parabola over several scans."""
+    """Two normals by expectation maximisation per scan, robust parabola over several scans."""
 
     kept: ClassVar[tuple[str, ...]] = (*EdgeDetector.kept, "_mixture")
 
@@ -37,7 +34,6 @@ class Mixture(EdgeDetector):
         self._mixture: F64 = np.zeros((0, 2))
 
     def reset(self, stream: Stream) -> Outputs:
-        """No mixture yet."""
         self._mixture = np.zeros((0, 2))
         return super().reset(stream)
 
@@ -58,22 +54,18 @@ class Mixture(EdgeDetector):
 
 
 def _normal(z: F64) -> float:
-    """Negative log-likelihood [nat] of heights (n,) under their own normal, up to a constant per height."""
     return 0.5 * len(z) * log(float(z.var()) + FLOOR**2)
 
 
 def fit_mixture(z: F64, before: F64) -> F64:
-    """Share, mean [m] and variance [m2] of crop and stubble, (3, 2), of heights (n,).
-
-    before: the mixture to start from; with none the halves of the range
-    """
+    """Share, mean [m] and variance [m2] of crop and stubble, (3, 2), of heights (n,) [m]."""
     if before.size == 0:
         low, high = np.percentile(z, [10.0, 90.0]).tolist()
         before = np.array([[0.5, 0.5], [high, low], [0.1 * (high - low) ** 2 + FLOOR**2] * 2])
     mixture = before
     for _ in range(STEPS):
-        joint = density(z, mixture) + logs(mixture[0])[:, None]
-        part = exp(joint - joint.max(axis=0))
+        joint = density(z, mixture) + portable.log(mixture[0])[:, None]
+        part = portable.exp(joint - joint.max(axis=0))
         part /= part.sum(axis=0)
         weight = part.sum(axis=1)
         mean = (part * z).sum(axis=1) / np.maximum(weight, 1e-9)
@@ -85,13 +77,4 @@ def fit_mixture(z: F64, before: F64) -> F64:
 def density(z: F64, mixture: F64) -> F64:
     """Log density [ln 1/m] of heights (n,) in crop and stubble, (2, n)."""
     mean, variance = mixture[1][:, None], mixture[2][:, None]
-    return np.asarray(-0.5 * ((z - mean) ** 2 / variance + logs(variance) + log(2.0 * np.pi)))
-
-
-LEVEL = Level(
-    Mixture,
-    EdgeParams,
-    summary="two normal populations by expectation maximisation after Kneip et al. 2020, tracked over scans",
-    cost="under 1 ms per scan",
-    tolerance="offset within 0.05 m RMS of the true edge at 500 stems/m2",
-)
+    return np.asarray(-0.5 * ((z - mean) ** 2 / variance + portable.log(variance) + log(2.0 * np.pi)))

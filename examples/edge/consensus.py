@@ -1,5 +1,7 @@
 """Random sample consensus: the straight line that most edge points of the last metres agree with.
 
+    edge: {level: examples/edge/consensus.py:Consensus}
+
 After Cho et al. 2014 (EAEF 7(3):115), who fit a line by RANSAC (Fischler & Bolles 1981,
 doi:10.1145/358669.358692) to the boundary in a map of several scans. Points of a scan come from Otsu's
 threshold. No pairs are drawn: all pairs of some points of the window are tried.
@@ -7,11 +9,10 @@ threshold. No pairs are drawn: all pairs of some points of the window are tried.
 
 import numpy as np
 
-from swath.control.edge.detector import EdgeDetector, EdgeParams
+from swath.control.edge.detector import EdgeDetector
 from swath.control.edge.line_fit import Line, Prior
 from swath.control.edge.otsu import split_by_otsu
 from swath.core.portable import product, solve
-from swath.core.registry import Level
 from swath.signals import F64
 
 CLOSE = 0.10  # m from the line: a point agrees
@@ -50,12 +51,3 @@ class Consensus(EdgeDetector):
 
     split = staticmethod(split_by_otsu)
     fit = staticmethod(fit_consensus)
-
-
-LEVEL = Level(
-    Consensus,
-    EdgeParams,
-    summary="line of most agreement among the points of several scans after Cho et al. 2014",
-    cost="under 2 ms per scan",
-    tolerance="offset within 0.05 m RMS of the true edge at 500 stems/m2; straight edges",
-)
