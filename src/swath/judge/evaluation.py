@@ -38,6 +38,8 @@ class Evaluation:
 
     setups: of each machine by its name; the first one's distance counts for windows of the field
     expect: limits of the scenario; those that evaluators bring along are added
+    watchers: further evaluators of the field, which know more than a setup tells; each has what it knows as
+    `scene`, which a saved state leaves out
     """
 
     def __init__(
@@ -45,6 +47,7 @@ class Evaluation:
         catalogue: EvaluatorCatalogue,
         setups: Mapping[str, EvaluatorSetup],
         expect: Sequence[Expectation] = (),
+        watchers: Sequence[Any] = (),
     ) -> None:
         self.catalogue = catalogue
         self.is_trial = False  # true of a run that is to end before anything is measured
@@ -55,6 +58,8 @@ class Evaluation:
             subject: [make(setup) for make in catalogue.classes if (subject == FIELD) == make.OF_FIELD]
             for subject, setup in self._setups.items()
         }
+        self._of[FIELD] += watchers
+        self._scenes = {f"scene {n}": watcher.scene for n, watcher in enumerate(watchers)}
         self._ending = [(n, e) for n, own in self._of.items() for e in own if isinstance(e, EndsRun)]
         self._noting = [e for own in self._of.values() for e in own if isinstance(e, HasEvents)]
         self._newest = [_Newest(e) for own in self._of.values() for e in own if isinstance(e, WantsNewest)]
@@ -103,7 +108,7 @@ class Evaluation:
     @property
     def shared(self) -> dict[str, Any]:
         """What evaluators refer to and a saved state leaves out, by name."""
-        found: dict[str, Any] = {}
+        found: dict[str, Any] = dict(self._scenes)
         for subject, setup in self._setups.items():
             found[f"setup {subject}"] = setup
             found |= {f"{k} {subject}": v for k, v in vars(setup).items() if _is_object(v)}

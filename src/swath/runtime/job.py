@@ -16,11 +16,13 @@ from swath.core.stopping import stoppable, unstopped
 from swath.core.whole_file import write_whole
 from swath.judge.limits import exit_code_of
 from swath.judge.summary import make_summary, write_summary
+from swath.judge.windows import FIELD
 from swath.record.digest import Digest
 from swath.record.recorder import Recorder
 from swath.runtime.assembly import assemble
 from swath.runtime.branch import Branch, Start
 from swath.runtime.changes import Interventions, Restart, Script
+from swath.runtime.credibility import Credibility, annotate
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.folder import occupied
 from swath.runtime.hooks import ActiveRun, RunHook
@@ -282,6 +284,8 @@ class Running:
         notes = world.field.notes
         notes += [note for machine in world.machines.values() for note in machine.notes]
         notes += self.evaluation.notes()
+        if (watch := self.evaluation.find(FIELD, Credibility)) is not None:
+            notes += annotate(summary, watch, self.evaluation.catalogue)
         if world.devices:
             summary["devices"] = {device.setup.name: device.summary() for device in world.devices}
             notes += [note for device in world.devices for note in device.notes]
