@@ -41,6 +41,11 @@ class Checked:
     high: float
     source: str
 
+    @property
+    def span(self) -> str:
+        """`0 to 20`."""
+        return f"{self.low:g}" if self.low == self.high else f"{self.low:g} to {self.high:g}"
+
 
 @dataclass(frozen=True)
 class KnownError:

@@ -52,6 +52,8 @@ def render(
         digest=summary.get("digest"),
         limits=[_limit_row(entry, evaluators.metrics) for entry in expect],
         results=list(_results(summary, evaluators)),
+        credibility=list(_credibility(summary)),
+        undeclared=summary.get("credibility", {}).get("undeclared", []),
         notes=summary.get("notes", []),
         incidents=[_incident_row(event) for event in summary.get("incidents", [])],
         figures=figures,
@@ -68,6 +70,8 @@ def _head(expect: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
         return "fail", f"✗ {len(failed)} of {len(expect)} limits fail", ", ".join(dict.fromkeys(failed))
     if open_ := [entry["name"] for entry in expect if entry["result"] == "not measured"]:
         return "none", f"{len(open_)} of {len(expect)} limits not measured", ", ".join(dict.fromkeys(open_))
+    if any("rests_outside" in entry for entry in expect):
+        return "none", f"All {len(expect)} limits pass", "not to be relied on: see credibility"
     return "pass", f"✓ All {len(expect)} limits pass", ", ".join(dict.fromkeys(e["name"] for e in expect))
 
 
@@ -81,7 +85,30 @@ def _limit_row(entry: Mapping[str, Any], metrics: Mapping[str, Metric]) -> dict[
         "value": number(entry["value"]) if metric is None else _shown(metric, entry["value"]),
         "result": entry["result"],
         "reason": entry.get("reason", ""),
+        "error": _level_error(entry, metric),
     }
+
+
+def _level_error(entry: Mapping[str, Any], metric: Metric | None) -> str:
+    """How far off the value may be at the level that it rests on, "" where nothing measured it."""
+    error = entry.get("level_error")
+    if error is None or metric is None:
+        return ""
+    return f"{_shown(metric, error['size'])} ({error['slot']} against {error['against']})"
+
+
+def _credibility(summary: Mapping[str, Any]) -> Iterator[list[str]]:
+    """Slot, level, quantity, what was met and checked, where that lies, and what checked it."""
+    for slot, told in summary.get("credibility", {}).get("slots", {}).items():
+        for row in told["quantities"]:
+            met = "–" if row["met"] is None else _span(row["met"])
+            state = row["state"] or "not met"
+            yield [slot, told["level"], row["quantity"], met, _span(row["checked"]), state, row["source"]]
+
+
+def _span(ends: Sequence[float]) -> str:
+    low, high = ends
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
 def _incident_row(event: Mapping[str, Any]) -> list[str]:

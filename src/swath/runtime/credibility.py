@@ -167,9 +167,8 @@ def annotate(summary: dict[str, Any], watch: Credibility, catalogue: EvaluatorCa
     """Put `credibility` into a summary, and into its limits what they rest on that was outside
     (`rests_outside`) and how far off their metric may be (`level_error`). Returns notes.
     """
-    told = watch.told()
-    summary[SUMMARY] = told
-    outside = [name for name, slot in told["slots"].items() if slot["state"] == OUTSIDE]
+    summary[SUMMARY] = watch.told()
+    outside = outside_of(summary)
     errors = _errors(watch.scene.world)
     doubtful = []
     for entry in summary["expect"]:
@@ -182,14 +181,19 @@ def annotate(summary: dict[str, Any], watch: Credibility, catalogue: EvaluatorCa
         if found := [(n, e) for n, e in errors if n in slots and e.metric == entry["name"]]:
             slot, error = max(found, key=lambda pair: pair[1].size)
             entry["level_error"] = {"size": error.size, "slot": slot, "against": error.against}
-    notes = [f"{name}: {why_outside(told['slots'][name])}" for name in outside]
+    notes = [f"{name}: {why}" for name, why in outside.items()]
     if doubtful:
         notes.append(f"not to be relied on, they rest on that: {', '.join(dict.fromkeys(doubtful))}")
     return notes
 
 
-def why_outside(slot: Mapping[str, Any]) -> str:
-    """What a slot met beyond its range, as in `slots` of the summary."""
+def outside_of(summary: Mapping[str, Any]) -> dict[str, str]:
+    """Slots whose level was outside its range, with why, of a summary."""
+    slots = summary.get(SUMMARY, {}).get("slots", {})
+    return {name: _why(slot) for name, slot in slots.items() if slot["state"] == OUTSIDE}
+
+
+def _why(slot: Mapping[str, Any]) -> str:
     what = [
         f"{row['quantity']} {_span(row['met'])}, checked {_span(row['checked'])}"
         for row in slot["quantities"]
