@@ -189,6 +189,8 @@ class Evaluation:
             for event in events:
                 outcome = check_samples(e.limit, tracks[e.subject], e.name, event)
                 yield _placed(outcome, event)
+        elif e.limit.because is not None:
+            yield self._because(e.subject, e.name, e.limit, e.limit.because)
         elif not e.limit.window:
             yield check_metric(e.limit, metrics[e.subject].get(e.name))
         else:
@@ -199,6 +201,15 @@ class Evaluation:
                 if not stretch.count:
                     outcome = None, NO_SAMPLE
                 yield _placed(outcome, stretch.event)
+
+    def _because(self, subject: str, name: str, limit: Limit, why: str) -> tuple[float | None, str]:
+        """A count of events, of those alone that happened because of something."""
+        events = [x for x in self.events(subject) if x.kind == self.catalogue.caused[name]]
+        found = [x for x in events if why in x.because]
+        value, reason = check_metric(limit, float(len(found)))
+        others = dict.fromkeys(other for x in events for other in x.because[:1])
+        told = f"{len(events)} in all, because of {', '.join(others) or 'nothing that is there'}"
+        return value, f"{reason} because of {why}; {told}" if reason else ""
 
     def _shown_to(self, slot: str, kinds: tuple[type[Signal], ...]) -> "_Shown":
         """Who is shown samples of these types from a slot: at once, unless it rests, or the newest later.
@@ -320,7 +331,9 @@ def incident(event: Event) -> dict[str, Any]:
     """An event as it stands in `summary.json`."""
     ended = None if event.end_t is None else event.end_t / NS
     lasting = {} if event.end_t == event.t else {"end_t_s": ended, "end_distance_m": event.end_distance}
-    other = {"other": event.other} if event.other else {}
+    other: dict[str, Any] = {"other": event.other} if event.other else {}
+    if event.because:
+        other["because"] = list(event.because)
     return {
         "t_s": event.t / NS, "kind": event.kind, "machine": event.machine, **other, "x_m": event.x,
         "y_m": event.y, "distance_m": event.distance, **lasting, "text": event.text,

@@ -156,7 +156,8 @@ def _metric_row(metric: Metric, value: Any, entry: Mapping[str, Any] | None) -> 
 def _bounds(metric: Metric, limit: Mapping[str, Any]) -> str:
     """The least and the greatest value that a limit on a metric allows."""
     signs = (("min", "≥"), ("max", "≤"))
-    return " ".join(f"{sign} {_shown(metric, limit[key])}" for key, sign in signs if key in limit)
+    bounds = [f"{sign} {_shown(metric, limit[key])}" for key, sign in signs if key in limit]
+    return " ".join(bounds + ([f"because of {limit['because']}"] if "because" in limit else []))
 
 
 def _shown(metric: Metric, value: Any) -> str:
