@@ -103,10 +103,11 @@ class Searched:
         ]
 
     def _evenly_spread(self) -> int:
-        points = self.in_cube([result["point"] for result in self.results])
-        even = sobol_points(len(points), len(self.ranges))
-        off = np.abs(points - even).max(axis=1) > 1e-3
-        return int(np.argmax(off)) if off.any() else len(off)
+        """How many runs came before those that were chosen by what the others had shown."""
+        even = sobol_points(len(self.results), len(self.ranges))
+        chosen = (_point(self.case, self.ranges, row) != r["point"]
+                  for row, r in zip(even, self.results, strict=True))  # fmt: skip
+        return next((number for number, is_chosen in enumerate(chosen) if is_chosen), len(self.results))
 
     def in_cube(self, points: Sequence[Point]) -> F64:
         """Points as shares of the ranges, (n, d)."""
