@@ -127,7 +127,8 @@ class TableLidar(ScanningLidar):
         """The range of its table."""
         source = f"range of its table {self._table_name}"
         ends = valid_range(self.table.standing).values()
-        return [Checked(name, *end, source) for name, end in zip(QUANTITIES, ends, strict=True)]
+        named = zip(QUANTITIES, ends, strict=True)
+        return [Checked(name, low, high, source) for name, (low, high) in named]
 
     def meets(self) -> Mapping[str, F64]:
         """How some echoes of the newest scan met standing crop: depression against the ground, and spot."""
