@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.abilities import MeetsRange
+from swath.core.packed_state import saved_type
 from swath.core.registry import Checked, KnownError
 from swath.core.schedule import NS
 from swath.judge.catalogue import EvaluatorCatalogue
@@ -33,6 +34,7 @@ LOOKS = 3  # beyond a range that make a slot outside of it
 REST = NS // 10  # between two questions whether a machine has moved on [ns]
 
 
+@saved_type
 @dataclass
 class Seen:
     """What was met of a quantity at a slot. low, high: of all values; looks: with a value; beyond: of these
