@@ -70,6 +70,9 @@ class Level:
     is_link: somebody else's part, which may fill any slot: made with a `core.setup.LinkSetup`
     checked: ranges in which it was checked; nothing is known of a quantity that is not among them
     errors: of metrics, where a comparison measured them
+    numbers: sections of its machine's data sheet on which what it gives rests
+    steady: metrics of a machine in a steady state, as `steady(machine, state, load)` gives them by name, for
+    what a number of the data sheet is worth
     """
 
     component: Any
@@ -81,6 +84,8 @@ class Level:
     is_link: bool = False
     checked: tuple[Checked, ...] = ()
     errors: tuple[KnownError, ...] = ()
+    numbers: tuple[str, ...] = ()
+    steady: Any = None
 
     @property
     def is_unread(self) -> bool:

@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from swath.documents.data_sheets import TAGS
 from swath.judge.catalogue import EvaluatorCatalogue, load_evaluators
 from swath.judge.evaluator import Metric
 from swath.report.html import render_page, signed
@@ -52,7 +53,9 @@ def render(
         digest=summary.get("digest"),
         limits=[_limit_row(entry, evaluators.metrics) for entry in expect],
         results=list(_results(summary, evaluators)),
+        inputs=list(_inputs(summary)),
         credibility=list(_credibility(summary)),
+        tags=TAGS,
         undeclared=summary.get("credibility", {}).get("undeclared", []),
         notes=summary.get("notes", []),
         incidents=[_incident_row(event) for event in summary.get("incidents", [])],
@@ -104,6 +107,21 @@ def _credibility(summary: Mapping[str, Any]) -> Iterator[list[str]]:
             met = "–" if row["met"] is None else _span(row["met"])
             state = row["state"] or "not met"
             yield [slot, told["level"], row["quantity"], met, _span(row["checked"]), state, row["source"]]
+
+
+def _inputs(summary: Mapping[str, Any]) -> Iterator[list[str]]:
+    """Machine and metric, numbers by tag of all that it rests on, and those that matter most."""
+    for machine, metrics in summary.get("inputs", {}).items():
+        for name, told in metrics.items():
+            sources = [
+                f"{source} {', '.join(f'{count} {tag}' for tag, count in tags.items() if count)}"
+                for source, tags in told["numbers"].items()
+            ]
+            most = [
+                f"{row['key']} {row['value']:g} ({row['tag']}): {row['percent_per_percent']:+g}"
+                for row in told["matter_most"]
+            ]
+            yield [machine, name, "; ".join(sources), "; ".join(most) or "–"]
 
 
 def _span(ends: Sequence[float]) -> str:

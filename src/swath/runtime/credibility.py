@@ -34,7 +34,7 @@ LOOKS = 3  # beyond a range that make a slot outside of it
 REST = NS // 10  # between two questions whether a machine has moved on [ns]
 
 
-@saved_type
+@saved_type()
 @dataclass
 class Seen:
     """What was met of a quantity at a slot. low, high: of all values; looks: with a value; beyond: of these

@@ -26,6 +26,8 @@ from swath.runtime.credibility import Credibility, annotate
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.folder import occupied
 from swath.runtime.hooks import ActiveRun, RunHook
+from swath.runtime.inputs import SUMMARY as INPUTS
+from swath.runtime.inputs import inputs_of
 from swath.runtime.kept import KeptFields
 from swath.runtime.loop import Progress, drive, driven_m, has_arrived
 from swath.runtime.pacing import Pacer, make_pacer, paced
@@ -286,6 +288,8 @@ class Running:
         notes += self.evaluation.notes()
         if (watch := self.evaluation.find(FIELD, Credibility)) is not None:
             notes += annotate(summary, watch, self.evaluation.catalogue)
+        if self.out is not None and (inputs := inputs_of(world, self.evaluation)):
+            summary[INPUTS] = inputs
         if world.devices:
             summary["devices"] = {device.setup.name: device.summary() for device in world.devices}
             notes += [note for device in world.devices for note in device.notes]
