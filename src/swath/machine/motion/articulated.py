@@ -233,6 +233,6 @@ LEVEL = Level(
     tolerance="trailer within 5 cm of kinematic in a slow turn of 15 m",
     checked=(
         Checked("ground_speed_kmh", 0.0, 10.1, TESTS),
-        Checked("slope_along_percent", -15.0, 15.0, TESTS),
+        Checked("slope_along_percent", -18.0, 18.0, TESTS),
     ),
 )
