@@ -37,8 +37,9 @@ def test_standing_crop(heights):
     assert {Organ.GROUND, Organ.STEM, Organ.EAR, Organ.LEAF} <= set(organ)
 
 
-def test_slope_lean_and_scale():
-    pages = make_pages(LIBRARY, pages=1, mixed=1, slope=(0.1, -0.05), lean=(0.5, -0.9), scale=0.8)
+@pytest.mark.parametrize("lean", [(0.5, -0.9), (3.2, -2.0)], ids=["46 deg", "75 deg"])
+def test_slope_lean_and_scale(lean):
+    pages = make_pages(LIBRARY, pages=1, mixed=1, slope=(0.1, -0.05), lean=lean, scale=0.8)
     check(pages, *rays(6, 1.2, 1.8))
 
 

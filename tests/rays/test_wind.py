@@ -1,5 +1,7 @@
 """Crop that sways: rays against every primitive, the closed form of the shift, time, tops of tiles."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,20 +18,23 @@ S = 1_000_000_000  # ns
 WIND = Wind(azimuth_deg=50.0, sway_deg=7.0, steady_deg=4.0, wavelength_m=3.0, period_s=1.6)
 
 
-def expected_slope(x, y, seconds):
-    """Slope along WIND at world points, written out."""
+GALE = replace(WIND, sway_deg=12.8, steady_deg=12.8)  # at 8 m/s
+
+
+def expected_slope(x, y, seconds, wind=WIND):
+    """Slope along a wind at world points, written out."""
+    steady, sway = np.tan(np.radians(wind.steady_deg)), np.tan(np.radians(wind.sway_deg))
     east, north = np.sin(np.radians(50.0)), np.cos(np.radians(50.0))
     ahead = x * east + y * north
     aslant = x * np.sin(np.radians(20.0)) + y * np.cos(np.radians(20.0))
     return (
-        np.tan(np.radians(4.0))
-        + 0.7 * np.tan(np.radians(7.0)) * np.sin(2 * np.pi * (ahead / 3.0 - seconds / 1.6))
-        + 0.3 * np.tan(np.radians(7.0)) * np.sin(2 * np.pi * (aslant / 12.0 - seconds / 6.4))
+        steady
+        + 0.7 * sway * np.sin(2 * np.pi * (ahead / 3.0 - seconds / 1.6))
+        + 0.3 * sway * np.sin(2 * np.pi * (aslant / 12.0 - seconds / 6.4))
     )
 
 
-@pytest.fixture(scope="module")
-def field():
+def swaying(wind):
     made = made_field(
         stand=uniform.Params(
             stems_per_m2=300.0,
@@ -37,12 +42,17 @@ def field():
             lean_deg=8.0,
             lean_azimuth_deg=300.0,
             height_factor=0.9,
-            wind=WIND,
+            wind=wind,
         )
     )
     made.ensure(-1.0, 5.0, 12.0)
     made.cut(rectangle(-2.0, 0.0, 0.0, 9.0), 0.15)
     return made
+
+
+@pytest.fixture(scope="module")
+def field():
+    return swaying(WIND)
 
 
 def world_rays(count, seed):
@@ -58,7 +68,7 @@ def turned(vectors, angle):
     return vectors @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]).T
 
 
-def lean_tiles(field, seconds):
+def lean_tiles(field, seconds, wind):
     """Writes the wind's lean into the tiles themselves; returns what stood there."""
     p, size, before = field.pages, field.library.tile_size, field.pages.tile_stand.copy()
     aside = turned(np.array([[np.sin(np.radians(50.0)), np.cos(np.radians(50.0)), 0.0]]), -field.stand_yaw)[0]
@@ -67,18 +77,19 @@ def lean_tiles(field, seconds):
         u, v = np.meshgrid(8 * (i + p.table_x) + np.arange(8), 8 * (j + p.table_y) + np.arange(8))
         middle = np.stack([(u + 0.5) * size, (v + 0.5) * size, 0.0 * u], axis=-1)
         world = turned(middle, field.stand_yaw)
-        lean = expected_slope(world[..., 0], world[..., 1], seconds) * before[slot, ..., 0]
+        lean = expected_slope(world[..., 0], world[..., 1], seconds, wind) * before[slot, ..., 0]
         p.tile_stand[slot, ..., 1] += lean * aside[0]
         p.tile_stand[slot, ..., 2] += lean * aside[1]
     return before
 
 
-@pytest.mark.parametrize("seconds", [0.0, 2.37])
-def test_the_same_as_every_primitive(field, seconds):
+@pytest.mark.parametrize(("wind", "seconds"), [(WIND, 0.0), (WIND, 2.37), (GALE, 0.0), (GALE, 2.37)])
+def test_the_same_as_every_primitive(wind, seconds):
+    field = swaying(wind)
     o, d = world_rays(100, 1)
     hits = RayCaster(field, threads=1).cast(o, d, range_max=4.0, t=round(seconds * S))
     still = field.pages.tile_stand
-    before = lean_tiles(field, seconds)
+    before = lean_tiles(field, seconds, wind)
     yaw = field.stand_yaw
     distance, organ = cast_slowly(field.library, field.pages, turned(o, -yaw), turned(d, -yaw), 4.0)
     still[...] = before

@@ -69,12 +69,12 @@ def pair(setup, **keys):
     )
 
 
-def agreement(crop, density, sensor, pitch):
+def agreement(crop, density, sensor, pitch, *sets):
     """Both levels in stands of three seeds: the plants of one stand are not those of the next."""
     real, model = [], []
     for seed in (5, 6, 7):
         dear, cheap = pair(
-            site(density, f"field.stand.crop={crop}", f"seed={seed}"), sensor=sensor, step_deg=2.0
+            site(density, f"field.stand.crop={crop}", f"seed={seed}", *sets), sensor=sensor, step_deg=2.0
         )
         real.append(heights(dear, dear.setup, pitch, 60, seed))
         model.append(heights(cheap, cheap.setup, pitch, 300, seed + 50))
@@ -88,6 +88,13 @@ def test_measured_heights_agree_with_plants(density, sensor):
     """The limits of tools/distributions.py at three angles. Beams 2 deg apart see stems of their own."""
     for pitch in (10.0, 25.0, 50.0):
         found = agreement("wheat", density, sensor, pitch)
+        assert found.is_good, (pitch, found)
+
+
+def test_measured_heights_agree_in_leaning_crop():
+    """Up to 20 deg, where the level says that it was checked."""
+    for pitch in (10.0, 25.0, 50.0):
+        found = agreement("wheat", 400, "sick-lms511-hr", pitch, "field.stand.lean_deg=20")
         assert found.is_good, (pitch, found)
 
 
@@ -145,6 +152,18 @@ def test_crop_edge_lies_where_it_does_for_plants(crop, density, limit):
         dear, cheap = pair(setup, sensor="sick-lms511-hr", sector_deg=(-9.0, 9.0), step_deg=0.25)
         off.append(edge_place(cheap, view, height, 40, seed) - edge_place(dear, view, height, 15, seed))
     assert np.mean(off) == pytest.approx(0.0, abs=limit)
+
+
+@pytest.mark.parametrize("azimuth", [90, -90])
+def test_crop_edge_in_leaning_crop(azimuth):
+    """20 deg into the crop and out of it."""
+    view, off = View(2.4, 16.0), []
+    lean = ["field.stand.lean_deg=20", f"field.stand.lean_azimuth_deg={azimuth}"]
+    for seed in (5, 6, 7):
+        setup = site(400, f"seed={seed}", *lean)
+        dear, cheap = pair(setup, sensor="sick-lms511-hr", sector_deg=(-9.0, 9.0), step_deg=0.25)
+        off.append(edge_place(cheap, view, 0.85, 40, seed) - edge_place(dear, view, 0.85, 15, seed))
+    assert np.mean(off) == pytest.approx(0.0, abs=0.015)
 
 
 @pytest.mark.parametrize(

@@ -302,9 +302,9 @@ def test_the_page_and_the_junit_file_name_what_failed(case_file, tmp_path):
     [
         ("", ""),
         ("field.stand.stems_per_m2=60", "60 stems per m2 are at or beyond the end of its table"),
-        ("field.stand.wind={speed_m_s: 4}", "the stand has wind"),
+        ("field.stand.wind={speed_m_s: 4}", "wind_lean_deg is 6.38, the level was checked for 0"),
         ("field.stand={level: uniform, crop: maize}", "there is no table of maize"),
-        ("field.stand.lean_deg=30", "leans"),
+        ("field.stand.lean_deg=30", "lean_deg is 30, the level was checked for 0 to 20"),
         ("expect={edge_rmse_m: {max: 0.05}}", "its bias is that large"),
         ("expect={edge_rmse_m: {max: 0.08}}", ""),
     ],

@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -187,3 +188,23 @@ def test_what_cannot_be_searched_is_refused(case_file, tmp_path, argv, expected,
                          + "expect: {distance_m: {min: 1}}\n", encoding="utf-8")  # fmt: skip
     assert main(["test", "search", str(case_file), "--out", str(tmp_path / "out")]) == 2
     assert "a parameter with a range" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("most", "expected"),
+    [(30.0, ["8 of 8 passed, shows >= 68.8 %; 59 without a failure are needed for 95 %"]), (0.3, None)],
+)
+def test_counts_like_a_test(case_file, tmp_path, without_runs, most, expected):
+    """Never "100 % pass, 0 % not known": that is what a model expects, eight runs show less."""
+    folder = tmp_path / "search"
+    found = run_search(folder, Search(str(case_file)), 8, 1, lambda result: None)
+    limit = {"limit": {"max": most}, "result": "pass"}
+    kept = [{**r, "verdict": "pass", "expect": [{**r["expect"][0], **limit}]} for r in found.results]
+    results = kept if most > 1.0 else found.results
+    shows = replace(found, results=results).shows
+    if expected is not None:
+        assert shows == expected
+        return
+    passed = sum(r["verdict"] == "pass" for r in found.results[:4])
+    assert f"of the first 4 runs, spread evenly over the ranges, {passed} pass, shows >= " in shows[0]
+    assert shows[1].startswith("expected between the runs, not shown: ")

@@ -1,6 +1,7 @@
 """`swath levels`: every slot and its levels; of one slot their cost and tolerance, ports and parameters."""
 
 import argparse
+from dataclasses import asdict
 from typing import Any
 
 from swath.terminal.tables import add_json, as_json, say, table
@@ -31,6 +32,7 @@ def run(args: argparse.Namespace) -> int:
         for name in (*CATALOGUE.registry.names(kind), *_links(kind, slots))
         for level in [CATALOGUE.registry.get(kind, name)]
     ]
+    checked = {(kind, name): CATALOGUE.registry.get(kind, name).checked for kind, name, *_ in rows}
     rows += [
         (kind, name, False, f"of the installed package {package}", "", "")
         for kind in ([args.slot] if args.slot else kinds)
@@ -38,11 +40,16 @@ def run(args: argparse.Namespace) -> int:
     ]
     if args.json:
         keys = ("slot", "level", "is_default", "summary", "cost", "tolerance")
-        as_json((*keys, "parameters"), [(*row, _keys(row[0], row[1])) for row in rows])
+        told = [[asdict(own) for own in checked.get((kind, name), ())] for kind, name, *_ in rows]
+        whole = [(*row, own, _keys(row[0], row[1])) for row, own in zip(rows, told, strict=True)]
+        as_json((*keys, "checked", "parameters"), whole)
     elif args.slot:
         columns = ("level", "what it is", "cost", "checked, tolerance")
         table("", columns, [(row[1] + " *" * row[2], *row[3:]) for row in rows])
         say("* the default. Your own: `level: file.py:Class`.")
+        ranges = [(name, c.quantity, c.span, c.source) for (_, name), own in checked.items() for c in own]
+        if ranges:
+            table(f"{args.slot}: ranges", ("level", "quantity", "checked", "by"), ranges)
         _ports(args.slot)
         _parameters(args.slot)
     else:

@@ -9,6 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from swath.core.ability import ByMembers
 from swath.core.frames import Pose
+from swath.core.registry import Checked
 
 
 @runtime_checkable
@@ -70,6 +71,19 @@ class CountsBeams(Protocol, metaclass=ByMembers):
     def beam_count(self) -> int: ...
     @property
     def unmeasured_count(self) -> int: ...
+
+
+@runtime_checkable
+class MeetsRange(Protocol, metaclass=ByMembers):
+    """A part that was checked over ranges of its own, such as those of its table.
+
+    checked: these ranges, beside those of its level; meets: values of such quantities in its newest sample,
+    by name, (n,) each, none where the sample holds none
+    """
+
+    @property
+    def checked(self) -> Sequence[Checked]: ...
+    def meets(self) -> Mapping[str, Any]: ...
 
 
 @runtime_checkable

@@ -29,6 +29,37 @@ GROUP = "swath.levels"
 
 
 @dataclass(frozen=True)
+class Checked:
+    """Range of a quantity of a run in which a level was checked.
+
+    quantity: of `runtime/met.py`, or one that the level's parts meet themselves (`core.abilities.MeetsRange`)
+    low, high: in the unit of its name; source: the test or page that checked it there
+    """
+
+    quantity: str
+    low: float
+    high: float
+    source: str
+
+    @property
+    def span(self) -> str:
+        """`0 to 20`."""
+        return f"{self.low:g}" if self.low == self.high else f"{self.low:g} to {self.high:g}"
+
+
+@dataclass(frozen=True)
+class KnownError:
+    """How far off a metric may be at a level. size: in the metric's unit; against: what was compared with;
+    source: what measured it
+    """
+
+    metric: str
+    size: float
+    against: str
+    source: str
+
+
+@dataclass(frozen=True)
 class Level:
     """One level of a slot.
 
@@ -37,6 +68,11 @@ class Level:
     checked against
     sees_truth: a control level that is given the field although control is not (for isolating a part)
     is_link: somebody else's part, which may fill any slot: made with a `core.setup.LinkSetup`
+    checked: ranges in which it was checked; nothing is known of a quantity that is not among them
+    errors: of metrics, where a comparison measured them
+    numbers: sections of its machine's data sheet on which what it gives rests
+    steady: metrics of a machine in a steady state, as `steady(machine, state, load)` gives them by name, for
+    what a number of the data sheet is worth
     """
 
     component: Any
@@ -46,6 +82,10 @@ class Level:
     tolerance: str = ""
     sees_truth: bool = False
     is_link: bool = False
+    checked: tuple[Checked, ...] = ()
+    errors: tuple[KnownError, ...] = ()
+    numbers: tuple[str, ...] = ()
+    steady: Any = None
 
     @property
     def is_unread(self) -> bool:

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from swath.core.errors import InputError
 from swath.core.foreign_code import is_left
 from swath.core.registry import Registry
-from swath.judge.evaluator import HasColumns, HasEvents, Metric
+from swath.judge.evaluator import HasColumns, HasEvents, KnowsWhy, Metric
 from swath.record.tracks import column_names
 
 KIND = "evaluator"
@@ -79,6 +79,13 @@ class EvaluatorCatalogue:
     def events(self) -> list[str]:
         """Kinds of events."""
         return [kind for c in self.classes if isinstance(c, HasEvents) for kind in c.EVENTS]
+
+    @cached_property
+    def caused(self) -> dict[str, str]:
+        """Metrics that count events of which it is known why they happened, with the kind of these."""
+        return {
+            name: kind for c in self.classes if isinstance(c, KnowsWhy) for name, kind in c.COUNTED.items()
+        }
 
     def maker_of(self, metric: str) -> Any:
         """The class that gives a metric; None where the run itself does."""

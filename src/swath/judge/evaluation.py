@@ -38,6 +38,8 @@ class Evaluation:
 
     setups: of each machine by its name; the first one's distance counts for windows of the field
     expect: limits of the scenario; those that evaluators bring along are added
+    watchers: further evaluators of the field, which know more than a setup tells; each has what it knows as
+    `scene`, which a saved state leaves out
     """
 
     def __init__(
@@ -45,6 +47,7 @@ class Evaluation:
         catalogue: EvaluatorCatalogue,
         setups: Mapping[str, EvaluatorSetup],
         expect: Sequence[Expectation] = (),
+        watchers: Sequence[Any] = (),
     ) -> None:
         self.catalogue = catalogue
         self.is_trial = False  # true of a run that is to end before anything is measured
@@ -55,6 +58,8 @@ class Evaluation:
             subject: [make(setup) for make in catalogue.classes if (subject == FIELD) == make.OF_FIELD]
             for subject, setup in self._setups.items()
         }
+        self._of[FIELD] += watchers
+        self._scenes = {f"scene {n}": watcher.scene for n, watcher in enumerate(watchers)}
         self._ending = [(n, e) for n, own in self._of.items() for e in own if isinstance(e, EndsRun)]
         self._noting = [e for own in self._of.values() for e in own if isinstance(e, HasEvents)]
         self._newest = [_Newest(e) for own in self._of.values() for e in own if isinstance(e, WantsNewest)]
@@ -103,7 +108,7 @@ class Evaluation:
     @property
     def shared(self) -> dict[str, Any]:
         """What evaluators refer to and a saved state leaves out, by name."""
-        found: dict[str, Any] = {}
+        found: dict[str, Any] = dict(self._scenes)
         for subject, setup in self._setups.items():
             found[f"setup {subject}"] = setup
             found |= {f"{k} {subject}": v for k, v in vars(setup).items() if _is_object(v)}
@@ -184,6 +189,8 @@ class Evaluation:
             for event in events:
                 outcome = check_samples(e.limit, tracks[e.subject], e.name, event)
                 yield _placed(outcome, event)
+        elif e.limit.because is not None:
+            yield self._because(e.subject, e.name, e.limit, e.limit.because)
         elif not e.limit.window:
             yield check_metric(e.limit, metrics[e.subject].get(e.name))
         else:
@@ -194,6 +201,15 @@ class Evaluation:
                 if not stretch.count:
                     outcome = None, NO_SAMPLE
                 yield _placed(outcome, stretch.event)
+
+    def _because(self, subject: str, name: str, limit: Limit, why: str) -> tuple[float | None, str]:
+        """A count of events, of those alone that happened because of something."""
+        events = [x for x in self.events(subject) if x.kind == self.catalogue.caused[name]]
+        found = [x for x in events if why in x.because]
+        value, reason = check_metric(limit, float(len(found)))
+        others = dict.fromkeys(other for x in events for other in x.because[:1])
+        told = f"{len(events)} in all, because of {', '.join(others) or 'nothing that is there'}"
+        return value, f"{reason} because of {why}; {told}" if reason else ""
 
     def _shown_to(self, slot: str, kinds: tuple[type[Signal], ...]) -> "_Shown":
         """Who is shown samples of these types from a slot: at once, unless it rests, or the newest later.
@@ -315,7 +331,9 @@ def incident(event: Event) -> dict[str, Any]:
     """An event as it stands in `summary.json`."""
     ended = None if event.end_t is None else event.end_t / NS
     lasting = {} if event.end_t == event.t else {"end_t_s": ended, "end_distance_m": event.end_distance}
-    other = {"other": event.other} if event.other else {}
+    other: dict[str, Any] = {"other": event.other} if event.other else {}
+    if event.because:
+        other["because"] = list(event.because)
     return {
         "t_s": event.t / NS, "kind": event.kind, "machine": event.machine, **other, "x_m": event.x,
         "y_m": event.y, "distance_m": event.distance, **lasting, "text": event.text,

@@ -55,6 +55,7 @@ class Event:
     x, y: place in the world [m]; distance: driven by the machine when it began [m]; text: one sentence
     other: the second machine or the obstacle that takes part, if any
     end_distance: driven when it ended [m], nan while it lasts and for what takes no time
+    because: why it happened: names and kinds of obstacles and machines, where the evaluator knows
     """
 
     t: int
@@ -67,6 +68,7 @@ class Event:
     end_t: int | None
     other: str = ""
     end_distance: float = float("nan")
+    because: tuple[str, ...] = ()
 
 
 class Edge(Protocol):
@@ -168,6 +170,13 @@ class HasEvents(Protocol, metaclass=ByMembers):
     EVENTS: ClassVar[tuple[str, ...]]
 
     def events(self) -> Sequence[Event]: ...
+
+
+@runtime_checkable
+class KnowsWhy(Protocol, metaclass=ByMembers):
+    """An evaluator whose events say why they happened. COUNTED: metric -> kind of the events it counts."""
+
+    COUNTED: ClassVar[Mapping[str, str]]
 
 
 @runtime_checkable

@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from swath.documents.data_sheets import TAGS
 from swath.judge.catalogue import EvaluatorCatalogue, load_evaluators
 from swath.judge.evaluator import Metric
 from swath.report.html import render_page, signed
@@ -52,6 +53,10 @@ def render(
         digest=summary.get("digest"),
         limits=[_limit_row(entry, evaluators.metrics) for entry in expect],
         results=list(_results(summary, evaluators)),
+        inputs=list(_inputs(summary)),
+        credibility=list(_credibility(summary)),
+        tags=TAGS,
+        undeclared=summary.get("credibility", {}).get("undeclared", []),
         notes=summary.get("notes", []),
         incidents=[_incident_row(event) for event in summary.get("incidents", [])],
         figures=figures,
@@ -68,6 +73,8 @@ def _head(expect: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
         return "fail", f"✗ {len(failed)} of {len(expect)} limits fail", ", ".join(dict.fromkeys(failed))
     if open_ := [entry["name"] for entry in expect if entry["result"] == "not measured"]:
         return "none", f"{len(open_)} of {len(expect)} limits not measured", ", ".join(dict.fromkeys(open_))
+    if any("rests_outside" in entry for entry in expect):
+        return "none", f"All {len(expect)} limits pass", "not to be relied on: see credibility"
     return "pass", f"✓ All {len(expect)} limits pass", ", ".join(dict.fromkeys(e["name"] for e in expect))
 
 
@@ -81,7 +88,45 @@ def _limit_row(entry: Mapping[str, Any], metrics: Mapping[str, Metric]) -> dict[
         "value": number(entry["value"]) if metric is None else _shown(metric, entry["value"]),
         "result": entry["result"],
         "reason": entry.get("reason", ""),
+        "error": _level_error(entry, metric),
     }
+
+
+def _level_error(entry: Mapping[str, Any], metric: Metric | None) -> str:
+    """How far off the value may be at the level that it rests on, "" where nothing measured it."""
+    error = entry.get("level_error")
+    if error is None or metric is None:
+        return ""
+    return f"{_shown(metric, error['size'])} ({error['slot']} against {error['against']})"
+
+
+def _credibility(summary: Mapping[str, Any]) -> Iterator[list[str]]:
+    """Slot, level, quantity, what was met and checked, where that lies, and what checked it."""
+    for slot, told in summary.get("credibility", {}).get("slots", {}).items():
+        for row in told["quantities"]:
+            met = "–" if row["met"] is None else _span(row["met"])
+            state = row["state"] or "not met"
+            yield [slot, told["level"], row["quantity"], met, _span(row["checked"]), state, row["source"]]
+
+
+def _inputs(summary: Mapping[str, Any]) -> Iterator[list[str]]:
+    """Machine and metric, numbers by tag of all that it rests on, and those that matter most."""
+    for machine, metrics in summary.get("inputs", {}).items():
+        for name, told in metrics.items():
+            sources = [
+                f"{source} {', '.join(f'{count} {tag}' for tag, count in tags.items() if count)}"
+                for source, tags in told["numbers"].items()
+            ]
+            most = [
+                f"{row['key']} {row['value']:g} ({row['tag']}): {row['percent_per_percent']:+g}"
+                for row in told["matter_most"]
+            ]
+            yield [machine, name, "; ".join(sources), "; ".join(most) or "–"]
+
+
+def _span(ends: Sequence[float]) -> str:
+    low, high = ends
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
 def _incident_row(event: Mapping[str, Any]) -> list[str]:
@@ -129,7 +174,8 @@ def _metric_row(metric: Metric, value: Any, entry: Mapping[str, Any] | None) -> 
 def _bounds(metric: Metric, limit: Mapping[str, Any]) -> str:
     """The least and the greatest value that a limit on a metric allows."""
     signs = (("min", "≥"), ("max", "≤"))
-    return " ".join(f"{sign} {_shown(metric, limit[key])}" for key, sign in signs if key in limit)
+    bounds = [f"{sign} {_shown(metric, limit[key])}" for key, sign in signs if key in limit]
+    return " ".join(bounds + ([f"because of {limit['because']}"] if "because" in limit else []))
 
 
 def _shown(metric: Metric, value: Any) -> str:

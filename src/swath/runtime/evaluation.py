@@ -4,6 +4,7 @@ from swath.core.foreign_code import through
 from swath.judge.catalogue import EvaluatorCatalogue, load_evaluators
 from swath.judge.evaluation import Evaluation
 from swath.judge.evaluator import SETTLING_M, EvaluatorSetup
+from swath.runtime.credibility import Credibility, Scene
 from swath.runtime.world import World
 
 
@@ -26,6 +27,7 @@ def make_evaluation(world: World, catalogue: EvaluatorCatalogue | None = None) -
     expect = world.scenario.expect if catalogue is None else ()
     with through(world.scenario.gate):
         known = catalogue or load_evaluators(world.scenario.evaluators)
-    made = Evaluation(known, setups, expect)
+    watchers = [Credibility(Scene(world))] if catalogue is None else []
+    made = Evaluation(known, setups, expect, watchers)
     made.is_trial = world.scenario.run.distance_m <= SETTLING_M
     return made

@@ -17,14 +17,18 @@ from swath.core.whole_file import write_whole
 from swath.documents.contents import hashes
 from swath.judge.limits import exit_code_of
 from swath.judge.summary import make_summary, write_summary
+from swath.judge.windows import FIELD
 from swath.record.digest import Digest
 from swath.record.recorder import Recorder
 from swath.runtime.assembly import assemble
 from swath.runtime.branch import Branch, Start
 from swath.runtime.changes import Interventions, Restart, Script
+from swath.runtime.credibility import Credibility, annotate
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.folder import occupied
 from swath.runtime.hooks import ActiveRun, RunHook
+from swath.runtime.inputs import SUMMARY as INPUTS
+from swath.runtime.inputs import inputs_of
 from swath.runtime.kept import KeptFields
 from swath.runtime.loop import Progress, drive, driven_m, has_arrived
 from swath.runtime.pacing import Pacer, make_pacer, paced
@@ -285,6 +289,10 @@ class Running:
         notes += self.evaluation.notes()
         if files := hashes(scenario.plain()):
             summary["files"] = files
+        if (watch := self.evaluation.find(FIELD, Credibility)) is not None:
+            notes += annotate(summary, watch, self.evaluation.catalogue)
+        if self.out is not None and (inputs := inputs_of(world, self.evaluation)):
+            summary[INPUTS] = inputs
         if world.devices:
             summary["devices"] = {device.setup.name: device.summary() for device in world.devices}
             notes += [note for device in world.devices for note in device.notes]

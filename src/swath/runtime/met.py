@@ -1,12 +1,12 @@
-"""What a run met: quantities of the machine and the field at every metre of its way.
+"""What a run met: quantities of a machine and the field at every metre of its way.
 
-They are the truth, sampled where the leading machine is. A quantity is one function of the machine's state
-and the field; a number that a scenario only sets, such as the wind, needs none: it holds all the way.
+They are the truth, sampled where the machine is. A quantity is one function of the machine's state and the
+field.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import atan2, cos, degrees, pi, sin
+from math import atan, atan2, cos, degrees, pi, sin
 from typing import Any
 
 from swath.core.errors import InputError
@@ -14,6 +14,7 @@ from swath.core.signal import Signal
 from swath.documents.hints import near_miss
 from swath.field.field import Field
 from swath.runtime.hooks import ActiveRun, RunHook
+from swath.runtime.world import Machine
 from swath.signals import MachineState
 
 SUMMARY = "met"
@@ -56,6 +57,16 @@ def _lean(where: Where) -> float:
     return degrees(float(where.field.stand.lean(*where.crop)[0]))
 
 
+def _wind(where: Where) -> float:
+    wind = where.field.wind
+    return 0.0 if wind is None else degrees(atan(wind.slope_max))
+
+
+def _weeds(where: Where) -> float:
+    weeds = where.field.stand.weeds
+    return 0.0 if weeds is None else float(weeds.plants_per_m2)
+
+
 QUANTITIES: Mapping[str, Quantity] = {
     "ground_speed_kmh": Quantity("km/h", "true forward speed", lambda w: 3.6 * w.state.speed),
     "slope_across_percent": Quantity("%", "rise of the ground to the right of the machine, over 6 m",
@@ -68,6 +79,8 @@ QUANTITIES: Mapping[str, Quantity] = {
                               lambda w: w.field.crop_height * float(w.field.stand.height_factor(*w.crop))),
     "lean_deg": Quantity("deg", "mean lean of the stand beside the edge", _lean),
     "yaw_rate_deg_s": Quantity("deg/s", "rate of turn, > 0 left", lambda w: degrees(w.state.yaw_rate)),
+    "wind_lean_deg": Quantity("deg", "the most that wind leans stems, on top of their own lean", _wind),
+    "weeds_per_m2": Quantity("1/m2", "weeds in the stand", _weeds),
 }  # fmt: skip
 
 
@@ -79,6 +92,18 @@ def check_quantities(names: Sequence[str]) -> None:
             raise InputError("met", name, expected)
 
 
+def where_is(machine: Machine, field: Field, state: MachineState) -> Where:
+    """Where a machine is; of one without a header the crop is at its fixed axle."""
+    x, y, _ = state.pose.point(0.0, 0.0, 0.0)
+    ahead_x, ahead_y, _ = state.pose.point(1.0, 0.0, 0.0)
+    beside = 0.0, 0.0
+    if machine.cuts:
+        knife, end = machine.sheet.header_end(machine.edge_side)
+        beside = knife, end - (BESIDE_M if machine.edge_side == "left" else -BESIDE_M)
+    crop_x, crop_y, _ = state.pose.point(*beside, 0.0)
+    return Where(state, field, (x, y), atan2(ahead_y - y, ahead_x - x), (crop_x, crop_y))
+
+
 class MetHook(RunHook):
     """Writes quantities down along the way of the leading machine."""
 
@@ -88,10 +113,8 @@ class MetHook(RunHook):
 
     def begin(self, run: ActiveRun) -> None:
         """Look at the machine's state after every step."""
-        machine = run.world.leader
-        self._slot, self._field = f"{machine.name}.motion", run.world.field
-        knife, end = machine.sheet.header_end(machine.edge_side)
-        self._beside = knife, end - (BESIDE_M if machine.edge_side == "left" else -BESIDE_M)
+        self._machine, self._field = run.world.leader, run.world.field
+        self._slot = f"{self._machine.name}.motion"
         self._rows: list[tuple[float, ...]] = []
         self._next = 0.0
         run.observers.append(self._see)
@@ -105,10 +128,7 @@ class MetHook(RunHook):
                 self._rows.append(self._row(sample))
 
     def _row(self, state: MachineState) -> tuple[float, ...]:
-        x, y, _ = state.pose.point(0.0, 0.0, 0.0)
-        ahead_x, ahead_y, _ = state.pose.point(1.0, 0.0, 0.0)
-        crop_x, crop_y, _ = state.pose.point(*self._beside, 0.0)
-        where = Where(state, self._field, (x, y), atan2(ahead_y - y, ahead_x - x), (crop_x, crop_y))
+        where = where_is(self._machine, self._field, state)
         values = [_rounded(QUANTITIES[name].at(where)) for name in self._names]
         return (_rounded(state.t / 1e9), _rounded(state.distance), *values)
 

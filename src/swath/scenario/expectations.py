@@ -135,6 +135,13 @@ def _fits(
         reader.note((*path, "hold"), limit.hold, f"expected no hold, {name} is a metric and no column")
     if limit.hold is None and limit.while_:
         reader.note((*path, "while"), None, "expected hold too: while chooses samples of a column")
+    if limit.because is not None and name not in judged.caused:
+        known = ", ".join(judged.caused)
+        reader.note(
+            (*path, "because"), limit.because, f"expected it of {known} alone: nothing else knows why"
+        )
+    if limit.because is not None and limit.window:
+        reader.note((*path, "because"), limit.because, "expected no window beside it")
     if limit.hold is None and limit.window and not judged.metrics[name].is_windowed:
         reader.note(path, None, f"expected no window, {name} is of the whole run")
     return len(reader.errors) == before

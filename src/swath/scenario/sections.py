@@ -137,6 +137,10 @@ class Limit(Bounds):
     while_: Annotated[
         dict[str, Bounds], Field(alias="while", description="only samples at which these columns are so")
     ] = {}
+    because: Annotated[
+        str | None,
+        Field(description="of a count of events: only those because of this obstacle, by its name or kind"),
+    ] = None
     from_m: Annotated[Distance | None, Field(description="window: from this distance driven on [m]")] = None
     to_m: Annotated[Distance | None, Field(description="window: up to this distance driven [m]")] = None
     from_s: Annotated[Distance | None, Field(description="window: from this time on [s]")] = None

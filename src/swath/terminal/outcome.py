@@ -53,6 +53,7 @@ def limit_text(entry: Mapping[str, Any]) -> str:
     limit = entry["limit"]
     bounds = ", ".join(f"{key} {number(limit[key])}" for key in ("min", "max") if key in limit)
     hold = f" {limit['hold']}" if "hold" in limit else ""
+    hold += f" because of {limit['because']}" if "because" in limit else ""
     whiles = (
         f"{column} {' '.join(f'{k} {number(v)}' for k, v in bound.items() if v is not None)}"
         for column, bound in limit.get("while", {}).items()

@@ -1,39 +1,49 @@
-"""How often a machine stopped on its way."""
+"""How often a machine stopped on its way, and because of what.
+
+A stop is because of an obstacle or another machine where the machine's slot `objects` told, with a confidence
+of 0.5 or more and while it may have braked, of something within 1 m of the box around it. Where it told of
+nothing that is there, it stopped for a phantom, or for another reason than an object.
+"""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from swath.core.registry import Level
+from swath.core.schedule import NS
 from swath.core.together import Samples
 from swath.judge.evaluator import EvaluatorSetup, Event, Metric
 from swath.judge.together import Bits, Woken, newest_of
-from swath.signals import MachineState, Signal
+from swath.signals import MachineState, Objects, Signal
 
-STANDS, DRIVES = (
-    0.05,
-    0.5,
-)  # slower than the first it stands, it has driven once it was faster than the second
+STANDS, DRIVES = 0.05, 0.5  # m/s: slower it stands, faster it has driven
+SURE = 0.5  # confidence from which on an object counts
+NEAR_M = 1.0  # from a box to the middle of an object that tells of it, in the plane
+LOOKED_BACK = 6 * NS  # from the stop: to brake from 10 km/h at 0.6 m/s2, and to react, takes as long
 
 
 class Stops:
     """Events `stop`: the machine drove, and stands."""
 
     OF_FIELD = False
-    SIGNALS = (MachineState,)
+    SIGNALS = (MachineState, Objects)
     METRICS = (
         Metric("stop_count", "", "times that the machine drove and then stood", "Driving", decimals=0),
     )
     EVENTS = ("stop",)
+    COUNTED: Mapping[str, str] = {"stop_count": "stop"}
 
     def __init__(self, setup: EvaluatorSetup) -> None:
         self._setup = setup
         self._drove = False
         self._events: list[Event] = []
+        self._told: dict[str, tuple[int, str]] = {}  # when it was told of last [ns], and of which kind it is
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """Does it drive, does it stand?"""
+        """Does it drive, does it stand, and of what is it told?"""
         for signal in outputs.values():
+            if isinstance(signal, Objects):
+                self._hear(signal)
             if not isinstance(signal, MachineState):
                 continue
             self._drove = self._drove or abs(signal.speed) > DRIVES
@@ -43,7 +53,29 @@ class Stops:
                 gap, other = self._setup.bodies.clearance(self._setup.name)
                 near = f", {gap:.1f} m before {other}" if other and gap < 20.0 else ""
                 name, text = self._setup.name, f"{self._setup.name} stands{near}"
-                self._events.append(Event(signal.t, "stop", name, x, y, signal.distance, text, signal.t))
+                why = self._why(signal.t)
+                self._events.append(
+                    Event(signal.t, "stop", name, x, y, signal.distance, text, signal.t, because=why)
+                )
+
+    def _hear(self, objects: Objects) -> None:
+        """Note which bodies something told is near to."""
+        sure = objects.confidence >= SURE
+        if not sure.any():
+            return
+        pose = self._setup.bodies.pose_of(self._setup.name)
+        x, y = objects.x[sure], objects.y[sure]
+        places = pose.apply(np.stack([x, y, np.zeros_like(x)], axis=1))
+        for body in self._setup.bodies.around(self._setup.name):
+            inside = body.pose.inverse().apply(places) - body.middle
+            off = np.maximum(np.abs(inside[:, :2]) - body.half[:2], 0.0)
+            if (np.hypot(off[:, 0], off[:, 1]) <= NEAR_M).any():
+                self._told[body.name] = objects.t, body.kind
+
+    def _why(self, t: int) -> tuple[str, ...]:
+        """Names, then kinds, of what was told of lately."""
+        lately = {name: kind for name, (when, kind) in self._told.items() if t - when <= LOOKED_BACK}
+        return (*lately, *dict.fromkeys(lately.values()))
 
     @classmethod
     def together(cls, evaluators: Sequence["Stops"]) -> Woken:
@@ -53,7 +85,7 @@ class Stops:
         def asks(t: int, outputs: Mapping[str, Samples], active: Bits) -> Bits | None:
             state = newest_of(outputs, MachineState)
             if state is None:
-                return None
+                return active  # of objects
             speed = np.abs(state.arrays["speed"])
             begins = ~drove & (speed > DRIVES)
             ends = drove & (speed < STANDS)

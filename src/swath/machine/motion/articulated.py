@@ -14,13 +14,14 @@ from annotated_types import Ge, Le
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
-from swath.core.registry import Level
+from swath.core.registry import Checked, Level
 from swath.core.schedule import NS
 from swath.core.units import KMH, MS
 from swath.field.site_setup import SiteSetup
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.machine_sheet import dynamics_of
+from swath.machine.motion import TESTS
 from swath.machine.towing import ports_of, refuse_reverse, towed_by
 from swath.machine.traction import DrivenWheels, traction_of
 from swath.machine.tyre import GRAVITY, ROLLING_SPEED, axle_stiffness, creep_damping
@@ -230,4 +231,8 @@ LEVEL = Level(
     summary="tractor and trailer on slipping tyres, joined at the pin; the load grows while it fills",
     cost="about 90 us per step",
     tolerance="trailer within 5 cm of kinematic in a slow turn of 15 m",
+    checked=(
+        Checked("ground_speed_kmh", 0.0, 10.1, TESTS),
+        Checked("slope_along_percent", -18.0, 18.0, TESTS),
+    ),
 )

@@ -25,6 +25,7 @@ from swath.field.site_setup import SiteSetup
 from swath.kernels import Rows, filled, of_worlds, repeatable, shared
 from swath.machine.attitude import TerrainFollower
 from swath.machine.machine_sheet import dynamics_of
+from swath.machine.motion import CHECKED
 from swath.machine.towing import ports_of, refuse_reverse, towed_by
 from swath.machine.traction import Traction, across_of, traction_of
 from swath.signals import EngineState, HeapState, MachineState, SpeedCommand, SteerState
@@ -221,4 +222,5 @@ LEVEL = Level(
     summary="rolls where the wheels point, slips on slopes, on the terrain",
     cost="about 20 us per step, 8 us in a batch of worlds",
     tolerance="against multibody up to 2.5 m/s: yaw gain 2 to 4 % high, offset after 30 deg -3 to +18 %",
+    checked=CHECKED,
 )

@@ -23,6 +23,7 @@ from swath.field.site_setup import SiteSetup
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.machine_sheet import Axle, MachineSheet, dynamics_of, masses_of
+from swath.machine.motion import CHECKED
 from swath.machine.multibody.model import LEAST, WHEELS, mjcf
 from swath.machine.multibody.wheels import Wheel, Wheels
 from swath.machine.soil import Brixius, Firm, Grip
@@ -357,4 +358,5 @@ LEVEL = Level(
     summary="bodies, pendulum axle, four wheels with load shift on rough ground, grain in the tank (MuJoCo)",
     cost="about 210 us per 5 ms step, 24 times real time at 200 Hz",
     tolerance="loads, roll-out, crab within 0.1 to 3 % of hand calculation; no real machine measured",
+    checked=CHECKED,
 )

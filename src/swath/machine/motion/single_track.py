@@ -23,6 +23,7 @@ from swath.kernels import Row, repeatable
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.machine_sheet import Dynamics, MachineSheet, dynamics_of, loaded
+from swath.machine.motion import CHECKED
 from swath.machine.towing import ports_of, tow, towed_by, with_trailer
 from swath.machine.traction import DrivenWheels, check_wheel_slip, pull, traction_of, wheels_of
 from swath.machine.tyre import GRAVITY, axle_stiffness
@@ -270,4 +271,5 @@ LEVEL = Level(
     summary="side slip, tyre relaxation, rolling resistance, side slopes, on the terrain",
     cost="about 18 us per step",
     tolerance="against multibody up to 2.5 m/s: yaw gain within 0.2 %, offset after 30 deg within 1.6 %",
+    checked=CHECKED,
 )

@@ -23,6 +23,7 @@ from swath.machine.powertrain.power_balance import (
     full_torque,
     governed_speed,
     governed_torque,
+    steady,
 )
 from swath.signals import MachineState
 
@@ -123,4 +124,6 @@ LEVEL = Level(
     summary="torque curve, governor, fuel; the drive slows down when the engine is overloaded",
     cost="about 30 us per step",
     tolerance="steady speeds equal to the torque balance; the powers per consumer are 30 % guesses",
+    numbers=("engine", "power", "hydrostat"),
+    steady=steady,
 )

@@ -10,7 +10,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
-from swath.machine.powertrain.power_balance import Powers, Powertrain, fuel_rate
+from swath.machine.powertrain.power_balance import Powers, Powertrain, fuel_rate, steady
 
 
 @dataclass(frozen=True)
@@ -49,4 +49,6 @@ LEVEL = Level(
     summary="rated speed at all times, power and fuel added up",
     cost="about 20 us per step",
     tolerance="equal to hydrostat within the governor's droop while the load stays below 1",
+    numbers=("engine", "power"),
+    steady=steady,
 )

@@ -8,7 +8,7 @@ from swath.core.component import KeepsState, Outputs, Port
 from swath.field.site_setup import SiteSetup
 from swath.machine.compensated_sum import Total
 from swath.machine.drivetrain_sheet import Drivetrain, Engine, drivetrain_of
-from swath.machine.machine_sheet import dynamics_of
+from swath.machine.machine_sheet import MachineSheet, dynamics_of
 from swath.machine.traction import pull
 from swath.signals import EngineState, MachineLoad, MachineState
 
@@ -96,6 +96,17 @@ def with_power(drivetrain: Drivetrain, rated_power: float) -> Drivetrain:
 def fuel_rate(power: float, speed: float, e: Engine) -> float:
     """Fuel [kg/s] by Willans' line: in proportion to the work, and what turning alone burns."""
     return e.fuel_per_work * power + e.fuel_idle * speed / e.rated_speed
+
+
+def steady(machine: MachineSheet, state: MachineState, load: MachineLoad) -> dict[str, float]:
+    """Load of the engine and fuel [kg/s] at rated speed: below full load every level comes to that."""
+    drivetrain, width = drivetrain_of(machine), machine.header_width
+    force = pull(state, 0.0, load.tank_grain, dynamics_of(machine))
+    driving = propulsion_power(force, state.speed, drivetrain.hydrostat.efficiency)
+    total, e = powers(load, driving, width, drivetrain).total, drivetrain.engine
+    share = total / e.rated_power
+    return {"mean_engine_load": share, "peak_engine_load": share,
+            "fuel_l_t": fuel_rate(total, e.rated_speed, e)}  # fmt: skip
 
 
 class Powertrain(KeepsState):

@@ -257,4 +257,5 @@ LEVEL = Level(
     summary="feeder, drum, rotors, shoe, returns, elevator, tank: delays and losses that depend on the load",
     cost="about 90 us per step, 70 us more when straw is laid",
     tolerance="steady losses equal the closed forms, mass within 1e-12; the rates are fitted to one machine",
+    numbers=("transport", "threshing", "cleaning"),
 )

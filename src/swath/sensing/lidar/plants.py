@@ -13,7 +13,7 @@ from annotated_types import Ge, Le
 from swath.core.component import Outputs
 from swath.core.errors import InputError
 from swath.core.portable import product
-from swath.core.registry import Level
+from swath.core.registry import Checked, Level
 from swath.field.site_setup import SiteSetup
 from swath.rays.engine import RayCaster
 from swath.sensing.beam import Pattern, random_pattern, spot_pattern, spots, turned_pattern
@@ -117,4 +117,8 @@ LEVEL = Level(
     "ray bundles against every stem, ear and leaf",
     cost="about 0.35 s of one core per million rays",
     tolerance="dearest level; rays within 1 mm of Embree, first returns within 1 cm of the closed form",
+    checked=(
+        Checked("lean_deg", 0.0, 75.0, "tests/rays/test_exact.py"),
+        Checked("wind_lean_deg", 0.0, 24.5, "tests/rays/test_wind.py"),
+    ),
 )

@@ -13,15 +13,15 @@ from typing import Any
 from swath.tools.function_test.case import Case
 from swath.tools.function_test.integrity import SUMMARY, pooled
 from swath.tools.function_test.journal import Result
-from swath.tools.function_test.judged import OPEN
+from swath.tools.function_test.judged import OPEN, UNJUDGED
 from swath.tools.function_test.kept_runs import Kept, Region, Sample, Worst, kept
 from swath.tools.function_test.margin import ERROR, is_kept_or_not, margin_of
 from swath.tools.function_test.steering_accuracy import SUMMARY as STEERING
 from swath.tools.function_test.steering_accuracy import pooled as pooled_classes
-from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, describe, verdict
+from swath.tools.function_test.verdict import BROKEN, NOT_JUDGED, NOT_SHOWN, SHOWN, describe, verdict
 
 STEERING_TAG = "steering"  # of cases that stand in the table of steering accuracy
-EXIT = {SHOWN: 0, BROKEN: 1, NOT_SHOWN: 3}
+EXIT = {SHOWN: 0, BROKEN: 1, NOT_SHOWN: 3, NOT_JUDGED: 3}
 KEPT_MAX = 20_000  # runs that are drawn, over all cells
 DRAWN_MAX, DRAWN_LEAST = 1000, 20  # in one cell
 POINTS_MAX = 30  # with a row each in the table of steering accuracy; more are put together
@@ -36,6 +36,7 @@ class Cell:
 
     count: of runs; counted, passed: of those that count for the rate, which are not those at points where a
     failure is known, nor unjudged ones; surprises: runs that passed at points of known failures
+    unjudged: runs with a level outside its checked range; outside: these by slot and quantity
     failed: runs that count and did not pass; groups: the same by the first limit that failed
     worst: the run farthest beyond a limit, or nearest to one; an error before all others
     """
@@ -51,6 +52,8 @@ class Cell:
     counted: int = 0
     passed: int = 0
     known: int = 0
+    unjudged: int = 0
+    outside: dict[str, Region] = field(default_factory=dict)
     worst: Kept | None = None
     integrity: dict[str, Any] = field(default_factory=lambda: pooled(()))
     steering: dict[str, tuple[int, dict[str, Any]]] = field(default_factory=dict)
@@ -67,19 +70,23 @@ class Cell:
         """Take in a run."""
         self._add_sums(result)
         shares = [(f"{e['subject']}.{e['name']}", margin_of(e), e) for e in result["expect"]]
-        for name, share, entry in shares:
+        for name, share, entry in shares if result["verdict"] != UNJUDGED else ():
             if name not in self._nearest or share < self._nearest[name][0]:
                 self._nearest[name] = share, entry
         is_error = result["verdict"] == "error"
         run = kept(result, ERROR if is_error else min((share for _, share, _ in shares), default=1.0))
         self.count += 1
         self.drawn.add(run)
-        if self.worst is None or run.margin < self.worst.margin:
+        if run.verdict != UNJUDGED and (self.worst is None or run.margin < self.worst.margin):
             self.worst = run
         if self.case.known(run.point):
             self.known += 1
             if run.verdict == "pass":
                 self.surprises.add(run)
+        elif run.verdict == UNJUDGED:
+            self.unjudged += 1
+            where, _, what = run.reason.partition(" was checked: ")  # of what, and the quantity
+            self.outside.setdefault(f"{where}: {what.split()[0]}", Region()).add(run.point)
         elif run.verdict != OPEN:
             self._count(run, result["metrics"])
 
@@ -136,6 +143,10 @@ class Cell:
             outcome, text = _mean(name, self._values[name], bounds)
             self.means.append(text)
             self.verdict = max(self.verdict, outcome, key=(SHOWN, NOT_SHOWN, BROKEN).index)
+        if self.unjudged:
+            self.verdict = BROKEN if self.verdict == BROKEN else NOT_JUDGED
+            about = f"{self.unjudged} of {self.count} runs not judged, a level was outside its checked range"
+            self.text = f"{self.text}; {about}" if self.counted else about
 
 
 def cells_of(cases: Sequence[Case], candidates: Iterable[str], planned: Mapping[str, int],

@@ -14,7 +14,7 @@ from swath.tools.function_test.integrity import (
     episodes_per_km,
     pooled,
 )
-from swath.tools.function_test.judged import OPEN
+from swath.tools.function_test.judged import UNCOUNTED
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442", "#22262b")
 WIDTH, HEIGHT, PAD = 250.0, 110.0, 14.0  # of a chart [px]
@@ -35,7 +35,7 @@ def over_parameters(cells: Sequence[Cell]) -> list[dict[str, Any]]:
             (number, float(run.point[name]), run)
             for number, cell in enumerate(cells)
             for run in cell.drawn.runs
-            if run.verdict != OPEN
+            if run.verdict not in UNCOUNTED
             and not case.known(run.point)
             and isinstance(run.point.get(name), int | float)
         ]

@@ -266,7 +266,7 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     from swath.tools.function_test.fidelity import told
     from swath.tools.function_test.junit import write_junit
     from swath.tools.function_test.page import write_matrix
-    from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
+    from swath.tools.function_test.verdict import BROKEN, NOT_JUDGED, NOT_SHOWN, VERDICTS
 
     cells = session.cells(again=again)
     session.table()
@@ -283,7 +283,7 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
         rows.append((cell.case.name, cell.candidate, cell.verdict, "; ".join([cell.text, *cell.means]), said))
     table("", ("case", "candidate", "verdict", "what the runs show", "worst run"), rows)
     verdicts = [cell.verdict for cell in cells]
-    print(", ".join(f"{verdicts.count(v)} {v}" for v in (SHOWN, BROKEN, NOT_SHOWN)))
+    print(", ".join(f"{verdicts.count(v)} {v}" for v in VERDICTS if v != NOT_JUDGED or v in verdicts))
     surprises = sum(cell.surprises.count for cell in cells)
     if surprises:
         print(f"{surprises} runs pass where the cases say that a failure is known")
@@ -296,9 +296,10 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     if failed is not None and not session.plan.shadow:
         print(f"`swath test again {folder} {failed.id[:8]}` makes that run once more, with its own report")
     print(f"report  {page}")
-    return next((EXIT[v] for v in (BROKEN, NOT_SHOWN) if v in verdicts), 0)
+    return next((EXIT[v] for v in (BROKEN, NOT_SHOWN, NOT_JUDGED) if v in verdicts), 0)
 
 
 _CASES = "a case file, a folder of them, `catalogue`, or one of its cases"
-_DESCRIPTION = """Function tests: cases with varied parameters and seeds, each judged as shown, broken or
-not shown (too few runs). Exit code 0 all shown, 1 one is broken, 3 none is broken but not all are shown."""
+_DESCRIPTION = """Function tests: cases with varied parameters and seeds, each judged as shown, broken, not
+shown (too few runs) or not judged (a level was outside the range in which it was checked). Exit code 0 all
+shown, 1 one is broken, 3 none is broken but not all are shown."""

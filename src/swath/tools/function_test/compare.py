@@ -10,8 +10,10 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.judge.catalogue import load_evaluators
-from swath.tools.function_test.fidelity import CHEAP, ERRORS, LEVEL_BIAS_M, detectors, scanners
+from swath.sensing.lidar.empirical import BIASED
+from swath.tools.function_test.fidelity import CHEAP, LEVEL_BIAS_M, detectors, scanners
 from swath.tools.function_test.journal import TABLE, Result, read_table
+from swath.tools.function_test.judged import UNJUDGED
 from swath.tools.function_test.paired import ALPHA, Difference, difference, holm, paired_values, verdict_test
 from swath.tools.function_test.plan import looked_at
 from swath.tools.function_test.session import open_session
@@ -66,7 +68,7 @@ class Comparison:
         """
         if name not in self.shown:
             return "no difference shown"
-        if name in ERRORS and abs(self.differences[name].estimate) <= self.undecided:
+        if name in BIASED and abs(self.differences[name].estimate) <= self.undecided:
             return f"undecided at {CHEAP}"
         if name == VERDICTS:
             return "worse" if self.outcomes.count(WORSE) > self.outcomes.count(BETTER) else "better"
@@ -89,9 +91,11 @@ class Comparison:
 
 
 def outcome(old: Result, new: Result) -> str:
-    """What a pair comes to, most alike first."""
+    """What a pair comes to, most alike first; one that is not judged shows no difference."""
     if old["digest"] and old["digest"] == new["digest"]:
         return SAME_BYTES
+    if UNJUDGED in (old["verdict"], new["verdict"]):
+        return SAME_VERDICT
     passed = old["verdict"] == "pass", new["verdict"] == "pass"
     return SAME_VERDICT if passed[0] == passed[1] else BETTER if passed[1] else WORSE
 

@@ -5,16 +5,17 @@ same stands), while its scatter is the same: so no mean or largest error is judg
 """
 
 from collections.abc import Mapping
+from math import atan, degrees
+from typing import Any
 
+from swath.field.wind import make_sway
 from swath.scenario.scenario import Scenario
-from swath.sensing.lidar.empirical import table_name
+from swath.sensing.lidar.empirical import BIAS, BIASED, CHECKED, table_name
 from swath.sensing.tables import load_table, table_names, valid_range
 
 CHEAP, DEAR = "empirical", "plants"
 BIAS_M = 0.05  # limits on errors of detection and line up to this are beyond the cheap level
-LEVEL_BIAS_M = 0.03  # by which the bias of two detectors may move apart between the levels
-ERRORS = ("edge_rmse_m", "edge_bias_m", "lateral_rms_m", "lateral_p95_m", "lateral_bias_m")
-LODGED_DEG = 20.0  # lean from which on the table knows the crop no more
+LEVEL_BIAS_M, *_ = BIAS  # by which the bias of two detectors may move apart between the levels
 
 
 def scanners(scenario: Scenario, level: str) -> list[str]:
@@ -33,32 +34,46 @@ def why_not_cheap(scenario: Scenario) -> str:
 
 
 def _why_not_in(scenario: Scenario) -> str:
-    """What of the stand the level does not see."""
+    """What of the stand is outside the range in which the level was checked."""
     if scenario.field.stand is None:
         return "the stand comes from a field folder"
     stand = scenario.field.stand.params
-    has = {name: getattr(stand, name, None) for name in ("wind", "weeds", "patches", "lodging")}
-    if unseen := [name for name, value in has.items() if value]:
+    if unseen := [name for name in ("patches", "lodging") if getattr(stand, name, None)]:
         return f"the stand has {' and '.join(unseen)}"
-    if abs(getattr(stand, "lean_deg", 0.0)) > 0.5 * LODGED_DEG:
-        return f"the stand leans by {stand.lean_deg:g} deg"
     crop = getattr(stand, "crop", "a stand of your own")
     name = table_name(crop, "percentile")
     if name not in table_names():
         return f"there is no table of {crop}"
+    asked = _set_by(stand)
+    for checked in CHECKED:
+        worst = max(asked[checked.quantity], default=0.0)
+        if not checked.low <= worst <= checked.high:
+            return f"{checked.quantity} is {worst:.3g}, the level was checked for {checked.span}"
     low, high = valid_range(load_table(name).standing)["density_per_m2"]
-    densities = [stand.stems_per_m2, *(band.stems_per_m2 for band in getattr(stand, "bands", ()))]
-    for density in densities:
-        if density is not None and not low < density <= high:
+    for density in asked["stems_per_m2"]:
+        if not low < density <= high:
             return f"{density:g} stems per m2 are at or beyond the end of its table ({low:g} to {high:g})"
     return ""
+
+
+def _set_by(stand: Any) -> dict[str, list[float]]:
+    """Quantities of a run (`runtime/met.py`) that the keys of a stand set."""
+    wind, weeds = getattr(stand, "wind", None), getattr(stand, "weeds", None)
+    sway = make_sway(wind, 0.0)
+    densities = [getattr(part, "stems_per_m2", None) for part in (stand, *getattr(stand, "bands", ()))]
+    return {
+        "wind_lean_deg": [] if sway is None else [degrees(atan(sway.slope_max))],
+        "weeds_per_m2": [] if weeds is None else [weeds.plants_per_m2],
+        "lean_deg": [abs(getattr(stand, "lean_deg", 0.0))],
+        "stems_per_m2": [density for density in densities if density is not None],
+    }
 
 
 def _why_not_for(scenario: Scenario) -> str:
     """Which limit is too narrow."""
     for expected in scenario.expect:
         bounds = [abs(b) for b in (expected.limit.min, expected.limit.max) if b is not None]
-        if expected.name in ERRORS and bounds and min(bounds) <= BIAS_M:
+        if expected.name in BIASED and bounds and min(bounds) <= BIAS_M:
             return f"{expected.name} is asked to {min(bounds):g} m, its bias is that large"
     return ""
 

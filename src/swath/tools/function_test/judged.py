@@ -1,15 +1,34 @@
-"""Stored results judged once more: against the limits that a case has now, and of candidates in shadow."""
+"""What a run comes to by its limits; stored results judged once more: against the limits that a case has now,
+and of candidates in shadow.
 
-from collections.abc import Iterable, Iterator
+A limit that rests on a level outside the range in which it was checked says nothing, kept or broken. A run is
+`not judged` where there is such a limit and no other one fails.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from swath.judge.limits import check_metric
+from swath.runtime.credibility import SUMMARY as CREDIBILITY
 from swath.scenario.sections import Limit
 from swath.tools.function_test.case import Case
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.steering_accuracy import SUMMARY as STEERING
 
 OPEN = "open"  # verdict of a run that no limit of its case judges
+UNJUDGED = "not judged"  # of one with limits that rest on a level outside its range
+UNCOUNTED = (OPEN, UNJUDGED)
+
+
+def verdict_of(entries: Sequence[Mapping[str, Any]], outside: Mapping[str, str]) -> tuple[str, str]:
+    """Verdict and reason of a run by its limits. outside: by slot, why its level is outside its range"""
+    broken = [e for e in entries if e["result"] != "pass" and "rests_outside" not in e]
+    if broken:
+        return "fail", f"{broken[0]['subject']}.{broken[0]['name']}: {broken[0]['reason']}"
+    slots = dict.fromkeys(slot for e in entries for slot in e.get("rests_outside", ()))
+    if slots:
+        return UNJUDGED, f"{UNJUDGED}: {'; '.join(f'{slot} {outside[slot]}' for slot in slots)}"
+    return "pass", ""
 
 
 class PresentLimits:
@@ -24,9 +43,8 @@ class PresentLimits:
         if result["verdict"] in ("error", OPEN):
             return result
         entries = [self._judged(entry) for entry in result["expect"]]
-        broken = [e for e in entries if e["result"] != "pass"]
-        reason = f"{broken[0]['subject']}.{broken[0]['name']}: {broken[0]['reason']}" if broken else ""
-        return {**result, "expect": entries, "verdict": "fail" if broken else "pass", "reason": reason}
+        verdict, reason = verdict_of(entries, result.get(CREDIBILITY, {}))
+        return {**result, "expect": entries, "verdict": verdict, "reason": reason}
 
     def _judged(self, entry: dict[str, Any]) -> dict[str, Any]:
         limit = None if "window" in entry or "hold" in entry["limit"] else self._limit_of(entry)
@@ -63,16 +81,15 @@ def in_shadow(result: Result, names: Iterable[str]) -> Iterator[Result]:
                     Limit.model_validate(entry["limit"]), told["metrics"][entry["name"]]
                 )
                 said = {"reason": reason} if reason else {}
-                kept = {k: entry[k] for k in ("subject", "name", "limit")}
+                kept = {k: entry[k] for k in ("subject", "name", "limit", "rests_outside") if k in entry}
                 entries.append({**kept, "value": value, "result": "fail" if reason else "pass", **said})
-        broken = [e for e in entries if e["result"] == "fail"]
-        verdict = "fail" if broken else "pass" if entries else OPEN
+        verdict, reason = verdict_of(entries, result.get(CREDIBILITY, {})) if entries else (OPEN, "")
         yield {
             **result,
             "id": f"{result['id']}-{name}",
             "candidate": name,
             "verdict": "error" if result["verdict"] == "error" else verdict,
-            "reason": f"{broken[0]['name']}: {broken[0]['reason']}" if broken else "",
+            "reason": reason,
             "expect": entries,
             "incidents": [],
             STEERING: None,

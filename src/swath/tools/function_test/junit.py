@@ -6,21 +6,21 @@ from xml.etree import ElementTree as ET
 
 from swath.core.whole_file import write_whole
 from swath.tools.function_test.cells import Cell
-from swath.tools.function_test.judged import OPEN
+from swath.tools.function_test.judged import OPEN, UNJUDGED
 from swath.tools.function_test.kept_runs import Kept
-from swath.tools.function_test.verdict import NOT_SHOWN, SHOWN
+from swath.tools.function_test.verdict import NOT_JUDGED, NOT_SHOWN, SHOWN
 
 
 def write_junit(path: Path, cells: Sequence[Cell]) -> Path:
     """Write junit.xml. A cell is a test too: it fails when its claim is broken, and is skipped when not
-    shown. Of more than a thousand runs the worst and a sample are listed.
+    shown or not judged. Of more than a thousand runs the worst and a sample are listed.
     """
     root = ET.Element("testsuites")
     for cell in cells:
         suite = ET.SubElement(root, "testsuite", name=f"{cell.case.name} [{cell.candidate}]")
         whole = ET.SubElement(suite, "testcase", classname=cell.case.name, name=f"{cell.candidate}: claim")
         failures = 0
-        if cell.verdict == NOT_SHOWN:
+        if cell.verdict in (NOT_SHOWN, NOT_JUDGED):
             ET.SubElement(whole, "skipped", message=cell.text)
         elif cell.verdict != SHOWN:
             ET.SubElement(whole, "failure", message="; ".join([cell.text, *cell.means]))
@@ -31,6 +31,8 @@ def write_junit(path: Path, cells: Sequence[Cell]) -> Path:
             test = ET.SubElement(suite, "testcase", classname=cell.case.name, name=name)
             if known := cell.case.known(run.point):
                 ET.SubElement(test, "skipped", message=f"known: {known}")
+            elif run.verdict == UNJUDGED:
+                ET.SubElement(test, "skipped", message=run.reason)
             elif run.verdict == OPEN:
                 ET.SubElement(test, "skipped", message="no limit of the case judges it")
             elif run.verdict != "pass":

@@ -5,6 +5,8 @@ from dataclasses import replace
 from typing import Any
 
 from swath.core.errors import SwathError, shortened
+from swath.runtime.credibility import SUMMARY as CREDIBILITY
+from swath.runtime.credibility import outside_of
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_unrecorded
 from swath.runtime.kept import KeptFields
@@ -13,6 +15,7 @@ from swath.runtime.met import MetHook
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.tools.function_test.integrity import SUMMARY as INTEGRITY
 from swath.tools.function_test.integrity import IntegrityHook
+from swath.tools.function_test.judged import verdict_of
 from swath.tools.function_test.plan import PlannedRun
 from swath.tools.function_test.shadow import SUMMARY as SHADOW
 from swath.tools.function_test.shadow import ShadowHook
@@ -33,9 +36,10 @@ def shadows_of(run: PlannedRun) -> dict[str, Scenario]:
 
 
 def do_run(run: PlannedRun, fields: KeptFields) -> dict[str, Any]:
-    """Drive and judge. The verdict is `pass`, `fail`, or `error` where the run could not be made or crashed.
+    """Drive and judge. The verdict is `pass`, `fail`, `not judged` where it would rest on a level outside its
+    checked range, or `error` where the run could not be made or crashed.
 
-    fields: of the runs before; reason: the first limit that failed, or the error
+    fields: of the runs before; reason: the first limit that failed, the range that was left, or the error
     """
     started = time.process_time()
     try:
@@ -63,13 +67,11 @@ def _about(run: PlannedRun) -> dict[str, Any]:
 
 
 def _result(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
-    broken = [entry for entry in summary["expect"] if entry["result"] != "pass"]
-    reason = ""
-    if broken:
-        reason = f"{broken[0]['subject']}.{broken[0]['name']}: {broken[0]['reason']}"
+    outside = outside_of(summary)
+    verdict, reason = verdict_of(summary["expect"], outside)
     return {
         **_about(run),
-        "verdict": "fail" if broken else "pass",
+        "verdict": verdict,
         "reason": reason,
         "metrics": _metrics(summary),
         "expect": summary["expect"],
@@ -77,6 +79,7 @@ def _result(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
             {k: e.get(k) for k in ("kind", "machine", "t_s", "distance_m")} for e in summary["incidents"]
         ],
         "digest": summary["digest"],
+        **({CREDIBILITY: outside} if outside else {}),
         **{key: summary[key] for key in (SHADOW, INTEGRITY, STEERING, MET) if key in summary},
     }
 

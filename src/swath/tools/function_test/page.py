@@ -10,11 +10,12 @@ from swath.tools.function_test.cells import Cell
 from swath.tools.function_test.charts import HEIGHT as HIGH
 from swath.tools.function_test.charts import WIDTH as WIDE
 from swath.tools.function_test.charts import colour, over_parameters, stanford
+from swath.tools.function_test.judged import UNJUDGED
 from swath.tools.function_test.kept_runs import Kept
 from swath.tools.function_test.steering_accuracy import CLASS_COUNT, accuracy
-from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
+from swath.tools.function_test.verdict import BROKEN, NOT_JUDGED, NOT_SHOWN, SHOWN, VERDICTS
 
-MARKS = {SHOWN: "✓", BROKEN: "✗", NOT_SHOWN: "?"}
+MARKS = {SHOWN: "✓", BROKEN: "✗", NOT_SHOWN: "?", NOT_JUDGED: "–"}
 WIDTH, HEIGHT, PAD = 260.0, 34.0, 8.0  # of a strip [px]
 FAILED_MAX, FAILED_LEAST = 200, 3  # runs in the list of failures; of one case and candidate at least
 
@@ -42,7 +43,7 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
         candidates=candidates,
         rows=rows,
         shadow=shadow,
-        counts={v: sum(c.verdict == v for c in cells) for v in (SHOWN, BROKEN, NOT_SHOWN)},
+        counts={v: sum(c.verdict == v for c in cells) for v in VERDICTS},
         run_count=sum(c.count for c in cells),
         groups=_groups(failing),
         charts=[
@@ -59,6 +60,7 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
             if (diagram := stanford([by_place[case, c] for case in cases], number))
         ],
         steering=[row for cell in cells for row in _steering(cell)],
+        outside=[row for cell in cells for row in _outside(cell)],
         failed=[_failure(cell, run) for cell in failing for run in cell.failed.runs[:each]],
         failed_count=sum(cell.failed.count for cell in failing),
         surprises=[_failure(cell, run) for cell in cells for run in cell.surprises.runs],
@@ -85,8 +87,10 @@ def _limit(name: str, share: float, entry: dict[str, Any]) -> dict[str, Any]:
     value = entry["value"]
     bounds = [f"{key} {entry['limit'][key]:g}" for key in ("min", "max") if key in entry["limit"]]
     said = "no value" if value is None else f"{value:.3g}"
+    error = entry.get("level_error")
+    off = f", level off by up to {error['size']:g}" if error else ""
     return {"name": name, "margin": f"{share:+.2f}", "is_broken": share < 0.0,
-            "text": f"{said} ({', '.join(bounds)})"}  # fmt: skip
+            "text": f"{said} ({', '.join(bounds)}{off})"}  # fmt: skip
 
 
 def _steering(cell: Cell) -> list[list[str]]:
@@ -102,6 +106,14 @@ def _steering(cell: Cell) -> list[list[str]]:
     return rows
 
 
+def _outside(cell: Cell) -> list[list[str]]:
+    """Rows of the table of runs that are not judged."""
+    return [
+        [cell.case.name, cell.candidate, str(region.count), why.removeprefix(f"{UNJUDGED}: "), region.text]
+        for why, region in cell.outside.items()
+    ]
+
+
 def _known(cell: Cell) -> list[str]:
     """A row of the table of known failures."""
     passed = str(cell.surprises.count)
@@ -115,7 +127,9 @@ def _dot(cell: Cell, run: Kept, number: int) -> dict[str, Any]:
     return {
         "x": round(WIDTH / 2.0 + share * (WIDTH / 2.0 - PAD), 1),
         "y": round(PAD + (number * 7 % 19) / 18.0 * (HEIGHT - 2.0 * PAD), 1),
-        "kind": "known" if run.verdict == "fail" and cell.case.known(run.point) else run.verdict,
+        "kind": "known"
+        if run.verdict == "fail" and cell.case.known(run.point)
+        else run.verdict.replace(" ", "-"),
         "title": f"{_point(run)}: {cell.why_failed(run) or 'passes'}",
     }
 

@@ -20,7 +20,7 @@ def progress(count: int) -> Iterator[Callable[[dict[str, Any]], None]]:
 
         def done(result: dict[str, Any]) -> None:
             nonlocal failed
-            failed += result["verdict"] != "pass"
+            failed += result["verdict"] in ("fail", "error")
             bar.update(task, advance=1, description=f"{count} runs, {failed} did not pass")
 
         yield done

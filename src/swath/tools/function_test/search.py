@@ -17,13 +17,15 @@ from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
 from swath.documents.hints import near_miss
 from swath.signals import F64
-from swath.tools.function_test.boundary import Boundary, first_points, next_points
+from swath.tools.function_test.boundary import Boundary, first_points, next_points, sobol_points
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases
 from swath.tools.function_test.journal import TABLE, Result, read_table
+from swath.tools.function_test.judged import UNJUDGED
 from swath.tools.function_test.margin import margin
 from swath.tools.function_test.plan import Plan, code_hash
 from swath.tools.function_test.pool import Done
 from swath.tools.function_test.session import PLAN, Session, check_empty, read_asked
+from swath.tools.function_test.verdict import describe, lower_bound, verdict
 
 SEARCH = "search.json"
 FEWEST = 8  # runs of a search
@@ -69,6 +71,43 @@ class Searched:
     def margins(self, results: Sequence[Result]) -> F64:
         """Margins to the limit that is asked for, (n,)."""
         return np.array([max(-1.0, margin(result, self.search.limit)) for result in results])
+
+    def passed(self, first: int | None = None) -> tuple[int, int]:
+        """How many of the first runs, or of all, keep the limit, of how many that are judged."""
+        some = self.results[:first]
+        kept = self.margins(some) >= 0.0
+        judged = [bool(k) for k, r in zip(kept, some, strict=True) if r["verdict"] != UNJUDGED]
+        return sum(judged), len(judged)
+
+    @property
+    def shows(self) -> list[str]:
+        """What the runs show, and what is only expected.
+
+        A rate is shown by the runs that were spread evenly before the search went to the boundary; by all of
+        them where none fails, for then it found no boundary to go to.
+        """
+        claim, (passed, count) = self.case.file.claim, self.passed()
+        left = len(self.results) - count
+        said = [f"{left} runs not judged: a level was outside its checked range"] if left else []
+        if passed == count:
+            result = verdict(passed, count, claim.pass_rate, claim.confidence, is_complete=True)
+            return [describe(passed, count, claim.pass_rate, claim.confidence, result), *said]
+        kept, even = self.passed(self._evenly_spread())
+        low = 100 * lower_bound(kept, even, claim.confidence)
+        passing, unknown = self.boundary.shares
+        expected = f"{100 * passing:.0f} % of the ranges pass, {100 * unknown:.0f} % may be on either side"
+        return [
+            f"of the first {even} runs, spread evenly over the ranges, {kept} pass, shows >= {low:.3g} %",
+            f"expected between the runs, not shown: {expected}",
+            *said,
+        ]
+
+    def _evenly_spread(self) -> int:
+        """How many runs came before those that were chosen by what the others had shown."""
+        even = sobol_points(len(self.results), len(self.ranges))
+        chosen = (_point(self.case, self.ranges, row) != r["point"]
+                  for row, r in zip(even, self.results, strict=True))  # fmt: skip
+        return next((number for number, is_chosen in enumerate(chosen) if is_chosen), len(self.results))
 
     def in_cube(self, points: Sequence[Point]) -> F64:
         """Points as shares of the ranges, (n, d)."""

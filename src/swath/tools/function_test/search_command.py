@@ -59,9 +59,9 @@ def tell(found: Any, check: Path | None = None) -> int:
         for name, first, total in boundary.sensitivities()
     ]
     table("", ("parameter", "range", "share of the variance, alone", "with others"), rows)
-    passing, unknown = boundary.shares
-    print(f"{len(found.results)} runs, {int((boundary.margins >= 0.0).sum())} of them pass")
-    print(f"passes in {100 * passing:.0f} % of the ranges; in {100 * unknown:.0f} % it is not known (95 %)")
+    print(f"{len(found.results)} runs, {found.passed()[0]} of them pass")
+    for line in found.shows:
+        print(line)
     if checked is not None:
         share = 100 * checked[0] / checked[1]
         print(f"{checked[0]} of {checked[1]} other runs predicted correctly: {share:.1f} %")

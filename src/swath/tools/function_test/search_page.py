@@ -9,6 +9,7 @@ from swath import __version__
 from swath.report.html import write_page
 from swath.tools.function_test.boundary import Boundary
 from swath.tools.function_test.journal import Result
+from swath.tools.function_test.judged import UNJUDGED
 from swath.tools.function_test.search import Searched
 
 SIDE, BINS = 220.0, 22  # of a map [px], squares along it
@@ -18,8 +19,10 @@ FAILED_MAX = 60  # runs in the list
 def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = None) -> Path:
     """Write the page. checked: runs of another test that the boundary foretells right, of how many"""
     boundary, results = found.boundary, found.results
-    passing, unknown = boundary.shares
-    failed = sorted((result for result in results if result["verdict"] != "pass"), key=lambda r: str(r["id"]))
+    failed = sorted(
+        (result for result in results if result["verdict"] not in ("pass", UNJUDGED)),
+        key=lambda r: str(r["id"]),
+    )
     return write_page(
         path,
         "function_test_search.html.j2",
@@ -28,10 +31,9 @@ def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = 
         limit=found.search.limit or "all limits together",
         version=__version__,
         count=len(results),
-        passed=int((boundary.margins >= 0.0).sum()),
+        passed=found.passed()[0],
         facts={
-            "passes": f"{100 * passing:.0f} % of the ranges",
-            "not known (95 %)": f"{100 * unknown:.0f} % of the ranges",
+            "the runs": "; ".join(found.shows),
             "left out, predicted correctly": f"{100 * boundary.right_of_left_out:.0f} % of the runs",
             "other runs, predicted correctly": None if checked is None else f"{checked[0]} of {checked[1]}",
         },

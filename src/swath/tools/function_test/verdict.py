@@ -2,6 +2,8 @@
 
 A claim "at least p0 of runs pass" is `shown` when the runs exclude every lower rate with the claim's
 confidence, `broken` when they exclude p0 and every higher rate, and `not shown` otherwise: too few runs.
+Where runs are left out because a level in them was outside the range in which it was checked, nothing is
+shown of the whole: the claim is `not judged`, unless the others break it.
 
 Runs that were planned and all done are judged by the exact interval of Clopper & Pearson 1934
 (doi:10.1093/biomet/26.4.404). While runs are still to come the same question is asked again and again, which
@@ -16,7 +18,8 @@ from typing import Any
 
 from swath.core.errors import MissingExtra
 
-SHOWN, BROKEN, NOT_SHOWN = "shown", "broken", "not shown"
+SHOWN, BROKEN, NOT_SHOWN, NOT_JUDGED = "shown", "broken", "not shown", "not judged"
+VERDICTS = (SHOWN, BROKEN, NOT_SHOWN, NOT_JUDGED)
 BET_FOR = 60.0, 0.6  # beta density of rates that the bet for the claim backs: near 1
 BET_AGAINST = 1.0, 1.0
 

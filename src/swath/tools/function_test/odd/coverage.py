@@ -17,6 +17,7 @@ from swath.runtime.met import EVERY_M
 from swath.runtime.met import SUMMARY as MET
 from swath.signals import F64
 from swath.tools.function_test.journal import Result
+from swath.tools.function_test.judged import UNJUDGED
 from swath.tools.function_test.odd.binding import Axis, Odd
 from swath.tools.function_test.odd.openodd import Value
 
@@ -55,8 +56,15 @@ class Driven:
         return bool(self.result["verdict"] == "pass")
 
     @property
+    def is_judged(self) -> bool:
+        """No limit of it rests on a level outside its checked range."""
+        return bool(self.result["verdict"] != UNJUDGED)
+
+    @property
     def counts(self) -> bool:
         """A failure always counts; a pass only for a way that lies inside the ODD."""
+        if not self.is_judged:
+            return False
         if not self.passes or self.outside is None:
             return True
         return self.outside.length_m <= (1.0 - INSIDE) * float(self.metres.sum())

@@ -7,6 +7,7 @@ made again from its name.
 
 import csv
 import io
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -58,12 +59,15 @@ def summary_of(found: Conducted, cells: Sequence[OddCell]) -> Summary:
     ):
         rows.append((name, *(str(sum(c.verdict == v for c in some)) for v in VERDICTS)))
     driven, pairs = found.coverage.pair_share
-    passed = sum(run.passes for run in found.coverage.runs)
+    judged = [run for run in found.coverage.runs if run.is_judged]
+    passed = sum(run.passes for run in judged)
     lines = [
-        f"{passed} of {len(found.coverage.runs)} runs pass; {driven} of {pairs} pairs of buckets driven "
+        f"{passed} of {len(judged)} runs pass; {driven} of {pairs} pairs of buckets driven "
         f"({100 * driven / max(1, pairs):.1f} %)"
     ]
     lines += [f"broken: {cell.text}: {cell.failed} of {cell.counted} runs fail" for cell in causes(cells)]
+    if unjudged := len(found.coverage.runs) - len(judged):
+        lines.append(f"{unjudged} runs not judged: a level was outside the range in which it was checked")
     short = _short(found, cells)
     if short:
         lines.append(short)
@@ -92,12 +96,13 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
     _junit(write_junit(folder / "junit.xml", tested), found, cells)
     write_matrix(folder / "report.html", tested)
     runs = found.coverage.runs
-    passed = sum(run.passes for run in runs)
+    tried = [run for run in runs if run.is_judged]
+    passed = sum(run.passes for run in tried)
     share, sure = f"{100 * claim.pass_rate:g} %", f"{100 * claim.confidence:g} %"
     shown_now, shown_left = _shown(found, cells), _shown(found, rest)
     driven, pairs = found.coverage.pair_share
     broken = causes(cells)
-    failing = [run for run in runs if not run.passes]
+    failing = [run for run in tried if not run.passes]
     left = [run for run in runs if run.outside is not None]
     return write_page(
         folder / "dossier.html",
@@ -116,8 +121,8 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
             "LiDAR level": found.campaign.level or "that of the scenario",
             "swath": __version__,
         },
-        overall=f"{passed} of {len(runs)} runs pass. So, with {sure} confidence, at least "
-        f"{100 * lower_bound(passed, len(runs), claim.confidence):.3g} % of all runs drawn like these pass",
+        overall=f"{passed} of {len(tried)} runs pass. So, with {sure} confidence, at least "
+        f"{100 * lower_bound(passed, len(tried), claim.confidence):.3g} % of all runs drawn like these pass",
         claim={"share": share, "sure": sure, "wrong": f"{100 * (1.0 - claim.confidence):g} %"},
         test="the exact binomial test" if found.is_complete else "an e-process (see above)",
         hit_m=f"{HIT_M:g}",
@@ -177,7 +182,8 @@ def _shown(found: Conducted, cells: Sequence[OddCell]) -> list[tuple[str, str]]:
 
 def _cause(found: Conducted, cells: Sequence[OddCell], cell: OddCell) -> dict[str, Any]:
     runs = [run for run in found.coverage.runs if found.coverage.is_in(run, cell.places)]
-    failing = sorted((run for run in runs if not run.passes), key=lambda run: str(run.result["id"]))
+    failing = [run for run in runs if run.is_judged and not run.passes]
+    failing.sort(key=lambda run: str(run.result["id"]))
     return {
         "text": cell.text,
         "failed": cell.failed,
@@ -297,8 +303,8 @@ def _run(run: Driven) -> dict[str, str]:
 def _believe(found: Conducted) -> list[str]:
     """What the verdicts do not take into account."""
     said = [
-        "This page does not judge whether each model of the simulation was used inside the range in which it "
-        "was checked. The command swath levels lists what each assumes.",
+        "Runs in which a level of the simulation was outside the range in which it was checked are not "
+        f"judged: {_unjudged(found)}. Many levels declare no range; swath levels SLOT lists those that do.",
         "Limits, buckets and exposure are numbers of the file that binds the ODD to swath. It gives as their "
         f"source: {found.odd.file.source}.",
         "The share of runs that pass in a cell is not the share at work: the campaign spreads the other "
@@ -312,6 +318,13 @@ def _believe(found: Conducted) -> list[str]:
             "needs more runs."
         )
     return said
+
+
+def _unjudged(found: Conducted) -> str:
+    why = Counter(
+        str(run.result["reason"]).partition(": ")[2] for run in found.coverage.runs if not run.is_judged
+    )
+    return "; ".join(f"{count} runs, {text}" for text, count in why.most_common(3)) or "there is none"
 
 
 def _digests(found: Conducted) -> list[tuple[str, str]]:

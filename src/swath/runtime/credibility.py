@@ -1,0 +1,244 @@
+"""Was every level of a run used inside the range in which it was checked?
+
+A level says in which ranges of which quantities it was checked (`core.registry.Checked`), a part may add
+those of its own table (`core.abilities.MeetsRange`). Once a metre the run looks at what it meets. A look is
+beyond a range when more than 2 % of its values are: one echo of many decides nothing. A slot is `outside`
+with three such looks, `at the edge` with anything less beyond its range, else `inside`. What was not declared
+is not known, and listed as such.
+
+A limit rests on the slots that its evaluator sees and on all that feeds these, over the wires of the graph.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from swath.core.abilities import MeetsRange
+from swath.core.packed_state import saved_type
+from swath.core.registry import Checked, KnownError
+from swath.core.schedule import NS
+from swath.judge.catalogue import EvaluatorCatalogue
+from swath.judge.evaluator import HasSignals, Metric
+from swath.judge.windows import FIELD
+from swath.runtime.met import EVERY_M, QUANTITIES, where_is
+from swath.runtime.world import Machine, World
+from swath.signals import MachineState, Signal
+
+SUMMARY = "credibility"
+INSIDE, EDGE, OUTSIDE = "inside", "at the edge", "outside"
+STATES = (INSIDE, EDGE, OUTSIDE)
+TOLERATED = 0.02  # share of the values of a look that may lie beyond a range
+LOOKS = 3  # beyond a range that make a slot outside of it
+REST = NS // 10  # between two questions whether a machine has moved on [ns]
+
+
+@saved_type()
+@dataclass
+class Seen:
+    """What was met of a quantity at a slot. low, high: of all values; looks: with a value; beyond: of these
+    looks, beyond the range; strays: values beyond it
+    """
+
+    low: float = float("inf")
+    high: float = float("-inf")
+    looks: int = 0
+    beyond: int = 0
+    strays: int = 0
+
+    def add(self, values: Any, checked: Checked) -> None:
+        """Take in the values of a look."""
+        values = np.atleast_1d(np.asarray(values, dtype=np.float64))
+        values = values[np.isfinite(values)]
+        if not len(values):
+            return
+        strays = int(np.sum((values < checked.low) | (values > checked.high)))
+        self.low, self.high = min(self.low, float(values.min())), max(self.high, float(values.max()))
+        self.looks += 1
+        self.beyond += strays > TOLERATED * len(values)
+        self.strays += strays
+
+    @property
+    def state(self) -> str:
+        """`inside`, `at the edge` or `outside`; "" where nothing was met."""
+        if not self.looks:
+            return ""
+        if self.beyond >= min(LOOKS, self.looks):
+            return OUTSIDE
+        return EDGE if self.strays else INSIDE
+
+
+class Scene:
+    """What `Credibility` looks at: the world, and of each machine the ranges by slot."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.ranges = {m.name: dict(_ranges_of(m)) for m in world.machines.values()}
+        self.parts = {m.name: dict(m.parts) for m in world.machines.values()}
+
+    def values(self, machine: str, state: MachineState) -> Iterator[tuple[str, Checked, Any]]:
+        """Of each slot and range of a machine what it meets now."""
+        about = self.world.machines[machine]
+        where = where_is(about, self.world.field, state)
+        known: dict[str, float] = {}
+        for slot, ranges in self.ranges[machine].items():
+            part = self.parts[machine][slot]
+            if about.parts.get(slot) is not part:
+                continue  # another level has come into the slot, whose ranges these are not
+            met = part.meets() if isinstance(part, MeetsRange) else {}
+            for checked in ranges:
+                name = checked.quantity
+                if name in QUANTITIES and name not in known:
+                    known[name] = QUANTITIES[name].at(where)
+                yield f"{machine}.{slot}", checked, known.get(name, met.get(name, ()))
+
+
+def _ranges_of(machine: Machine) -> Iterator[tuple[str, tuple[Checked, ...]]]:
+    for slot, choice in machine.section.slots.items():
+        part = machine.parts.get(slot)
+        own = part.checked if isinstance(part, MeetsRange) else ()
+        if part is not None and (found := (*choice.found.checked, *own)):
+            yield slot, found
+
+
+class Credibility:
+    """Watches a run like an evaluator of the field that gives no metrics."""
+
+    METRICS: tuple[Metric, ...] = ()
+    OF_FIELD = True
+    SIGNALS = (MachineState,)
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.rests_until = 0
+        self._next_m = dict.fromkeys(scene.ranges, 0.0)
+        self._next_t = dict.fromkeys(scene.ranges, 0)
+        self._seen: dict[tuple[str, str], Seen] = {}
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Look where a machine has moved on."""
+        machine = slot.partition(".")[0]
+        if t < self._next_t.get(machine, t + 1):
+            return
+        for sample in outputs.values():
+            if isinstance(sample, MachineState):
+                self._next_t[machine] = t + REST
+                if sample.distance >= self._next_m[machine] and t > 0:
+                    self._next_m[machine] = sample.distance + EVERY_M
+                    self._look(machine, sample)
+        self.rests_until = min(self._next_t.values())
+
+    def _look(self, machine: str, state: MachineState) -> None:
+        for slot, checked, values in self.scene.values(machine, state):
+            self._seen.setdefault((slot, checked.quantity), Seen()).add(values, checked)
+
+    def metrics(self) -> dict[str, float]:
+        """None of its own."""
+        return {}
+
+    def told(self) -> dict[str, Any]:
+        """As it stands in summary.json: `slots` with a declared range, and the others as `undeclared`."""
+        slots, rest = {}, []
+        for machine in self.scene.world.machines.values():
+            ranges = self.scene.ranges[machine.name]
+            for slot, choice in machine.section.slots.items():
+                name = f"{machine.name}.{slot}"
+                if slot not in ranges:
+                    rest += [] if choice.kind.is_control else [name]
+                    continue
+                rows = [self._row(name, checked) for checked in ranges[slot]]
+                state = max((r["state"] for r in rows if r["state"]), key=STATES.index, default="")
+                slots[name] = {"level": choice.level, "state": state, "quantities": rows}
+        return {"slots": slots, "undeclared": rest}
+
+    def _row(self, slot: str, checked: Checked) -> dict[str, Any]:
+        seen = self._seen.get((slot, checked.quantity), Seen())
+        return {
+            "quantity": checked.quantity,
+            "checked": [checked.low, checked.high],
+            "met": [_short(seen.low), _short(seen.high)] if seen.looks else None,
+            "state": seen.state,
+            "looks": seen.looks,
+            "beyond": seen.beyond,
+            "source": checked.source,
+        }
+
+
+def annotate(summary: dict[str, Any], watch: Credibility, catalogue: EvaluatorCatalogue) -> list[str]:
+    """Put `credibility` into a summary, and into its limits what they rest on that was outside
+    (`rests_outside`) and how far off their metric may be (`level_error`). Returns notes.
+    """
+    summary[SUMMARY] = watch.told()
+    outside = outside_of(summary)
+    errors = _errors(watch.scene.world)
+    doubtful = []
+    for entry in summary["expect"]:
+        slots = rests_on(watch.scene.world, catalogue, entry["subject"], entry["name"])
+        if beyond := [name for name in outside if name in slots]:
+            entry["rests_outside"] = beyond
+            doubtful.append(entry["name"])
+        if "hold" in entry["limit"]:
+            continue
+        if found := [(n, e) for n, e in errors if n in slots and e.metric == entry["name"]]:
+            slot, error = max(found, key=lambda pair: pair[1].size)
+            entry["level_error"] = {"size": error.size, "slot": slot, "against": error.against}
+    notes = [f"{name}: {why}" for name, why in outside.items()]
+    if doubtful:
+        notes.append(f"not to be relied on, they rest on that: {', '.join(dict.fromkeys(doubtful))}")
+    return notes
+
+
+def outside_of(summary: Mapping[str, Any]) -> dict[str, str]:
+    """Slots whose level was outside its range, with why, of a summary."""
+    slots = summary.get(SUMMARY, {}).get("slots", {})
+    return {name: _why(slot) for name, slot in slots.items() if slot["state"] == OUTSIDE}
+
+
+def _why(slot: Mapping[str, Any]) -> str:
+    what = [
+        f"{row['quantity']} {_span(row['met'])}, checked {_span(row['checked'])}"
+        for row in slot["quantities"]
+        if row["state"] == OUTSIDE
+    ]
+    return f"outside the range in which level {slot['level']} was checked: {'; '.join(what)}"
+
+
+def rests_on(world: World, catalogue: EvaluatorCatalogue, subject: str, name: str) -> set[str]:
+    """Full names of the slots on which a metric rests, or a column of the tracks: those whose samples its
+    evaluator sees, and all that feed these.
+    """
+    nodes = {node.slot.name: node for node in world.graph.nodes}
+    maker = catalogue.maker_of(name)
+    kinds = maker.SIGNALS if isinstance(maker, HasSignals) else None
+    waiting = [
+        slot
+        for slot, node in nodes.items()
+        if subject in (FIELD, slot.partition(".")[0])
+        and (kinds is None or any(issubclass(port.signal, kinds) for port in node.component.outputs))
+    ]
+    found: set[str] = set()
+    while waiting:
+        slot = waiting.pop()
+        if slot in nodes and slot not in found:
+            found.add(slot)
+            waiting += [source for source, _ in nodes[slot].wires.values()]
+    return found
+
+
+def _errors(world: World) -> Sequence[tuple[str, KnownError]]:
+    return [
+        (f"{machine.name}.{slot}", error)
+        for machine in world.machines.values()
+        for slot, choice in machine.section.slots.items()
+        for error in choice.found.errors
+    ]
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.4g}")
+
+
+def _span(ends: Sequence[float]) -> str:
+    low, high = ends
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"

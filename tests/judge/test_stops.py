@@ -1,0 +1,72 @@
+"""Why a machine stopped: a limit on stops because of a person is not kept by a stop before a phantom wall."""
+
+from dataclasses import dataclass
+
+import pytest
+
+from swath.core.component import KeepsState, Port
+from swath.core.errors import InputError
+from swath.core.registry import level_here
+from swath.runtime.job import run_unrecorded
+from swath.scenario.scenario import load_scenario
+from swath.signals import Objects
+from swath.signals.objects import objects_of
+
+WALL = [1, 0, 9.0, 0.0, 0.0, 0.5, 12.0, 2.0, 0.0, 0.0, 0.9, 0.0]  # 9 m ahead, as wide as the header
+KEPT = ["contact_count", "least_clearance_m", "rollover_count"]
+
+
+class Phantom(KeepsState):
+    """From 3 s on tells of a wall that is not there, and of nothing else."""
+
+    kept = ()
+    inputs = ()
+    outputs = (Port("objects", Objects),)
+
+    @dataclass(frozen=True)
+    class Params:
+        """None."""
+
+    def __init__(self, params, setup):
+        pass
+
+    def reset(self, stream):
+        return {"objects": objects_of(0, [])}
+
+    def step(self, t, dt, inputs):
+        return {"objects": objects_of(t + dt, [WALL] if t > 3e9 else [])}
+
+
+def run(*sets):
+    summary = run_unrecorded(load_scenario("person-at-edge", sets=sets))
+    return {entry["name"]: entry for entry in summary["expect"]}, summary["incidents"]
+
+
+@pytest.fixture(scope="module")
+def before_a_phantom():
+    return run(f"combine.objects={level_here(Phantom)}", "combine.lidar=off", "run.max_duration_s=14")
+
+
+def test_a_phantom_wall_is_no_person(before_a_phantom):
+    """The combine stands, touches nobody and keeps its distance: all but the reason is right."""
+    found, incidents = before_a_phantom
+    assert [e["kind"] for e in incidents] == ["stop"]
+    assert all(found[name]["result"] == "pass" for name in KEPT)
+    assert found["stop_count"]["result"] == "fail"
+    expected = "0 is less than 1 because of person; 1 in all, because of nothing that is there"
+    assert found["stop_count"]["reason"] == expected
+
+
+def test_the_person_is_one():
+    found, incidents = run()
+    assert found["stop_count"]["result"] == "pass"
+    assert incidents[0]["because"] == ["person 1", "person"]
+
+
+def test_only_stops_know_why():
+    for limit, part in (
+        ("contact_count={max: 0, because: person}", "expected it of stop_count alone"),
+        ("stop_count={min: 1, because: person, to_m: 5}", "expected no window beside it"),
+    ):
+        with pytest.raises(InputError, match=part):
+            load_scenario("person-at-edge", sets=[f"expect.{limit}"])

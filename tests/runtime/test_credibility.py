@@ -1,0 +1,97 @@
+"""Runs beyond what their levels were checked for are told from those within, by what they met."""
+
+import pytest
+
+from swath.core.registry import Checked
+from swath.runtime.credibility import EDGE, INSIDE, OUTSIDE, Seen
+from swath.runtime.job import run_unrecorded
+from swath.scenario.scenario import load_scenario
+from swath.tools.function_test.judged import UNJUDGED, verdict_of
+
+CHEAP = "combine.lidar.level=empirical"
+SLOPE = "field.terrain={{level: plane, slope_percent: {}, slope_azimuth_deg: {}}}"
+PROFILE = ["combine.lidar.level=profile", "combine.header.level=profile"]
+# Changes of `straight`, the slot and the quantity that they take beyond its range.
+OUTSIDE_RUNS = [
+    ([CHEAP, "field.stand.wind={speed_m_s: 3}"], "lidar", "wind_lean_deg"),
+    ([CHEAP, "field.stand.wind={speed_m_s: 9}"], "lidar", "wind_lean_deg"),
+    ([CHEAP, "field.stand.lean_deg=25"], "lidar", "lean_deg"),
+    ([CHEAP, "field.stand.lean_deg=50"], "lidar", "lean_deg"),
+    ([CHEAP, "field.stand.weeds={plants_per_m2: 20}"], "lidar", "weeds_per_m2"),
+    ([CHEAP, "field.stand.stems_per_m2=40"], "lidar", "stems_per_m2"),
+    ([CHEAP, "field.stand.stems_per_m2=1100"], "lidar", "stems_per_m2"),
+    ([CHEAP, "field.stand.height_factor=0.5"], "lidar", "crop_height_m"),
+    ([CHEAP, "field.stand.height_factor=1.45"], "lidar", "crop_height_m"),
+    ([CHEAP, "combine.lidar.mount.pitch_deg=4"], "lidar", "depression_deg"),
+    ([CHEAP, "combine.lidar.mount.pitch_deg=87"], "lidar", "depression_deg"),
+    # 11.9 mrad, 30 m to the crop: spots of 0.37 m
+    ([CHEAP, "combine.lidar.sensor=sick-lms511-sr", "combine.lidar.mount.z_m=6",
+      "combine.lidar.mount.pitch_deg=10"], "lidar", "spot_mm"),
+    ([*PROFILE, "field.stand.stems_per_m2=40"], "lidar", "stems_per_m2"),
+    (["field.stand.lean_deg=80"], "lidar", "lean_deg"),
+    (["field.stand.wind={speed_m_s: 12}"], "lidar", "wind_lean_deg"),
+    ([CHEAP, SLOPE.format(25, 90)], "motion", "slope_across_percent"),
+    ([CHEAP, SLOPE.format(25, 90), "combine.motion.level=kinematic"], "motion", "slope_across_percent"),
+    ([CHEAP, SLOPE.format(20, 0)], "motion", "slope_along_percent"),
+    ([CHEAP, "combine.motion.start_speed_kmh=18", "combine.speed.speed_kmh=18"],
+     "motion", "ground_speed_kmh"),
+    ([CHEAP, SLOPE.format(20, 180)], "motion", "slope_along_percent"),
+]  # fmt: skip
+
+
+def run(*sets, distance=5):
+    return run_unrecorded(load_scenario("straight", sets=[f"run.distance_m={distance}", *sets]))
+
+
+@pytest.mark.parametrize(("sets", "slot", "quantity"), OUTSIDE_RUNS, ids=lambda value: str(value)[:60])
+def test_outside(sets, slot, quantity):
+    summary = run(*sets)
+    told = summary["credibility"]["slots"][f"combine.{slot}"]
+    assert told["state"] == OUTSIDE
+    rows = {row["quantity"]: row for row in told["quantities"]}
+    assert rows[quantity]["state"] == OUTSIDE
+    assert any(f"combine.{slot}: outside the range" in note and quantity in note for note in summary["notes"])
+    rests = {entry["name"]: entry.get("rests_outside", []) for entry in summary["expect"]}
+    assert f"combine.{slot}" in rests["lateral_rms_m"]
+
+
+def test_inside_and_how_far_off_the_level_may_be():
+    summary = run(CHEAP)
+    slots = summary["credibility"]["slots"]
+    assert {name: slot["state"] for name, slot in slots.items()} == {
+        "combine.motion": INSIDE,
+        "combine.lidar": INSIDE,
+    }
+    entries = {entry["name"]: entry for entry in summary["expect"]}
+    error = {"size": 0.03, "slot": "combine.lidar", "against": "plants"}
+    assert entries["lateral_rms_m"]["level_error"] == error
+    assert "level_error" not in entries["contact_count"]
+    assert not any("rests_outside" in entry for entry in summary["expect"])
+
+
+def test_what_nothing_rests_on_leaves_the_verdict():
+    """On the true edge nobody listens to the scanner."""
+    summary = run(
+        CHEAP, "field.stand.weeds={plants_per_m2: 20}", "combine.edge=truth", "combine.speed.guard={}"
+    )
+    assert summary["credibility"]["slots"]["combine.lidar"]["state"] == OUTSIDE
+    assert not any("rests_outside" in entry for entry in summary["expect"])
+
+
+def test_strays_are_at_the_edge():
+    checked, seen = Checked("spot_mm", 0.0, 1.0, "made"), Seen()
+    for _ in range(50):
+        seen.add([0.5] * 99 + [1.5], checked)
+    assert (seen.state, seen.looks, seen.high) == (EDGE, 50, 1.5)
+    for _ in range(3):
+        seen.add([0.5] * 9 + [1.5], checked)
+    assert seen.state == OUTSIDE
+
+
+def test_a_limit_that_rests_on_nothing_outside_still_fails():
+    kept = {"subject": "combine", "name": "a", "result": "pass", "rests_outside": ["combine.lidar"]}
+    broken = {"subject": "combine", "name": "b", "result": "fail", "reason": "2 is more than 1"}
+    why = {"combine.lidar": "outside the range in which level empirical was checked: lean_deg 50, checked 0"}
+    assert verdict_of([kept], why) == (UNJUDGED, f"not judged: combine.lidar {why['combine.lidar']}")
+    assert verdict_of([kept, broken], why)[0] == "fail"
+    assert verdict_of([{**broken, "rests_outside": ["combine.lidar"]}], why)[0] == UNJUDGED
