@@ -89,8 +89,22 @@ def test_parts_without_a_kernel_go_world_by_world(sets):
         ),
         ("straight", {"combine.speed.speed_kmh": 2.0, "run.distance_m": 0.6, "combine.imu.rate_hz": 200}, {}),
         ("straight", {"combine.edge": "truth", "run.distance_m": 3.0, "combine.lidar.rate_hz": 10}, {}),
+        (
+            "straight",
+            {"run.distance_m": 0.5},
+            {
+                "combine.lidar.sector_deg": [[-30, 30], [-20, 25], [-30, 30]],
+                "combine.lidar.mount": [{"z_m": 3.0}, {"z_m": 3.5}],
+            },
+        ),
     ],
-    ids=["no edge: the runs end", "levels' parameters differ", "slow, other rates", "another detector"],
+    ids=[
+        "no edge: the runs end",
+        "levels' parameters differ",
+        "slow, other rates",
+        "another detector",
+        "other beams",
+    ],
 )
 def test_all_that_takes_worlds_at_once_is_the_same_alone(scenario, sets, vary):
     made = list(swath.worlds(scenario, n=3, vary=vary, sets={**KERNELS, **sets}, seed=11))

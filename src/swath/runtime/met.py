@@ -82,6 +82,8 @@ def check_quantities(names: Sequence[str]) -> None:
 class MetHook(RunHook):
     """Writes quantities down along the way of the leading machine."""
 
+    READS_TRACKS = False
+
     def __init__(self, names: Sequence[str]) -> None:
         check_quantities(names)
         self._names = list(names)

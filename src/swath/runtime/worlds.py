@@ -18,18 +18,22 @@ from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.signal import Signal
 from swath.core.stopping import raise_if_lost
-from swath.core.together import EndsWorlds, Samples, StepsTogether, Together, takes_all
+from swath.core.together import EndsWorlds, GoesWith, Samples, StepsTogether, Together, takes_all
 from swath.judge.together import EvaluationOfAll, kind_of
 from swath.record.digest import Digests
+from swath.runtime.hooks import RunHook
 from swath.runtime.job import Running
 from swath.runtime.loop import REPORT_EVERY
 from swath.runtime.world import World
+from swath.scenario.scenario import Scenario
 from swath.signals import MachineState
 
 Wire = tuple[str, str]
 Each = list[Signal]  # a sample for each world
 Sent = Samples | Each
 Ended = dict[str, Any] | SwathError  # a world's summary, or why there is none
+ALONE = 2  # observers of a run without tracks and hooks: digest, evaluation
+LOOK = ("lidar", "camera", "radar")  # kinds of slots beside which the others cost little
 
 
 class _Slot:
@@ -60,13 +64,14 @@ class Worlds:
     active: whether a world still runs; seconds: CPU time of each slot, of all worlds
     """
 
-    def __init__(self, worlds: Sequence[World]) -> None:
+    def __init__(self, worlds: Sequence[World], hooks: Sequence[Sequence[RunHook]] = ()) -> None:
         self.worlds = worlds
         graphs = [world.graph for world in worlds]
         self.plan = graphs[0].plan
         self.slots = [_Slot(nodes) for nodes in zip(*(graph.nodes for graph in graphs), strict=True)]
         self.active = np.ones(len(worlds), np.bool_)
-        self.runs = [Running(world, None, None, (), ()) for world in worlds]
+        going = hooks or [()] * len(worlds)
+        self.runs = [Running(world, None, None, own, ()) for world, own in zip(worlds, going, strict=True)]
         self.seconds: dict[str, float] = {}
         self._latest: dict[Wire, Sent] = {}
         self._before: dict[Wire, Sent] = {}
@@ -78,8 +83,11 @@ class Worlds:
                 if wire is not None:
                     self._queues.setdefault(wire, []).append(queue)
         self._digests = Digests([run.digest for run in self.runs])
+        for run in self.runs:
+            run.begin(())
+        self._has_more = [len(run.observers) > ALONE for run in self.runs]
         self._judges: EvaluationOfAll | None = None
-        if not any(run.has_tracks or run.evaluation.has_windows for run in self.runs):
+        if not any(self._has_more) and not any(run.evaluation.has_windows for run in self.runs):
             self._judges = EvaluationOfAll([run.evaluation for run in self.runs])
         self._watched = {
             slot for world in worlds if not world.bodies.is_alone for slot in world.graph.watches
@@ -219,21 +227,19 @@ class Worlds:
             self._show_each(slot.name, t, outputs)
 
     def _show_each(self, slot: str, t: int, outputs: Mapping[str, Sent]) -> None:
-        """Show samples to the evaluators of each world, and to what records it."""
+        """Show samples to the evaluators of each world, and to what else looks on."""
         kinds = tuple(kind_of(sent) for sent in outputs.values())
         wanted = [
             world for world in self._running()
-            if self.runs[world].has_tracks or self.runs[world].evaluation.wants(slot, t, kinds)
+            if self._has_more[world] or self.runs[world].evaluation.wants(slot, t, kinds)
         ]  # fmt: skip
         if not wanted:
             return
         each = {output: _each(sent) for output, sent in outputs.items()}
         for world in wanted:
             own = {output: samples[world] for output, samples in each.items()}
-            run = self.runs[world]
-            run.evaluation(slot, t, own)
-            if run.has_tracks:
-                run.recorder(slot, t, own)
+            for see in self.runs[world].observers[1:]:
+                see(slot, t, own)
 
     def _stopped(self, t: int) -> list[int]:
         """Worlds that a part or an evaluator ends before the tick at t [ns]."""
@@ -365,16 +371,30 @@ def _turned(
     return found
 
 
-def drive_together(worlds: Sequence[World]) -> Iterator[tuple[int, Ended]]:
+def gains_in_step(scenario: Scenario) -> bool:
+    """Whether runs of a scenario cost less in step: whatever of them casts rays is stepped at once. Parts
+    that are somebody else's process, and those that go by the clock, are no company.
+    """
+    every = [choice for machine in scenario.machines.values() for choice in machine.slots.values()]
+    if scenario.is_paced or any(choice.found.is_link for choice in every):
+        return False
+    return all(takes_all(choice.found.component, "step") for choice in every if choice.kind.name in LOOK)
+
+
+def drive_together(
+    worlds: Sequence[World], hooks: Sequence[Sequence[RunHook]] = ()
+) -> Iterator[tuple[int, Ended]]:
     """Drive worlds, those in step whose slots, rates and wires are alike; gives what each comes to by its
-    number, as it ends. A world with a fault that loses or delays samples goes alone.
+    number, as it ends. A world with a fault that loses or delays samples goes alone. hooks: of each world
     """
     groups: dict[Any, list[int]] = {}
     for number, world in enumerate(worlds):
         nodes = world.graph.nodes
         about = [(node.slot, tuple(sorted(node.wires.items()))) for node in nodes]
         goes_alone = any(node.fault and not node.fault.fault.keeps_time for node in nodes)
-        groups.setdefault((*about, number if goes_alone else None), []).append(number)
+        parts = [node.component.goes_with for node in nodes if isinstance(node.component, GoesWith)]
+        groups.setdefault((*about, *parts, number if goes_alone else None), []).append(number)
     for group in groups.values():
-        for place, found in Worlds([worlds[number] for number in group]).drive():
+        own = [hooks[number] for number in group] if hooks else ()
+        for place, found in Worlds([worlds[number] for number in group], own).drive():
             yield group[place], found
