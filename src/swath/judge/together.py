@@ -1,11 +1,11 @@
 """Evaluators of many worlds that are shown a sample of all of them at once.
 
 A class that can do that has the class method `together(evaluators)`, one of each world; it gives an object
-with the members of `Judges`, or None where these evaluators cannot. What it saw of a world it gives to that
-world's evaluator when the world ends, who then says what it came to as in a run of its own.
+with the members of `Judges`, or None where these evaluators cannot. What it saw of a world so far it gives to
+that world's evaluator before that is asked, who then says what it came to as in a run of its own.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,7 +23,7 @@ Sent = Samples | Sequence[Signal]
 
 
 class Judges(Protocol):
-    """The evaluators of one class in all worlds. active: worlds that still run"""
+    """The evaluators of one class in all worlds. active: worlds that still run; give: at any time"""
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None: ...
     def give(self, world: int) -> None: ...
@@ -78,10 +78,11 @@ class EvaluationOfAll:
         """Whether an evaluator may want a world to end."""
         return any(group.may_end_now for group in self._ending)
 
-    def give(self, world: int) -> None:
-        """The evaluators of a world know what was seen of it."""
+    def give(self, world: int, names: Collection[str] | None = None) -> None:
+        """The evaluators of a world know what was seen of it. names: those of these metrics alone"""
         for group in self._groups.values():
-            group.give(world)
+            if names is None or any(metric.name in names for metric in group.evaluators[world].METRICS):
+                group.give(world)
 
 
 class _Both:
@@ -198,7 +199,7 @@ class Table:
 
     def __init__(self, worlds: int, width: int) -> None:
         self._rows = np.zeros((worlds, 64, width))
-        self.count = np.zeros(worlds, np.int64)
+        self.count, self._given = np.zeros((2, worlds), np.int64)
 
     def add(self, where: NDArray[np.int64], *columns: Any) -> None:
         """A row for each of these worlds."""
@@ -209,6 +210,7 @@ class Table:
             self._rows[where, at, k] = column
         self.count[where] += 1
 
-    def of(self, world: int) -> NDArray[np.float64]:
-        """Those of a world, (n, width)."""
-        return self._rows[world, : self.count[world]]
+    def news(self, world: int) -> NDArray[np.float64]:
+        """Those of a world that came since this was asked before, (n, width)."""
+        begin, self._given[world] = self._given[world], self.count[world]
+        return self._rows[world, begin : self.count[world]]

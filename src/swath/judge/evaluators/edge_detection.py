@@ -318,10 +318,11 @@ class _Together:
 
     def give(self, world: int) -> None:
         """What was seen of a world."""
-        e, rows = self._evaluators[world], self._rows.of(world)
+        e, rows = self._evaluators[world], self._rows.news(world)
+        places = self._places.news(world)
         if len(rows):
             if e.setup.gaps:
-                rows[:, 9] = e.across_gaps(self._places.of(world), rows[:, 4] > 0.0)
+                rows[:, 9] = e.across_gaps(places, rows[:, 4] > 0.0)
             e.take(rows)
         e._waiting = [edge.of(world) for edge in self._waiting]
 
