@@ -58,8 +58,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         if num_envs < 1:
             raise InputError("num_envs", num_envs, "expected >= 1")
         if render_mode is not None or task.get("picture"):
-            key = "picture" if render_mode is None else "render_mode"
-            raise InputError(key, render_mode, 'expected vectorization_mode="sync" or "async" with it')
+            key, value = ("picture", True) if render_mode is None else ("render_mode", render_mode)
+            raise InputError(key, value, 'expected vectorization_mode="sync" or "async" with it')
         self.task = Task(scenario, **task)
         self.num_envs, self.mode = num_envs, AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.mode}
@@ -71,6 +71,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         self._scans = np.zeros((num_envs, *beams), np.float32)
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
         self._cohorts: list[_Cohort] = []
+        self._scores: list[Any] = [None] * num_envs
         self._spare: dict[int, list[Driven]] = {}
         self._terminated, self._truncated = np.zeros((2, num_envs), np.bool_)
         self._way, self._reward = np.zeros((2, num_envs))
@@ -125,6 +126,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
                 driven.world.close()
         self._cohorts, self._spare = [], {}
 
+    @property
+    def scores(self) -> list[Score]:
+        """What each environment came to so far: its limits and the share driven."""
+        return list(self._scores)
+
     def _begin(self, which: np.ndarray, seeds: Sequence[int | None], infos: dict[str, Any]) -> None:
         """A cohort of environments, taken out of those in which they are."""
         if not len(which):
@@ -141,7 +147,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
             spare = self._spare.get(own)
             driven.append(spare.pop() if spare else self.task.begin(own))
             driven[-1].tell_nothing()
-        worlds = Worlds([each.world for each in driven], is_digested=False)
+        worlds = Worlds([each.world for each in driven], is_whole=False)
         scores = [
             Score(run.evaluation, each.world.scenario.run.distance_m)
             for run, each in zip(worlds.runs, driven, strict=True)
@@ -149,6 +155,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         cohort = _Cohort(worlds, which, driven, scores, np.array([each.wanted for each in driven]))
         worlds.begin()
         self._cohorts.append(cohort)
+        for index, score in zip(which.tolist(), scores, strict=True):
+            self._scores[index] = score
         self._terminated[which] = self._truncated[which] = False
         self._way[which] = 0.0
         self._look(cohort, np.arange(len(which)))

@@ -61,7 +61,7 @@ class _Slot:
 class Worlds:
     """Worlds whose schedules and wires are alike; drives them to their ends.
 
-    hooks: of each world; is_digested: whether their samples count in digests
+    hooks: of each world; is_whole: False where nothing but limits is judged, and there are no digests
     active: whether a world still runs; seconds: CPU time of each slot, of all worlds; t [ns]
     errors: of worlds that cannot go on
     """
@@ -71,7 +71,7 @@ class Worlds:
         worlds: Sequence[World],
         hooks: Sequence[Sequence[RunHook]] = (),
         *,
-        is_digested: bool = True,
+        is_whole: bool = True,
     ) -> None:
         self.worlds, self.t = worlds, 0
         graphs = [world.graph for world in worlds]
@@ -90,13 +90,13 @@ class Worlds:
                 wire = slot.wires[name]
                 if wire is not None:
                     self._queues.setdefault(wire, []).append(queue)
-        self._digests = Digests([run.digest for run in self.runs]) if is_digested else None
+        self._digests = Digests([run.digest for run in self.runs]) if is_whole else None
         for run in self.runs:
             run.begin(())
         self._has_more = [len(run.observers) > ALONE for run in self.runs]
         self._judges: EvaluationOfAll | None = None
         if not any(self._has_more) and not any(run.evaluation.has_windows for run in self.runs):
-            self._judges = EvaluationOfAll([run.evaluation for run in self.runs])
+            self._judges = EvaluationOfAll([run.evaluation for run in self.runs], is_whole=is_whole)
         self._watched = {
             slot for world in worlds if not world.bodies.is_alone for slot in world.graph.watches
         }
