@@ -5,6 +5,7 @@ import subprocess
 import sys
 import warnings
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -326,3 +327,48 @@ def test_the_example_steers(capsys):
     said = capsys.readouterr().out
     assert "lateral_rms_m" in said
     assert "fail" not in said
+
+
+def test_the_example_of_ppo_hands_worlds_on_as_its_learner_has_them(monkeypatch):
+    """stable-baselines3 itself is not there: its base class of environments is enough for that."""
+    ppo = stand_ins(monkeypatch)
+    monkeypatch.setitem(ppo["SETS"], "run", {"distance_m": 100, "max_duration_s": 0.3})
+    envs, alone = ppo["InStep"](2, seed=1), swath.Env("straight", sets=ppo["SETS"])
+    first = envs.reset()
+    assert np.array_equal(first[1], np.float32(alone.reset(seed=2)[0] * ppo["SCALE"]))
+    for step in range(3):
+        envs.step_async(np.array([[0.5], [-2.0]]))
+        seen, worth, over, infos = envs.step_wait()
+        last, *_ = alone.step([-ppo["TURN"]])
+        assert over.tolist() == [step == 2] * 2
+        assert (worth <= 1.0).all()
+    assert np.array_equal(infos[1]["terminal_observation"], np.float32(last * ppo["SCALE"]))
+    assert bool(infos[1]["TimeLimit.truncated"])
+    assert not np.array_equal(seen[1], infos[1]["terminal_observation"])
+    envs.close()
+    alone.close()
+
+
+def stand_ins(monkeypatch):
+    """The names of the example, with empty modules of its learner where that is not installed."""
+
+    class VecEnv:
+        def __init__(self, count, seen, action):
+            self.num_envs, self.observation_space, self.action_space = count, seen, action
+
+        def step(self, actions):
+            self.step_async(actions)
+            return self.step_wait()
+
+    base = "stable_baselines3"
+    for name, offered in (
+        ("torch", {}),
+        (base, {"PPO": object}),
+        (f"{base}.common", {}),
+        (f"{base}.common.callbacks", {"BaseCallback": object}),
+        (f"{base}.common.vec_env", {"VecEnv": VecEnv}),
+    ):
+        module = ModuleType(name)
+        vars(module).update(offered)
+        monkeypatch.setitem(sys.modules, name, module)
+    return runpy.run_path(str(EXAMPLE.parent / "ppo" / "steer.py"))

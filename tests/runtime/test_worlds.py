@@ -199,6 +199,24 @@ def test_a_part_that_crashes_ends_its_world_alone():
     assert first.summary["digest"] != third.summary["digest"]
 
 
+class NeverBegins(Crashes):
+    """One that fails before the first step."""
+
+    def reset(self, stream):
+        if stream.seed == 2:
+            raise ValueError("a mistake at the start")
+        return super().reset(stream)
+
+
+def test_a_part_that_cannot_begin_costs_its_world_alone():
+    sets = {**KERNELS, "combine.edge": NeverBegins, "run.distance_m": 0.3}
+    runs = list(swath.worlds("straight", n=3, sets=sets, seed=1))
+    assert "a mistake at the start" in str(runs[1].error)
+    for run in (runs[0], runs[2]):
+        (alone,) = swath.batch([run.entry])
+        assert judged(run.summary) == judged(alone.summary)
+
+
 class Batched(Crashes):
     """The same for all worlds at once."""
 
