@@ -4,8 +4,9 @@
     python examples/ppo/steer.py
 
 The policy sees what `swath.Env` shows. A step is worth the more the nearer the header end is to where it
-should be, 0.1 m out over the stubble, as the detector sees it. Written beside this file: `curve.csv`, how far
-off the worlds were while it learned; then the policy alone drives in worlds that it has not seen.
+should be, 0.1 m out over the stubble, as the detector sees it. Written beside this file: `curve.csv` and
+`curve.png`, how far off the worlds were while it learned; then the policy alone drives in worlds that it has
+not seen.
 """
 
 import argparse
@@ -98,6 +99,22 @@ class Curve(BaseCallback):
         self._squares.clear()
 
 
+def draw(rows: Sequence[tuple[int, float, float]], file: Path) -> None:
+    """The curve as a picture."""
+    import matplotlib
+
+    matplotlib.use("agg")
+    from matplotlib import pyplot as plt
+
+    steps, seconds, off = zip(*rows, strict=True)
+    figure, axes = plt.subplots(figsize=(6, 3.2), layout="constrained")
+    axes.plot(np.array(steps) / 1000.0, 100.0 * np.array(off), color="#0072B2")
+    axes.axhline(10.0, color="#D55E00", linewidth=1.0)
+    axes.set(xlabel="steps of 0.1 s, thousands", ylabel="off the line, RMS [cm]", ylim=(0, None),
+             title=f"PPO learns to steer: {seconds[-1]:.0f} s of one core")  # fmt: skip
+    figure.savefig(file, dpi=100)
+
+
 def lateral_rms(policy: PPO, seed: int, count: int) -> Sequence[float]:
     """What the policy alone comes to in each of `count` worlds, as a test judges it [m]."""
     envs = InStep(count, seed, "Disabled")
@@ -119,6 +136,7 @@ def main(steps: int, count: int, out: Path) -> None:
     policy.learn(steps, callback=curve)
     with (out / "curve.csv").open("w", newline="") as file:
         csv.writer(file).writerows([("steps", "cpu_s", "off_m"), *curve.rows])
+    draw(curve.rows, out / "curve.png")
     found = lateral_rms(policy, seed=100_000, count=16)
     print(f"alone in 16 new worlds: lateral RMS {np.mean(found):.3f} m, worst {max(found):.3f} m")
 
