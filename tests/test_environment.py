@@ -5,6 +5,7 @@ import subprocess
 import sys
 import warnings
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -98,6 +99,124 @@ def test_several_in_processes_of_their_own_give_the_same_as_one_after_another():
     many.close()
 
 
+IN_STEP = {
+    "run.distance_m": 1,
+    "combine.lidar": {"level": "profile", "sector_deg": [-30, 30]},
+    "combine.header.level": "profile",
+    "combine.edge": "otsu",
+    "combine.motion": {"level": "kinematic", "start_speed_kmh": 7},
+    "expect": {"distance_m": {"max": 0.6}, "lateral_error_m": {"max": 0.01, "hold": "always"}},
+}
+
+
+def same(one, other):
+    """Whether two nested results of an environment are the same bits."""
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(same(one[k], other[k]) for k in one)
+    one, other = np.asarray(one), np.asarray(other)
+    if one.dtype == object:
+        return one.shape == other.shape and all(
+            _alike(a, b) for a, b in zip(one.ravel(), other.ravel(), strict=True)
+        )
+    return one.dtype == other.dtype and np.array_equal(one, other)
+
+
+def _alike(one, other):
+    return same(one, other) if isinstance(one, dict | np.ndarray) else one == other
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({}, {"autoreset_mode": "NextStep"}),
+        ({}, {"autoreset_mode": "SameStep", "scan": True, "limits_s": 0.2}),
+        ({}, {"autoreset_mode": "NextStep", "seeds": [5, 9], "speed": True}),
+        (
+            {
+                "run.max_duration_s": 0.45,
+                "expect": {"edge_rmse_m": {"max": 1e-9}, "grain_cut_kg": {"max": 1e-9}},
+            },
+            {"autoreset_mode": "NextStep", "limits_s": 0.1},
+        ),
+        ({"combine.lidar": "off", "combine.edge": "truth"}, {"autoreset_mode": "NextStep"}),
+    ],
+    ids=["next step", "same step, scans", "seeds, speed", "truncated", "part by part"],
+)
+def test_worlds_in_step_give_the_bits_of_environments_of_their_own(more, words):
+    """Three environments over several episodes, which end at different times."""
+    import gymnasium
+
+    mode, task = words["autoreset_mode"], {k: v for k, v in words.items() if k != "autoreset_mode"}
+    task["sets"] = {**IN_STEP, **more}
+    many = gymnasium.make_vec("swath/straight", num_envs=3, autoreset_mode=mode, **task)
+    assert isinstance(many.unwrapped, swath.VectorEnv)
+    by_mode = {"vectorization_mode": "sync", "vector_kwargs": {"autoreset_mode": mode}}
+    sync = gymnasium.make_vec("swath/straight", num_envs=3, **by_mode, **task)
+    assert many.observation_space == sync.observation_space
+    assert many.action_space == sync.action_space
+    for one, other in zip(many.reset(seed=3), sync.reset(seed=3), strict=True):
+        assert same(one, other)
+    random, ends = np.random.default_rng(4), 0
+    for _ in range(22):
+        actions = random.uniform(-0.5, 0.5, many.action_space.shape).astype(np.float32)
+        if "speed" in words:
+            actions[:, 1] = [0.9, 0.5, 0.9]
+        found, wanted = many.step(actions), sync.step(actions)
+        for one, other in zip(found, wanted, strict=True):
+            assert same(one, other)
+        ends += int((found[2] | found[3]).sum())
+    assert ends >= 6
+    many.close()
+    sync.close()
+
+
+def test_without_autoreset_all_wait_until_they_are_reset():
+    sets = {**IN_STEP, "run.distance_m": 3}
+    many = swath.VectorEnv("straight", num_envs=3, sets=sets, autoreset_mode="Disabled", speed=True)
+    first, _ = many.reset(seed=1)
+    fast = np.array([[0.0, 0.9], [0.0, 0.9], [0.0, -1.0]])
+    while not many.step(fast)[2].any():
+        pass
+    seen, rewards, terminated, *_ = many.step(fast)
+    assert terminated.tolist() == [True, True, False]
+    assert (rewards != 0.0).tolist() == [False, False, True]
+    again, infos = many.reset(seed=1, options={"reset_mask": np.array([True, False, False])})
+    assert np.array_equal(again[0], first[0])
+    assert np.array_equal(again[1:], seen[1:])
+    assert infos["_seed"].tolist() == [True, False, False]
+    seen, rewards, terminated, *_ = many.step(fast)
+    assert terminated.tolist() == [False, True, False]
+    many.close()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"num_envs": 0}, "num_envs = 0: expected >= 1"),
+        ({"picture": True}, "picture = .*vectorization_mode"),
+        ({"render_mode": "rgb_array"}, "render_mode = rgb_array: expected vectorization_mode"),
+        ({"seeds": []}, "seeds = .*expected at least one"),
+        ({"limits_s": 0.0}, "limits_s = 0.0: expected > 0"),
+    ],
+)
+def test_what_a_vector_environment_cannot_do_is_refused(words, said):
+    with pytest.raises(InputError, match=said):
+        swath.VectorEnv("straight", **words)
+
+
+def test_actions_of_many_that_are_none_are_refused():
+    many = swath.VectorEnv("straight", num_envs=2, sets=IN_STEP)
+    with pytest.raises(InputError, match="expected after reset"):
+        many.step(np.zeros((2, 1)))
+    many.reset(seed=1)
+    for actions in (np.zeros((3, 1)), [[0.0], [np.nan]]):
+        with pytest.raises(InputError, match="expected 1 finite number for each of 2 environments"):
+            many.step(actions)
+    with pytest.raises(InputError, match="reset_mask"):
+        many.reset(options={"reset_mask": np.zeros(2, bool)})
+    many.close()
+
+
 def test_without_the_extra_the_error_says_what_to_install():
     hidden = "import sys; sys.modules['gymnasium'] = None; import swath; swath.Env('straight')"
     run = subprocess.run([sys.executable, "-c", hidden], capture_output=True, text=True)
@@ -139,7 +258,7 @@ def test_a_picture_is_an_observation():
     assert seen["picture"].shape == (24, 32, 3)
     assert seen["picture"].std() > 10
     assert np.array_equal(seen["picture"], image.colour)
-    assert np.array_equal(seen["values"], env._observed())
+    assert np.array_equal(seen["values"], env._observation()["values"])
     env.close()
 
 
@@ -208,3 +327,48 @@ def test_the_example_steers(capsys):
     said = capsys.readouterr().out
     assert "lateral_rms_m" in said
     assert "fail" not in said
+
+
+def test_the_example_of_ppo_hands_worlds_on_as_its_learner_has_them(monkeypatch):
+    """stable-baselines3 itself is not there: its base class of environments is enough for that."""
+    ppo = stand_ins(monkeypatch)
+    monkeypatch.setitem(ppo["SETS"], "run", {"distance_m": 100, "max_duration_s": 0.3})
+    envs, alone = ppo["InStep"](2, seed=1), swath.Env("straight", sets=ppo["SETS"])
+    first = envs.reset()
+    assert np.array_equal(first[1], np.float32(alone.reset(seed=2)[0] * ppo["SCALE"]))
+    for step in range(3):
+        envs.step_async(np.array([[0.5], [-2.0]]))
+        seen, worth, over, infos = envs.step_wait()
+        last, *_ = alone.step([-ppo["TURN"]])
+        assert over.tolist() == [step == 2] * 2
+        assert (worth <= 1.0).all()
+    assert np.array_equal(infos[1]["terminal_observation"], np.float32(last * ppo["SCALE"]))
+    assert bool(infos[1]["TimeLimit.truncated"])
+    assert not np.array_equal(seen[1], infos[1]["terminal_observation"])
+    envs.close()
+    alone.close()
+
+
+def stand_ins(monkeypatch):
+    """The names of the example, with empty modules of its learner where that is not installed."""
+
+    class VecEnv:
+        def __init__(self, count, seen, action):
+            self.num_envs, self.observation_space, self.action_space = count, seen, action
+
+        def step(self, actions):
+            self.step_async(actions)
+            return self.step_wait()
+
+    base = "stable_baselines3"
+    for name, offered in (
+        ("torch", {}),
+        (base, {"PPO": object}),
+        (f"{base}.common", {}),
+        (f"{base}.common.callbacks", {"BaseCallback": object}),
+        (f"{base}.common.vec_env", {"VecEnv": VecEnv}),
+    ):
+        module = ModuleType(name)
+        vars(module).update(offered)
+        monkeypatch.setitem(sys.modules, name, module)
+    return runpy.run_path(str(EXAMPLE.parent / "ppo" / "steer.py"))

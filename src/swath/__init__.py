@@ -6,8 +6,8 @@ result = swath.run("straight", sets={"combine.speed.speed_kmh": 5})
 result.summary["lateral_rms_m"]
 
 `run`, `batch`, `worlds`, `branch`, `scan`, `detect`, `load_scenario` and `read_field` are in swath/api.py,
-imported when one of them is used; so is `Env`, a scenario as an environment of gymnasium, made by id, too:
-`gymnasium.make("swath/straight")`.
+imported when one of them is used; so are `Env` and `VectorEnv`, a scenario as an environment of gymnasium,
+made by id, too: `gymnasium.make("swath/straight")`.
 """
 
 from importlib import import_module
@@ -26,6 +26,7 @@ _OFFERED = {
     "scan": "swath.api",
     "worlds": "swath.api",
     "Env": "swath.environment",
+    "VectorEnv": "swath.vector_environment",
 }
 
 

@@ -8,6 +8,7 @@ result.summary["lateral_rms_m"], result.exit_code, result.folder
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
@@ -362,7 +363,7 @@ def _run_together(code: bool, chunk: tuple[int, list[dict[str, Any]]]) -> list[B
             scenarios.append(scenario)
         except Exception as error:  # a user's own part may raise anything
             found[index] = BatchRun(index, entry, error=as_ours(error))
-    with collected_rarely():
+    with collected_rarely(), suppress(Exception):  # of one of those that are then done alone
         for place, ended in drive_together([world for _, world in made]):
             index, entry = made[place][0], entries[made[place][0] - first]
             if isinstance(ended, InputError):
@@ -371,6 +372,9 @@ def _run_together(code: bool, chunk: tuple[int, list[dict[str, Any]]]) -> list[B
                 found[index] = BatchRun(index, entry, error=ended)
             else:
                 found[index] = BatchRun(index, entry, None, ended)
+    for index, entry in enumerate(entries, first):
+        if index not in found:
+            found[index] = _run_entry(KeptFields(), code, (index, entry))
     return [found[index] for index in sorted(found)]
 
 

@@ -1,17 +1,22 @@
 """A scenario as an environment of gymnasium: somebody else's policy steers (extra `gym`)."""
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from math import fsum, tan
 from typing import Any
 
 import numpy as np
 
 from swath.api import Sets, load_scenario
-from swath.core.component import Inputs, KeepsState, Outputs, Port
-from swath.core.errors import InputError, MissingExtra
+from swath.core.abilities import HasRange
+from swath.core.component import Port
+from swath.core.errors import InputError, MissingExtra, SwathError
 from swath.core.random import Stream
 from swath.core.schedule import NS
+from swath.core.together import Given, InWorlds, KeepsRows, Samples, field_of
 from swath.core.units import KMH
+from swath.judge.evaluation import Evaluation
 from swath.judge.windows import FIELD
 from swath.record.tracks import Tracks
 from swath.runtime.assembly import assemble, exchange
@@ -33,25 +38,231 @@ OBSERVED = (  # name, largest size; the edge's offset counts from the header end
     ("offset_m", 10.0), ("heading_rad", np.pi), ("curvature_1_m", 0.5), ("confidence", 1.0),
     ("offset_sd_m", 10.0), ("speed_m_s", 20.0), ("yaw_rate_rad_s", 3.0), ("steer_rad", 1.6),
 )  # fmt: skip
+OF_EDGE = ("offset", "heading", "curvature", "confidence", "offset_sd")
+OF_ODOMETRY = ("speed", "yaw_rate", "steer_angle")
 TRACK_PERIOD = NS // 50
 Seen = np.ndarray | dict[str, np.ndarray]
 
 
-class Commanded(KeepsState):
-    """A part of a machine that sends what it was told last. make: sample from time and number."""
+class Commanded(InWorlds):
+    """A part of a machine that sends what it was told last. kind: of the command
 
-    def __init__(self, port: Port, make: Any, value: float) -> None:
+    field: of it that is told; more: its other fields; value: told last
+    """
+
+    def __init__(self, kind: type[Signal], field: str, **more: Any) -> None:
         self.inputs: tuple[Port, ...] = ()
-        self.outputs = (port,)
-        self._make, self.value = make, value
+        self.outputs = (Port("command", kind),)
+        self.kind, self.field, self.more, self.value = kind, field, more, 0.0
 
-    def reset(self, stream: Stream) -> Outputs:
-        """The command at t = 0."""
-        return {"command": self._make(0, self.value)}
+    @classmethod
+    def together(cls, parts: Sequence["Commanded"]) -> "Commands":
+        """All of them."""
+        return Commands(parts)
 
-    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """The command valid at t + dt."""
-        return {"command": self._make(t + dt, self.value)}
+
+class Commands(KeepsRows):
+    """Those of many worlds."""
+
+    def __init__(self, parts: Sequence[Commanded]) -> None:
+        self.parts, self.errors = parts, dict[int, SwathError]()
+
+    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
+        """The commands at t = 0."""
+        return self._samples(0)
+
+    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
+        """The commands valid at t + dt."""
+        return self._samples(t + dt)
+
+    def _samples(self, t: int) -> dict[str, Samples]:
+        first, told = self.parts[0], np.array([part.value for part in self.parts])
+        more = {name: np.full(len(told), value) for name, value in first.more.items()}
+        return {"command": Samples(first.kind, t, {first.field: told, **more})}
+
+
+@dataclass
+class Score:
+    """What driving in a world is worth. evaluation: with its limits; distance_m: to be driven in all"""
+
+    evaluation: Evaluation
+    distance_m: float
+    driven: float = 0.0
+    limits: list[dict[str, Any]] = dataclasses.field(default_factory=list)  # as they stood last
+
+    def __post_init__(self) -> None:
+        self.names = {limit.name for limit in self.evaluation.expect}
+        self._excess = dict.fromkeys(range(len(self.evaluation.expect)), 0.0)
+
+    def parts(self, way: float, tracks: Mapping[str, Any], *, is_end: bool, is_due: bool) -> dict[str, float]:
+        """Parts of the reward of a step after which `way` [m] is driven. is_due: the limits are judged"""
+        parts = {"driven": (way - self.driven) / self.distance_m}
+        self.driven = way
+        if not is_due:
+            return parts
+        metrics = {name: self.evaluation.metrics(name, self.names) for name in self.evaluation.machines}
+        metrics[FIELD] = self.evaluation.metrics(FIELD, self.names) if is_end else {}
+        self.limits = self.evaluation.check(metrics, tracks)
+        for index, entry in enumerate(self.limits):
+            if entry["value"] is None and not is_end:
+                continue  # nothing to judge yet
+            excess = _excess(entry)
+            name = f"{entry['subject']}.{entry['name']}"
+            parts[name] = parts.get(name, 0.0) + self._excess[index] - excess
+            self._excess[index] = excess
+        return parts
+
+
+class Task:
+    """What a policy is given to do, as `Env` explains it: spaces, and worlds in which it drives."""
+
+    def __init__(
+        self,
+        scenario: str,
+        *,
+        sets: Sets = (),
+        machine: str | None = None,
+        period_s: float = 0.1,
+        speed: bool = False,
+        speed_kmh: float = 10.0,
+        limits_s: float = 1.0,
+        code: bool = False,
+        picture: bool = False,
+        scan: bool = False,
+        seeds: Sequence[int] | None = None,
+    ) -> None:
+        self.scenario, self.sets, self.code, self.seeds = scenario, sets, code, seeds
+        for name, value in (("period_s", period_s), ("limits_s", limits_s)):
+            if not value > 0.0:
+                raise InputError(name, value, "expected > 0")
+        if seeds is not None and not len(seeds):
+            raise InputError("seeds", [], "expected at least one")
+        first = load_scenario(scenario, sets=sets, code=code)
+        self.machine = machine or next(iter(first.machines))
+        if self.machine not in first.machines:
+            raise InputError("machine", machine, f"expected one of {', '.join(first.machines)}")
+        self.period, self.limits_period = round(period_s * NS), round(limits_s * NS)
+        self.with_speed, self.top = speed, speed_kmh * KMH
+        size = np.array([largest for _, largest in OBSERVED], dtype=np.float32)
+        self.values = spaces.Box(-size, size, dtype=np.float32)
+        self.camera = self._first(first, "camera", "picture") if picture else ""
+        self.lidar = self._first(first, "lidar", "scan") if scan else ""
+        seen: dict[str, Any] = {"values": self.values}
+        if picture:
+            seen["picture"] = spaces.Box(0, 255, shape=self._picture_shape(first), dtype=np.uint8)
+        if scan:
+            seen["scan"] = self._scan_space(first)
+        self.seen = spaces.Dict(seen) if picture or scan else self.values
+        self.action = spaces.Box(-1.0, 1.0, shape=(2 if speed else 1,), dtype=np.float32)
+
+    def drawn(self, random: np.random.Generator) -> int:
+        """The seed of an episode that was given none."""
+        if self.seeds is None:
+            return int(random.integers(1, 2**31))
+        return int(self.seeds[int(random.integers(len(self.seeds)))])
+
+    def begin(self, seed: int) -> "Driven":
+        """A world in which the policy drives."""
+        world = assemble(load_scenario(self.scenario, sets=self.sets, seed=seed, code=self.code))
+        machine = world.machines[self.machine]
+        geometry = machine.recorded().geometry
+        tightest = tan(geometry.max_steer) / geometry.wheelbase
+        wanted = geometry.header_end(machine.edge_side)[1] if geometry.has_header else 0.0
+        steer = Commanded(SteerCommand, "curvature", is_engaged=True)
+        exchange(world, f"{self.machine}.steer", steer, {})
+        speed = Commanded(SpeedCommand, "speed")
+        if self.with_speed:
+            exchange(world, f"{self.machine}.speed", speed, {})
+        return Driven(seed, world, steer, speed, tightest, self.top, wanted)
+
+    def checked(self, actions: Any, shape: tuple[int, ...]) -> np.ndarray:
+        """Actions within the space. InputError for what is no finite number, or of another shape."""
+        told, count = np.asarray(actions, dtype=float), shape[-1]
+        if len(shape) == 1:
+            told = told.reshape(-1)
+        if told.shape != shape or not np.isfinite(told).all():
+            each = f" for each of {shape[0]} environments" if len(shape) > 1 else ""
+            expected = f"expected {count} finite number{'s' * (count > 1)}{each}"
+            raise InputError("action", actions, expected)
+        cut: np.ndarray = np.clip(told, -1.0, 1.0)
+        return cut
+
+    def values_of(self, edge: Samples | None, odometry: Samples | None, wanted: np.ndarray) -> np.ndarray:
+        """`OBSERVED` of worlds, float32, (n, 8). wanted: y of the header end in each"""
+        found = np.zeros((len(wanted), len(OBSERVED)))
+        if edge is not None:
+            told = [np.broadcast_to(field_of(edge, name), len(wanted)) for name in OF_EDGE]
+            offset, confidence = told[0], told[3]
+            found[:, : len(OF_EDGE)] = np.transpose([offset - wanted, *told[1:]])
+            found[~((confidence > 0.0) & np.isfinite(offset)), : len(OF_EDGE)] = 0.0
+        if odometry is not None:
+            for k, name in enumerate(OF_ODOMETRY, len(OF_EDGE)):
+                found[:, k] = field_of(odometry, name)
+        seen: np.ndarray = np.clip(np.nan_to_num(found), self.values.low, self.values.high)
+        return seen.astype(np.float32)
+
+    def _first(self, scenario: Scenario, wanted: str, key: str) -> str:
+        """The machine's first slot of a kind. InputError without one."""
+        slots = ((slot, kind_of(slot)) for slot in scenario.machines[self.machine].slots)
+        found = next((slot for slot, kind in slots if kind is not None and kind.name == wanted), None)
+        if found is None:
+            such = f"sets={{'{self.machine}.{wanted}': '{'rays' if wanted == 'camera' else 'empirical'}'}}"
+            raise InputError(key, True, f"expected a machine with a {wanted}, such as {such}")
+        return f"{self.machine}.{found}"
+
+    def _part(self, scenario: Scenario, name: str) -> Any:
+        world = assemble(scenario, only=[name])
+        part = world.machines[self.machine].parts[name.rpartition(".")[2]]
+        world.close()
+        return part
+
+    def _picture_shape(self, scenario: Scenario) -> tuple[int, int, int]:
+        """Height, width, 3. InputError of a camera that has no colours or no size before it has seen."""
+        part = self._part(scenario, self.camera)
+        if not isinstance(part, SceneCamera) or "colour" not in part.params.channels:
+            expected = "expected a camera of level rays or error with the channel colour"
+            raise InputError(self.camera, None, expected)
+        return part.pinhole.height, part.pinhole.width, 3
+
+    def _scan_space(self, scenario: Scenario) -> spaces.Box:
+        """Ranges of the beams. InputError of a scanner that does not say how many it has."""
+        part = self._part(scenario, self.lidar)
+        if not (isinstance(part, HasRange) and hasattr(part, "azimuth")):
+            expected = "expected a scanner of level profile, empirical or plants"
+            raise InputError(self.lidar, None, expected)
+        return spaces.Box(0.0, part.range_limits[1], shape=(len(part.azimuth),), dtype=np.float32)
+
+
+@dataclass
+class Driven:
+    """A world that a policy drives.
+
+    tightest: curvature of the tightest turn [1/m]; top: speed [m/s]; wanted: as `values_of` has it
+    """
+
+    seed: int
+    world: World
+    steer: Commanded
+    speed: Commanded
+    tightest: float
+    top: float
+    wanted: float
+
+    def tell(self, action: Sequence[float]) -> None:
+        """What holds from now on. action: within the space"""
+        self.steer.value = action[0] * self.tightest
+        if len(action) > 1:
+            self.speed.value = 0.5 * (1.0 + action[1]) * self.top
+
+    def tell_nothing(self) -> None:
+        """What holds before the first action."""
+        self.steer.value = self.speed.value = 0.0
+
+
+def scan_of(ranges: np.ndarray) -> np.ndarray:
+    """A scan as it is observed. ranges: (..., beams, echoes) [m], nan = no echo"""
+    found: np.ndarray = np.nan_to_num(ranges[..., 0], nan=0.0).astype(np.float32)
+    return found
 
 
 class Env(gymnasium.Env):  # type: ignore[misc]
@@ -60,19 +271,20 @@ class Env(gymnasium.Env):  # type: ignore[misc]
     Action, in [-1, 1]: path curvature as a share of the tightest turn, > 0 left; with `speed` also the wanted
     speed, from 0 to `speed_kmh`. Observation, float32, shape (8,), what control may see: the detected edge
     beside the header end, and odometry, as `OBSERVED` names them; 0 where no edge is found (confidence 0).
-    With `picture` a dict of these `values` and the newest `picture` of the machine's first camera, sRGB
-    uint8, (height, width, 3), black before there is one.
+    With `picture` or `scan` a dict of these `values` and of the newest `picture` of the machine's first
+    camera, sRGB uint8, (height, width, 3), black before there is one, or the newest `scan` of its first
+    LiDAR, ranges [m], (beams,), 0 = no echo.
 
     The sum of all rewards of an episode is the share of `run.distance_m` that was driven, less, for every
     limit under `expect`, how far it is broken at the end: the excess relative to the bound, at most
-    1. `info["reward"]` has these parts of each step, `info["limits"]` each limit's entry as in summary.json.
-    Limits of the field count at the end. Terminated: the distance is driven, or something ended the run;
-    truncated: `run.max_duration_s`.
+    1. `info["reward"]` has these parts of each step, `info["limits"]` each limit's entry as in summary.json:
+    limits are judged every `limits_s` and at the end, those of the field at the end. Terminated: the distance
+    is driven, or something ended the run; truncated: `run.max_duration_s`.
 
-    A reset with a seed is the scenario with that seed, without one the seed is drawn. machine: which one, by
-    default the first; period_s: between two actions; code: as in `swath.load_scenario`, as the InputError.
-    render_mode `rgb_array`: `render` gives the field from above as it is, the machine in the middle, north
-    up.
+    A reset with a seed is the scenario with that seed, without one it is drawn, from `seeds` where they are
+    given. machine: which one, by default the first; period_s: between two actions; code: as in
+    `swath.load_scenario`, as the InputError. render_mode `rgb_array`: `render` gives the field from above as
+    it is, the machine in the middle, north up.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -86,27 +298,22 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         period_s: float = 0.1,
         speed: bool = False,
         speed_kmh: float = 10.0,
+        limits_s: float = 1.0,
         code: bool = False,
         picture: bool = False,
+        scan: bool = False,
+        seeds: Sequence[int] | None = None,
         render_mode: str | None = None,
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError("render_mode", render_mode, "expected rgb_array or None")
-        self.scenario, self.sets, self.code, self.render_mode = scenario, sets, code, render_mode
+        self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": max(1, round(1.0 / period_s))}
-        first = load_scenario(scenario, sets=sets, code=code)
-        self.machine = machine or next(iter(first.machines))
-        if self.machine not in first.machines:
-            raise InputError("machine", machine, f"expected one of {', '.join(first.machines)}")
-        self.period, self.with_speed, self.top = round(period_s * NS), speed, speed_kmh * KMH
-        size = np.array([largest for _, largest in OBSERVED], dtype=np.float32)
-        self._values = self.observation_space = spaces.Box(-size, size, dtype=np.float32)
-        self._camera = self._camera_of(first) if picture else ""
-        if picture:
-            shape = self._picture_shape(first)
-            seen = spaces.Box(0, 255, shape=shape, dtype=np.uint8)
-            self.observation_space = spaces.Dict({"values": self._values, "picture": seen})
-        self.action_space = spaces.Box(-1.0, 1.0, shape=(2 if speed else 1,), dtype=np.float32)
+        self.task = Task(
+            scenario, sets=sets, machine=machine, period_s=period_s, speed=speed, speed_kmh=speed_kmh,
+            limits_s=limits_s, code=code, picture=picture, scan=scan, seeds=seeds,
+        )  # fmt: skip
+        self.observation_space, self.action_space = self.task.seen, self.task.action
         self.world: World | None = None
 
     def reset(
@@ -114,50 +321,35 @@ class Env(gymnasium.Env):  # type: ignore[misc]
     ) -> tuple[Seen, dict[str, Any]]:
         """Begin an episode. Returns the observation and what is known of it."""
         super().reset(seed=seed)
-        own = int(self.np_random.integers(1, 2**31)) if seed is None else seed
+        own = self.task.drawn(self.np_random) if seed is None else seed
         self.close()
-        self._begin(load_scenario(self.scenario, sets=self.sets, seed=own, code=self.code))
-        return self._observation(), {"seed": own}
-
-    def _begin(self, scenario: Scenario) -> None:
-        world = self.world = assemble(scenario)
-        geometry = world.machines[self.machine].recorded().geometry
-        self._tightest = tan(geometry.max_steer) / geometry.wheelbase
-        side = world.machines[self.machine].edge_side
-        self._wanted = geometry.header_end(side)[1] if geometry.has_header else 0.0
-        self._steer = Commanded(
-            Port("command", SteerCommand), lambda t, value: SteerCommand(t, value, True), 0.0
-        )
-        exchange(world, f"{self.machine}.steer", self._steer, {})
-        self._speed = Commanded(Port("command", SpeedCommand), SpeedCommand, 0.0)
-        if self.with_speed:
-            exchange(world, f"{self.machine}.speed", self._speed, {})
+        self._driven = self.task.begin(own)
+        world = self.world = self._driven.world
         self.evaluation = make_evaluation(world)
+        self._score = Score(self.evaluation, world.scenario.run.distance_m)
         self._tracks = {
             name: Tracks(machine.recorded(), TRACK_PERIOD, self.evaluation.columns(name))
             for name, machine in world.machines.items()
         }
-        self._driven, self._excess = 0.0, dict.fromkeys(range(len(self.evaluation.expect)), 0.0)
         drive(world, [self.evaluation, self._note], until_s=0.0)
+        return self._observation(), {"seed": own}
 
     def step(self, action: np.ndarray) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
         """Drive for one period. Returns observation, reward, terminated, truncated, info. InputError for an
         action that is no finite number or not one for each axis of the space; what is out of it is cut.
         """
-        world, count = self._running(), self.action_space.shape[0]
-        told = np.asarray(action, dtype=float).reshape(-1)
-        if len(told) != count or not np.isfinite(told).all():
-            raise InputError("action", action, f"expected {count} finite number{'s' * (count > 1)}")
-        told = np.clip(told, -1.0, 1.0)
-        self._steer.value = float(told[0]) * self._tightest
-        if self.with_speed:
-            self._speed.value = 0.5 * (1.0 + float(told[1])) * self.top
-        until = (world.graph.t + self.period) / NS
-        drive(world, [self.evaluation, self._note], until_s=until, resume=True)
+        world, task = self._running(), self.task
+        self._driven.tell(task.checked(action, self.action_space.shape).tolist())
+        begin = world.graph.t
+        drive(world, [self.evaluation, self._note], until_s=(begin + task.period) / NS, resume=True)
+        t = world.graph.t
         terminated = bool(world.graph.ended) or has_arrived(world)
-        truncated = not terminated and world.graph.t >= round(world.scenario.run.max_duration_s * NS)
-        parts, limits = self._judged(is_end=terminated or truncated)
-        info = {"reward": parts, "limits": limits, "t_s": world.graph.t / NS, "ended": world.graph.ended}
+        truncated = not terminated and t >= round(world.scenario.run.max_duration_s * NS)
+        is_end = terminated or truncated
+        is_due = is_end or t // task.limits_period > begin // task.limits_period
+        tracks = {name: own.arrays() for name, own in self._tracks.items()} if is_due else {}
+        parts = self._score.parts(driven_m(world), tracks, is_end=is_end, is_due=is_due)
+        info = {"reward": parts, "limits": self._score.limits, "t_s": t / NS, "ended": world.graph.ended}
         return self._observation(), fsum(parts.values()), terminated, truncated, info
 
     def render(self) -> np.ndarray | None:
@@ -168,7 +360,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
             return None
         from swath.report.top_view import top_view
 
-        return top_view(self._running(), self.machine)
+        return top_view(self._running(), self.task.machine)
 
     def close(self) -> None:
         """Close the world."""
@@ -185,70 +377,26 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         for output, signal in outputs.items():
             self._tracks[slot.partition(".")[0]].take(t, f"{slot}.{output}", signal)
 
-    def _judged(self, *, is_end: bool) -> tuple[dict[str, float], list[dict[str, Any]]]:
-        """Parts of the reward of the last step, and the limits as they stand."""
-        world = self._running()
-        metrics = {name: self.evaluation.metrics(name) for name in world.machines}
-        metrics[FIELD] = self.evaluation.metrics(FIELD) if is_end else {}
-        tracks = {name: own.arrays() for name, own in self._tracks.items()}
-        limits = self.evaluation.check(metrics, tracks)
-        way = driven_m(world)
-        parts = {"driven": (way - self._driven) / world.scenario.run.distance_m}
-        self._driven = way
-        for index, entry in enumerate(limits):
-            if entry["value"] is None and not is_end:
-                continue  # nothing to judge yet
-            excess = _excess(entry)
-            name = f"{entry['subject']}.{entry['name']}"
-            parts[name] = parts.get(name, 0.0) + self._excess[index] - excess
-            self._excess[index] = excess
-        return parts, limits
-
-    def _camera_of(self, scenario: Scenario) -> str:
-        """The machine's first camera slot. InputError without one."""
-        slots = ((slot, kind_of(slot)) for slot in scenario.machines[self.machine].slots)
-        found = next((slot for slot, kind in slots if kind is not None and kind.name == "camera"), None)
-        if found is None:
-            expected = f"expected a machine with a camera, such as sets={{'{self.machine}.camera': 'rays'}}"
-            raise InputError("picture", True, expected)
-        return found
-
-    def _picture_shape(self, scenario: Scenario) -> tuple[int, int, int]:
-        """Height, width, 3. InputError of a camera that has no colours or no size before it has seen."""
-        name = f"{self.machine}.{self._camera}"
-        world = assemble(scenario, only=[name])
-        part = world.machines[self.machine].parts[self._camera]
-        world.close()
-        if not isinstance(part, SceneCamera) or "colour" not in part.params.channels:
-            raise InputError(name, None, "expected a camera of level rays or error with the channel colour")
-        return part.pinhole.height, part.pinhole.width, 3
-
     def _observation(self) -> Seen:
-        values = self._observed()
-        if not self._camera:
-            return values
-        image: Any = self._running().graph.latest(f"{self.machine}.{self._camera}", "image")
-        shape = self.observation_space["picture"].shape
-        is_there = image is not None and image.colour.shape == shape
-        return {"values": values, "picture": image.colour.copy() if is_there else np.zeros(shape, np.uint8)}
+        graph, task, own = self._running().graph, self.task, self.task.machine
 
-    def _observed(self) -> np.ndarray:
-        graph = self._running().graph
-        edge: Any = graph.latest(f"{self.machine}.edge", "edge")
-        odometry: Any = graph.latest(f"{self.machine}.odometry", "odometry")
-        found = edge is not None and edge.is_found
-        values = [0.0] * 5
-        if found:
-            values = [
-                edge.offset - self._wanted,
-                edge.heading,
-                edge.curvature,
-                edge.confidence,
-                edge.offset_sd,
-            ]
-        values += [odometry.speed, odometry.yaw_rate, odometry.steer_angle] if odometry else [0.0] * 3
-        low, high = self._values.low, self._values.high
-        seen: np.ndarray = np.clip(np.nan_to_num(np.array(values)), low, high).astype(np.float32)
+        def newest(slot: str, output: str) -> Samples | None:
+            signal = graph.latest(f"{own}.{slot}", output)
+            return None if signal is None else Samples.joined([signal])
+
+        wanted = np.array([self._driven.wanted])
+        values: np.ndarray = task.values_of(newest("edge", "edge"), newest("odometry", "odometry"), wanted)[0]
+        if task.seen is task.values:
+            return values
+        seen = {"values": values}
+        if task.camera:
+            image: Any = graph.latest(task.camera, "image")
+            shape = task.seen["picture"].shape
+            is_there = image is not None and image.colour.shape == shape
+            seen["picture"] = image.colour.copy() if is_there else np.zeros(shape, np.uint8)
+        if task.lidar:
+            scan: Any = graph.latest(task.lidar, "scan")
+            seen["scan"] = scan_of(scan.ranges)
         return seen
 
 

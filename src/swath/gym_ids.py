@@ -25,7 +25,12 @@ def _register(registration: Any) -> None:
         name = f"swath/{file.stem}"
         if name not in registration.registry:
             kwargs = {"scenario": file.stem}
-            registration.register(id=name, entry_point="swath.environment:Env", kwargs=kwargs)
+            registration.register(
+                id=name,
+                entry_point="swath.environment:Env",
+                vector_entry_point="swath.vector_environment:VectorEnv",
+                kwargs=kwargs,
+            )
 
 
 class _Watcher:

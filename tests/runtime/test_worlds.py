@@ -91,6 +91,14 @@ def test_parts_without_a_kernel_go_world_by_world(sets):
         ("straight", {"combine.speed.speed_kmh": 2.0, "run.distance_m": 0.6, "combine.imu.rate_hz": 200}, {}),
         ("straight", {"combine.edge": "truth", "run.distance_m": 3.0, "combine.lidar.rate_hz": 10}, {}),
         ("straight", {"run.distance_m": 13.0, "field.edge.gaps": [HOLE], "combine.lidar.rate_hz": 10}, {}),
+        (
+            "straight",
+            {"run.distance_m": 0.5},
+            {
+                "combine.lidar.sector_deg": [[-30, 30], [-20, 25], [-30, 30]],
+                "combine.lidar.mount": [{"z_m": 3.0}, {"z_m": 3.5}],
+            },
+        ),
     ],
     ids=[
         "no edge: the runs end",
@@ -98,6 +106,7 @@ def test_parts_without_a_kernel_go_world_by_world(sets):
         "slow, other rates",
         "another detector",
         "beside a hole",
+        "other beams",
     ],
 )
 def test_all_that_takes_worlds_at_once_is_the_same_alone(scenario, sets, vary):
@@ -194,6 +203,24 @@ def test_a_part_that_crashes_ends_its_world_alone():
     first, second, third = swath.worlds("straight", n=3, sets=sets, seed=1)
     assert "a mistake in it" in str(second.error)
     assert first.summary["digest"] != third.summary["digest"]
+
+
+class NeverBegins(Crashes):
+    """One that fails before the first step."""
+
+    def reset(self, stream):
+        if stream.seed == 2:
+            raise ValueError("a mistake at the start")
+        return super().reset(stream)
+
+
+def test_a_part_that_cannot_begin_costs_its_world_alone():
+    sets = {**KERNELS, "combine.edge": NeverBegins, "run.distance_m": 0.3}
+    runs = list(swath.worlds("straight", n=3, sets=sets, seed=1))
+    assert "a mistake at the start" in str(runs[1].error)
+    for run in (runs[0], runs[2]):
+        (alone,) = swath.batch([run.entry])
+        assert judged(run.summary) == judged(alone.summary)
 
 
 class Batched(Crashes):

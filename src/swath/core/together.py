@@ -9,7 +9,7 @@
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import fields
 from itertools import compress
 from typing import Any, ClassVar, Protocol, get_type_hints, runtime_checkable
@@ -179,6 +179,14 @@ class StepsTogether(Protocol):
 
     @classmethod
     def together(cls, parts: Sequence[Any]) -> Together | None: ...
+
+
+@runtime_checkable
+class GoesWith(Protocol):
+    """A part that can be stepped together with those alone that have the same `goes_with`."""
+
+    @property
+    def goes_with(self) -> Hashable: ...
 
 
 class OneByOne:

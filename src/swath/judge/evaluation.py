@@ -1,7 +1,7 @@
 """All evaluators of a run: they watch it as one observer of the graph, and say what it came to."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
@@ -158,10 +158,11 @@ class Evaluation:
         every = ((name, e) for name, own in self._of.items() for e in own)
         return [f"{name}: {note}" for name, e in every if isinstance(e, HasNotes) for note in e.notes]
 
-    def metrics(self, subject: str) -> Metrics:
-        """Metrics of a machine, or of `field`."""
+    def metrics(self, subject: str, names: Collection[str] | None = None) -> Metrics:
+        """Metrics of a machine, or of `field`. names: only evaluators that have one of these are asked"""
         self._show_newest()
-        return {name: value for e in self._of[subject] for name, value in e.metrics().items()}
+        asked = [e for e in self._of[subject] if names is None or any(m.name in names for m in e.METRICS)]
+        return {name: value for e in asked for name, value in e.metrics().items()}
 
     def end_reason(self, t: int) -> str:
         """Why an evaluator wants the run to end before the tick at t [ns]; "" where none does."""

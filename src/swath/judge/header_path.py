@@ -62,4 +62,4 @@ class HeaderPaths:
 
     def give(self, world: int) -> None:
         """The path of a world is as long as it drove."""
-        self._paths[world].take(self._table.of(world), float(self._next[world]))
+        self._paths[world].take(self._table.news(world), float(self._next[world]))

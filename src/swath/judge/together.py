@@ -1,11 +1,11 @@
 """Evaluators of many worlds that are shown a sample of all of them at once.
 
 A class that can do that has the class method `together(evaluators)`, one of each world; it gives an object
-with the members of `Judges`, or None where these evaluators cannot. What it saw of a world it gives to that
-world's evaluator when the world ends, who then says what it came to as in a run of its own.
+with the members of `Judges`, or None where these evaluators cannot. What it saw of a world so far it gives to
+that world's evaluator before that is asked, who then says what it came to as in a run of its own.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,7 +23,7 @@ Sent = Samples | Sequence[Signal]
 
 
 class Judges(Protocol):
-    """The evaluators of one class in all worlds. active: worlds that still run"""
+    """The evaluators of one class in all worlds. active: worlds that still run; give: at any time"""
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None: ...
     def give(self, world: int) -> None: ...
@@ -40,9 +40,12 @@ class Asleep:
 
 
 class EvaluationOfAll:
-    """Shows samples of all worlds to their evaluators: to those of a class at once, or one by one."""
+    """Shows samples of all worlds to their evaluators: to those of a class at once, or one by one.
 
-    def __init__(self, evaluations: Sequence[Evaluation]) -> None:
+    is_whole: False where only those count that may end a run or have a metric with a limit
+    """
+
+    def __init__(self, evaluations: Sequence[Evaluation], *, is_whole: bool = True) -> None:
         self._evaluations = evaluations
         first = evaluations[0]
         self._groups = {
@@ -52,6 +55,7 @@ class EvaluationOfAll:
         }
         self._shown: dict[tuple[Any, ...], list[_Group]] = {}
         self._ending = [group for group in self._groups.values() if group.may_end]
+        self._limited = None if is_whole else {limit.name for limit in first.expect}
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Sent], active: Bits) -> None:
         """Samples that a slot of all worlds published at t [ns]."""
@@ -60,12 +64,16 @@ class EvaluationOfAll:
         is_first = groups is None
         if groups is None:
             interested = self._evaluations[0].interested(slot, kinds)
-            groups = self._shown[slot, *kinds] = [self._groups[id(e)] for e in interested]
+            found = [self._groups[id(e)] for e in interested]
+            groups = self._shown[slot, *kinds] = [group for group in found if self._counts(group)]
         if not groups:
             return
         samples = _Both(outputs, active)
         for group in groups:
             group.see(slot, t, kinds, samples, active, is_first=is_first)
+
+    def _counts(self, group: "_Group") -> bool:
+        return self._limited is None or group.may_end or group.has_any(self._limited)
 
     def end_with(self, world: int, t: int) -> None:
         """Before the tick at t [ns]: EndOfRun where an evaluator of a world wants that."""
@@ -78,10 +86,11 @@ class EvaluationOfAll:
         """Whether an evaluator may want a world to end."""
         return any(group.may_end_now for group in self._ending)
 
-    def give(self, world: int) -> None:
-        """The evaluators of a world know what was seen of it."""
+    def give(self, world: int, names: Collection[str] | None = None) -> None:
+        """The evaluators of a world know what was seen of it. names: those of these metrics alone"""
         for group in self._groups.values():
-            group.give(world)
+            if names is None or group.has_any(names):
+                group.give(world)
 
 
 class _Both:
@@ -121,6 +130,10 @@ class _Group:
         self._newest = evaluators[0].NEWEST if isinstance(evaluators[0], WantsNewest) else ()
         self._waiting: dict[str, tuple[str, int, Mapping[str, Sent]]] = {}
         self._until = min(e.rests_until for e in evaluators) if self._rests else 0
+
+    def has_any(self, names: Collection[str]) -> bool:
+        """Whether one of these metrics is theirs."""
+        return any(metric.name in names for metric in self.evaluators[0].METRICS)
 
     @property
     def may_end_now(self) -> bool:
@@ -198,7 +211,7 @@ class Table:
 
     def __init__(self, worlds: int, width: int) -> None:
         self._rows = np.zeros((worlds, 64, width))
-        self.count = np.zeros(worlds, np.int64)
+        self.count, self._given = np.zeros((2, worlds), np.int64)
 
     def add(self, where: NDArray[np.int64], *columns: Any) -> None:
         """A row for each of these worlds."""
@@ -209,6 +222,7 @@ class Table:
             self._rows[where, at, k] = column
         self.count[where] += 1
 
-    def of(self, world: int) -> NDArray[np.float64]:
-        """Those of a world, (n, width)."""
-        return self._rows[world, : self.count[world]]
+    def news(self, world: int) -> NDArray[np.float64]:
+        """Those of a world that came since this was asked before, (n, width)."""
+        begin, self._given[world] = self._given[world], self.count[world]
+        return self._rows[world, begin : self.count[world]]

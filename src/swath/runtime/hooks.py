@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from swath.core.graph import Observer
 from swath.judge.evaluation import Evaluation
@@ -36,7 +36,12 @@ class ActiveRun:
 
 
 class RunHook:
-    """Goes along with a run. A hook overrides what it needs."""
+    """Goes along with a run. A hook overrides what it needs.
+
+    READS_TRACKS: whether it asks the recorder for them; a run without a folder has them only then
+    """
+
+    READS_TRACKS: ClassVar[bool] = True
 
     def begin(self, run: ActiveRun) -> None:
         """Before the first tick; again, with another world, where a run is restarted."""

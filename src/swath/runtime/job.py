@@ -203,7 +203,9 @@ class Running:
             scenario="" if out is None else world.scenario.resolved(),
         )
         self.observers: list[Observer] = [self.digest, self.evaluation]
-        self.has_tracks = detail != "none" or bool(hooks) or self.evaluation.reads_tracks
+        self.has_tracks = (
+            detail != "none" or any(hook.READS_TRACKS for hook in hooks) or self.evaluation.reads_tracks
+        )
         if self.has_tracks:
             self.observers.append(self.recorder)
         self.start: Start | None = None

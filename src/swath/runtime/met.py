@@ -107,6 +107,8 @@ def where_is(machine: Machine, field: Field, state: MachineState) -> Where:
 class MetHook(RunHook):
     """Writes quantities down along the way of the leading machine."""
 
+    READS_TRACKS = False
+
     def __init__(self, names: Sequence[str]) -> None:
         check_quantities(names)
         self._names = list(names)

@@ -5,7 +5,7 @@ byte. Parts whose class has `together` (`core/together.py`) are one batch; all o
 """
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,18 +18,22 @@ from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.signal import Signal
 from swath.core.stopping import raise_if_lost
-from swath.core.together import EndsWorlds, Samples, StepsTogether, Together, takes_all
+from swath.core.together import EndsWorlds, GoesWith, Samples, StepsTogether, Together, takes_all
 from swath.judge.together import EvaluationOfAll, kind_of
 from swath.record.digest import Digests
+from swath.runtime.hooks import RunHook
 from swath.runtime.job import Running
 from swath.runtime.loop import REPORT_EVERY
 from swath.runtime.world import World
+from swath.scenario.scenario import Scenario
 from swath.signals import MachineState
 
 Wire = tuple[str, str]
 Each = list[Signal]  # a sample for each world
 Sent = Samples | Each
 Ended = dict[str, Any] | SwathError  # a world's summary, or why there is none
+ALONE = 2  # observers of a run without tracks and hooks: digest, evaluation
+LOOK = ("lidar", "camera", "radar")  # kinds of slots beside which the others cost little
 
 
 class _Slot:
@@ -57,16 +61,25 @@ class _Slot:
 class Worlds:
     """Worlds whose schedules and wires are alike; drives them to their ends.
 
-    active: whether a world still runs; seconds: CPU time of each slot, of all worlds
+    hooks: of each world; is_whole: False where nothing but limits is judged, and there are no digests
+    active: whether a world still runs; seconds: CPU time of each slot, of all worlds; t [ns]
+    errors: of worlds that cannot go on
     """
 
-    def __init__(self, worlds: Sequence[World]) -> None:
-        self.worlds = worlds
+    def __init__(
+        self,
+        worlds: Sequence[World],
+        hooks: Sequence[Sequence[RunHook]] = (),
+        *,
+        is_whole: bool = True,
+    ) -> None:
+        self.worlds, self.t = worlds, 0
         graphs = [world.graph for world in worlds]
         self.plan = graphs[0].plan
         self.slots = [_Slot(nodes) for nodes in zip(*(graph.nodes for graph in graphs), strict=True)]
         self.active = np.ones(len(worlds), np.bool_)
-        self.runs = [Running(world, None, None, (), ()) for world in worlds]
+        going = hooks or [()] * len(worlds)
+        self.runs = [Running(world, None, None, own, ()) for world, own in zip(worlds, going, strict=True)]
         self.seconds: dict[str, float] = {}
         self._latest: dict[Wire, Sent] = {}
         self._before: dict[Wire, Sent] = {}
@@ -77,44 +90,61 @@ class Worlds:
                 wire = slot.wires[name]
                 if wire is not None:
                     self._queues.setdefault(wire, []).append(queue)
-        self._digests = Digests([run.digest for run in self.runs])
+        self._digests = Digests([run.digest for run in self.runs]) if is_whole else None
+        for run in self.runs:
+            run.begin(())
+        self._has_more = [len(run.observers) > ALONE for run in self.runs]
         self._judges: EvaluationOfAll | None = None
-        if not any(run.has_tracks or run.evaluation.has_windows for run in self.runs):
-            self._judges = EvaluationOfAll([run.evaluation for run in self.runs])
+        if not any(self._has_more) and not any(run.evaluation.has_windows for run in self.runs):
+            self._judges = EvaluationOfAll([run.evaluation for run in self.runs], is_whole=is_whole)
         self._watched = {
             slot for world in worlds if not world.bodies.is_alone for slot in world.graph.watches
         }
         self._ending = [slot for slot in self.slots if slot.may_end]
-        self._distance = np.array([world.scenario.run.distance_m for world in worlds])
-        self._errors: dict[int, SwathError] = {}
+        runs = [world.scenario.run for world in worlds]
+        self._distance = np.array([run.distance_m for run in runs])
+        self._ends = np.array([round(run.max_duration_s * NS) for run in runs])
+        self.errors: dict[int, SwathError] = {}
         self._ended = [""] * len(worlds)
         self._end_t = np.zeros(len(worlds), np.int64)
 
     def drive(self) -> Iterator[tuple[int, Ended]]:
         """Drive all of them; gives number and summary, or error, of each as it ends."""
         started = time.perf_counter()
+        yield from self._finished(self.begin(), started)
+        for ending in self.advance(int(self._ends.max())):
+            yield from self._failed()
+            yield from self._finished(ending, started)
+        self._end_t[self.active] = self._ends[self.active]
+        yield from self._finished(self._running(), started)
+
+    def begin(self) -> list[int]:
+        """Bring all to t = 0; gives those that end there."""
         self._reset()
-        ends = np.array([round(world.scenario.run.max_duration_s * NS) for world in self.worlds])
-        yield from self._finished(np.flatnonzero((ends <= 0) | self._arrived()).tolist(), started)
-        first = int(ends.min())
-        for t, due in self.plan.walk(0, int(ends.max())):
+        found: list[int] = np.flatnonzero((self._ends <= 0) | self._arrived()).tolist()
+        return found
+
+    def advance(self, until: int) -> Iterator[list[int]]:
+        """Step to a time [ns]; gives, tick by tick, the worlds that end. They, and those that `errors` names,
+        are to be taken out of `active` and `errors` before the next tick.
+        """
+        first = int(self._ends.min())
+        for t, due in self.plan.walk(self.t, until):
             if t > first:
-                over = self.active & (t > ends)
-                self._end_t[over] = ends[over]
-                yield from self._finished(np.flatnonzero(over).tolist(), started)
-            yield from self._finished(self._stopped(t), started)
+                over = self.active & (t > self._ends)
+                self._end_t[over] = self._ends[over]
+                yield np.flatnonzero(over).tolist()
+            yield self._stopped(t)
             if not self.active.any():
                 return
             if self._latches:
                 self._before = {wire: _kept(sent) for wire, sent in self._latest.items()}
             for index in due:
                 self._step(self.slots[index], t)
-                yield from self._failed()
-            self._end_t[self.active] = t
+            self._end_t[self.active] = self.t = t
             raise_if_lost()
-            yield from self._finished(np.flatnonzero(self.active & self._arrived()).tolist(), started)
-        self._end_t[self.active] = ends[self.active]
-        yield from self._finished(self._running(), started)
+            yield np.flatnonzero(self.active & self._arrived()).tolist()
+        self._end_t[self.active] = self.t = until
 
     def _running(self) -> list[int]:
         found: list[int] = np.flatnonzero(self.active).tolist()
@@ -146,7 +176,7 @@ class Worlds:
         outputs: Mapping[str, Sent]
         if slot.all is not None:
             outputs = slot.all.step(t - period, period, self._inputs(slot))
-            self._errors |= {w: error for w, error in slot.all.errors.items() if self.active[w]}
+            self.errors |= {w: error for w, error in slot.all.errors.items() if self.active[w]}
             slot.all.errors.clear()
         else:
             inputs = self._inputs_each(slot)
@@ -159,10 +189,10 @@ class Worlds:
                         if node.fault is not None:
                             made = node.fault.pass_on(t, made)
                     except Exception as error:  # a user's own part may raise anything
-                        self._errors[world] = as_ours(error)
+                        self.errors[world] = as_ours(error)
                 each.append(made)
             outputs = _turned(each, self._latest, slot.name)
-        for world in self._errors:
+        for world in self.errors:
             self.active[world] = False
         seconds = time.perf_counter() - started
         self.seconds[slot.name] = slot.seconds = slot.seconds + seconds
@@ -208,7 +238,8 @@ class Worlds:
             self._latest[wire] = sent
             for queue in self._queues.get(wire, ()):
                 queue.append(_kept(sent))
-        self._digests.take(slot.name, t, outputs, self.active)
+        if self._digests is not None:
+            self._digests.take(slot.name, t, outputs, self.active)
         if slot.name in self._watched:
             for world in self._running():
                 if (watch := self.worlds[world].graph.watches.get(slot.name)) is not None:
@@ -219,21 +250,19 @@ class Worlds:
             self._show_each(slot.name, t, outputs)
 
     def _show_each(self, slot: str, t: int, outputs: Mapping[str, Sent]) -> None:
-        """Show samples to the evaluators of each world, and to what records it."""
+        """Show samples to the evaluators of each world, and to what else looks on."""
         kinds = tuple(kind_of(sent) for sent in outputs.values())
         wanted = [
             world for world in self._running()
-            if self.runs[world].has_tracks or self.runs[world].evaluation.wants(slot, t, kinds)
+            if self._has_more[world] or self.runs[world].evaluation.wants(slot, t, kinds)
         ]  # fmt: skip
         if not wanted:
             return
         each = {output: _each(sent) for output, sent in outputs.items()}
         for world in wanted:
             own = {output: samples[world] for output, samples in each.items()}
-            run = self.runs[world]
-            run.evaluation(slot, t, own)
-            if run.has_tracks:
-                run.recorder(slot, t, own)
+            for see in self.runs[world].observers[1:]:
+                see(slot, t, own)
 
     def _stopped(self, t: int) -> list[int]:
         """Worlds that a part or an evaluator ends before the tick at t [ns]."""
@@ -266,16 +295,38 @@ class Worlds:
 
     def _arrived(self) -> Any:
         """Which worlds have driven their distance."""
-        found = self._distance <= 0.0
+        return self.driven() >= self._distance
+
+    def driven(self) -> Any:
+        """How far each has driven, as `loop.driven_m` counts it [m]."""
+        found = np.zeros(len(self.worlds))
         for slot in self.worlds[0].driving:
             sent = self._latest.get((slot, "state"))
             if isinstance(sent, Samples):
                 if sent.kind is MachineState:
-                    found = found | (sent.arrays["distance"] >= self._distance)
+                    found = np.maximum(found, sent.arrays["distance"])
             elif sent is not None:
-                driven = [s.distance if isinstance(s, MachineState) else -np.inf for s in sent]
-                found = found | (np.array(driven) >= self._distance)
+                driven = [s.distance if isinstance(s, MachineState) else 0.0 for s in sent]
+                found = np.maximum(found, driven)
         return found
+
+    def latest(self, slot: str, output: str) -> Samples | None:
+        """The newest samples of an output; those of worlds that have ended mean nothing."""
+        sent = self._latest.get((slot, output))
+        return None if sent is None else self._together(sent)
+
+    def ended(self, world: int) -> tuple[int, str]:
+        """Until when a world was stepped [ns], and why a part or an evaluator ended it."""
+        return int(self._end_t[world]), self._ended[world]
+
+    def judged(self, world: int, names: Collection[str] | None = None) -> Running:
+        """What goes along with a world, its evaluators knowing what was seen so far.
+
+        names: the evaluators of these metrics alone
+        """
+        if self._judges is not None:
+            self._judges.give(world, names)
+        return self.runs[world]
 
     def _finished(self, ending: Sequence[int], started: float) -> Iterator[tuple[int, Ended]]:
         """End worlds as a run of its own ends."""
@@ -289,17 +340,18 @@ class Worlds:
 
     def _failed(self) -> Iterator[tuple[int, Ended]]:
         """Worlds that cannot go on."""
-        for index, error in list(self._errors.items()):
+        for index, error in list(self.errors.items()):
             self.worlds[index].close()
             self.worlds[index].graph.let_go()
             yield index, error
-        self._errors.clear()
+        self.errors.clear()
 
     def _finish(self, index: int, wall_s: float) -> dict[str, Any]:
         world, run = self.worlds[index], self.runs[index]
         graph = world.graph
         graph.t, graph.ended = int(self._end_t[index]), self._ended[index]
-        self._digests.give(index)
+        if self._digests is not None:
+            self._digests.give(index)
         if self._judges is not None:
             self._judges.give(index)
         for (name, output), sent in self._latest.items():
@@ -365,16 +417,30 @@ def _turned(
     return found
 
 
-def drive_together(worlds: Sequence[World]) -> Iterator[tuple[int, Ended]]:
+def gains_in_step(scenario: Scenario) -> bool:
+    """Whether runs of a scenario cost less in step: whatever of them casts rays is stepped at once. Parts
+    that are somebody else's process, and those that go by the clock, are no company.
+    """
+    every = [choice for machine in scenario.machines.values() for choice in machine.slots.values()]
+    if scenario.is_paced or any(choice.found.is_link for choice in every):
+        return False
+    return all(takes_all(choice.found.component, "step") for choice in every if choice.kind.name in LOOK)
+
+
+def drive_together(
+    worlds: Sequence[World], hooks: Sequence[Sequence[RunHook]] = ()
+) -> Iterator[tuple[int, Ended]]:
     """Drive worlds, those in step whose slots, rates and wires are alike; gives what each comes to by its
-    number, as it ends. A world with a fault that loses or delays samples goes alone.
+    number, as it ends. A world with a fault that loses or delays samples goes alone. hooks: of each world
     """
     groups: dict[Any, list[int]] = {}
     for number, world in enumerate(worlds):
         nodes = world.graph.nodes
         about = [(node.slot, tuple(sorted(node.wires.items()))) for node in nodes]
         goes_alone = any(node.fault and not node.fault.fault.keeps_time for node in nodes)
-        groups.setdefault((*about, number if goes_alone else None), []).append(number)
+        parts = [node.component.goes_with for node in nodes if isinstance(node.component, GoesWith)]
+        groups.setdefault((*about, *parts, number if goes_alone else None), []).append(number)
     for group in groups.values():
-        for place, found in Worlds([worlds[number] for number in group]).drive():
+        own = [hooks[number] for number in group] if hooks else ()
+        for place, found in Worlds([worlds[number] for number in group], own).drive():
             yield group[place], found

@@ -359,10 +359,11 @@ class _Together:
 
     def give(self, world: int) -> None:
         """What was seen of a world."""
-        e, rows = self._evaluators[world], self._rows.of(world)
+        e, rows = self._evaluators[world], self._rows.news(world)
+        places = self._places.news(world)
         if len(rows):
             if e.setup.gaps:
-                lines = e.lines(self._places.of(world))
+                lines = e.lines(places)
                 rows[:, 2] = np.where(np.isfinite(lines), lines, rows[:, 2])
             e.take(rows)
         e._waiting = [edge.of(world) for edge in self._waiting]

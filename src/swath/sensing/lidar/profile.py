@@ -45,6 +45,11 @@ class ProfileLidar(InWorlds, TableLidar):
         """All of them."""
         return Scanners(parts)
 
+    @property
+    def goes_with(self) -> tuple[bytes, ...]:
+        """The times and directions of its beams."""
+        return tuple(np.asarray(a).tobytes() for a in (self.scanner.beam_t, self.azimuth, self.elevation))
+
     def begin(self, stream: Stream) -> Outputs:
         """An empty scan. InputError where something stands in sight."""
         if solid_count(self.setup.solids()):

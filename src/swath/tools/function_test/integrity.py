@@ -22,6 +22,8 @@ BIN_M, BIN_COUNT = 0.03, 20  # of error and of three standard deviations; the la
 class IntegrityHook(RunHook):
     """Notes error against told error of the machines of a run."""
 
+    READS_TRACKS = False
+
     def begin(self, run: ActiveRun) -> None:
         """Know the judges of the edge."""
         found = [run.evaluation.find(name, EdgeDetection) for name in run.world.machines]

@@ -35,6 +35,13 @@ def shadows_of(run: PlannedRun) -> dict[str, Scenario]:
     return {name: scenario_of(replace(run, sets=sets)) for name, sets in run.shadows.items()}
 
 
+def hooks_of(run: PlannedRun) -> list[RunHook]:
+    """What goes along with a run. Raises InputError."""
+    shadows = shadows_of(run)
+    hooks: list[RunHook] = [IntegrityHook(), SteeringHook(), *([ShadowHook(shadows)] if shadows else [])]
+    return [*hooks, *([MetHook(run.met)] if run.met else [])]
+
+
 def do_run(run: PlannedRun, fields: KeptFields) -> dict[str, Any]:
     """Drive and judge. The verdict is `pass`, `fail`, `not judged` where it would rest on a level outside its
     checked range, or `error` where the run could not be made or crashed.
@@ -43,10 +50,7 @@ def do_run(run: PlannedRun, fields: KeptFields) -> dict[str, Any]:
     """
     started = time.process_time()
     try:
-        shadows = shadows_of(run)
-        hooks: list[RunHook] = [IntegrityHook(), SteeringHook(), *([ShadowHook(shadows)] if shadows else [])]
-        hooks += [MetHook(run.met)] if run.met else []
-        found = _result(run, run_unrecorded(scenario_of(run), fields, hooks=hooks))
+        found = result_of(run, run_unrecorded(scenario_of(run), fields, hooks=hooks_of(run)))
     except SwathError as error:
         found = no_result(run, str(error))
     except Exception as error:  # a user's own part may raise anything; one run must not end the others
@@ -66,7 +70,8 @@ def _about(run: PlannedRun) -> dict[str, Any]:
     return {"id": run.id, "case": run.case, "candidate": run.candidate, "point": point, "seed": run.seed}
 
 
-def _result(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
+def result_of(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
+    """The line of a journal that a run's summary comes to."""
     outside = outside_of(summary)
     verdict, reason = verdict_of(summary["expect"], outside)
     return {

@@ -11,12 +11,12 @@ from typing import Any
 
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import Lost, in_workers
-from swath.tools.function_test.journal import Journal
+from swath.tools.function_test.in_step import Chunk, Work, in_chunks, results_in
+from swath.tools.function_test.journal import Journal, results_of
 from swath.tools.function_test.one_run import do_run, no_result
 from swath.tools.function_test.plan import PlannedRun
 
 Done = Callable[[dict[str, Any]], None]
-Work = Callable[[PlannedRun, KeptFields], dict[str, Any]]
 
 
 def run_all(
@@ -26,24 +26,42 @@ def run_all(
 
     folder: of the journals; workers: how many processes; work: does a run, a function that can be imported
     """
-    journal = Journal(folder, f"driver-{os.getpid()}")  # for runs whose worker did not live to write
-    try:
-        for run, result in in_workers(runs, partial(_begin, folder, work), workers):
-            if isinstance(result, Lost):
-                result = no_result(run, str(result))
-                journal.add(result)
+    if lost := _do(in_chunks(runs, workers), folder, workers, done, work):
+        there = {result["id"]: result for result in results_of(folder, [run.id for run in lost])}
+        for result in there.values():
             done(result)
+        _do(((run,) for run in lost if run.id not in there), folder, workers, done, work)
+
+
+def _do(chunks: Iterable[Chunk], folder: Path, workers: int, done: Done, work: Work) -> list[PlannedRun]:
+    """Do runs in chunks; those of chunks that ended their workers, one of which is to blame, come back."""
+    journal = Journal(folder, f"driver-{os.getpid()}")  # for runs whose worker did not live to write
+    lost: list[PlannedRun] = []
+    try:
+        for chunk, results in in_workers(chunks, partial(_begin, folder, work), workers):
+            if not isinstance(results, Lost):
+                for result in results:
+                    done(result)
+            elif len(chunk) > 1:
+                lost += chunk
+            else:
+                result = no_result(chunk[0], str(results))
+                journal.add(result)
+                done(result)
     finally:
         journal.close()
+    return lost
 
 
-def _begin(folder: Path, work: Work) -> Callable[[PlannedRun], dict[str, Any]]:
-    """What a worker process does with each run."""
+def _begin(folder: Path, work: Work) -> Callable[[Chunk], list[dict[str, Any]]]:
+    """What a worker process does with each chunk."""
     journal, fields = Journal(folder, f"worker-{os.getpid()}"), KeptFields()
 
-    def journaled(run: PlannedRun) -> dict[str, Any]:
-        result = work(run, fields)
-        journal.add(result)
-        return result
+    def journaled(chunk: Chunk) -> list[dict[str, Any]]:
+        results = []
+        for result in results_in(chunk, fields, work):
+            journal.add(result)
+            results.append(result)
+        return results
 
     return journaled

@@ -15,6 +15,7 @@ from swath.documents.text_file import read_text
 from swath.runtime.kept import KeptFields
 from swath.tools.function_test.cells import Cell, cells_of
 from swath.tools.function_test.cluster import run_on_cluster
+from swath.tools.function_test.in_step import in_chunks, results_in
 from swath.tools.function_test.journal import (
     Journal,
     Result,
@@ -62,9 +63,9 @@ class Session:
     def do_share(self, share: int, of: int, done: Done) -> None:
         """Do what is left of one share of the plan (1..of), in this process."""
         journal, fields = Journal(self.journals, f"share-{share}-of-{of}"), KeptFields()
-        for run in self.left():
-            if int(run.id, 16) % of == share - 1:
-                result = do_run(run, fields)
+        mine = (run for run in self.left() if int(run.id, 16) % of == share - 1)
+        for chunk in in_chunks(mine, 1):
+            for result in results_in(chunk, fields, do_run):
                 journal.add(result)
                 done(result)
         journal.close()

@@ -77,6 +77,8 @@ class Shadow:
 class ShadowHook(RunHook):
     """Lets detectors go along with a run. scenarios: by name, of which the slots of kind `edge` count."""
 
+    READS_TRACKS = False
+
     def __init__(self, scenarios: Mapping[str, Scenario]) -> None:
         self.scenarios = scenarios
         self._shadows: dict[str, Shadow] = {}

@@ -23,6 +23,8 @@ HELD = 0.95  # share that lies up to the class that is told
 class SteeringHook(RunHook):
     """Notes the classes of the lateral error of the machines of a run."""
 
+    READS_TRACKS = False
+
     def begin(self, run: ActiveRun) -> None:
         """Know the judges of the lateral error."""
         found = [run.evaluation.find(name, LateralError) for name in run.world.machines]

@@ -1,0 +1,273 @@
+"""Many worlds of a scenario as one vector environment of gymnasium, in step in one process (extra `gym`)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import fsum
+from typing import Any
+
+import numpy as np
+
+from swath.core.errors import InputError, MissingExtra
+from swath.core.schedule import NS
+from swath.environment import Driven, Score, Seen, Task, scan_of
+from swath.runtime.worlds import Worlds
+
+try:
+    import gymnasium
+    from gymnasium.utils import seeding
+    from gymnasium.vector import AutoresetMode
+    from gymnasium.vector.utils import batch_space
+except ImportError as error:
+    raise MissingExtra("gym", "swath.VectorEnv") from error
+
+
+@dataclass
+class _Cohort:
+    """Worlds that began at one time. members: which environments they are; driven: their worlds"""
+
+    worlds: Worlds
+    members: np.ndarray
+    driven: Sequence[Driven]
+    scores: Sequence[Score]
+    wanted: np.ndarray
+
+
+class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
+    """`Env`, many times: each environment gives the bits that it gives alone, with the keys of `Env`.
+
+    Worlds that begin in one step go in step (docs/explanation/kernels.md): a step of `num_envs` costs what
+    `num_envs` worlds in step cost while episodes begin and end together. Environments that are reset while
+    others go on are a batch of their own from then on.
+
+    autoreset_mode, of gymnasium's `AutoresetMode`: NextStep; SameStep; Disabled, in which environments that
+    are over give their last observation and no reward until `reset`, with `options={"reset_mask": ...}` for
+    some of them. With `seeds` worlds whose batch is over are used again, and not built anew.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+
+    def __init__(
+        self,
+        scenario: str = "straight",
+        *,
+        num_envs: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        render_mode: None = None,
+        **task: Any,
+    ) -> None:
+        if num_envs < 1:
+            raise InputError("num_envs", num_envs, "expected >= 1")
+        if render_mode is not None or task.get("picture"):
+            key, value = ("picture", True) if render_mode is None else ("render_mode", render_mode)
+            raise InputError(key, value, 'expected vectorization_mode="sync" or "async" with it')
+        self.task = Task(scenario, **task)
+        self.num_envs, self.mode = num_envs, AutoresetMode(autoreset_mode)
+        self.metadata = {**self.metadata, "autoreset_mode": self.mode}
+        self.single_observation_space, self.single_action_space = self.task.seen, self.task.action
+        self.observation_space = batch_space(self.task.seen, num_envs)
+        self.action_space = batch_space(self.task.action, num_envs)
+        self._values = np.zeros((num_envs, *self.task.values.shape), np.float32)
+        beams = self.task.seen["scan"].shape if self.task.lidar else (0,)
+        self._scans = np.zeros((num_envs, *beams), np.float32)
+        self._randoms: list[np.random.Generator | None] = [None] * num_envs
+        self._cohorts: list[_Cohort] = []
+        self._scores: list[Any] = [None] * num_envs
+        self._spare: dict[int, list[Driven]] = {}
+        self._terminated, self._truncated = np.zeros((2, num_envs), np.bool_)
+        self._way, self._reward = np.zeros((2, num_envs))
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[Seen, dict[str, Any]]:
+        """Begin episodes. seed: of the first, the others count on; or one for each
+
+        options: `reset_mask`, bool (num_envs,): only these
+        """
+        seeds: Sequence[int | None]
+        if seed is None or isinstance(seed, int | np.integer):
+            seeds = [None if seed is None else int(seed) + k for k in range(self.num_envs)]
+        else:
+            seeds = seed
+        if len(seeds) != self.num_envs:
+            raise InputError("seed", list(seeds), f"expected {self.num_envs}")
+        mask = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, np.bool_)))
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+            raise InputError("reset_mask", mask.tolist(), f"expected {self.num_envs} bool, one of them true")
+        infos: dict[str, Any] = {}
+        self._begin(np.flatnonzero(mask), seeds, infos)
+        return self._observation(), infos
+
+    def step(self, actions: Any) -> tuple[Seen, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Drive all for one period, as `Env.step`; environments that were over before begin anew."""
+        if not self._cohorts and not (self._terminated | self._truncated).any():
+            raise InputError("step", None, "expected after reset")
+        told = self.task.checked(actions, self.action_space.shape)
+        over = self._terminated | self._truncated
+        self._reward[:] = 0.0
+        infos: dict[str, Any] = {}
+        for cohort in self._cohorts:
+            self._drive(cohort, told, infos)
+        self._retire()
+        if self.mode is AutoresetMode.NEXT_STEP:
+            self._begin(np.flatnonzero(over), [None] * self.num_envs, infos)
+        terminated, truncated = self._terminated.copy(), self._truncated.copy()
+        ended = np.flatnonzero(terminated | truncated)
+        if self.mode is AutoresetMode.SAME_STEP and len(ended):
+            for index in ended.tolist():
+                last = {"final_obs": self._one(index), "final_info": _taken(infos, index)}
+                infos = self._add_info(infos, last, index)
+            self._begin(ended, [None] * self.num_envs, infos)
+        return self._observation(), self._reward.copy(), terminated, truncated, infos
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close the worlds."""
+        for several in (*(cohort.driven for cohort in self._cohorts), *self._spare.values()):
+            for driven in several:
+                driven.world.close()
+        self._cohorts, self._spare = [], {}
+
+    @property
+    def scores(self) -> list[Score]:
+        """What each environment came to so far: its limits and the share driven."""
+        return list(self._scores)
+
+    def _begin(self, which: np.ndarray, seeds: Sequence[int | None], infos: dict[str, Any]) -> None:
+        """A cohort of environments, taken out of those in which they are."""
+        if not len(which):
+            return
+        for cohort in self._cohorts:
+            cohort.worlds.active[np.isin(cohort.members, which)] = False
+        self._retire()
+        driven = []
+        for index in which.tolist():
+            seed, random = seeds[index], self._randoms[index]
+            if random is None or seed is not None:
+                random = self._randoms[index] = seeding.np_random(seed)[0]
+            own = self.task.drawn(random) if seed is None else seed
+            spare = self._spare.get(own)
+            driven.append(spare.pop() if spare else self.task.begin(own))
+            driven[-1].tell_nothing()
+        worlds = Worlds([each.world for each in driven], is_whole=False)
+        scores = [
+            Score(run.evaluation, each.world.scenario.run.distance_m)
+            for run, each in zip(worlds.runs, driven, strict=True)
+        ]
+        cohort = _Cohort(worlds, which, driven, scores, np.array([each.wanted for each in driven]))
+        worlds.begin()
+        self._cohorts.append(cohort)
+        for index, score in zip(which.tolist(), scores, strict=True):
+            self._scores[index] = score
+        self._terminated[which] = self._truncated[which] = False
+        self._way[which] = 0.0
+        self._look(cohort, np.arange(len(which)))
+        told = np.zeros(self.num_envs, np.int64) if "seed" not in infos else infos["seed"]
+        told[which] = [each.seed for each in driven]
+        infos["seed"], infos["_seed"] = told, self._mask(infos, "seed", which)
+
+    def _retire(self) -> None:
+        """Let go of cohorts that are over; with `seeds` their worlds are kept."""
+        for cohort in self._cohorts:
+            if not cohort.worlds.active.any():
+                for driven in cohort.driven:
+                    if self.task.seeds is None:
+                        driven.world.close()
+                        driven.world.graph.let_go()
+                    else:
+                        self._spare.setdefault(driven.seed, []).append(driven)
+        self._cohorts = [cohort for cohort in self._cohorts if cohort.worlds.active.any()]
+
+    def _drive(self, cohort: _Cohort, told: np.ndarray, infos: dict[str, Any]) -> None:
+        worlds, begin = cohort.worlds, cohort.worlds.t
+        for driven, action in zip(cohort.driven, told[cohort.members].tolist(), strict=True):
+            driven.tell(action)
+        latest = round(cohort.driven[0].world.scenario.run.max_duration_s * NS)
+        until = min(begin + self.task.period, latest)
+        for ending in worlds.advance(until):
+            if worlds.errors:
+                raise next(iter(worlds.errors.values()))
+            if ending:
+                self._settle(cohort, np.array(ending), begin, is_end=True, infos=infos)
+                self._terminated[cohort.members[ending]] = True
+                worlds.active[ending] = False
+        rest = np.flatnonzero(worlds.active)
+        if len(rest):
+            is_over = until >= latest
+            self._settle(cohort, rest, begin, is_end=is_over, infos=infos)
+            if is_over:
+                self._truncated[cohort.members[rest]] = True
+                worlds.active[rest] = False
+
+    def _settle(
+        self, cohort: _Cohort, which: np.ndarray, begin: int, *, is_end: bool, infos: dict[str, Any]
+    ) -> None:
+        """Observation, reward and what is told of worlds of a cohort, at the end of their step."""
+        self._look(cohort, which)
+        worlds, members, period = cohort.worlds, cohort.members[which], self.task.limits_period
+        way, before = worlds.driven()[which], self._way[members]
+        self._way[members] = way
+        distance = np.array([cohort.scores[k].distance_m for k in which.tolist()])
+        share = (way - before) / distance
+        self._reward[members] = share
+        ended = [worlds.ended(k) for k in which.tolist()]
+        self._tell(infos, "t_s", members, [t / NS for t, _ in ended], float)
+        self._tell(infos, "ended", members, [why for _, why in ended], object)
+        parts = infos.setdefault("reward", {})
+        self._tell(parts, "driven", members, share, float)
+        infos["_reward"] = self._mask(infos, "reward", members)
+        for row, (k, (t, _)) in enumerate(zip(which.tolist(), ended, strict=True)):
+            if is_end or t // period > begin // period:
+                score, run = cohort.scores[k], worlds.judged(k, cohort.scores[k].names)
+                tracks = {n: own.arrays() for n, own in run.recorder.tracks.items()} if run.has_tracks else {}
+                score.driven = float(before[row])
+                own = score.parts(float(way[row]), tracks, is_end=is_end, is_due=True)
+                self._reward[members[row]] = fsum(own.values())
+                for name, value in own.items():
+                    self._tell(parts, name, members[row : row + 1], value, float)
+        limits = np.fromiter((cohort.scores[k].limits for k in which.tolist()), object, len(which))
+        self._tell(infos, "limits", members, limits, object)
+
+    def _look(self, cohort: _Cohort, which: np.ndarray) -> None:
+        """Note what worlds of a cohort see."""
+        task, worlds, members = self.task, cohort.worlds, cohort.members[which]
+        edge, odometry = (worlds.latest(f"{task.machine}.{name}", name) for name in ("edge", "odometry"))
+        self._values[members] = task.values_of(edge, odometry, cohort.wanted)[which]
+        if task.lidar and (scan := worlds.latest(task.lidar, "scan")) is not None:
+            self._scans[members] = scan_of(scan.arrays["ranges"][which])
+
+    def _one(self, index: int) -> Seen:
+        """The observation of one environment."""
+        values: np.ndarray = self._values[index].copy()
+        return {"values": values, "scan": self._scans[index].copy()} if self.task.lidar else values
+
+    def _observation(self) -> Seen:
+        if not self.task.lidar:
+            return self._values.copy()
+        return {"values": self._values.copy(), "scan": self._scans.copy()}
+
+    def _tell(self, infos: dict[str, Any], name: str, which: np.ndarray, values: Any, kind: type) -> None:
+        if name not in infos:
+            infos[name] = np.full(self.num_envs, None) if kind is object else np.zeros(self.num_envs, kind)
+        infos[name][which] = values
+        infos[f"_{name}"] = self._mask(infos, name, which)
+
+    def _mask(self, infos: Mapping[str, Any], name: str, which: np.ndarray) -> np.ndarray:
+        """Of which environments something is told."""
+        mask: np.ndarray = infos.get(f"_{name}", np.zeros(self.num_envs, np.bool_))
+        mask[which] = True
+        return mask
+
+
+def _taken(infos: dict[str, Any], index: int) -> dict[str, Any]:
+    """What is told of one environment, as `Env` tells it, taken out of what is told of all."""
+    found: dict[str, Any] = {}
+    for name in [name for name in infos if f"_{name}" in infos and infos[f"_{name}"][index]]:
+        value, mask = infos[name], infos[f"_{name}"]
+        if isinstance(value, dict):
+            found[name] = _taken(value, index)
+        else:
+            found[name] = value[index].item() if isinstance(value[index], np.generic) else value[index]
+            value[index] = None if value.dtype == object else 0
+        mask[index] = False
+        if not mask.any():
+            del infos[name], infos[f"_{name}"]
+    return found
