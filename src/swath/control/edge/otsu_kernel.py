@@ -156,31 +156,28 @@ def moved(line: Line, distance: wp.float64, turn: wp.float64) -> Line:
     return found
 
 
-@wp.func
+@wp.func_native("""
+double* a = (double*)v.data;
+for (int low = 0, high = n - 1; low < high;) {
+  const double pivot = a[k];
+  int i = low, j = high;
+  while (i <= j) {
+    while (a[i] < pivot) ++i;
+    while (pivot < a[j]) --j;
+    if (i <= j) {
+      const double kept = a[i];
+      a[i++] = a[j];
+      a[j--] = kept;
+    }
+  }
+  if (j < k) low = i;
+  if (k < i) high = j;
+}
+return a[k];
+""")
 def chosen(v: Numbers, n: int, k: int) -> wp.float64:
     """The k-th smallest of n numbers, with none greater before it (Hoare's selection, in place)."""
-    low = int(0)
-    high = int(n - 1)
-    while low < high:
-        pivot = v[k]
-        i = int(low)
-        j = int(high)
-        while i <= j:
-            while v[i] < pivot:
-                i += 1
-            while pivot < v[j]:
-                j -= 1
-            if i <= j:
-                kept = v[i]
-                v[i] = v[j]
-                v[j] = kept
-                i += 1
-                j -= 1
-        if j < k:
-            low = i
-        if k < i:
-            high = j
-    return v[k]
+    ...
 
 
 @wp.func
@@ -195,30 +192,26 @@ def median(v: Numbers, n: int) -> wp.float64:
     return HALF * (lower + upper)
 
 
-@wp.func
-def order(v: Numbers, n: int):
-    """Shell's sort, gaps after Ciura 2001."""
-    for k in range(7):
-        gap = int(1)
-        if k == 0:
-            gap = 301
-        if k == 1:
-            gap = 132
-        if k == 2:
-            gap = 57
-        if k == 3:
-            gap = 23
-        if k == 4:
-            gap = 10
-        if k == 5:
-            gap = 4
-        for i in range(gap, n):
-            kept = v[i]
-            j = int(i)
-            while j >= gap and v[wp.max(j - gap, 0)] > kept:
-                v[j] = v[j - gap]
-                j -= gap
-            v[j] = kept
+@wp.func_native("""
+constexpr int PLACES = 256;
+const double* from = (const double*)v.data;
+double *to = (double*)ordered.data, low = from[0], high = from[0];
+for (int i = 1; i < n; ++i) low = from[i] < low ? from[i] : low, high = from[i] > high ? from[i] : high;
+const double per = high - low > 1.0e-9 ? (PLACES - 1) / (high - low) : 0.0;
+int next[PLACES + 1] = {};
+for (int i = 0; i < n; ++i) ++next[1 + (int)((from[i] - low) * per)];
+for (int i = 0; i < PLACES; ++i) next[i + 1] += next[i];
+for (int i = 0; i < n; ++i) to[next[(int)((from[i] - low) * per)]++] = from[i];
+for (int i = 1; i < n; ++i) {
+  const double kept = to[i];
+  int j = i;
+  for (; j > 0 && to[j - 1] > kept; --j) to[j] = to[j - 1];
+  to[j] = kept;
+}
+""")
+def order(v: Numbers, n: int, ordered: Numbers):
+    """n > 0 numbers in order: into bins first, then by insertion."""
+    ...
 
 
 @wp.func
@@ -245,9 +238,9 @@ def coin(count: int, n: int) -> wp.float64:
 
 
 @wp.func
-def otsu_threshold(v: Numbers, n: int) -> wp.float64:
-    """Of n > 1 heights, which it sorts: with the largest variance between both classes."""
-    order(v, n)
+def otsu_threshold(z: Numbers, n: int, v: Numbers) -> wp.float64:
+    """Of n > 1 heights: with the largest variance between both classes. v: gets them in order"""
+    order(z, n, v)
     mean = mean_of(v, 0, n)
     centred = real(0.0)
     most = real(-1.0)
@@ -266,9 +259,7 @@ def otsu_threshold(v: Numbers, n: int) -> wp.float64:
 def split_by_otsu(z: Numbers, n: int, values: Numbers, score: Numbers) -> Split:
     """As `otsu.split_by_otsu`: score of a split before each of the points 1..n-1, its gain, the best."""
     high = int(0)
-    for i in range(n):
-        values[i] = z[i]
-    threshold = otsu_threshold(values, n)
+    threshold = otsu_threshold(z, n, values)
     for i in range(n):
         if z[i] > threshold:
             high += 1
@@ -321,20 +312,20 @@ def ground_slope(lateral: Numbers, z: Numbers, n: int, values: Numbers) -> wp.fl
     return both / (wide + noise / total / (real(0.035) * real(0.035)) + real(1e-9))
 
 
-@wp.func
+@wp.func_native("""
+double* k = (double*)key.data;
+int* at = (int*)index.data;
+for (int i = 0; i < n; ++i) {
+  const double kept = k[i];
+  int j = i;
+  for (; j > 0 && k[j - 1] > kept; --j) k[j] = k[j - 1], at[j] = at[j - 1];
+  k[j] = kept;
+  at[j] = i;
+}
+""")
 def sort_by(key: Numbers, index: wp.array(dtype=int), n: int):
     """Stable, for keys that are nearly in order."""
-    for i in range(n):
-        index[i] = i
-    for i in range(1, n):
-        kept = key[i]
-        j = int(i)
-        while j > 0 and key[wp.max(j - 1, 0)] > kept:
-            key[j] = key[j - 1]
-            index[j] = index[j - 1]
-            j -= 1
-        key[j] = kept
-        index[j] = i
+    ...
 
 
 @wp.func

@@ -9,6 +9,7 @@
 const int count = beams.count;
 
 constexpr int has_solids = 0, ROUNDS = 8;
+constexpr float LOOKS = 4.0f;  // steps after which a beam near the edge looks again how far that is
 
 const int start = p * N, last_station = profile.x.shape[0] - 1, last_bin = profile.reach.shape[0] - 1;
 const double size = profile.tile_size;
@@ -117,10 +118,10 @@ while (any(inside | waits)) {
   if (any(inside)) {
     if (any(inside & (I)(look <= t))) {  // how far it stays as it is here
       const Stands here = stands_at(ox + dx * t, oy + dy * t, axis);
-      const F over = here.clear - margin;
+      const F way = (here.clear - margin) * per_flat, least_way = LOOKS * pitch;
       const I looks = inside & (I)(look <= t);
-      sure = picki(looks, picki(over > 0.0f, here.code, puti(-1)), sure);
-      look = pick(looks, t + most(size_of(over) * per_flat, pitch), look);
+      sure = picki(looks, picki(way > least_way, here.code, puti(-1)), sure);
+      look = pick(looks, t + most(size_of(way), least_way), look);
     }
     // In one step: what crop adds up is a difference of projected areas; over stubble down to it
     const I stands = sure == STANDING;
