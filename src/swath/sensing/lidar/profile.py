@@ -71,10 +71,12 @@ class Scanners:
         self._flags = np.zeros((n, 1), np.int32)
         self._last: Samples | None = None
         self._launch: Any = None
+        self._swinging = [part for part in parts if part.scanner.noise.angle != 0.0]
+        self._looked_at: list[int] = []  # worlds whose ranges their scanner looks at
 
     def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
         """Empty scans."""
-        self._last = None
+        self._last, self._looked_at = None, list(range(len(self._parts)))
         self._stations[:] = 0
         for world, (part, stream) in enumerate(zip(self._parts, streams, strict=True)):
             rays = part.rays
@@ -106,8 +108,9 @@ class Scanners:
         self._asked[:] = end, len(states)
         self._words[:, 2] = end
         for part in self._parts:
-            part.rays.swing(end)
             part.ray_count += self._count
+        for part in self._swinging:
+            part.rays.swing(end)
         self._launch.launch()
         for world in np.flatnonzero(self._flags[:, 0]).tolist():
             found = self._parts[world].rays.beams.take_flags()
@@ -125,7 +128,7 @@ class Scanners:
     def load(self, world: int, state: State) -> None:
         """Back to it."""
         TableLidar.load(self._parts[world], state)
-        self._stations[world] = state["station"]
+        self._stations[world], self._looked_at = state["station"], list(range(len(self._parts)))
         if state["last"] is None:
             self._last = None
         elif self._last is None or len(self._parts) == 1:
@@ -178,10 +181,11 @@ class Scanners:
         n = self._count
         ranges, points = self._ranges[:, :n], self._points[:, :n]
         intensity, origins = self._intensity[:, :n], self._origins[:, :n]
-        for world, part in enumerate(self._parts):
-            lost = part.scanner.seen(t, ranges[world])
+        for world in self._looked_at:
+            lost = self._parts[world].scanner.seen(t, ranges[world])
             if lost is not None and t > 0:
                 ranges[world, lost], intensity[world, lost], points[world, lost] = np.nan, np.nan, np.nan
+        self._looked_at = [world for world in self._looked_at if self._parts[world].scanner.looks]
         first = self._parts[0]
         alike = {"beam_t": first.scanner.beam_t, "azimuth": first.azimuth, "elevation": first.elevation}
         return {
