@@ -359,8 +359,8 @@ class Field:
         return self.pages.slots_at(i, j)
 
     def _nodes(self, u: float, v: float, room: float, turn: tuple[float, float]) -> Block:
-        """Heights of the lattice nodes around a place, as `Footprint` asks for them: of whole pages with their
-        far border, or of as many as a profile needs, for which no page is made.
+        """Heights of the lattice nodes around a place, as `Footprint` asks for them: of whole pages with
+        their far border, or of as many as a profile needs, for which no page is made.
         """
         at, n = np.array([[u, u], [v, v]]), PAGE_NODES
         way = 0.0 if self.profile is None else PROFILED / self.maker.node

@@ -297,7 +297,8 @@ class Columns:
             if array.dtype != dtype or not (array.ndim == 1 or array[0].flags.c_contiguous):
                 array = np.ascontiguousarray(array, dtype)
                 kept.append(array)
-            table[k, 0], table[k, 1] = array.ctypes.data + first * dtype.itemsize, array.strides[0]
+            at = array.__array_interface__["data"][0]  # in half the time of `ctypes`
+            table[k, 0], table[k, 1] = at + first * dtype.itemsize, array.strides[0]
         self._job[2], self._job[3] = rows.ctypes.data, rows.strides[0]
         self._launch()
 
@@ -308,7 +309,7 @@ class Columns:
         return rows
 
 
-def _kind(dtype: "np.dtype[Any]") -> int:
+def _kind(dtype: "np.dtype[Any]") -> Any:
     """How numbers of a type become bytes."""
     from swath.record import digest_kernel as kernel
 

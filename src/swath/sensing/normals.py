@@ -1,4 +1,4 @@
-"""Standard normal numbers of the streams of many worlds at once: those of `core.random.Normals`, bit for bit."""
+"""Standard normal numbers of many streams at once: those of `core.random.Normals`, bit for bit."""
 
 from collections.abc import Callable, Sequence
 from functools import cache

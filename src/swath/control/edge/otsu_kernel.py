@@ -177,7 +177,6 @@ return a[k];
 """)
 def chosen(v: Numbers, n: int, k: int) -> wp.float64:
     """The k-th smallest of n numbers, with none greater before it (Hoare's selection, in place)."""
-    ...
 
 
 @wp.func
@@ -211,7 +210,6 @@ for (int i = 1; i < n; ++i) {
 """)
 def order(v: Numbers, n: int, ordered: Numbers):
     """n > 0 numbers in order: into bins first, then by insertion."""
-    ...
 
 
 @wp.func
@@ -325,7 +323,6 @@ for (int i = 0; i < n; ++i) {
 """)
 def sort_by(key: Numbers, index: wp.array(dtype=int), n: int):
     """Stable, for keys that are nearly in order."""
-    ...
 
 
 @wp.func
