@@ -368,8 +368,8 @@ class Field:
         _check_near(*(self.maker.node * reach))
         low, high = np.floor(reach).astype(int).T
         if self.profile is not None:
-            lines = [self.maker.node * np.arange(k, m + 2) for k, m in zip(low, high, strict=True)]
-            held: Array = self.terrain.lattice(*lines, self.stand_yaw).astype(np.float32).astype(np.float64)
+            x, y = (self.maker.node * np.arange(k, m + 2) for k, m in zip(low, high, strict=True))
+            held: Array = self.terrain.lattice(x, y, self.stand_yaw).astype(np.float32).astype(np.float64)
             return int(low[0]), int(low[1]), held
         i, j = (np.arange(k // n, m // n + 1) for k, m in zip(low, high, strict=True))
         slots = self._slots(*np.meshgrid(i, j))

@@ -915,8 +915,12 @@ def detect(
                 if pz > LOWEST and pz < HIGHEST:
                     back = ago[of, i]
                     turn = yaw_rate * back
-                    c = wp.cos(turn)
-                    t = wp.sin(turn)
+                    z = turn * turn
+                    c = ONE - HALF * z * (ONE - z / real(12.0) * (ONE - z / real(30.0)))  # 1e-16 up to 0.01
+                    t = turn * (ONE - z / real(6.0) * (ONE - z / real(20.0) * (ONE - z / real(42.0))))
+                    if wp.abs(turn) > real(0.01):
+                        c = wp.cos(turn)
+                        t = wp.sin(turn)
                     scratch[ECHO_X, n] = speed * back + c * px - t * py
                     scratch[ECHO_U, n] = s.sign * (HALF * speed * back * turn + t * px + c * py)
                     scratch[ECHO_Z, n] = pz
