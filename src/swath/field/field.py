@@ -186,6 +186,16 @@ class Field:
             count = int(np.count_nonzero(self._stands(*cells_inside(np.array(corners)))))
         return count * self.maker.cell**2
 
+    def standing_areas(self, triangles: Array) -> Array:
+        """Of several, (n, 3, 2), (n,)."""
+        if self.profile is None:
+            return np.array([self.standing_area(own) for own in triangles])
+        sides = triangles[:, 1:] - triangles[:, :1]
+        turns = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]
+        return self.profile.standing_areas(
+            np.where(turns[:, None, None] < 0.0, triangles[:, ::-1], triangles)
+        )
+
     def _corners(self, polygon: Any) -> list[Corner]:
         """Corners of a convex polygon (n, 2) [m], counter-clockwise, in cell units of the stand frame."""
         points, (c, s), cell = corners_of(polygon), self._turn, self.maker.cell

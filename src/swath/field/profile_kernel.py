@@ -165,15 +165,8 @@ def stands_along(
     station[0] = k
 
 
-@wp.kernel
-def standing_cells(
-    profile: Profile, corners: wp.array2d(dtype=wp.float64), counts: wp.array(dtype=int), cell: wp.float64
-):
-    """Cells [m] in which crop stands and whose middles are in a convex anticlockwise polygon [m]; one thread.
-
-    counts: of the corners, then of the cells
-    """
-    n = counts[0]
+@wp.func
+def cells_in(profile: Profile, corners: wp.array2d(dtype=wp.float64), n: int, cell: wp.float64) -> int:
     last = profile.reach.shape[0] - 1
     lowest = corners[0, 1]
     highest = corners[0, 1]
@@ -207,4 +200,19 @@ def standing_cells(
             b = bin_at(profile, place.along, last)
             if inside >= profile.reach[b] and not (inside >= profile.near[b] and inside < profile.far[b]):
                 found += 1
-    counts[1] = found
+    return found
+
+
+@wp.kernel
+def standing_cells(
+    profile: Profile,
+    polygons: wp.array3d(dtype=wp.float64),
+    counts: wp.array(dtype=int),
+    cell: wp.float64,
+):
+    """Cells [m] in which crop stands and whose middles are in convex anticlockwise polygons [m]; one thread.
+
+    polygons: (n, corners, 2); counts: of cells, (n,)
+    """
+    for p in range(counts.shape[0]):
+        counts[p] = cells_in(profile, polygons[p], polygons.shape[1], cell)
