@@ -170,7 +170,8 @@ def run(
     hooks = _pages() if report and scenario.run.record != "none" else []
     folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
     try:
-        made = run_job(scenario, folder, progress=progress, hooks=hooks)
+        with collected_rarely():
+            made = run_job(scenario, folder, progress=progress, hooks=hooks)
         return RunResult(made.summary, made.exit_code, made.folder)
     except InputError as error:
         remove_empty(folder)
@@ -351,6 +352,7 @@ def _begin_together(code: bool) -> Callable[[tuple[int, list[dict[str, Any]]]], 
     return partial(_run_together, code)
 
 
+@collected_rarely()
 def _run_together(code: bool, chunk: tuple[int, list[dict[str, Any]]]) -> list[BatchRun]:
     """Worlds in step, in this process."""
     first, entries = chunk
@@ -362,15 +364,14 @@ def _run_together(code: bool, chunk: tuple[int, list[dict[str, Any]]]) -> list[B
             scenarios.append(scenario)
         except Exception as error:  # a user's own part may raise anything
             found[index] = BatchRun(index, entry, error=as_ours(error))
-    with collected_rarely():
-        for place, ended in drive_together([world for _, world in made]):
-            index, entry = made[place][0], entries[made[place][0] - first]
-            if isinstance(ended, InputError):
-                ended = scenarios[place].locate(ended)
-            if isinstance(ended, SwathError):
-                found[index] = BatchRun(index, entry, error=ended)
-            else:
-                found[index] = BatchRun(index, entry, None, ended)
+    for place, ended in drive_together([world for _, world in made]):
+        index, entry = made[place][0], entries[made[place][0] - first]
+        if isinstance(ended, InputError):
+            ended = scenarios[place].locate(ended)
+        if isinstance(ended, SwathError):
+            found[index] = BatchRun(index, entry, error=ended)
+        else:
+            found[index] = BatchRun(index, entry, None, ended)
     return [found[index] for index in sorted(found)]
 
 
@@ -396,6 +397,7 @@ def _sendable(entry: Any) -> Any:
     return entry
 
 
+@collected_rarely()
 def _run_entry(fields: KeptFields, code: bool, numbered: tuple[int, Any]) -> BatchRun:
     """One run of a batch, in this process."""
     index, entry = numbered
