@@ -94,7 +94,10 @@ class Harvest:
         first = np.stack([inner[:-1], inner[1:], outer[1:]], axis=1)
         second = np.stack([inner[:-1], outer[1:], outer[:-1]], axis=1)
         triangles = np.stack([first, second], axis=1).reshape(-1, 3, 2)
-        return float(sum(self.setup.field.standing_areas(triangles).tolist()))
+        area = 0.0
+        for standing in self.setup.field.standing_areas(triangles).tolist():
+            area += standing
+        return area
 
 
 class _Together:
