@@ -869,13 +869,14 @@ def detect(
     edges: wp.array2d(dtype=wp.float64),
 ):
     """asked: end of the step, time of the scan [ns], its beams; directions, ago: of each world or of all
+    all_scratch to indices: of one world, used by one after the other
     edges: offset, heading, curvature, confidence, height of crop and stubble
     """
     w = wp.tid()
     s = settings[w]
     state = states[w]
     rows = tracks[w]
-    scratch = all_scratch[w]
+    scratch = all_scratch[0]
     speed = real(0.0)
     if wp.isfinite(odometry[w, 0]):
         speed = odometry[w, 0]
@@ -936,7 +937,7 @@ def detect(
             tops = 1
         best = Step()
         for k in range(tops):
-            step = find_step(s, state.line, n, top, is_known, aside, sensor, scratch, indices[w])
+            step = find_step(s, state.line, n, top, is_known, aside, sensor, scratch, indices[0])
             if step.is_there == 1 and (best.is_there == 0 or step.separation > CLEARER * best.separation):
                 best = step
             if k == 0:
@@ -964,8 +965,8 @@ def detect(
                     scratch,
                     seen[w],
                     heights[w],
-                    all_logs[w],
-                    all_scores[w],
+                    all_logs[0],
+                    all_scores[0],
                 )
     age = asked[0] - state.time
     for k in range(6):
