@@ -242,6 +242,7 @@ class Profile(KeepsState):
                 outer=self.outer,
                 cut=self.cut_code,
                 is_left=int(self.is_left),
+                begin=self.edge.begin - self.s0,
                 reflectance=np.ascontiguousarray(self.field.library.reflectance, np.float32),
             )
         return self._struct
@@ -267,18 +268,14 @@ def _reach(edge: BrokenEdge, s: Array) -> tuple[NDArray[np.float32], NDArray[np.
 
 
 def _bite(reach: NDArray[np.float32], stations: int) -> NDArray[np.float32]:
-    """How far `reach` differs within NEARBY of each station, inf at the begin of the crop."""
+    """How far `reach` differs within NEARBY of each station, where crop grows."""
     per, far = round(STATION / BIN), round(NEARBY / BIN)
     padded = np.full(stations * per + 2 * far, np.nan, np.float32)
-    padded[far : far + len(reach)] = reach
+    padded[far : far + len(reach)] = np.where(np.isfinite(reach), reach, np.nan)
     near = np.lib.stride_tricks.sliding_window_view(padded, 2 * far)[: stations * per : per]
-    known, is_there = np.isfinite(near), ~np.isnan(near)
+    known = ~np.isnan(near)
     most, least = np.where(known, near, -inf).max(axis=1), np.where(known, near, inf).min(axis=1)
-    some = known.any(axis=1)
-    found = np.zeros(stations, np.float32)
-    found[some] = (most - least)[some]
-    found[some & (known.sum(axis=1) < is_there.sum(axis=1))] = inf
-    return found
+    return np.asarray(np.where(known.any(axis=1), most - least, 0.0), dtype=np.float32)
 
 
 def _check(field: Any, edge: BrokenEdge) -> None:

@@ -17,6 +17,7 @@ class Profile:
     Of the bins, bins_per_m from the first station on: crop grows from `reach` inwards, and is cut between
     near and far [m]; inner: code of what is there instead inside of the edge's line [cm]; outer: and outside
     cut: code of what the header leaves; bite: of each station, how far `reach` differs nearby [m]
+    begin: of the crop along the line, from the first station on [m]
     """
 
     turn: wp.vec2d
@@ -41,6 +42,7 @@ class Profile:
     cut: wp.array(dtype=int)
     is_left: int
     bite: wp.array(dtype=float)
+    begin: float
     reflectance: wp.array(dtype=float)
 
 

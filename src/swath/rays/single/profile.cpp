@@ -59,16 +59,17 @@ auto column_at = [&](I station, F left) -> I {  // place of its numbers
   const I column = mosti(leasti(down(left * (1.0f / profile.column) + 0.5f) + profile.columns / 2, puti(profile.columns - 1)), I{});
   return station * profile.columns + column;
 };
-struct Stands { I code; F clear; };  // of a place; how far it is from where crop begins to stand or ends [m]
+struct Stands { I code; F clear; I is_before; };  // of a place; how far it is from where crop begins or ends [m]; before it begins along the edge
 auto stands_at = [&](F x, F y, I& station) -> Stands {
   const Beside at = beside(x, y, station);
-  const I bin = mosti(leasti(down((real(station) + at.along) * profile.bins_per_m), puti(last_bin)), I{});
+  const F along = real(station) + at.along, from_begin = along - profile.begin;
+  const I bin = mosti(leasti(down(along * profile.bins_per_m), puti(last_bin)), I{});
   const F inside = profile.is_left ? at.left : -at.left, reach = gather(profile.reach.data, bin, all);
   const F near = gather(profile.near.data, bin, all), far = gather(profile.far.data, bin, all);
   const I grows = (I)(inside >= reach), is_cut = (I)(inside >= near) & (I)(inside < far);
   const I bare = picki(inside >= 0.0f, gatheri(profile.inner.data, bin, all), puti(profile.outer));
-  const F apart = least(size_of(inside - reach), least(size_of(inside - near), size_of(inside - far)));
-  return {picki(grows, picki(is_cut, puti(profile.cut.data[0]), puti(STANDING)), bare), apart};
+  const F apart = least(least(size_of(inside - reach), size_of(from_begin)), least(size_of(inside - near), size_of(inside - far)));
+  return {picki(grows, picki(is_cut, puti(profile.cut.data[0]), puti(STANDING)), bare), apart, (I)(from_begin < 0.0f)};
 };
 
 // ---- Where each beam gets to the ground
@@ -106,7 +107,7 @@ if (any(inside)) {
   margin = scales * (canopy.height * canopy.farthest) + 0.1f + gather(profile.bite.data, station, all) + crown * root(lean_x * lean_x + lean_y * lean_y) / scale;
   margin += 0.25f * size_of(held.bend) * flat * flat;
   const Stands low = stands_at(ox + dx * to, oy + dy * to, station), high = stands_at(ox + dx * from, oy + dy * from, foot);
-  sure = picki((low.code == high.code) & (I)(low.clear > margin) & (I)(high.clear > margin), low.code, sure);
+  sure = picki((low.code == high.code) & (low.is_before == high.is_before) & (I)(low.clear > margin) & (I)(high.clear > margin), low.code, sure);
   look = pick(sure < 0, from, look);
 }
 I axis = foot;
