@@ -78,8 +78,13 @@ class Digest:
             if len(block) >= BLOCK_BYTES:
                 self._fold()
 
-    def add(self, sample: bytes) -> None:
-        """Take in the bytes of one sample."""
+    def add(self, sample: bytes | memoryview) -> None:
+        """Take in the bytes of one sample, or of all that ends with the one that fills a block."""
+        if not self._block and len(sample) >= BLOCK_BYTES:  # as below, without a copy
+            value = hashlib.sha256(self._value)
+            value.update(sample)
+            self._value = value.digest()
+            return
         self._block += sample
         if len(self._block) >= BLOCK_BYTES:
             self._fold()
@@ -229,7 +234,7 @@ class Digests:
 
     def give(self, world: int) -> None:
         """What has come so far counts in the digest of a world."""
-        self._digests[world].add(self._block[world, : self._at].tobytes())
+        self._digests[world].add(memoryview(self._block[world, : self._at]))
 
     def _room(self, size: int) -> np.ndarray:
         """Where the next bytes of all worlds go, (worlds, size)."""
