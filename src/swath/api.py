@@ -364,14 +364,15 @@ def _run_together(code: bool, chunk: tuple[int, list[dict[str, Any]]]) -> list[B
             scenarios.append(scenario)
         except Exception as error:  # a user's own part may raise anything
             found[index] = BatchRun(index, entry, error=as_ours(error))
-    for place, ended in drive_together([world for _, world in made]):
-        index, entry = made[place][0], entries[made[place][0] - first]
-        if isinstance(ended, InputError):
-            ended = scenarios[place].locate(ended)
-        if isinstance(ended, SwathError):
-            found[index] = BatchRun(index, entry, error=ended)
-        else:
-            found[index] = BatchRun(index, entry, None, ended)
+    with collected_rarely():
+        for place, ended in drive_together([world for _, world in made]):
+            index, entry = made[place][0], entries[made[place][0] - first]
+            if isinstance(ended, InputError):
+                ended = scenarios[place].locate(ended)
+            if isinstance(ended, SwathError):
+                found[index] = BatchRun(index, entry, error=ended)
+            else:
+                found[index] = BatchRun(index, entry, None, ended)
     return [found[index] for index in sorted(found)]
 
 
