@@ -234,7 +234,7 @@ class Digests:
 
     def give(self, world: int) -> None:
         """What has come so far counts in the digest of a world."""
-        self._digests[world].add(memoryview(self._block[world, : self._at]))
+        self._digests[world].add(self._block[world, : self._at].data)
 
     def _room(self, size: int) -> np.ndarray:
         """Where the next bytes of all worlds go, (worlds, size)."""
