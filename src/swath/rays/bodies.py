@@ -121,7 +121,6 @@ def pack_canopy(
         aside=np.ascontiguousarray(table.aside.ravel(), np.float32),
         aside_step=table.aside_step,
         aside_levels=len(table.aside),
-        farthest=float(np.sqrt(np.square(table.aside).sum(axis=2).max())),
         row=row,
         from_row=np.ascontiguousarray(_from_row(table.aside, row / crop_height), np.float32),
         side_axes=np.r_[table.side.height, portable.log(table.side.spot)].astype(np.float32),

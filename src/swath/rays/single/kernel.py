@@ -51,7 +51,6 @@ class Canopy:
     depression after the other; view: tangents of depressions at which the next one is used
     aside: how far what is seen at a height stands aside of its foot, per crop height, along and across the
     beam's heading: (levels, k, 2), k a power of two; levels every `aside_step` of the relative height
-    farthest: of `aside`, per crop height
     row: from one row of plants to the next [m], 0 = no rows; from_row: share of `aside` across the rows that
     is left when feet are taken to the middle of their rows, (levels,)
     pitch: step along the ray [m]; height: of the crop at scale 1; top_bound: it stops no beam above [m]
@@ -73,7 +72,6 @@ class Canopy:
     aside: wp.array(dtype=float)
     aside_step: float
     aside_levels: int
-    farthest: float
     row: float
     from_row: wp.array(dtype=float)
     side_axes: wp.array(dtype=float)

@@ -9,7 +9,7 @@
 const int count = beams.count;
 
 constexpr int has_solids = 0, ROUNDS = 8;
-constexpr float LOOKS = 4.0f;  // steps after which a beam near the edge looks again how far that is
+constexpr float CLEAR = 1.0f;  // farther from the edge of the standing crop than this nothing leans over it [m]
 
 const int start = p * N, last_station = profile.x.shape[0] - 1, last_bin = profile.reach.shape[0] - 1;
 const double size = profile.tile_size;
@@ -77,16 +77,13 @@ I travels = number < count, station = puti(station_at.data[world]), column = col
 int wrong = 0;
 F end = put(range_max), a = {}, b = {}, slope_x = {}, slope_y = {};
 for (int round = 0; round < 4; ++round) {
-  hold(station);
   slope_x = gather(profile.slope_x.data, column, all), slope_y = gather(profile.slope_y.data, column, all);
   b = dz - slope_x * dx - slope_y * dy;
-  a = oz - from_corner((const double*)profile.z.data, raw.cz, column) - slope_x * (ox - held.x) - slope_y * (oy - held.y);
+  a = oz - from_corner((const double*)profile.z.data, raw.cz, column) - slope_x * (ox - from_corner((const double*)profile.x.data, raw.cx, station)) -
+      slope_y * (oy - from_corner((const double*)profile.y.data, raw.cy, station));
   end = pick(b < -1.0e-6f, least(-a / b, put(range_max)), put(range_max));
   if (round == 0 && any(travels & (I)(a < -0.001f))) wrong = 2;
-  if (round == 3) break;
-  const I before = column;
-  column = column_at(station, beside(ox + dx * end, oy + dy * end, station).left);
-  if (!any(column != before)) break;
+  if (round < 3) column = column_at(station, beside(ox + dx * end, oy + dy * end, station).left);
 }
 const I is_down = travels & (I)(a + b * end < 1.0e-3f) & (I)(end > 0.0f);
 hit_t = pick(is_down, end, hit_t);
@@ -98,37 +95,26 @@ const float* stand = (const float*)profile.stand.data;
 const F scales = gather(stand, 4 * column, all), crown = scales * canopy.top_bound;
 const F from = pick(b < 0.0f, most(F{}, (crown - a) / b), F{}), to = pick(b > 0.0f, least(end, (crown - a) / b), end);
 I inside = travels & (I)(from < to) & (I)(a + b * to <= crown), waits = {};
-I sure = puti(-1), foot = station;  // the code until `look`, < 0 where it may change
-F look = to, margin = {}, per_way = {};
+I sure = puti(-1), foot = station;  // the code all the way along, < 0 where that changes
 if (any(inside)) {
   enter(inside, from, to, scales, gather(stand + 1, 4 * column, all), gather(stand + 2, 4 * column, all), gather(stand + 3, 4 * column, all), a, b, F{}, F{});
-  const F flat = (to - from) / per_flat;
-  // Nothing leans over the edge of the crop any farther than this; on its way a beam sees the edge bend, and move by `bite`
-  margin = scales * (canopy.height * canopy.farthest) + 0.1f + gather(profile.bite.data, station, all) + crown * root(lean_x * lean_x + lean_y * lean_y) / scale;
-  margin += 0.25f * size_of(held.bend) * flat * flat;
   const Stands low = stands_at(ox + dx * to, oy + dy * to, station), high = stands_at(ox + dx * from, oy + dy * from, foot);
+  // the edge moves by less than `bite` along the way, on which a beam does not cross it where both ends are on one side of it, farther
+  // from it than plants lean
+  const F margin = CLEAR + gather(profile.bite.data, station, all) + crown * root(lean_x * lean_x + lean_y * lean_y) / scale;
   sure = picki((low.code == high.code) & (low.is_before == high.is_before) & (I)(low.clear > margin) & (I)(high.clear > margin), low.code, sure);
-  look = pick(sure < 0, from, look);
 }
-I axis = foot;
 auto code_at = [&](I who, I x, I y) -> I {
   if (!any(who & (sure < 0))) return sure;
   return picki(sure < 0, stands_at((real(x) + 0.5f) * per_cell, (real(y) + 0.5f) * per_cell, foot).code, sure);
 };
 while (any(inside | waits)) {
   if (any(inside)) {
-    if (any(inside & (I)(look <= t))) {  // how far it stays as it is here
-      const Stands here = stands_at(ox + dx * t, oy + dy * t, axis);
-      const F way = (here.clear - margin) * per_flat, least_way = LOOKS * pitch;
-      const I looks = inside & (I)(look <= t);
-      sure = picki(looks, picki(way > least_way, here.code, puti(-1)), sure);
-      look = pick(looks, t + most(size_of(way), least_way), look);
-    }
     // In one step: what crop adds up is a difference of projected areas; over stubble down to it
     const I stands = sure == STANDING;
     const F reach = 0.01f * canopy.stubble_bound * real(sure) + 1.0e-3f, over = h0 + h1 * t - reach;
     const I is_drawn = (I)(left >= 0.0f) & ~(stands & (I)(cut > 0.0f));
-    const F longer = pick(is_drawn, look - t, pick(stands | (I)(over < 0.0f), F{}, least(look - t, over / most(-h1, put(1.0e-6f)))));
+    const F longer = pick(is_drawn, until - t, pick(stands | (I)(over < 0.0f), F{}, least(until - t, over / most(-h1, put(1.0e-6f)))));
     const Stepped s = step(inside, code_at, pick(sure < 0, F{}, longer));
     waits |= s.first;
     inside &= ~(s.first | s.stops) & (I)(t < until);
