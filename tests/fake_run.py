@@ -140,6 +140,9 @@ class GridField:
         window, inside = self._inside(polygon)
         return float((inside & self.crop[window] & ~self.is_cut[window]).sum()) * self.cell**2
 
+    def standing_areas(self, triangles):
+        return np.array([self.standing_area(own) for own in triangles])
+
     def recount(self):
         return self._mass(int((self.crop & self.is_cut).sum()))
 

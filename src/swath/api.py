@@ -171,7 +171,8 @@ def run(
     hooks = _pages() if report and scenario.run.record != "none" else []
     folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
     try:
-        made = run_job(scenario, folder, progress=progress, hooks=hooks)
+        with collected_rarely():
+            made = run_job(scenario, folder, progress=progress, hooks=hooks)
         return RunResult(made.summary, made.exit_code, made.folder)
     except InputError as error:
         remove_empty(folder)
@@ -352,6 +353,7 @@ def _begin_together(code: bool) -> Callable[[tuple[int, list[dict[str, Any]]]], 
     return partial(_run_together, code)
 
 
+@collected_rarely()
 def _run_together(code: bool, chunk: tuple[int, list[dict[str, Any]]]) -> list[BatchRun]:
     """Worlds in step, in this process."""
     first, entries = chunk
@@ -400,6 +402,7 @@ def _sendable(entry: Any) -> Any:
     return entry
 
 
+@collected_rarely()
 def _run_entry(fields: KeptFields, code: bool, numbered: tuple[int, Any]) -> BatchRun:
     """One run of a batch, in this process."""
     index, entry = numbered

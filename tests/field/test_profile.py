@@ -6,7 +6,7 @@ import pytest
 from swath.core.errors import InputError
 from swath.field.cut_result import cells_inside
 from swath.field.edge import CurveEdge, GapParams, PolylineEdge, StraightEdge, TeethParams
-from swath.field.profile import BIN, COLUMN, CORNERS
+from swath.field.profile import BIN, COLUMN
 from swath.field.stand import maps, uniform
 from swath.field.terrain import formula
 from swath.field.wind import Wind
@@ -85,7 +85,7 @@ def test_what_it_cannot_carry_is_refused_and_sent_to_empirical(given, what):
     assert field.profile is None
 
 
-@pytest.mark.parametrize("corners", [3, 4, CORNERS, CORNERS + 1])
+@pytest.mark.parametrize("corners", [3, 4, 16, 17])
 def test_standing_area_is_that_of_the_cells_whose_middles_are_inside(corners):
     rng = np.random.default_rng(corners)
     field = made_field(edge=drawn_edge(rng), seed=corners)
@@ -100,6 +100,8 @@ def test_standing_area_is_that_of_the_cells_whose_middles_are_inside(corners):
         assert field.standing_area(polygon) == pytest.approx(wanted, rel=5e-3)  # a bend is a parabola there
     flat = np.array([[0.0, 0.5 * BIN], [1.0, 0.5 * BIN], [2.0, 0.5 * BIN]])
     assert field.standing_area(flat) == 0.0
+    fans = np.array([[place, *polygon[[1, 0]]], [place, *polygon[[1, 2]]], flat])  # clockwise, anticlockwise
+    assert field.standing_areas(fans).tolist() == [field.standing_area(fan) for fan in fans]
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -12,6 +12,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
+from swath.core.ability import ByMembers
 from swath.core.errors import WiringError
 from swath.core.random import Stream
 from swath.core.signal import Signal
@@ -72,7 +73,7 @@ class KeepsState:
 
 
 @runtime_checkable
-class _HasState(Protocol):
+class _HasState(Protocol, metaclass=ByMembers):
     def save(self) -> Any: ...
     def load(self, state: Any, /) -> None: ...
 

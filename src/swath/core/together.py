@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Protocol, get_type_hints, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.ability import ByMembers
 from swath.core.component import Inputs, Outputs, State
 from swath.core.errors import SwathError
 from swath.core.frames import Pose
@@ -151,7 +152,7 @@ class Together(Protocol):
 
 
 @runtime_checkable
-class EndsWorlds(Protocol):
+class EndsWorlds(Protocol, metaclass=ByMembers):
     """Parts that may want their worlds to end. reasons: why, by number of the world"""
 
     @property
@@ -174,7 +175,7 @@ class KeepsRows:
 
 
 @runtime_checkable
-class StepsTogether(Protocol):
+class StepsTogether(Protocol, metaclass=ByMembers):
     """A class of parts that can be stepped together with those of other worlds; None: these parts cannot."""
 
     @classmethod

@@ -35,6 +35,7 @@ from swath.field.wind import Sway, make_sway
 
 Array = NDArray[np.float64]
 FAR = 1e6  # places beyond this are refused [m]
+PROFILED = 8.0  # of the ground on a profile's way that is held at a time [m]
 
 
 class Field:
@@ -193,6 +194,16 @@ class Field:
         if (count := self._cutter.standing_cells(corners := self._corners(polygon))) is None:
             count = int(np.count_nonzero(self._stands(*cells_inside(np.array(corners)))))
         return count * self.maker.cell**2
+
+    def standing_areas(self, triangles: Array) -> Array:
+        """Of several, (n, 3, 2), (n,)."""
+        if self.profile is None:
+            return np.array([self.standing_area(own) for own in triangles])
+        sides = triangles[:, 1:] - triangles[:, :1]
+        turns = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]
+        return self.profile.standing_areas(
+            np.where(turns[:, None, None] < 0.0, triangles[:, ::-1], triangles)
+        )
 
     def _corners(self, polygon: Any) -> list[Corner]:
         """Corners of a convex polygon (n, 2) [m], counter-clockwise, in cell units of the stand frame."""
@@ -366,24 +377,27 @@ class Field:
         self.store.need_at(i.ravel(), j.ravel())
         return self.pages.slots_at(i, j)
 
-    def _nodes(self, first_i: float, last_i: float, first_j: float, last_j: float) -> Block:
-        """Heights of the lattice nodes of a rectangle of pages with its far border."""
-        _check_near(*(self.maker.side * np.array([[first_i, last_i], [first_j, last_j]])))
-        i, j = np.arange(int(first_i), int(last_i) + 1), np.arange(int(first_j), int(last_j) + 1)
-        if self.profile is not None:  # no pages for the ground alone
-            at = [
-                self.maker.node * np.arange(PAGE_NODES * k[0], PAGE_NODES * (k[-1] + 1) + 1) for k in (i, j)
-            ]
-            ground = self.terrain.lattice(at[0], at[1], self.stand_yaw)
-            held: Array = ground.astype(np.float32).astype(np.float64)
-            return int(first_i), int(first_j), held
+    def _nodes(self, u: float, v: float, room: float, turn: tuple[float, float]) -> Block:
+        """Heights of the lattice nodes around a place, as `Footprint` asks for them: of whole pages with
+        their far border, or of as many as a profile needs, for which no page is made.
+        """
+        at, n = np.array([[u, u], [v, v]]), PAGE_NODES
+        way = 0.0 if self.profile is None else PROFILED / self.maker.node
+        reach = at + [-room, room] + [[min(way * to, 0.0), max(way * to, 0.0)] for to in turn]
+        _check_near(*(self.maker.node * reach))
+        low, high = np.floor(reach).astype(int).T
+        if self.profile is not None:
+            x, y = (self.maker.node * np.arange(k, m + 2) for k, m in zip(low, high, strict=True))
+            held: Array = self.terrain.lattice(x, y, self.stand_yaw).astype(np.float32).astype(np.float64)
+            return int(low[0]), int(low[1]), held
+        i, j = (np.arange(k // n, m // n + 1) for k, m in zip(low, high, strict=True))
         slots = self._slots(*np.meshgrid(i, j))
         heights = np.empty((PAGE_NODES * len(j) + 1, PAGE_NODES * len(i) + 1))
         for b, row in enumerate(slots.tolist()):
             for a, slot in enumerate(row):
                 v, u = PAGE_NODES * b, PAGE_NODES * a
                 heights[v : v + PAGE_NODES + 1, u : u + PAGE_NODES + 1] = self.pages.ground[slot]
-        return int(first_i), int(first_j), heights
+        return n * int(i[0]), n * int(j[0]), heights
 
 
 def _finish(

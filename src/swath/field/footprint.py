@@ -14,20 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.field.memory_layout import PAGE_NODES
 from swath.kernels import Repeated, Row, repeatable, start_warp
 
 Array = NDArray[np.float64]
-Block = tuple[int, int, Array]  # first page column and row, heights of the nodes [m], (rows, columns)
-AHEAD = 1.5  # pages are taken so far ahead [m]
+Block = tuple[int, int, Array]  # first column and row of nodes, their heights [m], (rows, columns)
+AHEAD = 1.5  # nodes are taken so far ahead [m]
 
 
 class Footprint:
     """Points of a body that stands in the field.
 
     points: (n, 2) in the body's frame [m]; turn: heading of the body's world in the stand frame, cos and sin;
-    node: lattice spacing [m]; pages_of: heights of a rectangle of pages, by its first and last column, first
-    and last row; groups: equal parts of the points, each in a row, that `means` averages over
+    node: lattice spacing [m]; nodes_around: heights of the nodes as far as a room around a place, all in
+    nodes of the stand frame, and farther where a body of this heading (cos and sin) goes
+    groups: equal parts of the points, each in a row, that `means` averages over
     """
 
     def __init__(
@@ -35,13 +35,13 @@ class Footprint:
         points: Any,
         turn: tuple[float, float],
         node: float,
-        pages_of: Callable[[float, float, float, float], Block],
+        nodes_around: Callable[[float, float, float, tuple[float, float]], Block],
         *,
         groups: int = 1,
     ) -> None:
         at = np.asarray(points, dtype=float) / node
         self._points = np.ascontiguousarray(at.T)
-        self._turn, self._per_m, self._pages_of, self._groups = turn, 1.0 / node, pages_of, groups
+        self._turn, self._per_m, self._nodes_around, self._groups = turn, 1.0 / node, nodes_around, groups
         self._extent = float(np.hypot(*at.T).max())
         self._held: Block = (0, 0, np.zeros((0, 0)))
         self._inside = (0.0, -1.0, 0.0, -1.0)
@@ -101,9 +101,10 @@ class Footprint:
         (c, s), n, cy, sy = self._turn, self._per_m, cos(yaw), sin(yaw)
         u, v = (c * x + s * y) * n, (c * y - s * x) * n
         low_u, high_u, low_v, high_v = self._inside
+        turn = c * cy + s * sy, c * sy - s * cy
         if not (low_u <= u <= high_u and low_v <= v <= high_v):
-            self._take(u, v)
-        return u, v, c * cy + s * sy, c * sy - s * cy
+            self._take(u, v, turn)
+        return u, v, *turn
 
     def _compile(self) -> None:
         """The launch, over memory that is shared with it."""
@@ -128,15 +129,14 @@ class Footprint:
         heights: Array = low + (high - low) * fv
         return heights
 
-    def _take(self, u: float, v: float) -> None:
-        """Hold the pages around a place."""
-        n, room = PAGE_NODES, self._extent + AHEAD * self._per_m
-        i, j, nodes = self._pages_of((u - room) // n, (u + room) // n, (v - room) // n, (v + room) // n)
+    def _take(self, u: float, v: float, turn: tuple[float, float]) -> None:
+        """Hold the nodes around a place."""
+        i, j, nodes = self._nodes_around(u, v, self._extent + AHEAD * self._per_m, turn)
         rows, columns = nodes.shape
-        self._held = n * i, n * j, np.ascontiguousarray(nodes)
-        self._first[:] = self._held[:2]
+        self._held = i, j, np.ascontiguousarray(nodes)
+        self._first[:] = i, j
         for launch, index in self._readers:
             launch.set_param_at_index(index, start_warp().array(self._held[2], device="cpu", copy=False))
         e = self._extent + 1e-6
-        self._inside = (n * i + e, n * i + columns - 1 - e, n * j + e, n * j + rows - 1 - e)
+        self._inside = (i + e, i + columns - 1 - e, j + e, j + rows - 1 - e)
         self._tell_span()

@@ -16,11 +16,11 @@ from swath.core import portable
 from swath.core.component import KeepsState, State
 from swath.core.errors import InputError
 from swath.core.units import DEG
-from swath.field.cut_result import Cut, cells_inside
+from swath.field.cut_result import Cut
 from swath.field.edge_defects import BrokenEdge
 from swath.field.memory_layout import STANDING
 from swath.field.weeds import Weeds
-from swath.kernels import filled, repeatable, shared
+from swath.kernels import filled, repeatable, shared, start_warp
 
 Array = NDArray[np.float64]
 STATION, BIN = 1.0, 0.05  # spacing along the line [m], our choice; kernels take stations to be 1 m apart
@@ -29,7 +29,6 @@ COLUMN, COLUMNS = 1.5, 21  # spacing across the line [m], the middle one on it
 NEARBY = 10.0  # along the line: a beam goes through crop for no longer a way [m]
 LODGED = 20.0 * DEG  # mean lean from which on crop is lodged, as `empirical` has it
 SCALES = 17  # lengths of plants for which masses are summed up; between them straight
-CORNERS = 16  # of a polygon whose crop is counted compiled
 REACH = 8.0  # to both sides: what a profile cannot carry must not be there [m]
 
 
@@ -64,7 +63,6 @@ class Profile(KeepsState):
         self._per_m2: tuple[Array, ...] = ()
         self._struct: Any = None
         self._lines: dict[tuple[int, int], Any] = {}
-        self._area: Any = None
 
     def _lay_line(self, s: Array) -> None:
         shape, field = self.edge.shape, self.field
@@ -121,19 +119,16 @@ class Profile(KeepsState):
 
     def standing_area(self, polygon: Array) -> float:
         """Area of standing crop within a convex anticlockwise polygon (n, 2) [m2]."""
-        if self._area is None:
-            from swath.field.profile_kernel import standing_cells
+        return float(self.standing_areas(polygon[None])[0])
 
-            arrays = np.zeros((CORNERS, 2)), np.zeros(2, np.int32)
-            inputs = [self.struct(), *(shared(array) for array in arrays), BIN]
-            self._area = repeatable(standing_cells, inputs), arrays
-        launch, (corners, counts) = self._area
-        if len(polygon) > CORNERS:
-            u, v = cells_inside(polygon / BIN)
-            return float(np.count_nonzero(self.stands((u + 0.5) * BIN, (v + 0.5) * BIN))) * BIN * BIN
-        corners[: len(polygon)], counts[0] = polygon, len(polygon)
-        launch.launch()
-        return float(counts[1]) * BIN * BIN
+    def standing_areas(self, polygons: Array) -> Array:
+        """Of several, (m, n, 2), (m,)."""
+        from swath.field.profile_kernel import standing_cells
+
+        wp, counts = start_warp(), np.zeros(len(polygons), np.int32)
+        inputs = [shared(np.ascontiguousarray(polygons), wp.float64), shared(counts, wp.int32)]
+        repeatable(standing_cells, [self.struct(), *inputs, BIN]).launch()
+        return np.asarray(counts * BIN * BIN)
 
     def per_m2(self, width: float) -> tuple[Array, ...]:
         """Grain and straw [kg] that a header takes from a square metre, and stems on it, by station.
@@ -247,6 +242,7 @@ class Profile(KeepsState):
                 outer=self.outer,
                 cut=self.cut_code,
                 is_left=int(self.is_left),
+                begin=self.edge.begin - self.s0,
                 reflectance=np.ascontiguousarray(self.field.library.reflectance, np.float32),
             )
         return self._struct
@@ -272,18 +268,14 @@ def _reach(edge: BrokenEdge, s: Array) -> tuple[NDArray[np.float32], NDArray[np.
 
 
 def _bite(reach: NDArray[np.float32], stations: int) -> NDArray[np.float32]:
-    """How far `reach` differs within NEARBY of each station, inf at the begin of the crop."""
+    """How far `reach` differs within NEARBY of each station, where crop grows."""
     per, far = round(STATION / BIN), round(NEARBY / BIN)
     padded = np.full(stations * per + 2 * far, np.nan, np.float32)
-    padded[far : far + len(reach)] = reach
+    padded[far : far + len(reach)] = np.where(np.isfinite(reach), reach, np.nan)
     near = np.lib.stride_tricks.sliding_window_view(padded, 2 * far)[: stations * per : per]
-    known, is_there = np.isfinite(near), ~np.isnan(near)
+    known = ~np.isnan(near)
     most, least = np.where(known, near, -inf).max(axis=1), np.where(known, near, inf).min(axis=1)
-    some = known.any(axis=1)
-    found = np.zeros(stations, np.float32)
-    found[some] = (most - least)[some]
-    found[some & (known.sum(axis=1) < is_there.sum(axis=1))] = inf
-    return found
+    return np.asarray(np.where(known.any(axis=1), most - least, 0.0), dtype=np.float32)
 
 
 def _check(field: Any, edge: BrokenEdge) -> None:

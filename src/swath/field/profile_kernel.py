@@ -17,6 +17,7 @@ class Profile:
     Of the bins, bins_per_m from the first station on: crop grows from `reach` inwards, and is cut between
     near and far [m]; inner: code of what is there instead inside of the edge's line [cm]; outer: and outside
     cut: code of what the header leaves; bite: of each station, how far `reach` differs nearby [m]
+    begin: of the crop along the line, from the first station on [m]
     """
 
     turn: wp.vec2d
@@ -41,6 +42,7 @@ class Profile:
     cut: wp.array(dtype=int)
     is_left: int
     bite: wp.array(dtype=float)
+    begin: float
     reflectance: wp.array(dtype=float)
 
 
@@ -165,15 +167,8 @@ def stands_along(
     station[0] = k
 
 
-@wp.kernel
-def standing_cells(
-    profile: Profile, corners: wp.array2d(dtype=wp.float64), counts: wp.array(dtype=int), cell: wp.float64
-):
-    """Cells [m] in which crop stands and whose middles are in a convex anticlockwise polygon [m]; one thread.
-
-    counts: of the corners, then of the cells
-    """
-    n = counts[0]
+@wp.func
+def cells_in(profile: Profile, corners: wp.array2d(dtype=wp.float64), n: int, cell: wp.float64) -> int:
     last = profile.reach.shape[0] - 1
     lowest = corners[0, 1]
     highest = corners[0, 1]
@@ -207,4 +202,19 @@ def standing_cells(
             b = bin_at(profile, place.along, last)
             if inside >= profile.reach[b] and not (inside >= profile.near[b] and inside < profile.far[b]):
                 found += 1
-    counts[1] = found
+    return found
+
+
+@wp.kernel
+def standing_cells(
+    profile: Profile,
+    polygons: wp.array3d(dtype=wp.float64),
+    counts: wp.array(dtype=int),
+    cell: wp.float64,
+):
+    """Cells [m] in which crop stands and whose middles are in convex anticlockwise polygons [m]; one thread.
+
+    polygons: (n, corners, 2); counts: of cells, (n,)
+    """
+    for p in range(counts.shape[0]):
+        counts[p] = cells_in(profile, polygons[p], polygons.shape[1], cell)

@@ -30,6 +30,7 @@ from swath.core.random import Stream
 from swath.kernels import start_warp
 
 Array = NDArray[np.float64]
+Factor = Callable[[bytes, float], Array]
 
 ROUGHNESS_CLASSES = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 4096e-6, "F": 16384e-6}
 """Geometric mean of Gd(n0) per class [m3]. ISO 8608:2016, table C.2."""
@@ -37,7 +38,7 @@ N0 = 0.1  # reference wave number of ISO 8608 [cycles/m]
 ROUGHNESS_BAND = (0.05, 4.0)  # wave numbers in the surface [cycles/m]
 WAVE_COUNT = 256
 FEW = 20_000  # products that need no compiled sum
-KEPT = 32  # lines of a lattice in memory, a quarter of a MB each
+KEPT, LINE = 32, 65  # lines of a lattice in memory, a quarter of a MB each; of up to so many nodes, a page's
 GOLDEN = 0.5 * (sqrt(5.0) - 1.0)
 
 
@@ -74,7 +75,8 @@ class Waves:
         of einsum, so that a crossing has the same bits in every lattice that holds it (a matrix product need
         not; tested).
         """
-        along, across = self._along(v.tobytes(), yaw), self._across(u.tobytes(), yaw)
+        is_kept = len(u) <= LINE and len(v) <= LINE
+        along, across = self._along[is_kept](v.tobytes(), yaw), self._across[is_kept](u.tobytes(), yaw)
         if along.shape[1] * len(v) * len(u) < FEW:
             return np.asarray(np.einsum("vk,ku->vu", along, across, optimize=False))
         start_warp()
@@ -83,8 +85,8 @@ class Waves:
         return sum_products(along, across)
 
     @cached_property
-    def _across(self) -> Callable[[bytes, float], Array]:
-        """sin a and cos a of the waves by u, a row each; kept, as lattices side by side share them."""
+    def _across(self) -> tuple[Factor, Factor]:
+        """sin a and cos a of the waves by u, a row each; and kept, as pages side by side share them."""
 
         kx, ky, amplitude, phase = self.kx, self.ky, self.amplitude[:, None], self.phase[:, None]
 
@@ -93,11 +95,11 @@ class Waves:
             a = 2 * pi * ku[:, None] * np.frombuffer(u) + phase
             return np.concatenate([amplitude * np.sin(a), amplitude * np.cos(a)])
 
-        return lru_cache(maxsize=KEPT)(across)
+        return across, lru_cache(maxsize=KEPT)(across)
 
     @cached_property
-    def _along(self) -> Callable[[bytes, float], Array]:
-        """cos b and sin b of the waves by v, a column each; kept as `_across`."""
+    def _along(self) -> tuple[Factor, Factor]:
+        """cos b and sin b of the waves by v, a column each; and kept as `_across`."""
 
         kx, ky = self.kx, self.ky
 
@@ -106,7 +108,7 @@ class Waves:
             b = 2 * pi * kv[:, None] * np.frombuffer(v)
             return np.asarray(np.concatenate([np.cos(b), np.sin(b)]).T.copy())
 
-        return lru_cache(maxsize=KEPT)(along)
+        return along, lru_cache(maxsize=KEPT)(along)
 
 
 def make_wave(amplitude: float, wavelength: float, direction: float, phase: float = 0.0) -> Waves:

@@ -59,10 +59,15 @@ class Interventions:
         with through(world.scenario.gate), allow_code(allowed):
             self._gate = present_gate()
         self._code = (*code_of(world.scenario), *allowed)
-        self._files = files_of(world.scenario) | set(allowed)
+        self._allowed = set(allowed)
         self.events: list[dict[str, Any]] = []
         self._fixed = {str(i): o for i, o in enumerate(world.scenario.field.obstacles)}
         self._added: dict[str, Any] = {}
+
+    @cached_property
+    def _files(self) -> set[Path]:
+        """What may be read; looked up when the first change comes."""
+        return files_of(self.world.scenario) | self._allowed
 
     @cached_property
     def _now(self) -> Scenario:

@@ -176,6 +176,11 @@ class Scanner:
             self._blind_scans = 0 if self._has_echo else self._blind_scans + 1
         return self.noise.dropped(t, len(self.azimuth))
 
+    @property
+    def looks(self) -> bool:
+        """Whether `seen` may still tell something of a sweep."""
+        return not self._has_echo or self.noise.dropout != 0.0
+
     def outputs_of(
         self, t: int, ranges: F64 | F32, intensity: F64 | F32, points: F64, origins: F64
     ) -> Outputs:

@@ -31,6 +31,7 @@ class SingleRays:
     gives no echo, NOTHING = none
     by_signal: noise grows as the signal falls, where the data sheet says so
     scored: the caster wants the random numbers of the beams, noise or not
+    rotations: of the sensor at each beam, (room, 3, 3)
     """
 
     def __init__(
@@ -51,7 +52,7 @@ class SingleRays:
         rows = sheet.signal_noise if by_signal else sheet.signal_noise[:0]
         self._by_signal = np.ascontiguousarray(portable.log(rows), np.float32)
         room = len(self.beams.distance)
-        self._words, self._rotations = np.zeros(3, np.uint64), np.zeros((room, 3, 3))
+        self._words, self.rotations = np.zeros(3, np.uint64), np.zeros((room, 3, 3))
         self._forward = np.zeros((room, 3))
         self._ranges, self._intensity = np.zeros((room, 1), np.float32), np.zeros((room, 1), np.float32)
         self._points = np.zeros((room, 1, 3))
@@ -73,15 +74,20 @@ class SingleRays:
         points: F64,
         origins: F64,
         *,
-        rotations: F64,
         words: Any,
         flags: Any,
+        first: "SingleRays",
     ) -> None:
-        """From now on in this memory of a batch: (room, 1), (room, 1), (room, 1, 3), (room, 3), (room, 3, 3),
-        (3,), (1,)."""
+        """From now on in this memory of a batch: (room, 1), (room, 1), (room, 1, 3), (room, 3), (3,), (1,),
+        and what is of no use after a scan in that of the first of its worlds."""
         self._ranges, self._intensity, self._points = ranges, intensity, points
-        self._rotations, self._words = rotations, words
-        self.beams.lie_in(origins, flags)
+        self.rotations, self._words = first.rotations, words
+        self.beams.lie_in(origins, flags, first.beams)
+
+    def aims_as(self, first: "SingleRays") -> None:
+        """Its beams are in the memory of another one's where they are the same, and stay so."""
+        if self.scanner.noise.angle == 0.0 and np.array_equal(self._forward, first._forward):
+            self._forward = first._forward
 
     def aim(self, t: int, origins: F64, rotations: F64) -> None:
         """Fill origins, directions and random numbers of the sweep that ends at t [ns].
@@ -98,7 +104,7 @@ class SingleRays:
         """What `aim` starts from, all before its launch."""
         beams, count = self.beams, self.beams.count
         beams.origins[:count] = origins
-        self._rotations[:count] = rotations
+        self.rotations[:count] = rotations
         self._words[2] = t
         self.swing(t)
 
@@ -166,7 +172,7 @@ class SingleRays:
         """`Aiming` of kernel.py."""
         from swath.sensing.native.kernel import Aiming
 
-        words, rotations = self._words, self._rotations.reshape(-1)
+        words, rotations = self._words, self.rotations.reshape(-1)
         return filled(
             Aiming, words=words, rotations=rotations, forward=self._forward, is_drawn=self._is_drawn
         )

@@ -109,7 +109,7 @@ class Detectors:
         self._states = Rows(kernel.State, n)
         self._tracks, self._seen = np.zeros((n, ROOM, 7)), np.zeros((n, *places))
         self._heights, self._edges = np.zeros((n, *layers)), np.zeros((n, 6))
-        self._logs, self._scores = (np.zeros((n, *shape)) for shape in (logs, scores))
+        self._logs, self._scores = (np.zeros((1, *shape)) for shape in (logs, scores))
         self._mountings = np.array(
             [[*p.setup.mounting.position, *p.setup.mounting.rotation.flat] for p in parts]
         )
@@ -192,7 +192,7 @@ class Detectors:
         self._directions, self._ago = np.zeros((tables, beams, 3)), np.zeros((tables, beams))
         self._beams = (None, None, None)
         room = max(beams, ROOM) + 1
-        scratch, indices = np.zeros((n, self._places, room)), np.zeros((n, room), np.int32)
+        scratch, indices = np.zeros((1, self._places, room)), np.zeros((1, room), np.int32)
         rows = (self._mountings, self._asked, self._odometry, self._inertial.rows, self._ranges)
         tables_of = shared(self._directions, start_warp().vec3d), shared(self._ago), self._states.array
         more = (

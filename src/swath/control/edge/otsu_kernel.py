@@ -156,31 +156,27 @@ def moved(line: Line, distance: wp.float64, turn: wp.float64) -> Line:
     return found
 
 
-@wp.func
+@wp.func_native("""
+double* a = (double*)v.data;
+for (int low = 0, high = n - 1; low < high;) {
+  const double pivot = a[k];
+  int i = low, j = high;
+  while (i <= j) {
+    while (a[i] < pivot) ++i;
+    while (pivot < a[j]) --j;
+    if (i <= j) {
+      const double kept = a[i];
+      a[i++] = a[j];
+      a[j--] = kept;
+    }
+  }
+  if (j < k) low = i;
+  if (k < i) high = j;
+}
+return a[k];
+""")
 def chosen(v: Numbers, n: int, k: int) -> wp.float64:
     """The k-th smallest of n numbers, with none greater before it (Hoare's selection, in place)."""
-    low = int(0)
-    high = int(n - 1)
-    while low < high:
-        pivot = v[k]
-        i = int(low)
-        j = int(high)
-        while i <= j:
-            while v[i] < pivot:
-                i += 1
-            while pivot < v[j]:
-                j -= 1
-            if i <= j:
-                kept = v[i]
-                v[i] = v[j]
-                v[j] = kept
-                i += 1
-                j -= 1
-        if j < k:
-            low = i
-        if k < i:
-            high = j
-    return v[k]
 
 
 @wp.func
@@ -195,30 +191,25 @@ def median(v: Numbers, n: int) -> wp.float64:
     return HALF * (lower + upper)
 
 
-@wp.func
-def order(v: Numbers, n: int):
-    """Shell's sort, gaps after Ciura 2001."""
-    for k in range(7):
-        gap = int(1)
-        if k == 0:
-            gap = 301
-        if k == 1:
-            gap = 132
-        if k == 2:
-            gap = 57
-        if k == 3:
-            gap = 23
-        if k == 4:
-            gap = 10
-        if k == 5:
-            gap = 4
-        for i in range(gap, n):
-            kept = v[i]
-            j = int(i)
-            while j >= gap and v[wp.max(j - gap, 0)] > kept:
-                v[j] = v[j - gap]
-                j -= gap
-            v[j] = kept
+@wp.func_native("""
+constexpr int PLACES = 256;
+const double* from = (const double*)v.data;
+double *to = (double*)ordered.data, low = from[0], high = from[0];
+for (int i = 1; i < n; ++i) low = from[i] < low ? from[i] : low, high = from[i] > high ? from[i] : high;
+const double per = high - low > 1.0e-9 ? (PLACES - 1) / (high - low) : 0.0;
+int next[PLACES + 1] = {};
+for (int i = 0; i < n; ++i) ++next[1 + (int)((from[i] - low) * per)];
+for (int i = 0; i < PLACES; ++i) next[i + 1] += next[i];
+for (int i = 0; i < n; ++i) to[next[(int)((from[i] - low) * per)]++] = from[i];
+for (int i = 1; i < n; ++i) {
+  const double kept = to[i];
+  int j = i;
+  for (; j > 0 && to[j - 1] > kept; --j) to[j] = to[j - 1];
+  to[j] = kept;
+}
+""")
+def order(v: Numbers, n: int, ordered: Numbers):
+    """n > 0 numbers in order: into bins first, then by insertion."""
 
 
 @wp.func
@@ -245,9 +236,9 @@ def coin(count: int, n: int) -> wp.float64:
 
 
 @wp.func
-def otsu_threshold(v: Numbers, n: int) -> wp.float64:
-    """Of n > 1 heights, which it sorts: with the largest variance between both classes."""
-    order(v, n)
+def otsu_threshold(z: Numbers, n: int, v: Numbers) -> wp.float64:
+    """Of n > 1 heights: with the largest variance between both classes. v: gets them in order"""
+    order(z, n, v)
     mean = mean_of(v, 0, n)
     centred = real(0.0)
     most = real(-1.0)
@@ -266,9 +257,7 @@ def otsu_threshold(v: Numbers, n: int) -> wp.float64:
 def split_by_otsu(z: Numbers, n: int, values: Numbers, score: Numbers) -> Split:
     """As `otsu.split_by_otsu`: score of a split before each of the points 1..n-1, its gain, the best."""
     high = int(0)
-    for i in range(n):
-        values[i] = z[i]
-    threshold = otsu_threshold(values, n)
+    threshold = otsu_threshold(z, n, values)
     for i in range(n):
         if z[i] > threshold:
             high += 1
@@ -321,20 +310,19 @@ def ground_slope(lateral: Numbers, z: Numbers, n: int, values: Numbers) -> wp.fl
     return both / (wide + noise / total / (real(0.035) * real(0.035)) + real(1e-9))
 
 
-@wp.func
+@wp.func_native("""
+double* k = (double*)key.data;
+int* at = (int*)index.data;
+for (int i = 0; i < n; ++i) {
+  const double kept = k[i];
+  int j = i;
+  for (; j > 0 && k[j - 1] > kept; --j) k[j] = k[j - 1], at[j] = at[j - 1];
+  k[j] = kept;
+  at[j] = i;
+}
+""")
 def sort_by(key: Numbers, index: wp.array(dtype=int), n: int):
     """Stable, for keys that are nearly in order."""
-    for i in range(n):
-        index[i] = i
-    for i in range(1, n):
-        kept = key[i]
-        j = int(i)
-        while j > 0 and key[wp.max(j - 1, 0)] > kept:
-            key[j] = key[j - 1]
-            index[j] = index[j - 1]
-            j -= 1
-        key[j] = kept
-        index[j] = i
 
 
 @wp.func
@@ -881,13 +869,14 @@ def detect(
     edges: wp.array2d(dtype=wp.float64),
 ):
     """asked: end of the step, time of the scan [ns], its beams; directions, ago: of each world or of all
+    all_scratch to indices: of one world, used by one after the other
     edges: offset, heading, curvature, confidence, height of crop and stubble
     """
     w = wp.tid()
     s = settings[w]
     state = states[w]
     rows = tracks[w]
-    scratch = all_scratch[w]
+    scratch = all_scratch[0]
     speed = real(0.0)
     if wp.isfinite(odometry[w, 0]):
         speed = odometry[w, 0]
@@ -927,8 +916,12 @@ def detect(
                 if pz > LOWEST and pz < HIGHEST:
                     back = ago[of, i]
                     turn = yaw_rate * back
-                    c = wp.cos(turn)
-                    t = wp.sin(turn)
+                    z = turn * turn
+                    c = ONE - HALF * z * (ONE - z / real(12.0) * (ONE - z / real(30.0)))  # 1e-16 up to 0.01
+                    t = turn * (ONE - z / real(6.0) * (ONE - z / real(20.0) * (ONE - z / real(42.0))))
+                    if wp.abs(turn) > real(0.01):
+                        c = wp.cos(turn)
+                        t = wp.sin(turn)
                     scratch[ECHO_X, n] = speed * back + c * px - t * py
                     scratch[ECHO_U, n] = s.sign * (HALF * speed * back * turn + t * px + c * py)
                     scratch[ECHO_Z, n] = pz
@@ -944,7 +937,7 @@ def detect(
             tops = 1
         best = Step()
         for k in range(tops):
-            step = find_step(s, state.line, n, top, is_known, aside, sensor, scratch, indices[w])
+            step = find_step(s, state.line, n, top, is_known, aside, sensor, scratch, indices[0])
             if step.is_there == 1 and (best.is_there == 0 or step.separation > CLEARER * best.separation):
                 best = step
             if k == 0:
@@ -972,8 +965,8 @@ def detect(
                     scratch,
                     seen[w],
                     heights[w],
-                    all_logs[w],
-                    all_scores[w],
+                    all_logs[0],
+                    all_scores[0],
                 )
     age = asked[0] - state.time
     for k in range(6):

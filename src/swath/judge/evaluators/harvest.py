@@ -91,10 +91,12 @@ class Harvest:
         outer_x = px - self.side * np.sin(heading) * depth
         outer_y = py + self.side * np.cos(heading) * depth
         inner, outer = np.stack([px, py], axis=1), np.stack([outer_x, outer_y], axis=1)
-        area, standing = 0.0, self.setup.field.standing_area
-        for i in range(len(at) - 1):
-            area += standing(np.array([inner[i], inner[i + 1], outer[i + 1]]))
-            area += standing(np.array([inner[i], outer[i + 1], outer[i]]))
+        first = np.stack([inner[:-1], inner[1:], outer[1:]], axis=1)
+        second = np.stack([inner[:-1], outer[1:], outer[:-1]], axis=1)
+        triangles = np.stack([first, second], axis=1).reshape(-1, 3, 2)
+        area = 0.0
+        for standing in self.setup.field.standing_areas(triangles).tolist():
+            area += standing
         return area
 
 

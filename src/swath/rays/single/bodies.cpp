@@ -180,7 +180,7 @@ for (;;) {
     travels &= ~(v.enters | v.ends | v.through);
     through = v.through;
   } else if (any(inside)) {
-    const Stepped s = step(inside, code_at);
+    const Stepped s = step(inside, code_at, F{});
     waits |= s.first;
     inside &= ~(s.first | s.stops);
     through = inside & (I)(t >= until);

@@ -37,9 +37,13 @@ class BeamBuffer:
         self._struct: Any = None
         self._solids: tuple[Solids | None, Any] = (None, None)  # and as the kernel reads them
 
-    def lie_in(self, origins: Any, flags: Any) -> None:
-        """From now on these are in this memory, (room, 3) and (1,)."""
-        self.origins, self.flags, self._struct = origins, flags, None
+    def lie_in(self, origins: Any, flags: Any, others: "BeamBuffer") -> None:
+        """From now on these are in this memory, (room, 3) and (1,), and the others in that of another buffer:
+        of many worlds, scanned one after the other, what a scan needs meanwhile then stays in the cache.
+        """
+        kept = {"origins": origins, "flags": flags}
+        arrays = {name: value for name, value in vars(others).items() if isinstance(value, np.ndarray)}
+        vars(self).update({**arrays, **kept, "_struct": None})
 
     def struct(self) -> Any:
         """`kernel.Beams`: the same memory."""

@@ -151,8 +151,8 @@ auto enter = [&](I who, F from, F to, F scales, F leans_x, F leans_y, F stems, F
   view = picki(who & (I)(left < 0.0f), canopy.depth_steps * seen_from, view);
   above = area_above(r0 + r1 * t);
 };
-auto step = [&](I who, auto& code_at) -> Stepped {  // one step of beams in the canopy; code_at: of cut cells
-  const F dt = least(pick(above < THIN, pick(above < FEW, 4.0f * pitch, 2.0f * pitch), pitch), until - t), middle = t + 0.5f * dt;
+auto step = [&](I who, auto& code_at, F longer) -> Stepped {  // one step of beams in the canopy; code_at: of cut cells; longer: than others it may be
+  const F dt = least(most(longer, pick(above < THIN, pick(above < FEW, 4.0f * pitch, 2.0f * pitch), pitch)), until - t), middle = t + 0.5f * dt;
   const F relative = r0 + r1 * middle, below = area_above(r0 + r1 * (t + dt));
   const I looks = who & (I)(relative > 0.0f), level = mosti(leasti(whole(relative * per_level), puti(canopy.aside_levels - 1)), I{});
   const I part = 2 * (level * parts + (turn & (parts - 1)));

@@ -34,11 +34,17 @@ auto real = [](I a) -> F { return __builtin_convertvector(a, F); };
 auto whole = [](F a) -> I { return __builtin_convertvector(a, I); };  // towards 0
 auto down = [](F a) -> I { return __builtin_convertvector(__builtin_elementwise_floor(a), I); };
 auto gather = [&](const float* p, I at, I on) -> F {  // lanes that are off read the first element
+#if defined(__AVX512F__)
+  return __builtin_ia32_gathersiv16sf(F{}, p, on ? at : I{}, -1, 4);
+#endif
   int k[N];
   storei(k, on ? at : I{});
   return F{p[k[0]], p[k[1]], p[k[2]], p[k[3]], p[k[4]], p[k[5]], p[k[6]], p[k[7]], p[k[8]], p[k[9]], p[k[10]], p[k[11]], p[k[12]], p[k[13]], p[k[14]], p[k[15]]};
 };
 auto gatheri = [&](const int* p, I at, I on) -> I {
+#if defined(__AVX512F__)
+  return __builtin_ia32_gathersiv16si(I{}, p, on ? at : I{}, -1, 4);
+#endif
   int k[N];
   storei(k, on ? at : I{});
   return I{p[k[0]], p[k[1]], p[k[2]], p[k[3]], p[k[4]], p[k[5]], p[k[6]], p[k[7]], p[k[8]], p[k[9]], p[k[10]], p[k[11]], p[k[12]], p[k[13]], p[k[14]], p[k[15]]};

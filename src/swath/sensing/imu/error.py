@@ -16,10 +16,11 @@ from swath.core.together import Given, OneByOne, Samples
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.kernels import repeatable, shared
-from swath.sensing.imu.imu_step import FIRST, LAST_TWO, MADE, SIZE, ImuStep
+from swath.sensing.imu.imu_step import DRAW, FIRST, LAST_TWO, MADE, READING, SIZE, ImuStep
 from swath.sensing.imu.noise_grades import STANDARD_GRAVITY, UNITS
 from swath.sensing.imu.strapdown import Place, Reading, back
 from swath.sensing.imu.vibration import Shaking, Vibration
+from swath.sensing.normals import AllNormals
 from swath.signals import EngineState, Inertial, MachineState
 
 Share = Annotated[float, Ge(0), Le(30)]
@@ -159,6 +160,7 @@ class Units(OneByOne):
     def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
         """At rest, level."""
         self._last = None
+        self._normals = AllNormals(streams, self._memory[:, DRAW:READING])
         return super().reset(streams)
 
     def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
@@ -171,8 +173,8 @@ class Units(OneByOne):
                 self._last = states[-1]
                 self._lay(FIRST, self._last)
             return made
+        self._normals.draw(t + dt)
         for part in self.parts:
-            part._normals.into(t + dt, part._motion.draw)
             if dt != part._dt:
                 part._spread(dt)
         self._memory[:, 0] = min(len(states), 2)

@@ -70,26 +70,29 @@ class Scanners:
         self._count = len(parts[0].azimuth)
         self._ranges, self._intensity = (np.zeros((n, room, 1), np.float32) for _ in range(2))
         self._points, self._origins = np.zeros((n, room, 1, 3)), np.zeros((n, room, 3))
-        self._rotations, self._words = np.zeros((n, room, 3, 3)), np.zeros((n, 3), np.uint64)
+        self._words = np.zeros((n, 3), np.uint64)
         self._states, self._asked = np.zeros((n, ROOM, 13)), np.zeros(2)
         self._stations = np.zeros(n, np.int32)
         self._flags = np.zeros((n, 1), np.int32)
         self._last: Samples | None = None
         self._launch: Any = None
+        self._swinging = [part for part in parts if part.scanner.noise.angle != 0.0]
+        self._looked_at: list[int] = []  # worlds whose ranges their scanner looks at
 
     def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
         """Empty scans."""
-        self._last = None
+        self._last, self._looked_at = None, list(range(len(self._parts)))
         self._stations[:] = 0
+        first = self._parts[0].rays
         for world, (part, stream) in enumerate(zip(self._parts, streams, strict=True)):
-            rays = part.rays
-            rays.lie_in(
+            part.rays.lie_in(
                 *(a[world] for a in (self._ranges, self._intensity, self._points, self._origins)),
-                rotations=self._rotations[world],
                 words=self._words[world],
                 flags=self._flags[world],
+                first=first,
             )
             part.begin(stream)
+            part.rays.aims_as(first)
         self._prepare()
         for array in (self._ranges, self._intensity, self._points, self._origins):
             array[:] = np.nan
@@ -111,8 +114,9 @@ class Scanners:
         self._asked[:] = end, len(states)
         self._words[:, 2] = end
         for part in self._parts:
-            part.rays.swing(end)
             part.ray_count += self._count
+        for part in self._swinging:
+            part.rays.swing(end)
         self._launch.launch()
         for world in np.flatnonzero(self._flags[:, 0]).tolist():
             found = self._parts[world].rays.beams.take_flags()
@@ -130,7 +134,7 @@ class Scanners:
     def load(self, world: int, state: State) -> None:
         """Back to it."""
         TableLidar.load(self._parts[world], state)
-        self._stations[world] = state["station"]
+        self._stations[world], self._looked_at = state["station"], list(range(len(self._parts)))
         if state["last"] is None:
             self._last = None
         elif self._last is None or len(self._parts) == 1:
@@ -148,6 +152,7 @@ class Scanners:
         from swath.sensing.native.kernel import Aiming, Electronics
 
         packed: dict[Any, Any] = {}
+        alike: dict[bytes, Any] = {}  # arrays that are the same in many worlds
         held: list[list[Any]] = [[] for _ in range(7)]
         for world, part in enumerate(self._parts):
             about = id(part.table), *part.beam.values(), *_of_library(part)
@@ -156,12 +161,12 @@ class Scanners:
             sweep = made(
                 kernel.Sweep,
                 mounting=np.concatenate([part.mounting.position, part.mounting.rotation.ravel()]),
-                beam_t=np.array(part.scanner.beam_t),
-                apart=_padded(part.apart, len(part.rays.beams.score)),
+                beam_t=_of_all(alike, np.array(part.scanner.beam_t)),
+                apart=_of_all(alike, _padded(part.apart, len(part.rays.beams.score))),
                 lines=part.scanner.line_count,
                 reach=part.scanner.reach,
                 origins=self._origins[world].reshape(-1),
-                rotations=self._rotations[world].reshape(-1),
+                rotations=part.rays.rotations.reshape(-1),
             )
             states = made(kernel.States, rows=self._states[world].reshape(-1))
             rays = part.rays
@@ -183,10 +188,11 @@ class Scanners:
         n = self._count
         ranges, points = self._ranges[:, :n], self._points[:, :n]
         intensity, origins = self._intensity[:, :n], self._origins[:, :n]
-        for world, part in enumerate(self._parts):
-            lost = part.scanner.seen(t, ranges[world])
+        for world in self._looked_at:
+            lost = self._parts[world].scanner.seen(t, ranges[world])
             if lost is not None and t > 0:
                 ranges[world, lost], intensity[world, lost], points[world, lost] = np.nan, np.nan, np.nan
+        self._looked_at = [world for world in self._looked_at if self._parts[world].scanner.looks]
         first = self._parts[0]
         alike = {"beam_t": first.scanner.beam_t, "azimuth": first.azimuth, "elevation": first.elevation}
         return {
@@ -198,6 +204,10 @@ class Scanners:
 def _of_library(part: ProfileLidar) -> tuple[float, float]:
     library = part.setup.field.library
     return library.row_spacing, library.density_max
+
+
+def _of_all(known: dict[bytes, Any], array: Any) -> Any:
+    return known.setdefault(array.tobytes(), array)
 
 
 def _padded(apart: F64, room: int) -> Any:

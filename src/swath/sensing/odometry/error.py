@@ -10,11 +10,12 @@ from annotated_types import Ge, Le
 
 from swath.core.component import Port
 from swath.core.errors import SwathError
-from swath.core.random import Normals, Stream
+from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.together import Given, InWorlds, KeepsRows, Samples
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
+from swath.sensing.normals import AllNormals
 from swath.signals import F64, MachineState, Odometry, SteerState, WheelState
 
 Share = Annotated[float, Ge(0), Le(30)]
@@ -83,11 +84,10 @@ class Odometers(KeepsRows):
         sizes = [(p.speed_noise_m_s, p.gyro_noise_deg_s * DEG, p.steer_noise_deg * DEG) for p in self._p]
         self._noise_sd, self._noise = np.array(sizes), np.zeros((n, 3))
         self.constant = np.zeros((n, 4))
-        self._normals: list[Normals] = []
 
     def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
         """Draw the constant errors."""
-        self._normals = [Normals(stream) for stream in streams]
+        self._normals = AllNormals(streams, self._noise)
         for world, (p, stream) in enumerate(zip(self._p, streams, strict=True)):
             draw = stream.at(0).standard_normal(3).tolist()
             error = 1 + p.speed_scale_percent * PERCENT * draw[0]
@@ -99,8 +99,7 @@ class Odometers(KeepsRows):
         """One sample at t + dt."""
         state, steering, wheels = inputs["state"], inputs["steering"], inputs.get("wheels")
         error, scale, gyro, steer = self.constant.T
-        for normals, place in zip(self._normals, self._noise, strict=True):
-            normals.into(t + dt, place)
+        self._normals.draw(t + dt)
         noise = self._noise_sd * self._noise
         if wheels is None:
             speed = state.arrays["speed"] * scale

@@ -1,0 +1,31 @@
+"""normals.cpp as a kernel."""
+
+from pathlib import Path
+
+import warp as wp
+
+wp.set_module_options({"fuse_fp": False, "enable_backward": False})
+
+
+@wp.func_native(Path(__file__).with_name("normals.cpp").read_text(encoding="utf-8"))
+def numpys_normals(
+    keys: wp.array2d(dtype=wp.uint64),
+    counter: wp.array(dtype=wp.uint64),
+    widths: wp.array(dtype=wp.float64),
+    bounds: wp.array(dtype=wp.int64),
+    rows: wp.array2d(dtype=wp.float64),
+    slow: wp.array(dtype=wp.bool),
+): ...
+
+
+@wp.kernel
+def draw_normals(
+    keys: wp.array2d(dtype=wp.uint64),
+    counter: wp.array(dtype=wp.uint64),
+    widths: wp.array(dtype=wp.float64),
+    bounds: wp.array(dtype=wp.int64),
+    rows: wp.array2d(dtype=wp.float64),
+    slow: wp.array(dtype=wp.bool),
+):
+    """All streams in one thread."""
+    numpys_normals(keys, counter, widths, bounds, rows, slow)
