@@ -8,13 +8,13 @@ typedef double D;
 constexpr int L = 10, C = 90, K = 16, W = C + 2 * K, NODES = 48, S = 80;  // layers, cells, half template, padded row, nodes, cells of the start
 constexpr D STEP = 0.4, CELL = 0.04, E0 = -0.5 * C * CELL, WIDE = 0.1, W0 = -0.5 * S * WIDE;
 constexpr D MANY = 1e9;
-constexpr int SHAPES = 10;
+constexpr int SHAPES = 10, BINS = 24;
 constexpr D LEAN[SHAPES] = {-0.6, -0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45, 0.6, 0.9};  // of the crop's side toward the crop, per height
 struct Given { D seconds, age, speed, rate, crab, rise, beams, is_new; };
-struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest; };
+struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest, rows; };
 struct Numbers {
   D search, begin_nat, denser, begin_m, bend, turn, bend_sd, turn_sd, tooth_m, tooth, tooth_first, memory, hole, hole_ends, apart, wall_stays, wall_none,
-    wall_step, prior, least, bend_tail, over_first, clear, shoulder, spot, overhang, drift, lost, hold, lean_sd, shape_alike, height_sd;
+    wall_step, prior, least, bend_tail, over_first, clear, shoulder, spot, overhang, drift, lost, hold, lean_sd, shape_alike, height_sd, row_seen;
 };
 struct Node {
   D x, u, phi, bend;             // a place of the reference path
@@ -29,13 +29,14 @@ struct Rates { D n[L], x[L], lost, rays; };
 struct Head {
   D X, U, psi, level, slope, known, since, way, scans, first, count, touched, alpha, over, tooth2, height, learned;
   D mean[4], cov[16];            // before the first node's rays
+  D row_angle, row_seen, row_n[BINS], row_x[BINS];  // direction of the rows, nodes that it is learned from; stops and metres by place between rows
   Rates in, out;                 // learned from nodes that no ray reaches any more
   D mu_in[L], mu_out[L], q_in, q_out;
   D said[SHAPES], aside[SHAPES], chance[SHAPES];  // of each shape of the edge: log-likelihood, where it puts the feet, posterior
   Node nodes[NODES];
 };
 constexpr int GRID = 2 * L * W + 2 * W + 2 * (C + 1);  // floats of a node: stops, paths, rays, lost, score, wall
-constexpr int STATE = 2821, GRIDS = 142528;  // numbers of either, as filter.py makes room for them
+constexpr int STATE = 2871, GRIDS = 142528;  // numbers of either, as filter.py makes room for them
 static_assert(sizeof(Head) == STATE * sizeof(D) && NODES * GRID + 2 * L * S + 2 * S + SHAPES * L * 2 * K == GRIDS);
 const Given& g = *(const Given*)given.data;
 const Setup& s = *(const Setup*)setup.data;
@@ -78,6 +79,8 @@ auto lose = [&]() {
   h.count = h.first = h.since = h.way = h.scans = 0.0, h.touched = MANY;
   h.over = p.over_first, h.tooth2 = sq(p.tooth_first), h.learned = 0.0, h.height = s.usual;
   clear_rates(h.in), clear_rates(h.out);
+  h.row_angle = h.row_seen = 0.0;
+  for (int i = 0; i < BINS; ++i) h.row_n[i] = h.row_x[i] = 0.0;
   for (int f = 0; f < SHAPES; ++f) {
     h.said[f] = h.aside[f] = 0.0;
     for (int l = 0; l < L; ++l) {
@@ -403,6 +406,33 @@ auto add_sides = [&](int k, Rates& in, Rates& away, D worth) {  // what was seen
   for (int i = from; i < W; ++i) in.lost += worth * lost[i], in.rays += worth * rays[i];
   for (int i = 0; i < to; ++i) away.lost += worth * lost[i], away.rays += worth * rays[i];
 };
+auto along_rows = [&](D angle) {  // 1 where the line runs along the rows, 0 where it crosses them within a tooth
+  return s.rows > 0.0 ? 1.0 / (1.0 + sq(p.tooth_m * ::sin(angle - h.row_angle) / s.rows)) : 0.0;
+};
+auto learn_rows = [&](const Node& a, const float* q) {
+  const D angle = a.phi + a.mean[1], e = a.mean[0] + a.mean[3];
+  if (h.row_seen == 0.0) h.row_angle = angle;
+  const D along = along_rows(angle), keep = ::exp(-STEP / p.memory);
+  h.row_seen = h.row_seen * keep + along;
+  h.row_angle += along / h.row_seen * (angle - h.row_angle);
+  for (int i = 0; i < BINS; ++i) h.row_n[i] *= keep, h.row_x[i] *= keep;
+  for (int i = 0; i < W; ++i) {
+    const D d = (E0 + (i - K + 0.5) * CELL - e) / s.rows;
+    if (d < 0.0) continue;
+    const int bin = (int)((d - (int)d) * BINS);
+    for (int l = 0; l < L; ++l) h.row_n[bin] += along * q[l * W + i], h.row_x[bin] += along * q[L * W + l * W + i];
+  }
+};
+auto row_behind = [&](D& seen) {  // how far behind the wall the outermost row stands, and how plainly it is seen, 0..1
+  D re = 0.0, im = 0.0, sum = 0.0;
+  for (int i = 0; i < BINS; ++i) {
+    const D rate = h.row_n[i] / (h.row_x[i] + p.prior), t = 6.283185307179586 * (i + 0.5) / BINS;
+    re += rate * ::cos(t), im += rate * ::sin(t), sum += rate;
+  }
+  seen = sum > 0.0 ? (sq(re) + sq(im)) / sq(sum) : 0.0;
+  const D phase = ::atan2(im, re) / 6.283185307179586;
+  return s.rows * (phase < -0.15 ? phase + 1.0 : phase);
+};
 auto is_clear = [&](const Node& a) { return a.standing > 0.9 && a.prec > 1.0 / sq(p.clear); };  // an edge, and seen from both sides
 auto learn = [&](int k) {  // from a node that no ray reaches any more
   Node& a = node(k);
@@ -417,6 +447,7 @@ auto learn = [&](int k) {  // from a node that no ray reaches any more
   }
   if (!is_clear(a)) return;
   add_sides(k, h.in, h.out, a.standing);
+  if (s.rows > 0.0) learn_rows(a, grid(k));
   h.tooth2 = most(h.tooth2 + share * (sq(a.mean[3]) + a.cov[15] - h.tooth2), sq(p.tooth));
   // the shape of the edge: how well each explains this node, wherever it puts the feet
   const int sides = (int)clip((p.shoulder * h.height - s.lowest) / s.layer, 1.0, L);  // above them tops are round
@@ -702,10 +733,18 @@ if (h.count >= 3.0) {
     for (int f = 0; f < SHAPES; ++f) middle += h.chance[f] * h.aside[f];
     for (int f = 0; f < SHAPES; ++f) between += h.chance[f] * sq(h.aside[f] - middle);
     var += between + sq(p.overhang * h.height) + sq(p.drift * most(farthest - s.reference, 0.0));
+    D row = 0.0;
+    if (s.rows > 0.0) {  // the edge lies half a spacing outside the outermost row
+      D seen, behind = row_behind(seen);
+      seen = seen / (seen + sq(p.row_seen));
+      const D along = along_rows(angle);
+      row = along * (seen * behind - 0.5 * s.rows);
+      var += along * (1.0 - along) * sq(0.5 * s.rows) + along * seen * (1.0 - seen) * sq(behind);
+    }
     const D sd = ::sqrt(most(var, 0.0)) / steep;
     is_lost = sd > p.lost && nearest < 1.0 && a.scans > 0.2;
     if (sd < p.lost && farthest > s.reference - p.hold) {
-      out[0] = 1.0, out[1] = offset, out[2] = heading, out[3] = a.mean[2];
+      out[0] = 1.0, out[1] = offset + row / steep, out[2] = heading, out[3] = a.mean[2];
       out[4] = erf_(0.1 / (sd * 1.4142135623730951));
       out[5] = h.height, out[6] = sd, out[7] = ::sqrt(a.cov[5] + size * sq(p.turn));
       out[8] = farthest, out[9] = a.standing < 0.5 || nearest > 1.0 ? 1.0 : 0.0;

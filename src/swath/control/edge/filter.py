@@ -68,7 +68,7 @@ from swath.signals.setup import ControlSetup
 
 # Counts as in filter.cpp, and numbers of a node, of all before the nodes, of the state and of the grids
 LAYERS, CELLS, HALF, NODES, WIDE, SHAPES = 10, 90, 16, 48, 80, 10
-NODE, HEAD = 56, 37 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
+NODE, HEAD = 56, 87 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
 STATE = HEAD + NODES * NODE
 ROW = CELLS + 2 * HALF
 GRIDS = (
@@ -140,6 +140,7 @@ class Params:
     lean_sd: Annotated[float, Gt(0)] = 0.1
     shape_alike: Annotated[float, Gt(0)] = 10.0
     height_sd: Annotated[float, Gt(0)] = 0.12
+    row_seen: Annotated[float, Gt(0)] = 0.25
     reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
     crab: Annotated[float, Ge(0), Le(1)] = CRAB
@@ -167,7 +168,7 @@ class EdgeFilter(KeepsState):
         x, y, z = self._mount.position.tolist()
         self._setup = np.array(
             [x, self._sign * y, z, self._reference, self._sign * end_y, usual, float(setup.crop_height > 0.0),
-             (TOP * usual - LOWEST) / LAYERS, LOWEST]
+             (TOP * usual - LOWEST) / LAYERS, LOWEST, setup.row_spacing]
         )  # fmt: skip
         self._numbers = np.array([getattr(params, f.name) for f in fields(params) if f.name not in OTHERS])
         self._inclination = Inclination(setup.mountings.get("inertial"))
