@@ -8,8 +8,9 @@ typedef double D;
 constexpr int L = 10, C = 90, K = 16, W = C + 2 * K, NODES = 48, S = 80;  // layers, cells, half template, padded row, nodes, cells of the start
 constexpr D STEP = 0.4, CELL = 0.04, E0 = -0.5 * C * CELL, WIDE = 0.1, W0 = -0.5 * S * WIDE;
 constexpr D MANY = 1e9;
-constexpr int SHAPES = 10, BINS = 24;
-constexpr D LEAN[SHAPES] = {-0.6, -0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45, 0.6, 0.9};  // of the crop's side toward the crop, per height
+constexpr int LEANS = 10, WIDTHS = 4, SHAPES = LEANS + WIDTHS, BINS = 24, TABLE = 512;
+constexpr D LEAN[LEANS] = {-0.6, -0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45, 0.6, 0.9};  // of the crop's side toward the crop, per height
+constexpr D WIDTH[WIDTHS] = {0.03, 0.06, 0.1, 0.16};  // standard deviation of the plants' parts about their feet, and of spots
 struct Given { D seconds, age, speed, rate, crab, rise, beams, is_new; };
 struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest, rows; };
 struct Numbers {
@@ -36,8 +37,8 @@ struct Head {
   Node nodes[NODES];
 };
 constexpr int GRID = 2 * L * W + 2 * W + 2 * (C + 1);  // floats of a node: stops, paths, rays, lost, score, wall
-constexpr int STATE = 2871, GRIDS = 142528;  // numbers of either, as filter.py makes room for them
-static_assert(sizeof(Head) == STATE * sizeof(D) && NODES * GRID + 2 * L * S + 2 * S + SHAPES * L * 2 * K == GRIDS);
+constexpr int STATE = 2883, GRIDS = 139840;  // numbers of either, as filter.py makes room for them
+static_assert(sizeof(Head) == STATE * sizeof(D) && NODES * GRID + 2 * L * S + 2 * S + TABLE == GRIDS);
 const Given& g = *(const Given*)given.data;
 const Setup& s = *(const Setup*)setup.data;
 const Numbers& p = *(const Numbers*)numbers.data;
@@ -48,7 +49,7 @@ D* const out = (D*)told.data;
 auto node = [&](int k) -> Node& { return h.nodes[((int)h.first + k) % NODES]; };
 auto grid = [&](int k) -> float* { return all + (long)(((int)h.first + k) % NODES) * GRID; };
 float* const wide = all + (long)NODES * GRID;  // of the start: stops, paths (L, S), rays, lost (S,)
-float* const shapes = wide + 2 * L * S + 2 * S;  // share of the stand that is there: (SHAPES, L, 2 K)
+float* const normal = wide + 2 * L * S + 2 * S;  // share of a normal below -4 to 4
 auto sq = [](D v) { return v * v; };
 auto least = [](D a, D b) { return a < b ? a : b; };
 auto most = [](D a, D b) { return a > b ? a : b; };
@@ -83,11 +84,8 @@ auto lose = [&]() {
   for (int i = 0; i < BINS; ++i) h.row_n[i] = h.row_x[i] = 0.0;
   for (int f = 0; f < SHAPES; ++f) {
     h.said[f] = h.aside[f] = 0.0;
-    for (int l = 0; l < L; ++l) {
-      const D z = s.lowest + (l + 0.5) * s.layer;
-      for (int t = 0; t < 2 * K; ++t) shapes[(f * L + l) * 2 * K + t] = (float)share_below(((t - K + 0.5) * CELL - LEAN[f] * z) / p.spot);
-    }
   }
+  for (int i = 0; i < TABLE; ++i) normal[i] = (float)share_below(8.0 * (i + 0.5) / TABLE - 4.0);
   for (int i = 0; i < 2 * L * S + 2 * S; ++i) wide[i] = 0.0f;
 };
 auto renew = [&](Node& n, const Node* from) {  // a node from the one before
@@ -332,16 +330,29 @@ auto shape = [&](const float* there) {  // what stops and metres say where a sha
     }
   }
 };
+auto add_shape = [&](D lean, D width, float worth, float* there) {
+  for (int l = 0; l < L; ++l) {
+    const float z = (float)(s.lowest + (l + 0.5) * s.layer), per = (float)(TABLE / 8.0 / width);
+    for (int t = 0; t < 2 * K; ++t) {
+      const float v = ((t - K + 0.5f) * (float)CELL - (float)lean * z) * per + 0.5f * TABLE;
+      there[l * 2 * K + t] += worth * (v < 0.0f ? 0.0f : v >= TABLE ? 1.0f : normal[(int)v]);
+    }
+  }
+};
 auto weigh_shapes = [&]() {
   D best = -1e30, sum = 0.0, v[SHAPES];
-  for (int f = 0; f < SHAPES; ++f) {
+  for (int f = LEANS; f < SHAPES; ++f) best = most(best, v[f] = h.said[f] / p.shape_alike);
+  for (int f = LEANS; f < SHAPES; ++f) sum += h.chance[f] = ::exp(v[f] - best);
+  for (int f = LEANS; f < SHAPES; ++f) h.chance[f] /= sum;
+  best = -1e30, sum = 0.0;
+  for (int f = 0; f < LEANS; ++f) {
     const D lean = LEAN[f], high = h.height / s.usual * ::sqrt(1.0 + lean * lean) - 1.0;
     v[f] = h.said[f] / p.shape_alike - 1.5 * ::log(1.0 + sq(lean / p.lean_sd));
     if (s.is_usual > 0.0) v[f] -= ::log(1.0 + sq(high / p.height_sd));
     best = most(best, v[f]);
   }
-  for (int f = 0; f < SHAPES; ++f) sum += h.chance[f] = ::exp(v[f] - best);
-  for (int f = 0; f < SHAPES; ++f) h.chance[f] /= sum;
+  for (int f = 0; f < LEANS; ++f) sum += h.chance[f] = ::exp(v[f] - best);
+  for (int f = 0; f < LEANS; ++f) h.chance[f] /= sum;
 };
 auto rates = [&](const Rates& in, const Rates& away) {
   D mean = 4.0 * p.least;  // crop that is not seen is as dense as the layer above it
@@ -352,11 +363,11 @@ auto rates = [&](const Rates& in, const Rates& away) {
   }
   weigh_shapes();
   float there[L * 2 * K] = {};
-  for (int f = 0; f < SHAPES; ++f) {
-    if (h.chance[f] < 1e-4) continue;
-    const float c = (float)h.chance[f], *q = shapes + f * L * 2 * K;
-    for (int i = 0; i < L * 2 * K; ++i) there[i] += c * q[i];
-  }
+  for (int f = 0; f < LEANS; ++f)
+    for (int w = 0; w < WIDTHS; ++w) {
+      const D c = h.chance[f] * h.chance[LEANS + w];
+      if (c > 1e-3) add_shape(LEAN[f], WIDTH[w], (float)c, there);
+    }
   shape(there);
   h.q_in = (in.lost + 0.5) / (in.rays + 10.0), h.q_out = (away.lost + 0.5) / (away.rays + 10.0);
   ln_lost = (float)::log(h.q_in / h.q_out), ln_kept = (float)::log((1.0 - h.q_in) / (1.0 - h.q_out));
@@ -451,10 +462,14 @@ auto learn = [&](int k) {  // from a node that no ray reaches any more
   h.tooth2 = most(h.tooth2 + share * (sq(a.mean[3]) + a.cov[15] - h.tooth2), sq(p.tooth));
   // the shape of the edge: how well each explains this node, wherever it puts the feet
   const int sides = (int)clip((p.shoulder * h.height - s.lowest) / s.layer, 1.0, L);  // above them tops are round
+  int lean = 0, width = 0;
+  for (int f = 1; f < LEANS; ++f) lean = h.chance[f] > h.chance[lean] ? f : lean;
+  for (int w = 1; w < WIDTHS; ++w) width = h.chance[LEANS + w] > h.chance[LEANS + width] ? w : width;
   for (int f = 0; f < SHAPES; ++f) {
-    float to[C + 1];
-    shape(shapes + f * L * 2 * K);
-    score_of(k, sides, to);
+    float to[C + 1], there[L * 2 * K] = {};
+    add_shape(LEAN[f < LEANS ? f : lean], WIDTH[f < LEANS ? width : f - LEANS], 1.0f, there);
+    shape(there);
+    score_of(k, f < LEANS ? sides : L, to);
     float top = to[0];
     for (int j = 1; j <= C; ++j) top = to[j] > top ? to[j] : top;
     D sum = 0.0, at = 0.0;
@@ -466,9 +481,12 @@ auto learn = [&](int k) {  // from a node that no ray reaches any more
     at /= sum;
     h.aside[f] += share * ((at - (a.mean[0] + a.mean[3])) - h.aside[f]);
   }
-  D highest = h.said[0];
-  for (int f = 1; f < SHAPES; ++f) highest = most(highest, h.said[f]);
-  for (int f = 0; f < SHAPES; ++f) h.said[f] -= highest;
+  for (int first = 0; first < SHAPES; first += LEANS) {
+    const int end = first ? SHAPES : LEANS;
+    D highest = h.said[first];
+    for (int f = first; f < end; ++f) highest = most(highest, h.said[f]);
+    for (int f = first; f < end; ++f) h.said[f] -= highest;
+  }
   // how much more stops scatter from place to place than those of a Poisson process
   const float* q = grid(k);
   const D e = a.mean[0] + a.mean[3];
@@ -729,10 +747,12 @@ if (h.count >= 3.0) {
     for (int i = 0; i < 3; ++i) for (int j = 0; j < 3; ++j) var += J[i] * J[j] * a.cov[4 * i + j];
     const D size = way < 0.0 ? -way : way;
     var += sq(p.turn) * size * size * size / 3.0 + sq(p.bend) * size * size * size * size * size / 20.0;
-    D middle = 0.0, between = 0.0;  // where shapes put the feet
-    for (int f = 0; f < SHAPES; ++f) middle += h.chance[f] * h.aside[f];
-    for (int f = 0; f < SHAPES; ++f) between += h.chance[f] * sq(h.aside[f] - middle);
-    var += between + sq(p.overhang * h.height) + sq(p.drift * most(farthest - s.reference, 0.0));
+    for (int first = 0; first < SHAPES; first += LEANS) {  // where shapes put the feet
+      D middle = 0.0;
+      for (int f = first; f < (first ? SHAPES : LEANS); ++f) middle += h.chance[f] * h.aside[f];
+      for (int f = first; f < (first ? SHAPES : LEANS); ++f) var += h.chance[f] * sq(h.aside[f] - middle);
+    }
+    var += sq(p.overhang * h.height) + sq(p.drift * most(farthest - s.reference, 0.0));
     D row = 0.0;
     if (s.rows > 0.0) {  // the edge lies half a spacing outside the outermost row
       D seen, behind = row_behind(seen);

@@ -67,14 +67,14 @@ from swath.signals import CropEdge, Inertial, Odometry, Scan, beam_directions
 from swath.signals.setup import ControlSetup
 
 # Counts as in filter.cpp, and numbers of a node, of all before the nodes, of the state and of the grids
-LAYERS, CELLS, HALF, NODES, WIDE, SHAPES = 10, 90, 16, 48, 80, 10
+LAYERS, CELLS, HALF, NODES, WIDE, SHAPES = 10, 90, 16, 48, 80, 14
 NODE, HEAD = 56, 87 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
 STATE = HEAD + NODES * NODE
 ROW = CELLS + 2 * HALF
 GRIDS = (
     NODES * (2 * LAYERS * ROW + 2 * ROW + 2 * (CELLS + 1))
     + (2 * LAYERS + 2) * WIDE
-    + SHAPES * LAYERS * 2 * HALF
+    + 512
 )
 USUAL = 0.85  # m: height of a crop that nobody named, that of wheat
 TOP, LOWEST = 1.25, 0.05  # of the usual height [1] and [m]: where the layers end and begin; estimates
