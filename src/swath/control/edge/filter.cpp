@@ -10,12 +10,12 @@ constexpr D STEP = 0.4, CELL = 0.04, E0 = -0.5 * C * CELL, WIDE = 0.1, W0 = -0.5
 constexpr D MANY = 1e9;
 constexpr int LEANS = 10, WIDTHS = 4, SHAPES = LEANS + WIDTHS, BINS = 24, TABLE = 512;
 constexpr D LEAN[LEANS] = {-0.6, -0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45, 0.6, 0.9};  // of the crop's side toward the crop, per height
-constexpr D WIDTH[WIDTHS] = {0.03, 0.06, 0.1, 0.16};  // standard deviation of the plants' parts about their feet, and of spots
+constexpr D WIDTH[WIDTHS] = {0.03, 0.06, 0.11, 0.2};  // standard deviation of the plants' parts about their feet, and of spots
 struct Given { D seconds, age, speed, rate, crab, rise, beams, is_new; };
 struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest, rows; };
 struct Numbers {
   D search, begin_nat, denser, begin_m, bend, turn, bend_sd, turn_sd, tooth_m, tooth, tooth_first, memory, hole, hole_ends, apart, wall_stays, wall_none,
-    wall_step, prior, least, bend_tail, over_first, clear, shoulder, spot, overhang, drift, lost, hold, lean_sd, shape_alike, height_sd, row_seen;
+    wall_step, prior, least, bend_tail, over_first, clear, overhang, drift, lost, hold, lean_sd, shape_alike, height_sd, row_seen, t1, t2, t3;
 };
 struct Node {
   D x, u, phi, bend;             // a place of the reference path
@@ -341,7 +341,7 @@ auto add_shape = [&](D lean, D width, float worth, float* there) {
 };
 auto weigh_shapes = [&]() {
   D best = -1e30, sum = 0.0, v[SHAPES];
-  for (int f = LEANS; f < SHAPES; ++f) best = most(best, v[f] = h.said[f] / p.shape_alike);
+  for (int f = LEANS; f < SHAPES; ++f) best = most(best, v[f] = f - LEANS < p.t3 ? h.said[f] / p.shape_alike : -1e9);
   for (int f = LEANS; f < SHAPES; ++f) sum += h.chance[f] = ::exp(v[f] - best);
   for (int f = LEANS; f < SHAPES; ++f) h.chance[f] /= sum;
   best = -1e30, sum = 0.0;
@@ -372,10 +372,10 @@ auto rates = [&](const Rates& in, const Rates& away) {
   h.q_in = (in.lost + 0.5) / (in.rays + 10.0), h.q_out = (away.lost + 0.5) / (away.rays + 10.0);
   ln_lost = (float)::log(h.q_in / h.q_out), ln_kept = (float)::log((1.0 - h.q_in) / (1.0 - h.q_out));
 };
-auto score_of = [&](int k, int layers, float* to) {  // log-likelihood of the wall at every place, from so many layers
+auto score_of = [&](int k, float* to) {  // log-likelihood of the wall at every place
   float *q = grid(k), score[C + 1];
   for (int j = 0; j <= C; ++j) score[j] = 0.0f;
-  for (int l = 0; l < layers; ++l) {
+  for (int l = 0; l < L; ++l) {
     const float *n = q + l * W, *x = q + L * W + l * W;
     float any = 0.0f;
     for (int i = 0; i < W; ++i) any += x[i];
@@ -461,7 +461,6 @@ auto learn = [&](int k) {  // from a node that no ray reaches any more
   if (s.rows > 0.0) learn_rows(a, grid(k));
   h.tooth2 = most(h.tooth2 + share * (sq(a.mean[3]) + a.cov[15] - h.tooth2), sq(p.tooth));
   // the shape of the edge: how well each explains this node, wherever it puts the feet
-  const int sides = (int)clip((p.shoulder * h.height - s.lowest) / s.layer, 1.0, L);  // above them tops are round
   int lean = 0, width = 0;
   for (int f = 1; f < LEANS; ++f) lean = h.chance[f] > h.chance[lean] ? f : lean;
   for (int w = 1; w < WIDTHS; ++w) width = h.chance[LEANS + w] > h.chance[LEANS + width] ? w : width;
@@ -469,7 +468,7 @@ auto learn = [&](int k) {  // from a node that no ray reaches any more
     float to[C + 1], there[L * 2 * K] = {};
     add_shape(LEAN[f < LEANS ? f : lean], WIDTH[f < LEANS ? width : f - LEANS], 1.0f, there);
     shape(there);
-    score_of(k, f < LEANS ? sides : L, to);
+    score_of(k, to);
     float top = to[0];
     for (int j = 1; j <= C; ++j) top = to[j] > top ? to[j] : top;
     D sum = 0.0, at = 0.0;
@@ -610,7 +609,7 @@ auto update = [&]() {
   for (int k = 0; k < n; ++k) if (node(k).learned == 0.0 && is_clear(node(k))) add_sides(k, in, away, node(k).standing);
   rates(in, away);
   measure();
-  for (int k = 0; k < n; ++k) if (k >= touched && node(k).scans > 0.0) score_of(k, L, grid(k) + 2 * L * W + 2 * W);
+  for (int k = 0; k < n; ++k) if (k >= touched && node(k).scans > 0.0) score_of(k, grid(k) + 2 * L * W + 2 * W);
   for (int sweep = 0; sweep < 2; ++sweep) {
     smooth();
     for (int k = most(touched - 4, 0); k < n; ++k) if (node(k).scans > 0.0) hear(k);
@@ -747,18 +746,19 @@ if (h.count >= 3.0) {
     for (int i = 0; i < 3; ++i) for (int j = 0; j < 3; ++j) var += J[i] * J[j] * a.cov[4 * i + j];
     const D size = way < 0.0 ? -way : way;
     var += sq(p.turn) * size * size * size / 3.0 + sq(p.bend) * size * size * size * size * size / 20.0;
+    D row = 0.0;
     for (int first = 0; first < SHAPES; first += LEANS) {  // where shapes put the feet
       D middle = 0.0;
       for (int f = first; f < (first ? SHAPES : LEANS); ++f) middle += h.chance[f] * h.aside[f];
       for (int f = first; f < (first ? SHAPES : LEANS); ++f) var += h.chance[f] * sq(h.aside[f] - middle);
+      row += (first ? p.t1 : p.t2) * middle;
     }
     var += sq(p.overhang * h.height) + sq(p.drift * most(farthest - s.reference, 0.0));
-    D row = 0.0;
     if (s.rows > 0.0) {  // the edge lies half a spacing outside the outermost row
       D seen, behind = row_behind(seen);
       seen = seen / (seen + sq(p.row_seen));
       const D along = along_rows(angle);
-      row = along * (seen * behind - 0.5 * s.rows);
+      row += along * (seen * behind - 0.5 * s.rows);
       var += along * (1.0 - along) * sq(0.5 * s.rows) + along * seen * (1.0 - seen) * sq(behind);
     }
     const D sd = ::sqrt(most(var, 0.0)) / steep;

@@ -131,8 +131,6 @@ class Params:
     bend_tail: Annotated[float, Gt(0)] = 2.0
     over_first: Annotated[float, Ge(1)] = 8.0
     clear_m: Annotated[float, Gt(0)] = 0.5
-    shoulder: Annotated[float, Gt(0), Le(1)] = 0.75
-    spot_m: Annotated[float, Gt(0)] = 0.03
     overhang: Annotated[float, Ge(0)] = 0.025
     drift: Annotated[float, Ge(0)] = 0.003
     lost_m: Annotated[float, Gt(0)] = 0.6
@@ -141,6 +139,9 @@ class Params:
     shape_alike: Annotated[float, Gt(0)] = 10.0
     height_sd: Annotated[float, Gt(0)] = 0.12
     row_seen: Annotated[float, Gt(0)] = 0.25
+    t1: float = 0.0
+    t2: float = 0.0
+    t3: float = 4.0
     reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
     crab: Annotated[float, Ge(0), Le(1)] = CRAB
