@@ -15,7 +15,7 @@ struct Given { D seconds, age, speed, rate, crab, rise, beams, is_new; };
 struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest, rows; };
 struct Numbers {
   D search, begin_nat, denser, begin_m, bend, turn, bend_sd, turn_sd, tooth_m, tooth, tooth_first, memory, hole, hole_ends, apart, wall_stays, wall_none,
-    wall_step, prior, least, bend_tail, over_first, clear, overhang, drift, lost, hold, lean_sd, shape_alike, height_sd, row_seen, t1, t2, t3;
+    wall_step, prior, least, bend_tail, over_first, clear, drift, lost, hold, lean_sd, shape_alike, height_sd, row_seen;
 };
 struct Node {
   D x, u, phi, bend;             // a place of the reference path
@@ -30,6 +30,7 @@ struct Rates { D n[L], x[L], lost, rays; };
 struct Head {
   D X, U, psi, level, slope, known, since, way, scans, first, count, touched, alpha, over, tooth2, height, learned;
   D mean[4], cov[16];            // before the first node's rays
+  D lean, width;                 // means of the shape that all nodes were weighed with
   D row_angle, row_seen, row_n[BINS], row_x[BINS];  // direction of the rows, nodes that it is learned from; stops and metres by place between rows
   Rates in, out;                 // learned from nodes that no ray reaches any more
   D mu_in[L], mu_out[L], q_in, q_out;
@@ -37,7 +38,7 @@ struct Head {
   Node nodes[NODES];
 };
 constexpr int GRID = 2 * L * W + 2 * W + 2 * (C + 1);  // floats of a node: stops, paths, rays, lost, score, wall
-constexpr int STATE = 2883, GRIDS = 139840;  // numbers of either, as filter.py makes room for them
+constexpr int STATE = 2885, GRIDS = 139840;  // numbers of either, as filter.py makes room for them
 static_assert(sizeof(Head) == STATE * sizeof(D) && NODES * GRID + 2 * L * S + 2 * S + TABLE == GRIDS);
 const Given& g = *(const Given*)given.data;
 const Setup& s = *(const Setup*)setup.data;
@@ -80,7 +81,7 @@ auto lose = [&]() {
   h.count = h.first = h.since = h.way = h.scans = 0.0, h.touched = MANY;
   h.over = p.over_first, h.tooth2 = sq(p.tooth_first), h.learned = 0.0, h.height = s.usual;
   clear_rates(h.in), clear_rates(h.out);
-  h.row_angle = h.row_seen = 0.0;
+  h.lean = h.width = h.row_angle = h.row_seen = 0.0;
   for (int i = 0; i < BINS; ++i) h.row_n[i] = h.row_x[i] = 0.0;
   for (int f = 0; f < SHAPES; ++f) {
     h.said[f] = h.aside[f] = 0.0;
@@ -341,7 +342,7 @@ auto add_shape = [&](D lean, D width, float worth, float* there) {
 };
 auto weigh_shapes = [&]() {
   D best = -1e30, sum = 0.0, v[SHAPES];
-  for (int f = LEANS; f < SHAPES; ++f) best = most(best, v[f] = f - LEANS < p.t3 ? h.said[f] / p.shape_alike : -1e9);
+  for (int f = LEANS; f < SHAPES; ++f) best = most(best, v[f] = h.said[f] / p.shape_alike);
   for (int f = LEANS; f < SHAPES; ++f) sum += h.chance[f] = ::exp(v[f] - best);
   for (int f = LEANS; f < SHAPES; ++f) h.chance[f] /= sum;
   best = -1e30, sum = 0.0;
@@ -478,7 +479,7 @@ auto learn = [&](int k) {  // from a node that no ray reaches any more
     }
     h.said[f] = h.said[f] * keep + top + ::log(sum);
     at /= sum;
-    h.aside[f] += share * ((at - (a.mean[0] + a.mean[3])) - h.aside[f]);
+    h.aside[f] += most(share, 1.0 / h.learned) * ((at - (a.mean[0] + a.mean[3])) - h.aside[f]);
   }
   for (int first = 0; first < SHAPES; first += LEANS) {
     const int end = first ? SHAPES : LEANS;
@@ -605,14 +606,19 @@ auto modes = [&]() {  // edge or hole, forward and back; pi leaves out the node'
 };
 auto update = [&]() {
   const int n = (int)h.count, touched = (int)least(h.touched, n);
+  int from = touched;
   Rates in = h.in, away = h.out;
   for (int k = 0; k < n; ++k) if (node(k).learned == 0.0 && is_clear(node(k))) add_sides(k, in, away, node(k).standing);
   rates(in, away);
   measure();
-  for (int k = 0; k < n; ++k) if (k >= touched && node(k).scans > 0.0) score_of(k, grid(k) + 2 * L * W + 2 * W);
+  D lean = 0.0, width = 0.0;
+  for (int f = 0; f < LEANS; ++f) lean += h.chance[f] * LEAN[f];
+  for (int w = 0; w < WIDTHS; ++w) width += h.chance[LEANS + w] * WIDTH[w];
+  if (sq(lean - h.lean) + sq(width - h.width) > sq(0.02)) from = 0, h.lean = lean, h.width = width;
+  for (int k = from; k < n; ++k) if (node(k).scans > 0.0) score_of(k, grid(k) + 2 * L * W + 2 * W);
   for (int sweep = 0; sweep < 2; ++sweep) {
     smooth();
-    for (int k = most(touched - 4, 0); k < n; ++k) if (node(k).scans > 0.0) hear(k);
+    for (int k = most(from - 4, 0); k < n; ++k) if (node(k).scans > 0.0) hear(k);
     modes();
   }
   smooth();
@@ -746,19 +752,18 @@ if (h.count >= 3.0) {
     for (int i = 0; i < 3; ++i) for (int j = 0; j < 3; ++j) var += J[i] * J[j] * a.cov[4 * i + j];
     const D size = way < 0.0 ? -way : way;
     var += sq(p.turn) * size * size * size / 3.0 + sq(p.bend) * size * size * size * size * size / 20.0;
-    D row = 0.0;
     for (int first = 0; first < SHAPES; first += LEANS) {  // where shapes put the feet
       D middle = 0.0;
       for (int f = first; f < (first ? SHAPES : LEANS); ++f) middle += h.chance[f] * h.aside[f];
       for (int f = first; f < (first ? SHAPES : LEANS); ++f) var += h.chance[f] * sq(h.aside[f] - middle);
-      row += (first ? p.t1 : p.t2) * middle;
     }
-    var += sq(p.overhang * h.height) + sq(p.drift * most(farthest - s.reference, 0.0));
+    var += sq(p.drift * most(farthest - s.reference, 0.0));
+    D row = 0.0;
     if (s.rows > 0.0) {  // the edge lies half a spacing outside the outermost row
       D seen, behind = row_behind(seen);
       seen = seen / (seen + sq(p.row_seen));
       const D along = along_rows(angle);
-      row += along * (seen * behind - 0.5 * s.rows);
+      row = along * (seen * behind - 0.5 * s.rows);
       var += along * (1.0 - along) * sq(0.5 * s.rows) + along * seen * (1.0 - seen) * sq(behind);
     }
     const D sd = ::sqrt(most(var, 0.0)) / steep;

@@ -55,6 +55,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.control.edge.profile import crop_sign, finite, no_edge
+from swath.control.edge.silent_beams import SilentBeams
 from swath.control.inclination import CRAB, Inclination
 from swath.control.yaw_rate import YawRate
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -68,7 +69,7 @@ from swath.signals.setup import ControlSetup
 
 # Counts as in filter.cpp, and numbers of a node, of all before the nodes, of the state and of the grids
 LAYERS, CELLS, HALF, NODES, WIDE, SHAPES = 10, 90, 16, 48, 80, 14
-NODE, HEAD = 56, 87 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
+NODE, HEAD = 56, 89 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
 STATE = HEAD + NODES * NODE
 ROW = CELLS + 2 * HALF
 GRIDS = (
@@ -116,10 +117,10 @@ class Params:
     turn_noise: Annotated[float, Gt(0)] = 0.004
     bend_sd: Annotated[float, Gt(0)] = 0.02
     turn_sd: Annotated[float, Gt(0)] = 0.1
-    tooth_m: Annotated[float, Gt(0)] = 1.5
+    tooth_m: Annotated[float, Gt(0)] = 1.0
     tooth_sd_m: Annotated[float, Gt(0)] = 0.012
     tooth_first_m: Annotated[float, Gt(0)] = 0.12
-    memory_m: Annotated[float, Gt(0)] = 15.0
+    memory_m: Annotated[float, Gt(0)] = 8.0
     hole: Annotated[float, Gt(0), Le(1)] = 0.01
     hole_ends: Annotated[float, Gt(0), Le(1)] = 0.1
     apart_m: Annotated[float, Gt(0)] = 0.18
@@ -131,7 +132,6 @@ class Params:
     bend_tail: Annotated[float, Gt(0)] = 2.0
     over_first: Annotated[float, Ge(1)] = 8.0
     clear_m: Annotated[float, Gt(0)] = 0.5
-    overhang: Annotated[float, Ge(0)] = 0.025
     drift: Annotated[float, Ge(0)] = 0.003
     lost_m: Annotated[float, Gt(0)] = 0.6
     hold_m: Annotated[float, Ge(0), Le(20)] = 5.0
@@ -139,9 +139,6 @@ class Params:
     shape_alike: Annotated[float, Gt(0)] = 10.0
     height_sd: Annotated[float, Gt(0)] = 0.12
     row_seen: Annotated[float, Gt(0)] = 0.25
-    t1: float = 0.0
-    t2: float = 0.0
-    t3: float = 4.0
     reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
     crab: Annotated[float, Ge(0), Le(1)] = CRAB
@@ -153,7 +150,7 @@ OTHERS = ("reference_m", "slip_percent", "crab")  # parameters that are none of 
 class EdgeFilter(KeepsState):
     """Scan, odometry and, where there is one, an inertial unit in; crop edge out."""
 
-    kept = ("_time", "_saved", "_inclination", "_yaw_rate")
+    kept = ("_time", "_saved", "_inclination", "_yaw_rate", "_silent")
     inputs = (
         Port("scan", Scan, unit="m", shape=(None,)),
         Port("odometry", Odometry),
@@ -174,6 +171,7 @@ class EdgeFilter(KeepsState):
         self._numbers = np.array([getattr(params, f.name) for f in fields(params) if f.name not in OTHERS])
         self._inclination = Inclination(setup.mountings.get("inertial"))
         self._yaw_rate = YawRate(setup.machine.wheelbase, setup.mountings.get("inertial"))
+        self._silent = SilentBeams()
         self._state, self._grids = np.zeros((1, STATE)), np.zeros((1, GRIDS), np.float32)
         self._given, self._told = np.zeros((1, 8)), np.zeros((1, 10))
         self._room = -1
@@ -188,6 +186,7 @@ class EdgeFilter(KeepsState):
         self._grids[:] = 0.0
         self._inclination.clear()
         self._yaw_rate.clear()
+        self._silent.clear()
 
     @property
     def _saved(self) -> Any:
@@ -224,11 +223,15 @@ class EdgeFilter(KeepsState):
         return {"edge": self._as_edge(t + dt, self._told[0].tolist())}
 
     def _point(self, scan: Scan) -> None:
-        """Directions and times of the beams, where they are not those before, and the ranges."""
+        """Directions and times of the beams that answer, where they are not those before, and the ranges."""
         beams = scan.azimuth, scan.elevation, scan.beam_t
+        if scan.ranges.size and self._silent.take(scan.ranges[:, 0] > 0.0):
+            self._beams = ()
         if len(self._beams) != 3 or not all(a is b for a, b in zip(beams, self._beams, strict=True)):
             self._beams = beams
             self._good = np.isfinite(scan.azimuth) & np.isfinite(scan.elevation)
+            if len(self._silent.is_dead) == len(self._good):
+                self._good &= ~self._silent.is_dead
             self._count = int(np.count_nonzero(self._good))
             if self._count > self._room:
                 self._compile(self._count)
