@@ -347,9 +347,13 @@ auto weigh_shapes = [&]() {
   for (int f = LEANS; f < SHAPES; ++f) h.chance[f] /= sum;
   best = -1e30, sum = 0.0;
   for (int f = 0; f < LEANS; ++f) {
-    const D lean = LEAN[f], high = h.height / s.usual * ::sqrt(1.0 + lean * lean) - 1.0;
-    v[f] = h.said[f] / p.shape_alike - 1.5 * ::log(1.0 + sq(lean / p.lean_sd));
-    if (s.is_usual > 0.0) v[f] -= ::log(1.0 + sq(high / p.height_sd));
+    D chance = 0.0;  // over how far it leans along the edge, too: it is lower then
+    for (int g = 0; g < LEANS; ++g) {
+      const D lean2 = sq(LEAN[f]) + sq(LEAN[g]), a = 1.0 + lean2 / sq(p.lean_sd);
+      const D b = s.is_usual > 0.0 ? 1.0 + 0.5 * sq((h.height / s.usual * ::sqrt(1.0 + lean2) - 1.0) / p.height_sd) : 1.0;
+      chance += 1.0 / (a * b * ::sqrt(a * b));
+    }
+    v[f] = h.said[f] / p.shape_alike + ::log(chance);
     best = most(best, v[f]);
   }
   for (int f = 0; f < LEANS; ++f) sum += h.chance[f] = ::exp(v[f] - best);

@@ -135,9 +135,9 @@ class Params:
     drift: Annotated[float, Ge(0)] = 0.003
     lost_m: Annotated[float, Gt(0)] = 0.6
     hold_m: Annotated[float, Ge(0), Le(20)] = 5.0
-    lean_sd: Annotated[float, Gt(0)] = 0.1
+    lean_sd: Annotated[float, Gt(0)] = 0.08
     shape_alike: Annotated[float, Gt(0)] = 10.0
-    height_sd: Annotated[float, Gt(0)] = 0.12
+    height_sd: Annotated[float, Gt(0)] = 0.07
     row_seen: Annotated[float, Gt(0)] = 0.25
     reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
