@@ -15,7 +15,7 @@ struct Given { D seconds, age, speed, rate, crab, rise, beams, is_new; };
 struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest, rows; };
 struct Numbers {
   D search, begin_nat, denser, begin_m, bend, turn, bend_sd, turn_sd, tooth_m, tooth, tooth_first, memory, hole, hole_ends, apart, wall_stays, wall_none,
-    wall_step, prior, least, bend_tail, over_first, clear, drift, lost, hold, lean_sd, shape_alike, height_sd, row_seen;
+    wall_step, prior, least, bend_tail, over_first, clear, drift, lost, hold, lean_sd, shape_alike, height_sd, row_seen, delay;
 };
 struct Node {
   D x, u, phi, bend;             // a place of the reference path
@@ -30,7 +30,7 @@ struct Rates { D n[L], x[L], lost, rays; };
 struct Head {
   D X, U, psi, level, slope, known, since, way, scans, first, count, touched, alpha, over, tooth2, height, learned;
   D mean[4], cov[16];            // before the first node's rays
-  D lean, width;                 // means of the shape that all nodes were weighed with
+  D free, lean, width;           // how far rays come into the crop [m]; means of the shape that all nodes were weighed with
   D row_angle, row_seen, row_n[BINS], row_x[BINS];  // direction of the rows, nodes that it is learned from; stops and metres by place between rows
   Rates in, out;                 // learned from nodes that no ray reaches any more
   D mu_in[L], mu_out[L], q_in, q_out;
@@ -38,7 +38,7 @@ struct Head {
   Node nodes[NODES];
 };
 constexpr int GRID = 2 * L * W + 2 * W + 2 * (C + 1);  // floats of a node: stops, paths, rays, lost, score, wall
-constexpr int STATE = 2885, GRIDS = 139840;  // numbers of either, as filter.py makes room for them
+constexpr int STATE = 2886, GRIDS = 139840;  // numbers of either, as filter.py makes room for them
 static_assert(sizeof(Head) == STATE * sizeof(D) && NODES * GRID + 2 * L * S + 2 * S + TABLE == GRIDS);
 const Given& g = *(const Given*)given.data;
 const Setup& s = *(const Setup*)setup.data;
@@ -81,7 +81,7 @@ auto lose = [&]() {
   h.count = h.first = h.since = h.way = h.scans = 0.0, h.touched = MANY;
   h.over = p.over_first, h.tooth2 = sq(p.tooth_first), h.learned = 0.0, h.height = s.usual;
   clear_rates(h.in), clear_rates(h.out);
-  h.lean = h.width = h.row_angle = h.row_seen = 0.0;
+  h.free = h.lean = h.width = h.row_angle = h.row_seen = 0.0;
   for (int i = 0; i < BINS; ++i) h.row_n[i] = h.row_x[i] = 0.0;
   for (int f = 0; f < SHAPES; ++f) {
     h.said[f] = h.aside[f] = 0.0;
@@ -291,11 +291,13 @@ auto take = [&]() {
       if (count && beside > -1.0 && beside < 1.0) said[at] += s.layer, whole += s.layer, h.touched = least(h.touched, at);
     }
     if (!seen) continue;
+    const D reach = most(q.r - p.delay * h.free / h.over, 0.0);
+    const bool is_stop = end > s.lowest;
     for (int l = L - 1; l >= 0; --l) {
       const D r0 = most((s.lowest + (l + 1) * s.layer - h0) / dh, 0.3), r1 = (s.lowest + l * s.layer - h0) / dh;
       if (r1 <= r0) continue;
-      if (q.r <= r0) break;
-      const D stop = least(r1, q.r);
+      if (reach <= r0) break;
+      const D stop = least(r1, reach);
       const int parts = 1 + (int)least((stop - r0) * (db < 0.0 ? -db : db) / CELL, 3.0);
       for (int j = 0; j < parts; ++j) {
         const D r = r0 + (stop - r0) * (j + 0.5) / parts, length = (stop - r0) / parts;
@@ -308,8 +310,8 @@ auto take = [&]() {
           put(wide + L * S + l * S, S, W0, WIDE, beside, length);
         }
       }
-      if (q.r <= r1) {
-        if (locate(q.r)) {
+      if (reach <= r1) {
+        if (is_stop && locate(reach)) {
           if (count) put(grid(at) + l * W, W, E0 - K * CELL, CELL, beside, 1.0);
           else put(wide + l * S, S, W0, WIDE, beside, 1.0);
         }
@@ -506,10 +508,13 @@ auto learn = [&](int k) {  // from a node that no ray reaches any more
   }
   if (count > 0.0) h.over = most(h.over + share * count / 4.0 * (least(chi / count, 50.0) - h.over), 1.0);
 };
-auto measure = [&]() {  // height below which most of what stops rays in the crop lies
+auto measure = [&]() {  // how far rays come; height below which most of what stops rays in the crop lies
   D sum = 0.0, so_far = 0.0, n[L];
   for (int l = 0; l < L; ++l) sum += n[l] = most(h.mu_in[l] - h.mu_out[l], 0.0) / h.mu_in[l] * h.in.n[l];
   if (sum < 1.0) return;
+  D rate = 0.0;
+  for (int l = 0; l < L; ++l) rate += n[l] / sum * h.mu_in[l];
+  h.free = least(1.0 / rate, 2.0);
   for (int l = 0; l < L; ++l) {
     if (so_far + n[l] >= 0.9 * sum) {
       h.height = s.lowest + (l + (0.9 * sum - so_far) / n[l]) * s.layer;

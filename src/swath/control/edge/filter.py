@@ -69,7 +69,7 @@ from swath.signals.setup import ControlSetup
 
 # Counts as in filter.cpp, and numbers of a node, of all before the nodes, of the state and of the grids
 LAYERS, CELLS, HALF, NODES, WIDE, SHAPES = 10, 90, 16, 48, 80, 14
-NODE, HEAD = 56, 89 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
+NODE, HEAD = 56, 90 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
 STATE = HEAD + NODES * NODE
 ROW = CELLS + 2 * HALF
 GRIDS = (
@@ -139,6 +139,7 @@ class Params:
     shape_alike: Annotated[float, Gt(0)] = 10.0
     height_sd: Annotated[float, Gt(0)] = 0.07
     row_seen: Annotated[float, Gt(0)] = 0.25
+    delay: float = 1.5
     reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
     crab: Annotated[float, Ge(0), Le(1)] = CRAB
