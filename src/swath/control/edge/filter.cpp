@@ -15,7 +15,7 @@ struct Given { D seconds, age, speed, rate, crab, rise, beams, is_new; };
 struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest, rows; };
 struct Numbers {
   D search, begin_nat, denser, begin_m, bend, turn, bend_sd, turn_sd, tooth_m, tooth, tooth_first, memory, hole, hole_ends, apart, wall_stays, wall_none,
-    wall_step, prior, least, bend_tail, over_first, clear, drift, lost, hold, lean_sd, shape_alike, height_sd, row_seen, delay;
+    wall_step, prior, least, bend_tail, over_first, clear, drift, lost, hold, lean_sd, shape_alike, height_sd, row_seen, delay, misfit;
 };
 struct Node {
   D x, u, phi, bend;             // a place of the reference path
@@ -342,6 +342,7 @@ auto add_shape = [&](D lean, D width, float worth, float* there) {
     }
   }
 };
+auto doubt = [&](D less) { return less > 0.0 ? less * less / (less + p.misfit) : 0.0; };
 auto weigh_shapes = [&]() {
   D best = -1e30, sum = 0.0, v[SHAPES];
   for (int f = LEANS; f < SHAPES; ++f) best = most(best, v[f] = h.said[f] / p.shape_alike);
@@ -355,7 +356,7 @@ auto weigh_shapes = [&]() {
       const D b = s.is_usual > 0.0 ? 1.0 + 0.5 * sq((h.height / s.usual * ::sqrt(1.0 + lean2) - 1.0) / p.height_sd) : 1.0;
       chance += 1.0 / (a * b * ::sqrt(a * b));
     }
-    v[f] = h.said[f] / p.shape_alike + ::log(chance);
+    v[f] = ::log(chance) - doubt(-h.said[f] / p.shape_alike);
     best = most(best, v[f]);
   }
   for (int f = 0; f < LEANS; ++f) sum += h.chance[f] = ::exp(v[f] - best);

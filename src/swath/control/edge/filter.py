@@ -135,11 +135,12 @@ class Params:
     drift: Annotated[float, Ge(0)] = 0.003
     lost_m: Annotated[float, Gt(0)] = 0.6
     hold_m: Annotated[float, Ge(0), Le(20)] = 5.0
-    lean_sd: Annotated[float, Gt(0)] = 0.08
+    lean_sd: Annotated[float, Gt(0)] = 0.07
     shape_alike: Annotated[float, Gt(0)] = 10.0
-    height_sd: Annotated[float, Gt(0)] = 0.07
+    height_sd: Annotated[float, Gt(0)] = 0.05
     row_seen: Annotated[float, Gt(0)] = 0.25
     delay: float = 1.5
+    misfit: float = 3.0
     reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
     crab: Annotated[float, Ge(0), Le(1)] = CRAB
