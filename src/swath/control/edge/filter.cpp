@@ -780,7 +780,7 @@ if (h.count >= 3.0) {
     is_lost = sd > p.lost && nearest < 1.0 && a.scans > 0.2;
     if (sd < p.lost && farthest > s.reference - p.hold) {
       out[0] = 1.0, out[1] = offset + row / steep, out[2] = heading, out[3] = a.mean[2];
-      out[4] = erf_(0.1 / (sd * 1.4142135623730951));
+      out[4] = erf_(0.1 / (sd * 1.4142135623730951)) * 0.5 * (1.0 + a.standing);  // what looks like a hole may as well be the edge gone aside
       out[5] = h.height, out[6] = sd, out[7] = ::sqrt(a.cov[5] + size * sq(p.turn));
       out[8] = farthest, out[9] = a.standing < 0.5 || nearest > 1.0 ? 1.0 : 0.0;
     }
