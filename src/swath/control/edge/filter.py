@@ -17,19 +17,28 @@ rate mu per metre, p(stopped at x) = mu exp(-mu x). With N stops and X metres in
 feet of the outermost crop at e have the log-likelihood
 
     L(e) = 1 / over  sum over c, l of  N log mu_l(c - e) - X mu_l(c - e)
-    mu_l(d) = out_l + (in_l - out_l) Phi((d - lean z_l) / spot)
+    mu_l(d) = out_l + (in_l - out_l) Phi((d - lean z_l) / width)
 
 over: how much more stops scatter than those of a Poisson process (looks at the same stems are alike), learned
 from blocks of the crop. in_l, out_l: (stops + prior) / (metres + prior) on both sides of the wall as it is
 believed, so that density, stubble, weeds and low crop are learned; layers that are hidden are taken as dense
-as the one above. Rays without an echo count by how many of them there are on either side. A ray's likelihood
-stands in one place: `take` and `score_of`. Because rays are followed through the crop to where they stop,
-its overhang and the angle at which they cross the edge need no correction.
+as the one above. Rays without an echo count by how many of them there are on either side, beams that never
+answer not at all.
+The echo is that of half the spot: it needs a way into the crop until it can be, the longer the thinner and
+the more even the crop, `delay` / over of the mean free path, and counts that much before. A ray's likelihood
+stands in one place: `take` and `score_of`. Because rays are followed through the crop to where they stop, the
+angle at which they cross the edge needs no correction.
 
-**Lean** of the crop's side is one of ten values for the whole edge, a slow state: its posterior is that of
-its rays below the round tops, of the height against the usual one (z = h cos) and of a prior with long tails.
-L is taken with the mean profile, and what the values put the feet at differently is a deviation common to
-all nodes, which does not average out.
+**Shape** of the edge, one for all of it, a slow state: lean of the crop's side, one of ten values, and the
+width over which plants spread about their feet, one of four. Their posteriors are those of the rays, of the
+height against the usual one (z = h cos of the whole lean, across and along the edge) and of a prior of leans
+with long tails. Rays of many nodes tell shapes apart no better than `shape_alike` of them would; what is less
+than `misfit` speaks little, as no shape is the true one. L is taken with the mean profile, and what the
+shapes put the feet at differently is a deviation common to all nodes, which does not average out.
+
+**Rows.** The edge is half a row spacing outside the outermost row. Rows that stand apart show in the stops
+per metre by place between them, of which the first harmonic says where they are; others are taken to stand at
+the wall. Where the line turns across the rows, as first seen along it, their ends are the edge.
 
 **Edge or hole.** A node has an edge, wall e = y + tooth, or a hole, where the wall is anywhere else and goes
 on by a chain of its own. The two are a Markov chain along the way: holes begin with a chance `hole` per node
@@ -42,9 +51,10 @@ give (expectation propagation: Minka 2001, UAI). Sites are renewed while rays re
 by Bryson and Frazier (1963), the modes by forward and backward recursion.
 
 **Told** is the smoothed line at the reference, interpolated or extrapolated, with its deviation, to which
-come what no scatter shows: overhang per height, drift of dead reckoning from where the edge was seen.
-P(|error| <= 0.1 m) is the confidence. Before an edge is known, the rays of the last metres are split at the
-place that gains most over no edge; from there on the chain has it.
+come what no scatter shows: the shape, drift of dead reckoning from where the edge was seen. P(|error| <= 0.1
+m) is the confidence; what looks like a hole may as well be the edge that goes on aside, and halves it. Before
+an edge is known, the rays of the last metres are split at the place that gains most over no edge; from there
+on the chain has it.
 """
 
 from collections.abc import Sequence
@@ -72,11 +82,7 @@ LAYERS, CELLS, HALF, NODES, WIDE, SHAPES = 10, 90, 16, 48, 80, 14
 NODE, HEAD = 56, 90 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
 STATE = HEAD + NODES * NODE
 ROW = CELLS + 2 * HALF
-GRIDS = (
-    NODES * (2 * LAYERS * ROW + 2 * ROW + 2 * (CELLS + 1))
-    + (2 * LAYERS + 2) * WIDE
-    + 512
-)
+GRIDS = NODES * (2 * LAYERS * ROW + 2 * ROW + 2 * (CELLS + 1)) + (2 * LAYERS + 2) * WIDE + 512
 USUAL = 0.85  # m: height of a crop that nobody named, that of wheat
 TOP, LOWEST = 1.25, 0.05  # of the usual height [1] and [m]: where the layers end and begin; estimates
 LATE = 0.4  # s: age of the newest scan from which on there is no edge
@@ -98,13 +104,14 @@ class Params:
     wall_step_m: scale of its steps
     prior_m: way through the canopy that the prior rates are worth; least: rate of stray stops [1/m]
     bend_tail: degrees of freedom of the bend's steps; over_first: `over` at the start
-    clear_m: greatest standard deviation of a node that is learned from; shoulder: share of the crop's height
-    below which its side shows a lean; spot_m: standard deviation of where a ray counts
-    overhang: standard deviation of what the rays leave open, per height [1]; drift: of dead reckoning [rad]
+    clear_m: greatest standard deviation of a node that is learned from; drift: of dead reckoning [rad]
     lost_m: standard deviation from which on there is no edge
     hold_m: how far beyond the last place seen the edge is held
     lean_sd: scale of the prior of leans, aside per height [1]; shape_alike: nodes that show a lean alike
-    height_sd: standard deviation of an upright crop's height, of the usual [1]
+    misfit: gain that no shape can be given for [nat]; height_sd: scale of an upright crop's height, of the
+    usual [1]; row_seen: amplitude of the rows' first harmonic that is as good as none [1]
+    delay: way into the crop until half a spot is covered, of the mean free path, where stops scatter as those
+    of a Poisson process [1]
     reference_m: where ahead of the knife the edge is told
     slip_percent: by which the wheels turn faster than the ground passes; crab: side slip per side slope
     """
@@ -139,8 +146,8 @@ class Params:
     shape_alike: Annotated[float, Gt(0)] = 10.0
     height_sd: Annotated[float, Gt(0)] = 0.05
     row_seen: Annotated[float, Gt(0)] = 0.25
-    delay: float = 1.5
-    misfit: float = 3.0
+    delay: Annotated[float, Ge(0)] = 1.5
+    misfit: Annotated[float, Gt(0)] = 3.0
     reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
     crab: Annotated[float, Ge(0), Le(1)] = CRAB
