@@ -37,8 +37,8 @@ struct Head {
   D said[SHAPES], aside[SHAPES], chance[SHAPES];  // of each shape of the edge: log-likelihood, where it puts the feet, posterior
   Node nodes[NODES];
 };
-constexpr int GRID = 2 * L * W + 2 * W + 2 * (C + 1);  // floats of a node: stops, paths, rays, lost, score, wall
-constexpr int STATE = 2886, GRIDS = 139840;  // numbers of either, as filter.py makes room for them
+constexpr int GRID = 2 * L * W + 2 * W + 3 * (C + 1);  // floats of a node: stops, paths, rays, lost, score, wall, likelihood
+constexpr int STATE = 2886, GRIDS = 144208;  // numbers of either, as filter.py makes room for them
 static_assert(sizeof(Head) == STATE * sizeof(D) && NODES * GRID + 2 * L * S + 2 * S + TABLE == GRIDS);
 const Given& g = *(const Given*)given.data;
 const Setup& s = *(const Setup*)setup.data;
@@ -243,8 +243,12 @@ auto take = [&]() {
   }
   h.level = level, h.slope = slope;
   int at = count - 1;
-  D said[NODES] = {}, whole = 0.0, cosine[NODES], sine[NODES];
-  for (int k = 0; k < count; ++k) cosine[k] = ::cos(node(k).phi), sine[k] = ::sin(node(k).phi);
+  D said[NODES] = {}, whole = 0.0, cosine[NODES], sine[NODES], node_x[NODES], node_u[NODES];
+  float* of[NODES];
+  for (int k = 0; k < count; ++k) {
+    const Node& a = node(k);
+    cosine[k] = ::cos(a.phi), sine[k] = ::sin(a.phi), node_x[k] = a.x, node_u[k] = a.u, of[k] = grid(k);
+  }
   const D top = s.lowest + L * s.layer;
   for (int i = 0; i < n; ++i) {
     if (!(aim.data[3 * i + 2] < -0.05)) continue;
@@ -265,8 +269,7 @@ auto take = [&]() {
         return along > -3.0;
       }
       for (int round = 0; round < 8; ++round) {
-        const Node& a = node(at);
-        const D c = cosine[at], d = sine[at], x = px - a.x, u = pu - a.u;
+        const D c = cosine[at], d = sine[at], x = px - node_x[at], u = pu - node_u[at];
         along = c * x + d * u, beside = c * u - d * x;
         const int go = along > 0.5 * STEP ? (int)(along / STEP + 0.5) : along < -0.5 * STEP ? -(int)(0.5 - along / STEP) : 0;
         const int to = at + go < 0 ? 0 : at + go >= count ? count - 1 : at + go;
@@ -283,7 +286,7 @@ auto take = [&]() {
       if ((over > FAR && beside > FAR) || (over < -FAR && beside < -FAR)) continue;
     }
     if (locate((0.4 * s.usual - h0) / dh)) {
-      float* rays = count ? grid(at) + 2 * L * W : wide + 2 * L * S;
+      float* rays = count ? of[at] + 2 * L * W : wide + 2 * L * S;
       const int next = count ? W : S;
       const D first = count ? E0 - K * CELL : W0, width = count ? CELL : WIDE;
       put(rays, next, first, width, beside, 1.0);
@@ -303,7 +306,7 @@ auto take = [&]() {
         const D r = r0 + (stop - r0) * (j + 0.5) / parts, length = (stop - r0) / parts;
         if (!locate(r)) continue;
         if (count) {
-          put(grid(at) + L * W + l * W, W, E0 - K * CELL, CELL, beside, length);
+          put(of[at] + L * W + l * W, W, E0 - K * CELL, CELL, beside, length);
           if (beside > -1.0 && beside < 1.0) said[at] += length, whole += length;
           if (at < h.touched) h.touched = at;
         } else {
@@ -312,7 +315,7 @@ auto take = [&]() {
       }
       if (reach <= r1) {
         if (is_stop && locate(reach)) {
-          if (count) put(grid(at) + l * W, W, E0 - K * CELL, CELL, beside, 1.0);
+          if (count) put(of[at] + l * W, W, E0 - K * CELL, CELL, beside, 1.0);
           else put(wide + l * S, S, W0, WIDE, beside, 1.0);
         }
         break;
@@ -528,11 +531,8 @@ auto measure = [&]() {  // how far rays come; height below which most of what st
 // ---- One round: what each node's rays say, given what the others say
 auto hear = [&](int k) {
   Node& a = node(k);
-  float *q = grid(k), *score = q + 2 * L * W + 2 * W, *wall = score + C + 1;
-  float best = score[0];
-  for (int j = 1; j <= C; ++j) best = score[j] > best ? score[j] : best;
-  float like[C + 1], before[C + 1], joint[C + 2];
-  for (int j = 0; j <= C; ++j) like[j] = score[j] - best > -40.0f ? (float)::exp((D)(score[j] - best)) : 0.0f;
+  float *q = grid(k), *score = q + 2 * L * W + 2 * W, *wall = score + C + 1, *like = wall + C + 1;
+  float before[C + 1], joint[C + 2];
   // in a hole: a wall anywhere, that goes on from node to node
   const float* last = k ? grid(k - 1) + 2 * L * W + 2 * W + C + 1 : nullptr;
   const D shift = k ? a.b / CELL : 0.0;  // the path steps aside
@@ -574,7 +574,7 @@ auto hear = [&](int k) {
     const D e = from + i * width, at = (e - E0) / CELL;
     const int j = (int)least(at, C - 1.0);
     const D f = at - j, w = ::exp(-0.5 * sq(e - c) * rest);
-    const D ln = (1.0 - f) * (score[j] - best) + f * (score[j + 1] - best), lk = ln > -40.0 ? ::exp(ln) : 0.0;
+    const D ln = (1.0 - f) * score[j] + f * score[j + 1], lk = ln > -40.0 ? ::exp(ln) : 0.0;
     const int lo = (int)most(j - apart, 0), hi = (int)least(j + apart + 1, C + 1);
     const D free = total - (below[hi] - below[lo]);
     const D t = w * (is_edge * lk + (1.0 - is_edge) * free);
@@ -625,7 +625,13 @@ auto update = [&]() {
   for (int f = 0; f < LEANS; ++f) lean += h.chance[f] * LEAN[f];
   for (int w = 0; w < WIDTHS; ++w) width += h.chance[LEANS + w] * WIDTH[w];
   if (sq(lean - h.lean) + sq(width - h.width) > sq(0.02)) from = 0, h.lean = lean, h.width = width;
-  for (int k = from; k < n; ++k) if (node(k).scans > 0.0) score_of(k, grid(k) + 2 * L * W + 2 * W);
+  for (int k = from; k < n; ++k) {
+    if (!(node(k).scans > 0.0)) continue;
+    float *score = grid(k) + 2 * L * W + 2 * W, *like = score + 2 * (C + 1), best = -1e30f;
+    score_of(k, score);
+    for (int j = 0; j <= C; ++j) best = score[j] > best ? score[j] : best;
+    for (int j = 0; j <= C; ++j) score[j] -= best, like[j] = score[j] > -40.0f ? (float)::exp((D)score[j]) : 0.0f;
+  }
   for (int sweep = 0; sweep < 2; ++sweep) {
     smooth();
     for (int k = most(from - 4, 0); k < n; ++k) if (node(k).scans > 0.0) hear(k);
