@@ -120,7 +120,7 @@ class Params:
     begin_nat: Annotated[float, Ge(0)] = 20.0
     denser: Annotated[float, Ge(1)] = 2.0
     begin_m: Annotated[float, Gt(0)] = 1.2
-    bend_noise: Annotated[float, Gt(0)] = 0.008
+    bend_noise: Annotated[float, Gt(0)] = 0.006
     turn_noise: Annotated[float, Gt(0)] = 0.004
     bend_sd: Annotated[float, Gt(0)] = 0.02
     turn_sd: Annotated[float, Gt(0)] = 0.1
@@ -136,8 +136,8 @@ class Params:
     wall_step_m: Annotated[float, Gt(0)] = 0.05
     prior_m: Annotated[float, Gt(0)] = 0.3
     least: Annotated[float, Gt(0)] = 0.03
-    bend_tail: Annotated[float, Gt(0)] = 2.0
-    over_first: Annotated[float, Ge(1)] = 8.0
+    bend_tail: Annotated[float, Gt(0)] = 4.0
+    over_first: Annotated[float, Ge(1)] = 16.0
     clear_m: Annotated[float, Gt(0)] = 0.5
     drift: Annotated[float, Ge(0)] = 0.003
     lost_m: Annotated[float, Gt(0)] = 0.6
