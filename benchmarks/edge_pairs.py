@@ -48,7 +48,7 @@ from swath.signals.setup import ControlSetup
 
 Sets = dict[str, Any]
 DISTANCE = 46.0  # m, of a run
-POOLS = {"fitting": 81, "choosing": 4021, "final": 770077, "left_out": 5150}
+POOLS = {"fitting": 81, "choosing": 4021, "seen": 770077, "final": 6271128, "left_out": 5150}
 SCANNERS = ("sick-lms511-hr", "sick-lms511-sr", "sick-lms111", "sick-lms291", "hokuyo-utm-30lx")
 CROPS = {  # stems per m2, stubble height
     "wheat": (250, 550, 0.15),
@@ -200,7 +200,7 @@ def case(pool: str, number: int) -> dict[str, Any]:
     rng = np.random.default_rng([POOLS[pool], number])
     while True:
         drawn = _drawn(rng, number)
-        if pool == "final" or is_left_out(drawn) == (pool == "left_out"):
+        if pool in ("seen", "final") or is_left_out(drawn) == (pool == "left_out"):
             return drawn
 
 

@@ -275,7 +275,8 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     period = from_hz(choice.common.rate_hz) * 1e-9
     mountings, height = _mountings(place, choice), site.field.crop_height
     side, lines = section.common.edge_side, partial(_read_line, site.origin)
-    control = ControlSetup(place.sheet, mountings, side, period, height, lines)
+    rows = site.field.library.row_spacing
+    control = ControlSetup(place.sheet, mountings, side, period, height, lines, rows)
     if choice.found.is_link:
         fed = {port: source for port, (source, _) in choice.wires.items()}
         offered, gives = _offered(choice), choice.kind.outputs

@@ -116,6 +116,7 @@ class ControlSetup:
     to the left of the edge and the standing crop to its right; with `right` the other way round
     period [s] of the component
     crop_height: usual one [m], standing upright, of the crop that the driver chose at the terminal; 0 = none
+    row_spacing: of the rows that the crop was sown in [m]; 0 = not known, or no rows
     line_of: reads the n-th line of a GeoJSON file as points (n, 2) of the field's frame [m], as a terminal
     reads its guidance lines; raises InputError
     """
@@ -126,6 +127,7 @@ class ControlSetup:
     period: float
     crop_height: float = 0.0
     line_of: Callable[[str, int], F64] | None = None
+    row_spacing: float = 0.0
 
     @property
     def mounting(self) -> Pose:

@@ -8,13 +8,14 @@ typedef double D;
 constexpr int L = 10, C = 90, K = 16, W = C + 2 * K, NODES = 48, S = 80;  // layers, cells, half template, padded row, nodes, cells of the start
 constexpr D STEP = 0.4, CELL = 0.04, E0 = -0.5 * C * CELL, WIDE = 0.1, W0 = -0.5 * S * WIDE;
 constexpr D MANY = 1e9;
-constexpr int SHAPES = 10;
-constexpr D LEAN[SHAPES] = {-0.6, -0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45, 0.6, 0.9};  // of the crop's side toward the crop, per height
+constexpr int LEANS = 10, WIDTHS = 4, SHAPES = LEANS + WIDTHS, BINS = 24, TABLE = 512;
+constexpr D LEAN[LEANS] = {-0.6, -0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45, 0.6, 0.9};  // of the crop's side toward the crop, per height
+constexpr D WIDTH[WIDTHS] = {0.03, 0.06, 0.11, 0.2};  // standard deviation of the plants' parts about their feet, and of spots
 struct Given { D seconds, age, speed, rate, crab, rise, beams, is_new; };
-struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest; };
+struct Setup { D x, y, z, reference, centre, usual, is_usual, layer, lowest, rows; };
 struct Numbers {
   D search, begin_nat, denser, begin_m, bend, turn, bend_sd, turn_sd, tooth_m, tooth, tooth_first, memory, hole, hole_ends, apart, wall_stays, wall_none,
-    wall_step, prior, least, bend_tail, over_first, clear, shoulder, spot, overhang, drift, lost, hold, lean_sd, shape_alike, height_sd;
+    wall_step, prior, least, bend_tail, over_first, clear, drift, lost, hold, lean_sd, shape_alike, height_sd, row_seen, delay, misfit;
 };
 struct Node {
   D x, u, phi, bend;             // a place of the reference path
@@ -29,14 +30,16 @@ struct Rates { D n[L], x[L], lost, rays; };
 struct Head {
   D X, U, psi, level, slope, known, since, way, scans, first, count, touched, alpha, over, tooth2, height, learned;
   D mean[4], cov[16];            // before the first node's rays
+  D free, lean, width;           // how far rays come into the crop [m]; means of the shape that all nodes were weighed with
+  D row_angle, row_seen, row_n[BINS], row_x[BINS];  // direction of the rows, nodes that it is learned from; stops and metres by place between rows
   Rates in, out;                 // learned from nodes that no ray reaches any more
   D mu_in[L], mu_out[L], q_in, q_out;
   D said[SHAPES], aside[SHAPES], chance[SHAPES];  // of each shape of the edge: log-likelihood, where it puts the feet, posterior
   Node nodes[NODES];
 };
-constexpr int GRID = 2 * L * W + 2 * W + 2 * (C + 1);  // floats of a node: stops, paths, rays, lost, score, wall
-constexpr int STATE = 2821, GRIDS = 142528;  // numbers of either, as filter.py makes room for them
-static_assert(sizeof(Head) == STATE * sizeof(D) && NODES * GRID + 2 * L * S + 2 * S + SHAPES * L * 2 * K == GRIDS);
+constexpr int GRID = 2 * L * W + 2 * W + 3 * (C + 1);  // floats of a node: stops, paths, rays, lost, score, wall, likelihood
+constexpr int STATE = 2886, GRIDS = 144208;  // numbers of either, as filter.py makes room for them
+static_assert(sizeof(Head) == STATE * sizeof(D) && NODES * GRID + 2 * L * S + 2 * S + TABLE == GRIDS);
 const Given& g = *(const Given*)given.data;
 const Setup& s = *(const Setup*)setup.data;
 const Numbers& p = *(const Numbers*)numbers.data;
@@ -47,7 +50,7 @@ D* const out = (D*)told.data;
 auto node = [&](int k) -> Node& { return h.nodes[((int)h.first + k) % NODES]; };
 auto grid = [&](int k) -> float* { return all + (long)(((int)h.first + k) % NODES) * GRID; };
 float* const wide = all + (long)NODES * GRID;  // of the start: stops, paths (L, S), rays, lost (S,)
-float* const shapes = wide + 2 * L * S + 2 * S;  // share of the stand that is there: (SHAPES, L, 2 K)
+float* const normal = wide + 2 * L * S + 2 * S;  // share of a normal below -4 to 4
 auto sq = [](D v) { return v * v; };
 auto least = [](D a, D b) { return a < b ? a : b; };
 auto most = [](D a, D b) { return a > b ? a : b; };
@@ -78,13 +81,12 @@ auto lose = [&]() {
   h.count = h.first = h.since = h.way = h.scans = 0.0, h.touched = MANY;
   h.over = p.over_first, h.tooth2 = sq(p.tooth_first), h.learned = 0.0, h.height = s.usual;
   clear_rates(h.in), clear_rates(h.out);
+  h.free = h.lean = h.width = h.row_angle = h.row_seen = 0.0;
+  for (int i = 0; i < BINS; ++i) h.row_n[i] = h.row_x[i] = 0.0;
   for (int f = 0; f < SHAPES; ++f) {
     h.said[f] = h.aside[f] = 0.0;
-    for (int l = 0; l < L; ++l) {
-      const D z = s.lowest + (l + 0.5) * s.layer;
-      for (int t = 0; t < 2 * K; ++t) shapes[(f * L + l) * 2 * K + t] = (float)share_below(((t - K + 0.5) * CELL - LEAN[f] * z) / p.spot);
-    }
   }
+  for (int i = 0; i < TABLE; ++i) normal[i] = (float)share_below(8.0 * (i + 0.5) / TABLE - 4.0);
   for (int i = 0; i < 2 * L * S + 2 * S; ++i) wide[i] = 0.0f;
 };
 auto renew = [&](Node& n, const Node* from) {  // a node from the one before
@@ -241,8 +243,12 @@ auto take = [&]() {
   }
   h.level = level, h.slope = slope;
   int at = count - 1;
-  D said[NODES] = {}, whole = 0.0, cosine[NODES], sine[NODES];
-  for (int k = 0; k < count; ++k) cosine[k] = ::cos(node(k).phi), sine[k] = ::sin(node(k).phi);
+  D said[NODES] = {}, whole = 0.0, cosine[NODES], sine[NODES], node_x[NODES], node_u[NODES];
+  float* of[NODES];
+  for (int k = 0; k < count; ++k) {
+    const Node& a = node(k);
+    cosine[k] = ::cos(a.phi), sine[k] = ::sin(a.phi), node_x[k] = a.x, node_u[k] = a.u, of[k] = grid(k);
+  }
   const D top = s.lowest + L * s.layer;
   for (int i = 0; i < n; ++i) {
     if (!(aim.data[3 * i + 2] < -0.05)) continue;
@@ -263,8 +269,7 @@ auto take = [&]() {
         return along > -3.0;
       }
       for (int round = 0; round < 8; ++round) {
-        const Node& a = node(at);
-        const D c = cosine[at], d = sine[at], x = px - a.x, u = pu - a.u;
+        const D c = cosine[at], d = sine[at], x = px - node_x[at], u = pu - node_u[at];
         along = c * x + d * u, beside = c * u - d * x;
         const int go = along > 0.5 * STEP ? (int)(along / STEP + 0.5) : along < -0.5 * STEP ? -(int)(0.5 - along / STEP) : 0;
         const int to = at + go < 0 ? 0 : at + go >= count ? count - 1 : at + go;
@@ -281,7 +286,7 @@ auto take = [&]() {
       if ((over > FAR && beside > FAR) || (over < -FAR && beside < -FAR)) continue;
     }
     if (locate((0.4 * s.usual - h0) / dh)) {
-      float* rays = count ? grid(at) + 2 * L * W : wide + 2 * L * S;
+      float* rays = count ? of[at] + 2 * L * W : wide + 2 * L * S;
       const int next = count ? W : S;
       const D first = count ? E0 - K * CELL : W0, width = count ? CELL : WIDE;
       put(rays, next, first, width, beside, 1.0);
@@ -289,26 +294,28 @@ auto take = [&]() {
       if (count && beside > -1.0 && beside < 1.0) said[at] += s.layer, whole += s.layer, h.touched = least(h.touched, at);
     }
     if (!seen) continue;
+    const D reach = most(q.r - p.delay * h.free / h.over, 0.0);
+    const bool is_stop = end > s.lowest;
     for (int l = L - 1; l >= 0; --l) {
       const D r0 = most((s.lowest + (l + 1) * s.layer - h0) / dh, 0.3), r1 = (s.lowest + l * s.layer - h0) / dh;
       if (r1 <= r0) continue;
-      if (q.r <= r0) break;
-      const D stop = least(r1, q.r);
+      if (reach <= r0) break;
+      const D stop = least(r1, reach);
       const int parts = 1 + (int)least((stop - r0) * (db < 0.0 ? -db : db) / CELL, 3.0);
       for (int j = 0; j < parts; ++j) {
         const D r = r0 + (stop - r0) * (j + 0.5) / parts, length = (stop - r0) / parts;
         if (!locate(r)) continue;
         if (count) {
-          put(grid(at) + L * W + l * W, W, E0 - K * CELL, CELL, beside, length);
+          put(of[at] + L * W + l * W, W, E0 - K * CELL, CELL, beside, length);
           if (beside > -1.0 && beside < 1.0) said[at] += length, whole += length;
           if (at < h.touched) h.touched = at;
         } else {
           put(wide + L * S + l * S, S, W0, WIDE, beside, length);
         }
       }
-      if (q.r <= r1) {
-        if (locate(q.r)) {
-          if (count) put(grid(at) + l * W, W, E0 - K * CELL, CELL, beside, 1.0);
+      if (reach <= r1) {
+        if (is_stop && locate(reach)) {
+          if (count) put(of[at] + l * W, W, E0 - K * CELL, CELL, beside, 1.0);
           else put(wide + l * S, S, W0, WIDE, beside, 1.0);
         }
         break;
@@ -329,16 +336,34 @@ auto shape = [&](const float* there) {  // what stops and metres say where a sha
     }
   }
 };
+auto add_shape = [&](D lean, D width, float worth, float* there) {
+  for (int l = 0; l < L; ++l) {
+    const float z = (float)(s.lowest + (l + 0.5) * s.layer), per = (float)(TABLE / 8.0 / width);
+    for (int t = 0; t < 2 * K; ++t) {
+      const float v = ((t - K + 0.5f) * (float)CELL - (float)lean * z) * per + 0.5f * TABLE;
+      there[l * 2 * K + t] += worth * (v < 0.0f ? 0.0f : v >= TABLE ? 1.0f : normal[(int)v]);
+    }
+  }
+};
+auto doubt = [&](D less) { return less > 0.0 ? less * less / (less + p.misfit) : 0.0; };
 auto weigh_shapes = [&]() {
   D best = -1e30, sum = 0.0, v[SHAPES];
-  for (int f = 0; f < SHAPES; ++f) {
-    const D lean = LEAN[f], high = h.height / s.usual * ::sqrt(1.0 + lean * lean) - 1.0;
-    v[f] = h.said[f] / p.shape_alike - 1.5 * ::log(1.0 + sq(lean / p.lean_sd));
-    if (s.is_usual > 0.0) v[f] -= ::log(1.0 + sq(high / p.height_sd));
+  for (int f = LEANS; f < SHAPES; ++f) best = most(best, v[f] = h.said[f] / p.shape_alike);
+  for (int f = LEANS; f < SHAPES; ++f) sum += h.chance[f] = ::exp(v[f] - best);
+  for (int f = LEANS; f < SHAPES; ++f) h.chance[f] /= sum;
+  best = -1e30, sum = 0.0;
+  for (int f = 0; f < LEANS; ++f) {
+    D chance = 0.0;  // over how far it leans along the edge, too: it is lower then
+    for (int g = 0; g < LEANS; ++g) {
+      const D lean2 = sq(LEAN[f]) + sq(LEAN[g]), a = 1.0 + lean2 / sq(p.lean_sd);
+      const D b = s.is_usual > 0.0 ? 1.0 + 0.5 * sq((h.height / s.usual * ::sqrt(1.0 + lean2) - 1.0) / p.height_sd) : 1.0;
+      chance += 1.0 / (a * b * ::sqrt(a * b));
+    }
+    v[f] = ::log(chance) - doubt(-h.said[f] / p.shape_alike);
     best = most(best, v[f]);
   }
-  for (int f = 0; f < SHAPES; ++f) sum += h.chance[f] = ::exp(v[f] - best);
-  for (int f = 0; f < SHAPES; ++f) h.chance[f] /= sum;
+  for (int f = 0; f < LEANS; ++f) sum += h.chance[f] = ::exp(v[f] - best);
+  for (int f = 0; f < LEANS; ++f) h.chance[f] /= sum;
 };
 auto rates = [&](const Rates& in, const Rates& away) {
   D mean = 4.0 * p.least;  // crop that is not seen is as dense as the layer above it
@@ -349,19 +374,19 @@ auto rates = [&](const Rates& in, const Rates& away) {
   }
   weigh_shapes();
   float there[L * 2 * K] = {};
-  for (int f = 0; f < SHAPES; ++f) {
-    if (h.chance[f] < 1e-4) continue;
-    const float c = (float)h.chance[f], *q = shapes + f * L * 2 * K;
-    for (int i = 0; i < L * 2 * K; ++i) there[i] += c * q[i];
-  }
+  for (int f = 0; f < LEANS; ++f)
+    for (int w = 0; w < WIDTHS; ++w) {
+      const D c = h.chance[f] * h.chance[LEANS + w];
+      if (c > 1e-3) add_shape(LEAN[f], WIDTH[w], (float)c, there);
+    }
   shape(there);
   h.q_in = (in.lost + 0.5) / (in.rays + 10.0), h.q_out = (away.lost + 0.5) / (away.rays + 10.0);
   ln_lost = (float)::log(h.q_in / h.q_out), ln_kept = (float)::log((1.0 - h.q_in) / (1.0 - h.q_out));
 };
-auto score_of = [&](int k, int layers, float* to) {  // log-likelihood of the wall at every place, from so many layers
+auto score_of = [&](int k, float* to) {  // log-likelihood of the wall at every place
   float *q = grid(k), score[C + 1];
   for (int j = 0; j <= C; ++j) score[j] = 0.0f;
-  for (int l = 0; l < layers; ++l) {
+  for (int l = 0; l < L; ++l) {
     const float *n = q + l * W, *x = q + L * W + l * W;
     float any = 0.0f;
     for (int i = 0; i < W; ++i) any += x[i];
@@ -403,6 +428,33 @@ auto add_sides = [&](int k, Rates& in, Rates& away, D worth) {  // what was seen
   for (int i = from; i < W; ++i) in.lost += worth * lost[i], in.rays += worth * rays[i];
   for (int i = 0; i < to; ++i) away.lost += worth * lost[i], away.rays += worth * rays[i];
 };
+auto along_rows = [&](D angle) {  // 1 where the line runs along the rows, 0 where it crosses them within a tooth
+  return s.rows > 0.0 ? 1.0 / (1.0 + sq(p.tooth_m * ::sin(angle - h.row_angle) / s.rows)) : 0.0;
+};
+auto learn_rows = [&](const Node& a, const float* q) {
+  const D angle = a.phi + a.mean[1], e = a.mean[0] + a.mean[3];
+  if (h.row_seen == 0.0) h.row_angle = angle;
+  const D along = along_rows(angle), keep = ::exp(-STEP / p.memory);
+  h.row_seen = h.row_seen * keep + along;
+  h.row_angle += along / h.row_seen * (angle - h.row_angle);
+  for (int i = 0; i < BINS; ++i) h.row_n[i] *= keep, h.row_x[i] *= keep;
+  for (int i = 0; i < W; ++i) {
+    const D d = (E0 + (i - K + 0.5) * CELL - e) / s.rows;
+    if (d < 0.0) continue;
+    const int bin = (int)((d - (int)d) * BINS);
+    for (int l = 0; l < L; ++l) h.row_n[bin] += along * q[l * W + i], h.row_x[bin] += along * q[L * W + l * W + i];
+  }
+};
+auto row_behind = [&](D& seen) {  // how far behind the wall the outermost row stands, and how plainly it is seen, 0..1
+  D re = 0.0, im = 0.0, sum = 0.0;
+  for (int i = 0; i < BINS; ++i) {
+    const D rate = h.row_n[i] / (h.row_x[i] + p.prior), t = 6.283185307179586 * (i + 0.5) / BINS;
+    re += rate * ::cos(t), im += rate * ::sin(t), sum += rate;
+  }
+  seen = sum > 0.0 ? (sq(re) + sq(im)) / sq(sum) : 0.0;
+  const D phase = ::atan2(im, re) / 6.283185307179586;
+  return s.rows * (phase < -0.15 ? phase + 1.0 : phase);
+};
 auto is_clear = [&](const Node& a) { return a.standing > 0.9 && a.prec > 1.0 / sq(p.clear); };  // an edge, and seen from both sides
 auto learn = [&](int k) {  // from a node that no ray reaches any more
   Node& a = node(k);
@@ -417,13 +469,17 @@ auto learn = [&](int k) {  // from a node that no ray reaches any more
   }
   if (!is_clear(a)) return;
   add_sides(k, h.in, h.out, a.standing);
+  if (s.rows > 0.0) learn_rows(a, grid(k));
   h.tooth2 = most(h.tooth2 + share * (sq(a.mean[3]) + a.cov[15] - h.tooth2), sq(p.tooth));
   // the shape of the edge: how well each explains this node, wherever it puts the feet
-  const int sides = (int)clip((p.shoulder * h.height - s.lowest) / s.layer, 1.0, L);  // above them tops are round
+  int lean = 0, width = 0;
+  for (int f = 1; f < LEANS; ++f) lean = h.chance[f] > h.chance[lean] ? f : lean;
+  for (int w = 1; w < WIDTHS; ++w) width = h.chance[LEANS + w] > h.chance[LEANS + width] ? w : width;
   for (int f = 0; f < SHAPES; ++f) {
-    float to[C + 1];
-    shape(shapes + f * L * 2 * K);
-    score_of(k, sides, to);
+    float to[C + 1], there[L * 2 * K] = {};
+    add_shape(LEAN[f < LEANS ? f : lean], WIDTH[f < LEANS ? width : f - LEANS], 1.0f, there);
+    shape(there);
+    score_of(k, to);
     float top = to[0];
     for (int j = 1; j <= C; ++j) top = to[j] > top ? to[j] : top;
     D sum = 0.0, at = 0.0;
@@ -433,11 +489,14 @@ auto learn = [&](int k) {  // from a node that no ray reaches any more
     }
     h.said[f] = h.said[f] * keep + top + ::log(sum);
     at /= sum;
-    h.aside[f] += share * ((at - (a.mean[0] + a.mean[3])) - h.aside[f]);
+    h.aside[f] += most(share, 1.0 / h.learned) * ((at - (a.mean[0] + a.mean[3])) - h.aside[f]);
   }
-  D highest = h.said[0];
-  for (int f = 1; f < SHAPES; ++f) highest = most(highest, h.said[f]);
-  for (int f = 0; f < SHAPES; ++f) h.said[f] -= highest;
+  for (int first = 0; first < SHAPES; first += LEANS) {
+    const int end = first ? SHAPES : LEANS;
+    D highest = h.said[first];
+    for (int f = first; f < end; ++f) highest = most(highest, h.said[f]);
+    for (int f = first; f < end; ++f) h.said[f] -= highest;
+  }
   // how much more stops scatter from place to place than those of a Poisson process
   const float* q = grid(k);
   const D e = a.mean[0] + a.mean[3];
@@ -453,10 +512,13 @@ auto learn = [&](int k) {  // from a node that no ray reaches any more
   }
   if (count > 0.0) h.over = most(h.over + share * count / 4.0 * (least(chi / count, 50.0) - h.over), 1.0);
 };
-auto measure = [&]() {  // height below which most of what stops rays in the crop lies
+auto measure = [&]() {  // how far rays come; height below which most of what stops rays in the crop lies
   D sum = 0.0, so_far = 0.0, n[L];
   for (int l = 0; l < L; ++l) sum += n[l] = most(h.mu_in[l] - h.mu_out[l], 0.0) / h.mu_in[l] * h.in.n[l];
   if (sum < 1.0) return;
+  D rate = 0.0;
+  for (int l = 0; l < L; ++l) rate += n[l] / sum * h.mu_in[l];
+  h.free = least(1.0 / rate, 2.0);
   for (int l = 0; l < L; ++l) {
     if (so_far + n[l] >= 0.9 * sum) {
       h.height = s.lowest + (l + (0.9 * sum - so_far) / n[l]) * s.layer;
@@ -469,11 +531,8 @@ auto measure = [&]() {  // height below which most of what stops rays in the cro
 // ---- One round: what each node's rays say, given what the others say
 auto hear = [&](int k) {
   Node& a = node(k);
-  float *q = grid(k), *score = q + 2 * L * W + 2 * W, *wall = score + C + 1;
-  float best = score[0];
-  for (int j = 1; j <= C; ++j) best = score[j] > best ? score[j] : best;
-  float like[C + 1], before[C + 1], joint[C + 2];
-  for (int j = 0; j <= C; ++j) like[j] = score[j] - best > -40.0f ? (float)::exp((D)(score[j] - best)) : 0.0f;
+  float *q = grid(k), *score = q + 2 * L * W + 2 * W, *wall = score + C + 1, *like = wall + C + 1;
+  float before[C + 1], joint[C + 2];
   // in a hole: a wall anywhere, that goes on from node to node
   const float* last = k ? grid(k - 1) + 2 * L * W + 2 * W + C + 1 : nullptr;
   const D shift = k ? a.b / CELL : 0.0;  // the path steps aside
@@ -515,7 +574,7 @@ auto hear = [&](int k) {
     const D e = from + i * width, at = (e - E0) / CELL;
     const int j = (int)least(at, C - 1.0);
     const D f = at - j, w = ::exp(-0.5 * sq(e - c) * rest);
-    const D ln = (1.0 - f) * (score[j] - best) + f * (score[j + 1] - best), lk = ln > -40.0 ? ::exp(ln) : 0.0;
+    const D ln = (1.0 - f) * score[j] + f * score[j + 1], lk = ln > -40.0 ? ::exp(ln) : 0.0;
     const int lo = (int)most(j - apart, 0), hi = (int)least(j + apart + 1, C + 1);
     const D free = total - (below[hi] - below[lo]);
     const D t = w * (is_edge * lk + (1.0 - is_edge) * free);
@@ -557,14 +616,25 @@ auto modes = [&]() {  // edge or hole, forward and back; pi leaves out the node'
 };
 auto update = [&]() {
   const int n = (int)h.count, touched = (int)least(h.touched, n);
+  int from = touched;
   Rates in = h.in, away = h.out;
   for (int k = 0; k < n; ++k) if (node(k).learned == 0.0 && is_clear(node(k))) add_sides(k, in, away, node(k).standing);
   rates(in, away);
   measure();
-  for (int k = 0; k < n; ++k) if (k >= touched && node(k).scans > 0.0) score_of(k, L, grid(k) + 2 * L * W + 2 * W);
+  D lean = 0.0, width = 0.0;
+  for (int f = 0; f < LEANS; ++f) lean += h.chance[f] * LEAN[f];
+  for (int w = 0; w < WIDTHS; ++w) width += h.chance[LEANS + w] * WIDTH[w];
+  if (sq(lean - h.lean) + sq(width - h.width) > sq(0.02)) from = 0, h.lean = lean, h.width = width;
+  for (int k = from; k < n; ++k) {
+    if (!(node(k).scans > 0.0)) continue;
+    float *score = grid(k) + 2 * L * W + 2 * W, *like = score + 2 * (C + 1), best = -1e30f;
+    score_of(k, score);
+    for (int j = 0; j <= C; ++j) best = score[j] > best ? score[j] : best;
+    for (int j = 0; j <= C; ++j) score[j] -= best, like[j] = score[j] > -40.0f ? (float)::exp((D)score[j]) : 0.0f;
+  }
   for (int sweep = 0; sweep < 2; ++sweep) {
     smooth();
-    for (int k = most(touched - 4, 0); k < n; ++k) if (node(k).scans > 0.0) hear(k);
+    for (int k = most(from - 4, 0); k < n; ++k) if (node(k).scans > 0.0) hear(k);
     modes();
   }
   smooth();
@@ -698,15 +768,25 @@ if (h.count >= 3.0) {
     for (int i = 0; i < 3; ++i) for (int j = 0; j < 3; ++j) var += J[i] * J[j] * a.cov[4 * i + j];
     const D size = way < 0.0 ? -way : way;
     var += sq(p.turn) * size * size * size / 3.0 + sq(p.bend) * size * size * size * size * size / 20.0;
-    D middle = 0.0, between = 0.0;  // where shapes put the feet
-    for (int f = 0; f < SHAPES; ++f) middle += h.chance[f] * h.aside[f];
-    for (int f = 0; f < SHAPES; ++f) between += h.chance[f] * sq(h.aside[f] - middle);
-    var += between + sq(p.overhang * h.height) + sq(p.drift * most(farthest - s.reference, 0.0));
+    for (int first = 0; first < SHAPES; first += LEANS) {  // where shapes put the feet
+      D middle = 0.0;
+      for (int f = first; f < (first ? SHAPES : LEANS); ++f) middle += h.chance[f] * h.aside[f];
+      for (int f = first; f < (first ? SHAPES : LEANS); ++f) var += h.chance[f] * sq(h.aside[f] - middle);
+    }
+    var += sq(p.drift * most(farthest - s.reference, 0.0));
+    D row = 0.0;
+    if (s.rows > 0.0) {  // the edge lies half a spacing outside the outermost row
+      D seen, behind = row_behind(seen);
+      seen = seen / (seen + sq(p.row_seen));
+      const D along = along_rows(angle);
+      row = along * (seen * behind - 0.5 * s.rows);
+      var += along * (1.0 - along) * sq(0.5 * s.rows) + along * seen * (1.0 - seen) * sq(behind);
+    }
     const D sd = ::sqrt(most(var, 0.0)) / steep;
     is_lost = sd > p.lost && nearest < 1.0 && a.scans > 0.2;
     if (sd < p.lost && farthest > s.reference - p.hold) {
-      out[0] = 1.0, out[1] = offset, out[2] = heading, out[3] = a.mean[2];
-      out[4] = erf_(0.1 / (sd * 1.4142135623730951));
+      out[0] = 1.0, out[1] = offset + row / steep, out[2] = heading, out[3] = a.mean[2];
+      out[4] = erf_(0.1 / (sd * 1.4142135623730951)) * 0.5 * (1.0 + a.standing);  // what looks like a hole may as well be the edge gone aside
       out[5] = h.height, out[6] = sd, out[7] = ::sqrt(a.cov[5] + size * sq(p.turn));
       out[8] = farthest, out[9] = a.standing < 0.5 || nearest > 1.0 ? 1.0 : 0.0;
     }
