@@ -400,7 +400,7 @@ class _Scheduler:
         run = straight(place, task.length, c.spec.body)
         marks = np.linspace(0.0, task.length, max(1, math.ceil(task.length / PARAMS.cut_m)) + 1)
         cut = segments(run, run.distance, c.spec.body, "cut", marks)
-        if not shapely_here().contains(self.ground.rough, cut.swept).all():
+        if not shapely_here().contains(self.ground.rough, cut.swept[:]).all():
             return None  # its body would be in a hole or off open ground
         strips = _strips(task, c.spec.width, marks)
         areas = self.ground.crop_in(strips)
