@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from swath.fleet.bodies import Body
 from swath.fleet.ground import shapely_here
-from swath.kernels import shared, start_warp
+from swath.kernels import launch
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int32]
@@ -76,14 +76,8 @@ def swept_by(body: Body, places: Array, first: Any, last: Any, gap: float) -> Sw
     points = np.zeros((int((last - first + 1).sum()) * 4 * count + 2, 2))
     starts = np.zeros(len(first) * count + 1, np.int32)
     arrays = numbers, places.ravel(), parts.ravel(), first, last, np.zeros(2 * most), points.ravel(), starts
-    _launch(swept_kernel.sweep_path, arrays)
+    launch(swept_kernel.sweep_path, arrays)
     return Swept(points[: starts[-1]].copy(), starts, count)
-
-
-def _launch(kernel: Any, arrays: tuple[NDArray[Any], ...]) -> None:
-    wp = start_warp()
-    inputs = [shared(a, getattr(wp, a.dtype.name)) for a in arrays]
-    wp.launch(kernel, dim=1, inputs=inputs, device="cpu")
 
 
 class Rows:
@@ -163,7 +157,7 @@ class Taken:
                 *(r.all.ravel() for r in (self.points, self.starts, self.first, self.machines)),
                 self.boxes.all.ravel(), self.blocks.all.ravel(), self._found,
             )  # fmt: skip
-            _launch(swept_kernel.meet_all, arrays)
+            launch(swept_kernel.meet_all, arrays)
             count = int(self._found[0])
             if count <= most:
                 break

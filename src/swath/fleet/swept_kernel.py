@@ -1,4 +1,6 @@
-"""The ground that machines sweep, and who meets on it, as Warp kernels: sweep.cpp, meets.cpp."""
+"""The ground that machines sweep, who meets on it and what crop is there, as Warp kernels: sweep.cpp, meets.cpp,
+crop.cpp.
+"""
 
 from pathlib import Path
 
@@ -71,3 +73,25 @@ def meet_all(
         numbers, own_points, own_starts, own_boxes, points, starts, first_outline, machines, boxes, blocks,
         found,
     )  # fmt: skip
+
+
+@wp.func_native((_HERE / "crop.cpp").read_text(encoding="utf-8"))
+def crop(
+    numbers: wp.array(dtype=wp.float64),
+    points: wp.array(dtype=wp.float64),
+    starts: wp.array(dtype=wp.int32),
+    cells: wp.array(dtype=wp.float32),
+    times: wp.array(dtype=wp.float64),
+): ...
+
+
+@wp.kernel
+def crop_cells(
+    numbers: wp.array(dtype=wp.float64),
+    points: wp.array(dtype=wp.float64),
+    starts: wp.array(dtype=wp.int32),
+    cells: wp.array(dtype=wp.float32),
+    times: wp.array(dtype=wp.float64),
+):
+    """One thread; see crop.cpp."""
+    crop(numbers, points, starts, cells, times)

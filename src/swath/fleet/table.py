@@ -94,13 +94,16 @@ def segments(track: Track, times: Array, body: Body, kind: str, marks: Array | N
 
 
 def _cuts(track: Track) -> NDArray[np.int64]:
-    cuts, begin = [0], 0
-    for i in range(1, len(track.distance) - 1):
-        most = PARAMS.bend_m if track.bends[begin:i].any() else PARAMS.straight_m
-        changed = track.ways[i] != track.ways[i - 1] or (track.bends[i] != 0.0) != (track.bends[i - 1] != 0.0)
-        if changed or track.distance[i + 1] - track.distance[begin] > most:
+    cuts, begin, bends = [0], 0, False
+    distance, bent = track.distance.tolist(), (track.bends != 0.0).tolist()
+    ways = track.ways.tolist()
+    for i in range(1, len(distance) - 1):
+        bends = bends or bent[i - 1]
+        most = PARAMS.bend_m if bends else PARAMS.straight_m
+        changed = ways[i] != ways[i - 1] or bent[i] != bent[i - 1]
+        if changed or distance[i + 1] - distance[begin] > most:
             cuts.append(i)
-            begin = i
+            begin, bends = i, False
     return np.array(cuts)
 
 
@@ -181,7 +184,7 @@ class Table:
                 if i == 0
                 else [(t + float(path.spent[i - 1]), until, k) for k, (t, until, _) in enumerate(labels[-1])]
             )
-            for low, high in self._safe(meets[i]):
+            for low, high in self._safe(meets[i], time):
                 best: tuple[float, float, int] | None = None
                 for t, until, k in came:
                     enter = max(t, low, after.get(i, -math.inf))
@@ -225,11 +228,11 @@ class Table:
         if before:
             self.order.append((before[-1], numbers[0]))
 
-    def _safe(self, meets: Sequence[int]) -> list[tuple[float, float]]:
-        """Intervals of time in which nobody else has a place."""
-        taken = sorted(
-            (self.segments[m].into - PARAMS.gap_s, self.segments[m].out + PARAMS.gap_s) for m in meets
-        )
+    def _safe(self, meets: Sequence[int], time: float) -> list[tuple[float, float]]:
+        """Intervals from a time on in which nobody else has a place; the first begins before."""
+        others = (self.segments[m] for m in meets)
+        gap = PARAMS.gap_s
+        taken = sorted((o.into - gap, o.out + gap) for o in others if o.out + gap > time)
         free, at = [], -math.inf
         for low, high in taken:
             if low > at:
