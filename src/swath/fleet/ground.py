@@ -194,8 +194,8 @@ class Ground:
         return np.asarray(shapely.contains(self.open, areas)) & (self._cells(areas) <= time)
 
     def _cells(self, areas: Any, cut: Array | None = None) -> Array:
-        """The time from which no crop stands in any cell whose middle is in a convex polygon, (n,) [s]; cut: of
-        each polygon, when its crop is cut [s].
+        """The time from which no crop stands in any cell whose middle is in a convex polygon, (n,) [s]; cut:
+        when the crop of each is cut [s].
         """
         from swath.fleet import swept_kernel
 

@@ -343,6 +343,7 @@ auto shoot_to = [&](int n, D run_in) {  // the shortest of the four that is free
       const D u = (at.x + hitch * at.c - at.tx) / drawbar, w = (at.y + hitch * at.s - at.ty) / drawbar;
       if (u * at.c + w * at.s < tolerance) continue;
     }
+    if (!drive(at, 0.0, m[51], when, straight)) continue;  // it comes on from there
     if (best_node < 0) found_at = popped;
     best_cost = cost; best_node = n; best_word = word;
     for (int i = 0; i < 4; ++i) best_parts[i] = parts[i];

@@ -1,6 +1,5 @@
 """The ground that bodies sweep: convex outlines, and which of them touch."""
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any

@@ -1,6 +1,4 @@
-"""The ground that machines sweep, who meets on it and what crop is there, as Warp kernels: sweep.cpp, meets.cpp,
-crop.cpp.
-"""
+"""Ground that machines sweep, who meets there, what crop is on it: Warp kernels of sweep, meets, crop.cpp."""
 
 from pathlib import Path
 

@@ -36,12 +36,12 @@ class Params:
     at walking pace; ease: weight of a bend that is changed against a metre of length; stray_m: that an eased
     way may be nearer to closed ground than the searched one; near: radii, within which a turn is tried before
     a search; line_deg: of a trailer that is in line at the end of a way; patch_m: radius of parts of a body
-    that are looked up at once. Of the search: shot_m: to the goal, within which each pose is joined to it, farther
-    off each 16th; later_s: ground that is free so much after the start counts in the estimate of what is left,
-    of which it takes `weight`; off_m: more in it where it knows no way with turns; bend_rad: of a trailer at the
-    end of a bend, which comes in line on a straight; poses_m: that are looked at for each metre to the goal;
-    long: steps of a long straight; after: poses that are looked at once a way is found. Estimates, those of the
-    search such that drawn fields are planned fast.
+    that are looked up at once. Of the search: shot_m: to the goal, within which each pose is joined to it,
+    farther off each 16th; later_s: ground that is free so much after the start counts in the estimate of
+    what is left, which counts `weight` times; off_m: more of it where no way with turns is known; bend_rad:
+    of a trailer at the end of a bend, which comes in line on a straight; poses_m: that are looked at for each
+    metre to the goal; long: steps of a long straight; after: poses that are looked at once a way is found.
+    Estimates, those of the search such that drawn fields are planned fast.
     """
 
     step_m: float = 2.0
@@ -364,7 +364,8 @@ class Finder:
         self._cells: dict[Any, tuple[slice, slice, NDArray[np.bool_]]] = {}
         self._near: list[Array] = []  # sides of who stands near
         self._seen = 0
-        self._reach_cells = PARAMS.patch_m / cell + math.sqrt(2.0)  # with where in a cell middle and points are
+        reach = PARAMS.patch_m / cell  # and what middle and points may be off those of their cells
+        self._reach_cells = reach + math.sqrt(2.0)
         self._last_cut = 0.0  # s
         self._known: dict[Any, Track | None] = {}  # ways that were asked for since crop was cut
         self._reach(slice(0, shape[0]), slice(0, shape[1]))
@@ -405,17 +406,18 @@ class Finder:
     def find(
         self, body: Body, drive: Drive, start: Place, goal: Place, *, stand: Sequence[Any] = (),
         near: Sequence[Any] = (), time: float = 0.0, gap: float = 0.15, in_line: float = 0.0,
-        most: int = PARAMS.poses,
+        ahead: float = 0.0, most: int = PARAMS.poses,
     ) -> Track | None:  # fmt: skip
         """The way that takes the shortest time from a place to another, None where there is none.
 
         stand: outlines of machines that stand, as polygons; near: convex ones that cells are too coarse for;
         time: of the start [s]; gap: kept all round the body [m]; in_line: the trailer ends in line within so
-        much [deg], 0: as it comes; most: two for each pose that is looked at near the start
+        much [deg], 0: as it comes; ahead: that it can drive straight on from there [m]; most: two for each
+        pose that is looked at near the start
         """
         self._refresh()
         by = min(time, self._last_cut)  # later nothing changes
-        asked = body, drive, start, goal, frozenset(stand), frozenset(near), by, gap, in_line, most
+        asked = body, drive, start, goal, frozenset(stand), frozenset(near), by, gap, in_line, ahead, most
         if asked in self._known:
             return self._known[asked]
         self._near = [_sides(shape) for shape in near]
@@ -423,7 +425,7 @@ class Finder:
         for i, j, inside in windows:
             self._taken[i, j] |= inside
         try:
-            way = self._find(body, drive, start, goal, (*stand, *near), by, gap, in_line, most)
+            way = self._find(body, drive, start, goal, (*stand, *near), by, gap, in_line, ahead, most)
         finally:
             for i, j, _ in windows:
                 self._taken[i, j] = 0
@@ -445,23 +447,30 @@ class Finder:
         self._refresh()
         place = goal if not there else goal._replace(heading=goal.heading + math.pi)
         self._near = []
-        self._launch(POINT, drive, place, place, (), time, 0.0, 0.0, PARAMS.poses, LANES)
+        self._launch(POINT, drive, place, place, (), time, 0.0, 0.0, 0.0, PARAMS.poses, LANES)
         return Far(self._lanes.copy(), self.grid, self._rows, self._lane * COARSE, there)
 
     def _find(
         self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: float, most: int,
+        gap: float, in_line: float, ahead: float, most: int,
     ) -> Track | None:  # fmt: skip
         turn = self._turn(body, drive, start, goal, stand, time, gap)
         if turn is not None and times_along(turn, drive)[-1] < _least_time(start, goal, drive):
             return turn
-        track = self._searched(body, drive, start, goal, stand, time, gap, in_line, most)
+        track = self._searched(body, drive, start, goal, stand, time, gap, in_line, ahead, most)
         if track is None or turn is None:
             return track or turn
         return min(turn, track, key=lambda t: float(times_along(t, drive)[-1]))
 
     def _turn(
-        self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float, gap: float
+        self,
+        body: Body,
+        drive: Drive,
+        start: Place,
+        goal: Place,
+        stand: Sequence[Any],
+        time: float,
+        gap: float,
     ) -> Track | None:
         """A turn that is rolled through, where there is room for one."""
         far = math.dist(start[:2], goal[:2])
@@ -473,9 +482,9 @@ class Finder:
 
     def _searched(
         self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: float, most: int,
+        gap: float, in_line: float, ahead: float, most: int,
     ) -> Track | None:  # fmt: skip
-        self._launch(body, drive, start, goal, stand, time, gap, in_line, most, SEARCH)
+        self._launch(body, drive, start, goal, stand, time, gap, in_line, ahead, most, SEARCH)
         self.searches += 1
         count = int(self._found[0])
         if count < 1:
@@ -492,7 +501,7 @@ class Finder:
 
     def _launch(
         self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: float, most: int, mode: int, track: Array = NOTHING,
+        gap: float, in_line: float, ahead: float, most: int, mode: int, track: Array = NOTHING,
     ) -> None:  # fmt: skip
         """Run the kernel."""
         from swath.fleet import search_kernel
@@ -512,9 +521,10 @@ class Finder:
             drive.radius, drive.turning, drive.straight, drive.backwards or 1.0, drive.shift, time,
             grid.cell, grid.west, grid.south, body.has_trailer, body.hitch, body.drawbar,
             drive.backwards > 0.0, ROOM, most, line, mode,
-            len(track), *self._taken.shape, p.step_m, p.headings, p.stray_m, len(patches), p.shot_m, p.later_s,
-            len(self._near), self._reach_cells, len(stand), self._lane, p.weight, p.bend_rad, p.poses_m,
-            p.long, p.after, p.off_m, *_circle(body.own, gap), *_circle(body.towed, gap), self._heap.shape[1], 0.0,
+            len(track), *self._taken.shape, p.step_m, p.headings, p.stray_m, len(patches), p.shot_m,
+            p.later_s, len(self._near), self._reach_cells, len(stand), self._lane, p.weight, p.bend_rad,
+            p.poses_m, p.long, p.after, p.off_m, *_circle(body.own, gap), *_circle(body.towed, gap),
+            self._heap.shape[1], ahead,
         )  # fmt: skip
         numbers[52:] = circles.ravel()
         sides = np.concatenate([np.concatenate([[len(n)], n.ravel()]) for n in self._near] or [NOTHING])
@@ -541,7 +551,7 @@ class Finder:
         when = time + track.distance[1:] / drive.straight
         poses = np.column_stack([track.places[1:], when])
         here = track.start
-        self._launch(body, drive, here, here, stand, time, gap, 0.0, 0, CHECK, poses)
+        self._launch(body, drive, here, here, stand, time, gap, 0.0, 0.0, 0, CHECK, poses)
         return bool(self._found[0])
 
 
