@@ -29,7 +29,7 @@ for (int n = 0; n < count; ++n) {
       const double x = west + cell * (i + 0.5), y = south + cell * (j + 0.5);
       bool inside = true;
       for (int k = begins[n]; k + 1 < begins[n + 1] && inside; ++k)
-        inside = turn * ((p[2 * k + 2] - p[2 * k]) * (y - p[2 * k + 1]) - (p[2 * k + 3] - p[2 * k + 1]) * (x - p[2 * k])) > 0.0;
+        inside = turn * ((p[2 * k + 2] - p[2 * k]) * (y - p[2 * k + 1]) - (p[2 * k + 3] - p[2 * k + 1]) * (x - p[2 * k])) > 1e-9;
       if (!inside) continue;
       float& f = free_from[i * ny + j];
       if (is_cut) { if (f > time[n]) f = (float)time[n]; }

@@ -191,7 +191,9 @@ class Ground:
         """Whether polygons (n,) lie on open ground where no crop stands at a time [s]."""
         shapely = shapely_here()
         areas = np.atleast_1d(areas)
-        return np.asarray(shapely.contains(self.open, areas)) & (self._cells(areas) <= time)
+        return np.asarray(shapely.contains(self.open, areas)) & (
+            self._cells(areas).astype(np.float32) <= np.float32(time)
+        )
 
     def _cells(self, areas: Any, cut: Array | None = None) -> Array:
         """The time from which no crop stands in any cell whose middle is in a convex polygon, (n,) [s]; cut:

@@ -46,8 +46,7 @@ class Params:
     cart beyond what is known; soon_s: within which a machine stands that a way leads around; part: of a tank,
     up to which a combine begins a pass that its tank does not take; behind: share in the cost of a place of
     a cart's way to the truck, which keeps nobody waiting; again_s: more cost of a place at which nobody could
-    be emptied; line_deg: of a trailer that comes beside a header; ahead_m: that it can drive straight
-    on from there, so that its box does not swing into who stands; near_m: that a way keeps off who stands
+    be emptied; line_deg: of a trailer that comes beside a header; near_m: that a way keeps off who stands
     near, beyond the gaps of bodies; rests: power of two, most grants to others before who can do nothing
     looks again; out_percent: of the field that is left where no way leads. Estimates, but for line_deg:
     a box of 9 m then swings by less than the gap beside a header.
@@ -65,7 +64,6 @@ class Params:
     behind: float = 0.25
     again_s: float = 60.0
     line_deg: float = 2.0
-    ahead_m: float = 3.0
     near_m: float = 0.04
     rests: int = 3
     out_percent: float = 0.5
@@ -990,8 +988,7 @@ class _Scheduler:
     ) -> Any:
         """A cart's path to beside a combine that stands there from a time on, poured into, and away."""
         name, body, drive = k.spec.name, k.spec.body, k.spec.drive
-        more = {"in_line": PARAMS.line_deg, "ahead": PARAMS.ahead_m}
-        way = self.way(name, body, drive, k.home, goal, now, other, **more)
+        way = self.way(name, body, drive, k.home, goal, now, other, in_line=PARAMS.line_deg)
         if way is None:
             return None
         path = segments(way, times_along(way, drive), body, "to combine")

@@ -35,7 +35,7 @@ const int capacity = (int)m[23], nx = (int)m[28], ny = (int)m[29], headings = (i
 const int mode = (int)m[26], patch_count = (int)m[33], near_count = (int)m[36], stand_count = (int)m[38];
 const D stray = m[32], around_own[2] = {m[46], m[47]}, around_towed[2] = {m[48], m[49]};
 // estimates of ways.py: m, s, -, rad, 1/m, steps, poses
-const D SHOT = m[34], LATER = m[35], WEIGHT = m[40], BEND = m[41], PER_M = m[42], LONG = m[43], AFTER = m[44], OFF = m[45];
+const D SHOT = m[34], LATER = m[35], WEIGHT = m[40], BEND = m[41], PER_M = m[42], LONG = m[43], AFTER = m[44], OFF = m[45], ROUGH = m[51];
 const D* stands = m + 52;  // x, y, radius
 const int ratio = (int)(COARSE / cell + 0.5), cx = (nx + ratio - 1) / ratio, cy = (ny + ratio - 1) / ratio;
 out[0] = 0.0;
@@ -164,49 +164,36 @@ auto is_taken = [&](int c) {
   const int i = c / cy * ratio, j = c % cy * ratio;
   for (int a = i; a < i + ratio && a < nx; ++a)
     for (int b = j; b < j + ratio && b < ny; ++b)
-      if (!taken[a * ny + b]) return inside_any(west + (c / cy + 0.5) * COARSE, south + (c % cy + 0.5) * COARSE);
+      if (!taken[a * ny + b]) return false;
   return true;
 };
 const int goal_cell = coarse_of(m[6], m[7]), start_cell = coarse_of(m[0], m[1]);
 const float by_then = (float)(start_time + LATER), unit = (float)(0.1 * COARSE);
 for (int c = 0; c < cx * cy; ++c) far[c] = reachable[c] <= by_then ? 1e18f : -1.0f;
-for (int k = 0; k < stand_count; ++k) {
-  const D *q = stands + 3 * k;
-  const int low = coarse_of(q[0] - q[2], q[1] - q[2]), high = coarse_of(q[0] + q[2], q[1] + q[2]);
-  for (int i = low / cy; i <= high / cy; ++i)
-    for (int j = low % cy; j <= high % cy; ++j)
-      if (is_taken(i * cy + j)) far[i * cy + j] = -1.0f;
-}
 far[start_cell] = 1e18f;
 far[goal_cell] = 0.0f;
-// of cells the octile distance to the start, so that those in its direction are looked at first and others not at all
-auto ahead = [](int i, int j, int si, int sj) {
-  const int a = i > si ? i - si : si - i, b = j > sj ? j - sj : sj - j;
-  return a > b ? 10 * a + 4 * b : 10 * b + 4 * a;
-};
-const int si = start_cell / cy, sj = start_cell % cy, goal_ahead = mode == SEARCH ? ahead(goal_cell / cy, goal_cell % cy, si, sj) : 0;
-constexpr int RING = 32;
+constexpr int RING = 16;
 int first_of[RING];
 for (int k = 0; k < RING; ++k) first_of[k] = -1;
 int entries = 0, waiting = 1, enough = 1 << 30;
-heap[entries] = goal_cell; follows[entries] = -1; first_of[goal_ahead % RING] = entries++;
-for (int now = goal_ahead; waiting > 0 && now <= enough && mode == SEARCH; ++now) {
+heap[entries] = goal_cell; follows[entries] = -1; first_of[0] = entries++;
+for (int now = 0; waiting > 0 && now <= enough && mode == SEARCH; ++now) {
   for (int e = first_of[now % RING]; e >= 0; e = first_of[now % RING]) {
     first_of[now % RING] = follows[e];
     --waiting;
     const int c = heap[e];
-    const int i = c / cy, j = c % cy, came = (int)(far[c] / unit + 0.5f);
-    if (came + ahead(i, j, si, sj) < now) continue;
+    if (far[c] < now * unit - 0.01f) continue;
     if (c == start_cell && enough == 1 << 30) enough = (int)(1.3 * now + 60.0 / unit);
+    const int i = c / cy, j = c % cy;
     for (int a = -1; a <= 1; ++a)
       for (int b = -1; b <= 1; ++b) {
         if ((!a && !b) || i + a < 0 || j + b < 0 || i + a >= cx || j + b >= cy) continue;
-        const int n = c + a * cy + b, d = came + (a && b ? 14 : 10);
+        const int n = c + a * cy + b, d = now + (a && b ? 14 : 10);
         if (d * unit > far[n] - 0.01f) continue;
+        if (stand_count && n != start_cell && is_taken(n)) { far[n] = -1.0f; continue; }
         far[n] = d * unit;
         if (entries >= (int)m[50]) return;
-        const int f = (d + ahead(i + a, j + b, si, sj)) % RING;
-        heap[entries] = n; follows[entries] = first_of[f]; first_of[f] = entries++;
+        heap[entries] = n; follows[entries] = first_of[d % RING]; first_of[d % RING] = entries++;
         ++waiting;
       }
   }
@@ -214,10 +201,8 @@ for (int now = goal_ahead; waiting > 0 && now <= enough && mode == SEARCH; ++now
 const bool all_lanes = mode == LANES;
 if (far[start_cell] > NEVER && !all_lanes) return;
 // the same with eight headings of which each step along one changes at most to the next: so a way
-// around a field is not tried first in the direction in which it cannot turn round. A cell is about an eighth of a turning
-// circle. Lengths are those that are driven straight in the same time
-constexpr int TURNS = 8, WIDE_RING = 1024;
-constexpr D MOST = 20.0;  // times as long as straight, so that a step is in the ring
+// around a field is not tried first in the direction in which it cannot turn round. A cell is about an eighth of a turning circle
+constexpr int TURNS = 8, WIDE_RING = 160, BACK = 3;  // a step backwards counts as three
 const int LANE = (int)m[39], AXIS = 10 * LANE, ACROSS = 14 * LANE;
 constexpr D EIGHTH = 0.25 * PI;
 const int lx = (cx + LANE - 1) / LANE, ly = (cy + LANE - 1) / LANE, ei[TURNS] = {1, 1, 0, -1, -1, -1, 0, 1}, ej[TURNS] = {0, 1, 1, 1, 0, -1, -1, -1};
@@ -234,32 +219,28 @@ D expected = far[start_cell];
       const int c = i * ly + j;
       for (int h = 0; h < TURNS; ++h) lanes[c * TURNS + h] = 2 * open >= LANE * LANE || c == goal_lane || c == start_lane ? 1e18f : -1.0f;
     }
-  const D slower[2] = {straight / backwards > MOST ? MOST : straight / backwards, straight / turning > MOST ? MOST : straight / turning};
-  auto lanes_ahead = [&](int c) { return all_lanes ? 0 : LANE * ahead(c / ly, c % ly, start_lane / ly, start_lane % ly); };
   int first_lane[WIDE_RING];
   for (int k = 0; k < WIDE_RING; ++k) first_lane[k] = -1;
   entries = 0; waiting = 0; enough = 1 << 30;
   for (int k = 0; k < 2; ++k) {
     const int n = goal_lane * TURNS + (goal_turn + k) % TURNS;
-    const int f = lanes_ahead(goal_lane);
-    lanes[n] = 0.0f; heap[entries] = n; follows[entries] = first_lane[f % WIDE_RING]; first_lane[f % WIDE_RING] = entries++; ++waiting;
+    lanes[n] = 0.0f; heap[entries] = n; follows[entries] = first_lane[0]; first_lane[0] = entries++; ++waiting;
   }
-  for (int now = lanes_ahead(goal_lane); waiting > 0 && now <= enough; ++now)
+  for (int now = 0; waiting > 0 && now <= enough; ++now)
     for (int e = first_lane[now % WIDE_RING]; e >= 0; e = first_lane[now % WIDE_RING]) {
       first_lane[now % WIDE_RING] = follows[e];
       --waiting;
-      const int n = heap[e], c = n / TURNS, h = n % TURNS, came = (int)(lanes[n] / unit + 0.5f);
-      if (came + lanes_ahead(c) < now) continue;
+      const int n = heap[e], c = n / TURNS, h = n % TURNS;
+      if (lanes[n] < now * unit - 0.01f) continue;
       if (c == start_lane && (h == start_turn % TURNS || h == (start_turn + 1) % TURNS) && enough == 1 << 30 && !all_lanes) { enough = (int)(1.3 * now + 60.0 / unit); expected = now * unit; }
       for (int t = 0; t < (reverses ? 6 : 3); ++t) {  // it came along g, or backwards, and turned to h
         const int g = (h + t % 3 - 1 + TURNS) % TURNS, way = t < 3 ? 1 : -1, i = c / ly - way * ei[g], j = c % ly - way * ej[g];
         if (i < 0 || j < 0 || i >= lx || j >= ly) continue;
-        const int from = (i * ly + j) * TURNS + g, d = came + (int)((g % 2 ? ACROSS : AXIS) * (way < 0 ? slower[0] : g != h ? slower[1] : 1.0));
+        const int from = (i * ly + j) * TURNS + g, d = now + (g % 2 ? ACROSS : AXIS) * (way < 0 ? BACK : 1);
         if (d * unit > lanes[from] - 0.01f) continue;
         lanes[from] = d * unit;
         if (entries >= (int)m[50]) return;
-        const int f = (d + lanes_ahead(from / TURNS)) % WIDE_RING;
-        heap[entries] = from; follows[entries] = first_lane[f]; first_lane[f] = entries++;
+        heap[entries] = from; follows[entries] = first_lane[d % WIDE_RING]; first_lane[d % WIDE_RING] = entries++;
         ++waiting;
       }
     }
@@ -343,7 +324,6 @@ auto shoot_to = [&](int n, D run_in) {  // the shortest of the four that is free
       const D u = (at.x + hitch * at.c - at.tx) / drawbar, w = (at.y + hitch * at.s - at.ty) / drawbar;
       if (u * at.c + w * at.s < tolerance) continue;
     }
-    if (!drive(at, 0.0, m[51], when, straight)) continue;  // it comes on from there
     if (best_node < 0) found_at = popped;
     best_cost = cost; best_node = n; best_word = word;
     for (int i = 0; i < 4; ++i) best_parts[i] = parts[i];
@@ -353,15 +333,15 @@ auto shoot = [&](int n) {  // a trailer that has to be in line behind a bend com
   shoot_to(n, 0.0);
   if (run_in_line > 0.0) shoot_to(n, run_in_line);
 };
-// the time to the goal: on the grid, with turns, or of who cannot reverse along the shortest Dubins path, whichever is longest
+// the time to the goal: on the grid, or of who cannot reverse along the shortest Dubins path, whichever is longer
 auto estimate = [&](const State& q) {
   const D on_grid = far[coarse_of(q.x, q.y)];
   if (on_grid < 0.0) return on_grid;
   D least = 1e18, parts[4];
   for (int word = 0; word < 4 && !reverses; ++word)
     if (word_to(q.x, q.y, q.c, q.s, run_in_line, word, parts)) { const D t = (parts[0] + parts[2]) / turning + (parts[1] + parts[3]) / straight; if (t < least) least = t; }
-  const D on_lanes = lane_at(q.x, q.y, q.c, q.s), farther = on_lanes < 0.0 ? on_grid + OFF : on_lanes - 2.0 * LANE * COARSE;
-  const D alone = (farther > on_grid ? farther : on_grid) / straight;
+  const D on_lanes = lane_at(q.x, q.y, q.c, q.s), farther = on_lanes < 0.0 ? on_grid * WEIGHT + OFF : on_lanes * WEIGHT - ROUGH;
+  const D alone = (farther > on_grid * WEIGHT ? farther : on_grid * WEIGHT) / straight;
   return least < 1e17 && least > alone ? least : alone;
 };
 auto bin_of = [&](const State& q) {
@@ -379,7 +359,7 @@ auto add = [&](const State& q, D g, int parent, D bend, D way) {
   D* n = nodes + ROW * count;
   n[0] = q.x; n[1] = q.y; n[2] = q.c; n[3] = q.s; n[4] = q.tx; n[5] = q.ty; n[6] = g;
   n[AT_PARENT] = parent; n[AT_BEND] = bend; n[AT_WAY] = way; n[AT_BIN] = bin;
-  push(g + WEIGHT * e, count++);
+  push(g + e, count++);
 };
 const State first = {m[0], m[1], m[2], m[3], m[4], m[5]};
 add(first, 0.0, -1, 0.0, 0.0);
@@ -388,9 +368,8 @@ while (size) {
   D key;
   const int n = pop(key);
   const D* q0 = nodes + ROW * n;
-  if (best_node >= 0 && popped > found_at + AFTER) break;
+  if (key >= best_cost - 1e-6 || (best_node >= 0 && popped > found_at + AFTER)) break;
   const State here = {q0[0], q0[1], q0[2], q0[3], q0[4], q0[5]};
-  if (q0[6] >= best_cost) continue;
   if (q0[6] > best[(int)q0[AT_BIN]] * 1.000001 + 1e-6) continue;
   if (popped % 16 == 0 || far[coarse_of(here.x, here.y)] < SHOT) shoot(n);
   ++popped;

@@ -38,7 +38,8 @@ class Params:
     a search; line_deg: of a trailer that is in line at the end of a way; patch_m: radius of parts of a body
     that are looked up at once. Of the search: shot_m: to the goal, within which each pose is joined to it,
     farther off each 16th; later_s: ground that is free so much after the start counts in the estimate of
-    what is left, which counts `weight` times; off_m: more of it where no way with turns is known; bend_rad:
+    what is left, which counts `weight` times; off_m: more of it where no way with turns is known;
+    rough_m: by what it may be too far with turns; bend_rad:
     of a trailer at the end of a bend, which comes in line on a straight; poses_m: that are looked at for each
     metre to the goal; long: steps of a long straight; after: poses that are looked at once a way is found.
     Estimates, those of the search such that drawn fields are planned fast.
@@ -46,7 +47,7 @@ class Params:
 
     step_m: float = 2.0
     headings: int = 24
-    poses: int = 4_000
+    poses: int = 6_000
     body_m: float = 0.45
     creep_m_s: float = 0.3
     ramp_m: float = 3.0
@@ -62,7 +63,8 @@ class Params:
     bend_rad: float = 0.7
     poses_m: float = 3.0
     long: float = 4.0
-    after: int = 300
+    after: int = 500
+    rough_m: float = 12.0
 
 
 PARAMS = Params()
@@ -406,18 +408,17 @@ class Finder:
     def find(
         self, body: Body, drive: Drive, start: Place, goal: Place, *, stand: Sequence[Any] = (),
         near: Sequence[Any] = (), time: float = 0.0, gap: float = 0.15, in_line: float = 0.0,
-        ahead: float = 0.0, most: int = PARAMS.poses,
+        most: int = PARAMS.poses,
     ) -> Track | None:  # fmt: skip
         """The way that takes the shortest time from a place to another, None where there is none.
 
         stand: outlines of machines that stand, as polygons; near: convex ones that cells are too coarse for;
         time: of the start [s]; gap: kept all round the body [m]; in_line: the trailer ends in line within so
-        much [deg], 0: as it comes; ahead: that it can drive straight on from there [m]; most: two for each
-        pose that is looked at near the start
+        much [deg], 0: as it comes; most: two for each pose that is looked at near the start
         """
         self._refresh()
         by = min(time, self._last_cut)  # later nothing changes
-        asked = body, drive, start, goal, frozenset(stand), frozenset(near), by, gap, in_line, ahead, most
+        asked = body, drive, start, goal, frozenset(stand), frozenset(near), by, gap, in_line, most
         if asked in self._known:
             return self._known[asked]
         self._near = [_sides(shape) for shape in near]
@@ -425,7 +426,7 @@ class Finder:
         for i, j, inside in windows:
             self._taken[i, j] |= inside
         try:
-            way = self._find(body, drive, start, goal, (*stand, *near), by, gap, in_line, ahead, most)
+            way = self._find(body, drive, start, goal, (*stand, *near), by, gap, in_line, most)
         finally:
             for i, j, _ in windows:
                 self._taken[i, j] = 0
@@ -447,17 +448,17 @@ class Finder:
         self._refresh()
         place = goal if not there else goal._replace(heading=goal.heading + math.pi)
         self._near = []
-        self._launch(POINT, drive, place, place, (), time, 0.0, 0.0, 0.0, PARAMS.poses, LANES)
+        self._launch(POINT, drive, place, place, (), time, 0.0, 0.0, PARAMS.poses, LANES)
         return Far(self._lanes.copy(), self.grid, self._rows, self._lane * COARSE, there)
 
     def _find(
         self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: float, ahead: float, most: int,
+        gap: float, in_line: float, most: int,
     ) -> Track | None:  # fmt: skip
         turn = self._turn(body, drive, start, goal, stand, time, gap)
         if turn is not None and times_along(turn, drive)[-1] < _least_time(start, goal, drive):
             return turn
-        track = self._searched(body, drive, start, goal, stand, time, gap, in_line, ahead, most)
+        track = self._searched(body, drive, start, goal, stand, time, gap, in_line, most)
         if track is None or turn is None:
             return track or turn
         return min(turn, track, key=lambda t: float(times_along(t, drive)[-1]))
@@ -482,9 +483,9 @@ class Finder:
 
     def _searched(
         self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: float, ahead: float, most: int,
+        gap: float, in_line: float, most: int,
     ) -> Track | None:  # fmt: skip
-        self._launch(body, drive, start, goal, stand, time, gap, in_line, ahead, most, SEARCH)
+        self._launch(body, drive, start, goal, stand, time, gap, in_line, most, SEARCH)
         self.searches += 1
         count = int(self._found[0])
         if count < 1:
@@ -501,7 +502,7 @@ class Finder:
 
     def _launch(
         self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: float, ahead: float, most: int, mode: int, track: Array = NOTHING,
+        gap: float, in_line: float, most: int, mode: int, track: Array = NOTHING,
     ) -> None:  # fmt: skip
         """Run the kernel."""
         from swath.fleet import search_kernel
@@ -524,7 +525,7 @@ class Finder:
             len(track), *self._taken.shape, p.step_m, p.headings, p.stray_m, len(patches), p.shot_m,
             p.later_s, len(self._near), self._reach_cells, len(stand), self._lane, p.weight, p.bend_rad,
             p.poses_m, p.long, p.after, p.off_m, *_circle(body.own, gap), *_circle(body.towed, gap),
-            self._heap.shape[1], ahead,
+            self._heap.shape[1], p.rough_m,
         )  # fmt: skip
         numbers[52:] = circles.ravel()
         sides = np.concatenate([np.concatenate([[len(n)], n.ravel()]) for n in self._near] or [NOTHING])
@@ -551,7 +552,7 @@ class Finder:
         when = time + track.distance[1:] / drive.straight
         poses = np.column_stack([track.places[1:], when])
         here = track.start
-        self._launch(body, drive, here, here, stand, time, gap, 0.0, 0.0, 0, CHECK, poses)
+        self._launch(body, drive, here, here, stand, time, gap, 0.0, 0, CHECK, poses)
         return bool(self._found[0])
 
 
