@@ -28,6 +28,10 @@ D* out = (D*)found.data;
 constexpr int ROW = 11, AT_PARENT = 7, AT_BEND = 8, AT_WAY = 9, AT_BIN = 10;
 constexpr D PI = 3.14159265358979323846, NEVER = 1e17, SAMPLE = 1.0, COARSE = 2.0, BIN = 1.5;  // m, as in ways.py
 constexpr int SEARCH = 0, LANES = 1, CHECK = 2;  // what is asked for
+constexpr D FARTHER = 1.3, BEYOND = 60.0;  // bound of the estimate: so many times as far as the start, and so much [m] more
+constexpr D FOLDED = 0.5;  // cosine of a trailer's angle to who tows it, 60 deg
+constexpr D BENT = 0.02;  // share by which what bends at all costs more, so that of two ways alike the straighter one is taken
+constexpr int NOW_AND_THEN = 16;  // of poses far off the goal, one in so many is joined to it
 const D radius = m[10], turning = m[11], straight = m[12], backwards = m[13], shift = m[14], start_time = m[15];
 const D cell = m[16], west = m[17], south = m[18], hitch = m[20], drawbar = m[21], step = m[30], tolerance = m[25];
 const bool has_trailer = m[19] > 0.5, reverses = m[22] > 0.5;
@@ -92,7 +96,7 @@ auto is_clear = [&](D x, D y, D c, D s, D tx, D ty, D when) {
   D u = 1.0, w = 0.0;
   if (has_trailer) {
     u = (x + hitch * c - tx) / drawbar; w = (y + hitch * s - ty) / drawbar;
-    if (u * c + w * s < 0.5 && mode != CHECK) return false;  // 60 deg
+    if (u * c + w * s < FOLDED && mode != CHECK) return false;
   }
   const bool near_own = is_near(x + around_own[0] * c, y + around_own[0] * s, around_own[1]);
   const bool near_towed = has_trailer && is_near(tx + around_towed[0] * u, ty + around_towed[0] * w, around_towed[1]);
@@ -183,7 +187,7 @@ for (int now = 0; waiting > 0 && now <= enough && mode == SEARCH; ++now) {
     --waiting;
     const int c = heap[e];
     if (far[c] < now * unit - 0.01f) continue;
-    if (c == start_cell && enough == 1 << 30) enough = (int)(1.3 * now + 60.0 / unit);
+    if (c == start_cell && enough == 1 << 30) enough = (int)(FARTHER * now + BEYOND / unit);
     const int i = c / cy, j = c % cy;
     for (int a = -1; a <= 1; ++a)
       for (int b = -1; b <= 1; ++b) {
@@ -232,7 +236,7 @@ D expected = far[start_cell];
       --waiting;
       const int n = heap[e], c = n / TURNS, h = n % TURNS;
       if (lanes[n] < now * unit - 0.01f) continue;
-      if (c == start_lane && (h == start_turn % TURNS || h == (start_turn + 1) % TURNS) && enough == 1 << 30 && !all_lanes) { enough = (int)(1.3 * now + 60.0 / unit); expected = now * unit; }
+      if (c == start_lane && (h == start_turn % TURNS || h == (start_turn + 1) % TURNS) && enough == 1 << 30 && !all_lanes) { enough = (int)(FARTHER * now + BEYOND / unit); expected = now * unit; }
       for (int t = 0; t < (reverses ? 6 : 3); ++t) {  // it came along g, or backwards, and turned to h
         const int g = (h + t % 3 - 1 + TURNS) % TURNS, way = t < 3 ? 1 : -1, i = c / ly - way * ei[g], j = c % ly - way * ej[g];
         if (i < 0 || j < 0 || i >= lx || j >= ly) continue;
@@ -371,7 +375,7 @@ while (size) {
   if (key >= best_cost - 1e-6 || (best_node >= 0 && popped > found_at + AFTER)) break;
   const State here = {q0[0], q0[1], q0[2], q0[3], q0[4], q0[5]};
   if (q0[6] > best[(int)q0[AT_BIN]] * 1.000001 + 1e-6) continue;
-  if (popped % 16 == 0 || far[coarse_of(here.x, here.y)] < SHOT) shoot(n);
+  if (popped % NOW_AND_THEN == 0 || far[coarse_of(here.x, here.y)] < SHOT) shoot(n);
   ++popped;
   const D before = q0[AT_WAY], g0 = q0[6];
   for (int way = 1; way >= (reverses ? -1 : 1); way -= 2)
@@ -382,8 +386,7 @@ while (size) {
       const D changed = before * way < 0.0 ? shift : 0.0;
       D when = start_time + g0 + changed;
       if (!drive(q, arcs[k], way * length, when, speed)) continue;
-      // what bends at all costs a little more, so that of two ways alike the straighter one is taken
-      add(q, g0 + changed + length / speed * (1.0 + 0.02 * __builtin_fabs(arcs[k])), n, arcs[k], way * length);
+      add(q, g0 + changed + length / speed * (1.0 + BENT * __builtin_fabs(arcs[k])), n, arcs[k], way * length);
     }
 }
 for (int n = 0; n < count; ++n) best[(int)nodes[ROW * n + AT_BIN]] = 1e18f;  // as it was

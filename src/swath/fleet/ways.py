@@ -33,7 +33,10 @@ class Params:
     """step_m: of an arc of the search; headings: that it tells apart; poses: half of it are looked at, and
     more to a goal farther off; body_m: between points on the sides of a body, less than a cell; creep_m_s: at
     which a bend that cannot be eased is driven; ramp_m: over which bends grow and fade, a combine's steering
-    at walking pace; ease: weight of a bend that is changed against a metre of length; stray_m: that an eased
+    at walking pace; ease: weight of a bend that is changed against a metre of length; ease_m: of a piece that
+    counts so; shrink: share of a piece that is left at least, sharper: by which a bend changes at most in a
+    step of easing; rolled: times of the least that a way can take, up to which a turn that is rolled
+    through is taken without a search; stray_m: that an eased
     way may be nearer to closed ground than the searched one; near: radii, within which a turn is tried before
     a search; line_deg: of a trailer that is in line at the end of a way; patch_m: radius of parts of a body
     that are looked up at once. Of the search: shot_m: to the goal, within which each pose is joined to it,
@@ -52,6 +55,10 @@ class Params:
     creep_m_s: float = 0.3
     ramp_m: float = 3.0
     ease: float = 0.1
+    ease_m: float = 5.0
+    shrink: float = 0.04
+    sharper: float = 0.1
+    rolled: float = 1.25
     stray_m: float = 0.1
     near: float = 10.0
     line_deg: float = 6.0
@@ -161,7 +168,7 @@ def eased(start: Place, pieces: Sequence[tuple[float, float]], body: Body, ramp:
             lengths * bends * np.array([-(goal[1] - mids[:, 1]), goal[0] - mids[:, 0], np.ones(len(bends))])
         )
         both = np.concatenate([stretch, bent], axis=1)
-        weight = np.concatenate([np.minimum(np.abs(first), 5.0), np.full(len(bends), PARAMS.ease)])
+        weight = np.concatenate([np.minimum(np.abs(first), PARAMS.ease_m), np.full(len(bends), PARAMS.ease)])
         a, b, c = np.einsum("in,jn->ij", both * weight, both)  # and its inverse by minors
         minors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
         size = float((a * minors[0]).sum())
@@ -170,7 +177,8 @@ def eased(start: Place, pieces: Sequence[tuple[float, float]], body: Body, ramp:
         change = weight * np.einsum("in,ki,k->n", both, minors, off) / size
         lengths = lengths + way * change[: len(bends)]
         bends = bends * (1.0 + change[len(bends) :])
-        if (lengths * first < 0.04 * first**2).any() or np.abs(change[len(bends) :]).max() > 0.1:
+        shrunk = (lengths * first < PARAMS.shrink * first**2).any()
+        if shrunk or np.abs(change[len(bends) :]).max() > PARAMS.sharper:
             return None
     return None
 
@@ -580,7 +588,7 @@ def _least_time(start: Place, goal: Place, drive: Drive) -> float:
     """Of which no other way is much faster than one that takes as long [s]."""
     turned = math.remainder(goal.heading - start.heading, 2.0 * math.pi)
     least = max(math.dist(start[:2], goal[:2]) / drive.straight, abs(turned) * drive.radius / drive.turning)
-    return 1.25 * least + 2.0 * drive.shift
+    return PARAMS.rolled * least + 2.0 * drive.shift
 
 
 def _sides(shape: Any) -> Array:
