@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError, MissingExtra
 from swath.fleet.bodies import Body, Place
 from swath.fleet.files import JobFile
+from swath.kernels import launch
 
 Array = NDArray[np.float64]
 CELL = 0.5  # m, of the grid of free ground
 CLOSED, BARE, STANDING = -2.0, -1.0, 1e18  # of a cell, as in search.cpp
+AT_ONCE = 8  # strips that are cut, whose cells are looked at anew together
 GRAIN = 1e-4  # m, that places in the frame are rounded to, so that turning a field changes no decision
 
 
@@ -172,12 +174,10 @@ class Ground:
         before = self.remaining.area
         self.remaining = shapely.difference(self.remaining, whole)
         gone = before - self.remaining.area
-        for strip, time in zip(strips, times.tolist(), strict=True):
-            wide = shapely.buffer(strip, 0.25 * CELL, join_style="mitre")
-            i, j, inside = cells_of(wide, self.west, self.south, CELL, self.shape)
-            part = self.grid.free_from[i, j]
-            part[inside & (part > time)] = time
-            self.grid.changed.append((i, j))
+        wide = shapely.buffer(strips, 0.25 * CELL, join_style="mitre")
+        self._cells(wide, times)
+        for n in range(0, len(wide), AT_ONCE):
+            self.grid.changed.append(window_of(wide[n : n + AT_ONCE], self.grid, self.shape))
         total = float(areas.sum())
         return areas * (gone / total) if total > 0.0 else areas
 
@@ -190,24 +190,42 @@ class Ground:
     def is_free(self, areas: Any, time: float) -> NDArray[np.bool_]:
         """Whether polygons (n,) lie on open ground where no crop stands at a time [s]."""
         shapely = shapely_here()
-        free = np.atleast_1d(shapely.contains(self.open, areas))
-        for n, area in enumerate(np.atleast_1d(areas)):
-            if free[n]:
-                i, j, inside = cells_of(area, self.west, self.south, CELL, self.shape)
-                free[n] = bool((self.grid.free_from[i, j][inside] <= time).all())
-        return free
+        areas = np.atleast_1d(areas)
+        return np.asarray(shapely.contains(self.open, areas)) & (
+            self._cells(areas).astype(np.float32) <= np.float32(time)
+        )
+
+    def _cells(self, areas: Any, cut: Array | None = None) -> Array:
+        """The time from which no crop stands in any cell whose middle is in a convex polygon, (n,) [s]; cut:
+        when the crop of each is cut [s].
+        """
+        from swath.fleet import swept_kernel
+
+        shapely = shapely_here()
+        rings = shapely.get_exterior_ring(areas)
+        ends = np.concatenate([[0], np.cumsum(shapely.get_num_coordinates(rings))]).astype(np.int32)
+        out = np.full(len(areas), BARE) if cut is None else np.asarray(cut, float)
+        numbers = np.array([*self.shape, CELL, self.west, self.south, len(areas), cut is not None])
+        points = shapely.get_coordinates(rings).ravel()
+        launch(swept_kernel.crop_cells, (numbers, points, ends, self.grid.free_from.ravel(), out))
+        return out
 
 
-def cells_of(
-    area: Any, west: float, south: float, cell: float, shape: tuple[int, int]
-) -> tuple[slice, slice, NDArray[np.bool_]]:
-    """Cells about a polygon: their rows and columns, and whose middles are in it."""
-    low_x, low_y, high_x, high_y = area.bounds
+def window_of(areas: Any, grid: Grid, shape: tuple[int, int]) -> tuple[slice, slice]:
+    """Rows and columns of cells about polygons."""
+    low_x, low_y, high_x, high_y = shapely_here().total_bounds(areas)
     i, j = (
-        slice(max(int((low - at) / cell) - 1, 0), min(int((high - at) / cell) + 2, n))
-        for low, high, at, n in ((low_x, high_x, west, shape[0]), (low_y, high_y, south, shape[1]))
+        slice(max(int((low - at) / grid.cell) - 1, 0), min(int((high - at) / grid.cell) + 2, n))
+        for low, high, at, n in ((low_x, high_x, grid.west, shape[0]), (low_y, high_y, grid.south, shape[1]))
     )
-    x, y = west + cell * (np.arange(i.start, i.stop) + 0.5), south + cell * (np.arange(j.start, j.stop) + 0.5)
+    return i, j
+
+
+def cells_of(area: Any, grid: Grid, shape: tuple[int, int]) -> tuple[slice, slice, NDArray[np.bool_]]:
+    """Cells about a polygon: their rows and columns, and whose middles are in it."""
+    i, j = window_of(area, grid, shape)
+    x = grid.west + grid.cell * (np.arange(i.start, i.stop) + 0.5)
+    y = grid.south + grid.cell * (np.arange(j.start, j.stop) + 0.5)
     return i, j, shapely_here().contains_xy(area, *np.meshgrid(x, y, indexing="ij"))
 
 

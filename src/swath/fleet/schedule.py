@@ -169,6 +169,7 @@ class _Scheduler:
         self.rests: dict[str, int] = {}  # grants to others before a combine looks again for what it can do
         self.failed: dict[str, int] = {}  # how often in a row it could do nothing
         self._far: dict[tuple[str, int], tuple[Far, Far]] = {}
+        self.dropped = -1  # windows of crop that were cut when passes were last looked through
         self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
         self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T
         self.truck_free, self.truck_room = 0.0, math.inf
@@ -361,6 +362,9 @@ class _Scheduler:
 
     def drop_empty(self) -> None:
         """Passes whose crop others have cut are no longer to be driven."""
+        if self.dropped == len(self.ground.grid.changed):
+            return
+        self.dropped = len(self.ground.grid.changed)
         for todo in self.todo():
             areas = self.ground.crop_in(np.array([strip_of(p) for p in todo])) if todo else ()
             todo[:] = [p for p, area in zip(todo, areas, strict=True) if area > PLAN.least_m2]
@@ -400,7 +404,7 @@ class _Scheduler:
         run = straight(place, task.length, c.spec.body)
         marks = np.linspace(0.0, task.length, max(1, math.ceil(task.length / PARAMS.cut_m)) + 1)
         cut = segments(run, run.distance, c.spec.body, "cut", marks)
-        if not shapely_here().contains(self.ground.rough, cut.swept).all():
+        if not shapely_here().contains(self.ground.rough, cut.swept[:]).all():
             return None  # its body would be in a hole or off open ground
         strips = _strips(task, c.spec.width, marks)
         areas = self.ground.crop_in(strips)

@@ -1,7 +1,8 @@
 // Shortest ways of a body with a turning radius on a grid: the body of a native function. Hybrid A* (Dolgov et al. 2010,
 // DOI 10.1177/0278364909359210): arcs and straights from pose to pose, the distance on the grid as the heuristic, and from
 // every pose the Dubins path to the goal, taken where it is free. A trailer is dragged along: its axle stays on the line to
-// the pin. Poses are kept as cosine and sine, so that arcs are rotations.
+// the pin. Poses are kept as cosine and sine, so that arcs are rotations. A body is clear where discs about patches of its
+// points are, each looked up in a grid; the points themselves are looked at in the other patches alone.
 //
 // In and out: m, see ways.py, whose layout this is.
 
@@ -14,7 +15,9 @@ D* keys = (D*)heap_keys.data;
 int* heap = (int*)heap_nodes.data;
 float* best = (float*)best_rows.data;
 float* far = (float*)distance.data;
-float *disc_own = (float*)discs_own.data, *disc_towed = (float*)discs_towed.data;
+const D* patches = (const D*)patch_rows.data;
+float *bare_from = (float*)bare_rows.data, *within = (float*)within_rows.data;
+const D* track = (const D*)track_rows.data;
 const float* edge = (const float*)edge_rows.data;
 const float* reachable = (const float*)reachable_from.data;
 int* follows = (int*)following.data;
@@ -24,20 +27,107 @@ const unsigned char* taken = (const unsigned char*)taken_cells.data;
 D* out = (D*)found.data;
 constexpr int ROW = 11, AT_PARENT = 7, AT_BEND = 8, AT_WAY = 9, AT_BIN = 10;
 constexpr D PI = 3.14159265358979323846, NEVER = 1e17, SAMPLE = 1.0, COARSE = 2.0, BIN = 1.5;  // m, as in ways.py
-// estimates, such that ways in drawn fields are found in few poses
-constexpr D SHOT = 25.0;  // m to the goal, within which each pose is joined to it, farther off each 16th
-constexpr D LATER = 1000.0;  // s: ground that is free so much after the start counts in the estimate of what is left
-constexpr D WEIGHT = 1.5;  // of that estimate
-constexpr D BEND = 0.7;  // rad of a trailer at the end of a bend, which comes in line on a straight
-constexpr D PER_M = 3.0;  // poses that are looked at for each metre to the goal
-constexpr D LONG = 4.0;  // steps of a long straight
-constexpr int AFTER = 500;  // poses that are looked at once a way is found
+constexpr int SEARCH = 0, LANES = 1, CHECK = 2;  // what is asked for
+constexpr D FARTHER = 1.3, BEYOND = 60.0;  // bound of the estimate: so many times as far as the start, and so much [m] more
+constexpr D FOLDED = 0.5;  // cosine of a trailer's angle to who tows it, 60 deg
+constexpr D BENT = 0.02;  // share by which what bends at all costs more, so that of two ways alike the straighter one is taken
+constexpr int NOW_AND_THEN = 16;  // of poses far off the goal, one in so many is joined to it
 const D radius = m[10], turning = m[11], straight = m[12], backwards = m[13], shift = m[14], start_time = m[15];
 const D cell = m[16], west = m[17], south = m[18], hitch = m[20], drawbar = m[21], step = m[30], tolerance = m[25];
 const bool has_trailer = m[19] > 0.5, reverses = m[22] > 0.5;
-const int capacity = (int)m[23], point_count = (int)m[27], nx = (int)m[28], ny = (int)m[29], headings = (int)m[31];
+const int capacity = (int)m[23], nx = (int)m[28], ny = (int)m[29], headings = (int)m[31];
+const int mode = (int)m[26], patch_count = (int)m[33], near_count = (int)m[36], stand_count = (int)m[38];
+const D stray = m[32], around_own[2] = {m[46], m[47]}, around_towed[2] = {m[48], m[49]};
+// estimates of ways.py: m, s, -, rad, 1/m, steps, poses
+const D SHOT = m[34], LATER = m[35], WEIGHT = m[40], BEND = m[41], PER_M = m[42], LONG = m[43], AFTER = m[44], OFF = m[45], ROUGH = m[51];
+const D* stands = m + 52;  // x, y, radius
 const int ratio = (int)(COARSE / cell + 0.5), cx = (nx + ratio - 1) / ratio, cy = (ny + ratio - 1) / ratio;
 out[0] = 0.0;
+
+// from when a disc about a cell is free, of crop and all else or of all but crop, once it was asked for
+const D reach = m[37];  // cells
+auto free_about = [&](float* known, int i, int j, bool over_crop) {
+  float& from = known[i * ny + j];
+  if (from < -5.0f) {
+    from = -1.0f;
+    const int r = (int)reach;
+    for (int a = -r; a <= r && from < 1e17f; ++a) {
+      const int half = (int)__builtin_sqrt(reach * reach - a * a);
+      if (i + a < 0 || i + a >= nx || j - half < 0 || j + half >= ny) { from = 2e18f; break; }
+      const int row = (i + a) * ny + j;
+      for (int b = -half; b <= half; ++b) {
+        if (edge[row + b] < 0.75f * cell) from = 2e18f;  // closed, or it begins between the middles of cells
+        else if (!over_crop && free_from[row + b] > from) from = free_from[row + b];
+      }
+    }
+  }
+  return from;
+};
+auto edge_at = [&](D gi, D gj) {  // the distance to closed ground, between the middles of four cells
+  D u = gi - 0.5, w = gj - 0.5;
+  u = u < 0.0 ? 0.0 : u > nx - 1.001 ? nx - 1.001 : u;
+  w = w < 0.0 ? 0.0 : w > ny - 1.001 ? ny - 1.001 : w;
+  const int i = (int)u, j = (int)w;
+  const float* e = edge + i * ny + j;
+  u -= i; w -= j;
+  return (1.0 - u) * ((1.0 - w) * e[0] + w * e[1]) + u * ((1.0 - w) * e[ny] + w * e[ny + 1]);
+};
+// of who stands so near at the start that cells are too coarse: sides (normal, distance) of convex outlines
+auto inside_any = [&](D x, D y) {
+  const D* side = sides;
+  for (int k = 0; k < near_count; ++k) {
+    const int n = (int)side[0];
+    bool is_inside = true;
+    for (int i = 0; i < n && is_inside; ++i) is_inside = x * side[1 + 3 * i] + y * side[2 + 3 * i] < side[3 + 3 * i];
+    if (is_inside) return true;
+    side += 1 + 3 * n;
+  }
+  return false;
+};
+auto is_near = [&](D x, D y, D around) {  // anybody who stands
+  for (int k = 0; k < stand_count; ++k) {
+    const D dx = x - stands[3 * k], dy = y - stands[3 * k + 1], near = stands[3 * k + 2] + around;
+    if (dx * dx + dy * dy < near * near) return true;
+  }
+  return false;
+};
+// a body at a pose and a time: on open ground throughout, its wheels not in standing crop
+auto is_clear = [&](D x, D y, D c, D s, D tx, D ty, D when) {
+  D u = 1.0, w = 0.0;
+  if (has_trailer) {
+    u = (x + hitch * c - tx) / drawbar; w = (y + hitch * s - ty) / drawbar;
+    if (u * c + w * s < FOLDED && mode != CHECK) return false;
+  }
+  const bool near_own = is_near(x + around_own[0] * c, y + around_own[0] * s, around_own[1]);
+  const bool near_towed = has_trailer && is_near(tx + around_towed[0] * u, ty + around_towed[0] * w, around_towed[1]);
+  for (int n = 0; n < patch_count; ++n) {
+    const D* q = patches + 7 * n;  // x, y, whether on the trailer, raised, radius, first point and the one behind the last
+    const bool towed = q[2] > 0.5, raised = q[3] > 0.5;
+    const D ox = towed ? tx : x, oy = towed ? ty : y, oc = towed ? u : c, os = towed ? w : s;
+    const D mx = ox + q[0] * oc - q[1] * os, my = oy + q[0] * os + q[1] * oc;
+    const D mi = (mx - west) / cell, mj = (my - south) / cell;
+    if (!(mi >= 0.0 && mj >= 0.0 && mi < nx && mj < ny)) return false;
+    if (free_about(raised ? within : bare_from, (int)mi, (int)mj, raised) <= when && !((towed ? near_towed : near_own) && is_near(mx, my, q[4]))) continue;
+    for (int k = (int)q[5]; k < (int)q[6]; ++k) {
+      const D* p = points + 2 * k;
+      const D px = ox + p[0] * oc - p[1] * os, py = oy + p[0] * os + p[1] * oc, gi = (px - west) / cell, gj = (py - south) / cell;
+      if (gi < 0.0 || gj < 0.0 || gi >= nx || gj >= ny) return false;
+      if (inside_any(px, py)) return false;
+      const int at = (int)gi * ny + (int)gj;
+      if ((stand_count && taken[at]) || (!raised && free_from[at] > when)) return false;
+      if (mode == CHECK ? edge[at] < -stray : edge[at] < 1.0f && edge_at(gi, gj) < 0.0) return false;
+    }
+  }
+  return true;
+};
+if (mode == CHECK) {  // each pose of a track: x, y, heading, heading of the trailer, time
+  for (int n = 0; n < (int)m[27]; ++n) {
+    const D *q = track + 5 * n, c = cos(q[2]), s = sin(q[2]);
+    if (!is_clear(q[0], q[1], c, s, q[0] + hitch * c - drawbar * cos(q[3]), q[1] + hitch * s - drawbar * sin(q[3]), q[4])) return;
+  }
+  out[0] = 1.0;
+  return;
+}
 
 int size = 0;
 auto push = [&](D key, int node) {
@@ -74,7 +164,6 @@ auto coarse_of = [&](D x, D y) {
   j = j < 0 ? 0 : j >= cy ? cy - 1 : j;
   return i * cy + j;
 };
-const bool somebody_stands = m[38] > 0.5;
 auto is_taken = [&](int c) {
   const int i = c / cy * ratio, j = c % cy * ratio;
   for (int a = i; a < i + ratio && a < nx; ++a)
@@ -92,34 +181,34 @@ int first_of[RING];
 for (int k = 0; k < RING; ++k) first_of[k] = -1;
 int entries = 0, waiting = 1, enough = 1 << 30;
 heap[entries] = goal_cell; follows[entries] = -1; first_of[0] = entries++;
-for (int now = 0; waiting > 0 && now <= enough && m[26] < 0.5; ++now) {
+for (int now = 0; waiting > 0 && now <= enough && mode == SEARCH; ++now) {
   for (int e = first_of[now % RING]; e >= 0; e = first_of[now % RING]) {
     first_of[now % RING] = follows[e];
     --waiting;
     const int c = heap[e];
     if (far[c] < now * unit - 0.01f) continue;
-    if (c == start_cell && enough == 1 << 30) enough = (int)(1.3 * now + 60.0 / unit);
+    if (c == start_cell && enough == 1 << 30) enough = (int)(FARTHER * now + BEYOND / unit);
     const int i = c / cy, j = c % cy;
     for (int a = -1; a <= 1; ++a)
       for (int b = -1; b <= 1; ++b) {
         if ((!a && !b) || i + a < 0 || j + b < 0 || i + a >= cx || j + b >= cy) continue;
         const int n = c + a * cy + b, d = now + (a && b ? 14 : 10);
         if (d * unit > far[n] - 0.01f) continue;
-        if (somebody_stands && n != start_cell && is_taken(n)) { far[n] = -1.0f; continue; }
+        if (stand_count && n != start_cell && is_taken(n)) { far[n] = -1.0f; continue; }
         far[n] = d * unit;
-        if (entries >= (int)m[37]) return;
+        if (entries >= (int)m[50]) return;
         heap[entries] = n; follows[entries] = first_of[d % RING]; first_of[d % RING] = entries++;
         ++waiting;
       }
   }
 }
-const bool all_lanes = m[26] > 0.5;  // nothing else is asked for
+const bool all_lanes = mode == LANES;
 if (far[start_cell] > NEVER && !all_lanes) return;
 // the same with eight headings of which each step along one changes at most to the next: so a way
 // around a field is not tried first in the direction in which it cannot turn round. A cell is about an eighth of a turning circle
 constexpr int TURNS = 8, WIDE_RING = 160, BACK = 3;  // a step backwards counts as three
 const int LANE = (int)m[39], AXIS = 10 * LANE, ACROSS = 14 * LANE;
-constexpr D EIGHTH = 0.25 * PI, OFF = 300.0, ROUGH = 12.0;  // m: more where it knows no way, and by what it may be too far; estimates
+constexpr D EIGHTH = 0.25 * PI;
 const int lx = (cx + LANE - 1) / LANE, ly = (cy + LANE - 1) / LANE, ei[TURNS] = {1, 1, 0, -1, -1, -1, 0, 1}, ej[TURNS] = {0, 1, 1, 1, 0, -1, -1, -1};
 auto lane_of = [&](D x, D y) { const int c = coarse_of(x, y); return c / cy / LANE * ly + c % cy / LANE; };
 auto eighth_of = [&](D c, D s) { const D a = atan2(s, c) / EIGHTH; return (int)floor(a) + TURNS; };
@@ -147,14 +236,14 @@ D expected = far[start_cell];
       --waiting;
       const int n = heap[e], c = n / TURNS, h = n % TURNS;
       if (lanes[n] < now * unit - 0.01f) continue;
-      if (c == start_lane && (h == start_turn % TURNS || h == (start_turn + 1) % TURNS) && enough == 1 << 30 && !all_lanes) { enough = (int)(1.3 * now + 60.0 / unit); expected = now * unit; }
+      if (c == start_lane && (h == start_turn % TURNS || h == (start_turn + 1) % TURNS) && enough == 1 << 30 && !all_lanes) { enough = (int)(FARTHER * now + BEYOND / unit); expected = now * unit; }
       for (int t = 0; t < (reverses ? 6 : 3); ++t) {  // it came along g, or backwards, and turned to h
         const int g = (h + t % 3 - 1 + TURNS) % TURNS, way = t < 3 ? 1 : -1, i = c / ly - way * ei[g], j = c % ly - way * ej[g];
         if (i < 0 || j < 0 || i >= lx || j >= ly) continue;
         const int from = (i * ly + j) * TURNS + g, d = now + (g % 2 ? ACROSS : AXIS) * (way < 0 ? BACK : 1);
         if (d * unit > lanes[from] - 0.01f) continue;
         lanes[from] = d * unit;
-        if (entries >= (int)m[37]) return;
+        if (entries >= (int)m[50]) return;
         heap[entries] = from; follows[entries] = first_lane[d % WIDE_RING]; first_lane[d % WIDE_RING] = entries++;
         ++waiting;
       }
@@ -169,78 +258,6 @@ if (all_lanes) return;
 const D poses = 0.5 * m[24] + expected * PER_M;  // more for who has farther to go
 const int most = poses < capacity ? (int)poses : capacity;
 
-// whether a disc is free by a time: of each coarse cell, from when the disc is free about all its points, once it was asked
-// for
-auto is_open = [&](float* known, D x, D y, D around, D when) {
-  const D gi = (x - west) / cell, gj = (y - south) / cell;
-  if (!(gi >= 0.0 && gj >= 0.0 && gi < nx && gj < ny)) return false;
-  const int c = (int)gi / ratio * cy + (int)gj / ratio;
-  if (known[c] < -5.0f) {
-    const D reach = around / cell + 0.75 * ratio, mi = ((int)gi / ratio + 0.5) * ratio, mj = ((int)gj / ratio + 0.5) * ratio;
-    float latest = -1.0f;
-    const int low = (int)__builtin_ceil(mi - 0.5 - reach), high = (int)(mi - 0.5 + reach);
-    for (int i = low; i <= high && latest < 1e17f; ++i) {
-      const D d = i + 0.5 - mi, half = reach * reach > d * d ? __builtin_sqrt(reach * reach - d * d) : 0.0;
-      const int from = (int)__builtin_ceil(mj - 0.5 - half), to = (int)(mj - 0.5 + half);
-      if (i < 0 || i >= nx || from < 0 || to >= ny) { latest = 2e18f; break; }
-      for (int j = from; j <= to; ++j) { const float f = free_from[i * ny + j]; latest = f < -1.5f ? 2e18f : f > latest ? f : latest; }
-    }
-    known[c] = latest;
-  }
-  return known[c] <= when;
-};
-auto has_room = [&](float* known, D x, D y, D around, D when) {
-  for (int k = 0; k < (int)m[38]; ++k) {
-    const D dx = x - m[40 + 3 * k], dy = y - m[41 + 3 * k], near = m[42 + 3 * k] + around;
-    if (dx * dx + dy * dy < near * near) return false;
-  }
-  return is_open(known, x, y, around, when);
-};
-
-auto edge_at = [&](D gi, D gj) {  // the distance to closed ground, between the middles of four cells
-  D u = gi - 0.5, w = gj - 0.5;
-  u = u < 0.0 ? 0.0 : u > nx - 1.001 ? nx - 1.001 : u;
-  w = w < 0.0 ? 0.0 : w > ny - 1.001 ? ny - 1.001 : w;
-  const int i = (int)u, j = (int)w;
-  const float* e = edge + i * ny + j;
-  u -= i; w -= j;
-  return (1.0 - u) * ((1.0 - w) * e[0] + w * e[1]) + u * ((1.0 - w) * e[ny] + w * e[ny + 1]);
-};
-// of who stands so near at the start that cells are too coarse: sides (normal, distance) of convex outlines
-auto inside_any = [&](D x, D y) {
-  const D* side = sides;
-  for (int k = 0; k < (int)m[36]; ++k) {
-    const int n = (int)side[0];
-    bool is_inside = true;
-    for (int i = 0; i < n && is_inside; ++i) is_inside = x * side[1 + 3 * i] + y * side[2 + 3 * i] < side[3 + 3 * i];
-    if (is_inside) return true;
-    side += 1 + 3 * n;
-  }
-  return false;
-};
-// a body at a pose and a time: on open ground throughout, its wheels not in standing crop
-auto is_clear = [&](D x, D y, D c, D s, D tx, D ty, D when) {
-  D u = 1.0, w = 0.0;
-  if (has_trailer) {
-    u = (x + hitch * c - tx) / drawbar; w = (y + hitch * s - ty) / drawbar;
-    if (u * c + w * s < 0.5) return false;  // 60 deg
-  }
-  if (has_room(disc_own, x + m[32] * c, y + m[32] * s, m[33], when) && (!has_trailer || has_room(disc_towed, tx + m[34] * u, ty + m[34] * w, m[35], when))) return true;
-  for (int k = 0; k < point_count; ++k) {
-    const D* p = points + 4 * k;
-    D px, py;
-    if (p[2] > 0.5) { px = tx + p[0] * u - p[1] * w; py = ty + p[0] * w + p[1] * u; }
-    else { px = x + p[0] * c - p[1] * s; py = y + p[0] * s + p[1] * c; }
-    const D gi = (px - west) / cell, gj = (py - south) / cell;
-    if (gi < 0.0 || gj < 0.0 || gi >= nx || gj >= ny) return false;
-    if (inside_any(px, py)) return false;
-    const int at = (int)gi * ny + (int)gj;
-    const float f = free_from[at];
-    if ((somebody_stands && taken[at]) || (p[3] < 0.5 && f > when)) return false;
-    if (edge[at] < 1.0f && edge_at(gi, gj) < 0.0) return false;
-  }
-  return true;
-};
 {  // a goal where it cannot stand
   const D tx = m[6] + hitch * m[8] - drawbar * m[8], ty = m[7] + hitch * m[9] - drawbar * m[9];
   if (!is_clear(m[6], m[7], m[8], m[9], tx, ty, start_time + LATER)) return;
@@ -358,7 +375,7 @@ while (size) {
   if (key >= best_cost - 1e-6 || (best_node >= 0 && popped > found_at + AFTER)) break;
   const State here = {q0[0], q0[1], q0[2], q0[3], q0[4], q0[5]};
   if (q0[6] > best[(int)q0[AT_BIN]] * 1.000001 + 1e-6) continue;
-  if (popped % 16 == 0 || far[coarse_of(here.x, here.y)] < SHOT) shoot(n);
+  if (popped % NOW_AND_THEN == 0 || far[coarse_of(here.x, here.y)] < SHOT) shoot(n);
   ++popped;
   const D before = q0[AT_WAY], g0 = q0[6];
   for (int way = 1; way >= (reverses ? -1 : 1); way -= 2)
@@ -369,8 +386,7 @@ while (size) {
       const D changed = before * way < 0.0 ? shift : 0.0;
       D when = start_time + g0 + changed;
       if (!drive(q, arcs[k], way * length, when, speed)) continue;
-      // what bends at all costs a little more, so that of two ways alike the straighter one is taken
-      add(q, g0 + changed + length / speed * (1.0 + 0.02 * __builtin_fabs(arcs[k])), n, arcs[k], way * length);
+      add(q, g0 + changed + length / speed * (1.0 + BENT * __builtin_fabs(arcs[k])), n, arcs[k], way * length);
     }
 }
 for (int n = 0; n < count; ++n) best[(int)nodes[ROW * n + AT_BIN]] = 1e18f;  // as it was

@@ -19,12 +19,14 @@ def search(
     distance: wp.array(dtype=wp.float32),
     edge_rows: wp.array(dtype=wp.float32),
     reachable_from: wp.array(dtype=wp.float32),
-    discs_own: wp.array(dtype=wp.float32),
-    discs_towed: wp.array(dtype=wp.float32),
+    bare_rows: wp.array(dtype=wp.float32),
+    within_rows: wp.array(dtype=wp.float32),
     following: wp.array(dtype=wp.int32),
     lane_rows: wp.array(dtype=wp.float32),
     taken_cells: wp.array(dtype=wp.uint8),
     near_sides: wp.array(dtype=wp.float64),
+    patch_rows: wp.array(dtype=wp.float64),
+    track_rows: wp.array(dtype=wp.float64),
     found: wp.array(dtype=wp.float64),
 ): ...
 
@@ -41,17 +43,19 @@ def find_way(
     distance: wp.array(dtype=wp.float32),
     edge_rows: wp.array(dtype=wp.float32),
     reachable_from: wp.array(dtype=wp.float32),
-    discs_own: wp.array(dtype=wp.float32),
-    discs_towed: wp.array(dtype=wp.float32),
+    bare_rows: wp.array(dtype=wp.float32),
+    within_rows: wp.array(dtype=wp.float32),
     following: wp.array(dtype=wp.int32),
     lane_rows: wp.array(dtype=wp.float32),
     taken_cells: wp.array(dtype=wp.uint8),
     near_sides: wp.array(dtype=wp.float64),
+    patch_rows: wp.array(dtype=wp.float64),
+    track_rows: wp.array(dtype=wp.float64),
     found: wp.array(dtype=wp.float64),
 ):
     """One thread; see search.cpp."""
     search(
         numbers, body, ground, node_rows, heap_keys, heap_nodes, best_rows, distance, edge_rows,
-        reachable_from, discs_own, discs_towed, following, lane_rows, taken_cells,
-        near_sides, found,
+        reachable_from, bare_rows, within_rows, following, lane_rows, taken_cells, near_sides, patch_rows,
+        track_rows, found,
     )  # fmt: skip

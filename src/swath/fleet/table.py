@@ -16,13 +16,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.fleet.bodies import Body
-from swath.fleet.ground import shapely_here
+from swath.fleet.swept import Swept, Taken, swept_by
 from swath.fleet.ways import Track, joined
 
 Array = NDArray[np.float64]
@@ -46,14 +45,14 @@ PARAMS = Params()
 
 @dataclass
 class Path:
-    """track; first, last: samples of each segment; swept: polygons of all bodies, of each segment a row, (n,
-    rectangles); spent: time in each [s]; kinds: what is done there: way, cut, pour, dock ...
+    """track; first, last: samples of each segment; swept: outlines of all bodies over each; spent: time in
+    each [s]; kinds: what is done there: way, cut, pour, dock ...
     """
 
     track: Track
     first: NDArray[np.int64]
     last: NDArray[np.int64]
-    swept: Any
+    swept: Swept
     spent: Array
     kinds: list[str]
 
@@ -70,7 +69,7 @@ class Path:
             raise ValueError("expected paths of at least two samples")
         return Path(
             track, np.concatenate([self.first, other.first + shift]),
-            np.concatenate([self.last, other.last + shift]), np.concatenate([self.swept, other.swept]),
+            np.concatenate([self.last, other.last + shift]), self.swept.then(other.swept),
             np.concatenate([self.spent, other.spent]), self.kinds + other.kinds,
         )  # fmt: skip
 
@@ -78,7 +77,7 @@ class Path:
         """Its first segments."""
         n, t = int(self.last[count - 1]) + 1, self.track
         track = Track(t.places[:n], t.distance[:n], t.ways[: n - 1], t.bends[: n - 1])
-        swept, spent = self.swept[:count], self.spent[:count].copy()
+        swept, spent = self.swept.until(count), self.spent[:count].copy()
         return Path(track, self.first[:count], self.last[:count], swept, spent, self.kinds[:count])
 
 
@@ -89,36 +88,22 @@ def segments(track: Track, times: Array, body: Body, kind: str, marks: Array | N
     cuts = _cuts(track) if marks is None else np.unique(np.searchsorted(track.distance, marks - 1e-6))
     cuts = np.unique(np.concatenate([[0], cuts, [len(track.places) - 1]]))
     first, last = cuts[:-1], cuts[1:]
-    swept = _swept(track.places, body, first, last)
+    swept = swept_by(body, track.places, first, last, PARAMS.gap_m)
     return Path(track, first, last, swept, times[last] - times[first], [kind] * len(first))
 
 
 def _cuts(track: Track) -> NDArray[np.int64]:
-    cuts, begin = [0], 0
-    for i in range(1, len(track.distance) - 1):
-        most = PARAMS.bend_m if track.bends[begin:i].any() else PARAMS.straight_m
-        changed = track.ways[i] != track.ways[i - 1] or (track.bends[i] != 0.0) != (track.bends[i - 1] != 0.0)
-        if changed or track.distance[i + 1] - track.distance[begin] > most:
+    cuts, begin, bends = [0], 0, False
+    distance, bent = track.distance.tolist(), (track.bends != 0.0).tolist()
+    ways = track.ways.tolist()
+    for i in range(1, len(distance) - 1):
+        bends = bends or bent[i - 1]
+        most = PARAMS.bend_m if bends else PARAMS.straight_m
+        changed = ways[i] != ways[i - 1] or bent[i] != bent[i - 1]
+        if changed or distance[i + 1] - distance[begin] > most:
             cuts.append(i)
-            begin = i
+            begin, bends = i, False
     return np.array(cuts)
-
-
-def _swept(places: Array, body: Body, first: NDArray[np.int64], last: NDArray[np.int64]) -> Any:
-    """Convex hulls of the corners of each rectangle over each segment, (segments, rectangles)."""
-    shapely = shapely_here()
-    runs = []
-    for a, b in zip(first, last, strict=True):
-        turned = np.ptp(places[a : b + 1, 2:], axis=0).max() > 1e-9  # else its ends are enough
-        runs.append(np.arange(a, b + 1) if turned else np.array([a, b]))
-    rows, count = np.concatenate(runs), [len(r) for r in runs]
-    outlines = body.outlines(places[rows], PARAMS.gap_m)
-    owner = np.repeat(np.arange(len(first)), count)
-    out = []
-    for r in range(outlines.shape[1]):
-        corners = outlines[:, r].reshape(-1, 2)
-        out.append(shapely.convex_hull(shapely.multipoints(corners, indices=np.repeat(owner, 4))))
-    return np.stack(out, axis=1)
 
 
 def standing(track_end: Array, body: Body, spent: float, kind: str) -> Path:
@@ -126,7 +111,7 @@ def standing(track_end: Array, body: Body, spent: float, kind: str) -> Path:
     places = np.stack([track_end, track_end])
     track = Track(places, np.zeros(2), np.ones(1), np.zeros(1))
     zero, one = np.zeros(1, np.int64), np.ones(1, np.int64)
-    swept = _swept(places, body, zero, one)
+    swept = swept_by(body, places, zero, one, PARAMS.gap_m)
     return Path(track, zero, one, swept, np.array([spent]), [kind])
 
 
@@ -168,9 +153,7 @@ class Table:
 
     def __post_init__(self) -> None:
         """Room for the swept ground of all."""
-        self._polygons: list[Any] = []
-        self._owner: list[int] = []
-        self._grown: list[tuple[int, int, Any]] = []  # first polygon, the one behind the last, tree
+        self._taken = Taken()
 
     def stand(self, machine: str, path: Path, time: float = 0.0) -> None:
         """A machine's first place."""
@@ -178,27 +161,7 @@ class Table:
 
     def meets(self, path: Path, but: str) -> list[list[int]]:
         """Numbers of segments of others that sweep ground of each segment of a path."""
-        flat, rects = path.swept.ravel(), path.swept.shape[1]
-        found: list[set[int]] = [set() for _ in range(len(path))]
-        for begin, tree in self._trees():
-            mine, theirs = tree.query(flat, predicate="intersects").tolist()
-            for a, b in zip(mine, theirs, strict=True):
-                owner = self._owner[begin + b]
-                if self.segments[owner].machine != but:
-                    found[a // rects].add(owner)
-        return [sorted(f) for f in found]
-
-    def _trees(self) -> list[tuple[int, Any]]:
-        """Trees of all swept ground, and the numbers of their first polygons: few, the larger ones older."""
-        shapely, count = shapely_here(), len(self._polygons)
-        done = self._grown[-1][1] if self._grown else 0
-        if done < count:
-            begin = done
-            while self._grown and self._grown[-1][1] - self._grown[-1][0] < 2 * (count - begin):
-                begin = self._grown.pop()[0]
-            tree = shapely.STRtree(self._polygons[begin:count])
-            self._grown.append((begin, count, tree))
-        return [(begin, tree) for begin, _, tree in self._grown]
+        return self._taken.met_by(path.swept, but)
 
     def earliest(
         self, machine: str, path: Path, time: float, *, exact: Mapping[int, float] | None = None,
@@ -220,7 +183,7 @@ class Table:
                 if i == 0
                 else [(t + float(path.spent[i - 1]), until, k) for k, (t, until, _) in enumerate(labels[-1])]
             )
-            for low, high in self._safe(meets[i]):
+            for low, high in self._safe(meets[i], time):
                 best: tuple[float, float, int] | None = None
                 for t, until, k in came:
                     enter = max(t, low, after.get(i, -math.inf))
@@ -264,11 +227,11 @@ class Table:
         if before:
             self.order.append((before[-1], numbers[0]))
 
-    def _safe(self, meets: Sequence[int]) -> list[tuple[float, float]]:
-        """Intervals of time in which nobody else has a place."""
-        taken = sorted(
-            (self.segments[m].into - PARAMS.gap_s, self.segments[m].out + PARAMS.gap_s) for m in meets
-        )
+    def _safe(self, meets: Sequence[int], time: float) -> list[tuple[float, float]]:
+        """Intervals from a time on in which nobody else has a place; the first begins before."""
+        others = (self.segments[m] for m in meets)
+        gap = PARAMS.gap_s
+        taken = sorted((o.into - gap, o.out + gap) for o in others if o.out + gap > time)
         free, at = [], -math.inf
         for low, high in taken:
             if low > at:
@@ -311,22 +274,19 @@ class Table:
                 self.segments[numbers[-1]].out, self.segments[numbers[-1]].next = t, number
             self.segments.append(Segment(number, machine, path, i, float(t)))
             numbers.append(number)
-            self._polygons += list(path.swept[i])
-            self._owner += [number] * path.swept.shape[1]
+        self._taken.add(machine, path.swept)
         self.last[machine] = numbers[-1]
         return numbers
 
-    def mark(self) -> tuple[int, int, int, int, dict[str, int]]:
+    def mark(self) -> tuple[int, int, int, dict[str, int]]:
         """What `back` goes back to."""
-        sizes = len(self.segments), len(self._polygons), len(self.order), len(self.together)
-        return (*sizes, dict(self.last))
+        return len(self.segments), len(self.order), len(self.together), dict(self.last)
 
-    def back(self, mark: tuple[int, int, int, int, dict[str, int]]) -> None:
+    def back(self, mark: tuple[int, int, int, dict[str, int]]) -> None:
         """Take back all that was granted since a mark."""
-        segments, polygons, order, together, last = mark
-        while self._grown and self._grown[-1][1] > polygons:
-            self._grown.pop()
-        del self.segments[segments:], self._polygons[polygons:], self._owner[polygons:]
+        segments, order, together, last = mark
+        self._taken.back(segments)
+        del self.segments[segments:]
         del self.order[order:], self.together[together:]
         self.last = last
         for number in last.values():

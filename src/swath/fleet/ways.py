@@ -15,7 +15,7 @@ from swath.control.turns import TurnLimits, clothoid
 from swath.control.turns.dubins import Place as Pose
 from swath.fleet.bodies import Body, Drive, Place, Rectangle
 from swath.fleet.ground import Grid, cells_of
-from swath.kernels import start_warp
+from swath.kernels import launch
 
 Array = NDArray[np.float64]
 SAMPLE = 0.5  # m between the samples of a track, of which the search looks at every other one
@@ -23,6 +23,9 @@ ROOM = 60_000  # poses that are kept
 BIN = 1.5  # m, within which it keeps one pose of a heading, as in search.cpp
 COARSE = 2.0  # m, cells of its heuristic, as in search.cpp
 TURNS = 8  # headings of its estimate, as in search.cpp
+SEARCH, LANES, CHECK = 0, 1, 2  # what it is asked for, as in search.cpp
+NOTHING = np.zeros(2)
+POINT = Body((Rectangle(0.0, 0.0, 0.0, 0.0),))
 
 
 @dataclass(frozen=True)
@@ -30,10 +33,19 @@ class Params:
     """step_m: of an arc of the search; headings: that it tells apart; poses: half of it are looked at, and
     more to a goal farther off; body_m: between points on the sides of a body, less than a cell; creep_m_s: at
     which a bend that cannot be eased is driven; ramp_m: over which bends grow and fade, a combine's steering
-    at walking pace; ease: weight of a bend that is changed against a metre of length; stray_m: that an eased
+    at walking pace; ease: weight of a bend that is changed against a metre of length; ease_m: of a piece that
+    counts so; shrink: share of a piece that is left at least, sharper: by which a bend changes at most in a
+    step of easing; rolled: times of the least that a way can take, up to which a turn that is rolled
+    through is taken without a search; stray_m: that an eased
     way may be nearer to closed ground than the searched one; near: radii, within which a turn is tried before
-    a search; line_deg: of a trailer that is in line at the end of a way. Estimates, those of the search such
-    that drawn fields are planned fast.
+    a search; line_deg: of a trailer that is in line at the end of a way; patch_m: radius of parts of a body
+    that are looked up at once. Of the search: shot_m: to the goal, within which each pose is joined to it,
+    farther off each 16th; later_s: ground that is free so much after the start counts in the estimate of
+    what is left, which counts `weight` times; off_m: more of it where no way with turns is known;
+    rough_m: by what it may be too far with turns; bend_rad:
+    of a trailer at the end of a bend, which comes in line on a straight; poses_m: that are looked at for each
+    metre to the goal; long: steps of a long straight; after: poses that are looked at once a way is found.
+    Estimates, those of the search such that drawn fields are planned fast.
     """
 
     step_m: float = 2.0
@@ -43,9 +55,23 @@ class Params:
     creep_m_s: float = 0.3
     ramp_m: float = 3.0
     ease: float = 0.1
+    ease_m: float = 5.0
+    shrink: float = 0.04
+    sharper: float = 0.1
+    rolled: float = 1.25
     stray_m: float = 0.1
     near: float = 10.0
     line_deg: float = 6.0
+    patch_m: float = 1.8
+    shot_m: float = 25.0
+    later_s: float = 1000.0
+    weight: float = 1.5
+    off_m: float = 300.0
+    bend_rad: float = 0.7
+    poses_m: float = 3.0
+    long: float = 4.0
+    after: int = 500
+    rough_m: float = 12.0
 
 
 PARAMS = Params()
@@ -142,7 +168,7 @@ def eased(start: Place, pieces: Sequence[tuple[float, float]], body: Body, ramp:
             lengths * bends * np.array([-(goal[1] - mids[:, 1]), goal[0] - mids[:, 0], np.ones(len(bends))])
         )
         both = np.concatenate([stretch, bent], axis=1)
-        weight = np.concatenate([np.minimum(np.abs(first), 5.0), np.full(len(bends), PARAMS.ease)])
+        weight = np.concatenate([np.minimum(np.abs(first), PARAMS.ease_m), np.full(len(bends), PARAMS.ease)])
         a, b, c = np.einsum("in,jn->ij", both * weight, both)  # and its inverse by minors
         minors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
         size = float((a * minors[0]).sum())
@@ -151,7 +177,8 @@ def eased(start: Place, pieces: Sequence[tuple[float, float]], body: Body, ramp:
         change = weight * np.einsum("in,ki,k->n", both, minors, off) / size
         lengths = lengths + way * change[: len(bends)]
         bends = bends * (1.0 + change[len(bends) :])
-        if (lengths * first < 0.04 * first**2).any() or np.abs(change[len(bends) :]).max() > 0.1:
+        shrunk = (lengths * first < PARAMS.shrink * first**2).any()
+        if shrunk or np.abs(change[len(bends) :]).max() > PARAMS.sharper:
             return None
     return None
 
@@ -342,10 +369,13 @@ class Finder:
         self._lanes = np.zeros(TURNS * math.prod(self._rows), np.float32)
         self._taken = np.zeros(shape, np.uint8)
         self._reachable = np.full(self._coarse, 2e18, np.float32)
-        self._bodies: dict[tuple[Body, float], tuple[Array, NDArray[np.float32]]] = {}
+        self._bodies: dict[tuple[Body, float], tuple[Array, Array]] = {}
+        self._bare, self._within = (np.full(shape, -9.0, np.float32) for _ in range(2))
         self._cells: dict[Any, tuple[slice, slice, NDArray[np.bool_]]] = {}
         self._near: list[Array] = []  # sides of who stands near
         self._seen = 0
+        reach = PARAMS.patch_m / cell  # and what middle and points may be off those of their cells
+        self._reach_cells = reach + math.sqrt(2.0)
         self._last_cut = 0.0  # s
         self._known: dict[Any, Track | None] = {}  # ways that were asked for since crop was cut
         self._reach(slice(0, shape[0]), slice(0, shape[1]))
@@ -353,16 +383,11 @@ class Finder:
 
     def _refresh(self) -> None:
         """What has changed on the grid since the last search."""
-        ratio = round(COARSE / self.grid.cell)
         for i, j in self.grid.changed[self._seen :]:
             self._reach(i, j)
-            for (body, gap), (_, discs) in self._bodies.items():
-                reach = max(_circle(body.own, gap)[1], _circle(body.towed, gap)[1]) + 2.0 * COARSE
-                more = math.ceil(reach / COARSE)
-                rows, columns = (
-                    slice(max(s.start // ratio - more, 0), s.stop // ratio + more + 1) for s in (i, j)
-                )
-                discs.reshape(2, *self._coarse)[:, rows, columns] = -9.0
+            more = math.ceil(self._reach_cells)
+            rows, columns = (slice(max(s.start - more, 0), s.stop + more) for s in (i, j))
+            self._bare[rows, columns] = -9.0
             free = self.grid.free_from[i, j]
             self._last_cut = max(self._last_cut, float(free.max(where=free < 1e17, initial=0.0)))
             self._known.clear()
@@ -418,10 +443,9 @@ class Finder:
 
     def _window(self, shape: Any) -> tuple[slice, slice, NDArray[np.bool_]]:
         """Cells about a polygon, and which are in it."""
-        grid = self.grid
         known = self._cells.get(shape)
         if known is None:
-            known = cells_of(shape, grid.west, grid.south, grid.cell, self._taken.shape)  # type: ignore[arg-type]
+            known = cells_of(shape, self.grid, self._taken.shape)  # type: ignore[arg-type]
             if len(self._cells) > 2000:
                 self._cells.clear()
             self._cells[shape] = known
@@ -431,16 +455,15 @@ class Finder:
         """How far it is about to a place, or from there, on ground that is free by a time [s]."""
         self._refresh()
         place = goal if not there else goal._replace(heading=goal.heading + math.pi)
-        body = next(iter(self._bodies), (Body(()), 0.0))[0]
         self._near = []
-        self._launch(body, drive, place, place, (), time, 0.15, 0.0, PARAMS.poses, lanes=True)
+        self._launch(POINT, drive, place, place, (), time, 0.0, 0.0, PARAMS.poses, LANES)
         return Far(self._lanes.copy(), self.grid, self._rows, self._lane * COARSE, there)
 
     def _find(
         self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
         gap: float, in_line: float, most: int,
     ) -> Track | None:  # fmt: skip
-        turn = self._turn(body, drive, start, goal, time, gap)
+        turn = self._turn(body, drive, start, goal, stand, time, gap)
         if turn is not None and times_along(turn, drive)[-1] < _least_time(start, goal, drive):
             return turn
         track = self._searched(body, drive, start, goal, stand, time, gap, in_line, most)
@@ -449,21 +472,29 @@ class Finder:
         return min(turn, track, key=lambda t: float(times_along(t, drive)[-1]))
 
     def _turn(
-        self, body: Body, drive: Drive, start: Place, goal: Place, time: float, gap: float
+        self,
+        body: Body,
+        drive: Drive,
+        start: Place,
+        goal: Place,
+        stand: Sequence[Any],
+        time: float,
+        gap: float,
     ) -> Track | None:
         """A turn that is rolled through, where there is room for one."""
         far = math.dist(start[:2], goal[:2])
         if body.has_trailer or drive.steering == math.inf or far > PARAMS.near * drive.radius:
             return None
         turn = rolled(start, goal, drive, body)
-        is_clear = self._is_clear(turn, body, self._points(body, gap)[0], time, drive.straight)
+        is_clear = self._is_clear(turn, body, drive, stand, time, gap)
         return turn if is_clear else None
 
     def _searched(
         self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
         gap: float, in_line: float, most: int,
     ) -> Track | None:  # fmt: skip
-        points = self._launch(body, drive, start, goal, stand, time, gap, in_line, most)
+        self._launch(body, drive, start, goal, stand, time, gap, in_line, most, SEARCH)
+        self.searches += 1
         count = int(self._found[0])
         if count < 1:
             return None
@@ -473,94 +504,91 @@ class Finder:
         if drive.steering < math.inf and any(k != 0.0 for k, _ in pieces):
             for part in (1.0, 0.5, 0.25):
                 made = eased(start, pieces, body, part * PARAMS.ramp_m)
-                if made is not None and self._is_clear(made, body, points, time, drive.straight):
+                if made is not None and self._is_clear(made, body, drive, stand, time, gap):
                     return made
         return driven(start, pieces, body)
 
     def _launch(
         self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: float, most: int, lanes: bool = False,
-    ) -> Array:  # fmt: skip
-        """Run the kernel; returns the points of the body."""
-        wp = start_warp()
+        gap: float, in_line: float, most: int, mode: int, track: Array = NOTHING,
+    ) -> None:  # fmt: skip
+        """Run the kernel."""
         from swath.fleet import search_kernel
 
-        grid = self.grid
-        points, discs = self._points(body, gap)
+        grid, p = self.grid, PARAMS
+        points, patches = self._points(body, gap)
         pin = start.x + body.hitch * math.cos(start.heading), start.y + body.hitch * math.sin(start.heading)
         line = math.cos(math.radians(in_line)) if in_line > 0.0 else -2.0
-        numbers = np.zeros(40 + 3 * len(stand))
-        numbers[:32] = (
+        circles = np.array([s.bounds for s in stand]).reshape(-1, 4)
+        middle, size = 0.5 * (circles[:, :2] + circles[:, 2:]), circles[:, 2:] - circles[:, :2]
+        circles = np.column_stack([middle, 0.5 * np.hypot(*size.T) + 1.0])
+        numbers = np.zeros(52 + circles.size)
+        numbers[:52] = (
             start.x, start.y, math.cos(start.heading), math.sin(start.heading),
             pin[0] - body.drawbar * math.cos(start.trailer), pin[1] - body.drawbar * math.sin(start.trailer),
             goal.x, goal.y, math.cos(goal.heading), math.sin(goal.heading),
             drive.radius, drive.turning, drive.straight, drive.backwards or 1.0, drive.shift, time,
-            grid.cell, grid.west, grid.south, body.has_trailer, body.hitch, body.drawbar or 1.0,
-            drive.backwards > 0.0, ROOM, most, line, lanes,
-            len(points), *self._taken.shape, PARAMS.step_m, PARAMS.headings,
+            grid.cell, grid.west, grid.south, body.has_trailer, body.hitch, body.drawbar,
+            drive.backwards > 0.0, ROOM, most, line, mode,
+            len(track), *self._taken.shape, p.step_m, p.headings, p.stray_m, len(patches), p.shot_m,
+            p.later_s, len(self._near), self._reach_cells, len(stand), self._lane, p.weight, p.bend_rad,
+            p.poses_m, p.long, p.after, p.off_m, *_circle(body.own, gap), *_circle(body.towed, gap),
+            self._heap.shape[1], p.rough_m,
         )  # fmt: skip
-        numbers[32:36] = (*_circle(body.own, gap), *_circle(body.towed, gap))
-        numbers[36:40] = len(self._near), self._heap.shape[1], len(stand), self._lane
-        sides = np.concatenate([np.concatenate([[len(n)], n.ravel()]) for n in self._near] or [np.zeros(1)])
-        for i, shape in enumerate(stand):
-            west, south, east, north = shape.bounds
-            around = 0.5 * math.hypot(east - west, north - south)
-            numbers[40 + 3 * i : 43 + 3 * i] = 0.5 * (west + east), 0.5 * (south + north), around + 1.0
+        numbers[52:] = circles.ravel()
+        sides = np.concatenate([np.concatenate([[len(n)], n.ravel()]) for n in self._near] or [NOTHING])
         arrays: list[Any] = [
             numbers, points.ravel(), grid.free_from.ravel(), self._nodes, self._keys, self._heap[0],
-            self._best, self._far, grid.edge.ravel(), self._reachable.ravel(), discs[0], discs[1],
-            self._heap[1], self._lanes, self._taken.ravel(), sides,
-            self._found,
+            self._best, self._far, grid.edge.ravel(), self._reachable.ravel(), self._bare.ravel(),
+            self._within.ravel(), self._heap[1], self._lanes, self._taken.ravel(), sides,
+            patches.ravel(), track.ravel(), self._found,
         ]  # fmt: skip
-        inputs = [wp.array(a, dtype=getattr(wp, a.dtype.name), device="cpu", copy=False) for a in arrays]
-        wp.launch(search_kernel.find_way, dim=1, inputs=inputs, device="cpu")
-        self.searches += 1
-        return points
+        launch(search_kernel.find_way, arrays)
 
-    def _points(self, body: Body, gap: float) -> tuple[Array, NDArray[np.float32]]:
-        """Points on a body, and what is known of the ground that is free for its discs."""
+    def _points(self, body: Body, gap: float) -> tuple[Array, Array]:
+        """Points on a body, (n, 2), and the patches that they are in, as search.cpp has them."""
         if (body, gap) not in self._bodies:
-            unknown = np.full((2, self._coarse[0] * self._coarse[1]), -9.0, np.float32)
-            self._bodies[body, gap] = body.points(PARAMS.body_m, gap), unknown
+            self._bodies[body, gap] = _patches(body.points(PARAMS.body_m, gap), PARAMS.patch_m)
         return self._bodies[body, gap]
 
-    def _is_clear(self, track: Track, body: Body, points: Array, time: float, speed: float) -> bool:
+    def _is_clear(
+        self, track: Track, body: Body, drive: Drive, stand: Sequence[Any], time: float, gap: float
+    ) -> bool:
         """Whether a body is on open ground, but for a little, and off who stands and crop, all along from
         where it begins.
         """
-        places, when = track.places[1:], (time + track.distance[1:] / speed)[:, None]
-        x, y, heading, trailer = places.T
-        for towed in (False, True):
-            on = points[(points[:, 2] > 0.5) == towed]
-            if not len(on):
-                continue
-            angle = trailer if towed else heading
-            c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
-            ox = (x + body.hitch * np.cos(heading) - body.drawbar * np.cos(trailer) if towed else x)[:, None]
-            oy = (y + body.hitch * np.sin(heading) - body.drawbar * np.sin(trailer) if towed else y)[:, None]
-            px: Array = ox + on[:, 0] * c - on[:, 1] * s
-            py: Array = oy + on[:, 0] * s + on[:, 1] * c
-            for n in self._near:
-                if (px[..., None] * n[:, 0] + py[..., None] * n[:, 1] < n[:, 2]).all(axis=-1).any():
-                    return False
-            i = ((px - self.grid.west) / self.grid.cell).astype(int)
-            j = ((py - self.grid.south) / self.grid.cell).astype(int)
-            shape = self.grid.edge.shape
-            if i.min() < 0 or j.min() < 0 or i.max() >= shape[0] or j.max() >= shape[1]:
-                return False
-            if self._taken[i, j].any() or (self.grid.edge[i, j] < -PARAMS.stray_m).any():
-                return False
-            wheels = np.flatnonzero(on[:, 3] < 0.5)
-            if (self.grid.free_from[i[:, wheels], j[:, wheels]] > when).any():
-                return False
-        return True
+        when = time + track.distance[1:] / drive.straight
+        poses = np.column_stack([track.places[1:], when])
+        here = track.start
+        self._launch(body, drive, here, here, stand, time, gap, 0.0, 0, CHECK, poses)
+        return bool(self._found[0])
+
+
+def _patches(points: Array, radius: float) -> tuple[Array, Array]:
+    """Points of a body, sorted, (n, 2), and patches of them: x, y of the middle [m], whether on the trailer,
+    whether raised, radius [m], numbers of the first point and the one behind the last, (patches, 7)
+    """
+    rows, order, count = [], [NOTHING.reshape(-1, 2)[:0]], 0
+    for towed, raised in sorted({(t, r) for _, _, t, r in points.tolist()}):
+        group = points[(points[:, 2] == towed) & (points[:, 3] == raised)][:, :2]
+        low, span = group.min(axis=0), np.ptp(group, axis=0)
+        parts = np.maximum(np.ceil(span / (math.sqrt(2.0) * radius)), 1.0)
+        cells = np.minimum((group - low) * parts / np.maximum(span, 1e-9), parts - 1.0).astype(int)
+        for cell in np.unique(cells, axis=0):
+            patch = group[(cells == cell).all(axis=1)]
+            middle = 0.5 * (patch.min(axis=0) + patch.max(axis=0))
+            far = float(np.hypot(*(patch - middle).T).max())
+            rows.append([*middle, towed, raised, far, count, count + len(patch)])
+            order.append(patch)
+            count += len(patch)
+    return np.concatenate(order), np.array(rows).reshape(-1, 7)
 
 
 def _least_time(start: Place, goal: Place, drive: Drive) -> float:
     """Of which no other way is much faster than one that takes as long [s]."""
     turned = math.remainder(goal.heading - start.heading, 2.0 * math.pi)
     least = max(math.dist(start[:2], goal[:2]) / drive.straight, abs(turned) * drive.radius / drive.turning)
-    return 1.25 * least + 2.0 * drive.shift
+    return PARAMS.rolled * least + 2.0 * drive.shift
 
 
 def _sides(shape: Any) -> Array:

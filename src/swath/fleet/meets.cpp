@@ -1,0 +1,43 @@
+// Which segments of others sweep ground of each segment of a path: outlines that are convex touch unless a side of one
+// separates them. The body of a native function; its arrays are those of swept.py.
+//
+// numbers: segments of the path, rectangles of each, segments of the table, segments of a block, the machine that is
+// left out, most pairs that there is room for; out: pairs found, all counted, those there is room for written
+
+const double* m = (const double*)numbers.data;
+const double *own = (const double*)own_points.data, *own_box = (const double*)own_boxes.data;
+const double *other = (const double*)points.data, *box = (const double*)boxes.data, *block = (const double*)blocks.data;
+const int *own_start = (const int*)own_starts.data, *start = (const int*)starts.data;
+const int *first = (const int*)first_outline.data, *machine = (const int*)machines.data;
+int* out = (int*)found.data;
+const int rows = (int)m[0], rects = (int)m[1], count = (int)m[2], size = (int)m[3], but = (int)m[4], most = (int)m[5];
+auto apart = [](const double* a, const double* b) { return a[0] > b[2] || b[0] > a[2] || a[1] > b[3] || b[1] > a[3]; };
+auto separates = [](const double* a, int n, const double* b, int k) {  // a side of a has all of b outside
+  for (int i = 0; i < n; ++i) {
+    const double *p = a + 2 * i, *q = a + 2 * (i + 1 < n ? i + 1 : 0), dx = q[0] - p[0], dy = q[1] - p[1];
+    bool outside = true;
+    for (int j = 0; j < k && outside; ++j) outside = dx * (b[2 * j + 1] - p[1]) - dy * (b[2 * j] - p[0]) < 0.0;
+    if (outside) return true;
+  }
+  return false;
+};
+auto touch = [&](int i, int j) {
+  for (int r = i * rects; r < (i + 1) * rects; ++r)
+    for (int s = first[j]; s < first[j + 1]; ++s) {
+      const double *a = own + 2 * own_start[r], *b = other + 2 * start[s];
+      const int n = own_start[r + 1] - own_start[r], k = start[s + 1] - start[s];
+      if (!separates(a, n, b, k) && !separates(b, k, a, n)) return true;
+    }
+  return false;
+};
+int pairs = 0;
+for (int i = 0; i < rows; ++i)
+  for (int b = 0; b * size < count; ++b) {
+    if (apart(own_box + 4 * i, block + 4 * b)) continue;
+    for (int j = b * size; j < count && j < (b + 1) * size; ++j) {
+      if (machine[j] == but || apart(own_box + 4 * i, box + 4 * j) || !touch(i, j)) continue;
+      if (pairs < most) { out[2 * pairs + 1] = i; out[2 * pairs + 2] = j; }
+      ++pairs;
+    }
+  }
+out[0] = pairs;
