@@ -8,7 +8,8 @@
     python benchmarks/edge_pairs.py table told.jsonl ... [--each]
 
 A case depends on its pool and number alone. What is left out while fitting and choosing: two scanners, one
-crop, the edge on the left, mountings above 2.7 m; `final` has all, `left_out` only cases with one of them.
+crop, the edge on the left, mountings above 2.7 m; `final` and `seen` (looked at, to choose by) have all,
+`left_out` only cases with one of them.
 
 The line that a detector shall tell is the one to be steered along: the edge without its gaps, with the mean
 of its teeth over some metres. Errors count from 8 m on. Sure is a confidence >= 0.5, wrong an error > 30 cm,
