@@ -1,6 +1,6 @@
 """A field from files of others: outlines, guidance lines, a yield log.
 
-Passes are planned here; of guidance lines and of a log the direction is taken.
+Of lines and of a log the direction is taken; lines that cover the field are its passes (plan.py).
 """
 
 import math
@@ -20,7 +20,8 @@ LINES = ("LineString", "MultiLineString")
 @dataclass(frozen=True)
 class FileField:
     """areas: polygons [m] of a system, epsg; direction of its passes, counter-clockwise from east [rad], and
-    grain, its mean yield [kg/m2], nan for none; notes: on what it was taken from
+    grain, its mean yield [kg/m2], nan for none; notes: on what it was taken from; lines: points of each (n, 2)
+    [m], in the order of the file
     """
 
     areas: tuple[Any, ...]
@@ -28,6 +29,7 @@ class FileField:
     direction: float = math.nan
     grain: float = math.nan
     notes: tuple[str, ...] = ()
+    lines: tuple[Any, ...] = ()
 
 
 def read_field(path: Path) -> FileField:
@@ -65,14 +67,12 @@ def _along(made: FileField, lines: list[Any], what: str) -> FileField:
 
     if not lines:
         return made
-    ends = [in_metres(np.asarray(line, float)[[0, -1]], made.epsg) for line in lines]
-    longest = max(ends, key=lambda e: math.dist(*e))
-    (ax, ay), (bx, by) = longest.tolist()
+    drawn = tuple(in_metres(np.asarray(line, float), made.epsg) for line in lines)
+    longest = max(drawn, key=lambda line: math.dist(line[0], line[-1]))
+    (ax, ay), (bx, by) = longest[[0, -1]].tolist()
     direction = math.atan2(by - ay, bx - ax)
-    said = (
-        f"passes are planned along the longest of {len(lines)} {what}, {math.degrees(direction):.1f} degrees"
-    )
-    return replace(made, direction=direction, notes=(*made.notes, f"{said} counter-clockwise from east"))
+    said = f"longest of {len(lines)} {what}: {math.degrees(direction):.1f} degrees counter-clockwise from east"
+    return replace(made, direction=direction, notes=(*made.notes, said), lines=drawn)
 
 
 def _lines(path: Path) -> list[Any]:
