@@ -3,8 +3,6 @@
 SWATH_DATA=... python -m benchmarks.harvest
 """
 
-import math
-
 from tests.fleet import measured_turns as turns
 from tests.fleet.test_recorded import LIMITS, LOG
 

@@ -15,8 +15,8 @@ GONE = {  # levels of 0.2
     "sensors": "whole fields have no level with sensors now, version 0.2 has it",
 }
 _DESCRIPTION = (
-    "Plans the field (headland rounds, lands, passes), lets the machines work until it is empty and all grain "
-    "is at the truck, and says what the time went into. No two machines ever meet."
+    "Plans the field (headland rounds, lands, passes), lets the machines work until it is empty and all "
+    "grain is at the truck, and says what the time went into. No two machines ever meet."
 )
 
 
@@ -27,7 +27,10 @@ def add(parsers: Any) -> None:
     run = verbs.add_parser("run", help="run a job until the field is empty", description=_DESCRIPTION)
     run.add_argument("job", metavar="NAME|FILE", help="bundled job, or a file of `format: swath fleet 1`")
     run.add_argument(
-        "--out", type=Path, metavar="DIR", help="write report.html, replay.html, picture, plan and results.json"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="write report.html, replay.html, picture, plan and results.json",
     )
     add_sets(run, "change one key")
     told = "; ".join(f"{level}: {what}" for level, what in LEVELS.items())

@@ -20,8 +20,8 @@ LINES = ("LineString", "MultiLineString")
 @dataclass(frozen=True)
 class FileField:
     """areas: polygons [m] of a system, epsg; direction of its passes, counter-clockwise from east [rad], and
-    grain, its mean yield [kg/m2], nan for none; notes: on what it was taken from; lines: points of each (n, 2)
-    [m], in the order of the file
+    grain, its mean yield [kg/m2], nan for none; notes: on what it was taken from; lines: points of each
+    (n, 2) [m], in the order of the file
     """
 
     areas: tuple[Any, ...]
@@ -71,7 +71,9 @@ def _along(made: FileField, lines: list[Any], what: str) -> FileField:
     longest = max(drawn, key=lambda line: math.dist(line[0], line[-1]))
     (ax, ay), (bx, by) = longest[[0, -1]].tolist()
     direction = math.atan2(by - ay, bx - ax)
-    said = f"longest of {len(lines)} {what}: {math.degrees(direction):.1f} degrees counter-clockwise from east"
+    said = (
+        f"longest of {len(lines)} {what}: {math.degrees(direction):.1f} degrees counter-clockwise from east"
+    )
     return replace(made, direction=direction, notes=(*made.notes, said), lines=drawn)
 
 

@@ -55,9 +55,9 @@ class FieldSettings:
 class PlanSettings:
     """direction_deg: of the passes, counter-clockwise from east (default: along the longest side, or as the
     file of the field says); headland_rounds: cut along the outlines before the passes; headland: direction in
-    which they are driven, clockwise keeps the crop on the right; order: of the passes: `lands` round and round
-    in lands of at most `land_passes`, `adjacent` one after the other, `skip` with one left out, for the way
-    back; land_passes: see there; overlap_m: of the header over what is cut, in each pass
+    which they are driven, clockwise keeps the crop on the right; order: of the passes: `lands` round and
+    round in lands of at most `land_passes`, `adjacent` one after the other, `skip` with one left out, for the
+    way back; land_passes: most of a land; overlap_m: of the header over what is cut, in each pass
     passes_m: passes of others, each two points [x, y] of the header's middle or more on a straight line,
     driven in this order; nothing else is cut
     """

@@ -1,11 +1,11 @@
 """The plan of a field: headland rounds, passes in lands, and what is cleaned up around holes and in corners.
 
 Passes are straight lines of the header's middle. Along outlines first (rounds, clockwise: crop on the
-right, so that a cart may drive on the left, or counterclockwise), then parallel to the field's x axis. What is left of the field
-is shared out among the combines as bands across it, by what each can cut an hour; a band has strips of its
-combine's header, of which holes and gaps leave stretches; stretches that follow each other from strip to
-strip are a cell (a boustrophedon decomposition, Choset 2000, DOI 10.1023/A:1008958800904), cut in lands
-round and round. At last, with all around cut, what straight passes leave beside slanted edges of holes is
+right, so that a cart may drive on the left; or counterclockwise), then parallel to the field's x axis. What
+is left of the field is shared out among the combines as bands across it, by what each can cut an hour; a band
+has strips of its combine's header, of which holes and gaps leave stretches; stretches that follow each other
+from strip to strip are a cell (a boustrophedon decomposition, Choset 2000, DOI 10.1023/A:1008958800904), cut
+in lands round and round. At last, with all around cut, what straight passes leave beside slanted edges of holes is
 cut along these edges. Lines of others that cover the field are its passes instead.
 """
 
