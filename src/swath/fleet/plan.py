@@ -5,8 +5,8 @@ right, so that a cart may drive on the left; or counterclockwise), then parallel
 is left of the field is shared out among the combines as bands across it, by what each can cut an hour; a band
 has strips of its combine's header, of which holes and gaps leave stretches; stretches that follow each other
 from strip to strip are a cell (a boustrophedon decomposition, Choset 2000, DOI 10.1023/A:1008958800904), cut
-in lands round and round. At last, with all around cut, what straight passes leave beside slanted edges of holes is
-cut along these edges. Lines of others that cover the field are its passes instead.
+in lands round and round. At last, with all around cut, what straight passes leave beside slanted edges of
+holes is cut along these edges. Lines of others that cover the field are its passes instead.
 """
 
 import json
