@@ -13,4 +13,4 @@ from swath.fleet.worked import by_events
 
 if __name__ == "__main__":
     fig = draw(by_events(schedule_of(read_job("echelon")[0])))
-    fig.savefig(Path(__file__).parent / "fleet.png", dpi=90)
+    fig.savefig(Path(__file__).parent / "fleet.png", dpi=60)
