@@ -223,6 +223,6 @@ def test_a_job_takes_all_outlines_and_leaves_islands_out(name, tmp_path):
     from swath.fleet.field_files import read_field
 
     polygons, area, parts = FIELDS[name]
-    field = read_field(geojson(tmp_path / "a.geojson", *polygons))
+    field = read_field(geojson(tmp_path / "a.geojson", *polygons), 9.0)
     assert sum(a.area for a in field.areas) / 1e4 == pytest.approx(area, rel=2e-3)
     assert len(field.areas) == parts

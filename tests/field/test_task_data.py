@@ -300,7 +300,7 @@ def test_a_plus_is_a_line_at_its_true_heading(tmp_path, heading):
     assert track.length == pytest.approx(
         min(200 / max(across[0], 1e-9), 300 / max(across[1], 1e-9)), rel=0.02
     )
-    turned = read_field(tmp_path / "a").direction - math.radians(90.0 - heading)
+    turned = read_field(tmp_path / "a", 9.0).direction - math.radians(90.0 - heading)
     assert abs(math.sin(turned)) < 0.03
 
 
@@ -356,7 +356,7 @@ def test_every_kind_of_guidance_and_that_of_version_3(tmp_path):
 
 def test_a_job_says_what_of_the_task_data_it_leaves(tmp_path):
     inside = polygon(1, *FIELD) + polygon(3, 50, 100, 90, 150) + pattern(AB, [(9, 0), (9, 50)]) * 2
-    field = read_field(plan(tmp_path, inside))
+    field = read_field(plan(tmp_path, inside), 9.0)
     assert sum(a.area for a in field.areas) == pytest.approx(6e4 - 2000, rel=1e-3)
     assert any(note.startswith("longest of 2 guidance lines: ") for note in field.notes)
 

@@ -186,3 +186,35 @@ def test_passes_of_a_job_have_to_be_straight(tmp_path):
     line = "plan: {passes_m: [[[0, 6], [150, 6]], [[0, 18], [70, 20], [150, 18]]]}\n"
     with pytest.raises(InputError, match="expected straight passes, number 2 bends by 2"):
         passes_of(job_of(tmp_path, field, line + REST))
+
+
+def test_without_an_outline_the_field_is_the_ground_under_the_lines(tmp_path):
+    """Headers of 12.19 m on lines 12 m apart."""
+    shape = {"type": "MultiLineString", "coordinates": [lon_lat([(0, y), (200, y)]) for y in (6, 18, 30)]}
+    geojson(tmp_path / "field.geojson", shape)
+    job = job_of(tmp_path, "{file: field.geojson}")
+    plan, _ = passes_of(job)
+    width = machines_of(job).combines[0].width
+    assert plan.area == pytest.approx(200.0 * (24.0 + width), rel=2e-3)
+    assert len(plan.passes) == 3
+    assert any("no outline" in note for note in job.notes)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "{}", '{"type": "Point", "coordinates": [1, 2]}', '{"type": "LineString", "coordinates": 7}',
+        *(f'{{"type": "LineString", "coordinates": [{points}]}}' for points in (
+            "[9, 52], [9.01]", "[9, 52], [[9], 53]", "[9, 52], [9.1, 5200]", "1, 2")),
+    ],
+)  # fmt: skip
+def test_a_file_without_lines_and_outline_is_refused(tmp_path, content):
+    (tmp_path / "field.geojson").write_text(content)
+    with pytest.raises(InputError, match="expected"):
+        job_of(tmp_path, "{file: field.geojson}")
+
+
+def test_a_line_without_length_says_no_direction(tmp_path):
+    job = lines_over(tmp_path, [], [lon_lat([(10, 10), (10, 10)])])
+    assert job.plan.direction_deg is None
+    assert "1 of 1 lines without a direction are left out" in job.notes

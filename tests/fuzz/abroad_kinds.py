@@ -89,7 +89,7 @@ def _read_plan(folder: Path) -> Any:
     from swath.fleet.field_files import read_field
 
     name = "plan.geojson" if (folder / "plan.geojson").is_file() else "log"
-    return read_field(folder / name)
+    return read_field(folder / name, 9.0)
 
 
 def _read_fleet(folder: Path) -> Any:

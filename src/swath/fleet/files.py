@@ -206,6 +206,8 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
         raise errors[0]
     assert isinstance(keys, JobKeys)
     job = JobFile(**vars(keys))
+    if not job.combines:
+        raise document.error(("combines",), None, "expected at least one combine")
     given = [bool(job.field.boundary_m), job.field.file is not None, job.field.log is not None]
     if given.count(True) != 1:
         raise document.error(("field",), None, "expected one of boundary_m, file and log")
@@ -213,8 +215,6 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
         job, told = _with_field(job, base_of(document), "yield_t_ha" in document.data["field"])
         notes = (*notes, *told)
     job = replace(job, notes=notes)
-    if not job.combines:
-        raise document.error(("combines",), None, "expected at least one combine")
     for section in ("combines", "carts"):
         for name in getattr(job, section):
             if not NAME.match(name) or name == "truck":
@@ -275,6 +275,16 @@ def _without_gone(document: Document) -> Iterator[str]:
             del document.data[section]
 
 
+def _header(job: JobFile, base: Path | None) -> float:
+    """Width of the narrowest header [m]."""
+    from swath.machine.machine_sheet import load_machine
+
+    sheets = [
+        load_machine(c.machine, base=base, header_width_m=c.header_width_m) for c in job.combines.values()
+    ]
+    return min(sheet.header_width for sheet in sheets)
+
+
 def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFile, list[str]]:
     """With the outlines of a file or log, and what is to be told of them."""
     from swath.fleet.field_files import SIMPLER, read_field, read_log_field
@@ -282,7 +292,7 @@ def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFi
     field, name = job.field, job.field.file or job.field.log
     assert name is not None
     path = Path(name) if base is None else base / name
-    read = read_field(path) if field.file is not None else read_log_field(path)
+    read = read_log_field(path) if field.file is None else read_field(path, _header(job, base))
     corner = np.floor(np.min([a.bounds[:2] for a in read.areas], axis=0))
     areas = [a.simplify(SIMPLER) for a in read.areas]
     notes = [*read.notes, f"origin of the field: {corner[0]:.0f}, {corner[1]:.0f} in EPSG:{read.epsg}"]
