@@ -382,8 +382,10 @@ def is_instance(name: str, kind: SlotKind) -> bool:
 FIELD_PACKAGES: dict[str, tuple[str, ...]] = {n: (f"swath.field.{n}",) for n in ("terrain", "stand")}
 FIELD_LEVELS = {"terrain": "formula", "stand": "uniform"}
 
-GONE = {  # of version 0.2: slots and levels, and what to use instead
+GONE_SLOTS = {  # of version 0.2, and what to use instead
     "job": "`steer: edge_or_path` with a path drives several passes, `swath fleet` whole fields",
+}
+GONE = {
     "cooperate.oscillate": "`by_profile` levels the heap by what it sees of it",
     "steer.station_or_path": "`station` keeps beside another machine, `path` follows a path",
     "speed.job": "`constant` with `guard: {when_lost: path}` goes on along a path",
