@@ -93,14 +93,13 @@ def _under(lines: list[Any], header: float) -> FileField:
     """The ground under lines in lon/lat [deg], the largest piece, gaps of less than a header closed."""
     from swath.field.projection import origin_at
     from swath.field_io.plan import in_metres
-    from swath.fleet.ground import shapely_here
 
-    shapely = shapely_here()
     middle = np.median(np.concatenate(lines), axis=0)
     epsg = origin_at(float(middle[1]), float(middle[0])).epsg
-    strips = [
-        shapely.LineString(in_metres(line, epsg)).buffer(0.5 * header, cap_style="flat") for line in lines
-    ]
+    metres = [in_metres(line, epsg) for line in lines]
+    import shapely  # of the extra of the projection, which is there
+
+    strips = [shapely.LineString(line).buffer(0.5 * header, cap_style="flat") for line in metres]
     grown = shapely.union_all(strips).buffer(0.5 * header, join_style="mitre")
     ground = shapely.get_parts(grown.buffer(-0.5 * header, join_style="mitre"))
     largest = max(ground, key=lambda part: part.area)
