@@ -20,7 +20,7 @@ settings.register_profile("search", print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 LONGEST = (  # what asks the clock comes when CI has built its packages
-    "tests/job/test_two_combines.py", "tests/test_tutorials.py", "tests/job/", "tests/test_docs_typed.py",
+    "tests/test_tutorials.py", "tests/fleet/", "tests/test_docs_typed.py",
     "tests/test_site.py", "tests/whole/", "tests/link/", "tests/tools/", "tests/fuzz/", "tests/machine/",
     "tests/field/",
 )  # fmt: skip

@@ -6,10 +6,11 @@ import matplotlib
 
 matplotlib.use("Agg")
 
-from swath.job.fleet import read_fleet
-from swath.job.work import work_off
-from swath.tools.fleet.picture import draw
+from swath.fleet.files import read_job
+from swath.fleet.report import draw
+from swath.fleet.schedule import schedule_of
+from swath.fleet.worked import by_events
 
 if __name__ == "__main__":
-    fig = draw(work_off(read_fleet("echelon")[0]))
-    fig.savefig(Path(__file__).parent / "fleet.png", dpi=90)
+    fig = draw(by_events(schedule_of(read_job("echelon")[0])))
+    fig.savefig(Path(__file__).parent / "fleet.png", dpi=60)

@@ -8,16 +8,15 @@ from pathlib import Path
 from docs.make.scenario import section, table
 
 from swath.documents.data_sheets import find_sheet
-from swath.job.fleet import (
+from swath.fleet.files import (
     CartSettings,
     CombineSettings,
     FieldSettings,
-    FleetFile,
-    TeamSettings,
+    FleetSettings,
+    JobKeys,
+    PlanSettings,
     TruckSettings,
-    UnloadSettings,
 )
-from swath.job.lands import PlanSettings
 from swath.scenario.reference import parameter_rows
 
 PAGE = Path(__file__).parents[1] / "how-to" / "fleet.md"
@@ -39,10 +38,9 @@ SECTIONS = (
     ("### field", FieldSettings, "One of `boundary_m`, `file` and `log`.\n"),
     ("### plan", PlanSettings, ""),
     ("### combines.NAME", CombineSettings, NAMED),
-    ("### carts.NAME", CartSettings, NAMED + "None: `unload.mode` is `standing` or `at_headland`.\n"),
+    ("### carts.NAME", CartSettings, NAMED + "None: combines drive to the truck themselves.\n"),
     ("### truck", TruckSettings, ""),
-    ("### unload", UnloadSettings, ""),
-    ("### team", TeamSettings, ""),
+    ("### fleet", FleetSettings, ""),
 )
 
 
@@ -51,7 +49,7 @@ def reference(name: str = "small-field") -> str:
     before = PAGE.read_text(encoding="utf-8").partition(BEGIN)[0]
     example = find_sheet("jobs", name).read_text(encoding="utf-8")
     parts = [before + BEGIN + HEADER.format(name=name, example=example)]
-    head = [row for row in parameter_rows(FleetFile) if row[0] in ("format", "name", "summary")]
+    head = [row for row in parameter_rows(JobKeys) if row[0] in ("format", "name", "summary")]
     parts += ["### Top level\n", table(head)]
     parts += [section(*each) for each in SECTIONS]
     return "\n".join(parts).rstrip() + "\n"

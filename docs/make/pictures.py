@@ -14,7 +14,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from io import BytesIO
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -83,12 +82,11 @@ def values_of(keys: tuple[str, ...], data: Any) -> Iterator[float]:
 
 def distance_of(data: dict[str, Any]) -> float:
     """How far to drive [m] until a scenario shows what it is about: a little beyond the first place that its
-    field names, or the last time that its machines name, or into the third of its passes.
+    field names, or the last time that its machines name, or to the end of a path.
     """
-    passes = [p for m in data["machines"].values() for p in (m.get("job") or {}).get("passes", [])]
-    if passes:
-        ends = [point for each in passes[:3] for point in each["line_m"]]
-        return sum(abs(b[0] - a[0]) + abs(b[1] - a[1]) for a, b in pairwise(ends))
+    steers = [machine.get("steer") for machine in data["machines"].values()]
+    if any("points_m" in (s.get("path") or {}) for s in steers if isinstance(s, dict)):
+        return float(data["run"]["distance_m"])
     if times := list(values_of(TIMES, data["machines"])):
         return (max(times) + BEYOND_S) * SPEED
     places = list(values_of(PLACES, data["field"]))

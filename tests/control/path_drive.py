@@ -52,7 +52,6 @@ class PathDrive:
     seed: int = 1
     gnss: dict = field(default_factory=dict)
     odometry: dict = field(default_factory=dict)
-    path: object = None
     pose: object = RawPose
     pose_params: object = None
     poses: list = field(default_factory=list)
@@ -114,7 +113,7 @@ class PathDrive:
                 "pose"
             ]
             self.poses.append((pose, x, y, psi, self.speed))
-            given = {"pose": pose, "odometry": samples[-1], "path": self.path(t) if self.path else None}
+            given = {"pose": pose, "odometry": samples[-1]}
             wanted = law.step(t - PERIOD, PERIOD, given)
             command, guidance = wanted["command"].curvature, wanted["guidance"]
             rows.append((t * 1e-9, x, y, psi, wanted["command"].is_engaged))

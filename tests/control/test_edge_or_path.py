@@ -14,11 +14,8 @@ from swath.control.steer.path import Params as PathParams
 from swath.core.random import Stream
 from swath.signals import (
     CropEdge,
-    GuidancePath,
     GuidanceState,
-    JobState,
     Odometry,
-    Phase,
     PoseEstimate,
 )
 from swath.signals.setup import ControlSetup
@@ -48,13 +45,12 @@ def drive(
     params,
     seconds=60.0,
     pose_known=lambda t: True,
-    job=None,
     aside=lambda t: 0.0,
     jag=lambda t: (0.0, 0.0),
 ):
     """A machine without slip along an edge at y = 6.1 - 0.1 left of it; rows (t, y, led, engaged).
 
-    job: its inputs, if it has one; aside: how far left the edge is seen at a time [m]; jag: direction [rad]
+    aside: how far left the edge is seen at a time [m]; jag: direction [rad]
     and curvature [1/m] that it seems to have more
     """
     setup = ControlSetup(MACHINE, {}, "left", PERIOD * 1e-9)
@@ -78,7 +74,6 @@ def drive(
         spread = np.diag([1e-4 if pose_known(t * 1e-9) else 9.0] * 4)
         pose = PoseEstimate(t, x + 100.0, y, heading, SPEED, rate, spread, 0.0)
         given = {"edge": edge, "odometry": Odometry(t, SPEED, rate, angle), "pose": pose}
-        given |= job or {}
         out = law.step(t - PERIOD, PERIOD, given)
         command = out["command"]
         rows.append((t * 1e-9, y, out["guidance"].is_following, command.is_engaged))
@@ -110,30 +105,28 @@ def test_a_path_of_the_scenario_leads_instead_where_there_is_one():
     assert rows[-1, 2]
 
 
-def test_an_edge_far_beside_the_path_of_a_job_does_not_lead():
+ALONG = PathParams(begin=Begin(x_m=90.0, y_m=0.0, heading_deg=0.0), segments=(Segment(310.0),))
+
+
+def test_an_edge_far_beside_the_path_does_not_lead():
     """Seen 1 m off for 4 s, as beside a gap that another machine left; without the bound it swerves."""
-    path = GuidancePath(0, np.array([90.0, 400.0]), np.zeros(2), 3)
-    job = {"job": JobState(0, Phase.CUTS, 3, SPEED, 100.0, by_edge=True), "path": path}
 
     def swerves(t):
         return 1.0 if 25.0 < t < 29.0 else 0.0
 
-    for stray, least, most in ((0.3, 0.0, 0.02), (1.2, 0.5, 1.2)):
-        rows = drive([], Params(stray_m=stray), 40.0, job=job, aside=swerves)
+    for stray, least, most in ((0.3, 0.0, 0.02), (1.2, 0.5, 1.2), (None, 0.5, 1.2)):
+        rows = drive([], Params(path=ALONG, stray_m=stray), 40.0, aside=swerves)
         seen = rows[rows[:, 0] > 20.0]
         assert least <= np.abs(seen[:, 1]).max() <= most
         assert seen[-1, 2] == 0.0  # the edge leads again
 
 
-def test_a_jag_of_the_edge_does_not_turn_a_machine_that_has_a_job():
-    """For 2 s it seems to bend off by 0.25 rad and to curve by 0.15 1/m; without a job that is followed."""
-    path = GuidancePath(0, np.array([90.0, 400.0]), np.zeros(2), 3)
-    job = {"job": JobState(0, Phase.CUTS, 3, SPEED, 100.0, by_edge=True), "path": path}
+def test_a_jag_of_the_edge_does_not_turn_a_machine_that_keeps_near_its_path():
+    """For 2 s it seems to bend off by 0.25 rad and to curve by 0.15 1/m; without a bound that is followed."""
     most = []
-    for given in (job, None):
-        rows = drive(
-            [], Params(), 40.0, job=given, jag=lambda t: (0.25, 0.15) if 25.0 < t < 27.0 else (0.0, 0.0)
-        )
+    for stray in (1.0, None):
+        params = Params(path=ALONG, stray_m=stray)
+        rows = drive([], params, 40.0, jag=lambda t: (0.25, 0.15) if 25.0 < t < 27.0 else (0.0, 0.0))
         most.append(np.abs(rows[rows[:, 0] > 20.0, 1]).max())
     assert most[0] < 0.5 * most[1]
     assert most[0] < 0.15

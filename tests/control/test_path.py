@@ -10,7 +10,7 @@ from swath.control.steer.path import Begin, Params, PathSteer, Segment
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.sensing.gnss.error import Loss
-from swath.signals import GuidancePath, Odometry, PoseEstimate
+from swath.signals import Odometry, PoseEstimate
 from swath.signals.setup import ControlSetup
 from tests.control.path_drive import COMBINE, PERIOD, TRACTOR, PathDrive
 
@@ -161,14 +161,11 @@ def test_crab_and_understeer_leave_no_bias(crab):
     assert np.abs(error[error[:, 0] > 70.0, 1]).max() < 0.035
 
 
-def test_another_part_gives_the_path_and_the_machine_goes_over_to_it():
+def test_a_path_aside_is_gone_over_to_at_no_more_than_its_steepest_angle():
     """From 3 m aside, at no more than 20 deg."""
-    made = GuidancePath(0, np.linspace(0.0, 200.0, 50), np.full(50, 3.0), 1)
-    drive = PathDrive(Params(), path=lambda t: made if t > 5_000_000_000 else None, **PERFECT)
+    drive = PathDrive(Params(points_m=((-50.0, 3.0), (200.0, 3.0))), **PERFECT)
     rows, guidance = drive.run(30.0)
-    assert not rows[:200, 4].any()  # there is no path yet
     assert guidance.is_following
-    assert guidance.number == 1
     assert np.abs(rows[1200:, 2] - 3.0).max() < 0.02
     assert np.abs(rows[:, 3]).max() < math.radians(23.0)
     assert rows[:, 2].max() < 3.1

@@ -13,6 +13,7 @@ import subprocess
 import sys
 from array import array
 from collections import Counter, deque
+from enum import IntEnum
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -22,14 +23,23 @@ import pytest
 import swath
 from swath.core import packed_state
 from swath.core.frames import Pose
-from swath.core.packed_state import LENGTH, MAGIC, UnpackableState, pack, unpack
+from swath.core.packed_state import LENGTH, MAGIC, UnpackableState, pack, saved_type, unpack
 from swath.core.signal import Signal
 from swath.judge.kept_rows import KeptRows
 from swath.signals import CropEdge, SteerCommand
-from swath.signals.job import Phase
 from tests.core.same import assert_same
 
 HELD = np.arange(3.0)
+
+
+@saved_type()
+class Phase(IntEnum):
+    """Of a machine."""
+
+    WAITS = 0
+    CUTS = 1
+
+
 PLAIN = {
     "numbers": [0, -1, 2**80, 0.1, -0.0, 1e300, float("inf"), float("nan"), True],
     "texts": ["", "a\0b", "ä"],
@@ -48,7 +58,7 @@ PLAIN = {
     "sample": SteerCommand(5, 0.25, True),
     "pose": Pose.from_euler([1.0, 2.0, 3.0], yaw=0.5),
     "edge": CropEdge(7, *[float("nan")] * 7),
-    "phase": Phase.WAITS,
+    "phase": Phase.CUTS,
     SteerCommand: [SteerCommand, HELD, HELD],
 }
 

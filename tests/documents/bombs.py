@@ -309,10 +309,14 @@ def _field_of(*ring: tuple[float, float]) -> Callable[[Path], Any]:
 
 def _job(width: float, height: float) -> Callable[[Path], Any]:
     def run(folder: Path) -> Any:
-        from swath.job.lands import PlanSettings, plan_field
+        from swath.fleet.bodies import body_of
+        from swath.fleet.files import read_job
+        from swath.fleet.ground import Ground
+        from swath.machine.machine_sheet import load_machine
 
-        ring = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)]
-        return plan_field(ring, 9.0, PlanSettings()).area
+        ring = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]]
+        job, _ = read_job("small-field", (f"field.boundary_m={ring}",))
+        return Ground(job, body_of(load_machine(job.truck.machine))).field.area
 
     return run
 

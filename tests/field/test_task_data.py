@@ -32,8 +32,7 @@ from swath.field_io.taskdata import (
     drawn,
     pivot_radius,
 )
-from swath.job.lands import PlanSettings
-from swath.job.plan_files import plan_from_file
+from swath.fleet.field_files import read_field
 from tests.field.made_taskdata import (
     COMBINE,
     EAST_M,
@@ -301,8 +300,7 @@ def test_a_plus_is_a_line_at_its_true_heading(tmp_path, heading):
     assert track.length == pytest.approx(
         min(200 / max(across[0], 1e-9), 300 / max(across[1], 1e-9)), rel=0.02
     )
-    job = plan_from_file(tmp_path / "a", 9.0, PlanSettings(headland_rounds=0), pipe=8.0)
-    turned = job.passes[0].start.heading - math.radians(90.0 - heading)
+    turned = read_field(tmp_path / "a", 9.0).direction - math.radians(90.0 - heading)
     assert abs(math.sin(turned)) < 0.03
 
 
@@ -358,10 +356,9 @@ def test_every_kind_of_guidance_and_that_of_version_3(tmp_path):
 
 def test_a_job_says_what_of_the_task_data_it_leaves(tmp_path):
     inside = polygon(1, *FIELD) + polygon(3, 50, 100, 90, 150) + pattern(AB, [(9, 0), (9, 50)]) * 2
-    job = plan_from_file(plan(tmp_path, inside), 9.0, PlanSettings(), pipe=8.0)
-    assert job.area == pytest.approx(6e4 - 2000, rel=1e-3)
-    assert "0.20 ha of islands carry no crop, but passes lead over them as over bare ground" in job.notes
-    assert "passes along the first of 2 guidance lines" in job.notes
+    field = read_field(plan(tmp_path, inside), 9.0)
+    assert sum(a.area for a in field.areas) == pytest.approx(6e4 - 2000, rel=1e-3)
+    assert any(note.startswith("longest of 2 guidance lines: ") for note in field.notes)
 
 
 @pytest.mark.parametrize("head", [(0, 0), (1, 2**31 - 1), (65_535, -(2**31)), (7305, 0)])

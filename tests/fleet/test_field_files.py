@@ -30,7 +30,7 @@ def passes_of(job):
     """Directions of the passes on the map, as angles of lines [deg], 0 to 180."""
     machines = machines_of(job)
     ground = Ground(job, body_of(machines.truck))
-    plan = plan_of(ground, machines.combines, job.plan)
+    plan = plan_of(ground, machines.combines, job.plan, job.drawn)
     turn = ground.frame.direction
     return plan, {round(math.degrees(p.heading + turn) % 180.0, 1) for p in plan.passes if p.kind != HEADLAND}
 
@@ -109,10 +109,112 @@ def test_wrong_input_is_one_clear_error(tmp_path, field, rest, said):
         job_of(tmp_path, field, rest)
 
 
-def test_keys_of_other_levels_are_left_out_with_a_note(tmp_path):
-    rest = REST + "carts: {k: {align_s: 9}}\nunload: {finish_s: 3}\nteam: {lag_m: 20}\n"
-    job = job_of(
-        tmp_path, "{boundary_m: [[0, 0], [90, 0], [90, 60]]}", rest + "plan: {headland: clockwise}\n"
-    )
-    for key in ("carts.*.align_s", "unload", "team", "plan.headland"):
-        assert any(note.startswith(f"{key} is not read") for note in job.notes)
+RING = "{boundary_m: [[0, 0], [90, 0], [90, 60]]}"
+
+
+def test_keys_of_0_2_are_left_out_with_a_note_that_says_where_they_stand(tmp_path):
+    rest = REST + "carts: {k: {align_s: 9}}\nunload: {mode: on_the_go, finish_s: 3}\nteam: {lag_m: 20}\n"
+    job = job_of(tmp_path, RING, rest)
+    for key, line in (
+        ("carts.k.align_s", 5), ("unload.mode", 6), ("unload.finish_s", 6), ("team.lag_m", 7),
+    ):  # fmt: skip
+        (note,) = [note for note in job.notes if note.startswith(f"{key} ")]
+        assert f"is read no more (job.yaml:{line}): " in note
+    assert len(job.notes) == 4
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ("team: {together: echelon}\n", r"team\.together.*nothing drives in echelon.*job\.yaml:5"),
+        ("carts: {k: {}}\nunload: {mode: standing}\n", r"unload\.mode.*dispatcher of your own.*job\.yaml:6"),
+        ("unload: {mode: rolling, ramps_s: 2, pipe: 3}\n", r"unload.*"),
+    ],
+)
+def test_what_is_not_done_any_more_is_refused_with_its_place(tmp_path, more, said):
+    with pytest.raises(InputError, match=said):
+        job_of(tmp_path, RING, REST + more)
+
+
+def test_without_carts_a_combine_that_was_emptied_standing_still_is(tmp_path):
+    (note,) = job_of(tmp_path, RING, REST + "unload: {mode: standing}\n").notes
+    assert note.startswith("unload.mode is read no more")
+
+
+def lines_over(tmp_path, rows, more=()):
+    """A field of 200 m by 72 m with lines along it at some heights [m], every other one westwards."""
+    ring = lon_lat([(0, 0), (200, 0), (200, 72), (0, 72), (0, 0)])
+    lines = [lon_lat([(0, y), (200, y)][:: -1 if n % 2 else 1]) for n, y in enumerate(rows)]
+    shape = {"type": "MultiLineString", "coordinates": [*lines, *more]}
+    geojson(tmp_path / "field.geojson", {"type": "Polygon", "coordinates": [ring]}, shape)
+    return job_of(tmp_path, "{file: field.geojson}")
+
+
+def on_map(plan, job):
+    frame = Ground(job, body_of(machines_of(job).truck)).frame
+    return [frame.to_map([p.start, p.end]) for p in plan.passes]
+
+
+def test_lines_that_cover_a_field_are_its_passes_in_their_order(tmp_path):
+    rows = [66.0, 6.0, 54.0, 18.0, 42.0]
+    job = lines_over(tmp_path, rows)
+    plan, _ = passes_of(job)
+    found = on_map(plan, job)
+    assert [np.mean(ends[:, 1]) for ends in found] == pytest.approx(rows, abs=0.6)
+    assert [ends[0, 0] < ends[1, 0] for ends in found] == [True, False, True, False, True]
+    assert plan.left == pytest.approx(200.0 * 72.0 - 5 * 200.0 * 12.0, rel=0.15)
+    assert plan.notes == ("the 5 lines of the file are the passes, in their order",)
+
+
+@pytest.mark.parametrize(
+    ("rows", "more", "said"),
+    [
+        ([6.0, 18.0], (), "they cover 33 % of the field"),
+        ([6.0, 18.0, 30.0, 42.0], ([(0, 54), (100, 58), (200, 54)],), "line 5 bends by 4.0 m"),
+    ],
+)
+def test_lines_that_are_no_plan_say_the_direction_alone(tmp_path, rows, more, said):
+    job = lines_over(tmp_path, rows, [lon_lat(line) for line in more])
+    plan, directions = passes_of(job)
+    assert plan.notes == (f"lines of the file say the direction of passes alone: {said}",)
+    assert plan.left < 0.01 * plan.area
+    assert len(directions) == 1
+
+
+def test_passes_of_a_job_have_to_be_straight(tmp_path):
+    field = "{boundary_m: [[0, 0], [150, 0], [150, 90], [0, 90]]}"
+    line = "plan: {passes_m: [[[0, 6], [150, 6]], [[0, 18], [70, 20], [150, 18]]]}\n"
+    with pytest.raises(InputError, match="expected straight passes, number 2 bends by 2"):
+        passes_of(job_of(tmp_path, field, line + REST))
+
+
+def test_without_an_outline_the_field_is_the_ground_under_the_lines(tmp_path):
+    """Headers of 12.19 m on lines 12 m apart."""
+    shape = {"type": "MultiLineString", "coordinates": [lon_lat([(0, y), (200, y)]) for y in (6, 18, 30)]}
+    geojson(tmp_path / "field.geojson", shape)
+    job = job_of(tmp_path, "{file: field.geojson}")
+    plan, _ = passes_of(job)
+    width = machines_of(job).combines[0].width
+    assert plan.area == pytest.approx(200.0 * (24.0 + width), rel=2e-3)
+    assert len(plan.passes) == 3
+    assert any("no outline" in note for note in job.notes)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "{}", '{"type": "Point", "coordinates": [1, 2]}', '{"type": "LineString", "coordinates": 7}',
+        *(f'{{"type": "LineString", "coordinates": [{points}]}}' for points in (
+            "[9, 52], [9.01]", "[9, 52], [[9], 53]", "[9, 52], [9.1, 5200]", "1, 2")),
+    ],
+)  # fmt: skip
+def test_a_file_without_lines_and_outline_is_refused(tmp_path, content):
+    (tmp_path / "field.geojson").write_text(content)
+    with pytest.raises(InputError, match="expected"):
+        job_of(tmp_path, "{file: field.geojson}")
+
+
+def test_a_line_without_length_says_no_direction(tmp_path):
+    job = lines_over(tmp_path, [], [lon_lat([(10, 10), (10, 10)])])
+    assert job.plan.direction_deg is None
+    assert "1 of 1 lines without a direction are left out" in job.notes

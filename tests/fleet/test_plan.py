@@ -11,7 +11,7 @@ from swath.fleet.bodies import body_of
 from swath.fleet.files import CombineSettings, FieldSettings, JobFile, PlanSettings, TruckSettings
 from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import machines_of
-from swath.fleet.plan import plan_of, read_plan, strip_of
+from swath.fleet.plan import HEADLAND, LAND, plan_of, read_plan, strip_of
 
 SQUARE = [(0.0, 0.0), (150.0, 0.0), (150.0, 100.0), (0.0, 100.0)]
 DENT = [
@@ -27,12 +27,12 @@ DENT = [
 POND = [(60.0, 40.0), (85.0, 35.0), (90.0, 60.0), (66.0, 66.0)]
 
 
-def job(ring=SQUARE, holes=(), parts=(), widths=(7.5,), rounds=1, truck=(-40.0, 50.0)):
+def job(ring=SQUARE, holes=(), parts=(), widths=(7.5,), rounds=1, truck=(-40.0, 50.0), **plan):
     return JobFile(
         format="swath fleet 1",
         field=FieldSettings(list(ring), [list(h) for h in holes], [list(p) for p in parts]),
         combines={f"c{i}": CombineSettings(header_width_m=w) for i, w in enumerate(widths)},
-        plan=PlanSettings(headland_rounds=rounds),
+        plan=PlanSettings(headland_rounds=rounds, **plan),
         truck=TruckSettings(*truck),
     )
 
@@ -105,3 +105,31 @@ def test_a_truck_in_the_crop_is_refused():
 def test_an_outline_that_crosses_itself_is_refused():
     with pytest.raises(InputError, match="boundary_m"):
         planned(job(ring=[(0.0, 0.0), (100.0, 100.0), (100.0, 0.0), (0.0, 100.0)]))
+
+
+@pytest.mark.parametrize("order", ["lands", "adjacent", "skip"])
+def test_passes_come_in_the_order_that_the_plan_says(order):
+    """As on a notebook, from the one that is farthest north: 0, 1, 2 ... strips southwards."""
+    _, plan = planned(job(rounds=0, order=order, land_passes=200))
+    inner = [p for p in plan.passes if p.kind == LAND]
+    rows = sorted({round(p.start[1], 3) for p in inner}, reverse=True)
+    found = [rows.index(round(p.start[1], 3)) for p in inner]
+    n = len(rows)
+    expected = {
+        "lands": sorted(range(n), key=lambda i: min(2 * i, 2 * (n - i) - 1)),
+        "adjacent": list(range(n)),
+        "skip": [*range(0, n, 2), *reversed(range(1, n, 2))],
+    }
+    assert found == expected[order]
+    eastwards = [p.end[0] > p.start[0] for p in inner]
+    assert eastwards == [i % 2 == 0 for i in range(n)]
+
+
+def test_rounds_go_the_other_way_where_the_plan_says_so():
+    one, other = (planned(job(rounds=2, headland=way))[1] for way in ("clockwise", "counterclockwise"))
+    ends = [{(p.start, p.end) for p in plan.passes if p.kind == HEADLAND} for plan in (one, other)]
+    assert ends[0] == {(end, start) for start, end in ends[1]}
+    middle = np.array([75.0, 50.0])
+    for start, end in ends[0]:  # clockwise: the middle of the field is on the right
+        a, b = np.subtract(end, start), middle - start
+        assert a[0] * b[1] - a[1] * b[0] < 0.0

@@ -86,17 +86,16 @@ def _plan_lines(folder: Path) -> None:
 
 
 def _read_plan(folder: Path) -> Any:
-    from swath.job.lands import PlanSettings
-    from swath.job.plan_files import plan_from_file
+    from swath.fleet.field_files import read_field
 
     name = "plan.geojson" if (folder / "plan.geojson").is_file() else "log"
-    return plan_from_file(folder / name, 9.0, PlanSettings(), pipe=8.0)
+    return read_field(folder / name, 9.0)
 
 
 def _read_fleet(folder: Path) -> Any:
-    from swath.job.fleet import read_fleet
+    from swath.fleet.files import read_job
 
-    return read_fleet(str(folder / "mine.yaml"))
+    return read_job(str(folder / "mine.yaml"))
 
 
 # ---- bodies of machines

@@ -66,7 +66,7 @@ def _within(folder: Path) -> Any:
 @contextmanager
 def _no_pictures() -> Any:
     """Seconds of matplotlib are not what is tried here."""
-    with patch("swath.field_io.importer.draw"), patch("swath.tools.fleet.picture.draw", create=True):
+    with patch("swath.field_io.importer.draw"), patch("swath.fleet.report.draw", create=True):
         yield
 
 

@@ -7,28 +7,28 @@ import pytest
 
 from swath.core.frames import Pose
 from swath.judge.evaluators.pass_to_pass import PassToPass
-from swath.signals import CropFlow, JobState, MachineState, Phase
+from swath.signals import CropFlow, GuidanceState, MachineState
 from tests.evaluated import evaluation_of
 from tests.fake_run import GEOMETRY, ArcEdge, GridField, machine
 
 WIDTH = 2.0 * GEOMETRY.header_end("left")[1]
 
 
-def driven(lines, *, side="left", has_job=True, has_header=True):
+def driven(lines, *, side="left", has_path=True, has_header=True):
     """Metrics of passes along lines (n, 2), of the machine's origin, cut one after the other."""
     outputs = {"motion.state": MachineState}
-    outputs |= {"job.job": JobState} if has_job else {}
+    outputs |= {"steer.guidance": GuidanceState} if has_path else {}
     outputs |= {"header.flow": CropFlow} if has_header else {}
     evaluation = evaluation_of(GridField(ArcEdge()), replace(machine(side), outputs=outputs))
     way = 0.0
-    for number, line in enumerate(lines):
-        for phase in (Phase.CUTS, Phase.TURNS):
-            along = line if phase == Phase.CUTS else [*line[-1:], [0.0, 9.0]]
-            for k, (x, y) in enumerate(along):
+    for line in lines:
+        for cuts in (True, False):
+            for k, (x, y) in enumerate(line if cuts else [*line[-1:], *[[0.0, 9.0]] * 40]):
                 t = round(1e9 * way)
                 ahead = line[min(k + 1, len(line) - 1)] - line[min(k, len(line) - 2)]
-                if has_job:
-                    evaluation("combine.job", t, {"job": JobState(t, int(phase), number, 1.0, 1.0)})
+                if has_header:
+                    flow = CropFlow(t, 0.0, 0.0, float(cuts), 0, 0.0, 0.1)
+                    evaluation("combine.header", t, {"flow": flow})
                 pose = Pose.from_euler([x, y, 0.0], yaw=float(np.arctan2(ahead[1], ahead[0])))
                 evaluation("combine.motion", t, {"state": MachineState(t, pose, 1.0, 0.0, 0.0, 0.0, way)})
                 way += 0.1
@@ -70,7 +70,12 @@ def test_of_three_passes_the_neighbour_counts():
     assert m["pass_overlap_m"] == pytest.approx(0.1, abs=1e-9)
 
 
-@pytest.mark.parametrize("lacks", ["has_job", "has_header"])
-def test_a_machine_without_a_job_or_a_header_has_no_such_metric(lacks):
+@pytest.mark.parametrize("lacks", ["has_path", "has_header"])
+def test_a_machine_without_a_path_or_a_header_has_no_such_metric(lacks):
     names = {metric.name for metric in PassToPass.METRICS}
-    assert not names & driven([straight(0.0)], **{lacks: False}).keys()
+    assert not names & driven([straight(0.0), straight(-WIDTH)], **{lacks: False}).keys()
+
+
+def test_one_pass_has_no_such_metric():
+    names = {metric.name for metric in PassToPass.METRICS}
+    assert not names & driven([straight(0.0)]).keys()

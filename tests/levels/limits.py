@@ -76,11 +76,6 @@ LIMITS = {
         "by_profile": Limit("fills 95 % and more", (0.95, 0.99)),
         "unloader": Limit("stops within a step", 0.05),
     },
-    # harvest: of the way [m]; shuttle: least distance of its middle to crop [m]
-    "job": {
-        "harvest": Limit("within 0.2 m", 0.2),
-        "shuttle": Limit("ways no tighter than its radius, 1.5 m clear of crop", 1.5),
-    },
     "header": {
         "fixed_height": Limit("no losses, no lifting", 0.0),
         "height_control": Limit("stiff knife", 0.01),
@@ -161,7 +156,6 @@ LIMITS = {
         "pure_pursuit": Limit("3 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.03),
         "stanley": Limit("3 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.03),
         "station": Limit("against its differential equation within 2 cm", 0.02),
-        "station_or_path": Limit("differential equation of `station` within 2 cm", 0.02),
         "edge_or_path": Limit("2 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.02),
         "path": Limit("3 cm RMS at 7 km/h on a straight path with RTK", 0.03),
     },
@@ -170,7 +164,6 @@ LIMITS = {
         "feed_rate": Limit("no error in steady state", 1e-3),
         "look_ahead": Limit("as good as the sight", 0.01),
         "station": Limit("against its differential equation within 2 cm", 0.02),
-        "job": Limit("exact", 1e-12),
         "map_ahead": Limit("as good as the map", 0.01),
         "joined_ahead": Limit("in time for what comes", 0.01),
     },

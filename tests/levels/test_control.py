@@ -9,7 +9,7 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.units import KMH
 from swath.scenario.catalogue import CATALOGUE
-from swath.signals import Fix, JobState, MachineState, Odometry, Station
+from swath.signals import Fix, MachineState, Odometry, Station
 from swath.signals.setup import ControlSetup
 from tests.control.closed_loop import Loop, setup_of
 from tests.control.edge_drive import drive, errors
@@ -83,7 +83,7 @@ def test_pose_of_a_machine_that_drives_straight_on(level, limit):
 def test_error_along_a_straight_edge(level, limit):
     """An open loop stays on the line on which it starts; a closed one is given an edge known to 3 cm."""
     found = CATALOGUE.registry.get("steer", level)
-    if level in ("station", "station_or_path"):
+    if level == "station":
         assert largest_difference(found, aside=1.0) < limit
         return
     if level == "path":
@@ -103,19 +103,11 @@ def test_speed_in_even_crop(level, limit):
     if level == "station":
         assert closes_up(CATALOGUE.registry.get("speed", level)) < limit
         return
-    if level == "job":
-        law = make("speed", level, setup_of())
-        law.reset(Stream(1, "speed"))
-        assert law.step(0, 1, {"job": BESIDE})["command"].speed == pytest.approx(BESIDE.speed, rel=limit)
-        return
     by_flow = "throughput_kg_s" in keys_of("speed", level)
     params = {"throughput_kg_s": 36.0} if by_flow else {"speed_kmh": wanted / KMH}
     found = CATALOGUE.registry.get("speed", level)
     bench = Bench(found.component, found.params(**params), even(EVEN), sight=10.0)
     assert bench.run(100.0)[-1][2] == pytest.approx(wanted, rel=limit)
-
-
-BESIDE = JobState(0, 5, 0, 1.7, math.nan, by_station=True)
 
 
 def largest_difference(found, aside, speed=2.0, h=0.01):
@@ -126,7 +118,7 @@ def largest_difference(found, aside, speed=2.0, h=0.01):
     root = math.sqrt(1.0 - 0.9**2)
     for i in range(1500):
         station = Station(i, True, 0.0, e, -heading, 0.0, speed, 0.0, 0.0, False)
-        inputs = {"station": station, "odometry": Odometry(i, speed, 0.0, 0.0), "job": BESIDE, "pose": None}
+        inputs = {"station": station, "odometry": Odometry(i, speed, 0.0, 0.0)}
         curvature = law.step(i, 1, inputs)["command"].curvature
         middle = heading + 0.5 * speed * h * curvature
         e -= speed * h * math.sin(middle)

@@ -12,14 +12,11 @@ from swath.field.site_setup import Bodies
 from swath.machine.heap.surface import Surface, largest_heap
 from swath.machine.machine_sheet import load_machine
 from swath.signals import (
-    GuidancePath,
     HeapState,
-    JobState,
     MachineLoad,
     MachineState,
     Odometry,
     PeerState,
-    Phase,
     Scan,
     UnloadCommand,
     UnloadState,
@@ -93,20 +90,6 @@ def test_relative_place_of_the_other_machine(level, limit):
     peer = link.step(0, NS, {"state": own, "peer_state": other})["peer"]
     found = (peer.x, peer.y, peer.heading, peer.speed, peer.age)
     np.testing.assert_allclose(found, (1.0, 7.0, 0.1, 1.3, 0.0), atol=max(limit, 1e-12))
-
-
-@pytest.mark.parametrize(("level", "steps"), [("ideal", 0), ("radio", 2)])
-def test_a_link_tells_the_way_of_the_other_machine_with_its_messages(level, steps):
-    """Where it is asked to: at once, or 200 ms later."""
-    late = {"delay_ms": 200.0} if level == "radio" else {}
-    plain, link = (make("peer_link", level, site_of(CART), way=way, **late) for way in (False, True))
-    assert [port.name for port in plain.outputs] == ["peer"]
-    for one in (plain, link):
-        one.reset(Stream(1, "cart.peer_link"))
-    path = GuidancePath(0, np.array([1.0]), np.array([2.0]), 7)
-    inputs = {**STILL, "peer_state": STILL["state"], "peer_path": path}
-    numbers = [link.step(i * NS // 10, NS // 10, inputs)["way"].number for i in range(4)]
-    assert numbers == [-1] * steps + [7] * (4 - steps)
 
 
 @each_level("box")
@@ -191,41 +174,6 @@ def test_what_a_strategy_fills(level, limit):
 def stream_of(sd):
     far = math.sqrt(3.0) * sd
     return [(1 / 3, 0, 0), (1 / 6, far, 0), (1 / 6, -far, 0), (1 / 6, 0, far), (1 / 6, 0, -far)]
-
-
-@pytest.mark.parametrize(("phase", "task", "pours"), [
-    (Phase.BESIDE, 4, True), (Phase.WAITS, 3, False), (Phase.DRIVES, -1, False), (-1, -1, True),
-])  # fmt: skip
-def test_grain_is_for_the_cart_that_names_the_own_pass(phase, task, pours):
-    """One that waits beside, or for another combine, gets none; one without a job does."""
-    assert pours_beside({"phase": phase, "task": task}, 0.8, Phase.CUTS) is pours
-
-
-@pytest.mark.parametrize(("level", "phase", "pours"), [
-    (0.008, Phase.CUTS, False), (0.011, Phase.CUTS, True), (0.008, Phase.STANDS, True),
-    (0.0009, Phase.STANDS, False),
-])  # fmt: skip
-def test_a_combine_that_stands_for_a_cart_gives_it_all_it_has(level, phase, pours):
-    """Else it would call for good, with less in its tank than it begins to pour from."""
-    assert pours_beside({"phase": Phase.BESIDE, "task": 4}, level, phase) is pours
-
-
-def pours_beside(told, level, phase):
-    unloader = make("cooperate", "unloader", ControlSetup(COMBINE, {}, "left", 0.05), start_percent=1.0)
-    unloader.reset(STREAM)
-    box = {"box_x": -5.5, "box_y": 0.0, "box_heading": 0.0, "box_length": 6.0, "box_width": 3.0}
-    on = []
-    for i in range(60):
-        t = (i + 1) * NS // 20
-        inputs = {
-            "peer": PeerState(t, True, 0.0, 5.5, 8.4, 0.0, 1.2, 0.0, 0.0, **told, **box),
-            "odometry": Odometry(t, 1.2, 0.0, 0.0),
-            "load": MachineLoad(0, 5e3, *[0.0] * 7, tank_level=level),
-            "unload": UnloadState(0, 1.5, 0.0, 0, 0, 0, 0, 0.0, 8.4),
-            "job": JobState(t, int(phase), 4, 1.2, 50.0, may_unload=True, calls=True),
-        }
-        on.append(unloader.step(t - NS // 20, NS // 20, inputs)["command"].is_running)
-    return any(on)
 
 
 def stops(unloader, limit):

@@ -13,7 +13,7 @@ from swath.record.read.fields import Context
 from swath.record.read.messages import maker_for
 from swath.record.recorder import Recorder
 from swath.record.tracks import read_tracks
-from swath.signals import FIX_QUALITIES, Fix, GuidancePath, Inertial
+from swath.signals import FIX_QUALITIES, Fix, Inertial
 from tests.fake_run import ArcEdge, GridField, drive, machine
 
 NS = 1_000_000_000
@@ -167,15 +167,3 @@ def test_an_inertial_unit_is_an_imu_without_orientation(tmp_path):
     made = maker_for(Inertial, "sensor_msgs/msg/Imu", Context(3.7))(message, NS // 10)
     assert made == sample
     assert read_tracks(tmp_path / "tracks.parquet")["imu_force_z_m_s2"][-1] == 9.7
-
-
-def test_a_guidance_path_is_a_path_of_navigation_too(tmp_path):
-    x, y = np.array([0.0, 3.0, 3.0]), np.array([1.0, 1.0, 5.0])
-    record(tmp_path, "planner", [GuidancePath(0, x, y, 7), GuidancePath(NS, x[:0], y[:0])], "path")
-    way, none = decoded(tmp_path, "/combine/planner/path_path")["/combine/planner/path_path"]
-    assert way.header.frame_id == "map"
-    places = [(p.pose.position.x, p.pose.position.y) for p in way.poses]
-    assert places == [(0.0, 1.0), (3.0, 1.0), (3.0, 5.0)]
-    turns = [2 * np.arctan2(p.pose.orientation.z, p.pose.orientation.w) for p in way.poses]
-    assert turns == pytest.approx([0.0, np.pi / 2, np.pi / 2])
-    assert none.poses == []

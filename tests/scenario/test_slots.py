@@ -10,7 +10,7 @@ from swath.core.errors import InputError
 from swath.core.registry import Level, Registry
 from swath.runtime.assembly import assemble
 from swath.scenario.scenario import load_scenario
-from swath.scenario.slots import GONE, PEER, REGISTRY, SLOTS, TRUTH
+from swath.scenario.slots import GONE, GONE_SLOTS, PEER, REGISTRY, SLOTS, TRUTH
 from swath.signals import SteerCommand
 from swath.signals.setup import LinkSetup
 
@@ -85,8 +85,6 @@ def test_a_part_of_somebody_else_fills_a_slot():
         "ground",
         "station",
         "pose",
-        "path",
-        "job",
     }
     assert all(p.optional for p in part.setup.inputs)
     ticks = []
@@ -121,3 +119,9 @@ def test_a_level_that_went_says_what_there_is_instead():
         assert level not in REGISTRY.names(kind)
         with pytest.raises(InputError, match="expected another level: it is gone, `"):
             REGISTRY.get(kind, level)
+
+
+@pytest.mark.parametrize("slot", GONE_SLOTS)
+def test_a_slot_that_went_says_what_there_is_instead(slot):
+    with pytest.raises(InputError, match=rf"combine\.{slot}: unknown key: it is gone, `"):
+        load_scenario("straight", sets=[f"combine.{slot}.level=x"])

@@ -9,8 +9,7 @@ from docs.make.fleet import BEGIN, PAGE, reference
 from swath.commands.main import main
 from swath.documents.data_sheets import find_sheet
 from swath.documents.yaml_document import parse
-from swath.job.fleet import read_fleet
-from swath.tools.fleet.schema import job_schema
+from swath.fleet.files import job_schema, read_job
 
 JOBS = sorted(path.stem for path in find_sheet("jobs", "echelon").parent.glob("*.yaml"))
 GOOD = find_sheet("jobs", "echelon").read_text(encoding="utf-8")
@@ -39,7 +38,7 @@ def test_a_bundled_job_is_printed_to_make_ones_own_of_it(capsys, tmp_path):
     printed = capsys.readouterr().out
     assert printed == GOOD
     (tmp_path / "mine.yaml").write_text(printed)
-    assert read_fleet(str(tmp_path / "mine.yaml"))[0] == read_fleet("echelon")[0]
+    assert read_job(str(tmp_path / "mine.yaml"))[0] == read_job("echelon")[0]
     assert main(["fleet", "list", "echelons"]) == 2
     assert "did you mean 'echelon'" in capsys.readouterr().err
 
@@ -62,11 +61,10 @@ def test_accepts_the_bundled_jobs(validator, name):
 @pytest.mark.parametrize(
     ("section", "key", "value"),
     [
-        ("team", "together", "echelons"),
-        ("team", "lag_m", 4),
+        ("plan", "order", "lanes"),
+        ("plan", "land_passes", 0),
         ("plan", "overlap", 0.3),
         ("truck", "x_m", "east"),
-        ("unload", "mode", "driving"),
     ],
 )
 def test_refuses_what_the_reader_refuses(validator, section, key, value):
@@ -84,4 +82,4 @@ def test_refuses_a_key_that_a_combine_does_not_have(validator):
 
 def test_units_are_in_the_descriptions(validator):
     carts = validator.schema["$defs"]["job.CartSettings"]["properties"]
-    assert carts["speed_kmh"]["description"] == "on the field [km/h]"
+    assert carts["speed_kmh"]["description"] == "on straights of ways [km/h]"

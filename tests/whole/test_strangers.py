@@ -108,7 +108,7 @@ class Folder:
         (path / "with.yaml").write_text("mine: {combine.speed.level: mine.py:Part}\n")
         job = find_sheet("jobs", "small-field").read_text()
         (path / "job.yaml").write_text(job.replace("machine: lexion-700", f"machine: {path}/mine.yaml"))
-        (path / "granted.yaml").write_text(job + "\nfleet: {dispatcher: mine.py:Part}\n")
+        (path / "dispatched.yaml").write_text(job + "\nfleet: {dispatcher: mine.py:Part}\n")
 
     def of_runs(self):
         """Command lines by command that read the run folder."""
@@ -175,8 +175,8 @@ class Folder:
             "field import": [[log, *crop, next(new)]],
             "fleet run": [
                 [f"{p}/job.yaml", "--set", "field.yield_t_ha=x"],
-                [f"{p}/s.yaml", "--level", "sensors"],
-                [f"{p}/granted.yaml", "--level", "granted"],
+                [f"{p}/s.yaml"],
+                [f"{p}/dispatched.yaml"],
             ],
             "fleet list": [[]],
             "fleet day": [[f"{p}/run"]],

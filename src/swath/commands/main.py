@@ -13,7 +13,6 @@ from swath import __version__
 from swath.commands import (
     completion,
     docs,
-    fleet,
     levels,
     metrics,
     new,
@@ -29,6 +28,7 @@ from swath.core.errors import MIGRATED_BY, InputError, SwathError, fitted, short
 from swath.core.foreign_code import SUFFIXES, allow_code, code_in
 from swath.core.registry import installed, installed_part, user_line
 from swath.core.stopping import Terminated, raise_if_lost, stoppable
+from swath.fleet import command as fleet
 from swath.link.can import command as can
 from swath.link.fmi import command as fmu
 from swath.link.osi import command as osi

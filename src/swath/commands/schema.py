@@ -39,7 +39,7 @@ def write_schema(path: Path, of: str = "scenario") -> None:
 
 def schema_text(of: str = "scenario") -> str:
     """The JSON Schema of scenario files, or of job files."""
+    from swath.fleet.files import job_schema
     from swath.scenario.schema import scenario_schema
-    from swath.tools.fleet.schema import job_schema
 
     return json.dumps(job_schema() if of == "job" else scenario_schema(), indent=1) + "\n"

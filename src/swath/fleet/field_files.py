@@ -1,6 +1,6 @@
 """A field from files of others: outlines, guidance lines, a yield log.
 
-Passes are planned here; of guidance lines and of a log the direction is taken.
+Of lines and of a log the direction is taken; lines that cover the field are its passes (plan.py).
 """
 
 import math
@@ -15,12 +15,15 @@ from swath.documents.json_file import read_json
 
 SIMPLER = 0.3  # m, within which points of an outline from a file are left out
 LINES = ("LineString", "MultiLineString")
+AREAS = ("Polygon", "MultiPolygon", "GeometryCollection")
+SHORT = 1.0  # m between the ends of a line, below which it has no direction
 
 
 @dataclass(frozen=True)
 class FileField:
     """areas: polygons [m] of a system, epsg; direction of its passes, counter-clockwise from east [rad], and
-    grain, its mean yield [kg/m2], nan for none; notes: on what it was taken from
+    grain, its mean yield [kg/m2], nan for none; notes: on what it was taken from; lines: points of each
+    (n, 2) [m], in the order of the file
     """
 
     areas: tuple[Any, ...]
@@ -28,10 +31,14 @@ class FileField:
     direction: float = math.nan
     grain: float = math.nan
     notes: tuple[str, ...] = ()
+    lines: tuple[Any, ...] = ()
 
 
-def read_field(path: Path) -> FileField:
-    """Task data of ISO 11783-10, GeoJSON, KML or a shapefile. InputError for what is none."""
+def read_field(path: Path, header: float) -> FileField:
+    """Task data of ISO 11783-10, GeoJSON, KML or a shapefile. InputError for what is none.
+
+    header: width of the strip [m] that each line covers, of which a file of lines alone is the field
+    """
     from swath.field_io.isoxml import is_taskdata
     from swath.field_io.outline import read_outlines
 
@@ -39,10 +46,13 @@ def read_field(path: Path) -> FileField:
         raise InputError("field.file", str(path), "expected a file that is there")
     if path.suffix.lower() not in (".geojson", ".json", ".kml", ".kmz") and is_taskdata(path):
         return _of_taskdata(path)
+    is_json = path.suffix.lower() in (".geojson", ".json")
+    shapes = _shapes(path) if is_json else []
+    lines = _lines(path, shapes)
+    if lines and not any(shape["type"] in AREAS for shape in shapes):
+        return _along(_under(lines, header), lines, "lines")
     outlines = read_outlines(path)
-    made = FileField(outlines.areas, outlines.epsg, notes=outlines.notes)
-    lines = _lines(path) if path.suffix.lower() in (".geojson", ".json") else []
-    return _along(made, lines, "lines")
+    return _along(FileField(outlines.areas, outlines.epsg, notes=outlines.notes), lines, "lines")
 
 
 def _of_taskdata(path: Path) -> FileField:
@@ -63,32 +73,64 @@ def _along(made: FileField, lines: list[Any], what: str) -> FileField:
     """With the direction of the longest of some lines in lon/lat [deg]."""
     from swath.field_io.plan import in_metres
 
-    if not lines:
+    drawn = tuple(in_metres(np.asarray(line, float), made.epsg) for line in lines)
+    drawn = tuple(line for line in drawn if math.dist(line[0], line[-1]) > SHORT)
+    if len(drawn) < len(lines):
+        said = f"{len(lines) - len(drawn)} of {len(lines)} {what} without a direction are left out"
+        made = replace(made, notes=(*made.notes, said))
+    if not drawn:
         return made
-    ends = [in_metres(np.asarray(line, float)[[0, -1]], made.epsg) for line in lines]
-    longest = max(ends, key=lambda e: math.dist(*e))
-    (ax, ay), (bx, by) = longest.tolist()
+    longest = max(drawn, key=lambda line: math.dist(line[0], line[-1]))
+    (ax, ay), (bx, by) = longest[[0, -1]].tolist()
     direction = math.atan2(by - ay, bx - ax)
     said = (
-        f"passes are planned along the longest of {len(lines)} {what}, {math.degrees(direction):.1f} degrees"
+        f"longest of {len(drawn)} {what}: {math.degrees(direction):.1f} degrees counter-clockwise from east"
     )
-    return replace(made, direction=direction, notes=(*made.notes, f"{said} counter-clockwise from east"))
+    return replace(made, direction=direction, notes=(*made.notes, said), lines=drawn)
 
 
-def _lines(path: Path) -> list[Any]:
-    """Lines of a GeoJSON file."""
+def _under(lines: list[Any], header: float) -> FileField:
+    """The ground under lines in lon/lat [deg], the largest piece, gaps of less than a header closed."""
+    from swath.field.projection import origin_at
+    from swath.field_io.plan import in_metres
+
+    middle = np.median(np.concatenate(lines), axis=0)
+    epsg = origin_at(float(middle[1]), float(middle[0])).epsg
+    metres = [in_metres(line, epsg) for line in lines]
+    import shapely  # of the extra of the projection, which is there
+
+    strips = [shapely.LineString(line).buffer(0.5 * header, cap_style="flat") for line in metres]
+    grown = shapely.union_all(strips).buffer(0.5 * header, join_style="mitre")
+    ground = shapely.get_parts(grown.buffer(-0.5 * header, join_style="mitre"))
+    largest = max(ground, key=lambda part: part.area)
+    said = f"the file has no outline: the field is the {largest.area / 1e4:.2f} ha under its lines"
+    return FileField((largest,), epsg, notes=(said,))
+
+
+def _shapes(path: Path) -> list[dict[str, Any]]:
+    """Geometries of a GeoJSON file."""
     data = read_json(path, "field.file", "GeoJSON")
     features = data.get("features", [data]) if isinstance(data, dict) else []
+    if not isinstance(features, list):
+        return []
+    shapes = [f.get("geometry", f) for f in features if isinstance(f, dict)]
+    return [shape for shape in shapes if isinstance(shape, dict) and isinstance(shape.get("type"), str)]
+
+
+def _lines(path: Path, shapes: list[dict[str, Any]]) -> list[Any]:
+    """Points (n, 2) of each line of some geometries [deg]."""
     found: list[Any] = []
-    for feature in features:
-        shape = feature.get("geometry") or {} if isinstance(feature, dict) else {}
-        if isinstance(shape, dict) and shape.get("type") in LINES:
-            parts = shape.get("coordinates") or []
-            found += parts if shape["type"] == LINES[1] else [parts]
     try:
-        return [np.array([p[:2] for p in line], float) for line in found if len(line) >= 2]
+        for shape in shapes:
+            if shape["type"] in LINES:
+                parts = shape.get("coordinates") or []
+                found += parts if shape["type"] == LINES[1] else [parts]
+        lines = [np.array([p[:2] for p in line], float) for line in found if len(line) >= 2]
     except (TypeError, ValueError, IndexError):
-        raise InputError("field.file", str(path), "expected lines of longitude and latitude") from None
+        lines = [np.full((2, 2), math.inf)]
+    if any(line.shape != (len(line), 2) or not (np.abs(line) <= (180.0, 90.0)).all() for line in lines):
+        raise InputError("field.file", str(path), "expected lines of longitude and latitude", file=path)
+    return lines
 
 
 def read_log_field(path: Path) -> FileField:

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as made
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
@@ -29,6 +29,7 @@ from swath.scenario.section_reader import NAME
 FORMAT = "swath fleet 1"
 Metre = Annotated[float, Ge(-1e7), Le(1e7)]
 Ring = Annotated[list[tuple[Metre, Metre]], MinLen(3)]
+Line = Annotated[list[tuple[Metre, Metre]], MinLen(2)]
 
 
 @dataclass(frozen=True)
@@ -36,8 +37,9 @@ class FieldSettings:
     """boundary_m: points [x, y], east and north; holes_m: ponds and islands in it; parts_m: outlines of
     further parts of the field; around_m: ground beyond the outlines that may be driven on; yield_t_ha: grain,
     even over the field; file: task data of ISO 11783-10, GeoJSON, KML or a shapefile instead, with all
-    outlines, and lines whose direction passes take; log: a yield log instead, with its ground, direction and
-    mean yield; with either, all else is in metres from the field's south-west corner, rounded down
+    outlines, and with lines, which are the passes where they cover half of it or more, else say their
+    direction; log: a yield log instead, with its ground, direction and mean yield; with either, all else is
+    in metres from the field's south-west corner, rounded down
     """
 
     boundary_m: Ring = made(default_factory=list)
@@ -52,14 +54,21 @@ class FieldSettings:
 @dataclass(frozen=True)
 class PlanSettings:
     """direction_deg: of the passes, counter-clockwise from east (default: along the longest side, or as the
-    file of the field says); headland_rounds: cut along the outlines before the passes; land_passes: most
-    passes of a land, cut round and round; overlap_m: of the header over what is cut, in each pass
+    file of the field says); headland_rounds: cut along the outlines before the passes; headland: direction in
+    which they are driven, clockwise keeps the crop on the right; order: of the passes: `lands` round and
+    round in lands of at most `land_passes`, `adjacent` one after the other, `skip` with one left out, for the
+    way back; land_passes: most of a land; overlap_m: of the header over what is cut, in each pass
+    passes_m: passes of others, each two points [x, y] of the header's middle or more on a straight line,
+    driven in this order; nothing else is cut
     """
 
     direction_deg: Annotated[float, Ge(-360), Le(360)] | None = None
     headland_rounds: Annotated[int, Ge(0), Le(20)] = 1
+    headland: Literal["clockwise", "counterclockwise"] = "clockwise"
+    order: Literal["lands", "adjacent", "skip"] = "lands"
     land_passes: Annotated[int, Ge(1), Le(200)] = 12
     overlap_m: Annotated[float, Ge(0.05), Le(3)] = 0.2
+    passes_m: list[Line] = made(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -119,9 +128,9 @@ class FleetSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JobFile:
-    """A job as written. format: `swath fleet 1`; name, summary: of the job; field, plan, combines, carts,
-    truck, fleet: see there
+class JobKeys:
+    """A job as written. format: `swath fleet 1`; name, summary: of the job, on its page; field, plan,
+    combines, carts, truck, fleet: see there
     """
 
     format: str
@@ -133,14 +142,47 @@ class JobFile:
     fleet: FleetSettings = FleetSettings()
     name: str = "job"
     summary: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JobFile(JobKeys):
+    """A job as read. drawn: lines of its file, [x, y] as passes are [m]; notes: what is to be told of it"""
+
+    drawn: tuple[Line, ...] = ()
     notes: tuple[str, ...] = ()
 
 
-OTHERS = {  # keys of jobs at other levels, and what is done here
-    ("plan", "order"): "lands are cut round and round",
-    ("plan", "headland"): "rounds are clockwise, so that a cart may drive on the left",
-    ("team",): "combines share the field out among them in bands",
-    ("unload",): "a tank is emptied beside or standing, whatever costs less time",
+def job_schema() -> dict[str, Any]:
+    """JSON Schema of job files, draft 2020-12, for editors."""
+    from swath.scenario.schema import adopt
+
+    defs: dict[str, Any] = {}
+    job = adopt(JobKeys, "job", defs)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "swath job",
+        "description": "A field, how it is worked, and the machines that do it.",
+        **job,
+        "properties": {**job["properties"], "format": {"const": FORMAT, "description": "of this file"}},
+        "$defs": defs,
+    }
+
+
+COSTS_LESS = "a tank is emptied beside or standing, whatever costs less time"
+GONE: dict[tuple[str, ...], str] = {  # keys of 0.2, and what is done now
+    ("carts", "*", "align_s"): "until a cart is in line follows from its way",
+    ("team", "together"): "combines share the field out among them in bands",
+    ("team", "lag_m"): "combines share the field out among them in bands",
+    ("unload", "mode"): COSTS_LESS,
+    ("unload", "at_row_end"): COSTS_LESS,
+    ("unload", "finish_s"): COSTS_LESS,
+    ("unload", "pocket_s"): COSTS_LESS,
+    ("unload", "ramps_s"): "the pipe swings as its data sheet says",
+}
+REFUSED = {  # values of them that ask for something else
+    "echelon": "expected no such key: nothing drives in echelon now, combines share the field out in bands",
+    "standing": "expected no such key: a dispatcher of your own that takes no `beside` does it",
+    "at_headland": "expected no such key: a dispatcher of your own that takes no `beside` does it",
 }
 
 
@@ -155,14 +197,17 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
         raise document.error((), None, "expected a mapping of keys")
     for change in changes:
         _set(document, change)
-    notes = tuple(_without_others(document.data))
+    notes = tuple(_without_gone(document))
     if document.data.get("format") != FORMAT:
         raise document.error(("format",), document.data.get("format"), f"expected `{FORMAT}`")
-    job, errors = validate(JobFile, document.data, (), document)
+    keys, errors = validate(JobKeys, document.data, (), document)
     if errors:
         errors[0].others = tuple(errors[1:])
         raise errors[0]
-    assert isinstance(job, JobFile)
+    assert isinstance(keys, JobKeys)
+    job = JobFile(**vars(keys))
+    if not job.combines:
+        raise document.error(("combines",), None, "expected at least one combine")
     given = [bool(job.field.boundary_m), job.field.file is not None, job.field.log is not None]
     if given.count(True) != 1:
         raise document.error(("field",), None, "expected one of boundary_m, file and log")
@@ -170,8 +215,6 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
         job, told = _with_field(job, base_of(document), "yield_t_ha" in document.data["field"])
         notes = (*notes, *told)
     job = replace(job, notes=notes)
-    if not job.combines:
-        raise document.error(("combines",), None, "expected at least one combine")
     for section in ("combines", "carts"):
         for name in getattr(job, section):
             if not NAME.match(name) or name == "truck":
@@ -212,19 +255,34 @@ def _from_here(value: Any) -> Any:
     return value
 
 
-def _without_others(data: dict[str, Any]) -> Iterator[str]:
-    """Take out keys of other levels, each with a note."""
-    for path, instead in OTHERS.items():
-        node = data
-        for part in path[:-1]:
-            node = node.get(part) or {}
-        if isinstance(node, dict) and path[-1] in node:
-            del node[path[-1]]
-            yield f"{'.'.join(path)} is not read at this level: {instead}"
-    carts = data.get("carts")
-    waits = [k for k in carts.values() if isinstance(k, dict)] if isinstance(carts, dict) else []
-    if any(k.pop("align_s", None) is not None for k in waits):
-        yield "carts.*.align_s is not read at this level: until a cart is in line follows from its way"
+def _without_gone(document: Document) -> Iterator[str]:
+    """Take out keys of 0.2 that nothing reads now, each with a note. InputError for what is not done now."""
+    for (section, *_, key), instead in GONE.items():
+        found = document.data.get(section)
+        if not isinstance(found, dict):
+            continue
+        inner = {(section,): found} if section != "carts" else {(section, n): v for n, v in found.items()}
+        for path, node in inner.items():
+            if not isinstance(node, dict) or key not in node:
+                continue
+            value, place = node.pop(key), document.place((*path, key))
+            asks = REFUSED.get(value) if isinstance(value, str) else None
+            if asks and (key != "mode" or document.data.get("carts")):
+                raise document.error((*path, key), value, asks)
+            where = "" if place is None or place.file is None else f" ({Path(place.file).name}:{place.line})"
+            yield f"{'.'.join((*path, key))} is read no more{where}: {instead}"
+        if section != "carts" and not found:
+            del document.data[section]
+
+
+def _header(job: JobFile, base: Path | None) -> float:
+    """Width of the narrowest header [m]."""
+    from swath.machine.machine_sheet import load_machine
+
+    sheets = [
+        load_machine(c.machine, base=base, header_width_m=c.header_width_m) for c in job.combines.values()
+    ]
+    return min(sheet.header_width for sheet in sheets)
 
 
 def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFile, list[str]]:
@@ -234,7 +292,7 @@ def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFi
     field, name = job.field, job.field.file or job.field.log
     assert name is not None
     path = Path(name) if base is None else base / name
-    read = read_field(path) if field.file is not None else read_log_field(path)
+    read = read_log_field(path) if field.file is None else read_field(path, _header(job, base))
     corner = np.floor(np.min([a.bounds[:2] for a in read.areas], axis=0))
     areas = [a.simplify(SIMPLER) for a in read.areas]
     notes = [*read.notes, f"origin of the field: {corner[0]:.0f}, {corner[1]:.0f} in EPSG:{read.epsg}"]
@@ -254,4 +312,5 @@ def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFi
     plan = job.plan
     if plan.direction_deg is None and math.isfinite(read.direction):
         plan = replace(plan, direction_deg=math.degrees(math.remainder(read.direction, math.pi)))
-    return replace(job, field=field, plan=plan), notes
+    lines = tuple([(x - corner[0], y - corner[1]) for x, y in line] for line in read.lines)
+    return replace(job, field=field, plan=plan, drawn=lines), notes

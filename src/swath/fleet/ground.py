@@ -28,13 +28,16 @@ GRAIN = 1e-4  # m, that places in the frame are rounded to, so that turning a fi
 class Params:
     """yard_m: radius of open ground at the truck and where the way to it leaves the field; road_m: half width
     of that way; truck_m: from the middle of a cart to that of the truck beside it; rough_m: that a pass
-    may lead over the edge, the gap around bodies and rounding. Estimates from yards seen.
+    may lead over the edge, the gap around bodies and rounding. Estimates from yards seen. longest_m, most_m2:
+    of all ground in its frame, so that its cells take less than half a gigabyte
     """
 
     yard_m: float = 45.0
     road_m: float = 10.0
     truck_m: float = 4.5
     rough_m: float = 0.25
+    longest_m: float = 10_000.0
+    most_m2: float = 1e7
 
 
 PARAMS = Params()
@@ -115,6 +118,7 @@ class Ground:
             shapely.union_all([around, *self._yards(shapely, place)]), shapely.union_all([holes, self.truck])
         )
         west, south, east, north = self.open.bounds
+        _check_size(east - west, north - south)
         self.west, self.south = math.floor(west) - 2.0, math.floor(south) - 2.0
         self.shape: tuple[int, int] = int((east - self.west) / CELL) + 5, int((north - self.south) / CELL) + 5
         self.grid = self._raster(shapely)
@@ -254,6 +258,14 @@ def _anticlockwise(points: Array) -> Array:
     x, y = (points - points[0]).T
     area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
     return points if area > 0.0 else points[::-1]
+
+
+def _check_size(length: float, width: float) -> None:
+    longest, area = max(length, width), length * width
+    if longest > PARAMS.longest_m or area > PARAMS.most_m2:
+        most = f"{PARAMS.longest_m / 1000.0:.0f} km and {PARAMS.most_m2 / 1e4:.0f} ha"
+        expected = f"expected field and truck in a rectangle of at most {most}"
+        raise InputError("field", f"{longest / 1000.0:.1f} km, {area / 1e4:.0f} ha", expected)
 
 
 def _polygon(ring: Any, frame: Frame, key: str) -> Any:

@@ -1,12 +1,12 @@
 """The plan of a field: headland rounds, passes in lands, and what is cleaned up around holes and in corners.
 
 Passes are straight lines of the header's middle. Along outlines first (rounds, clockwise: crop on the
-right, so that a cart may drive on the left), then parallel to the field's x axis. What is left of the field
-is shared out among the combines as bands across it, by what each can cut an hour; a band has strips of its
-combine's header, of which holes and gaps leave stretches; stretches that follow each other from strip to
-strip are a cell (a boustrophedon decomposition, Choset 2000, DOI 10.1023/A:1008958800904), cut in lands
-round and round. At last, with all around cut, what straight passes leave beside slanted edges of holes is
-cut along these edges.
+right, so that a cart may drive on the left; or counterclockwise), then parallel to the field's x axis. What
+is left of the field is shared out among the combines as bands across it, by what each can cut an hour; a band
+has strips of its combine's header, of which holes and gaps leave stretches; stretches that follow each other
+from strip to strip are a cell (a boustrophedon decomposition, Choset 2000, DOI 10.1023/A:1008958800904), cut
+in lands round and round. At last, with all around cut, what straight passes leave beside slanted edges of
+holes is cut along these edges. Lines of others that cover the field are its passes instead.
 """
 
 import json
@@ -36,12 +36,16 @@ class Params:
     """least_m2: crop for which no pass of its own is made, a thousandth of a hectare; hole_m: kept between
     a header and a hole; bridge_m: gap without crop that a pass goes on over; edge_m: shortest side of an
     outline that gets a headland pass of its own. Chosen so that less than 0.5 % of drawn fields is left.
+    bent_m: most that points of a pass of others lie off its straight line; covers: share of a field that
+    lines of its file cover, from which they are its passes; both estimates
     """
 
     least_m2: float = 2.0
     hole_m: float = 0.3
     bridge_m: float = 15.0
     edge_m: float = 6.0
+    bent_m: float = 0.5
+    covers: float = 0.5
 
 
 PARAMS = Params()
@@ -79,12 +83,13 @@ class Pass:
 @dataclass(frozen=True)
 class Plan:
     """passes: in the order of working, those of each combine by themselves; area: of the field; left: that no
-    pass cuts [m2]
+    pass cuts [m2]; notes: on how it was made
     """
 
     passes: tuple[Pass, ...]
     area: float
     left: float
+    notes: tuple[str, ...] = ()
 
     def write(self, path: Path) -> None:
         """As JSON, in the field's frame [m]."""
@@ -107,18 +112,56 @@ class _Stretch(NamedTuple):
     east: float
 
 
-def plan_of(ground: Ground, combines: Sequence[Combine], settings: PlanSettings) -> Plan:
-    """The plan of a field. InputError where more than a hundredth of it cannot be cut."""
+def plan_of(
+    ground: Ground, combines: Sequence[Combine], settings: PlanSettings, drawn: Sequence[Any] = ()
+) -> Plan:
+    """The plan of a field. drawn: lines of its file. InputError where a hundredth of it cannot be cut, but
+    for passes of others.
+    """
     widths = [c.width - settings.overlap_m for c in combines]
     made = _Planner(ground, combines, widths, settings)
+    lines, notes = _lines_of_others(ground, min(c.width for c in combines), settings, drawn)
+    if lines:
+        made.along(lines)
+        return Plan(tuple(made.passes), ground.field.area, made.rest.area, tuple(notes))
     made.rounds()
     made.bands()
     made.clean_up()
-    plan = Plan(tuple(made.passes), ground.field.area, made.rest.area)
+    plan = Plan(tuple(made.passes), ground.field.area, made.rest.area, tuple(notes))
     if plan.left > 0.01 * plan.area:
         expected = f"expected a field of which 99 % can be cut, {plan.left:.0f} of {plan.area:.0f} m2 cannot"
         raise InputError("field", None, expected)
     return plan
+
+
+def _lines_of_others(
+    ground: Ground, header: float, settings: PlanSettings, drawn: Sequence[Any]
+) -> tuple[list[Array], list[str]]:
+    """Both ends of each line that is a pass, (2, 2) each, and what to tell of lines of a file. InputError for
+    passes that are not straight.
+    """
+    shapely = shapely_here()
+    lines = [ground.frame.to_field(line) for line in settings.passes_m or drawn]
+    lines = [line for line in lines if math.dist(line[0], line[-1]) > PARAMS.bent_m]
+    if not lines:
+        return [], []
+    bent = [shapely.LineString(line[[0, -1]]).hausdorff_distance(shapely.LineString(line)) for line in lines]
+    ends = [line[[0, -1]] for line in lines]
+    worst = int(np.argmax(bent))
+    if settings.passes_m:
+        if bent[worst] > PARAMS.bent_m:
+            expected = f"expected straight passes, number {worst + 1} bends by {bent[worst]:.1f} m"
+            raise InputError("plan.passes_m", None, expected)
+        return ends, []
+    strips = [shapely.LineString(e).buffer(0.5 * header, cap_style="flat") for e in ends]
+    share = shapely.intersection(shapely.union_all(strips), ground.field).area / ground.field.area
+    if bent[worst] > PARAMS.bent_m:
+        why = f"line {worst + 1} bends by {bent[worst]:.1f} m"
+    elif share < PARAMS.covers:
+        why = f"they cover {100.0 * share:.0f} % of the field"
+    else:
+        return ends, [f"the {len(lines)} lines of the file are the passes, in their order"]
+    return [], [f"lines of the file say the direction of passes alone: {why}"]
 
 
 class _Planner:
@@ -176,6 +219,8 @@ class _Planner:
             for s, e in self._clear(a + 0.5 * width * right, u, width + self.settings.overlap_m, start, end):
                 line = a + 0.5 * width * right + s * u, a + 0.5 * width * right + e * u
                 if self._crop_in(*line, width) > PARAMS.least_m2:
+                    if self.settings.headland == "counterclockwise":
+                        line = line[1], line[0]
                     self.add(*line, width + self.settings.overlap_m, HEADLAND, number)
 
     def _crop_in(self, start: Array, end: Array, width: float) -> float:
@@ -206,6 +251,20 @@ class _Planner:
             free.append((begin, end))
         return [(s, e) for s, e in free if e - s > 0.5]
 
+    def along(self, lines: Sequence[Array]) -> None:
+        """Passes of others, in their order; combines share them out by what they can cut an hour."""
+        power = np.array([w * c.speed for w, c in zip(self.widths, self.combines, strict=True)])
+        length = np.array([math.dist(a, b) for a, b in lines])
+        middle = (np.cumsum(length) - 0.5 * length) / length.sum()
+        numbers = np.searchsorted(np.cumsum(power / power.sum())[:-1], middle, side="right")
+        for (a, b), number in zip(lines, numbers.tolist(), strict=True):
+            header, u = self.combines[number].width, (b - a) / math.dist(a, b)
+            strip = shapely_here().LineString([a, b]).buffer(0.5 * header, cap_style="flat")
+            crop = strip.intersection(self.rest)
+            for start, end in _bridged(_spans(crop, a, u, PARAMS.least_m2), PARAMS.bridge_m):
+                for s, e in self._clear(a, u, header, start, end):
+                    self.add(a + s * u, a + e * u, header, LAND, 0, number)
+
     def bands(self) -> None:
         """What the rounds leave, shared out in bands across the field, each in strips of its combine."""
         crop = self.rest
@@ -222,8 +281,9 @@ class _Planner:
         pitch = (north - south) / count
         strips = [self._stretches(south + (i + 0.5) * pitch, pitch, header) for i in range(count)]
         for cell in _cells(strips):
-            for first in range(0, len(cell), self.settings.land_passes):
-                for stretch, east in _round_and_round(cell[first : first + self.settings.land_passes]):
+            most = self.settings.land_passes if self.settings.order == "lands" else len(cell)
+            for first in range(0, len(cell), most):
+                for stretch, east in ORDERS[self.settings.order](cell[first : first + most]):
                     start, end = (stretch.west, stretch.y), (stretch.east, stretch.y)
                     start, end = (start, end) if east else (end, start)
                     self.add(start, end, header, LAND, self.land, number)
@@ -355,3 +415,17 @@ def _round_and_round(land: list[_Stretch]) -> list[tuple[_Stretch, bool]]:
             order.append((land[low], False))
         low, high = low + 1, high - 1
     return order
+
+
+def _adjacent(land: list[_Stretch]) -> list[tuple[_Stretch, bool]]:
+    """One after the other from the north, there and back: every other one has cut ground on its left."""
+    return [(stretch, n % 2 == 0) for n, stretch in enumerate(reversed(land))]
+
+
+def _skip(land: list[_Stretch]) -> list[tuple[_Stretch, bool]]:
+    """Every other one there, those between on the way back."""
+    one = land[::-1]
+    return [(stretch, n % 2 == 0) for n, stretch in enumerate([*one[::2], *reversed(one[1::2])])]
+
+
+ORDERS = {"lands": _round_and_round, "adjacent": _adjacent, "skip": _skip}

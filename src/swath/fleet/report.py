@@ -132,7 +132,7 @@ def write_result(w: Worked, name: str, summary: str, out: Path) -> None:
     head, rows = machine_rows(w)
     write_page(
         out / "report.html", "fleet.html.j2", name=name, summary=summary, level=w.level,
-        results=result_rows(w), head=head, machines=rows, waits=wait_rows(w), loads=pair_rows(w), pairs=[],
+        results=result_rows(w), head=head, machines=rows, waits=wait_rows(w), loads=pair_rows(w),
         image=as_image(fig, kind="png", dpi=130), notes=checked(w),
     )  # fmt: skip
 

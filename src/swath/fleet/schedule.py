@@ -162,7 +162,7 @@ class _Scheduler:
     def __init__(self, job: JobFile, base: FilePath | None, dispatcher: Dispatcher) -> None:
         machines = machines_of(job, base)
         ground = Ground(job, body_of(machines.truck))
-        plan = plan_of(ground, machines.combines, job.plan)
+        plan = plan_of(ground, machines.combines, job.plan, job.drawn)
         self.job, self.dispatcher, self.ground, self.machines = job, dispatcher, ground, machines
         self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s, notes=list(job.notes))
         self.table = self.schedule.table

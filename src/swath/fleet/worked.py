@@ -184,7 +184,7 @@ def merged(spans: Iterable[Span]) -> list[Span]:
 
 def checked(worked: Worked) -> list[str]:
     """What a reader of a result has to know, beside the schedule's notes."""
-    notes = list(worked.schedule.notes)
+    notes = [*worked.schedule.notes, *worked.schedule.plan.notes]
     if worked.schedule.plan.left > 0.0:
         share = 100.0 * worked.schedule.plan.left / worked.schedule.plan.area
         notes.append(f"{worked.schedule.plan.left:.0f} m2 ({share:.2f} %) are in no pass")

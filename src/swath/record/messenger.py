@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 from swath.record.crop_edge_messages import edge_messages
-from swath.record.guidance_messages import guidance_messages
 from swath.record.image_messages import image_messages
 from swath.record.mcap_file import McapFile
 from swath.record.messages import Maker, RecordedMachine, Sent, Source
@@ -21,7 +20,6 @@ from swath.record.scan_messages import scan_messages, truth_messages
 from swath.signals import (
     CropEdge,
     Fix,
-    GuidancePath,
     Image,
     Inertial,
     MachineState,
@@ -48,7 +46,6 @@ MAKERS: dict[type[Signal], Maker] = {
     Fix: lambda source: partial(fix_messages, source),
     PoseEstimate: lambda source: partial(pose_messages, source),
     Inertial: lambda source: partial(imu_messages, source),
-    GuidancePath: lambda source: partial(guidance_messages, source),
     CropEdge: lambda source: partial(edge_messages, source),
     RadarTargets: lambda source: partial(radar_messages, source),
     Objects: lambda source: partial(object_messages, source),

@@ -13,7 +13,7 @@ from swath.scenario.machine_types import BY_SECTION, slots_of
 from swath.scenario.resolved import MachineSection, SlotChoice
 from swath.scenario.section_reader import NAME, SectionReader
 from swath.scenario.sections import MachineCommon, SlotCommon, StartAlongEdge, StartPose
-from swath.scenario.slots import PEER, SlotKind
+from swath.scenario.slots import GONE_SLOTS, PEER, SlotKind
 from swath.scenario.versions import SECTIONS
 
 MOST_MACHINES = 50
@@ -114,7 +114,9 @@ def _instances(
         if kinds[key] is None:
             plural = [f"{s.name}_NAME" for s in reader.catalogue.slots if s.is_plural]
             known = [*MACHINE_KEYS, *(s.name for s in reader.catalogue.slots), *plural]
-            reader.note((machine, key), None, unknown_key(key, known))
+            gone = GONE_SLOTS.get(key)
+            said = f"unknown key: it is gone, {gone}" if gone else unknown_key(key, known)
+            reader.note((machine, key), None, said)
         elif not NAME.match(key):
             reader.note((machine, key), None, "expected a slot's name: letters, digits, - and _")
     slots = [slot for slot in kinds if not is_off(data.get(slot))]

@@ -22,15 +22,12 @@ from swath.signals import (
     FieldMap,
     Fix,
     GroundSpeed,
-    GuidancePath,
     GuidanceState,
-    HeaderCommand,
     HeaderState,
     HeapState,
     Image,
     ImageBoxes,
     Inertial,
-    JobState,
     LossReading,
     MachineLoad,
     MachineState,
@@ -84,7 +81,6 @@ _ODOMETRY = {"odometry": ("odometry", "odometry")}
 PEER = "peer:"  # before a kind in `wires`: of the machine that the key `peer` names
 _BOX = {f"peer_{n}": (PEER + k, n) for k, n in (("motion", "state"), ("motion", "trailer"), ("heap", "heap"))}
 _OTHERS = {f"other_{i}": (f"peer_link_{i}", "peer") for i in (1, 2, 3, 4)}  # links to more machines
-_WAYS = {f"way_{i}": (f"peer_link_{i}", "way") for i in (1, 2, 3)}
 
 _sensor = partial(SlotKind, is_plural=True, is_exchangeable=True)
 _of_control = partial(_sensor, is_control=True)
@@ -112,7 +108,7 @@ SLOTS: tuple[SlotKind, ...] = (
         "fixed_height",
         50.0,
         (Port("flow", CropFlow),),
-        {**_STATE, "command": ("job", "header")},
+        _STATE,
         more=(Port("height", HeaderState),),
     ),
     SlotKind(
@@ -143,7 +139,7 @@ SLOTS: tuple[SlotKind, ...] = (
         "height_map",
         5.0,
         (Port("heap", HeapState),),
-        {"trailer": ("motion", "trailer"), "job": ("job", "job")},
+        {"trailer": ("motion", "trailer")},
     ),
     SlotKind(
         "powertrain",
@@ -219,10 +215,7 @@ SLOTS: tuple[SlotKind, ...] = (
             "peer_load": (PEER + "process", "load"),
             "peer_unload": (PEER + "unload", "unload"),
             "peer_station": (PEER + "cooperate", "station"),
-            "peer_job": (PEER + "job", "job"),
-            "peer_path": (PEER + "job", "path"),
         },
-        more=(Port("way", GuidancePath),),
         is_plural=True,
         is_exchangeable=True,
     ),
@@ -298,26 +291,6 @@ SLOTS: tuple[SlotKind, ...] = (
         },
     ),
     SlotKind(
-        "job",
-        ("swath.control.job",),
-        "harvest",
-        10.0,
-        (Port("job", JobState), Port("path", GuidancePath)),
-        {
-            "pose": ("pose", "pose"),
-            "odometry": ("odometry", "odometry"),
-            "load": ("process", "load"),
-            "unload": ("unload", "unload"),
-            "heap": ("heap", "heap"),
-            "peer": ("peer_link", "peer"),
-            "station": ("cooperate", "station"),
-            **_OTHERS,
-            **_WAYS,
-        },
-        more=(Port("header", HeaderCommand),),
-        is_control=True,
-    ),
-    SlotKind(
         "cooperate",
         ("swath.control.cooperate",),
         "one_spot",
@@ -331,7 +304,6 @@ SLOTS: tuple[SlotKind, ...] = (
             "unload": ("unload", "unload"),
             "box": ("box", "box"),
             "seen": (PEER + "box", "box"),
-            "job": ("job", "job"),
             **_OTHERS,
         },
         more=(Port("station", Station), Port("command", UnloadCommand)),
@@ -352,8 +324,6 @@ SLOTS: tuple[SlotKind, ...] = (
             "station": ("cooperate", "station"),
             "ground": ("ground_speed", "speed"),
             "pose": ("pose", "pose"),
-            "path": ("job", "path"),
-            "job": ("job", "job"),
         },
         more=(Port("guidance", GuidanceState),),
         is_control=True,
@@ -376,7 +346,6 @@ SLOTS: tuple[SlotKind, ...] = (
             "objects": ("objects", "objects"),
             "map": ("field_map", "map"),
             "guidance": ("steer", "guidance"),
-            "job": ("job", "job"),
         },
         is_control=True,
         is_exchangeable=True,
@@ -413,9 +382,14 @@ def is_instance(name: str, kind: SlotKind) -> bool:
 FIELD_PACKAGES: dict[str, tuple[str, ...]] = {n: (f"swath.field.{n}",) for n in ("terrain", "stand")}
 FIELD_LEVELS = {"terrain": "formula", "stand": "uniform"}
 
+GONE_SLOTS = {  # of version 0.2, and what to use instead
+    "job": "`steer: edge_or_path` with a path drives several passes, `swath fleet` whole fields",
+}
 EXAMPLES = {"consensus": "Consensus", "mixture": "Mixture", "threshold": "Threshold"}
 GONE = {
     "cooperate.oscillate": "`by_profile` levels the heap by what it sees of it",
+    "steer.station_or_path": "`station` keeps beside another machine, `path` follows a path",
+    "speed.job": "`constant` with `guard: {when_lost: path}` goes on along a path",
     **{f"edge.{n}": f"`examples/edge/{n}.py:{c}` is it, as a file of your own" for n, c in EXAMPLES.items()},
 }
 REGISTRY = Registry(

@@ -28,15 +28,11 @@ from swath.signals.drivetrain import EngineState as EngineState
 from swath.signals.drivetrain import MachineLoad as MachineLoad
 from swath.signals.field_map import FieldMap as FieldMap
 from swath.signals.ground_speed import GroundSpeed as GroundSpeed
-from swath.signals.guidance import GuidancePath as GuidancePath
 from swath.signals.guidance import GuidanceState as GuidanceState
 from swath.signals.header import CropFlow as CropFlow
 from swath.signals.header import HeaderState as HeaderState
 from swath.signals.image import Image as Image
 from swath.signals.image import ImageBoxes as ImageBoxes
-from swath.signals.job import HeaderCommand as HeaderCommand
-from swath.signals.job import JobState as JobState
-from swath.signals.job import Phase as Phase
 from swath.signals.motion import MachineState as MachineState
 from swath.signals.motion import SteerState as SteerState
 from swath.signals.motion import WheelState as WheelState

@@ -56,9 +56,6 @@ class HeapState(Signal, about=About()):
         ),
     ]  # fmt: skip
     lean: Annotated[float, Quantity("m", "grain at the left wall above that at the right one, mean")] = 0.0
-    emptied: Annotated[
-        float, Quantity("kg", "left the box into a truck since the start", column="heap_emptied_kg")
-    ] = 0.0
 
 
 @frozen
@@ -115,21 +112,6 @@ class PeerState(Signal, about=About()):
     tank_grain: Annotated[float, Quantity("kg", "in its tank", nan="no tank")] = _NAN
     is_pouring: Annotated[bool, Quantity("", "grain leaves its pipe")] = False
     is_full: Annotated[bool, Quantity("", "it takes no grain now")] = False
-    phase: Annotated[int, Quantity("", "what it does, as in JobState; -1 = no job")] = -1
-    task: Annotated[int, Quantity("", "number of its pass; -1 = none")] = -1
-    remaining: Annotated[float, Quantity("m", "to the end of its pass", nan="in no pass")] = _NAN
-    come: Annotated[float, Quantity("m", "along its pass and the turn behind it", nan="in no pass")] = _NAN
-    to_come: Annotated[
-        float, Quantity("kg", "in its tank and, forecast, on its last two passes", nan="not told")
-    ] = _NAN
-    stands_in: Annotated[
-        float, Quantity("s", "forecast, until it stands for a cart if none comes before", nan="not told")
-    ] = _NAN
-    lets_first: Annotated[
-        int, Quantity("", "crossing at which it lets another combine go first; -1 = none")
-    ] = -1
-    may_unload: Annotated[bool, Quantity("", "a cart may drive beside it")] = False
-    calls: Annotated[bool, Quantity("", "it wants a cart")] = False
     body_front: Annotated[float, Quantity("m", "of its chassis, ahead of its origin", nan="not told")] = _NAN
     body_rear: Annotated[float, Quantity("m", "likewise, < 0 behind it", nan="not told")] = _NAN
     body_width: Annotated[float, Quantity("m", "of its chassis", nan="not told")] = _NAN

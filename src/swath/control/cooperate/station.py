@@ -13,13 +13,13 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le
 
 from swath.control.cooperate.freeboard import FreeboardTrack
-from swath.control.cooperate.peer_track import OTHER_PORTS, OTHERS, PeerTrack
+from swath.control.cooperate.peer_track import PeerTrack
 from swath.control.cooperate.seen_box import SeenBox
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.signals import BoxSeen, HeapState, JobState, Odometry, PeerState, UnloadState
+from swath.signals import BoxSeen, HeapState, Odometry, PeerState, UnloadState
 from swath.signals import Station as Wanted
 from swath.signals.setup import ControlSetup
 
@@ -100,7 +100,7 @@ class StationKeeper(KeepsState, ABC):
 
     kept = (
         "_track", "_hitch_angle", "_swing", "_integral", "_spot", "_is_full", "_waits", "_full_at", "_aside",
-        "_memory", "_seen", "_box_seen", "_free", "_served",
+        "_memory", "_seen", "_box_seen", "_free",
     )  # fmt: skip
     inputs = (
         Port("peer", PeerState),
@@ -108,8 +108,6 @@ class StationKeeper(KeepsState, ABC):
         Port("heap", HeapState),
         Port("unload", UnloadState, optional=True),
         Port("seen", BoxSeen, optional=True),
-        Port("job", JobState, optional=True),
-        *OTHER_PORTS,
     )
     outputs = (Port("station", Wanted),)
 
@@ -151,20 +149,19 @@ class StationKeeper(KeepsState, ABC):
         self._free.clear()
         self._hitch_angle = self._swing = self._integral = self._spot = self._aside = 0.0
         self._is_full = self._waits = False
-        self._full_at, self._seen, self._served = -1.0, 0.0, "peer"
+        self._full_at, self._seen = -1.0, 0.0
         self._memory: dict[str, float] = {}
         return {"station": self._idle(0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The station at t + dt."""
         now, h = t + dt, dt / NS
-        peer = self._follow(inputs)
+        peer: PeerState = inputs["peer"]
         own: Odometry = inputs["odometry"]
         self._fold(own, h)
         self._track.update(now, dt, peer, own)
         if not peer.is_heard or peer.impact_x != peer.impact_x:
             return {"station": self._idle(now)}
-        self._begin_anew(float(inputs["heap"].emptied))
         before = self._spot
         self._box_seen.update(inputs.get("seen"), *self._track.to_peer(*self._middle()))
         heap, is_blind = inputs["heap"], False
@@ -183,27 +180,6 @@ class StationKeeper(KeepsState, ABC):
             self._spot, self._is_full = spot, is_full
             self._full_at = now / NS
         return {"station": self._station(now, h, peer, shift, float(heap.lean))}
-
-    def _follow(self, inputs: Inputs) -> PeerState:
-        """What the machine says that the job serves; of another one than before nothing is known yet."""
-        job: JobState | None = inputs.get("job")
-        served = served_input(0 if job is None else job.serves)
-        if served != self._served:
-            self._served = served
-            self._track.reset()
-            self._box_seen.clear()
-            self._memory.pop("smooth", None)
-        said: PeerState = inputs[served]
-        return said
-
-    def _begin_anew(self, emptied: float) -> None:
-        """Once the box was emptied it is filled from the first place on. emptied: so far [kg]"""
-        if emptied > self._memory.get("emptied", 0.0):
-            self._memory = {"emptied": emptied}
-            self._is_full = self._waits = False
-            self._spot = self._aside = self._integral = 0.0
-            self._box_seen.clear()
-            self._free.clear()
 
     def _fold(self, own: Odometry, h: float) -> None:
         """Angle of the trailer against the machine, by rolling without slip."""
@@ -300,11 +276,6 @@ class StationKeeper(KeepsState, ABC):
 
     def _idle(self, t: int) -> Wanted:
         return Wanted(t, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, self._spot, self._waits)
-
-
-def served_input(number: int) -> str:
-    """Input of a machine by `JobState.serves`."""
-    return "peer" if number == 0 else OTHERS[number - 1]
 
 
 def on_arc(curvature: float, x: float, y: float) -> tuple[float, float, float]:

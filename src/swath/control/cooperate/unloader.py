@@ -16,11 +16,9 @@ from swath.core.schedule import NS
 from swath.core.units import PERCENT
 from swath.signals import (
     BoxSeen,
-    JobState,
     MachineLoad,
     Odometry,
     PeerState,
-    Phase,
     UnloadCommand,
     UnloadState,
 )
@@ -31,8 +29,7 @@ FOLD_AFTER = 4.0  # the pipe swings back so long after the last grain [s]
 
 @dataclass(frozen=True)
 class Params:
-    """start_percent, stop_percent: levels of the tank between which it wants to unload; standing for a cart,
-    above stop_percent
+    """start_percent, stop_percent: levels of the tank between which it wants to unload
     call_m: distance of the cart at which the pipe swings out; margin_m: from the stream to the rim, along and
     across, to go on; to begin it is twice that, for steady_s; silence_s: without a message for so long the
     auger stops; over_crop: whether the pipe may swing out over standing crop
@@ -59,7 +56,6 @@ class Unloader(KeepsState):
         Port("load", MachineLoad),
         Port("unload", UnloadState),
         Port("box", BoxSeen, optional=True),
-        Port("job", JobState, optional=True),
         *OTHER_PORTS,
     )
     outputs = (Port("command", UnloadCommand),)
@@ -88,24 +84,21 @@ class Unloader(KeepsState):
         now, p = t + dt, self._p
         peer, load, unload = self._follow(now, dt, inputs), inputs["load"], inputs["unload"]
         level = load.tank_level
-        job: JobState | None = inputs.get("job")
-        stands = job is not None and job.phase == Phase.STANDS and job.calls
-        if level >= p.start_percent * PERCENT or (stands and level > p.stop_percent * PERCENT):
+        if level >= p.start_percent * PERCENT:
             self._wants = True
         elif level <= p.stop_percent * PERCENT:
             self._wants = False
         is_heard = self._track.age <= p.silence_s
-        may_pour = is_heard and not peer.is_full and peer.box_x == peer.box_x and _serves(peer, job)
+        may_pour = is_heard and not peer.is_full and peer.box_x == peer.box_x
         if may_pour:
             self._box_seen.update(inputs.get("box"), *self._track.to_own(peer.box_x, peer.box_y))
         room = self._room(peer, unload, dt / NS) if may_pour else -inf
-        may_swing = self._may_swing and (job is None or job.may_unload)
-        self._pours = self._decide(now / NS, room) and self._wants and may_swing
+        self._pours = self._decide(now / NS, room) and self._wants and self._may_swing
         near = hypot(self._track.x, self._track.y) <= p.call_m and is_heard
         if unload.flow > 0.0:
             self._poured_at = now / NS
         is_out = self._pours or (self._wants and near) or now / NS - self._poured_at < FOLD_AFTER
-        angle = self._pipe.swing if is_out and may_swing else 0.0
+        angle = self._pipe.swing if is_out and self._may_swing else 0.0
         return {"command": UnloadCommand(now, angle, self._pours)}
 
     @property
@@ -113,26 +106,23 @@ class Unloader(KeepsState):
         return self._tracks[self._served]
 
     def _follow(self, now: int, dt: int, inputs: Inputs) -> PeerState:
-        """What the machine says that is served: the one beside, else the nearest."""
+        """What the machine says that is served: the nearest with a box."""
         said: dict[str, PeerState] = {
             name: message for name in self._tracks if (message := inputs.get(name)) is not None
         }
         for name, message in said.items():
             self._tracks[name].update(now, dt, message, inputs["odometry"])
         if len(said) > 1:
-            job: JobState | None = inputs.get("job")
-            served = min(said, key=lambda name: self._rank(name, said[name], job))
+            served = min(said, key=lambda name: self._rank(name, said[name]))
             if served != self._served:
                 self._served, self._relative, self._good_since = served, None, inf
                 self._box_seen.clear()
         return said[self._served]
 
-    def _rank(self, name: str, said: PeerState, job: JobState | None) -> tuple[bool, bool, bool, float]:
-        """Carts before machines without a box; one beside that names the own pass before any other."""
-        track, is_beside = self._tracks[name], said.phase == Phase.BESIDE
-        is_own = is_beside and (job is None or said.task == job.task)
-        away = hypot(track.x, track.y) if said.is_heard else inf
-        return said.box_x != said.box_x, not is_own, not is_beside, away
+    def _rank(self, name: str, said: PeerState) -> tuple[bool, float]:
+        """Carts before machines without a box."""
+        track = self._tracks[name]
+        return said.box_x != said.box_x, hypot(track.x, track.y) if said.is_heard else inf
 
     def _decide(self, now: float, room: float) -> bool:
         """Pour while the stream keeps its margin; begin when it has kept twice that for a while."""
@@ -160,11 +150,6 @@ class Unloader(KeepsState):
         ]
         half = 0.5 * peer.box_length, 0.5 * peer.box_width
         return min(size - max(abs(a), abs(b)) for size, a, b in zip(half, self._relative, later, strict=True))
-
-
-def _serves(peer: PeerState, job: JobState | None) -> bool:
-    """Whether a cart with a job names the pass that the own one is at: no grain for others that come by."""
-    return job is None or peer.phase < 0 or peer.task == job.task
 
 
 LEVEL = Level(

@@ -24,10 +24,8 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.signals import (
     CropEdge,
-    GuidancePath,
     GuidanceState,
     Inertial,
-    JobState,
     Odometry,
     PoseEstimate,
     SteerCommand,
@@ -35,7 +33,7 @@ from swath.signals import (
 from swath.signals.setup import ControlSetup
 
 APART = 0.5  # between the places that are kept [m]
-ANGLE, BEND = 0.06, 0.02  # rad, 1/m: of the edge against the path of a job
+ANGLE, BEND = 0.06, 0.02  # rad, 1/m: of the edge against the path of the scenario
 AHEAD = 2000.0  # how far the line driven last goes on [m]
 NAN = float("nan")
 
@@ -46,8 +44,8 @@ class Params:
 
     lost_s: without an edge until the path leads; found_s: with an edge until it leads again
     learn_m: way over which the line driven last is taken, at least half of it has to be driven
-    stray_m: where a job gives the path, the edge leads no farther than so beside it, and only
-    where it lies so near
+    stray_m: the edge leads no farther than so beside the path of the scenario, and only where it lies so near
+    and along it; none = wherever it is seen
     """
 
     edge: EdgeParams = field(default_factory=EdgeParams)
@@ -55,21 +53,19 @@ class Params:
     lost_s: Annotated[float, Ge(0), Le(10)] = 0.2
     found_s: Annotated[float, Ge(0), Le(60)] = 0.6
     learn_m: Annotated[float, Gt(2), Le(500)] = 30.0
-    stray_m: Annotated[float, Gt(0), Le(20)] = 1.0
+    stray_m: Annotated[float, Gt(0), Le(20)] | None = None
 
 
 class EdgeOrPath(KeepsState):
     """Preview along the edge, and along a path while there is none."""
 
-    kept = ("_edge", "_path", "_is_led", "_lost", "_found", "_places", "_has_own", "_is_near")
+    kept = ("_edge", "_path", "_is_led", "_lost", "_found", "_places", "_is_near")
 
     inputs = (
         Port("edge", CropEdge),
         Port("pose", PoseEstimate),
         Port("odometry", Odometry),
         Port("inertial", Inertial, history=True, optional=True),
-        Port("path", GuidancePath, optional=True),
-        Port("job", JobState, optional=True),
     )
     outputs = (Port("command", SteerCommand), Port("guidance", GuidanceState))
 
@@ -82,7 +78,7 @@ class EdgeOrPath(KeepsState):
 
     def _forget(self) -> None:
         self._is_led, self._lost, self._found = False, 0.0, 0.0
-        self._has_own, self._is_near = self._has_line, True
+        self._is_near = True
         self._places: deque[tuple[float, float]] = deque(maxlen=max(int(self._p.learn_m / APART), 4))
 
     def reset(self, stream: Stream) -> Outputs:
@@ -96,14 +92,13 @@ class EdgeOrPath(KeepsState):
         """The wanted curvature, valid at t + dt."""
         edge: CropEdge | None = inputs["edge"]
         pose: PoseEstimate | None = inputs.get("pose")
-        job: JobState | None = inputs.get("job")
+        stray = self._p.stray_m
         is_seen = edge is not None and edge.is_found
-        if edge is not None and is_seen and job is not None:
-            is_seen = job.by_edge and self._is_near
-            path = self._path_beside(edge, pose) if is_seen else None
-            if path is not None:
-                is_seen = abs(path.left) <= self._p.stray_m
-                inputs = {**inputs, "edge": along_path(edge, path)} if is_seen else inputs
+        if edge is not None and is_seen and stray is not None and self._has_line:
+            path = self._path_beside(edge, pose) if self._is_near else None
+            is_seen = self._is_near and (path is None or abs(path.left) <= stray)
+            if path is not None and is_seen:
+                inputs = {**inputs, "edge": along_path(edge, path)}
         self._lost = 0.0 if is_seen else self._lost + dt / NS
         self._found = self._found + dt / NS if is_seen else 0.0
         if not self._is_led and self._lost >= self._p.lost_s:
@@ -115,10 +110,8 @@ class EdgeOrPath(KeepsState):
         by_edge: dict[str, Any] = self._edge.step(t, dt, inputs)
         by_path: dict[str, Any] = self._path.step(t, dt, inputs)
         guidance: GuidanceState = by_path["guidance"]
-        if job is not None:
-            self._has_own = self._path.has_line
-            off = abs(guidance.lateral)
-            self._is_near = off <= (self._p.stray_m if self._is_near else 0.5 * self._p.stray_m)
+        if stray is not None and self._has_line:
+            self._is_near = abs(guidance.lateral) <= (stray if self._is_near else 0.5 * stray)
         if self._is_led and guidance.is_following:
             command = by_path["command"]
         else:
@@ -129,7 +122,7 @@ class EdgeOrPath(KeepsState):
         return {"command": command, "guidance": guidance}
 
     def _path_beside(self, edge: CropEdge, pose: PoseEstimate | None) -> BesidePath | None:
-        """The path of the job where the edge leads the machine to; None without one, or where it is."""
+        """The path where the edge leads the machine to; None where it is not known."""
         if pose is None or not isfinite(pose.x):
             return None
         return self._path.beside(pose, edge.reference_x, self._edge.beside(edge))
@@ -144,7 +137,7 @@ class EdgeOrPath(KeepsState):
 
     def _lead(self) -> bool:
         """Whether there is something to follow now."""
-        if self._has_own:
+        if self._has_line:
             return True
         places = list(self._places)
         if len(places) * APART < 0.5 * self._p.learn_m:
@@ -154,7 +147,7 @@ class EdgeOrPath(KeepsState):
 
 
 def along_path(edge: CropEdge, path: BesidePath) -> CropEdge:
-    """The edge with no other direction and curvature than the path of a job has there, but for ANGLE and
+    """The edge with no other direction and curvature than the path has there, but for ANGLE and
     BEND: a jag of the crop shows others, and the next pass would have a larger one.
     """
     angle = min(max(edge.heading, path.course - ANGLE), path.course + ANGLE)

@@ -27,12 +27,11 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import CM, DEG
-from swath.signals import GuidancePath, GuidanceState, Odometry, PoseEstimate, SteerCommand
+from swath.signals import GuidanceState, Odometry, PoseEstimate, SteerCommand
 from swath.signals.setup import ControlSetup
 
 DAMPING = 0.9
 NARROW = 0.5  # m, over which at least the path's curvature is taken, before and behind
-OWN = -1  # number of the path of the scenario
 LOST = 8.0  # m along the path within which the machine is looked for again
 NAN = float("nan")
 Coordinate = Annotated[float, Ge(-1e6), Le(1e6)]
@@ -67,7 +66,7 @@ class Begin:
 
 @dataclass(frozen=True)
 class Params:
-    """The path is that of the input `path` once one has come, before that one of:
+    """The path is one of:
 
     points_m: [x, y] in the field's frame, its corners rounded to corner_radius_m
     segments: lines, arcs and clothoids, from the place `begin` on
@@ -130,12 +129,11 @@ class BesidePath(NamedTuple):
 class PathSteer(KeepsState):
     """The fixed axle is led along the path."""
 
-    kept = ("_command", "_engaged", "_lost", "_way", "_actuator", "_observer", "_line", "_number")
+    kept = ("_command", "_engaged", "_lost", "_way", "_actuator", "_observer", "_line")
 
     inputs = (
         Port("pose", PoseEstimate),
         Port("odometry", Odometry),
-        Port("path", GuidancePath, optional=True),
     )
     outputs = (Port("command", SteerCommand), Port("guidance", GuidanceState))
 
@@ -158,7 +156,7 @@ class PathSteer(KeepsState):
         return {"command": SteerCommand(0, 0.0, False), "guidance": self._state(0, False)}
 
     def _forget(self) -> None:
-        self._line, self._number = self._own, OWN
+        self._line = self._own
         self._way: float | None = None  # along the path, once it is known
         self._command, self._engaged, self._lost = 0.0, 0.0, float("inf")
 
@@ -170,7 +168,6 @@ class PathSteer(KeepsState):
         speed = max(odometry.speed, 0.0) if isfinite(odometry.speed) else 0.0
         driven = driven_curvature(odometry, self._wheelbase, self._limit)
         self._actuator.push(self._command, driven, speed * seconds)
-        self._take(inputs.get("path"))
         state, wanted = self._state(t + dt, False), 0.0
         if pose is not None and self._line is not None and isfinite(pose.x) and isfinite(pose.heading):
             state, wanted = self._follow(self._line, pose, speed, t + dt, seconds)
@@ -187,14 +184,6 @@ class PathSteer(KeepsState):
         self._command += min(max(wanted - self._command, -step), step)
         is_engaged = self._lost <= self._p.hold_s
         return {"command": SteerCommand(t + dt, self._command, is_engaged), "guidance": state}
-
-    def _take(self, path: GuidancePath | None) -> None:
-        """Another path has come."""
-        if path is None or path.number == self._number or len(path.x) < 2:
-            return
-        points = list(zip(path.x.tolist(), path.y.tolist(), strict=True))
-        self._line, self._number, self._way = GuidanceLine(points, "path"), path.number, None
-        self._observer.restart()
 
     @property
     def has_line(self) -> bool:
@@ -234,7 +223,7 @@ class PathSteer(KeepsState):
         left = line.length - here.way
         is_sure = pose.position_sd <= p.accuracy_m
         follows = is_sure and speed > 0.0 and left >= -p.run_out_m
-        state = GuidanceState(now, follows, here.left, turned, here.way, left, self._number)
+        state = GuidanceState(now, follows, here.left, turned, here.way, left)
         if speed > CRAWL and is_sure:
             self._observer.update(-here.left, -sin(turned), speed * seconds)
         then = self._actuator.ahead(speed, slip)
@@ -255,11 +244,11 @@ class PathSteer(KeepsState):
         return bent - back - 2.0 * DAMPING * sin(travel) / d
 
     def _state(self, t: int, is_following: bool) -> GuidanceState:
-        return GuidanceState(t, is_following, NAN, NAN, NAN, NAN, self._number)
+        return GuidanceState(t, is_following, NAN, NAN, NAN, NAN)
 
 
 def _own_line(params: Params, setup: ControlSetup) -> GuidanceLine | None:
-    """The path of the scenario; None where another part gives it."""
+    """The path of the scenario; None where it has none."""
     begin = params.begin
     if params.points_m:
         points = rounded(params.points_m, params.corner_radius_m)

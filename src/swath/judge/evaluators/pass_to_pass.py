@@ -8,19 +8,23 @@ from swath.core.registry import Level
 from swath.judge.evaluator import NEVER, EvaluatorSetup, Metric
 from swath.judge.kept_rows import KeptRows
 from swath.judge.statistics import even_path, mean
-from swath.signals import F64, CropFlow, JobState, MachineState, Phase, Signal
+from swath.signals import F64, CropFlow, GuidanceState, MachineState, Signal
 
 GROUP = "Passes"
 PATH_M = 0.05  # spacing of the stored path
 EVERY_M = 0.25  # along a pass, where it is held against the ones before
+APART = 3.0  # m without crop, behind which another pass begins
 SAME_WAY = 0.9  # cosine between two passes that are taken as driven the same way
 
 
 class PassToPass:
-    """The header end that follows the edge, against where the other end went in a pass before."""
+    """The header end that follows the edge, against where the other end went in a pass before.
+
+    A pass is a way on which the header cuts, of a machine that has a path, too: none turns without.
+    """
 
     OF_FIELD = False
-    SIGNALS = (JobState, MachineState)
+    SIGNALS = (CropFlow, MachineState)
     METRICS = (
         Metric("pass_overlap_m", "m", "mean overlap with a pass before, driven the same way beside it",
                GROUP, "", "overlap of passes", "cm"),
@@ -38,24 +42,26 @@ class PassToPass:
         self._inner, self._outer = ([*machine.geometry.header_end(side), 0.0] for side in sides)
         self._side = 1.0 if machine.edge_side == "left" else -1.0
         self._rows = KeptRows(6)  # pass, distance, inner end, outer end
-        self._pass = -1
+        self._pass, self._cuts = 0, False
+        self._last = float("inf")  # distance at which it cut last [m]
         self._next = float("-inf")  # distance from which on the next place is noted [m]
-        self.rests_until = 0 if {JobState, CropFlow} <= {*machine.outputs.values()} else NEVER
+        self.rests_until = 0 if {GuidanceState, CropFlow} <= {*machine.outputs.values()} else NEVER
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Note where both ends of the header are while it cuts."""
         for signal in outputs.values():
-            if isinstance(signal, JobState):
-                is_in_pass = signal.phase in (Phase.CUTS, Phase.STANDS) and signal.remaining > 0.0
-                self._pass = signal.task if is_in_pass else -1
-            elif isinstance(signal, MachineState) and self._pass >= 0 and signal.distance >= self._next:
+            if isinstance(signal, CropFlow):
+                self._cuts = signal.area > 0.0
+            elif isinstance(signal, MachineState) and self._cuts and signal.distance >= self._next:
+                self._pass += signal.distance - self._last > APART
+                self._last = signal.distance
                 inner, outer = signal.pose.point(*self._inner), signal.pose.point(*self._outer)
                 self._rows.add((self._pass, signal.distance, *inner[:2], *outer[:2]))
                 self._next = signal.distance + PATH_M
 
     def metrics(self) -> dict[str, float]:
-        """Of all passes; nothing of a machine that cuts none, nan where none lies beside another."""
-        if self.rests_until == NEVER:
+        """Of all passes; nothing of a machine that cuts one or none, nan where none lies beside another."""
+        if self.rests_until == NEVER or self._pass == 0:
             return {}
         overlap = self.overlaps()
         if not len(overlap):

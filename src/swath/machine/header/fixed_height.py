@@ -17,7 +17,7 @@ from swath.field.cut_result import Cut
 from swath.field.site_setup import SiteSetup
 from swath.machine.header.fill_gauge import FillGauge
 from swath.machine.sweep import LinePath, line_ends, signed_area, swept
-from swath.signals import CropFlow, HeaderCommand, MachineState
+from swath.signals import CropFlow, MachineState
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,7 @@ class FixedHeightHeader(KeepsState):
 
     kept = ("_path", "_gauge")
 
-    inputs = (
-        Port("state", MachineState, history=True),
-        Port("command", HeaderCommand, optional=True),
-    )
+    inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("flow", CropFlow),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
@@ -53,13 +50,8 @@ class FixedHeightHeader(KeepsState):
         return {"flow": CropFlow(0, 0.0, 0.0, 0.0, 0, 0.0, 0.0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """Cut what the knife passed over since the last step; nothing while it is raised."""
+        """Cut what the knife passed over since the last step."""
         taken, swept_area = Cut(), 0.0
-        command: HeaderCommand | None = inputs.get("command")
-        if command is not None and not command.is_down:
-            self._path = LinePath(self._params.sweep_step_m)
-            self._gauge.clear()
-            return {"flow": CropFlow(t + dt, 0.0, 0.0, 0.0, 0, 0.0, dt / NS)}
         for before, now in self._path.over(inputs["state"], lambda pose: line_ends(pose, *self._knife)):
             for polygon in swept(before, now):
                 taken += self._field.cut(polygon, self._params.cutting_height_m)

@@ -30,7 +30,7 @@ from swath.machine.header.fill_gauge import FillGauge
 from swath.machine.header.header_kinematics import HeaderKinematics
 from swath.machine.header.hydraulics import Controller, Cylinder, Delayed, Feelers
 from swath.machine.sweep import LinePath, signed_area, swept
-from swath.signals import CropFlow, HeaderCommand, HeaderState, MachineState
+from swath.signals import CropFlow, HeaderState, MachineState
 
 GYRO_LAG = 0.03  # smoothing of the rates of roll and pitch [s], estimate
 
@@ -135,10 +135,7 @@ class HeightControlHeader(KeepsState):
         *("_raising", "_leaning", "_predictor"),
     )
 
-    inputs = (
-        Port("state", MachineState, history=True),
-        Port("command", HeaderCommand, optional=True),
-    )
+    inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("flow", CropFlow), Port("height", HeaderState))
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
@@ -197,20 +194,8 @@ class HeightControlHeader(KeepsState):
             seen = over[self._nodes :].reshape(3, -1).mean(axis=0)
             reading = self._feelers.read(t + dt, dt, seen)
             self._control(t + dt, dt, reading, self._pose)
-        command: HeaderCommand | None = inputs.get("command")
-        if command is not None and not command.is_down:
-            flow = self._raised(t + dt, dt)
-            return {"flow": flow, "height": self._state(t + dt, heights, reading)}
         flow = self._cut(t + dt, dt, states, points[: self._nodes], heights)
         return {"flow": flow, "height": self._state(t + dt, heights, reading)}
-
-    def _raised(self, t: int, dt: int) -> CropFlow:
-        """On its way up, or there: nothing is cut."""
-        self._lift.command(t, self._p.raise_m_s)
-        self._tilt.command(t, 0.0)
-        self._path = LinePath(self._p.sweep_step_m)
-        self._gauge.clear()
-        return CropFlow(t, 0.0, 0.0, 0.0, 0, 0.0, dt / NS)
 
     def _control(self, t: int, dt: int, reading: Array, pose: Pose) -> None:
         """Mean of the feelers to the lift; what they differ by from side to side to the tilt."""

@@ -21,7 +21,7 @@ from swath.field.profile import BIN, refused
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Rows, filled, of_worlds, repeatable, shared
 from swath.machine.header.fill_gauge import OVER_M
-from swath.signals import CropFlow, HeaderCommand, MachineState
+from swath.signals import CropFlow, MachineState
 
 ROOM = 64  # states between two steps
 
@@ -36,10 +36,7 @@ class Params:
 class ProfileHeader(InWorlds):
     """A knife of the header's width at a fixed height above ground, one pass along the edge."""
 
-    inputs = (
-        Port("state", MachineState, history=True),
-        Port("command", HeaderCommand, optional=True),
-    )
+    inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("flow", CropFlow),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
@@ -68,17 +65,14 @@ class Headers:
         self._profiles = [part.profile.struct() for part in parts]
         self._taken = [_taken(kernel.Taken, part) for part in parts]
         self._cuttings = Rows(kernel.Cutting, n)
-        self._poses, self._asked, self._flows = (
-            np.zeros((n, ROOM, 12)),
-            np.ones((n, 2), np.int32),
-            np.zeros((n, 6)),
-        )
+        self._poses, self._flows = np.zeros((n, ROOM, 12)), np.zeros((n, 6))
+        self._counts = np.zeros(n, np.int32)
         self._inputs = [
             of_worlds(Profile, self._profiles),
             of_worlds(kernel.Taken, self._taken),
             Rows(kernel.Knife, n, [part.knife for part in parts]).array,
             self._cuttings.array,
-            *(shared(array) for array in (self._poses, self._asked, self._flows)),
+            *(shared(array) for array in (self._poses, self._counts, self._flows)),
         ]
         self._launch = repeatable(kernel.cut_along, self._inputs, threads=n)
 
@@ -89,12 +83,11 @@ class Headers:
         return self._samples(0, 0.0)
 
     def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
-        """Cut what the knives passed over since the last step; nothing while raised."""
-        states, command = inputs["state"][-ROOM:], inputs.get("command")
+        """Cut what the knives passed over since the last step."""
+        states = inputs["state"][-ROOM:]
         for k, state in enumerate(states):
             self._poses[:, k] = state.arrays["pose"]
-        self._asked[:, 0] = len(states)
-        self._asked[:, 1] = 1 if command is None else command.arrays["is_down"]
+        self._counts[:] = len(states)
         self._launch.launch()
         for world in np.flatnonzero(self._cuttings.of["is_refused"]).tolist():
             self.errors[world] = refused("second pass, or a drive against the edge's direction")

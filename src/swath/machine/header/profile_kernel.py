@@ -26,7 +26,7 @@ class Cutting:
     """What goes on from step to step. of the ends next to the edge (near) and away from it (far): way along
     the profile and place inside of the line when they were looked at last [m]; the last bin that they passed
 
-    is_begun: 0 before the first state, and while the knife is raised; is_refused: it came back
+    is_begun: 0 before the first state; is_refused: it came back
     cut, swept: of the fill gauge [m2]
     """
 
@@ -71,11 +71,11 @@ def cut_along(
     knives: wp.array(dtype=Knife),
     cuttings: wp.array(dtype=Cutting),
     poses: wp.array3d(dtype=wp.float64),
-    asked: wp.array2d(dtype=int),
+    counts: wp.array(dtype=int),
     flows: wp.array2d(dtype=wp.float64),
 ):
-    """One world a thread. poses: (world, k, 12), the new ones; asked: how many of them, whether the knife is
-    down; flows: grain, straw, area, stems, fill.
+    """One world a thread. poses: (world, k, 12), the new ones; counts: how many of them;
+    flows: grain, straw, area, stems, fill.
     """
     w = wp.tid()
     profile = profiles[w]
@@ -89,85 +89,78 @@ def cut_along(
     moved = wp.float64(0.0)
     swept = wp.float64(0.0)
     last = profile.reach.shape[0] - 1
-    if asked[w, 1] == 0:
-        c.is_begun = 0
-        c.cut = wp.float64(0.0)
-        c.swept = wp.float64(0.0)
-    else:
-        for i in range(asked[w, 0]):
-            px = poses[w, i, 0]
-            py = poses[w, i, 1]
-            ax = poses[w, i, 3]
-            bx = poses[w, i, 4]
-            ay = poses[w, i, 6]
-            by = poses[w, i, 7]
-            left = beside(
-                profile, px + ax * knife.x + bx * knife.left, py + ay * knife.x + by * knife.left, c.station
-            )
-            right = beside(
-                profile,
-                px + ax * knife.x + bx * knife.right,
-                py + ay * knife.x + by * knife.right,
-                left.station,
-            )
-            near = left
-            far = right
-            if knife.crop_is_left == wp.float64(1.0):
-                near = right
-                far = left
-            c.station = near.station
-            if far.inside <= near.inside and c.is_begun == 1:
-                c.is_refused = 1
-            near_bin = bin_before(near.along, knife.bin)
-            far_bin = bin_before(far.along, knife.bin)
-            if c.is_begun == 0:
-                c.is_begun = 1
-                c.near_bin = near_bin
-                c.far_bin = far_bin
-            else:
-                moved += wp.abs(near.along - c.near_along) + wp.abs(far.along - c.far_along)
-                for b in range(c.near_bin + 1, near_bin + 1):
-                    if b >= 0 and b <= last:
-                        s = (wp.float64(b) + wp.float64(0.5)) * knife.bin
-                        place = between(s, c.near_along, c.near_inside, near.along, near.inside)
-                        profile.near[b] = float(place)
-                for b in range(c.far_bin + 1, far_bin + 1):
-                    if b >= 0 and b <= last:
-                        s = (wp.float64(b) + wp.float64(0.5)) * knife.bin
-                        place = between(s, c.far_along, c.far_inside, far.along, far.inside)
-                        profile.far[b] = float(place)
-                # bins that both ends have passed now are cut
-                before = wp.min(c.near_bin, c.far_bin)
-                c.near_bin = wp.max(c.near_bin, near_bin)
-                c.far_bin = wp.max(c.far_bin, far_bin)
-                for b in range(before + 1, wp.min(c.near_bin, c.far_bin) + 1):
-                    if b >= 0 and b <= last:
-                        low = wp.max(wp.float64(profile.near[b]), wp.float64(profile.reach[b]))
-                        wide = wp.max(wp.float64(profile.far[b]) - low, wp.float64(0.0))
-                        if wp.isfinite(wide) and wp.isfinite(low):
-                            station = wp.min(
-                                int((wp.float64(b) + wp.float64(0.5)) * knife.bin + wp.float64(0.5)),
-                                profile.x.shape[0] - 1,
-                            )
-                            bent = wp.float64(profile.curvature[station])
-                            if profile.is_left == 0:
-                                bent = -bent
-                            ground = (
-                                wide * knife.bin * (wp.float64(1.0) - bent * (low + wp.float64(0.5) * wide))
-                            )
-                            area += ground
-                            grain += ground * per_m2.grain[station]
-                            straw += ground * per_m2.straw[station]
-                            stems += ground * per_m2.stems[station]
-                        swept += (knife.left - knife.right) * knife.bin
-            c.near_along = near.along
-            c.near_inside = near.inside
-            c.far_along = far.along
-            c.far_inside = far.inside
-        # forget over a metre of travel, as fill_gauge.py
-        kept = wp.exp(-wp.float64(0.5) * moved / knife.forget)
-        c.cut = c.cut * kept + area
-        c.swept = c.swept * kept + swept
+    for i in range(counts[w]):
+        px = poses[w, i, 0]
+        py = poses[w, i, 1]
+        ax = poses[w, i, 3]
+        bx = poses[w, i, 4]
+        ay = poses[w, i, 6]
+        by = poses[w, i, 7]
+        left = beside(
+            profile, px + ax * knife.x + bx * knife.left, py + ay * knife.x + by * knife.left, c.station
+        )
+        right = beside(
+            profile,
+            px + ax * knife.x + bx * knife.right,
+            py + ay * knife.x + by * knife.right,
+            left.station,
+        )
+        near = left
+        far = right
+        if knife.crop_is_left == wp.float64(1.0):
+            near = right
+            far = left
+        c.station = near.station
+        if far.inside <= near.inside and c.is_begun == 1:
+            c.is_refused = 1
+        near_bin = bin_before(near.along, knife.bin)
+        far_bin = bin_before(far.along, knife.bin)
+        if c.is_begun == 0:
+            c.is_begun = 1
+            c.near_bin = near_bin
+            c.far_bin = far_bin
+        else:
+            moved += wp.abs(near.along - c.near_along) + wp.abs(far.along - c.far_along)
+            for b in range(c.near_bin + 1, near_bin + 1):
+                if b >= 0 and b <= last:
+                    s = (wp.float64(b) + wp.float64(0.5)) * knife.bin
+                    place = between(s, c.near_along, c.near_inside, near.along, near.inside)
+                    profile.near[b] = float(place)
+            for b in range(c.far_bin + 1, far_bin + 1):
+                if b >= 0 and b <= last:
+                    s = (wp.float64(b) + wp.float64(0.5)) * knife.bin
+                    place = between(s, c.far_along, c.far_inside, far.along, far.inside)
+                    profile.far[b] = float(place)
+            # bins that both ends have passed now are cut
+            before = wp.min(c.near_bin, c.far_bin)
+            c.near_bin = wp.max(c.near_bin, near_bin)
+            c.far_bin = wp.max(c.far_bin, far_bin)
+            for b in range(before + 1, wp.min(c.near_bin, c.far_bin) + 1):
+                if b >= 0 and b <= last:
+                    low = wp.max(wp.float64(profile.near[b]), wp.float64(profile.reach[b]))
+                    wide = wp.max(wp.float64(profile.far[b]) - low, wp.float64(0.0))
+                    if wp.isfinite(wide) and wp.isfinite(low):
+                        station = wp.min(
+                            int((wp.float64(b) + wp.float64(0.5)) * knife.bin + wp.float64(0.5)),
+                            profile.x.shape[0] - 1,
+                        )
+                        bent = wp.float64(profile.curvature[station])
+                        if profile.is_left == 0:
+                            bent = -bent
+                        ground = wide * knife.bin * (wp.float64(1.0) - bent * (low + wp.float64(0.5) * wide))
+                        area += ground
+                        grain += ground * per_m2.grain[station]
+                        straw += ground * per_m2.straw[station]
+                        stems += ground * per_m2.stems[station]
+                    swept += (knife.left - knife.right) * knife.bin
+        c.near_along = near.along
+        c.near_inside = near.inside
+        c.far_along = far.along
+        c.far_inside = far.inside
+    # forget over a metre of travel, as fill_gauge.py
+    kept = wp.exp(-wp.float64(0.5) * moved / knife.forget)
+    c.cut = c.cut * kept + area
+    c.swept = c.swept * kept + swept
     fill = wp.float64(0.0)
     if moved > wp.float64(1.0e-6) and c.swept > wp.float64(0.0):
         fill = wp.min(c.cut / c.swept, wp.float64(1.0))

@@ -10,14 +10,13 @@ from annotated_types import Ge, Gt, Le
 from swath.core.component import Inputs, KeepsState, Outputs, Port, State
 from swath.core.errors import InputError
 from swath.core.random import Stream
-from swath.core.schedule import NS
 from swath.core.units import DEG, PERCENT
 from swath.field.grain import GrainReceiver
 from swath.field.site_setup import SiteSetup
 from swath.field.solids import box_walls, merge
 from swath.machine.compensated_sum import Total
 from swath.machine.heap.surface import Surface, largest_heap, outside
-from swath.signals import F64, HeapState, JobState, TrailerState
+from swath.signals import F64, HeapState, TrailerState
 
 STATION = 0.5  # between the places of the profile [m]
 REPOSE = {"wheat": 25.0, "maize": 23.0, "barley": 28.0, "rye": 25.0}  # degrees, docs/explanation/cart.md
@@ -28,21 +27,19 @@ OTHER_REPOSE = 25.0
 class Params:
     """repose_deg: angle of repose, none = of the field's crop (wheat 25, maize 23, barley 28)
     density_kg_m3: of the grain in bulk; start_percent: at the start, level, of the struck box
-    empty_l_s: of its own auger, into a truck
     """
 
     repose_deg: Annotated[float, Gt(0), Le(60)] | None = None
     density_kg_m3: Annotated[float, Ge(50), Le(1500)] = 770.0
     start_percent: Annotated[float, Ge(0), Le(100)] = 0.0
-    empty_l_s: Annotated[float, Gt(0), Le(2000)] = 350.0
 
 
 class Heap(KeepsState):
     """Grain in the open box of a machine. A level gives `cell`, the side of the cells of its surface [m]."""
 
-    kept = ("_surface", "_caught", "_spilled", "_emptied", "_shown", "_visible")
+    kept = ("_surface", "_caught", "_spilled", "_shown", "_visible")
     cell = 0.1
-    inputs = (Port("trailer", TrailerState, optional=True), Port("job", JobState, optional=True))
+    inputs = (Port("trailer", TrailerState, optional=True),)
     outputs = (Port("heap", HeapState),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
@@ -54,7 +51,6 @@ class Heap(KeepsState):
         self.slope, self.density = tan(repose * DEG), params.density_kg_m3
         self.largest = largest_heap(self.box, self.slope)
         self.start = params.start_percent * PERCENT * self.box.length * self.box.width * self.box.depth
-        self._emptying = params.empty_l_s * 1e-3 * self.density
         self._count = max(1, round(self.box.length / STATION))
         self._stations = ((np.arange(self._count) + 0.5) / self._count - 0.5) * self.box.length
         self._body, self._bodies = setup.carrier, setup.bodies
@@ -64,17 +60,17 @@ class Heap(KeepsState):
     def _clear(self) -> None:
         self._surface = Surface(self.box, self.slope, self.cell)
         self._surface.level(self.start)
-        self._caught, self._spilled, self._emptied, self._shown = Total(), Total(), Total(), -1.0
+        self._caught, self._spilled, self._shown = Total(), Total(), -1.0
         self._visible = self._surface.heights.copy()
 
     @property
     def grain(self) -> float:
         """In the box [kg]."""
-        return self.start * self.density + self._caught.value - self._emptied.value
+        return self.start * self.density + self._caught.value
 
     @property
     def gained(self) -> float:
-        """Grain that came in since the start and stayed, in the box or in the truck [kg]."""
+        """Grain that came in since the start and stayed [kg]."""
         return self._caught.value
 
     def pour(self, mass: float, x: float, y: float, ground: GrainReceiver, pose: Any) -> float:
@@ -100,16 +96,7 @@ class Heap(KeepsState):
         return {"heap": self._state(0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """What came in since the last step is there already; sensors see the new surface.
-
-        A box that is emptied sinks evenly, nowhere steeper than before.
-        """
-        job: JobState | None = inputs.get("job")
-        if job is not None and job.empties and self.grain > 0.0:
-            before = self.grain
-            taken = min(self._emptying * dt / NS, before)
-            self._emptied.add(taken)
-            self._surface.heights *= max(1.0 - taken / before, 0.0)
+        """What came in since the last step is there already; sensors see the new surface."""
         return {"heap": self._state(t + dt)}
 
     def _state(self, t: int) -> HeapState:
@@ -118,7 +105,7 @@ class Heap(KeepsState):
         level = self.grain / self.density / self.largest
         return HeapState(
             t, self.grain, level, self._spilled.value, float(self._surface.heights.max()), profile,
-            self._surface.freeboard(self._count), self._surface.lean, self._emptied.value,
+            self._surface.freeboard(self._count), self._surface.lean,
         )  # fmt: skip
 
     def _show(self) -> None:

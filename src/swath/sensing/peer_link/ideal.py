@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass
 from math import atan2, cos, nan, sin
-from typing import Any, ClassVar, Protocol
-
-import numpy as np
+from typing import Any, ClassVar
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
@@ -13,9 +11,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
 from swath.signals import (
-    GuidancePath,
     HeapState,
-    JobState,
     MachineLoad,
     MachineState,
     PeerState,
@@ -26,21 +22,11 @@ from swath.signals import (
 from swath.signals.setup import MachineGeometry, OpenBox
 
 POURS = 0.01  # a flow below this is none [kg/s]
-_NONE = np.zeros(0)
-
-
-class TellsWay(Protocol):
-    """What every level of links lets one set."""
-
-    @property
-    def way(self) -> bool: ...
 
 
 @dataclass(frozen=True)
 class Params:
-    """way: whether messages tell the path, too, that the other one drives (output `way`)"""
-
-    way: bool = False
+    """No parameters."""
 
 
 class IdealLink(KeepsState):
@@ -55,32 +41,22 @@ class IdealLink(KeepsState):
         Port("peer_heap", HeapState, optional=True),
         Port("peer_unload", UnloadState, optional=True),
         Port("peer_station", Station, optional=True),
-        Port("peer_job", JobState, optional=True),
-        Port("peer_path", GuidancePath, optional=True),
     )
+    outputs = (Port("peer", PeerState),)
 
-    def __init__(self, params: TellsWay, setup: SiteSetup) -> None:
+    def __init__(self, params: Any, setup: SiteSetup) -> None:
         if setup.peer is None:
             raise InputError("peer", None, "expected the key `peer` of the machine: the one that it hears")
         self._peer, self._body = setup.peer, _body(setup.peer)
-        way = (Port("way", GuidancePath),) if params.way else ()
-        self.outputs = (Port("peer", PeerState), *way)
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing heard yet."""
         self._last: tuple[int, float, float] | None = None  # time, speed, acceleration of the other one
-        return self._told(silence(0), None)
+        return {"peer": silence(0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The message of now."""
-        return self._told(self.message(t + dt, inputs), inputs.get("peer_path"))
-
-    def _told(self, message: PeerState, path: GuidancePath | None) -> Outputs:
-        """The outputs with a message and, where it is asked for, the path with it."""
-        if len(self.outputs) == 1:
-            return {"peer": message}
-        x, y, number = (path.x, path.y, path.number) if path is not None else (_NONE, _NONE, -1)
-        return {"peer": message, "way": GuidancePath(message.t, x, y, number)}
+        return {"peer": self.message(t + dt, inputs)}
 
     def message(self, t: int, inputs: Inputs) -> PeerState:
         """What the other machine says at t [ns], relative to this one."""
@@ -92,7 +68,7 @@ class IdealLink(KeepsState):
             .tolist()
         )
         heading = peer.pose.euler()[2] + peer.yaw_rate * age - own.pose.euler()[2]
-        parts: dict[str, Any] = self._body | self._box(inputs) | _grain(inputs) | _work(inputs)
+        parts: dict[str, Any] = self._body | self._box(inputs) | _grain(inputs)
         return PeerState(
             t, True, (t - own.t) / NS, x, y, atan2(sin(heading), cos(heading)), peer.speed, peer.yaw_rate,
             self._acceleration(peer), **parts,
@@ -149,16 +125,6 @@ def _grain(inputs: Inputs) -> dict[str, Any]:
     if station is not None:
         said["is_full"] = station.is_full
     return said
-
-
-def _work(inputs: Inputs) -> dict[str, Any]:
-    """Where it is in the work of the field."""
-    job: JobState | None = inputs.get("peer_job")
-    if job is None:
-        return {}
-    told = {"phase": job.phase, "task": job.task, "remaining": job.remaining, "come": job.come}
-    told |= {"to_come": job.to_come, "may_unload": job.may_unload, "calls": job.calls}
-    return told | {"stands_in": job.stands_in, "lets_first": job.lets_first}
 
 
 LEVEL = Level(

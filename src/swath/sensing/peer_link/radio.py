@@ -17,7 +17,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
 from swath.sensing.peer_link.ideal import IdealLink, silence
-from swath.signals import GuidancePath, PeerState
+from swath.signals import PeerState
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,6 @@ class Params:
     range_m: beyond it nothing arrives; position_sd_cm: of the relative position, each axis, correlated over
     correlation_s; ahead_error_m, left_error_m: calibration errors of antennas and box
     silent_from_s, silent_for_s: nothing arrives in that time, to try it out
-    way: whether messages tell the path, too, that the other one drives (output `way`)
     """
 
     delay_ms: Annotated[float, Ge(0), Le(5000)] = 100.0
@@ -38,13 +37,12 @@ class Params:
     left_error_m: Annotated[float, Ge(-5), Le(5)] = 0.0
     silent_from_s: Annotated[float, Ge(0)] | None = None
     silent_for_s: Annotated[float, Ge(0)] = 1e9
-    way: bool = False
 
 
 class RadioLink(IdealLink):
     """A queue of messages under way."""
 
-    kept = ("_last", "_queue", "_newest", "_path", "_error")
+    kept = ("_last", "_queue", "_newest", "_error")
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         super().__init__(params, setup)
@@ -54,9 +52,8 @@ class RadioLink(IdealLink):
     def reset(self, stream: Stream) -> Outputs:
         """Nothing under way."""
         self._normals = Normals(stream)
-        self._queue: deque[tuple[int, PeerState, GuidancePath | None]] = deque()
+        self._queue: deque[tuple[int, PeerState]] = deque()
         self._newest: PeerState | None = None
-        self._path: GuidancePath | None = None
         sd = self._p.position_sd_cm * 0.01
         ex, ey = self._normals.at(0, 2).tolist()
         self._error = (sd * ex, sd * ey)
@@ -68,14 +65,13 @@ class RadioLink(IdealLink):
         ex, ey = self._normals.at(now, 2).tolist()
         message = self._with_error(self.message(now, inputs), ex, ey)
         if self._gets_through(now, message, self._normals.then_uniform()):
-            path = inputs.get("peer_path") if self._p.way else None
-            self._queue.append((now + round(self._p.delay_ms * 1e6), message, path))
+            self._queue.append((now + round(self._p.delay_ms * 1e6), message))
         while self._queue and self._queue[0][0] <= now:
-            _, self._newest, self._path = self._queue.popleft()
+            _, self._newest = self._queue.popleft()
         if self._newest is None:
-            return self._told(silence(now), None)
+            return {"peer": silence(now)}
         age = self._newest.age + (now - self._newest.t) / NS
-        return self._told(changed(self._newest, t=now, age=age), self._path)
+        return {"peer": changed(self._newest, t=now, age=age)}
 
     def _gets_through(self, now: int, message: PeerState, draw: float) -> bool:
         p, lost = self._p, draw * 100.0 < self._p.loss_percent

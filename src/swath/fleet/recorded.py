@@ -18,20 +18,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.control.turns import clothoid
+from swath.control.turns.dubins import Place
+from swath.control.turns.limits import TurnLimits
 from swath.core.errors import InputError
 from swath.field_io.clean import Cleaned, clean
 from swath.field_io.importer import find_log
 from swath.field_io.log import Log, read_log
-from swath.job.path import Pose
-from swath.job.plan import FieldPlan, PlannedPass, shapely_here, with_ground
-from swath.job.turns import TurnLimits, clothoid
 
 Array = NDArray[np.float64]
 STANDING = 0.3  # m/s
 LONG_GAP = 10.0  # s between two records
 NIGHT = 3.0 * 3600.0  # s: a longer pause ends the day
 COURSE = 4  # records over which the course at the end of a pass is taken
-SIMPLE = 0.2  # m, within which a recorded line is kept
 SEEN = 4  # records between two passes, without which a turn has no shape
 FASTEST = 15.0  # m/s, faster than any machine on a field
 JUMPS = 0.01  # share of records to which it jumps, above which they are of two machines
@@ -184,10 +183,10 @@ def _turned(point: Array, i: int) -> float:
     return abs(math.remainder(after.heading - before.heading, 2.0 * math.pi))
 
 
-def _pose(point: Array, a: int, b: int, at: int) -> Pose:
+def _pose(point: Array, a: int, b: int, at: int) -> Place:
     (x, y), (u, v) = point[max(a, 0)].tolist(), point[min(b, len(point) - 1)].tolist()
     px, py = point[at].tolist()
-    return Pose(px, py, math.atan2(v - y, u - x))
+    return Place(px, py, math.atan2(v - y, u - x))
 
 
 def predict(day: Day, known: float) -> Prediction:
@@ -210,17 +209,3 @@ def predict(day: Day, known: float) -> Prediction:
         speed, turn_speed, longer, cutting, recorded[0], turning, recorded[1],
         total=before + cutting + turning + day.stops, total_recorded=day.total,
     )  # fmt: skip
-
-
-def recorded_plan(day: Day, pipe: float) -> FieldPlan:
-    """The passes of a day as a plan, in local metres from their south-west corner."""
-    shapely = shapely_here()
-    corner = np.floor(np.min([line.min(axis=0) for line in day.lines], axis=0))
-    lines = [np.asarray(shapely.LineString(line - corner).simplify(SIMPLE).coords) for line in day.lines]
-    strips = [shapely.LineString(line).buffer(0.5 * day.width, cap_style="flat") for line in lines]
-    ground = shapely.union_all(strips).buffer(day.width, join_style="mitre").buffer(-day.width)
-    ground = max(getattr(ground, "geoms", [ground]), key=lambda g: g.area)
-    ring = np.asarray(ground.exterior.coords)[:-1]
-    passes = with_ground([PlannedPass(line) for line in lines], ring, day.width, pipe=pipe)
-    passes = tuple(p for p in passes if p.area > 0.02 * day.width * p.length)
-    return FieldPlan(ring, passes, day.width, 0.0, math.fsum(p.area for p in passes))

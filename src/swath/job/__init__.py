@@ -1,1 +1,0 @@
-"""The whole job of a harvest: plan of a field, turns, and machines that work it off until it is empty."""

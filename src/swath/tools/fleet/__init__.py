@@ -1,1 +1,0 @@
-"""`swath fleet`: a whole field, until it is empty."""

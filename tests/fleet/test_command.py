@@ -1,0 +1,33 @@
+"""The command: which levels there are, where those of 0.2 went, and what a recorded day prints."""
+
+import pytest
+
+from swath.commands.main import main
+from tests.fleet.test_recorded import log_of
+
+
+@pytest.mark.parametrize(
+    ("level", "said"),
+    [
+        ("kinematic", "expected events or driven; it is `driven` now"),
+        ("sensors", "expected events or driven; whole fields have no level with sensors now, version 0.2"),
+        ("granted", "expected events or driven"),
+    ],
+)
+def test_a_level_that_is_not_there_says_what_is(capsys, level, said):
+    assert main(["fleet", "run", "small-field", "--level", level]) == 2
+    assert f"--level = {level}: {said}" in " ".join(capsys.readouterr().err.split())
+
+
+def test_draws_are_of_events_alone(capsys):
+    assert main(["fleet", "run", "small-field", "--level", "driven", "--spread", "5"]) == 2
+    assert "expected the level events, not driven" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("gap", "told"), [(0.0, False), (1.0, True)])
+def test_a_recorded_day_prints_what_is_predicted_and_why_what_is_not(capsys, tmp_path, gap, told):
+    log = log_of(tmp_path, gap_in_turns=gap)
+    assert main(["fleet", "day", str(log), "--known-h", "0.17"]) == 0
+    said = capsys.readouterr().out
+    assert "12 passes" in said
+    assert ("time between passes is not predicted" in " ".join(said.split())) == told
