@@ -197,6 +197,18 @@ class Ground:
                 free[n] = bool((self.grid.free_from[i, j][inside] <= time).all())
         return free
 
+    def cut_by(self, areas: Any, time: float) -> list[float]:
+        """From when on no crop stands in rows of polygons (n, m) [s], but for what is cut after a time."""
+        out = []
+        for row in areas:
+            latest = 0.0
+            for area in row:
+                i, j, inside = cells_of(area, self.west, self.south, CELL, self.shape)
+                free = self.grid.free_from[i, j][inside]
+                latest = max(latest, float(free.max(where=free <= time, initial=0.0)))
+            out.append(latest)
+        return out
+
 
 def cells_of(
     area: Any, west: float, south: float, cell: float, shape: tuple[int, int]

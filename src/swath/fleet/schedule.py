@@ -8,17 +8,18 @@ one makes room.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.fleet.bodies import Body, Place, body_of
+from swath.fleet.bodies import Body, Drive, Place, body_of
 from swath.fleet.dispatcher import Dispatcher, Option, State, dispatcher_of
 from swath.fleet.files import JobFile
 from swath.fleet.ground import PARAMS as GROUND
@@ -85,14 +86,47 @@ class CombineState:
     is_done: bool = False
 
 
+class Start(NamedTuple):
+    """Where a cart sets out from, from when on [s]; behind: the segment behind which its way home is taken
+    back then, -1 if it is at home
+    """
+
+    place: Place
+    time: float
+    behind: int = -1
+
+
 @dataclass
 class CartState:
-    """home: its waiting place, where it is free at a time [s]; load [kg]"""
+    """home: its waiting place, where it is again at a time [s]; load [kg]; loaded: at its last load, while it
+    need not go home from there
+    """
 
     spec: Cart
     home: Place
     time: float = 0.0
     load: float = 0.0
+    loaded: Start | None = None
+
+    @property
+    def starts(self) -> list[Start]:
+        """Where it may set out from, the earliest first."""
+        home = Start(self.home, self.time)
+        return [home] if self.loaded is None else [self.loaded, home]
+
+
+@dataclass
+class _Trip:
+    """What a cart is about to do: set out from a start to another machine, along a path; exact, after: times
+    that are given for its segments, and earliest ones [s]
+    """
+
+    cart: CartState
+    start: Start
+    other: str
+    path: Path
+    exact: dict[int, float]
+    after: dict[int, float]
 
 
 @dataclass(frozen=True)
@@ -127,6 +161,11 @@ class Schedule:
     ends: float = 0.0
     notes: list[str] = field(default_factory=list)
 
+    def renumber(self, new: Sequence[int]) -> None:
+        """Segments have other numbers."""
+        self.poured = [replace(p, during=(new[p.during[0]], new[p.during[1]])) for p in self.poured]
+        self.grain = {new[n]: kg for n, kg in self.grain.items()}
+
     @property
     def harvested(self) -> float:
         """Grain cut, and in tanks at the start [kg]."""
@@ -150,6 +189,11 @@ class _Leg:
     first: int
     not_before: float
 
+    @property
+    def cuts(self) -> float:
+        """Time of cutting alone [s]."""
+        return math.fsum(self.path.spent[self.first :])
+
 
 def schedule_of(job: JobFile, base: FilePath | None = None, dispatcher: Dispatcher | None = None) -> Schedule:
     """The whole job. InputError where the field, or a machine on it, cannot be worked, with the reason."""
@@ -168,7 +212,7 @@ class _Scheduler:
         self.table = self.schedule.table
         self.rests: dict[str, int] = {}  # grants to others before a combine looks again for what it can do
         self.failed: dict[str, int] = {}  # how often in a row it could do nothing
-        self._far: dict[tuple[str, int], tuple[Far, Far]] = {}
+        self._far: dict[tuple[Drive, Place, bool, int], Far] = {}
         self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
         self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T
         self.truck_free, self.truck_room = 0.0, math.inf
@@ -248,6 +292,7 @@ class _Scheduler:
                 room += 1
                 k.time = max(k.time, *(c.time for c in self.combines))
         self.schedule.ends = max((p.ends for p in self.schedule.poured if p.target == "truck"), default=0.0)
+        self.schedule.renumber(self.table.clear())
 
     def goes_on(self, busy: Sequence[CombineState]) -> bool:
         """One combine does its next thing, who is free first; who could do nothing looks again when others
@@ -316,7 +361,7 @@ class _Scheduler:
         """What the dispatcher decides, granted; False where there is nothing to decide."""
         if not options:
             return False
-        carts = {k.spec.name: (k.time, k.spec.load - k.load) for k in self.carts}
+        carts = {k.spec.name: (k.starts[0].time, k.spec.load - k.load) for k in self.carts}
         state = State(
             c.time,
             c.spec.name,
@@ -379,21 +424,29 @@ class _Scheduler:
         return self.legs(c, passes) if passes else None
 
     def legs(self, c: CombineState, passes: Sequence[Pass]) -> Iterator[_Leg]:
-        """Legs to passes, each in its own direction first, from now or from when all given is cut."""
+        """Legs to passes, from now or from when all given is cut: headland first, then those first that
+        cost the least time beside that of cutting.
+        """
+        reach, cuts = self.reach(c), []
+        for p in passes:
+            for task in (p, p.reversed()):
+                leg = self.only_cut(c, task)
+                if leg is not None:
+                    way = reach(leg.path.track.start) / c.spec.drive.straight
+                    cuts.append((p.kind != HEADLAND, round(way + self.costs(c, leg), 0), len(cuts), leg))
         for time in self.moments(c):
-            for p in passes:
-                for task in (p, p.reversed()):
-                    leg = self.leg(c, task, time)
-                    if leg is not None:
-                        yield leg
+            for *_, leg in sorted(cuts, key=lambda cut: cut[:3]):
+                found = self.with_way(c, leg, time)
+                if found is not None:
+                    yield found
 
     def moments(self, c: CombineState) -> list[float]:
         """When a combine may set out: now, or when all have done what is granted to them."""
         late = max(self.last_of(name).into for name in self.names())
         return [c.time] if late <= c.time else [c.time, late]
 
-    def leg(self, c: CombineState, task: Pass, time: float) -> _Leg | None:
-        """A way to a pass and the pass."""
+    def only_cut(self, c: CombineState, task: Pass) -> _Leg | None:
+        """A pass alone; None where a combine can do nothing on it."""
         u = np.array([math.cos(task.heading), math.sin(task.heading)])
         start = np.array(task.start) - c.spec.knife * u
         place = Place(float(start[0]), float(start[1]), task.heading, task.heading)
@@ -407,22 +460,31 @@ class _Scheduler:
         length = np.diff(marks)
         speed = [c.spec.speed_in(a * self.density / d) for a, d in zip(areas, length, strict=True)]
         cut.spent = length / np.array(speed)
-        leg = _Leg(cut, task, areas * self.density, areas, strips, 0, time)
-        if not self.is_worth(c, leg):
-            return None
+        leg = _Leg(cut, task, areas * self.density, areas, strips, 0, 0.0)
+        return leg if math.isfinite(self.costs(c, leg)) else None
+
+    def with_way(self, c: CombineState, cut: _Leg, time: float) -> _Leg | None:
+        """A pass and the way to it."""
+        place = cut.path.track.start
         way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, time)
         if way is None:
             return None
         path = segments(way, times_along(way, c.spec.drive), c.spec.body, "way")
-        return replace(leg, path=path.then(cut), first=len(path))
+        return replace(cut, path=path.then(cut.path), first=len(path), not_before=time)
 
-    def is_worth(self, c: CombineState, leg: _Leg) -> bool:
-        """Whether a pass can be cut in any way, before a way to it is looked for."""
-        grain = math.fsum(leg.masses)
-        if c.tank + grain <= c.spec.tank + LEFT_KG or self.is_for_part(c):
-            return True
-        lanes = (self.free_lane(c, k, leg, *beside(c.spec, k.spec)) for k in self.likely(c))
-        return any(lane is not None for lane in lanes)
+    def costs(self, c: CombineState, cut: _Leg) -> float:
+        """Time that a pass costs since no cart can come beside: until its grain is poured out standing [s];
+        infinite where the tank does not take it either.
+        """
+        grain = c.tank + math.fsum(cut.masses)
+        if grain < c.spec.call:
+            return 0.0
+        lanes = (self.free_lane(c, k, cut, *beside(c.spec, k.spec)) for k in self.likely(c))
+        if any(lane is not None for lane in lanes):
+            return 0.0
+        if grain <= c.spec.tank + LEFT_KG or self.is_for_part(c):
+            return min(grain, c.spec.tank) / c.spec.auger
+        return math.inf
 
     @staticmethod
     def is_for_part(c: CombineState) -> bool:
@@ -494,11 +556,11 @@ class _Scheduler:
             if times is None:
                 return
             ends = times[-1] + float(leg.path.spent[-1])
-            option = Option("cut", "", ends, ends, 0.0, float(levels[-1]), 0.0, 0.0)
+            option = Option("cut", "", ends, ends, 0.0, float(levels[-1]), 0.0, 0.0, leg.cuts)
             yield option, lambda: self.grant_cut(c, leg, times, meets)
         if levels[-1] >= c.spec.call:
             for k in self.likely(c):
-                found = self.comes_beside(c, k, leg, levels)
+                found = self.served(k, partial(self.comes_beside, c, k, leg, levels))
                 if found is not None:
                     yield found
         if not fits and self.is_for_part(c):
@@ -507,8 +569,13 @@ class _Scheduler:
     def likely(self, c: CombineState) -> list[CartState]:
         """Carts with room, those that are free first."""
         room = [k for k in self.carts if k.spec.load - k.load > 0.05 * k.spec.load]
-        far = {k.spec.name: math.dist(k.home[:2], c.place[:2]) / k.spec.drive.straight for k in room}
-        return sorted(room, key=lambda k: (max(k.time, c.time) + far[k.spec.name], k.spec.name))[:2]
+
+        def comes(k: CartState) -> tuple[float, str]:
+            start = k.starts[0]
+            far = math.dist(start.place[:2], c.place[:2])
+            return max(start.time + far / k.spec.drive.straight, c.time), k.spec.name
+
+        return sorted(room, key=comes)[:2]
 
     def cuts_part(
         self, c: CombineState, leg: _Leg, levels: Array, anywhere: bool
@@ -533,7 +600,7 @@ class _Scheduler:
         middle = tuple((1 - share) * a + share * b for a, b in zip(leg.task.start, leg.task.end, strict=True))
         rest = Pass(middle, leg.task.end, leg.task.width, leg.task.kind, leg.task.land, leg.task.combine)  # type: ignore[arg-type]
         ends = times[-1] + float(path.spent[-1])
-        option = Option("cut", "", ends, ends, 0.0, float(levels[count]), 0.0, 0.0)
+        option = Option("cut", "", ends, ends, 0.0, float(levels[count]), 0.0, 0.0, part.cuts)
         yield option, lambda: self.grant_cut(c, part, times, None, rest)
 
     def grant_cut(
@@ -560,8 +627,53 @@ class _Scheduler:
                     todo[i : i + 1] = [] if rest is None else [rest]
                     return
 
+    def served(
+        self, k: CartState, option_from: Callable[[Start], tuple[Option, Any] | None]
+    ) -> tuple[Option, Any] | None:
+        """What a combine can do with a cart that comes from its last load, or else from its place."""
+        for start in k.starts:
+            mark = self.table.mark()
+            self.calls_back(start)
+            found = option_from(start)
+            self.table.back(mark)
+            if found is not None:
+                option, grant = found
+
+                def granted(start: Start = start, grant: Any = grant) -> None:
+                    self.calls_back(start)
+                    grant()
+
+                return option, granted
+        return None
+
+    def calls_back(self, start: Start) -> None:
+        """A cart's way home is no longer granted."""
+        if start.behind >= 0:
+            self.table.take_off(start.behind)
+
+    def sets_out(self, k: CartState, start: Start, c: CombineState, goal: Place) -> _Trip | None:
+        """A cart's way to beside a combine. It is searched on ground that is cut when the combine is free,
+        and driven as soon as its ground is cut, so that the cart is there when it is needed.
+        """
+        name, body, drive = k.spec.name, k.spec.body, k.spec.drive
+        late = max(start.time, c.time)
+        way = self.way(name, body, drive, start.place, goal, late, c.spec.name, in_line=PARAMS.line_deg)
+        if way is None:
+            return None
+        path, exact = segments(way, times_along(way, drive), body, "to combine"), {}
+        if start.behind >= 0:
+            path = standing(way.places[0], body, 0.0, "in the field").then(path)
+            exact[0] = start.time
+        return _Trip(k, start, c.spec.name, path, exact, self.cut_by(path, start, late))
+
+    def cut_by(self, path: Path, start: Start, time: float, first: int = 0) -> dict[int, float]:
+        """From when on a cart may be in segments of a path over ground that is cut by a time [s]."""
+        if start.time >= time:
+            return {}
+        return {first + i: t for i, t in enumerate(self.ground.cut_by(path.swept, time))}
+
     def comes_beside(
-        self, c: CombineState, k: CartState, leg: _Leg, levels: Array
+        self, c: CombineState, k: CartState, leg: _Leg, levels: Array, start: Start
     ) -> tuple[Option, Any] | None:
         """A cart drives beside the combine in its pass, over cut ground, and is poured into."""
         ahead, left = beside(c.spec, k.spec)
@@ -569,27 +681,25 @@ class _Scheduler:
         if run is None:
             return None
         first, last = run
-        come, go = self.far(k, c.time)
+        come, go = self.far(k, start.place, c.time)
         end = Place(*leg.path.track.places[leg.path.last[leg.first + last - 1]].tolist())
         if math.isinf(go(end.ahead(ahead, left))):
             return None
-        way = None
+        trip = None
         for join in range(first, last - 1, PARAMS.join):
             place = Place(*leg.path.track.places[leg.path.first[leg.first + join]].tolist())
-            start, first = place.ahead(ahead, left), join
-            if math.isinf(come(start)):
+            goal, first = place.ahead(ahead, left), join
+            if math.isinf(come(goal)):
                 continue
-            way = self.way(
-                k.spec.name, k.spec.body, k.spec.drive, k.home, start, max(k.time, c.time), c.spec.name,
-                in_line=PARAMS.line_deg,
-            )  # fmt: skip
-            if way is not None or join - run[0] >= PARAMS.joins * PARAMS.join:
+            trip = self.sets_out(k, start, c, goal)
+            if trip is not None or join - run[0] >= PARAMS.joins * PARAMS.join:
                 break
-        if way is None:
+        if trip is None:
             return None
-        to = segments(way, times_along(way, k.spec.drive), k.spec.body, "to combine")
-        lane = self.lane(k, leg, start, first, last)
-        approach = to.then(lane)
+        to = len(trip.path)
+        lane = self.lane(k, leg, goal, first, last)
+        after = trip.after | self.cut_by(lane, start, c.time, to)
+        trip = replace(trip, path=trip.path.then(lane), after=after)
         meets = self.table.meets(leg.path, c.spec.name)
         begin = max(c.time, leg.not_before)
         full = (
@@ -601,7 +711,7 @@ class _Scheduler:
             if times is None:
                 return None
             self.table.commit(c.spec.name, leg.path, times, meets)
-            found, late = self.meets_there(c, k, leg, approach, len(to), (first, last), levels, times, full)
+            found, late = self.meets_there(c, leg, trip, to, (first, last), levels, times, full)
             self.table.back(mark)
             if found is not None or late <= 0.0 or full >= len(leg.masses):
                 break
@@ -609,28 +719,24 @@ class _Scheduler:
         if found is None or times is None:
             return None
         granted = times
-        cart_path, cart_times, amounts, behind_first, exits = found
-        meet = first + behind_first
+        cart_path, cart_times, exits, meet, amounts = found
         given = float(math.fsum(amounts))
         ends = times[-1] + float(leg.path.spent[-1])
         into = [*times, ends]
-        at = leg.first + meet
+        at, lane_at = leg.first + meet, to + meet - first
         pours = given / c.spec.auger
-        option = Option(
-            "beside", k.spec.name, into[at], ends, given, float(levels[-1]) - given, exits[1], pours
-        )
+        tank = float(levels[-1]) - given
+        option = Option("beside", k.spec.name, into[at], ends, given, tank, exits[1], pours, leg.cuts)
 
         def grant() -> None:
-            before = self.table.last[c.spec.name]
             own = self.grant_cut(c, leg, granted, meets)
             numbers = self.table.commit(k.spec.name, cart_path, cart_times)
-            self.table.called([before, *own], numbers)
-            lane_at = len(to) + meet - first
+            self.table.called(c.spec.name, numbers[len(trip.exact)])
             self.table.together += [(own[at + i], numbers[lane_at + i]) for i in range(len(amounts))]
             during = own[at], own[at + len(amounts) - 1]
             poured = Poured(c.spec.name, k.spec.name, given, into[at], into[at + len(amounts)], during)
             self.hands_over(c, k, poured)
-            self.leaves(k, exits, numbers)
+            self.leaves(k, exits, numbers, lane_at + len(amounts) - 1)
 
         return option, grant
 
@@ -640,9 +746,16 @@ class _Scheduler:
         c.tank -= poured.amount
         k.load += poured.amount
 
-    def leaves(self, k: CartState, exits: tuple[bool, float, list[Poured]], numbers: Sequence[int]) -> None:
-        """What a cart did behind its load, until it was at its place again, in segments."""
-        _, k.time, poured = exits
+    def leaves(
+        self, k: CartState, exits: tuple[bool, float, list[Poured]], numbers: Sequence[int], at: int = 0
+    ) -> None:
+        """What a cart did behind its load, until it was at its place again, in segments; at: where it took
+        the load.
+        """
+        empties, k.time, poured = exits
+        loaded = self.table.segments[numbers[at]]
+        end = Place(*loaded.path.track.places[loaded.path.last[loaded.index]].tolist())
+        k.loaded = None if empties else Start(end, loaded.into + loaded.spent, loaded.number)
         for p in poured:
             self.schedule.poured.append(self._during(p, numbers))
             k.load -= p.amount
@@ -696,20 +809,22 @@ class _Scheduler:
         return made
 
     def meets_there(
-        self, c: CombineState, k: CartState, leg: _Leg, approach: Path, ways: int, run: tuple[int, int],
-        levels: Array, times: list[float], full: int,
+        self, c: CombineState, leg: _Leg, trip: _Trip, to: int, run: tuple[int, int], levels: Array,
+        times: list[float], full: int,
     ) -> tuple[Any, float]:  # fmt: skip
         """The cart's path up to the combine, beside it while it is poured into, and away; the combine's own
-        is granted. What is late, where it comes too late [s].
+        is granted. to: segments of the trip up to the pass. What is late, where it comes too late [s].
         """
-        first, last = run
-        now = max(k.time, c.time)
-        came = self.table.earliest(k.spec.name, approach, now, stays=False, early=True)
+        (first, last), k = run, trip.cart
+        came = self.table.earliest(
+            k.spec.name, trip.path, trip.start.time, stays=False, early=True, exact=trip.exact,
+            after=trip.after,
+        )  # fmt: skip
         if came is None:
             return None, 0.0
         into = [*times, times[-1] + float(leg.path.spent[-1])]
         ready = max(PARAMS.align_s, c.spec.swing)
-        late = [came[ways + i - first] + ready - into[leg.first + i] for i in range(first, last)]
+        late = [came[to + i - first] + ready - into[leg.first + i] for i in range(first, last)]
         meet = next((first + i for i, x in enumerate(late) if x <= 0.0), None)
         if meet is None or meet > full:
             return None, late[min(full, last - 1) - first] if full >= first else 0.0
@@ -728,54 +843,23 @@ class _Scheduler:
         rest = float(levels[-1]) - math.fsum(amounts)
         if rest > c.spec.tank + LEFT_KG:
             return None, 0.0
-        return self.cart_path(
-            k, approach, ways + meet - first, amounts, into[leg.first + meet :], c.spec.name, now, ready
-        ), 0.0
-
-    def cart_path(
-        self,
-        k: CartState,
-        approach: Path,
-        lane_at: int,
-        amounts: list[float],
-        into: list[float],
-        other: str,
-        now: float,
-        ready: float,
-    ) -> Any:
-        """A cart's whole path: to the combine, beside it, to the truck or not, to its place. ready: time
-        until it is in line there [s]
-        """
-        kept = approach.until(lane_at + len(amounts))
-        kept.spent[lane_at - 1] += ready
+        lane_at, begin = to + meet - first, leg.first + meet
+        kept, exact = trip.path.until(lane_at + len(amounts)), dict(trip.exact)
+        kept.spent[lane_at - 1] += ready  # until it is in line there
         for i in range(len(amounts)):
-            kept.spent[lane_at + i] = into[i + 1] - into[i]
+            exact[lane_at + i] = into[begin + i]
+            kept.spent[lane_at + i] = into[begin + i + 1] - into[begin + i]
             kept.kinds[lane_at + i] = "beside, pouring"
-        end = into[len(amounts)]
-        exact = {lane_at + i: into[i] for i in range(len(amounts))}
-        found = self.away(k, kept, now, end, k.load + math.fsum(amounts), exact, other)
-        if found is None:
-            return None
-        path, times, exits = found
-        return path, times, amounts, lane_at - self._ways_of(kept), exits
-
-    @staticmethod
-    def _ways_of(path: Path) -> int:
-        return next(i for i, kind in enumerate(path.kinds) if kind.startswith("beside"))
+        trip = replace(trip, path=kept, exact=exact)
+        found = self.away(trip, into[begin + len(amounts)], k.load + math.fsum(amounts))
+        return None if found is None else (*found, meet, amounts), 0.0
 
     def away(
-        self,
-        k: CartState,
-        path: Path,
-        now: float,
-        time: float,
-        load: float,
-        exact: dict[int, float],
-        other: str,
+        self, trip: _Trip, time: float, load: float
     ) -> tuple[Path, list[float], tuple[bool, float, list[Poured]]] | None:
-        """A path with what follows: to the truck if the load is worth it, then to the cart's place."""
-        for empties in (True, False) if self.is_full(k, load) else (False,):
-            found = self.home_by(k, path, now, time, load, exact, empties, other)
+        """A trip with what follows: to the truck if the load is worth it, then to the cart's place."""
+        for empties in (True, False) if self.is_full(trip.cart, load) else (False,):
+            found = self.home_by(trip, time, load, empties)
             if found is not None:
                 return found
         return None
@@ -787,20 +871,13 @@ class _Scheduler:
         return load >= min(k.spec.leave, 0.95 * k.spec.load)
 
     def home_by(
-        self,
-        k: CartState,
-        path: Path,
-        now: float,
-        time: float,
-        load: float,
-        exact: dict[int, float],
-        empties: bool,
-        other: str = "",
+        self, trip: _Trip, time: float, load: float, empties: bool
     ) -> tuple[Path, list[float], tuple[bool, float, list[Poured]]] | None:
-        """A path and the way to the cart's place behind it, by the truck or not."""
-        here = path.track.end if len(path) else k.home
+        """A trip with the way to the cart's place behind it, by the truck or not."""
+        k, other, exact = trip.cart, trip.other, trip.exact
+        here = trip.path.track.end
         name, body, drive = k.spec.name, k.spec.body, k.spec.drive
-        whole, dock_at = path, -1
+        whole, dock_at = trip.path, -1
         if empties:
             dock = self.cart_dock(k.spec)
             way = self.way(name, body, drive, here, dock, time, other, in_line=WAYS.line_deg)
@@ -819,7 +896,9 @@ class _Scheduler:
         poured: list[Poured] = []
         times: list[float] | None = None
         for _ in range(6):
-            times = self.table.earliest(name, whole, now, exact=exact, meets=meets, early=empties)
+            times = self.table.earliest(
+                name, whole, trip.start.time, exact=exact, meets=meets, early=empties, after=trip.after
+            )
             if times is None:
                 return None
             if not empties:
@@ -827,8 +906,9 @@ class _Scheduler:
             poured = self.at_truck(name, load, k.spec.out, times[dock_at])
             spent = poured[-1].ends + 0.5 * self.job.truck.dock_s - times[dock_at]
             if abs(spent - whole.spent[dock_at]) < 1e-6:
+                exact = {**exact, dock_at: times[dock_at]}
                 times = self.table.earliest(
-                    name, whole, now, exact={**exact, dock_at: times[dock_at]}, meets=meets
+                    name, whole, trip.start.time, exact=exact, meets=meets, after=trip.after
                 )
                 break
             whole.spent[dock_at] = spent
@@ -874,7 +954,7 @@ class _Scheduler:
             for k in self.likely(c):
                 if looked < PARAMS.places and self.has_room(c, k, place):
                     looked += 1
-                    one = self.stands(c, k, place)
+                    one = self.served(k, partial(self.stands, c, k, place))
                     found += [one] if one is not None else []
                     self.vain[place] = 0 if one is not None else self.vain.get(place, 0) + 1
             if len(found) >= min(2, len(self.carts)):
@@ -884,33 +964,45 @@ class _Scheduler:
     def by_way(self, c: CombineState) -> list[Place]:
         """Places to be emptied at, those first to which it and a cart there and back have not far."""
         k = self.likely(c)[0] if self.likely(c) else self.carts[0]
-        come, go = self.far(k, c.time)
+        start = k.starts[0]
+        come, go = self.far(k, start.place, c.time)
         ahead, left = beside(c.spec, k.spec)
+        reach = self.reach(c)
 
         def cost(place: Place) -> tuple[float, Place]:
             at = place.ahead(ahead, left)
-            own = math.dist(place[:2], c.place[:2]) / c.spec.drive.straight
-            cart = max(k.time - c.time, 0.0) + come(at) / k.spec.drive.straight
+            own = reach(place) / c.spec.drive.straight if place != c.place else 0.0
+            cart = start.time - c.time + come(at) / k.spec.drive.straight
             rest = PARAMS.behind * go(at) / k.spec.drive.straight
             return round(max(own, cart) + own + rest + PARAMS.again_s * self.vain.get(place, 0), 1), place
 
         return sorted((c.place, *self.places, *self.inner), key=cost)
 
-    def far(self, k: CartState, time: float) -> tuple[Far, Far]:
-        """How far it is about from a cart's place and to the truck; kept until crop is cut."""
-        key = k.spec.name, len(self.ground.grid.changed)
+    def far(self, k: CartState, place: Place, time: float) -> tuple[Far, Far]:
+        """How far it is about for a cart from a place and to the truck."""
+        drive, dock = k.spec.drive, self.cart_dock(k.spec)
+        return self._far_from(drive, place, time, True), self._far_from(drive, dock, time, False)
+
+    def reach(self, c: CombineState) -> Far:
+        """How far it is about for a combine."""
+        return self._far_from(c.spec.drive, c.place, c.time, True)
+
+    def _far_from(self, drive: Drive, place: Place, time: float, there: bool) -> Far:
+        """Kept until crop is cut."""
+        changed = len(self.ground.grid.changed)
+        key = drive, place, there, changed
         if key not in self._far:
-            self._far = {o: fields for o, fields in self._far.items() if o[1] == key[1]}
-            self._far[key] = (
-                self.finder.far_from(k.spec.drive, k.home, time, there=True),
-                self.finder.far_from(k.spec.drive, self.cart_dock(k.spec), time, there=False),
-            )
+            self._far = {o: far for o, far in self._far.items() if o[-1] == changed}
+            self._far[key] = self.finder.far_from(drive, place, time, there=there)
         return self._far[key]
 
     def has_room(self, c: CombineState, k: CartState, place: Place) -> bool:
-        """Whether both can stand there, on open ground that is cut and where nobody stands."""
+        """Whether both can stand there, on open ground that is cut and where nobody stands; a combine always
+        where it is.
+        """
         goal = place.ahead(*beside(c.spec, k.spec))
-        return self.is_room(k.spec, goal, c.time) and self.is_room(c.spec, place, c.time)
+        stands = place == c.place or self.is_room(c.spec, place, c.time)
+        return stands and self.is_room(k.spec, goal, c.time)
 
     def drives_to_truck(self, c: CombineState) -> tuple[Option, Any] | None:
         """A combine pours into the truck itself."""
@@ -937,7 +1029,7 @@ class _Scheduler:
 
         return option, grant
 
-    def stands(self, c: CombineState, k: CartState, place: Place) -> tuple[Option, Any] | None:
+    def stands(self, c: CombineState, k: CartState, place: Place, start: Start) -> tuple[Option, Any] | None:
         """A combine stands at a place and is emptied into a cart beside it."""
         ahead, left = beside(c.spec, k.spec)
         goal = place.ahead(ahead, left)
@@ -955,48 +1047,48 @@ class _Scheduler:
             return None
         mark = self.table.mark()
         self.table.commit(c.spec.name, path, times, meets)
-        found = self.joins(k, goal, c.spec.name, max(k.time, c.time), times[-1], pour, k.load + amount)
+        found = self.joins(k, start, c, goal, times[-1], pour)
         self.table.back(mark)
         if found is None:
             return None
-        cart_path, cart_times, exits, at = found
+        cart_path, cart_times, exits, first, at = found
         begin = cart_times[at]
         path.spent[-2] = begin - times[-2]
         ends = begin + pour
         option = Option("stand", k.spec.name, begin, ends, amount, c.tank - amount, exits[1], pour)
 
         def grant() -> None:
-            before = self.table.last[c.spec.name]
             own = self.table.commit(c.spec.name, path, [*times[:-1], begin], meets)
             path.spent[-2] = 0.0  # it waits for the cart alone
             numbers = self.table.commit(k.spec.name, cart_path, cart_times)
-            self.table.called([before, *own], numbers)
+            self.table.called(c.spec.name, numbers[first])
             self.table.together.append((own[-1], numbers[at]))
             during = own[-1], own[-1]
             self.hands_over(c, k, Poured(c.spec.name, k.spec.name, amount, begin, ends, during))
             c.place, c.time = path.track.end, ends
-            self.leaves(k, exits, numbers)
+            self.leaves(k, exits, numbers, at)
 
         return option, grant
 
     def joins(
-        self, k: CartState, goal: Place, other: str, now: float, time: float, pour: float, load: float
+        self, k: CartState, start: Start, c: CombineState, goal: Place, time: float, pour: float
     ) -> Any:
         """A cart's path to beside a combine that stands there from a time on, poured into, and away."""
-        name, body, drive = k.spec.name, k.spec.body, k.spec.drive
-        way = self.way(name, body, drive, k.home, goal, now, other, in_line=PARAMS.line_deg)
-        if way is None:
+        trip = self.sets_out(k, start, c, goal)
+        if trip is None:
             return None
-        path = segments(way, times_along(way, drive), body, "to combine")
-        path = path.then(standing(way.places[-1], body, PARAMS.align_s, "beside"))
+        end, body = np.array(trip.path.track.end), k.spec.body
+        path = trip.path.then(standing(end, body, PARAMS.align_s, "beside"))
         at = len(path)
-        path = path.then(standing(way.places[-1], body, pour, "beside, pouring"))
-        came = self.table.earliest(name, path, now, stays=False, after={at: time})
+        path = path.then(standing(end, body, pour, "beside, pouring"))
+        after = {**trip.after, at: time}
+        came = self.table.earliest(k.spec.name, path, start.time, stays=False, after=after, exact=trip.exact)
         if came is None:
             return None
-        begin = came[at]
-        found = self.away(k, path, now, begin + pour, load, {at: begin}, other)
-        return None if found is None else (*found, at)
+        begin, first = came[at], len(trip.exact)
+        trip = replace(trip, path=path, exact={**trip.exact, at: begin}, after=after)
+        found = self.away(trip, begin + pour, k.load + min(c.tank, k.spec.load - k.load))
+        return None if found is None else (*found, first, at)
 
     def is_room(self, machine: Combine | Cart, place: Place, time: float) -> bool:
         """Whether a machine can stand at a place, on open ground that is cut, where no other one stands."""
@@ -1010,8 +1102,8 @@ class _Scheduler:
 
     def empties(self, k: CartState) -> bool:
         """A cart with the last grain drives to the truck."""
-        none = standing(np.array(k.home), k.spec.body, 0.0, "home")
-        found = self.home_by(k, none, k.time, k.time, k.load, {}, True)
+        path = standing(np.array(k.home), k.spec.body, 0.0, "home")
+        found = self.home_by(_Trip(k, Start(k.home, k.time), "", path, {}, {}), k.time, k.load, True)
         if found is None:
             return False
         path, times, exits = found
