@@ -27,7 +27,7 @@ def crossing():
     table = Table()
     for name, x, y in (("a", -60.0, 0.0), ("b", 0.0, -60.0)):
         heading = 0.0 if name == "a" else math.pi / 2
-        place = np.array([x, y, heading, heading])
+        place = Place(x, y, heading, heading)
         table.stand(name, standing(place, BODY, 0.0, "home"))
     first, second = path(-60.0, 0.0, 0.0, 120.0), path(0.0, -60.0, math.pi / 2, 120.0)
     table.commit("a", first, table.earliest("a", first, 0.0))
@@ -48,7 +48,7 @@ def test_who_comes_second_waits_just_before_the_shared_place():
 
 def test_one_that_would_stand_in_the_way_of_what_is_granted_is_not_granted():
     table, _, _ = crossing()
-    place = np.array([40.0, 60.0, -math.pi / 2, -math.pi / 2])
+    place = Place(40.0, 60.0, -math.pi / 2, -math.pi / 2)
     table.stand("c", standing(place, BODY, 0.0, "home"))
     to_the_way_of_a = path(40.0, 60.0, -math.pi / 2, 60.0)
     assert table.earliest("c", to_the_way_of_a, 0.0) is not None  # behind a

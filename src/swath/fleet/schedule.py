@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.fleet.bodies import Body, Drive, Place, body_of
+from swath.fleet.bodies import Drive, Place, body_of
 from swath.fleet.dispatcher import Dispatcher, Option, State, dispatcher_of
 from swath.fleet.files import JobFile
 from swath.fleet.ground import PARAMS as GROUND
@@ -43,7 +43,8 @@ LEFT_KG = 1e-6  # of grain, that is none
 class Params:
     """cut_m: longest segment of a pass; align_s: until a cart that has come beside is in line; tries,
     places: passes, and places to pour at, that are looked at, the nearest first; join, joins: segments of a
-    pass between places at which a cart may come beside, and how many; early_s: of what a combine waits for a
+    pass between places at which a cart may come beside, and how many; patience: times more places that are
+    looked at before anybody makes room; early_s: of what a combine waits for a
     cart beyond what is known; soon_s: within which a machine stands that a way leads around; part: of a tank,
     up to which a combine begins a pass that its tank does not take; behind: share in the cost of a place of
     a cart's way to the truck, which keeps nobody waiting; again_s: more cost of a place at which nobody could
@@ -59,6 +60,7 @@ class Params:
     places: int = 8
     join: int = 4
     joins: int = 2
+    patience: int = 4
     early_s: float = 2.0
     soon_s: float = 30.0
     part: float = 0.5
@@ -212,6 +214,7 @@ class _Scheduler:
         self.table = self.schedule.table
         self.rests: dict[str, int] = {}  # grants to others before a combine looks again for what it can do
         self.failed: dict[str, int] = {}  # how often in a row it could do nothing
+        self.patience = 1
         self._far: dict[tuple[Drive, Place, bool, int], Far] = {}
         self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
         self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T
@@ -229,9 +232,9 @@ class _Scheduler:
         self.shared = [p for p in plan.passes if p.combine < 0 and p.kind == HEADLAND]
         self.clean = [p for p in plan.passes if p.kind == CLEAN]
         for c in self.combines:
-            self.table.stand(c.spec.name, standing(np.array(c.home), c.spec.body, 0.0, "home"))
+            self.table.stand(c.spec.name, standing(c.home, c.spec.body, 0.0, "home"))
         for k in self.carts:
-            self.table.stand(k.spec.name, standing(np.array(k.home), k.spec.body, 0.0, "home"))
+            self.table.stand(k.spec.name, standing(k.home, k.spec.body, 0.0, "home"))
         self.homes = {k.spec.name: run_of(k.spec.body, k.home, 0.0, WIDE) for k in self.carts}
         self.places = list(self.service_places()) if self.carts else []
         self.vain: dict[Place, int] = {}  # how often in a row nobody could be emptied there
@@ -273,7 +276,7 @@ class _Scheduler:
                 if self.is_full(k):
                     self.empties(k)
             busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: (c.time, c.spec.name))
-            if self.goes_on(busy):
+            if self.goes_on(busy) or self.goes_on(busy, patience=PARAMS.patience):
                 room = 0
                 continue
             if room > 2 * len(self.combines) or not self.makes_room(room):
@@ -294,10 +297,11 @@ class _Scheduler:
         self.schedule.ends = max((p.ends for p in self.schedule.poured if p.target == "truck"), default=0.0)
         self.schedule.renumber(self.table.clear())
 
-    def goes_on(self, busy: Sequence[CombineState]) -> bool:
+    def goes_on(self, busy: Sequence[CombineState], patience: int = 1) -> bool:
         """One combine does its next thing, who is free first; who could do nothing looks again when others
-        have done something, less and less often.
+        have done something, less and less often. patience: how much more they look at
         """
+        self.patience = patience
         for c in sorted(busy, key=lambda c: self.rests.get(c.spec.name, 0) > 0):
             name = c.spec.name
             if self.turn(c):
@@ -466,10 +470,9 @@ class _Scheduler:
     def with_way(self, c: CombineState, cut: _Leg, time: float) -> _Leg | None:
         """A pass and the way to it."""
         place = cut.path.track.start
-        way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, time)
-        if way is None:
+        path = self.way(c.spec, c.place, place, time, "way")
+        if path is None:
             return None
-        path = segments(way, times_along(way, c.spec.drive), c.spec.body, "way")
         return replace(cut, path=path.then(cut.path), first=len(path), not_before=time)
 
     def costs(self, c: CombineState, cut: _Leg) -> float:
@@ -492,25 +495,24 @@ class _Scheduler:
         return c.tank < PARAMS.part * c.spec.tank
 
     def way(
-        self,
-        name: str,
-        body: Body,
-        drive: Any,
-        start: Place,
-        goal: Place,
-        time: float,
-        beside: str = "",
-        **more: Any,
-    ) -> Track | None:
+        self, m: Combine | Cart, start: Place, goal: Place, time: float, kind: str, beside: str = "",
+        line_deg: float = WAYS.line_deg,
+    ) -> Path | None:  # fmt: skip
         """A way around waiting places of others and what stands then or soon.
 
-        beside: who may be near, as those that are near at the start
+        beside: who may be near, as those that are near at the start; line_deg: of a trailer at the end
         """
-        if (
-            math.dist(start[:2], goal[:2]) < 1e-6
-            and abs(math.sin(0.5 * (start.heading - goal.heading))) < 1e-9
-        ):
-            return driven(start, [(0.0, 1e-3)], body)
+        way = self.track(m, start, goal, time, beside, line_deg if m.body.has_trailer else 0.0)
+        return None if way is None else segments(way, times_along(way, m.drive), m.body, kind)
+
+    def track(
+        self, m: Combine | Cart, start: Place, goal: Place, time: float, beside: str, line: float
+    ) -> Track | None:
+        """The same as a track."""
+        name, body, drive, none = m.name, m.body, m.drive, driven(start, [(0.0, 1e-3)], m.body)
+        turned = math.sin(0.5 * (start.heading - goal.heading))
+        if math.dist(start[:2], goal[:2]) < 1e-6 and abs(turned) < 1e-9:
+            return none
         shapes = [home for o, home in self.homes.items() if o != name]
         near: list[Any] = []
         own = run_of(body, start, 0.0)
@@ -523,8 +525,8 @@ class _Scheduler:
                     near += [p.buffer(PARAMS.near_m, join_style="mitre") for p in s.path.swept[s.index]]
                 else:
                     shapes += wide
-        more = {"stand": shapes, "near": near, "time": time, **more}
-        kept, none = self.kept[name], driven(start, [(0.0, 1e-3)], body)
+        find = partial(self.finder.find, body, drive, start, stand=shapes, near=near, time=time)
+        kept = self.kept[name]
         for way, area in zip(kept.ways, kept.areas, strict=True):
             begins, ends = (math.dist(a[:2], b[:2]) < 0.01 for a, b in ((start, way.start), (goal, way.end)))
             if not ends or shapely_here().intersects(area, [*shapes, *near]).any():
@@ -532,10 +534,10 @@ class _Scheduler:
             if begins:
                 return behind(none, way, body)
             if math.dist(start[:2], way.places[0, :2]) > GROUND.yard_m:  # up to the gate, then as kept
-                first = self.finder.find(body, drive, start, way.start, **{**more, "in_line": WAYS.line_deg})
+                first = find(way.start, in_line=WAYS.line_deg)
                 if first is not None:
                     return behind(first, way, body)
-        return self.finder.find(body, drive, start, goal, **more)
+        return find(goal, in_line=line)
 
     def names(self) -> list[str]:
         """Of all machines that move."""
@@ -655,14 +657,13 @@ class _Scheduler:
         """A cart's way to beside a combine. It is searched on ground that is cut when the combine is free,
         and driven as soon as its ground is cut, so that the cart is there when it is needed.
         """
-        name, body, drive = k.spec.name, k.spec.body, k.spec.drive
         late = max(start.time, c.time)
-        way = self.way(name, body, drive, start.place, goal, late, c.spec.name, in_line=PARAMS.line_deg)
-        if way is None:
+        path = self.way(k.spec, start.place, goal, late, "to combine", c.spec.name, PARAMS.line_deg)
+        if path is None:
             return None
-        path, exact = segments(way, times_along(way, drive), body, "to combine"), {}
+        exact = {}
         if start.behind >= 0:
-            path = standing(way.places[0], body, 0.0, "in the field").then(path)
+            path = standing(path.track.start, k.spec.body, 0.0, "in the field").then(path)
             exact[0] = start.time
         return _Trip(k, start, c.spec.name, path, exact, self.cut_by(path, start, late))
 
@@ -876,22 +877,21 @@ class _Scheduler:
         """A trip with the way to the cart's place behind it, by the truck or not."""
         k, other, exact = trip.cart, trip.other, trip.exact
         here = trip.path.track.end
-        name, body, drive = k.spec.name, k.spec.body, k.spec.drive
+        name, body = k.spec.name, k.spec.body
         whole, dock_at = trip.path, -1
         if empties:
             dock = self.cart_dock(k.spec)
-            way = self.way(name, body, drive, here, dock, time, other, in_line=WAYS.line_deg)
+            way = self.way(k.spec, here, dock, time, "to truck", other)
             if way is None:
                 return None
-            whole = whole.then(segments(way, times_along(way, drive), body, "to truck"))
+            whole, here = whole.then(way), way.track.end
             dock_at = len(whole)
-            whole = whole.then(standing(way.places[-1], body, 0.0, "at truck"))
-            here = way.end
-        way = self.way(name, body, drive, here, k.home, time, other, in_line=WAYS.line_deg)
+            whole = whole.then(standing(here, body, 0.0, "at truck"))
+        way = self.way(k.spec, here, k.home, time, "to its place", other)
         if way is None:
             return None
-        whole = whole.then(segments(way, times_along(way, drive), body, "to its place"))
-        whole = whole.then(standing(way.places[-1], body, 0.0, "home"))
+        whole = whole.then(way)
+        whole = whole.then(standing(way.track.end, body, 0.0, "home"))
         meets = self.table.meets(whole, name)
         poured: list[Poured] = []
         times: list[float] | None = None
@@ -952,7 +952,7 @@ class _Scheduler:
         looked = 0
         for place in self.by_way(c):
             for k in self.likely(c):
-                if looked < PARAMS.places and self.has_room(c, k, place):
+                if looked < self.patience * PARAMS.places and self.has_room(c, k, place):
                     looked += 1
                     one = self.served(k, partial(self.stands, c, k, place))
                     found += [one] if one is not None else []
@@ -1007,11 +1007,10 @@ class _Scheduler:
     def drives_to_truck(self, c: CombineState) -> tuple[Option, Any] | None:
         """A combine pours into the truck itself."""
         dock = self.combine_dock(c.spec)
-        way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, dock, c.time)
-        if way is None:
+        path = self.way(c.spec, c.place, dock, c.time, "to truck")
+        if path is None:
             return None
-        path = segments(way, times_along(way, c.spec.drive), c.spec.body, "to truck")
-        path = path.then(standing(way.places[-1], c.spec.body, 0.0, "at truck"))
+        path = path.then(standing(path.track.end, c.spec.body, 0.0, "at truck"))
         times = self.table.earliest(c.spec.name, path, c.time)
         if times is None:
             return None
@@ -1033,14 +1032,13 @@ class _Scheduler:
         """A combine stands at a place and is emptied into a cart beside it."""
         ahead, left = beside(c.spec, k.spec)
         goal = place.ahead(ahead, left)
-        way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, c.time)
+        way = self.way(c.spec, c.place, place, c.time, "way to unload")
         if way is None:
             return None
         amount = min(c.tank, k.spec.load - k.load)
         pour = amount / c.spec.auger
-        path = segments(way, times_along(way, c.spec.drive), c.spec.body, "way to unload")
-        path = path.then(standing(way.places[-1], c.spec.body, 0.0, "waits for cart"))
-        path = path.then(standing(way.places[-1], c.spec.body, pour, "pours standing"))
+        path = way.then(standing(way.track.end, c.spec.body, 0.0, "waits for cart"))
+        path = path.then(standing(way.track.end, c.spec.body, pour, "pours standing"))
         meets = self.table.meets(path, c.spec.name)
         times = self.table.earliest(c.spec.name, path, c.time, meets=meets)
         if times is None:
@@ -1077,7 +1075,7 @@ class _Scheduler:
         trip = self.sets_out(k, start, c, goal)
         if trip is None:
             return None
-        end, body = np.array(trip.path.track.end), k.spec.body
+        end, body = trip.path.track.end, k.spec.body
         path = trip.path.then(standing(end, body, PARAMS.align_s, "beside"))
         at = len(path)
         path = path.then(standing(end, body, pour, "beside, pouring"))
@@ -1102,7 +1100,7 @@ class _Scheduler:
 
     def empties(self, k: CartState) -> bool:
         """A cart with the last grain drives to the truck."""
-        path = standing(np.array(k.home), k.spec.body, 0.0, "home")
+        path = standing(k.home, k.spec.body, 0.0, "home")
         found = self.home_by(_Trip(k, Start(k.home, k.time), "", path, {}, {}), k.time, k.load, True)
         if found is None:
             return False
@@ -1128,11 +1126,10 @@ class _Scheduler:
             for place in places:
                 if place == c.place or not self.is_room(c.spec, place, time):
                     continue
-                way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, time)
-                if way is None:
+                path = self.way(c.spec, c.place, place, time, "to its place")
+                if path is None:
                     continue
-                path = segments(way, times_along(way, c.spec.drive), c.spec.body, "to its place")
-                path = path.then(standing(way.places[-1], c.spec.body, 0.0, "home"))
+                path = path.then(standing(path.track.end, c.spec.body, 0.0, "home"))
                 times = self.table.earliest(c.spec.name, path, time)
                 if times is not None:
                     self.table.commit(c.spec.name, path, times)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.fleet.bodies import Body
+from swath.fleet.bodies import Body, Place
 from swath.fleet.ground import shapely_here
 from swath.fleet.ways import Track, joined
 
@@ -120,9 +120,9 @@ def _swept(places: Array, body: Body, first: NDArray[np.int64], last: NDArray[np
     return np.stack(out, axis=1)
 
 
-def standing(track_end: Array, body: Body, spent: float, kind: str) -> Path:
-    """One segment of a machine that stands. track_end: its place, row of `Track.places`."""
-    places = np.stack([track_end, track_end])
+def standing(place: Place, body: Body, spent: float, kind: str) -> Path:
+    """One segment of a machine that stands."""
+    places = np.array([place, place])
     track = Track(places, np.zeros(2), np.ones(1), np.zeros(1))
     zero, one = np.zeros(1, np.int64), np.ones(1, np.int64)
     swept = _swept(places, body, zero, one)

@@ -3,8 +3,9 @@
 They are along the outer edge of open ground, off the strip around the field, which is a way, if there is room
 elsewhere; carts, who come back to theirs, first. Every place
 has a way in and a way out, to and from the field's gate, and the truck for who empties there, searched with
-all places before it taken. The ground of these ways is kept clear of later places, so that nobody who waits
-is in the way of another. Who drives or stands elsewhere in a yard is not looked at here.
+all places before it taken. The ground of the ways of carts is kept clear of later places, since they come
+and go; combines leave theirs once, the last one first. Who drives or stands elsewhere in a yard is not
+looked at here.
 """
 
 import math
@@ -30,10 +31,10 @@ class Params:
     """dock_m: before and behind the truck, kept clear; gate_m: from the field to who passes the gate;
     body_m: that the outline of who waits is wider; wide_m: that a way keeps off machines that stand, more
     than a cell of the search and two gaps of bodies; edges_m: that a place is off the outer edge, the
-    second so far that a trailer comes straight to it along a round one; spots_m:
-    between places that are looked at; tries: of the nearest that ways are searched to, and then of each
-    `apart`th farther off; poses: that such a search
-    looks at, so that a place is one to which a way is found fast
+    second so far that a trailer comes straight to it along a round one; spots_m: between places that are
+    looked at; far_m: from the gate to those where filling from the far end begins; tries: of the nearest that
+    ways are searched to, and then of each `apart`th farther off; poses: that such a search looks at, so that
+    a place is one to which a way is found fast
     """
 
     dock_m: float = 25.0
@@ -42,6 +43,7 @@ class Params:
     wide_m: float = 0.5
     edges_m: tuple[float, float] = (2.0, 7.0)
     spots_m: float = 5.0
+    far_m: float = 90.0
     tries: int = 60
     apart: int = 4
     poses: int = 3000
@@ -73,15 +75,28 @@ class Home:
 
 
 def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) -> list[Home]:
-    """A place for each machine, as near to the gate as there is one; who needs most room is first.
+    """A place for each machine, as near to the gate as there is one; who needs most room is first. Where
+    there is no room so, it is filled from the far end.
 
     InputError where there is none.
     """
+    for far in (False, True):
+        places = _filled(ground, finder, machines, far)
+        if places is not None:
+            return places
+    expected = f"expected room for {len(machines)} machines to wait, each with a way in and out"
+    raise InputError("field.around_m", None, expected)
+
+
+def _filled(ground: Ground, finder: Finder, machines: Sequence[Waits], far: bool) -> list[Home] | None:
+    """Places, one machine after the other, None where one has none. far: those farthest off first"""
     shapely = shapely_here()
-    used: list[Any] = []
-    for m in machines:
-        if m.dock is not None:
-            used += [run_of(m.body, m.dock, ahead, 3.0) for ahead in (PARAMS.dock_m, -PARAMS.dock_m)]
+    used = [
+        run_of(m.body, m.dock, ahead, 3.0)
+        for m in machines
+        if m.dock is not None
+        for ahead in (PARAMS.dock_m, -PARAMS.dock_m)
+    ]
     taken: list[Any] = []
     places: dict[str, Home] = {}
     for m in sorted(machines, key=lambda m: (not m.body.has_trailer, -m.body.length_behind)):
@@ -89,24 +104,25 @@ def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) ->
         for off in (ground.around, ground.field):  # in yards, or in the strip around the field, too
             bare = shapely.difference(ground.open, shapely.union_all([off, *used]))
             shapely.prepare(bare)
-            for place in _places(ground, bare, m.body):
+            for place in _places(ground, bare, m.body, far):
                 found = _ways(ground, finder, m, place, taken)
                 if found is not None:
                     break
             if found is not None:
                 break
         if found is None:
-            expected = f"expected room for {len(machines)} machines to wait, each with a way in and out"
-            raise InputError("field.around_m", None, expected)
+            return None
         places[m.name] = Home(place, tuple(found), tuple(_swept(t, m.body, 0.0) for t in found))
         taken.append(run_of(m.body, place, 0.0, WIDE))
-        used += [run_of(m.body, place, 0.0, 2.0), *(_swept(t, m.body) for t in found)]
+        used.append(run_of(m.body, place, 0.0, 2.0))
+        if m.body.has_trailer:
+            used += [_swept(t, m.body) for t in found]
     return [places[m.name] for m in machines]
 
 
-def _places(ground: Ground, bare: Any, body: Body) -> Iterator[Place]:
-    """Places along the outer edge of open ground, the nearest to the gate first, where a body has room;
-    not too many.
+def _places(ground: Ground, bare: Any, body: Body, far: bool) -> Iterator[Place]:
+    """Places along the outer edge of open ground, the nearest to the gate first, or the farthest, where a
+    body has room; not too many.
     """
     shapely = shapely_here()
     spots: list[tuple[float, Place]] = []
@@ -123,9 +139,10 @@ def _places(ground: Ground, bare: Any, body: Body) -> Iterator[Place]:
             for d in (0.0, -PARAMS.spots_m, PARAMS.spots_m)
         )
         for (x, y), (u, v) in zip(here.tolist(), (ahead - before).tolist(), strict=True):
-            far = round(math.dist((x, y), ground.gate), 3)
+            off = round(math.dist((x, y), ground.gate), 3)
             turns = (math.atan2(v, u), math.atan2(-v, -u))
-            spots += [(far, Place(x, y, heading, heading)) for heading in turns]
+            if not far or off < PARAMS.far_m:
+                spots += [(-off if far else off, Place(x, y, heading, heading)) for heading in turns]
     near = (place for _, place in sorted(spots) if fits(bare, body, place))
     yield from islice(near, PARAMS.tries)
     yield from islice(near, 0, PARAMS.tries * PARAMS.apart, PARAMS.apart)
