@@ -46,7 +46,8 @@ class Params:
     pass between places at which a cart may come beside, and how many; patience: times more places that are
     looked at before anybody makes room; early_s: of what a combine waits for a
     cart beyond what is known; soon_s: within which a machine stands that a way leads around; part: of a tank,
-    up to which a combine begins a pass that its tank does not take; behind: share in the cost of a place of
+    up to which a combine begins a pass that its tank does not take; long_s: beside cutting, from where on it
+    may be emptied before instead; behind: share in the cost of a place of
     a cart's way to the truck, which keeps nobody waiting; again_s: more cost of a place at which nobody could
     be emptied; line_deg: of a trailer that comes beside a header; near_m: that a way keeps off who stands
     near, beyond the gaps of bodies; rests: power of two, most grants to others before who can do nothing
@@ -64,6 +65,7 @@ class Params:
     early_s: float = 2.0
     soon_s: float = 30.0
     part: float = 0.5
+    long_s: float = 90.0
     behind: float = 0.25
     again_s: float = 60.0
     line_deg: float = 2.0
@@ -181,15 +183,18 @@ class Schedule:
 
 @dataclass
 class _Leg:
-    """What a combine is about to do: a path, what it cuts of which pass, and from which segment on."""
+    """What a combine is about to do: a path, what it cuts of which pass, and from which segment on; lost: see
+    `_Scheduler.lost` [s]
+    """
 
     path: Path
-    task: Pass | None
+    task: Pass
     masses: Array
     areas: Array
     strips: Any
     first: int
     not_before: float
+    lost: float = 0.0
 
     @property
     def cuts(self) -> float:
@@ -347,8 +352,9 @@ class _Scheduler:
             c.is_done = self.goes_home(c)
             return c.is_done
         options = self.first(c, legs, part=False)
-        if not options and c.tank > LEFT_KG:
-            options = list(self.emptied(c))
+        spent = min((o.ends - o.cuts for o, _ in options), default=math.inf) - c.time
+        if c.tank > LEFT_KG and spent > PARAMS.long_s + c.tank / c.spec.auger:
+            options += self.emptied(c)
         if not options:
             options = self.first(c, self.next_legs(c) or iter(()), part=True)
         return self.takes(c, options)
@@ -366,16 +372,8 @@ class _Scheduler:
         if not options:
             return False
         carts = {k.spec.name: (k.starts[0].time, k.spec.load - k.load) for k in self.carts}
-        state = State(
-            c.time,
-            c.spec.name,
-            c.tank,
-            c.spec.tank,
-            c.spec.call,
-            carts,
-            self.left,
-            tuple(o for o, _ in options),
-        )
+        given = tuple(o for o, _ in options)
+        state = State(c.time, c.spec.name, c.tank, c.spec.tank, c.spec.call, carts, self.left, given)
         chosen = self.dispatcher.decide(state)
         for option, grant in options:
             if option is chosen:
@@ -431,13 +429,14 @@ class _Scheduler:
         """Legs to passes, from now or from when all given is cut: headland first, then those first that
         cost the least time beside that of cutting.
         """
-        reach, cuts = self.reach(c), []
+        reach = self.reach(c)
+        cuts: list[tuple[bool, float, int, _Leg]] = []
         for p in passes:
             for task in (p, p.reversed()):
                 leg = self.only_cut(c, task)
                 if leg is not None:
                     way = reach(leg.path.track.start) / c.spec.drive.straight
-                    cuts.append((p.kind != HEADLAND, round(way + self.costs(c, leg), 0), len(cuts), leg))
+                    cuts.append((p.kind != HEADLAND, round(way + leg.lost, 0), len(cuts), leg))
         for time in self.moments(c):
             for *_, leg in sorted(cuts, key=lambda cut: cut[:3]):
                 found = self.with_way(c, leg, time)
@@ -465,7 +464,8 @@ class _Scheduler:
         speed = [c.spec.speed_in(a * self.density / d) for a, d in zip(areas, length, strict=True)]
         cut.spent = length / np.array(speed)
         leg = _Leg(cut, task, areas * self.density, areas, strips, 0, 0.0)
-        return leg if math.isfinite(self.costs(c, leg)) else None
+        leg.lost = self.lost(c, leg)
+        return leg if math.isfinite(leg.lost) else None
 
     def with_way(self, c: CombineState, cut: _Leg, time: float) -> _Leg | None:
         """A pass and the way to it."""
@@ -475,14 +475,14 @@ class _Scheduler:
             return None
         return replace(cut, path=path.then(cut.path), first=len(path), not_before=time)
 
-    def costs(self, c: CombineState, cut: _Leg) -> float:
-        """Time that a pass costs since no cart can come beside: until its grain is poured out standing [s];
-        infinite where the tank does not take it either.
+    def lost(self, c: CombineState, cut: _Leg) -> float:
+        """Time that is lost on a pass beside which no cart can come: until its grain is poured out standing
+        [s]; infinite where the tank does not take it either.
         """
         grain = c.tank + math.fsum(cut.masses)
         if grain < c.spec.call:
             return 0.0
-        lanes = (self.free_lane(c, k, cut, *beside(c.spec, k.spec)) for k in self.likely(c))
+        lanes = (self.free_lane(c, k, cut) for k in self.likely(c))
         if any(lane is not None for lane in lanes):
             return 0.0
         if grain <= c.spec.tank + LEFT_KG or self.is_for_part(c):
@@ -586,10 +586,10 @@ class _Scheduler:
         where a cart can come beside
         """
         count = int(np.searchsorted(levels, c.spec.tank, side="right")) - 1
-        if count < 1 or leg.task is None:
+        if count < 1:
             return
         if not anywhere and self.carts:
-            lanes = [self.free_lane(c, k, leg, *beside(c.spec, k.spec)) for k in self.likely(c)]
+            lanes = [self.free_lane(c, k, leg) for k in self.likely(c)]
             if not any(lane is not None and lane[0] < count <= lane[1] for lane in lanes):
                 return
         path = leg.path.until(leg.first + count)
@@ -610,7 +610,6 @@ class _Scheduler:
     ) -> list[int]:
         """A leg as given: its crop is cut, its grain in the tank."""
         numbers = self.table.commit(c.spec.name, leg.path, times, meets)
-        assert leg.task is not None
         into = np.array([*times[leg.first :], times[-1] + float(leg.path.spent[-1])])
         areas = self.ground.cut(leg.strips, into[1:])
         c.tank += float((areas * self.density).sum())
@@ -678,7 +677,7 @@ class _Scheduler:
     ) -> tuple[Option, Any] | None:
         """A cart drives beside the combine in its pass, over cut ground, and is poured into."""
         ahead, left = beside(c.spec, k.spec)
-        run = self.free_lane(c, k, leg, ahead, left)
+        run = self.free_lane(c, k, leg)
         if run is None:
             return None
         first, last = run
@@ -703,9 +702,7 @@ class _Scheduler:
         trip = replace(trip, path=trip.path.then(lane), after=after)
         meets = self.table.meets(leg.path, c.spec.name)
         begin = max(c.time, leg.not_before)
-        full = (
-            int(np.searchsorted(levels, c.spec.tank + LEFT_KG, side="right")) - 1
-        )  # segments that the tank takes
+        full = int(np.searchsorted(levels, c.spec.tank + LEFT_KG, side="right")) - 1  # that the tank takes
         for _ in range(3):
             mark = self.table.mark()
             times = self.table.earliest(c.spec.name, leg.path, begin, meets=meets)
@@ -721,12 +718,9 @@ class _Scheduler:
             return None
         granted = times
         cart_path, cart_times, exits, meet, amounts = found
-        given = float(math.fsum(amounts))
-        ends = times[-1] + float(leg.path.spent[-1])
-        into = [*times, ends]
-        at, lane_at = leg.first + meet, to + meet - first
-        pours = given / c.spec.auger
-        tank = float(levels[-1]) - given
+        given, ends = math.fsum(amounts), times[-1] + float(leg.path.spent[-1])
+        into, at, lane_at = [*times, ends], leg.first + meet, to + meet - first
+        pours, tank = given / c.spec.auger, float(levels[-1]) - given
         option = Option("beside", k.spec.name, into[at], ends, given, tank, exits[1], pours, leg.cuts)
 
         def grant() -> None:
@@ -768,36 +762,22 @@ class _Scheduler:
         at = next(n for n in numbers if self.table.segments[n].kind == "at truck")
         return replace(poured, during=(at, at))
 
-    def free_lane(
-        self, c: CombineState, k: CartState, leg: _Leg, ahead: float, left: float
-    ) -> tuple[int, int] | None:
+    def free_lane(self, c: CombineState, k: CartState, leg: _Leg) -> tuple[int, int] | None:
         """The longest run of segments of a pass beside which a cart may drive, from and up to."""
-        shapely = shapely_here()
-        count = len(leg.masses)
+        shapely, body, gap = shapely_here(), k.spec.body, 0.3
+        ahead, left = beside(c.spec, k.spec)
         begin = leg.path.track.places[leg.path.first[leg.first :]]
         ends = leg.path.track.places[leg.path.last[leg.first :]]
-        body, gap = k.spec.body, 0.3
-        half, front, behind = (
-            body.half_width + gap,
-            max(r.front for r in body.own) + gap,
-            body.length_behind + gap,
-        )
+        half = body.half_width + gap
         u = np.array([math.cos(begin[0, 2]), math.sin(begin[0, 2])])
         v = np.array([-u[1], u[0]])
-        a = begin[:, :2] + (ahead - behind) * u + left * v
-        b = ends[:, :2] + (ahead + front) * u + left * v
+        a = begin[:, :2] + (ahead - body.length_behind - gap) * u + left * v
+        b = ends[:, :2] + (ahead + max(r.front for r in body.own) + gap) * u + left * v
         boxes = shapely.polygons(np.stack([a - half * v, b - half * v, b + half * v, a + half * v], axis=1))
-        free = self.ground.is_free(boxes, c.time)
-        best: tuple[int, int] | None = None
-        i = 0
-        while i < count:
-            j = i
-            while j < count and free[j]:
-                j += 1
-            if j - i > (best[1] - best[0] if best else 1):
-                best = i, j
-            i = j + 1
-        return best
+        free = np.concatenate([[False], self.ground.is_free(boxes, c.time), [False]]).astype(int)
+        runs = np.flatnonzero(np.diff(free)).reshape(-1, 2).tolist()
+        first, last = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
+        return (first, last) if last - first > 1 else None
 
     def lane(self, k: CartState, leg: _Leg, start: Place, first: int, last: int) -> Path:
         """The cart's path beside a pass, in segments beside those of the pass."""
@@ -843,7 +823,7 @@ class _Scheduler:
             return None, 0.0
         rest = float(levels[-1]) - math.fsum(amounts)
         if rest > c.spec.tank + LEFT_KG:
-            return None, 0.0
+            return None, late[0]
         lane_at, begin = to + meet - first, leg.first + meet
         kept, exact = trip.path.until(lane_at + len(amounts)), dict(trip.exact)
         kept.spent[lane_at - 1] += ready  # until it is in line there
