@@ -2,9 +2,10 @@
 
 The combine that is free first is next: its way to its next pass is searched on ground that is cut by then,
 a dispatcher takes one of the things it could do, and its path and that of the cart it meets are granted at
-the first times at which they meet nobody. Carts end at waiting places off all ways, so that they are never
-in the way of what comes later. A combine that meets one that stands lets that one go first; where all do,
-one makes room.
+the first times at which they meet nobody. All that is granted to a cart ends at its waiting place off all
+ways, so that it is never in the way of what comes later. Its way there from a load is taken back when it is
+needed again: it waits in the field then, and sets out in time. A combine that meets one that stands lets that
+one go first; where all do, one makes room.
 """
 
 import math
