@@ -629,24 +629,12 @@ class _Scheduler:
                     todo[i : i + 1] = [] if rest is None else [rest]
                     return
 
+    @staticmethod
     def served(
-        self, k: CartState, option_from: Callable[[Start], tuple[Option, Any] | None]
+        k: CartState, option_from: Callable[[Start], tuple[Option, Any] | None]
     ) -> tuple[Option, Any] | None:
         """What a combine can do with a cart that comes from its last load, or else from its place."""
-        for start in k.starts:
-            mark = self.table.mark()
-            self.calls_back(start)
-            found = option_from(start)
-            self.table.back(mark)
-            if found is not None:
-                option, grant = found
-
-                def granted(start: Start = start, grant: Any = grant) -> None:
-                    self.calls_back(start)
-                    grant()
-
-                return option, granted
-        return None
+        return next((found for found in map(option_from, k.starts) if found is not None), None)
 
     def calls_back(self, start: Start) -> None:
         """A cart's way home is no longer granted."""
@@ -710,6 +698,7 @@ class _Scheduler:
             if times is None:
                 return None
             self.table.commit(c.spec.name, leg.path, times, meets)
+            self.calls_back(start)
             found, late = self.meets_there(c, leg, trip, to, (first, last), levels, times, full)
             self.table.back(mark)
             if found is not None or late <= 0.0 or full >= len(leg.masses):
@@ -726,6 +715,7 @@ class _Scheduler:
 
         def grant() -> None:
             own = self.grant_cut(c, leg, granted, meets)
+            self.calls_back(start)
             numbers = self.table.commit(k.spec.name, cart_path, cart_times)
             self.table.called(c.spec.name, numbers[len(trip.exact)])
             self.table.together += [(own[at + i], numbers[lane_at + i]) for i in range(len(amounts))]
@@ -1026,6 +1016,7 @@ class _Scheduler:
             return None
         mark = self.table.mark()
         self.table.commit(c.spec.name, path, times, meets)
+        self.calls_back(start)
         found = self.joins(k, start, c, goal, times[-1], pour)
         self.table.back(mark)
         if found is None:
@@ -1039,6 +1030,7 @@ class _Scheduler:
         def grant() -> None:
             own = self.table.commit(c.spec.name, path, [*times[:-1], begin], meets)
             path.spent[-2] = 0.0  # it waits for the cart alone
+            self.calls_back(start)
             numbers = self.table.commit(k.spec.name, cart_path, cart_times)
             self.table.called(c.spec.name, numbers[first])
             self.table.together.append((own[-1], numbers[at]))
