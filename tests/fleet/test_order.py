@@ -66,6 +66,23 @@ def test_what_is_taken_back_is_gone():
     assert table.segments[table.last["b"]].out == math.inf
 
 
+def test_who_is_called_back_no_longer_stands_where_it_would_have_come_to():
+    table, _, _ = crossing()
+    table.stand("c", standing(Place(60.0, 60.0, math.pi, math.pi), BODY, 0.0, "home"))
+    past_the_end_of_b = path(60.0, 60.0, math.pi, 120.0)
+    first = next(s.number for s in table.segments if s.machine == "b" and s.index == 1)
+    mark = table.mark()
+    table.take_off(first)
+    assert table.earliest("c", past_the_end_of_b, 300.0) is not None
+    table.back(mark)
+    assert table.earliest("c", past_the_end_of_b, 300.0) is None
+    table.take_off(first)
+    new = table.clear()
+    assert [s.number for s in table.segments] == [n for n in new if n >= 0]
+    assert table.last["b"] == new[first]
+    assert np.isfinite(order_of(table).times(np.ones((len(table.segments), 1)))).all()
+
+
 def test_a_circle_is_refused():
     table, _, _ = crossing()
     (a, b), *_ = table.order()

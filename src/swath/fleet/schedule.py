@@ -43,17 +43,16 @@ LEFT_KG = 1e-6  # of grain, that is none
 @dataclass(frozen=True)
 class Params:
     """cut_m: longest segment of a pass; align_s: until a cart that has come beside is in line; tries,
-    places: passes, and places to pour at, that are looked at, the nearest first; join, joins: segments of a
-    pass between places at which a cart may come beside, and how many; patience: times more places that are
-    looked at before anybody makes room; early_s: of what a combine waits for a
-    cart beyond what is known; soon_s: within which a machine stands that a way leads around; part: of a tank,
-    up to which a combine begins a pass that its tank does not take; long_s: beside cutting, from where on it
-    may be emptied before instead; behind: share in the cost of a place of
-    a cart's way to the truck, which keeps nobody waiting; again_s: more cost of a place at which nobody could
-    be emptied; line_deg: of a trailer that comes beside a header; near_m: that a way keeps off who stands
-    near, beyond the gaps of bodies; rests: power of two, most grants to others before who can do nothing
-    looks again; out_percent: of the field that is left where no way leads. Estimates, but for line_deg:
-    a box of 9 m then swings by less than the gap beside a header.
+    places: passes, and places to pour at, that are looked at, the nearest first, and tries times as many
+    places before anybody makes room; join, joins: segments of a pass between places at which a cart may come
+    beside, and how many; early_s: of what a combine waits for a cart beyond what is known; soon_s: within
+    which a machine stands that a way leads around; part: of a tank, up to which a combine begins a pass that
+    its tank does not take; long_s: beside cutting, from where on it may be emptied before instead; behind:
+    share in the cost of a place of a cart's way to the truck, which keeps nobody waiting; again_s: more cost
+    of a place at which nobody could be emptied; line_deg: of a trailer that comes beside a header; near_m:
+    that a way keeps off who stands near, beyond the gaps of bodies; rests: power of two, most grants to
+    others before who can do nothing looks again; out_percent: of the field that is left where no way leads.
+    Estimates, but for line_deg: a box of 9 m then swings by less than the gap beside a header.
     """
 
     cut_m: float = 8.0
@@ -62,7 +61,6 @@ class Params:
     places: int = 8
     join: int = 4
     joins: int = 2
-    patience: int = 4
     early_s: float = 2.0
     soon_s: float = 30.0
     part: float = 0.5
@@ -282,7 +280,7 @@ class _Scheduler:
                 if self.is_full(k):
                     self.empties(k)
             busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: (c.time, c.spec.name))
-            if self.goes_on(busy) or self.goes_on(busy, patience=PARAMS.patience):
+            if self.goes_on(busy) or self.goes_on(busy, patience=PARAMS.tries):
                 room = 0
                 continue
             if room > 2 * len(self.combines) or not self.makes_room(room):
@@ -656,10 +654,11 @@ class _Scheduler:
         return _Trip(k, start, c.spec.name, path, exact, self.cut_by(path, start, late))
 
     def cut_by(self, path: Path, start: Start, time: float, first: int = 0) -> dict[int, float]:
-        """From when on a cart may be in segments of a path over ground that is cut by a time [s]."""
+        """From when on a cart may be in segments of a path that was searched from a time on [s]."""
         if start.time >= time:
             return {}
-        return {first + i: t for i, t in enumerate(self.ground.cut_by(path.swept, time))}
+        cut = self.ground.cut_by(path.swept, time + float(path.spent.sum()))
+        return {first + i: t for i, t in enumerate(cut)}
 
     def comes_beside(
         self, c: CombineState, k: CartState, leg: _Leg, levels: Array, start: Start

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.fleet.bodies import Body, Drive, Place
+from swath.fleet.ground import PARAMS as GROUND
 from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.ways import PARAMS as WAYS
 from swath.fleet.ways import Finder, Track
@@ -32,9 +33,8 @@ class Params:
     body_m: that the outline of who waits is wider; wide_m: that a way keeps off machines that stand, more
     than a cell of the search and two gaps of bodies; edges_m: that a place is off the outer edge, the
     second so far that a trailer comes straight to it along a round one; spots_m: between places that are
-    looked at; far_m: from the gate to those where filling from the far end begins; tries: of the nearest that
-    ways are searched to, and then of each `apart`th farther off; poses: that such a search looks at, so that
-    a place is one to which a way is found fast
+    looked at; tries: of the nearest that ways are searched to, and then of each `apart`th farther off; poses:
+    that such a search looks at, so that a place is one to which a way is found fast
     """
 
     dock_m: float = 25.0
@@ -43,7 +43,6 @@ class Params:
     wide_m: float = 0.5
     edges_m: tuple[float, float] = (2.0, 7.0)
     spots_m: float = 5.0
-    far_m: float = 90.0
     tries: int = 60
     apart: int = 4
     poses: int = 3000
@@ -141,7 +140,7 @@ def _places(ground: Ground, bare: Any, body: Body, far: bool) -> Iterator[Place]
         for (x, y), (u, v) in zip(here.tolist(), (ahead - before).tolist(), strict=True):
             off = round(math.dist((x, y), ground.gate), 3)
             turns = (math.atan2(v, u), math.atan2(-v, -u))
-            if not far or off < PARAMS.far_m:
+            if not far or off < 2.0 * GROUND.yard_m:
                 spots += [(-off if far else off, Place(x, y, heading, heading)) for heading in turns]
     near = (place for _, place in sorted(spots) if fits(bare, body, place))
     yield from islice(near, PARAMS.tries)
