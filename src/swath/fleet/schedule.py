@@ -214,25 +214,29 @@ class _Scheduler:
         ground = Ground(job, body_of(machines.truck))
         plan = plan_of(ground, machines.combines, job.plan)
         self.job, self.dispatcher, self.ground, self.machines = job, dispatcher, ground, machines
-        self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s, notes=list(job.notes))
+        self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
+        self.kept = waiting_places(ground, self.finder, self.waits())
+        out = [k.name for k in machines.carts if k.name not in self.kept]
+        notes = [*job.notes, *(f"{name} is left out: there is no room for it to wait" for name in out)]
+        machines = replace(machines, carts=tuple(k for k in machines.carts if k.name in self.kept))
+        self.machines = machines
+        self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s, notes=notes)
         self.table = self.schedule.table
         self.rests: dict[str, int] = {}  # grants to others before a combine looks again for what it can do
         self.failed: dict[str, int] = {}  # how often in a row it could do nothing
         self.patience = 1
         self._far: dict[tuple[Drive, Place, bool, int], Far] = {}
-        self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
         self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T
         self.truck_free, self.truck_room = 0.0, math.inf
         if job.truck.volume_m3 is not None:
             self.truck_room = job.truck.volume_m3 * machines.density
-        waits = waiting_places(ground, self.finder, self.waits())
-        self.kept = {w.name: home for w, home in zip(self.waits(), waits, strict=True)}
-        homes = [home.place for home in waits]
+        homes = {name: home.place for name, home in self.kept.items()}
         own = {i: [p for p in plan.passes if p.combine == i] for i in range(len(machines.combines))}
         self.combines = [
-            CombineState(c, homes[i], homes[i], own[i], tank=c.start) for i, c in enumerate(machines.combines)
+            CombineState(c, homes[c.name], homes[c.name], own[i], tank=c.start)
+            for i, c in enumerate(machines.combines)
         ]
-        self.carts = [CartState(k, homes[len(self.combines) + i]) for i, k in enumerate(machines.carts)]
+        self.carts = [CartState(k, homes[k.name]) for k in machines.carts]
         self.shared = [p for p in plan.passes if p.combine < 0 and p.kind == HEADLAND]
         self.clean = [p for p in plan.passes if p.kind == CLEAN]
         for c in self.combines:

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.fleet.bodies import Body, Drive, Place
-from swath.fleet.ground import PARAMS as GROUND
 from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.ways import PARAMS as WAYS
 from swath.fleet.ways import Finder, Track
@@ -73,22 +72,27 @@ class Home:
     areas: tuple[Any, ...]
 
 
-def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) -> list[Home]:
-    """A place for each machine, as near to the gate as there is one; who needs most room is first. Where
-    there is no room so, it is filled from the far end.
+def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) -> dict[str, Home]:
+    """A place for each machine, as near to the gate as there is one; who needs most room is first. Carts for
+    which there is no room have none, as long as another one has.
 
-    InputError where there is none.
+    InputError where there is none for a combine, or for no cart.
     """
-    for far in (False, True):
-        places = _filled(ground, finder, machines, far)
-        if places is not None:
+    carts = [m for m in machines if m.body.has_trailer]
+    left = list(machines)
+    while True:
+        places = _filled(ground, finder, left)
+        placed = [m for m in carts if m.name in places]
+        if bool(placed) == bool(carts) and all(m.name in places or m in carts for m in machines):
             return places
-    expected = f"expected room for {len(machines)} machines to wait, each with a way in and out"
-    raise InputError("field.around_m", None, expected)
+        if len(placed) < 2:
+            expected = f"expected room for {len(machines)} machines to wait, each with a way in and out"
+            raise InputError("field.around_m", None, expected)
+        left = [m for m in machines if m not in carts or m in placed[:-1]]
 
 
-def _filled(ground: Ground, finder: Finder, machines: Sequence[Waits], far: bool) -> list[Home] | None:
-    """Places, one machine after the other, None where one has none. far: those farthest off first"""
+def _filled(ground: Ground, finder: Finder, machines: Sequence[Waits]) -> dict[str, Home]:
+    """Places of machines, one after the other, without those for which there is no room."""
     shapely = shapely_here()
     used = [
         run_of(m.body, m.dock, ahead, 3.0)
@@ -97,31 +101,33 @@ def _filled(ground: Ground, finder: Finder, machines: Sequence[Waits], far: bool
         for ahead in (PARAMS.dock_m, -PARAMS.dock_m)
     ]
     taken: list[Any] = []
+    full: set[Body] = set()  # for whom there is no room any more
     places: dict[str, Home] = {}
     for m in sorted(machines, key=lambda m: (not m.body.has_trailer, -m.body.length_behind)):
-        found = None
-        for off in (ground.around, ground.field):  # in yards, or in the strip around the field, too
+        found, offs = None, (ground.around, ground.field) if m.body not in full else ()
+        for off in offs:  # in yards, or in the strip around the field, too
             bare = shapely.difference(ground.open, shapely.union_all([off, *used]))
             shapely.prepare(bare)
-            for place in _places(ground, bare, m.body, far):
+            for place in _places(ground, bare, m.body):
                 found = _ways(ground, finder, m, place, taken)
                 if found is not None:
                     break
             if found is not None:
                 break
         if found is None:
-            return None
+            full.add(m.body)
+            continue
         places[m.name] = Home(place, tuple(found), tuple(_swept(t, m.body, 0.0) for t in found))
         taken.append(run_of(m.body, place, 0.0, WIDE))
         used.append(run_of(m.body, place, 0.0, 2.0))
         if m.body.has_trailer:
             used += [_swept(t, m.body) for t in found]
-    return [places[m.name] for m in machines]
+    return places
 
 
-def _places(ground: Ground, bare: Any, body: Body, far: bool) -> Iterator[Place]:
-    """Places along the outer edge of open ground, the nearest to the gate first, or the farthest, where a
-    body has room; not too many.
+def _places(ground: Ground, bare: Any, body: Body) -> Iterator[Place]:
+    """Places along the outer edge of open ground, the nearest to the gate first, where a body has room;
+    not too many.
     """
     shapely = shapely_here()
     spots: list[tuple[float, Place]] = []
@@ -138,10 +144,9 @@ def _places(ground: Ground, bare: Any, body: Body, far: bool) -> Iterator[Place]
             for d in (0.0, -PARAMS.spots_m, PARAMS.spots_m)
         )
         for (x, y), (u, v) in zip(here.tolist(), (ahead - before).tolist(), strict=True):
-            off = round(math.dist((x, y), ground.gate), 3)
+            far = round(math.dist((x, y), ground.gate), 3)
             turns = (math.atan2(v, u), math.atan2(-v, -u))
-            if not far or off < 2.0 * GROUND.yard_m:
-                spots += [(-off if far else off, Place(x, y, heading, heading)) for heading in turns]
+            spots += [(far, Place(x, y, heading, heading)) for heading in turns]
     near = (place for _, place in sorted(spots) if fits(bare, body, place))
     yield from islice(near, PARAMS.tries)
     yield from islice(near, 0, PARAMS.tries * PARAMS.apart, PARAMS.apart)
