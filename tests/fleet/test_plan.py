@@ -11,7 +11,8 @@ from swath.fleet.bodies import body_of
 from swath.fleet.files import CombineSettings, FieldSettings, JobFile, PlanSettings, TruckSettings
 from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import machines_of
-from swath.fleet.plan import plan_of, read_plan, strip_of
+from swath.fleet.plan import PARAMS, plan_of, read_plan, strip_of
+from tests.fleet.drawn import drawn_job
 
 SQUARE = [(0.0, 0.0), (150.0, 0.0), (150.0, 100.0), (0.0, 100.0)]
 DENT = [
@@ -105,3 +106,10 @@ def test_a_truck_in_the_crop_is_refused():
 def test_an_outline_that_crosses_itself_is_refused():
     with pytest.raises(InputError, match="boundary_m"):
         planned(job(ring=[(0.0, 0.0), (100.0, 100.0), (100.0, 0.0), (0.0, 100.0)]))
+
+
+def test_all_is_cut_beside_the_straight_sides_of_a_pond():
+    """But for the gap that headers keep off it."""
+    ground, plan = planned(drawn_job(700, (0.6, 2.5)))
+    around = ground.holes.buffer(1.1 * PARAMS.hole_m)
+    assert 0.0 < plan.left < around.area - ground.holes.area
