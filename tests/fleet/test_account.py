@@ -48,8 +48,8 @@ def test_ways_are_those_of_the_paths_and_litres_are_of_a_combine_harvest(level, 
     took = used(done[level])
     for name, u in took.items():
         segments = [s for s in done[level].schedule.table.segments if s.machine == name]
-        paths = {id(s.path): s.path for s in segments}
-        whole = math.fsum(float(p.track.distance[p.last[-1]]) for p in paths.values())
+        ends = {id(s.path): float(s.path.track.distance[s.path.last[s.index]]) for s in segments}
+        whole = math.fsum(ends.values())
         assert u.way == pytest.approx(whole, rel=0.02)
     assert 10.0 < litres_per_ha(done[level]) < 60.0  # a small odd field: much turning
     driven_way = np.hypot(*np.diff(done["driven"].places["cart_1"][:, :2], axis=0).T).sum()

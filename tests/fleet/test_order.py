@@ -27,7 +27,7 @@ def crossing():
     table = Table()
     for name, x, y in (("a", -60.0, 0.0), ("b", 0.0, -60.0)):
         heading = 0.0 if name == "a" else math.pi / 2
-        place = np.array([x, y, heading, heading])
+        place = Place(x, y, heading, heading)
         table.stand(name, standing(place, BODY, 0.0, "home"))
     first, second = path(-60.0, 0.0, 0.0, 120.0), path(0.0, -60.0, math.pi / 2, 120.0)
     table.commit("a", first, table.earliest("a", first, 0.0))
@@ -43,12 +43,12 @@ def test_who_comes_second_waits_just_before_the_shared_place():
     assert (np.delete(waits, at) < 1e-9).all()
     end = second.track.places[second.last[at], 1]
     assert -16.0 < end < -7.0  # the front of its body is 6.2 m ahead, half of the other 1.3 m wide
-    assert table.order
+    assert list(table.order())
 
 
 def test_one_that_would_stand_in_the_way_of_what_is_granted_is_not_granted():
     table, _, _ = crossing()
-    place = np.array([40.0, 60.0, -math.pi / 2, -math.pi / 2])
+    place = Place(40.0, 60.0, -math.pi / 2, -math.pi / 2)
     table.stand("c", standing(place, BODY, 0.0, "home"))
     to_the_way_of_a = path(40.0, 60.0, -math.pi / 2, 60.0)
     assert table.earliest("c", to_the_way_of_a, 0.0) is not None  # behind a
@@ -66,10 +66,27 @@ def test_what_is_taken_back_is_gone():
     assert table.segments[table.last["b"]].out == math.inf
 
 
+def test_who_is_called_back_no_longer_stands_where_it_would_have_come_to():
+    table, _, _ = crossing()
+    table.stand("c", standing(Place(60.0, 60.0, math.pi, math.pi), BODY, 0.0, "home"))
+    past_the_end_of_b = path(60.0, 60.0, math.pi, 120.0)
+    first = next(s.number for s in table.segments if s.machine == "b" and s.index == 1)
+    mark = table.mark()
+    table.take_off(first)
+    assert table.earliest("c", past_the_end_of_b, 300.0) is not None
+    table.back(mark)
+    assert table.earliest("c", past_the_end_of_b, 300.0) is None
+    table.take_off(first)
+    new = table.clear()
+    assert [s.number for s in table.segments] == [n for n in new if n >= 0]
+    assert table.last["b"] == new[first]
+    assert np.isfinite(order_of(table).times(np.ones((len(table.segments), 1)))).all()
+
+
 def test_a_circle_is_refused():
     table, _, _ = crossing()
-    (a, b) = table.order[0]
-    table.order.append((b, a))
+    (a, b), *_ = table.order()
+    table.calls.append((b, a))
     with pytest.raises(ValueError, match="circle"):
         order_of(table)
 

@@ -19,7 +19,7 @@ class Option:
     """What a combine could do next. kind: `cut`, `beside` (cut, a cart beside), `stand` (a cart comes to
     where it stands) or `truck` (it drives there itself); cart: name, "" without; begins: of pouring; ends:
     when the combine is done [s]; load: that is taken out of its tank [kg]; tank: level behind [kg];
-    cart_free: when the cart is at its place again [s]; pours: how long [s]
+    cart_free: when the cart is at its place again [s]; pours, cuts: how long [s]
     """
 
     kind: str
@@ -30,6 +30,7 @@ class Option:
     tank: float
     cart_free: float
     pours: float
+    cuts: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -57,13 +58,13 @@ class Dispatcher(Protocol):
 
 
 class Greedy:
-    """The option that costs the least time now: when the combine is done, less what the load that is taken
-    would cost to be taken standing; of those alike the one whose cart is free first.
+    """The option that costs the least time now: when the combine is done, less its time of cutting and what
+    the load that is taken would cost to be taken standing; of those alike the one whose cart is free first.
     """
 
     def decide(self, state: State) -> Option:
         """One of the options."""
-        return min(state.options, key=lambda o: (round(o.ends - o.pours, 1), o.cart_free, o.cart))
+        return min(state.options, key=lambda o: (round(o.ends - o.cuts - o.pours, 1), o.cart_free, o.cart))
 
 
 def dispatcher_of(name: str, base: Path | None) -> Dispatcher:

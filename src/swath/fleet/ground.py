@@ -214,6 +214,18 @@ class Ground:
         launch(swept_kernel.crop_cells, (numbers, points, ends, self.grid.free_from.ravel(), out))
         return out
 
+    def cut_by(self, areas: Any, time: float) -> list[float]:
+        """From when on no crop stands in rows of polygons (n, m) [s], but for what is cut after a time."""
+        out = []
+        for row in areas:
+            latest = 0.0
+            for area in row:
+                i, j, inside = cells_of(area, self.grid, self.shape)
+                free = self.grid.free_from[i, j][inside]
+                latest = max(latest, float(free.max(where=free <= time, initial=0.0)))
+            out.append(latest)
+        return out
+
 
 def window_of(areas: Any, grid: Grid, shape: tuple[int, int]) -> tuple[slice, slice]:
     """Rows and columns of cells about polygons."""

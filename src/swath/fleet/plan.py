@@ -29,6 +29,7 @@ from swath.fleet.machines import Combine
 
 Array = NDArray[np.float64]
 HEADLAND, LAND, CLEAN = "headland", "land", "clean"
+SLIVER = 1e-3  # m2, of shapes that only touch
 
 
 @dataclass(frozen=True)
@@ -240,7 +241,7 @@ class _Planner:
         strip = line.buffer(0.5 * width + PARAMS.hole_m, cap_style="flat")
         met = [
             (s - PARAMS.hole_m, e + PARAMS.hole_m)
-            for s, e in _spans(strip.intersection(self.ground.holes), at, u)
+            for s, e in _spans(strip.intersection(self.ground.holes), at, u, SLIVER)
         ]
         free, begin = [], start
         for s, e in sorted(met):

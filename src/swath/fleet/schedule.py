@@ -2,23 +2,25 @@
 
 The combine that is free first is next: its way to its next pass is searched on ground that is cut by then,
 a dispatcher takes one of the things it could do, and its path and that of the cart it meets are granted at
-the first times at which they meet nobody. Carts end at waiting places off all ways, so that they are never
-in the way of what comes later. A combine that meets one that stands lets that one go first; where all do,
-one makes room.
+the first times at which they meet nobody. All that is granted to a cart ends at its waiting place off all
+ways, so that it is never in the way of what comes later. Its way there from a load is taken back when it is
+needed again: it waits in the field then, and sets out in time. A combine that meets one that stands lets that
+one go first; where all do, one makes room.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.fleet.bodies import Body, Place, body_of
+from swath.fleet.bodies import Drive, Place, body_of
 from swath.fleet.dispatcher import Dispatcher, Option, State, dispatcher_of
 from swath.fleet.files import JobFile
 from swath.fleet.ground import PARAMS as GROUND
@@ -41,15 +43,16 @@ LEFT_KG = 1e-6  # of grain, that is none
 @dataclass(frozen=True)
 class Params:
     """cut_m: longest segment of a pass; align_s: until a cart that has come beside is in line; tries,
-    places: passes, and places to pour at, that are looked at, the nearest first; join, joins: segments of a
-    pass between places at which a cart may come beside, and how many; early_s: of what a combine waits for a
-    cart beyond what is known; soon_s: within which a machine stands that a way leads around; part: of a tank,
-    up to which a combine begins a pass that its tank does not take; behind: share in the cost of a place of
-    a cart's way to the truck, which keeps nobody waiting; again_s: more cost of a place at which nobody could
-    be emptied; line_deg: of a trailer that comes beside a header; near_m: that a way keeps off who stands
-    near, beyond the gaps of bodies; rests: power of two, most grants to others before who can do nothing
-    looks again; out_percent: of the field that is left where no way leads. Estimates, but for line_deg:
-    a box of 9 m then swings by less than the gap beside a header.
+    places: passes, and places to pour at, that are looked at, the nearest first, and tries times as many
+    places before anybody makes room; join, joins: segments of a pass between places at which a cart may come
+    beside, and how many; early_s: of what a combine waits for a cart beyond what is known; soon_s: within
+    which a machine stands that a way leads around; part: of a tank, up to which a combine begins a pass that
+    its tank does not take; long_s: beside cutting, from where on it may be emptied before instead; behind:
+    share in the cost of a place of a cart's way to the truck, which keeps nobody waiting; again_s: more cost
+    of a place at which nobody could be emptied; line_deg: of a trailer that comes beside a header; near_m:
+    that a way keeps off who stands near, beyond the gaps of bodies; rests: power of two, most grants to
+    others before who can do nothing looks again; out_percent: of the field that is left where no way leads.
+    Estimates, but for line_deg: a box of 9 m then swings by less than the gap beside a header.
     """
 
     cut_m: float = 8.0
@@ -61,6 +64,7 @@ class Params:
     early_s: float = 2.0
     soon_s: float = 30.0
     part: float = 0.5
+    long_s: float = 90.0
     behind: float = 0.25
     again_s: float = 60.0
     line_deg: float = 2.0
@@ -85,14 +89,47 @@ class CombineState:
     is_done: bool = False
 
 
+class Start(NamedTuple):
+    """Where a cart sets out from, from when on [s]; behind: the segment behind which its way home is taken
+    back then, -1 if it is at home
+    """
+
+    place: Place
+    time: float
+    behind: int = -1
+
+
 @dataclass
 class CartState:
-    """home: its waiting place, where it is free at a time [s]; load [kg]"""
+    """home: its waiting place, where it is again at a time [s]; load [kg]; loaded: at its last load, while it
+    need not go home from there
+    """
 
     spec: Cart
     home: Place
     time: float = 0.0
     load: float = 0.0
+    loaded: Start | None = None
+
+    @property
+    def starts(self) -> list[Start]:
+        """Where it may set out from, the earliest first."""
+        home = Start(self.home, self.time)
+        return [home] if self.loaded is None else [self.loaded, home]
+
+
+@dataclass
+class _Trip:
+    """What a cart is about to do: set out from a start to another machine, along a path; exact, after: times
+    that are given for its segments, and earliest ones [s]
+    """
+
+    cart: CartState
+    start: Start
+    other: str
+    path: Path
+    exact: dict[int, float]
+    after: dict[int, float]
 
 
 @dataclass(frozen=True)
@@ -127,6 +164,11 @@ class Schedule:
     ends: float = 0.0
     notes: list[str] = field(default_factory=list)
 
+    def renumber(self, new: Sequence[int]) -> None:
+        """Segments have other numbers."""
+        self.poured = [replace(p, during=(new[p.during[0]], new[p.during[1]])) for p in self.poured]
+        self.grain = {new[n]: kg for n, kg in self.grain.items()}
+
     @property
     def harvested(self) -> float:
         """Grain cut, and in tanks at the start [kg]."""
@@ -140,15 +182,23 @@ class Schedule:
 
 @dataclass
 class _Leg:
-    """What a combine is about to do: a path, what it cuts of which pass, and from which segment on."""
+    """What a combine is about to do: a path, what it cuts of which pass, and from which segment on; lost: see
+    `_Scheduler.lost` [s]
+    """
 
     path: Path
-    task: Pass | None
+    task: Pass
     masses: Array
     areas: Array
     strips: Any
     first: int
     not_before: float
+    lost: float = 0.0
+
+    @property
+    def cuts(self) -> float:
+        """Time of cutting alone [s]."""
+        return math.fsum(self.path.spent[self.first :])
 
 
 def schedule_of(job: JobFile, base: FilePath | None = None, dispatcher: Dispatcher | None = None) -> Schedule:
@@ -164,31 +214,36 @@ class _Scheduler:
         ground = Ground(job, body_of(machines.truck))
         plan = plan_of(ground, machines.combines, job.plan, job.drawn)
         self.job, self.dispatcher, self.ground, self.machines = job, dispatcher, ground, machines
-        self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s, notes=list(job.notes))
+        self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
+        self.kept = waiting_places(ground, self.finder, self.waits())
+        out = [k.name for k in machines.carts if k.name not in self.kept]
+        notes = [*job.notes, *(f"{name} is left out: there is no room for it to wait" for name in out)]
+        machines = replace(machines, carts=tuple(k for k in machines.carts if k.name in self.kept))
+        self.machines = machines
+        self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s, notes=notes)
         self.table = self.schedule.table
         self.rests: dict[str, int] = {}  # grants to others before a combine looks again for what it can do
         self.failed: dict[str, int] = {}  # how often in a row it could do nothing
-        self._far: dict[tuple[str, int], tuple[Far, Far]] = {}
+        self.patience = 1
+        self._far: dict[tuple[Drive, Place, bool, int], Far] = {}
         self.dropped = -1  # windows of crop that were cut when passes were last looked through
-        self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
         self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T
         self.truck_free, self.truck_room = 0.0, math.inf
         if job.truck.volume_m3 is not None:
             self.truck_room = job.truck.volume_m3 * machines.density
-        waits = waiting_places(ground, self.finder, self.waits())
-        self.kept = {w.name: home for w, home in zip(self.waits(), waits, strict=True)}
-        homes = [home.place for home in waits]
+        homes = {name: home.place for name, home in self.kept.items()}
         own = {i: [p for p in plan.passes if p.combine == i] for i in range(len(machines.combines))}
         self.combines = [
-            CombineState(c, homes[i], homes[i], own[i], tank=c.start) for i, c in enumerate(machines.combines)
+            CombineState(c, homes[c.name], homes[c.name], own[i], tank=c.start)
+            for i, c in enumerate(machines.combines)
         ]
-        self.carts = [CartState(k, homes[len(self.combines) + i]) for i, k in enumerate(machines.carts)]
+        self.carts = [CartState(k, homes[k.name]) for k in machines.carts]
         self.shared = [p for p in plan.passes if p.combine < 0 and p.kind == HEADLAND]
         self.clean = [p for p in plan.passes if p.kind == CLEAN]
         for c in self.combines:
-            self.table.stand(c.spec.name, standing(np.array(c.home), c.spec.body, 0.0, "home"))
+            self.table.stand(c.spec.name, standing(c.home, c.spec.body, 0.0, "home"))
         for k in self.carts:
-            self.table.stand(k.spec.name, standing(np.array(k.home), k.spec.body, 0.0, "home"))
+            self.table.stand(k.spec.name, standing(k.home, k.spec.body, 0.0, "home"))
         self.homes = {k.spec.name: run_of(k.spec.body, k.home, 0.0, WIDE) for k in self.carts}
         self.places = list(self.service_places()) if self.carts else []
         self.vain: dict[Place, int] = {}  # how often in a row nobody could be emptied there
@@ -230,7 +285,7 @@ class _Scheduler:
                 if self.is_full(k):
                     self.empties(k)
             busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: (c.time, c.spec.name))
-            if self.goes_on(busy):
+            if self.goes_on(busy) or self.goes_on(busy, patience=PARAMS.tries):
                 room = 0
                 continue
             if room > 2 * len(self.combines) or not self.makes_room(room):
@@ -249,11 +304,13 @@ class _Scheduler:
                 room += 1
                 k.time = max(k.time, *(c.time for c in self.combines))
         self.schedule.ends = max((p.ends for p in self.schedule.poured if p.target == "truck"), default=0.0)
+        self.schedule.renumber(self.table.clear())
 
-    def goes_on(self, busy: Sequence[CombineState]) -> bool:
+    def goes_on(self, busy: Sequence[CombineState], patience: int = 1) -> bool:
         """One combine does its next thing, who is free first; who could do nothing looks again when others
-        have done something, less and less often.
+        have done something, less and less often. patience: how much more they look at
         """
+        self.patience = patience
         for c in sorted(busy, key=lambda c: self.rests.get(c.spec.name, 0) > 0):
             name = c.spec.name
             if self.turn(c):
@@ -299,8 +356,9 @@ class _Scheduler:
             c.is_done = self.goes_home(c)
             return c.is_done
         options = self.first(c, legs, part=False)
-        if not options and c.tank > LEFT_KG:
-            options = list(self.emptied(c))
+        spent = min((o.ends - o.cuts for o, _ in options), default=math.inf) - c.time
+        if c.tank > LEFT_KG and spent > PARAMS.long_s + c.tank / c.spec.auger:
+            options += self.emptied(c)
         if not options:
             options = self.first(c, self.next_legs(c) or iter(()), part=True)
         return self.takes(c, options)
@@ -317,17 +375,9 @@ class _Scheduler:
         """What the dispatcher decides, granted; False where there is nothing to decide."""
         if not options:
             return False
-        carts = {k.spec.name: (k.time, k.spec.load - k.load) for k in self.carts}
-        state = State(
-            c.time,
-            c.spec.name,
-            c.tank,
-            c.spec.tank,
-            c.spec.call,
-            carts,
-            self.left,
-            tuple(o for o, _ in options),
-        )
+        carts = {k.spec.name: (k.starts[0].time, k.spec.load - k.load) for k in self.carts}
+        given = tuple(o for o, _ in options)
+        state = State(c.time, c.spec.name, c.tank, c.spec.tank, c.spec.call, carts, self.left, given)
         chosen = self.dispatcher.decide(state)
         for option, grant in options:
             if option is chosen:
@@ -383,21 +433,30 @@ class _Scheduler:
         return self.legs(c, passes) if passes else None
 
     def legs(self, c: CombineState, passes: Sequence[Pass]) -> Iterator[_Leg]:
-        """Legs to passes, each in its own direction first, from now or from when all given is cut."""
+        """Legs to passes, from now or from when all given is cut: headland first, then those first that
+        cost the least time beside that of cutting.
+        """
+        reach = self.reach(c)
+        cuts: list[tuple[bool, float, int, _Leg]] = []
+        for p in passes:
+            for task in (p, p.reversed()):
+                leg = self.only_cut(c, task)
+                if leg is not None:
+                    way = reach(leg.path.track.start) / c.spec.drive.straight
+                    cuts.append((p.kind != HEADLAND, round(way + leg.lost, 0), len(cuts), leg))
         for time in self.moments(c):
-            for p in passes:
-                for task in (p, p.reversed()):
-                    leg = self.leg(c, task, time)
-                    if leg is not None:
-                        yield leg
+            for *_, leg in sorted(cuts, key=lambda cut: cut[:3]):
+                found = self.with_way(c, leg, time)
+                if found is not None:
+                    yield found
 
     def moments(self, c: CombineState) -> list[float]:
         """When a combine may set out: now, or when all have done what is granted to them."""
         late = max(self.last_of(name).into for name in self.names())
         return [c.time] if late <= c.time else [c.time, late]
 
-    def leg(self, c: CombineState, task: Pass, time: float) -> _Leg | None:
-        """A way to a pass and the pass."""
+    def only_cut(self, c: CombineState, task: Pass) -> _Leg | None:
+        """A pass alone; None where a combine can do nothing on it."""
         u = np.array([math.cos(task.heading), math.sin(task.heading)])
         start = np.array(task.start) - c.spec.knife * u
         place = Place(float(start[0]), float(start[1]), task.heading, task.heading)
@@ -411,22 +470,31 @@ class _Scheduler:
         length = np.diff(marks)
         speed = [c.spec.speed_in(a * self.density / d) for a, d in zip(areas, length, strict=True)]
         cut.spent = length / np.array(speed)
-        leg = _Leg(cut, task, areas * self.density, areas, strips, 0, time)
-        if not self.is_worth(c, leg):
-            return None
-        way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, time)
-        if way is None:
-            return None
-        path = segments(way, times_along(way, c.spec.drive), c.spec.body, "way")
-        return replace(leg, path=path.then(cut), first=len(path))
+        leg = _Leg(cut, task, areas * self.density, areas, strips, 0, 0.0)
+        leg.lost = self.lost(c, leg)
+        return leg if math.isfinite(leg.lost) else None
 
-    def is_worth(self, c: CombineState, leg: _Leg) -> bool:
-        """Whether a pass can be cut in any way, before a way to it is looked for."""
-        grain = math.fsum(leg.masses)
-        if c.tank + grain <= c.spec.tank + LEFT_KG or self.is_for_part(c):
-            return True
-        lanes = (self.free_lane(c, k, leg, *beside(c.spec, k.spec)) for k in self.likely(c))
-        return any(lane is not None for lane in lanes)
+    def with_way(self, c: CombineState, cut: _Leg, time: float) -> _Leg | None:
+        """A pass and the way to it."""
+        place = cut.path.track.start
+        path = self.way(c.spec, c.place, place, time, "way")
+        if path is None:
+            return None
+        return replace(cut, path=path.then(cut.path), first=len(path), not_before=time)
+
+    def lost(self, c: CombineState, cut: _Leg) -> float:
+        """Time that is lost on a pass beside which no cart can come: until its grain is poured out standing
+        [s]; infinite where the tank does not take it either.
+        """
+        grain = c.tank + math.fsum(cut.masses)
+        if grain < c.spec.call:
+            return 0.0
+        lanes = (self.free_lane(c, k, cut) for k in self.likely(c))
+        if any(lane is not None for lane in lanes):
+            return 0.0
+        if grain <= c.spec.tank + LEFT_KG or self.is_for_part(c):
+            return min(grain, c.spec.tank) / c.spec.auger
+        return math.inf
 
     @staticmethod
     def is_for_part(c: CombineState) -> bool:
@@ -434,25 +502,24 @@ class _Scheduler:
         return c.tank < PARAMS.part * c.spec.tank
 
     def way(
-        self,
-        name: str,
-        body: Body,
-        drive: Any,
-        start: Place,
-        goal: Place,
-        time: float,
-        beside: str = "",
-        **more: Any,
-    ) -> Track | None:
+        self, m: Combine | Cart, start: Place, goal: Place, time: float, kind: str, beside: str = "",
+        line_deg: float = WAYS.line_deg,
+    ) -> Path | None:  # fmt: skip
         """A way around waiting places of others and what stands then or soon.
 
-        beside: who may be near, as those that are near at the start
+        beside: who may be near, as those that are near at the start; line_deg: of a trailer at the end
         """
-        if (
-            math.dist(start[:2], goal[:2]) < 1e-6
-            and abs(math.sin(0.5 * (start.heading - goal.heading))) < 1e-9
-        ):
-            return driven(start, [(0.0, 1e-3)], body)
+        way = self.track(m, start, goal, time, beside, line_deg if m.body.has_trailer else 0.0)
+        return None if way is None else segments(way, times_along(way, m.drive), m.body, kind)
+
+    def track(
+        self, m: Combine | Cart, start: Place, goal: Place, time: float, beside: str, line: float
+    ) -> Track | None:
+        """The same as a track."""
+        name, body, drive, none = m.name, m.body, m.drive, driven(start, [(0.0, 1e-3)], m.body)
+        turned = math.sin(0.5 * (start.heading - goal.heading))
+        if math.dist(start[:2], goal[:2]) < 1e-6 and abs(turned) < 1e-9:
+            return none
         shapes = [home for o, home in self.homes.items() if o != name]
         near: list[Any] = []
         own = run_of(body, start, 0.0)
@@ -465,8 +532,8 @@ class _Scheduler:
                     near += [p.buffer(PARAMS.near_m, join_style="mitre") for p in s.path.swept[s.index]]
                 else:
                     shapes += wide
-        more = {"stand": shapes, "near": near, "time": time, **more}
-        kept, none = self.kept[name], driven(start, [(0.0, 1e-3)], body)
+        find = partial(self.finder.find, body, drive, start, stand=shapes, near=near, time=time)
+        kept = self.kept[name]
         for way, area in zip(kept.ways, kept.areas, strict=True):
             begins, ends = (math.dist(a[:2], b[:2]) < 0.01 for a, b in ((start, way.start), (goal, way.end)))
             if not ends or shapely_here().intersects(area, [*shapes, *near]).any():
@@ -474,10 +541,10 @@ class _Scheduler:
             if begins:
                 return behind(none, way, body)
             if math.dist(start[:2], way.places[0, :2]) > GROUND.yard_m:  # up to the gate, then as kept
-                first = self.finder.find(body, drive, start, way.start, **{**more, "in_line": WAYS.line_deg})
+                first = find(way.start, in_line=WAYS.line_deg)
                 if first is not None:
                     return behind(first, way, body)
-        return self.finder.find(body, drive, start, goal, **more)
+        return find(goal, in_line=line)
 
     def names(self) -> list[str]:
         """Of all machines that move."""
@@ -498,11 +565,11 @@ class _Scheduler:
             if times is None:
                 return
             ends = times[-1] + float(leg.path.spent[-1])
-            option = Option("cut", "", ends, ends, 0.0, float(levels[-1]), 0.0, 0.0)
+            option = Option("cut", "", ends, ends, 0.0, float(levels[-1]), 0.0, 0.0, leg.cuts)
             yield option, lambda: self.grant_cut(c, leg, times, meets)
         if levels[-1] >= c.spec.call:
             for k in self.likely(c):
-                found = self.comes_beside(c, k, leg, levels)
+                found = self.served(k, partial(self.comes_beside, c, k, leg, levels))
                 if found is not None:
                     yield found
         if not fits and self.is_for_part(c):
@@ -511,8 +578,13 @@ class _Scheduler:
     def likely(self, c: CombineState) -> list[CartState]:
         """Carts with room, those that are free first."""
         room = [k for k in self.carts if k.spec.load - k.load > 0.05 * k.spec.load]
-        far = {k.spec.name: math.dist(k.home[:2], c.place[:2]) / k.spec.drive.straight for k in room}
-        return sorted(room, key=lambda k: (max(k.time, c.time) + far[k.spec.name], k.spec.name))[:2]
+
+        def comes(k: CartState) -> tuple[float, str]:
+            start = k.starts[0]
+            far = math.dist(start.place[:2], c.place[:2])
+            return max(start.time + far / k.spec.drive.straight, c.time), k.spec.name
+
+        return sorted(room, key=comes)[:2]
 
     def cuts_part(
         self, c: CombineState, leg: _Leg, levels: Array, anywhere: bool
@@ -521,10 +593,10 @@ class _Scheduler:
         where a cart can come beside
         """
         count = int(np.searchsorted(levels, c.spec.tank, side="right")) - 1
-        if count < 1 or leg.task is None:
+        if count < 1:
             return
         if not anywhere and self.carts:
-            lanes = [self.free_lane(c, k, leg, *beside(c.spec, k.spec)) for k in self.likely(c)]
+            lanes = [self.free_lane(c, k, leg) for k in self.likely(c)]
             if not any(lane is not None and lane[0] < count <= lane[1] for lane in lanes):
                 return
         path = leg.path.until(leg.first + count)
@@ -537,7 +609,7 @@ class _Scheduler:
         middle = tuple((1 - share) * a + share * b for a, b in zip(leg.task.start, leg.task.end, strict=True))
         rest = Pass(middle, leg.task.end, leg.task.width, leg.task.kind, leg.task.land, leg.task.combine)  # type: ignore[arg-type]
         ends = times[-1] + float(path.spent[-1])
-        option = Option("cut", "", ends, ends, 0.0, float(levels[count]), 0.0, 0.0)
+        option = Option("cut", "", ends, ends, 0.0, float(levels[count]), 0.0, 0.0, part.cuts)
         yield option, lambda: self.grant_cut(c, part, times, None, rest)
 
     def grant_cut(
@@ -545,7 +617,6 @@ class _Scheduler:
     ) -> list[int]:
         """A leg as given: its crop is cut, its grain in the tank."""
         numbers = self.table.commit(c.spec.name, leg.path, times, meets)
-        assert leg.task is not None
         into = np.array([*times[leg.first :], times[-1] + float(leg.path.spent[-1])])
         areas = self.ground.cut(leg.strips, into[1:])
         c.tank += float((areas * self.density).sum())
@@ -564,48 +635,78 @@ class _Scheduler:
                     todo[i : i + 1] = [] if rest is None else [rest]
                     return
 
+    @staticmethod
+    def served(
+        k: CartState, option_from: Callable[[Start], tuple[Option, Any] | None]
+    ) -> tuple[Option, Any] | None:
+        """What a combine can do with a cart that comes from its last load, or else from its place."""
+        return next((found for found in map(option_from, k.starts) if found is not None), None)
+
+    def calls_back(self, start: Start) -> None:
+        """A cart's way home is no longer granted."""
+        if start.behind >= 0:
+            self.table.take_off(start.behind)
+
+    def sets_out(self, k: CartState, start: Start, c: CombineState, goal: Place) -> _Trip | None:
+        """A cart's way to beside a combine. It is searched on ground that is cut when the combine is free,
+        and driven as soon as its ground is cut, so that the cart is there when it is needed.
+        """
+        late = max(start.time, c.time)
+        path = self.way(k.spec, start.place, goal, late, "to combine", c.spec.name, PARAMS.line_deg)
+        if path is None:
+            return None
+        exact = {}
+        if start.behind >= 0:
+            path = standing(path.track.start, k.spec.body, 0.0, "in the field").then(path)
+            exact[0] = start.time
+        return _Trip(k, start, c.spec.name, path, exact, self.cut_by(path, start, late))
+
+    def cut_by(self, path: Path, start: Start, time: float, first: int = 0) -> dict[int, float]:
+        """From when on a cart may be in segments of a path that was searched from a time on [s]."""
+        if start.time >= time:
+            return {}
+        cut = self.ground.cut_by(path.swept, time + float(path.spent.sum()))
+        return {first + i: t for i, t in enumerate(cut)}
+
     def comes_beside(
-        self, c: CombineState, k: CartState, leg: _Leg, levels: Array
+        self, c: CombineState, k: CartState, leg: _Leg, levels: Array, start: Start
     ) -> tuple[Option, Any] | None:
         """A cart drives beside the combine in its pass, over cut ground, and is poured into."""
         ahead, left = beside(c.spec, k.spec)
-        run = self.free_lane(c, k, leg, ahead, left)
+        run = self.free_lane(c, k, leg)
         if run is None:
             return None
         first, last = run
-        come, go = self.far(k, c.time)
+        come, go = self.far(k, start.place, c.time)
         end = Place(*leg.path.track.places[leg.path.last[leg.first + last - 1]].tolist())
         if math.isinf(go(end.ahead(ahead, left))):
             return None
-        way = None
+        trip = None
         for join in range(first, last - 1, PARAMS.join):
             place = Place(*leg.path.track.places[leg.path.first[leg.first + join]].tolist())
-            start, first = place.ahead(ahead, left), join
-            if math.isinf(come(start)):
+            goal, first = place.ahead(ahead, left), join
+            if math.isinf(come(goal)):
                 continue
-            way = self.way(
-                k.spec.name, k.spec.body, k.spec.drive, k.home, start, max(k.time, c.time), c.spec.name,
-                in_line=PARAMS.line_deg,
-            )  # fmt: skip
-            if way is not None or join - run[0] >= PARAMS.joins * PARAMS.join:
+            trip = self.sets_out(k, start, c, goal)
+            if trip is not None or join - run[0] >= PARAMS.joins * PARAMS.join:
                 break
-        if way is None:
+        if trip is None:
             return None
-        to = segments(way, times_along(way, k.spec.drive), k.spec.body, "to combine")
-        lane = self.lane(k, leg, start, first, last)
-        approach = to.then(lane)
+        to = len(trip.path)
+        lane = self.lane(k, leg, goal, first, last)
+        after = trip.after | self.cut_by(lane, start, c.time, to)
+        trip = replace(trip, path=trip.path.then(lane), after=after)
         meets = self.table.meets(leg.path, c.spec.name)
         begin = max(c.time, leg.not_before)
-        full = (
-            int(np.searchsorted(levels, c.spec.tank + LEFT_KG, side="right")) - 1
-        )  # segments that the tank takes
+        full = int(np.searchsorted(levels, c.spec.tank + LEFT_KG, side="right")) - 1  # that the tank takes
         for _ in range(3):
             mark = self.table.mark()
             times = self.table.earliest(c.spec.name, leg.path, begin, meets=meets)
             if times is None:
                 return None
             self.table.commit(c.spec.name, leg.path, times, meets)
-            found, late = self.meets_there(c, k, leg, approach, len(to), (first, last), levels, times, full)
+            self.calls_back(start)
+            found, late = self.meets_there(c, leg, trip, to, (first, last), levels, times, full)
             self.table.back(mark)
             if found is not None or late <= 0.0 or full >= len(leg.masses):
                 break
@@ -613,28 +714,22 @@ class _Scheduler:
         if found is None or times is None:
             return None
         granted = times
-        cart_path, cart_times, amounts, behind_first, exits = found
-        meet = first + behind_first
-        given = float(math.fsum(amounts))
-        ends = times[-1] + float(leg.path.spent[-1])
-        into = [*times, ends]
-        at = leg.first + meet
-        pours = given / c.spec.auger
-        option = Option(
-            "beside", k.spec.name, into[at], ends, given, float(levels[-1]) - given, exits[1], pours
-        )
+        cart_path, cart_times, exits, meet, amounts = found
+        given, ends = math.fsum(amounts), times[-1] + float(leg.path.spent[-1])
+        into, at, lane_at = [*times, ends], leg.first + meet, to + meet - first
+        pours, tank = given / c.spec.auger, float(levels[-1]) - given
+        option = Option("beside", k.spec.name, into[at], ends, given, tank, exits[1], pours, leg.cuts)
 
         def grant() -> None:
-            before = self.table.last[c.spec.name]
             own = self.grant_cut(c, leg, granted, meets)
+            self.calls_back(start)
             numbers = self.table.commit(k.spec.name, cart_path, cart_times)
-            self.table.called([before, *own], numbers)
-            lane_at = len(to) + meet - first
+            self.table.called(c.spec.name, numbers[len(trip.exact)])
             self.table.together += [(own[at + i], numbers[lane_at + i]) for i in range(len(amounts))]
             during = own[at], own[at + len(amounts) - 1]
             poured = Poured(c.spec.name, k.spec.name, given, into[at], into[at + len(amounts)], during)
             self.hands_over(c, k, poured)
-            self.leaves(k, exits, numbers)
+            self.leaves(k, exits, numbers, lane_at + len(amounts) - 1)
 
         return option, grant
 
@@ -644,9 +739,16 @@ class _Scheduler:
         c.tank -= poured.amount
         k.load += poured.amount
 
-    def leaves(self, k: CartState, exits: tuple[bool, float, list[Poured]], numbers: Sequence[int]) -> None:
-        """What a cart did behind its load, until it was at its place again, in segments."""
-        _, k.time, poured = exits
+    def leaves(
+        self, k: CartState, exits: tuple[bool, float, list[Poured]], numbers: Sequence[int], at: int = 0
+    ) -> None:
+        """What a cart did behind its load, until it was at its place again, in segments; at: where it took
+        the load.
+        """
+        empties, k.time, poured = exits
+        loaded = self.table.segments[numbers[at]]
+        end = Place(*loaded.path.track.places[loaded.path.last[loaded.index]].tolist())
+        k.loaded = None if empties else Start(end, loaded.into + loaded.spent, loaded.number)
         for p in poured:
             self.schedule.poured.append(self._during(p, numbers))
             k.load -= p.amount
@@ -658,36 +760,22 @@ class _Scheduler:
         at = next(n for n in numbers if self.table.segments[n].kind == "at truck")
         return replace(poured, during=(at, at))
 
-    def free_lane(
-        self, c: CombineState, k: CartState, leg: _Leg, ahead: float, left: float
-    ) -> tuple[int, int] | None:
+    def free_lane(self, c: CombineState, k: CartState, leg: _Leg) -> tuple[int, int] | None:
         """The longest run of segments of a pass beside which a cart may drive, from and up to."""
-        shapely = shapely_here()
-        count = len(leg.masses)
+        shapely, body, gap = shapely_here(), k.spec.body, 0.3
+        ahead, left = beside(c.spec, k.spec)
         begin = leg.path.track.places[leg.path.first[leg.first :]]
         ends = leg.path.track.places[leg.path.last[leg.first :]]
-        body, gap = k.spec.body, 0.3
-        half, front, behind = (
-            body.half_width + gap,
-            max(r.front for r in body.own) + gap,
-            body.length_behind + gap,
-        )
+        half = body.half_width + gap
         u = np.array([math.cos(begin[0, 2]), math.sin(begin[0, 2])])
         v = np.array([-u[1], u[0]])
-        a = begin[:, :2] + (ahead - behind) * u + left * v
-        b = ends[:, :2] + (ahead + front) * u + left * v
+        a = begin[:, :2] + (ahead - body.length_behind - gap) * u + left * v
+        b = ends[:, :2] + (ahead + max(r.front for r in body.own) + gap) * u + left * v
         boxes = shapely.polygons(np.stack([a - half * v, b - half * v, b + half * v, a + half * v], axis=1))
-        free = self.ground.is_free(boxes, c.time)
-        best: tuple[int, int] | None = None
-        i = 0
-        while i < count:
-            j = i
-            while j < count and free[j]:
-                j += 1
-            if j - i > (best[1] - best[0] if best else 1):
-                best = i, j
-            i = j + 1
-        return best
+        free = np.concatenate([[False], self.ground.is_free(boxes, c.time), [False]]).astype(int)
+        runs = np.flatnonzero(np.diff(free)).reshape(-1, 2).tolist()
+        first, last = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
+        return (first, last) if last - first > 1 else None
 
     def lane(self, k: CartState, leg: _Leg, start: Place, first: int, last: int) -> Path:
         """The cart's path beside a pass, in segments beside those of the pass."""
@@ -700,20 +788,22 @@ class _Scheduler:
         return made
 
     def meets_there(
-        self, c: CombineState, k: CartState, leg: _Leg, approach: Path, ways: int, run: tuple[int, int],
-        levels: Array, times: list[float], full: int,
+        self, c: CombineState, leg: _Leg, trip: _Trip, to: int, run: tuple[int, int], levels: Array,
+        times: list[float], full: int,
     ) -> tuple[Any, float]:  # fmt: skip
         """The cart's path up to the combine, beside it while it is poured into, and away; the combine's own
-        is granted. What is late, where it comes too late [s].
+        is granted. to: segments of the trip up to the pass. What is late, where it comes too late [s].
         """
-        first, last = run
-        now = max(k.time, c.time)
-        came = self.table.earliest(k.spec.name, approach, now, stays=False, early=True)
+        (first, last), k = run, trip.cart
+        came = self.table.earliest(
+            k.spec.name, trip.path, trip.start.time, stays=False, early=True, exact=trip.exact,
+            after=trip.after,
+        )  # fmt: skip
         if came is None:
             return None, 0.0
         into = [*times, times[-1] + float(leg.path.spent[-1])]
         ready = max(PARAMS.align_s, c.spec.swing)
-        late = [came[ways + i - first] + ready - into[leg.first + i] for i in range(first, last)]
+        late = [came[to + i - first] + ready - into[leg.first + i] for i in range(first, last)]
         meet = next((first + i for i, x in enumerate(late) if x <= 0.0), None)
         if meet is None or meet > full:
             return None, late[min(full, last - 1) - first] if full >= first else 0.0
@@ -731,55 +821,24 @@ class _Scheduler:
             return None, 0.0
         rest = float(levels[-1]) - math.fsum(amounts)
         if rest > c.spec.tank + LEFT_KG:
-            return None, 0.0
-        return self.cart_path(
-            k, approach, ways + meet - first, amounts, into[leg.first + meet :], c.spec.name, now, ready
-        ), 0.0
-
-    def cart_path(
-        self,
-        k: CartState,
-        approach: Path,
-        lane_at: int,
-        amounts: list[float],
-        into: list[float],
-        other: str,
-        now: float,
-        ready: float,
-    ) -> Any:
-        """A cart's whole path: to the combine, beside it, to the truck or not, to its place. ready: time
-        until it is in line there [s]
-        """
-        kept = approach.until(lane_at + len(amounts))
-        kept.spent[lane_at - 1] += ready
+            return None, late[0]
+        lane_at, begin = to + meet - first, leg.first + meet
+        kept, exact = trip.path.until(lane_at + len(amounts)), dict(trip.exact)
+        kept.spent[lane_at - 1] += ready  # until it is in line there
         for i in range(len(amounts)):
-            kept.spent[lane_at + i] = into[i + 1] - into[i]
+            exact[lane_at + i] = into[begin + i]
+            kept.spent[lane_at + i] = into[begin + i + 1] - into[begin + i]
             kept.kinds[lane_at + i] = "beside, pouring"
-        end = into[len(amounts)]
-        exact = {lane_at + i: into[i] for i in range(len(amounts))}
-        found = self.away(k, kept, now, end, k.load + math.fsum(amounts), exact, other)
-        if found is None:
-            return None
-        path, times, exits = found
-        return path, times, amounts, lane_at - self._ways_of(kept), exits
-
-    @staticmethod
-    def _ways_of(path: Path) -> int:
-        return next(i for i, kind in enumerate(path.kinds) if kind.startswith("beside"))
+        trip = replace(trip, path=kept, exact=exact)
+        found = self.away(trip, into[begin + len(amounts)], k.load + math.fsum(amounts))
+        return None if found is None else (*found, meet, amounts), 0.0
 
     def away(
-        self,
-        k: CartState,
-        path: Path,
-        now: float,
-        time: float,
-        load: float,
-        exact: dict[int, float],
-        other: str,
+        self, trip: _Trip, time: float, load: float
     ) -> tuple[Path, list[float], tuple[bool, float, list[Poured]]] | None:
-        """A path with what follows: to the truck if the load is worth it, then to the cart's place."""
-        for empties in (True, False) if self.is_full(k, load) else (False,):
-            found = self.home_by(k, path, now, time, load, exact, empties, other)
+        """A trip with what follows: to the truck if the load is worth it, then to the cart's place."""
+        for empties in (True, False) if self.is_full(trip.cart, load) else (False,):
+            found = self.home_by(trip, time, load, empties)
             if found is not None:
                 return found
         return None
@@ -791,39 +850,33 @@ class _Scheduler:
         return load >= min(k.spec.leave, 0.95 * k.spec.load)
 
     def home_by(
-        self,
-        k: CartState,
-        path: Path,
-        now: float,
-        time: float,
-        load: float,
-        exact: dict[int, float],
-        empties: bool,
-        other: str = "",
+        self, trip: _Trip, time: float, load: float, empties: bool
     ) -> tuple[Path, list[float], tuple[bool, float, list[Poured]]] | None:
-        """A path and the way to the cart's place behind it, by the truck or not."""
-        here = path.track.end if len(path) else k.home
-        name, body, drive = k.spec.name, k.spec.body, k.spec.drive
-        whole, dock_at = path, -1
+        """A trip with the way to the cart's place behind it, by the truck or not."""
+        k, other, exact = trip.cart, trip.other, trip.exact
+        here = trip.path.track.end
+        name, body = k.spec.name, k.spec.body
+        whole, dock_at = trip.path, -1
         if empties:
             dock = self.cart_dock(k.spec)
-            way = self.way(name, body, drive, here, dock, time, other, in_line=WAYS.line_deg)
+            way = self.way(k.spec, here, dock, time, "to truck", other)
             if way is None:
                 return None
-            whole = whole.then(segments(way, times_along(way, drive), body, "to truck"))
+            whole, here = whole.then(way), way.track.end
             dock_at = len(whole)
-            whole = whole.then(standing(way.places[-1], body, 0.0, "at truck"))
-            here = way.end
-        way = self.way(name, body, drive, here, k.home, time, other, in_line=WAYS.line_deg)
+            whole = whole.then(standing(here, body, 0.0, "at truck"))
+        way = self.way(k.spec, here, k.home, time, "to its place", other)
         if way is None:
             return None
-        whole = whole.then(segments(way, times_along(way, drive), body, "to its place"))
-        whole = whole.then(standing(way.places[-1], body, 0.0, "home"))
+        whole = whole.then(way)
+        whole = whole.then(standing(way.track.end, body, 0.0, "home"))
         meets = self.table.meets(whole, name)
         poured: list[Poured] = []
         times: list[float] | None = None
         for _ in range(6):
-            times = self.table.earliest(name, whole, now, exact=exact, meets=meets, early=empties)
+            times = self.table.earliest(
+                name, whole, trip.start.time, exact=exact, meets=meets, early=empties, after=trip.after
+            )
             if times is None:
                 return None
             if not empties:
@@ -831,8 +884,9 @@ class _Scheduler:
             poured = self.at_truck(name, load, k.spec.out, times[dock_at])
             spent = poured[-1].ends + 0.5 * self.job.truck.dock_s - times[dock_at]
             if abs(spent - whole.spent[dock_at]) < 1e-6:
+                exact = {**exact, dock_at: times[dock_at]}
                 times = self.table.earliest(
-                    name, whole, now, exact={**exact, dock_at: times[dock_at]}, meets=meets
+                    name, whole, trip.start.time, exact=exact, meets=meets, after=trip.after
                 )
                 break
             whole.spent[dock_at] = spent
@@ -876,9 +930,9 @@ class _Scheduler:
         looked = 0
         for place in self.by_way(c):
             for k in self.likely(c):
-                if looked < PARAMS.places and self.has_room(c, k, place):
+                if looked < self.patience * PARAMS.places and self.has_room(c, k, place):
                     looked += 1
-                    one = self.stands(c, k, place)
+                    one = self.served(k, partial(self.stands, c, k, place))
                     found += [one] if one is not None else []
                     self.vain[place] = 0 if one is not None else self.vain.get(place, 0) + 1
             if len(found) >= min(2, len(self.carts)):
@@ -888,42 +942,53 @@ class _Scheduler:
     def by_way(self, c: CombineState) -> list[Place]:
         """Places to be emptied at, those first to which it and a cart there and back have not far."""
         k = self.likely(c)[0] if self.likely(c) else self.carts[0]
-        come, go = self.far(k, c.time)
+        start = k.starts[0]
+        come, go = self.far(k, start.place, c.time)
         ahead, left = beside(c.spec, k.spec)
+        reach = self.reach(c)
 
         def cost(place: Place) -> tuple[float, Place]:
             at = place.ahead(ahead, left)
-            own = math.dist(place[:2], c.place[:2]) / c.spec.drive.straight
-            cart = max(k.time - c.time, 0.0) + come(at) / k.spec.drive.straight
+            own = reach(place) / c.spec.drive.straight if place != c.place else 0.0
+            cart = start.time - c.time + come(at) / k.spec.drive.straight
             rest = PARAMS.behind * go(at) / k.spec.drive.straight
             return round(max(own, cart) + own + rest + PARAMS.again_s * self.vain.get(place, 0), 1), place
 
         return sorted((c.place, *self.places, *self.inner), key=cost)
 
-    def far(self, k: CartState, time: float) -> tuple[Far, Far]:
-        """How far it is about from a cart's place and to the truck; kept until crop is cut."""
-        key = k.spec.name, len(self.ground.grid.changed)
+    def far(self, k: CartState, place: Place, time: float) -> tuple[Far, Far]:
+        """How far it is about for a cart from a place and to the truck."""
+        drive, dock = k.spec.drive, self.cart_dock(k.spec)
+        return self._far_from(drive, place, time, True), self._far_from(drive, dock, time, False)
+
+    def reach(self, c: CombineState) -> Far:
+        """How far it is about for a combine."""
+        return self._far_from(c.spec.drive, c.place, c.time, True)
+
+    def _far_from(self, drive: Drive, place: Place, time: float, there: bool) -> Far:
+        """Kept until crop is cut."""
+        changed = len(self.ground.grid.changed)
+        key = drive, place, there, changed
         if key not in self._far:
-            self._far = {o: fields for o, fields in self._far.items() if o[1] == key[1]}
-            self._far[key] = (
-                self.finder.far_from(k.spec.drive, k.home, time, there=True),
-                self.finder.far_from(k.spec.drive, self.cart_dock(k.spec), time, there=False),
-            )
+            self._far = {o: far for o, far in self._far.items() if o[-1] == changed}
+            self._far[key] = self.finder.far_from(drive, place, time, there=there)
         return self._far[key]
 
     def has_room(self, c: CombineState, k: CartState, place: Place) -> bool:
-        """Whether both can stand there, on open ground that is cut and where nobody stands."""
+        """Whether both can stand there, on open ground that is cut and where nobody stands; a combine always
+        where it is.
+        """
         goal = place.ahead(*beside(c.spec, k.spec))
-        return self.is_room(k.spec, goal, c.time) and self.is_room(c.spec, place, c.time)
+        stands = place == c.place or self.is_room(c.spec, place, c.time)
+        return stands and self.is_room(k.spec, goal, c.time)
 
     def drives_to_truck(self, c: CombineState) -> tuple[Option, Any] | None:
         """A combine pours into the truck itself."""
         dock = self.combine_dock(c.spec)
-        way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, dock, c.time)
-        if way is None:
+        path = self.way(c.spec, c.place, dock, c.time, "to truck")
+        if path is None:
             return None
-        path = segments(way, times_along(way, c.spec.drive), c.spec.body, "to truck")
-        path = path.then(standing(way.places[-1], c.spec.body, 0.0, "at truck"))
+        path = path.then(standing(path.track.end, c.spec.body, 0.0, "at truck"))
         times = self.table.earliest(c.spec.name, path, c.time)
         if times is None:
             return None
@@ -941,66 +1006,67 @@ class _Scheduler:
 
         return option, grant
 
-    def stands(self, c: CombineState, k: CartState, place: Place) -> tuple[Option, Any] | None:
+    def stands(self, c: CombineState, k: CartState, place: Place, start: Start) -> tuple[Option, Any] | None:
         """A combine stands at a place and is emptied into a cart beside it."""
         ahead, left = beside(c.spec, k.spec)
         goal = place.ahead(ahead, left)
-        way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, c.time)
+        way = self.way(c.spec, c.place, place, c.time, "way to unload")
         if way is None:
             return None
         amount = min(c.tank, k.spec.load - k.load)
         pour = amount / c.spec.auger
-        path = segments(way, times_along(way, c.spec.drive), c.spec.body, "way to unload")
-        path = path.then(standing(way.places[-1], c.spec.body, 0.0, "waits for cart"))
-        path = path.then(standing(way.places[-1], c.spec.body, pour, "pours standing"))
+        path = way.then(standing(way.track.end, c.spec.body, 0.0, "waits for cart"))
+        path = path.then(standing(way.track.end, c.spec.body, pour, "pours standing"))
         meets = self.table.meets(path, c.spec.name)
         times = self.table.earliest(c.spec.name, path, c.time, meets=meets)
         if times is None:
             return None
         mark = self.table.mark()
         self.table.commit(c.spec.name, path, times, meets)
-        found = self.joins(k, goal, c.spec.name, max(k.time, c.time), times[-1], pour, k.load + amount)
+        self.calls_back(start)
+        found = self.joins(k, start, c, goal, times[-1], pour)
         self.table.back(mark)
         if found is None:
             return None
-        cart_path, cart_times, exits, at = found
+        cart_path, cart_times, exits, first, at = found
         begin = cart_times[at]
         path.spent[-2] = begin - times[-2]
         ends = begin + pour
         option = Option("stand", k.spec.name, begin, ends, amount, c.tank - amount, exits[1], pour)
 
         def grant() -> None:
-            before = self.table.last[c.spec.name]
             own = self.table.commit(c.spec.name, path, [*times[:-1], begin], meets)
             path.spent[-2] = 0.0  # it waits for the cart alone
+            self.calls_back(start)
             numbers = self.table.commit(k.spec.name, cart_path, cart_times)
-            self.table.called([before, *own], numbers)
+            self.table.called(c.spec.name, numbers[first])
             self.table.together.append((own[-1], numbers[at]))
             during = own[-1], own[-1]
             self.hands_over(c, k, Poured(c.spec.name, k.spec.name, amount, begin, ends, during))
             c.place, c.time = path.track.end, ends
-            self.leaves(k, exits, numbers)
+            self.leaves(k, exits, numbers, at)
 
         return option, grant
 
     def joins(
-        self, k: CartState, goal: Place, other: str, now: float, time: float, pour: float, load: float
+        self, k: CartState, start: Start, c: CombineState, goal: Place, time: float, pour: float
     ) -> Any:
         """A cart's path to beside a combine that stands there from a time on, poured into, and away."""
-        name, body, drive = k.spec.name, k.spec.body, k.spec.drive
-        way = self.way(name, body, drive, k.home, goal, now, other, in_line=PARAMS.line_deg)
-        if way is None:
+        trip = self.sets_out(k, start, c, goal)
+        if trip is None:
             return None
-        path = segments(way, times_along(way, drive), body, "to combine")
-        path = path.then(standing(way.places[-1], body, PARAMS.align_s, "beside"))
+        end, body = trip.path.track.end, k.spec.body
+        path = trip.path.then(standing(end, body, PARAMS.align_s, "beside"))
         at = len(path)
-        path = path.then(standing(way.places[-1], body, pour, "beside, pouring"))
-        came = self.table.earliest(name, path, now, stays=False, after={at: time})
+        path = path.then(standing(end, body, pour, "beside, pouring"))
+        after = {**trip.after, at: time}
+        came = self.table.earliest(k.spec.name, path, start.time, stays=False, after=after, exact=trip.exact)
         if came is None:
             return None
-        begin = came[at]
-        found = self.away(k, path, now, begin + pour, load, {at: begin}, other)
-        return None if found is None else (*found, at)
+        begin, first = came[at], len(trip.exact)
+        trip = replace(trip, path=path, exact={**trip.exact, at: begin}, after=after)
+        found = self.away(trip, begin + pour, k.load + min(c.tank, k.spec.load - k.load))
+        return None if found is None else (*found, first, at)
 
     def is_room(self, machine: Combine | Cart, place: Place, time: float) -> bool:
         """Whether a machine can stand at a place, on open ground that is cut, where no other one stands."""
@@ -1014,8 +1080,8 @@ class _Scheduler:
 
     def empties(self, k: CartState) -> bool:
         """A cart with the last grain drives to the truck."""
-        none = standing(np.array(k.home), k.spec.body, 0.0, "home")
-        found = self.home_by(k, none, k.time, k.time, k.load, {}, True)
+        path = standing(k.home, k.spec.body, 0.0, "home")
+        found = self.home_by(_Trip(k, Start(k.home, k.time), "", path, {}, {}), k.time, k.load, True)
         if found is None:
             return False
         path, times, exits = found
@@ -1040,11 +1106,10 @@ class _Scheduler:
             for place in places:
                 if place == c.place or not self.is_room(c.spec, place, time):
                     continue
-                way = self.way(c.spec.name, c.spec.body, c.spec.drive, c.place, place, time)
-                if way is None:
+                path = self.way(c.spec, c.place, place, time, "to its place")
+                if path is None:
                     continue
-                path = segments(way, times_along(way, c.spec.drive), c.spec.body, "to its place")
-                path = path.then(standing(way.places[-1], c.spec.body, 0.0, "home"))
+                path = path.then(standing(path.track.end, c.spec.body, 0.0, "home"))
                 times = self.table.earliest(c.spec.name, path, time)
                 if times is not None:
                     self.table.commit(c.spec.name, path, times)

@@ -13,14 +13,13 @@ can always go on.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.fleet.bodies import Body
+from swath.fleet.bodies import Body, Place
 from swath.fleet.swept import Swept, Taken, swept_by
 from swath.fleet.ways import Track, joined
 
@@ -106,9 +105,9 @@ def _cuts(track: Track) -> NDArray[np.int64]:
     return np.array(cuts)
 
 
-def standing(track_end: Array, body: Body, spent: float, kind: str) -> Path:
-    """One segment of a machine that stands. track_end: its place, row of `Track.places`."""
-    places = np.stack([track_end, track_end])
+def standing(place: Place, body: Body, spent: float, kind: str) -> Path:
+    """One segment of a machine that stands."""
+    places = np.array([place, place])
     track = Track(places, np.zeros(2), np.ones(1), np.zeros(1))
     zero, one = np.zeros(1, np.int64), np.ones(1, np.int64)
     swept = swept_by(body, places, zero, one, PARAMS.gap_m)
@@ -118,7 +117,7 @@ def standing(track_end: Array, body: Body, spent: float, kind: str) -> Path:
 @dataclass
 class Segment:
     """One of the table. path, index: which of a path; into, out: times of entry and of leaving [s]; next: the
-    one that the machine enters then, -1 if none is known
+    one that the machine enters then, -1 if none is known; is_off: whether it was taken off
     """
 
     number: int
@@ -128,6 +127,7 @@ class Segment:
     into: float
     out: float = math.inf
     next: int = -1
+    is_off: bool = False
 
     @property
     def spent(self) -> float:
@@ -142,26 +142,29 @@ class Segment:
 
 @dataclass
 class Table:
-    """segments of all machines; last: of each machine; order: (a, b): b is entered when a is left; together:
-    (a, b): entered at once
+    """segments of all machines; met: of each the earlier ones of others that sweep the same ground; last: of
+    each machine; calls: (a, b): b is entered when a is left; together: (a, b): entered at once
     """
 
     segments: list[Segment] = field(default_factory=list)
+    met: list[Sequence[int]] = field(default_factory=list)
     last: dict[str, int] = field(default_factory=dict)
-    order: list[tuple[int, int]] = field(default_factory=list)
+    calls: list[tuple[int, int]] = field(default_factory=list)
     together: list[tuple[int, int]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Room for the swept ground of all."""
         self._taken = Taken()
+        self._off: list[tuple[int, int, list[Segment]]] = []  # what was taken off: behind what, its next one
 
     def stand(self, machine: str, path: Path, time: float = 0.0) -> None:
         """A machine's first place."""
-        self._append(machine, path, [time])
+        self._append(machine, path, [time], self.meets(path, machine))
 
     def meets(self, path: Path, but: str) -> list[list[int]]:
         """Numbers of segments of others that sweep ground of each segment of a path."""
-        return self._taken.met_by(path.swept, but)
+        met = self._taken.met_by(path.swept, but)
+        return [[n for n in numbers if not self.segments[n].is_off] for numbers in met]
 
     def earliest(
         self, machine: str, path: Path, time: float, *, exact: Mapping[int, float] | None = None,
@@ -171,7 +174,7 @@ class Table:
         """First times of entry into the segments of a path [s], begun at a time at the earliest; None where
         there are none. exact: times that are given; after: earliest ones;
         stays: it must be able to stand at the end for good;
-        early: it drives on as soon as it can, not only when it need not wait on the way any more
+        early: behind exact times it drives on as soon as it can, not only when it need not wait on the way
         """
         meets = self.meets(path, machine) if meets is None else meets
         exact, after = exact or {}, {**(after or {}), **(exact or {})}
@@ -213,23 +216,22 @@ class Table:
             k = row[k][2]
         times.reverse()
         left_by = [math.inf, *highs[:0:-1]]
-        for i in range(len(times) - 2, -1 if not early else len(times), -1):
+        for i in range(len(times) - 2 if not early else max(exact, default=0) - 1, -1, -1):
             if i not in exact:
                 times[i] = max(times[i], min(times[i + 1] - float(path.spent[i]), left_by[i]))
         return times
 
-    def called(self, by: Sequence[int], numbers: Sequence[int]) -> None:
-        """Who is called sets out when the caller is as far as it is planned to be then. by: segments of the
-        caller, numbers: of the one that comes
-        """
-        start = self.segments[numbers[0]].into
-        before = [a for a, b in pairwise(by) if self.segments[b].into < start]
-        if before:
-            self.order.append((before[-1], numbers[0]))
+    def called(self, caller: str, number: int) -> None:
+        """Who is called sets out, with a segment, when the caller is as far as it is planned to be then."""
+        start = self.segments[number].into
+        own = (s for s in reversed(self.segments) if s.machine == caller and s.into < start and not s.is_off)
+        entered, left = next(own, None), next(own, None)
+        if entered is not None and left is not None:
+            self.calls.append((left.number, number))
 
     def _safe(self, meets: Sequence[int], time: float) -> list[tuple[float, float]]:
         """Intervals from a time on in which nobody else has a place; the first begins before."""
-        others = (self.segments[m] for m in meets)
+        others = (self.segments[m] for m in meets if not self.segments[m].is_off)
         gap = PARAMS.gap_s
         taken = sorted((o.into - gap, o.out + gap) for o in others if o.out + gap > time)
         free, at = [], -math.inf
@@ -247,47 +249,94 @@ class Table:
         """Grant a path at times of entry; returns the numbers of its segments."""
         meets = self.meets(path, machine) if meets is None else meets
         before = self.segments[self.last[machine]]
-        numbers = self._append(machine, path, times)
+        numbers = self._append(machine, path, times, meets)
         before.out, before.next = times[0], numbers[0]
-        for number, others in zip(numbers, meets, strict=True):
-            self._order(self.segments[number], others)
         return numbers
 
-    def _order(self, own: Segment, others: Sequence[int]) -> None:
-        """Of each other machine the last one before, and the first one after: those between follow."""
-        earlier: dict[str, Segment] = {}
-        later: dict[str, Segment] = {}
-        for o in (self.segments[k] for k in others):
-            if o.out <= own.into:
-                if o.machine not in earlier or earlier[o.machine].number < o.number:
-                    earlier[o.machine] = o
-            elif o.machine not in later or later[o.machine].number > o.number:
-                later[o.machine] = o
-        self.order += [(o.number, own.number) for o in earlier.values()]
-        self.order += [(own.number, o.number) for o in later.values()]
+    def order(self) -> Iterator[tuple[int, int]]:
+        """(a, b): b is entered when a is left. Of each other machine the last one before a segment, and the
+        first one after: those between follow.
+        """
+        met: list[list[int]] = [[] for _ in self.segments]
+        for b, others in enumerate(self.met):
+            for a in others:
+                if not (self.segments[a].is_off or self.segments[b].is_off):
+                    met[b].append(a)
+        for own, others in zip(self.segments, met, strict=True):
+            earlier: dict[str, Segment] = {}
+            later: dict[str, Segment] = {}
+            for o in (self.segments[k] for k in others):
+                if o.out <= own.into:
+                    if o.machine not in earlier or earlier[o.machine].number < o.number:
+                        earlier[o.machine] = o
+                elif o.machine not in later or later[o.machine].number > o.number:
+                    later[o.machine] = o
+            yield from ((o.number, own.number) for o in earlier.values())
+            yield from ((own.number, o.number) for o in later.values())
+        yield from self.calls
 
-    def _append(self, machine: str, path: Path, times: Sequence[float]) -> list[int]:
+    def _append(
+        self, machine: str, path: Path, times: Sequence[float], meets: Sequence[Sequence[int]]
+    ) -> list[int]:
         numbers: list[int] = []
         for i, t in enumerate(times):
             number = len(self.segments)
             if numbers:
                 self.segments[numbers[-1]].out, self.segments[numbers[-1]].next = t, number
             self.segments.append(Segment(number, machine, path, i, float(t)))
+            self.met.append(meets[i])
             numbers.append(number)
         self._taken.add(machine, path.swept)
         self.last[machine] = numbers[-1]
         return numbers
 
-    def mark(self) -> tuple[int, int, int, dict[str, int]]:
-        """What `back` goes back to."""
-        return len(self.segments), len(self.order), len(self.together), dict(self.last)
+    def take_off(self, behind: int) -> None:
+        """What a machine does behind one of its segments is no longer granted; it stands at its end."""
+        last = self.segments[behind]
+        gone, n = [], last.next
+        while n >= 0:
+            gone.append(self.segments[n])
+            gone[-1].is_off, n = True, gone[-1].next
+        self._off.append((behind, last.next, gone))
+        last.out, last.next = math.inf, -1
+        self.last[last.machine] = behind
 
-    def back(self, mark: tuple[int, int, int, dict[str, int]]) -> None:
-        """Take back all that was granted since a mark."""
-        segments, order, together, last = mark
+    def clear(self) -> list[int]:
+        """Forget what was taken off; returns the new number of each segment, -1 for those."""
+        new, count = [], 0
+        for s in self.segments:
+            new.append(-1 if s.is_off else count)
+            count += not s.is_off
+        order = [(new[a], new[b]) for a, b in self.calls if new[a] >= 0 and new[b] >= 0]
+        self.met = [
+            [new[o] for o in others if new[o] >= 0]
+            for s, others in zip(self.segments, self.met, strict=True)
+            if not s.is_off
+        ]
+        self.segments = [s for s in self.segments if not s.is_off]
+        for s in self.segments:
+            s.number, s.next = new[s.number], new[s.next] if s.next >= 0 else -1
+        self.last = {name: new[n] for name, n in self.last.items()}
+        self.together = [(new[a], new[b]) for a, b in self.together]
+        self.calls, self._taken, self._off = order, Taken(), []
+        return new
+
+    def mark(self) -> tuple[int, int, int, int, dict[str, int]]:
+        """What `back` goes back to."""
+        sizes = len(self.segments), len(self.calls), len(self.together), len(self._off)
+        return (*sizes, dict(self.last))
+
+    def back(self, mark: tuple[int, int, int, int, dict[str, int]]) -> None:
+        """Take back all that was granted, or taken off, since a mark."""
+        segments, calls, together, off, last = mark
         self._taken.back(segments)
-        del self.segments[segments:]
-        del self.order[order:], self.together[together:]
+        del self.segments[segments:], self.met[segments:]
+        del self.calls[calls:], self.together[together:]
+        for behind, following, gone in reversed(self._off[off:]):
+            self.segments[behind].out, self.segments[behind].next = gone[0].into, following
+            for s in gone:
+                s.is_off = False
+        del self._off[off:]
         self.last = last
         for number in last.values():
             self.segments[number].out, self.segments[number].next = math.inf, -1
@@ -327,7 +376,7 @@ def order_of(table: Table) -> Order:
     for s in table.segments:
         if s.next >= 0:
             before[s.next].append((s.number, 1))
-    for a, b in table.order:
+    for a, b in table.order():
         leaves = table.segments[a].next
         if leaves < 0:
             raise ValueError(f"segment {b} waits for {a}, which is never left")

@@ -140,7 +140,7 @@ def waiting(table: Table, segment: Segment, begin: float, end: float, until: tup
     """The span of a machine that stands at the end of a segment. until: the segment that it or its partner
     enters next, and what has to be entered before; one that stands at its place waits for nothing
     """
-    if segment.kind in ("home", "to its place") or segment.next < 0:
+    if segment.kind in ("home", "to its place", "in the field") or segment.next < 0:
         return Span(IDLE, begin, end)
     member, other = (table.segments[n].machine for n in until)
     if member != segment.machine:

@@ -3,8 +3,9 @@
 They are along the outer edge of open ground, off the strip around the field, which is a way, if there is room
 elsewhere; carts, who come back to theirs, first. Every place
 has a way in and a way out, to and from the field's gate, and the truck for who empties there, searched with
-all places before it taken. The ground of these ways is kept clear of later places, so that nobody who waits
-is in the way of another. Who drives or stands elsewhere in a yard is not looked at here.
+all places before it taken. The ground of the ways of carts is kept clear of later places, since they come
+and go; combines leave theirs once, the last one first. Who drives or stands elsewhere in a yard is not
+looked at here.
 """
 
 import math
@@ -30,10 +31,9 @@ class Params:
     """dock_m: before and behind the truck, kept clear; gate_m: from the field to who passes the gate;
     body_m: that the outline of who waits is wider; wide_m: that a way keeps off machines that stand, more
     than a cell of the search and two gaps of bodies; edges_m: that a place is off the outer edge, the
-    second so far that a trailer comes straight to it along a round one; spots_m:
-    between places that are looked at; tries: of the nearest that ways are searched to, and then of each
-    `apart`th farther off; poses: that such a search
-    looks at, so that a place is one to which a way is found fast
+    second so far that a trailer comes straight to it along a round one; spots_m: between places that are
+    looked at; tries: of the nearest that ways are searched to, and then of each `apart`th farther off; poses:
+    that such a search looks at, so that a place is one to which a way is found fast
     """
 
     dock_m: float = 25.0
@@ -72,21 +72,40 @@ class Home:
     areas: tuple[Any, ...]
 
 
-def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) -> list[Home]:
-    """A place for each machine, as near to the gate as there is one; who needs most room is first.
+def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) -> dict[str, Home]:
+    """A place for each machine, as near to the gate as there is one; who needs most room is first. Carts for
+    which there is no room have none, as long as another one has.
 
-    InputError where there is none.
+    InputError where there is none for a combine, or for no cart.
     """
+    carts = [m for m in machines if m.body.has_trailer]
+    left = list(machines)
+    while True:
+        places = _filled(ground, finder, left)
+        placed = [m for m in carts if m.name in places]
+        if bool(placed) == bool(carts) and all(m.name in places or m in carts for m in machines):
+            return places
+        if len(placed) < 2:
+            expected = f"expected room for {len(machines)} machines to wait, each with a way in and out"
+            raise InputError("field.around_m", None, expected)
+        left = [m for m in machines if m not in carts or m in placed[:-1]]
+
+
+def _filled(ground: Ground, finder: Finder, machines: Sequence[Waits]) -> dict[str, Home]:
+    """Places of machines, one after the other, without those for which there is no room."""
     shapely = shapely_here()
-    used: list[Any] = []
-    for m in machines:
-        if m.dock is not None:
-            used += [run_of(m.body, m.dock, ahead, 3.0) for ahead in (PARAMS.dock_m, -PARAMS.dock_m)]
+    used = [
+        run_of(m.body, m.dock, ahead, 3.0)
+        for m in machines
+        if m.dock is not None
+        for ahead in (PARAMS.dock_m, -PARAMS.dock_m)
+    ]
     taken: list[Any] = []
+    full: set[Body] = set()  # for whom there is no room any more
     places: dict[str, Home] = {}
     for m in sorted(machines, key=lambda m: (not m.body.has_trailer, -m.body.length_behind)):
-        found = None
-        for off in (ground.around, ground.field):  # in yards, or in the strip around the field, too
+        found, offs = None, (ground.around, ground.field) if m.body not in full else ()
+        for off in offs:  # in yards, or in the strip around the field, too
             bare = shapely.difference(ground.open, shapely.union_all([off, *used]))
             shapely.prepare(bare)
             for place in _places(ground, bare, m.body):
@@ -96,12 +115,14 @@ def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) ->
             if found is not None:
                 break
         if found is None:
-            expected = f"expected room for {len(machines)} machines to wait, each with a way in and out"
-            raise InputError("field.around_m", None, expected)
+            full.add(m.body)
+            continue
         places[m.name] = Home(place, tuple(found), tuple(_swept(t, m.body, 0.0) for t in found))
         taken.append(run_of(m.body, place, 0.0, WIDE))
-        used += [run_of(m.body, place, 0.0, 2.0), *(_swept(t, m.body) for t in found)]
-    return [places[m.name] for m in machines]
+        used.append(run_of(m.body, place, 0.0, 2.0))
+        if m.body.has_trailer:
+            used += [_swept(t, m.body) for t in found]
+    return places
 
 
 def _places(ground: Ground, bare: Any, body: Body) -> Iterator[Place]:
