@@ -14,6 +14,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from swath.core import portable
 from swath.core.component import Outputs
 from swath.core.errors import InputError, some_of
 from swath.core.random import Stream
@@ -142,7 +143,7 @@ class TableLidar(ScanningLidar):
         rise = self.setup.field.ground_height(x + 0.5 * x_step, y + 0.5 * y_step)
         rise = rise - self.setup.field.ground_height(x - 0.5 * x_step, y - 0.5 * y_step)
         spot = self.beam["exit_diameter"] + self.beam["divergence"] * distance[:, 0]
-        down = np.degrees(np.arctan2(rise * ahead - along[:, 2], ahead))
+        down = np.degrees(portable.arctan2(rise * ahead - along[:, 2], ahead))
         return {"depression_deg": down, "spot_mm": 1e3 * spot}
 
 
