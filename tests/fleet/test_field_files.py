@@ -181,10 +181,17 @@ def test_lines_that_are_no_plan_say_the_direction_alone(tmp_path, rows, more, sa
     assert len(directions) == 1
 
 
-def test_passes_of_a_job_have_to_be_straight(tmp_path):
+@pytest.mark.parametrize(
+    ("second", "said"),
+    [
+        ("[[0, 18], [70, 20], [150, 18]]", "straight passes, number 2 bends by 2"),
+        ("[[0, 18], [0.4, 18]]", "passes of more than 0.5 m, number 2 is shorter"),
+    ],
+)
+def test_passes_of_a_job_have_to_be_straight_and_longer_than_a_point(tmp_path, second, said):
     field = "{boundary_m: [[0, 0], [150, 0], [150, 90], [0, 90]]}"
-    line = "plan: {passes_m: [[[0, 6], [150, 6]], [[0, 18], [70, 20], [150, 18]]]}\n"
-    with pytest.raises(InputError, match="expected straight passes, number 2 bends by 2"):
+    line = f"plan: {{passes_m: [[[0, 6], [150, 6]], {second}]}}\n"
+    with pytest.raises(InputError, match=said):
         passes_of(job_of(tmp_path, field, line + REST))
 
 

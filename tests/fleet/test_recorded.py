@@ -10,11 +10,11 @@ import pytest
 
 from swath.control.turns import limits_of
 from swath.core.errors import InputError
-from swath.fleet.recorded import check_one_machine, predict, read_day
+from swath.fleet.recorded import TURN_SPEED, check_one_machine, predict, read_day
 
 SHARED = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
 LOG = SHARED / "wheat_combine_logs_msu" / "si" / "farmerB_sec1west_2014_winterwheat.csv.gz"
-LIMITS = limits_of(3.9, 6.4, math.radians(15.0), 2.0)
+LIMITS = limits_of(3.9, 6.4, math.radians(15.0), TURN_SPEED)
 
 
 @pytest.mark.skipif(not LOG.exists(), reason="needs the Montana yield logs: SWATH_DATA")

@@ -23,10 +23,8 @@ def test_seven_machines_wait_so_that_each_can_leave_and_come_back():
     taken = {w.name: run_of(w.body, kept[w.name].place, 0.0, WIDE) for w in waits}
     order = list(kept)
     for w in waits:
-        place, before = (
-            kept[w.name].place,
-            order[: order.index(w.name)],
-        )  # combines leave theirs last one first
+        place, before = kept[w.name].place, order[: order.index(w.name)]
+        # combines leave theirs last one first
         others = [taken[name] for name in (order if w.body.has_trailer else before) if name != w.name]
         assert not shapely_here().intersects(taken[w.name], [taken[n] for n in order if n != w.name]).any()
 

@@ -222,9 +222,8 @@ def make_parser(named: str = "--help") -> tuple[argparse.ArgumentParser, list[st
                 installed_part("command", name).add(parsers)
             elif name not in parsers.choices:
                 parsers.add_parser(name, help=f"of the installed package {package}")
-        shown += ["\n".join(["installed beside swath:", *parsers.lines[first:]])] * (
-            len(parsers.lines) > first
-        )
+        if parsers.lines[first:]:
+            shown.append("\n".join(["installed beside swath:", *parsers.lines[first:]]))
     parser.description = "\n\n".join(
         [*shown, "swath COMMAND --help explains a command, swath docs lists the documentation."]
     )

@@ -184,7 +184,7 @@ def installed_part(kind: str, name: str) -> Any:
 
 @cache
 def _entry_points() -> tuple[EntryPoint, ...]:
-    """Levels of other installed packages."""
+    """What other installed packages have for swath."""
     return tuple(entry_points(group=GROUP))
 
 

@@ -106,7 +106,7 @@ def run_list(args: argparse.Namespace) -> int:
 def run_day(args: argparse.Namespace) -> int:
     """Predict the rest of a recorded day."""
     from swath.control.turns import limits_of
-    from swath.fleet.recorded import predict, read_day
+    from swath.fleet.recorded import TURN_SPEED, predict, read_day
     from swath.machine.machine_sheet import dynamics_of, load_machine
     from swath.terminal.tables import table, wide_console
 
@@ -115,7 +115,7 @@ def run_day(args: argparse.Namespace) -> int:
     if not 3.0 <= args.radius_m <= 50.0:
         raise InputError("--radius-m", args.radius_m, "expected 3 to 50")
     sheet = load_machine(args.machine)
-    limits = limits_of(sheet.wheelbase, args.radius_m, dynamics_of(sheet).steer_rate, 2.0)
+    limits = limits_of(sheet.wheelbase, args.radius_m, dynamics_of(sheet).steer_rate, TURN_SPEED)
     day = read_day(args.log, limits, args.number)
     made = predict(day, 3600.0 * args.known_h)
     rows = [

@@ -1,7 +1,7 @@
-// Cells whose middles are in convex polygons: from when all of them are free, or that they are cut by a time. The body of a
-// native function; its arrays are those of ground.py.
+// Cells whose middles are in convex polygons: from when all of them are free, but for those that are free after a time, or
+// that they are cut by a time. The body of a native function; its arrays are those of ground.py.
 //
-// numbers: cells along x and y, their size, west, south [m], polygons, whether crop is cut
+// numbers: cells along x and y, their size, west, south [m], polygons, whether crop is cut, the time after which [s]
 
 const double* m = (const double*)numbers.data;
 const double* p = (const double*)points.data;
@@ -11,6 +11,7 @@ double* time = (double*)times.data;
 const int nx = (int)m[0], ny = (int)m[1], count = (int)m[5];
 const double cell = m[2], west = m[3], south = m[4];
 const bool is_cut = m[6] > 0.5;
+const double until = m[7];
 for (int n = 0; n < count; ++n) {
   double low[2] = {1e18, 1e18}, high[2] = {-1e18, -1e18}, area = 0.0;
   for (int k = begins[n]; k < begins[n + 1]; ++k) {
@@ -33,6 +34,6 @@ for (int n = 0; n < count; ++n) {
       if (!inside) continue;
       float& f = free_from[i * ny + j];
       if (is_cut) { if (f > time[n]) f = (float)time[n]; }
-      else if (f > time[n]) time[n] = f;
+      else if (f > time[n] && f <= until) time[n] = f;
     }
 }

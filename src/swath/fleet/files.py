@@ -57,7 +57,7 @@ class PlanSettings:
     file of the field says); headland_rounds: cut along the outlines before the passes; headland: direction in
     which they are driven, clockwise keeps the crop on the right; order: of the passes: `lands` round and
     round in lands of at most `land_passes`, `adjacent` one after the other, `skip` with one left out, for the
-    way back; land_passes: most of a land; overlap_m: of the header over what is cut, in each pass
+    way back; land_passes: most of a land; overlap_m: of the header over what is cut, in each pass;
     passes_m: passes of others, each two points [x, y] of the header's middle or more on a straight line,
     driven in this order; nothing else is cut
     """

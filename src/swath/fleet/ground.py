@@ -194,14 +194,11 @@ class Ground:
     def is_free(self, areas: Any, time: float) -> NDArray[np.bool_]:
         """Whether polygons (n,) lie on open ground where no crop stands at a time [s]."""
         shapely = shapely_here()
-        areas = np.atleast_1d(areas)
-        return np.asarray(shapely.contains(self.open, areas)) & (
-            self._cells(areas).astype(np.float32) <= np.float32(time)
-        )
+        return np.asarray(shapely.contains(self.open, areas)) & (self._cells(areas) <= np.float32(time))
 
-    def _cells(self, areas: Any, cut: Array | None = None) -> Array:
+    def _cells(self, areas: Any, cut: Array | None = None, until: float = math.inf) -> Array:
         """The time from which no crop stands in any cell whose middle is in a convex polygon, (n,) [s]; cut:
-        when the crop of each is cut [s].
+        when the crop of each is cut [s]; until: cells that are free later are left out [s].
         """
         from swath.fleet import swept_kernel
 
@@ -209,22 +206,18 @@ class Ground:
         rings = shapely.get_exterior_ring(areas)
         ends = np.concatenate([[0], np.cumsum(shapely.get_num_coordinates(rings))]).astype(np.int32)
         out = np.full(len(areas), BARE) if cut is None else np.asarray(cut, float)
-        numbers = np.array([*self.shape, CELL, self.west, self.south, len(areas), cut is not None])
+        latest = np.float32(until)  # as the grid has times
+        numbers = np.array([*self.shape, CELL, self.west, self.south, len(areas), cut is not None, latest])
         points = shapely.get_coordinates(rings).ravel()
         launch(swept_kernel.crop_cells, (numbers, points, ends, self.grid.free_from.ravel(), out))
         return out
 
     def cut_by(self, areas: Any, time: float) -> list[float]:
-        """From when on no crop stands in rows of polygons (n, m) [s], but for what is cut after a time."""
-        out = []
-        for row in areas:
-            latest = 0.0
-            for area in row:
-                i, j, inside = cells_of(area, self.grid, self.shape)
-                free = self.grid.free_from[i, j][inside]
-                latest = max(latest, float(free.max(where=free <= time, initial=0.0)))
-            out.append(latest)
-        return out
+        """From when on no crop stands in rows of convex polygons (n, m) [s], but for what is cut after a
+        time; 0 where none stood.
+        """
+        found = self._cells(areas.ravel(), until=time).reshape(areas.shape)
+        return np.maximum(found.max(axis=1), 0.0).tolist()
 
 
 def window_of(areas: Any, grid: Grid, shape: tuple[int, int]) -> tuple[slice, slice]:

@@ -139,13 +139,17 @@ def _lines_of_others(
     ground: Ground, header: float, settings: PlanSettings, drawn: Sequence[Any]
 ) -> tuple[list[Array], list[str]]:
     """Both ends of each line that is a pass, (2, 2) each, and what to tell of lines of a file. InputError for
-    passes that are not straight.
+    passes that are not straight, or hardly longer than a point.
     """
     shapely = shapely_here()
     lines = [ground.frame.to_field(line) for line in settings.passes_m or drawn]
-    lines = [line for line in lines if math.dist(line[0], line[-1]) > PARAMS.bent_m]
     if not lines:
         return [], []
+    lengths = [math.dist(line[0], line[-1]) for line in lines]
+    if min(lengths) <= PARAMS.bent_m:
+        number = np.argmin(lengths) + 1
+        expected = f"expected passes of more than {PARAMS.bent_m:g} m, number {number} is shorter"
+        raise InputError("plan.passes_m" if settings.passes_m else "field.file", None, expected)
     bent = [shapely.LineString(line[[0, -1]]).hausdorff_distance(shapely.LineString(line)) for line in lines]
     ends = [line[[0, -1]] for line in lines]
     worst = int(np.argmax(bent))

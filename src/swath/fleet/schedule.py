@@ -51,7 +51,10 @@ class Params:
     share in the cost of a place of a cart's way to the truck, which keeps nobody waiting; again_s: more cost
     of a place at which nobody could be emptied; line_deg: of a trailer that comes beside a header; near_m:
     that a way keeps off who stands near, beyond the gaps of bodies; rests: power of two, most grants to
-    others before who can do nothing looks again; out_percent: of the field that is left where no way leads.
+    others before who can do nothing looks again; out_percent: of the field that is left where no way leads;
+    carts: that are looked at, those that can come first; room, full: of a box, less room of which no combine
+    pours into, and load from which no more is waited for; load: of a tank, and fills: of the room in a box,
+    less than which nobody comes beside for; lane_m: kept all round a cart that comes beside.
     Estimates, but for line_deg: a box of 9 m then swings by less than the gap beside a header.
     """
 
@@ -71,6 +74,12 @@ class Params:
     near_m: float = 0.04
     rests: int = 3
     out_percent: float = 0.5
+    carts: int = 2
+    room: float = 0.05
+    full: float = 0.95
+    load: float = 0.1
+    fills: float = 0.9
+    lane_m: float = 0.3
 
 
 PARAMS = Params()
@@ -577,14 +586,14 @@ class _Scheduler:
 
     def likely(self, c: CombineState) -> list[CartState]:
         """Carts with room, those that are free first."""
-        room = [k for k in self.carts if k.spec.load - k.load > 0.05 * k.spec.load]
+        room = [k for k in self.carts if k.spec.load - k.load > PARAMS.room * k.spec.load]
 
         def comes(k: CartState) -> tuple[float, str]:
             start = k.starts[0]
             far = math.dist(start.place[:2], c.place[:2])
             return max(start.time + far / k.spec.drive.straight, c.time), k.spec.name
 
-        return sorted(room, key=comes)[:2]
+        return sorted(room, key=comes)[: PARAMS.carts]
 
     def cuts_part(
         self, c: CombineState, leg: _Leg, levels: Array, anywhere: bool
@@ -665,7 +674,7 @@ class _Scheduler:
         """From when on a cart may be in segments of a path that was searched from a time on [s]."""
         if start.time >= time:
             return {}
-        cut = self.ground.cut_by(path.swept, time + float(path.spent.sum()))
+        cut = self.ground.cut_by(path.swept[:], time + float(path.spent.sum()))
         return {first + i: t for i, t in enumerate(cut)}
 
     def comes_beside(
@@ -762,7 +771,7 @@ class _Scheduler:
 
     def free_lane(self, c: CombineState, k: CartState, leg: _Leg) -> tuple[int, int] | None:
         """The longest run of segments of a pass beside which a cart may drive, from and up to."""
-        shapely, body, gap = shapely_here(), k.spec.body, 0.3
+        shapely, body, gap = shapely_here(), k.spec.body, PARAMS.lane_m
         ahead, left = beside(c.spec, k.spec)
         begin = leg.path.track.places[leg.path.first[leg.first :]]
         ends = leg.path.track.places[leg.path.last[leg.first :]]
@@ -817,7 +826,7 @@ class _Scheduler:
             level -= amounts[-1]
             if level <= LEFT_KG or math.fsum(amounts) >= room - LEFT_KG:
                 break
-        if math.fsum(amounts) < min(0.1 * c.spec.tank, 0.9 * room):
+        if math.fsum(amounts) < min(PARAMS.load * c.spec.tank, PARAMS.fills * room):
             return None, 0.0
         rest = float(levels[-1]) - math.fsum(amounts)
         if rest > c.spec.tank + LEFT_KG:
@@ -847,7 +856,7 @@ class _Scheduler:
     def is_full(k: CartState, load: float | None = None) -> bool:
         """Whether a load is worth the way to the truck."""
         load = k.load if load is None else load
-        return load >= min(k.spec.leave, 0.95 * k.spec.load)
+        return load >= min(k.spec.leave, PARAMS.full * k.spec.load)
 
     def home_by(
         self, trip: _Trip, time: float, load: float, empties: bool

@@ -392,11 +392,11 @@ while (size) {
 for (int n = 0; n < count; ++n) best[(int)nodes[ROW * n + AT_BIN]] = 1e18f;  // as it was
 if (best_node < 0) return;
 int pieces = 0;
-out[3] = 0.0; out[4 + 2 * pieces++] = best_parts[3];
-for (int i = 0; i < 3; ++i) { out[3 + 2 * pieces] = bends[best_word][2 - i] / radius; out[4 + 2 * pieces++] = best_parts[2 - i]; }
+out[1] = 0.0; out[2 + 2 * pieces++] = best_parts[3];
+for (int i = 0; i < 3; ++i) { out[1 + 2 * pieces] = bends[best_word][2 - i] / radius; out[2 + 2 * pieces++] = best_parts[2 - i]; }
 for (int n = best_node; n >= 0 && pieces < 2000; n = (int)nodes[ROW * n + AT_PARENT]) {
   const D* q = nodes + ROW * n;
   if (q[AT_PARENT] < 0.0) break;
-  out[3 + 2 * pieces] = q[AT_BEND] / radius; out[4 + 2 * pieces++] = q[AT_WAY];
+  out[1 + 2 * pieces] = q[AT_BEND] / radius; out[2 + 2 * pieces++] = q[AT_WAY];
 }
-out[0] = pieces; out[1] = best_cost; out[2] = popped;
+out[0] = pieces;

@@ -302,12 +302,14 @@ class Table:
         self.last[last.machine] = behind
 
     def clear(self) -> list[int]:
-        """Forget what was taken off; returns the new number of each segment, -1 for those."""
+        """Forget what was taken off, and all swept ground, so that nothing more can be granted; returns the
+        new number of each segment, -1 for those taken off.
+        """
         new, count = [], 0
         for s in self.segments:
             new.append(-1 if s.is_off else count)
             count += not s.is_off
-        order = [(new[a], new[b]) for a, b in self.calls if new[a] >= 0 and new[b] >= 0]
+        self.calls = [(new[a], new[b]) for a, b in self.calls if new[a] >= 0 and new[b] >= 0]
         self.met = [
             [new[o] for o in others if new[o] >= 0]
             for s, others in zip(self.segments, self.met, strict=True)
@@ -318,7 +320,7 @@ class Table:
             s.number, s.next = new[s.number], new[s.next] if s.next >= 0 else -1
         self.last = {name: new[n] for name, n in self.last.items()}
         self.together = [(new[a], new[b]) for a, b in self.together]
-        self.calls, self._taken, self._off = order, Taken(), []
+        self._taken, self._off = Taken(), []
         return new
 
     def mark(self) -> tuple[int, int, int, int, dict[str, int]]:

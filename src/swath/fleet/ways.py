@@ -379,7 +379,6 @@ class Finder:
         self._last_cut = 0.0  # s
         self._known: dict[Any, Track | None] = {}  # ways that were asked for since crop was cut
         self._reach(slice(0, shape[0]), slice(0, shape[1]))
-        self.searches = self.poses = 0
 
     def _refresh(self) -> None:
         """What has changed on the grid since the last search."""
@@ -494,12 +493,10 @@ class Finder:
         gap: float, in_line: float, most: int,
     ) -> Track | None:  # fmt: skip
         self._launch(body, drive, start, goal, stand, time, gap, in_line, most, SEARCH)
-        self.searches += 1
         count = int(self._found[0])
         if count < 1:
             return None
-        self.poses += int(self._found[2])
-        rows = self._found[3 : 3 + 2 * count].reshape(-1, 2)[::-1]
+        rows = self._found[1 : 1 + 2 * count].reshape(-1, 2)[::-1]
         pieces = [(float(k), float(d)) for k, d in rows if abs(d) > 1e-6] or [(0.0, 1e-3)]
         if drive.steering < math.inf and any(k != 0.0 for k, _ in pieces):
             for part in (1.0, 0.5, 0.25):

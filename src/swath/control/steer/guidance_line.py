@@ -31,13 +31,13 @@ class GuidanceLine:
     length [m]
     """
 
-    def __init__(self, points: Sequence[Sequence[float]], key: str = "points_m") -> None:
+    def __init__(self, points: Sequence[Sequence[float]]) -> None:
         kept: list[tuple[float, float]] = []
         for x, y in points:
             if not kept or hypot(x - kept[-1][0], y - kept[-1][1]) > LEAST:
                 kept.append((float(x), float(y)))
         if len(kept) < 2:
-            raise InputError(key, None, "expected at least two different points")
+            raise InputError("points_m", None, "expected at least two different points")
         self._points, self._at = kept, [0.0]
         headings: list[float] = []
         for (ax, ay), (bx, by) in pairwise(kept):
