@@ -64,7 +64,8 @@ def _is_number(text: str) -> bool:
 
 def results_in(chunk: Chunk, fields: KeptFields, work: Work = do_run) -> Iterator[Result]:
     """What each run of a chunk comes to. fields: of the runs before; work: does one alone"""
-    left, blame = dict(enumerate(chunk)), None
+    left = dict(enumerate(chunk))
+    blame: Exception | None = None
     if len(chunk) > 1:
         try:
             for number, result in _together(chunk):
