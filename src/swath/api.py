@@ -8,7 +8,6 @@ result.summary["lateral_rms_m"], result.exit_code, result.folder
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
@@ -30,7 +29,7 @@ from swath.runtime.folder import choose_run_folder, choose_scan_folder, remove_e
 from swath.runtime.job import JobResult, run_job, run_unrecorded
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import Lost, in_workers
-from swath.runtime.worlds import as_ours, drive_together
+from swath.runtime.worlds import as_ours, drive_together, warn_of_batch
 from swath.scenario.scenario import Scenario, read_scenario
 from swath.scenario.scenario import load_scenario as _load
 from swath.tools.scan.scan import scan_job
@@ -365,7 +364,8 @@ def _run_together(code: bool, chunk: tuple[int, list[dict[str, Any]]]) -> list[B
             scenarios.append(scenario)
         except Exception as error:  # a user's own part may raise anything
             found[index] = BatchRun(index, entry, error=as_ours(error))
-    with collected_rarely(), suppress(Exception):  # of one of those that are then done alone
+    blame: Exception | None = None
+    try:
         for place, ended in drive_together([world for _, world in made]):
             index, entry = made[place][0], entries[made[place][0] - first]
             if isinstance(ended, InputError):
@@ -374,9 +374,15 @@ def _run_together(code: bool, chunk: tuple[int, list[dict[str, Any]]]) -> list[B
                 found[index] = BatchRun(index, entry, error=ended)
             else:
                 found[index] = BatchRun(index, entry, None, ended)
-    for index, entry in enumerate(entries, first):
-        if index not in found:
-            found[index] = _run_entry(KeptFields(), code, (index, entry))
+    except Exception as error:  # of one of those that are left, which are then done alone
+        blame = error
+    for _, world in made:
+        world.close()
+    fields = KeptFields()
+    left = [numbered for numbered in enumerate(entries, first) if numbered[0] not in found]
+    found |= {numbered[0]: _run_entry(fields, code, numbered) for numbered in left}
+    if blame is not None and not any(found[index].error for index, _ in left):
+        warn_of_batch(blame)
     return [found[index] for index in sorted(found)]
 
 

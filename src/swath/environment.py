@@ -87,17 +87,15 @@ class Score:
 
     evaluation: Evaluation
     distance_m: float
-    driven: float = 0.0
     limits: list[dict[str, Any]] = dataclasses.field(default_factory=list)  # as they stood last
 
     def __post_init__(self) -> None:
         self.names = {limit.name for limit in self.evaluation.expect}
-        self._excess = dict.fromkeys(range(len(self.evaluation.expect)), 0.0)
+        self._excess = [0.0] * len(self.evaluation.expect)
 
     def parts(self, way: float, tracks: Mapping[str, Any], *, is_end: bool, is_due: bool) -> dict[str, float]:
-        """Parts of the reward of a step after which `way` [m] is driven. is_due: the limits are judged"""
-        parts = {"driven": (way - self.driven) / self.distance_m}
-        self.driven = way
+        """Parts of the reward of a step over `way` [m]. is_due: the limits are judged"""
+        parts = {"driven": way / self.distance_m}
         if not is_due:
             return parts
         metrics = {name: self.evaluation.metrics(name, self.names) for name in self.evaluation.machines}
@@ -340,7 +338,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         """
         world, task = self._running(), self.task
         self._driven.tell(task.checked(action, self.action_space.shape).tolist())
-        begin = world.graph.t
+        begin, before = world.graph.t, driven_m(world)
         drive(world, [self.evaluation, self._note], until_s=(begin + task.period) / NS, resume=True)
         t = world.graph.t
         terminated = bool(world.graph.ended) or has_arrived(world)
@@ -348,7 +346,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         is_end = terminated or truncated
         is_due = is_end or t // task.limits_period > begin // task.limits_period
         tracks = {name: own.arrays() for name, own in self._tracks.items()} if is_due else {}
-        parts = self._score.parts(driven_m(world), tracks, is_end=is_end, is_due=is_due)
+        parts = self._score.parts(driven_m(world) - before, tracks, is_end=is_end, is_due=is_due)
         info = {"reward": parts, "limits": self._score.limits, "t_s": t / NS, "ended": world.graph.ended}
         return self._observation(), fsum(parts.values()), terminated, truncated, info
 

@@ -99,10 +99,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
 
     def step(self, actions: Any) -> tuple[Seen, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Drive all for one period, as `Env.step`; environments that were over before begin anew."""
-        if not self._cohorts and not (self._terminated | self._truncated).any():
+        over = self._terminated | self._truncated
+        if not self._cohorts and not over.any():
             raise InputError("step", None, "expected after reset")
         told = self.task.checked(actions, self.action_space.shape)
-        over = self._terminated | self._truncated
         self._reward[:] = 0.0
         infos: dict[str, Any] = {}
         for cohort in self._cohorts:
@@ -128,7 +128,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
 
     @property
     def scores(self) -> list[Score]:
-        """What each environment came to so far: its limits and the share driven."""
+        """Of each environment, with the limits as they were judged last."""
         return list(self._scores)
 
     def _begin(self, which: np.ndarray, seeds: Sequence[int | None], infos: dict[str, Any]) -> None:
@@ -205,8 +205,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         worlds, members, period = cohort.worlds, cohort.members[which], self.task.limits_period
         way, before = worlds.driven()[which], self._way[members]
         self._way[members] = way
-        distance = np.array([cohort.scores[k].distance_m for k in which.tolist()])
-        share = (way - before) / distance
+        share = (way - before) / np.array([cohort.scores[k].distance_m for k in which.tolist()])
         self._reward[members] = share
         ended = [worlds.ended(k) for k in which.tolist()]
         self._tell(infos, "t_s", members, [t / NS for t, _ in ended], float)
@@ -218,8 +217,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
             if is_end or t // period > begin // period:
                 score, run = cohort.scores[k], worlds.judged(k, cohort.scores[k].names)
                 tracks = {n: own.arrays() for n, own in run.recorder.tracks.items()} if run.has_tracks else {}
-                score.driven = float(before[row])
-                own = score.parts(float(way[row]), tracks, is_end=is_end, is_due=True)
+                own = score.parts(float(way[row] - before[row]), tracks, is_end=is_end, is_due=True)
                 self._reward[members[row]] = fsum(own.values())
                 for name, value in own.items():
                     self._tell(parts, name, members[row : row + 1], value, float)

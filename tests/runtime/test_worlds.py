@@ -10,7 +10,9 @@ import swath
 from swath.control.speed.constant import ConstantSpeed, Params
 from swath.core.errors import InputError, SwathError
 from swath.core.frames import Pose
-from swath.core.together import Samples
+from swath.core.frozen import frozen
+from swath.core.signal import Signal
+from swath.core.together import InWorlds, OneByOne, Samples
 from swath.record.digest import Columns, Digest, sample_bytes
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
@@ -223,6 +225,23 @@ def test_a_part_that_cannot_begin_costs_its_world_alone():
         assert judged(run.summary) == judged(alone.summary)
 
 
+class NeverInStep(InWorlds, Crashes):
+    """One whose batch takes one world alone."""
+
+    @classmethod
+    def together(cls, parts):
+        if len(parts) > 1:
+            raise IndexError("a mistake in the batch")
+        return OneByOne([Crashes({}, None)])
+
+
+def test_a_batch_that_fails_is_told_and_its_worlds_go_alone():
+    sets = {**KERNELS, "combine.edge": NeverInStep, "run.distance_m": 0.3}
+    with pytest.warns(UserWarning, match=r"run one by one: IndexError: a mistake in the batch"):
+        runs = list(swath.worlds("straight", n=2, sets=sets, seed=5))
+    assert all(run.error is None for run in runs)
+
+
 class Batched(Crashes):
     """The same for all worlds at once."""
 
@@ -278,6 +297,13 @@ def test_wrong_input(more, key):
         list(swath.worlds("straight", **more))
 
 
+@frozen
+class RowsStand(Signal):
+    """Whether each of some rows stands."""
+
+    stand: np.ndarray
+
+
 def drawn_signals(rng, worlds):
     """Samples of several kinds in some worlds, with nan among them."""
 
@@ -298,6 +324,7 @@ def drawn_signals(rng, worlds):
             Scan(7, azimuth, azimuth, azimuth, *rng.normal(size=(2, 5, 1)).astype(np.float32))
             for _ in range(worlds)
         ],
+        [RowsStand(7, rng.random(4) < 0.5) for _ in range(worlds)],
     ]
 
 

@@ -330,12 +330,13 @@ def _column(
     kind, shape = array.dtype, array.shape[1:]
     if of_one[:1] == b"(":  # a pose
         return [(PLACE, REAL, 0, (3,), b""), (TURN, REAL, 3, (3, 3), b")")]
-    if kind.kind == "b":
+    prefix, is_flag = f"a{kind.newbyteorder('<').str}{shape}".encode(), kind.kind == "b"
+    if shape:
+        return [(prefix, np.dtype(np.uint8) if is_flag else kind, 0, shape, b"")]
+    if is_flag:
         return [(b"", kind, 0, (), b"")]
-    if not shape:
-        letter, form = (b"d", REAL) if kind.kind == "f" else (b"i", np.dtype(np.int64))
-        return [(letter, form, 0, (), b"")]
-    return [(f"a{kind.newbyteorder('<').str}{shape}".encode(), kind, 0, shape, b"")]
+    letter, form = (b"d", REAL) if kind.kind == "f" else (b"i", np.dtype(np.int64))
+    return [(letter, form, 0, (), b"")]
 
 
 def _unpacked(v: str) -> list[str]:

@@ -18,24 +18,24 @@ for (long long n = 0; n < j[4]; ++n, to += j[3]) {
     const char* from = (const char*)field[0] + n * field[1];
     char* at = to + field[2];
     const long long count = field[3];
-    if (field[4] == 0) __builtin_memcpy(at, from, count);
-    if (field[4] == 1)
+    if (field[4] == 0) __builtin_memcpy(at, from, count);  // COPIED
+    if (field[4] == 1)  // DOUBLES
       for (long long i = 0; i < count; ++i) {  // all NaNs are one
         double x;
         __builtin_memcpy(&x, from + 8 * i, 8);
         const unsigned long long none = 0x7ff8000000000000ull;
         __builtin_memcpy(at + 8 * i, x == x ? (const void*)&x : (const void*)&none, 8);
       }
-    if (field[4] == 2)
+    if (field[4] == 2)  // FLOATS
       for (long long i = 0; i < count; ++i) {
         float x;
         __builtin_memcpy(&x, from + 4 * i, 4);
         const unsigned none = 0x7fc00000u;
         __builtin_memcpy(at + 4 * i, x == x ? (const void*)&x : (const void*)&none, 4);
       }
-    if (field[4] == 3)
+    if (field[4] == 3)  // FLAGS
       for (long long i = 0; i < count; ++i) at[i] = from[i] ? 't' : 'f';
-    if (field[4] == 4) __builtin_memcpy(at, field, 8);
+    if (field[4] == 4) __builtin_memcpy(at, field, 8);  // ALIKE
   }
 }
 """)

@@ -5,6 +5,7 @@ byte. Parts whose class has `together` (`core/together.py`) are one batch; all o
 """
 
 import time
+import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -62,7 +63,7 @@ class Worlds:
     """Worlds whose schedules and wires are alike; drives them to their ends.
 
     hooks: of each world; is_whole: False where nothing but limits is judged, and there are no digests
-    active: whether a world still runs; seconds: CPU time of each slot, of all worlds; t [ns]
+    active: whether a world still runs; t [ns]
     errors: of worlds that cannot go on
     """
 
@@ -80,7 +81,6 @@ class Worlds:
         self.active = np.ones(len(worlds), np.bool_)
         going = hooks or [()] * len(worlds)
         self.runs = [Running(world, None, None, own, ()) for world, own in zip(worlds, going, strict=True)]
-        self.seconds: dict[str, float] = {}
         self._latest: dict[Wire, Sent] = {}
         self._before: dict[Wire, Sent] = {}
         self._queues: dict[Wire, list[list[Sent]]] = {}
@@ -194,8 +194,7 @@ class Worlds:
             outputs = _turned(each, self._latest, slot.name)
         for world in self.errors:
             self.active[world] = False
-        seconds = time.perf_counter() - started
-        self.seconds[slot.name] = slot.seconds = slot.seconds + seconds
+        slot.seconds += time.perf_counter() - started
         slot.steps += 1
         self._send(slot, t, outputs)
 
@@ -385,6 +384,11 @@ def as_ours(error: Exception) -> SwathError:
     return error if isinstance(error, SwathError) else SwathError(f"{type(error).__name__}: {error}")
 
 
+def warn_of_batch(error: Exception) -> None:
+    """Worlds failed in step, and none of them alone: the fault is in a part's `together`."""
+    warnings.warn(f"these worlds fail in step and were run one by one: {as_ours(error)}", stacklevel=3)
+
+
 def _of(sent: Sent, world: int) -> Signal:
     return sent.of(world) if isinstance(sent, Samples) else sent[world]
 
@@ -418,8 +422,8 @@ def _turned(
 
 
 def gains_in_step(scenario: Scenario) -> bool:
-    """Whether runs of a scenario cost less in step: whatever of them casts rays is stepped at once. Parts
-    that are somebody else's process, and those that go by the clock, are no company.
+    """Whether runs of a scenario cost less in step: all their scanners, cameras and radars step at once, no
+    part is a link to other software, and the run is not paced by the clock.
     """
     every = [choice for machine in scenario.machines.values() for choice in machine.slots.values()]
     if scenario.is_paced or any(choice.found.is_link for choice in every):

@@ -16,7 +16,7 @@ from swath.runtime.assembly import assemble
 from swath.runtime.hooks import RunHook
 from swath.runtime.kept import KeptFields
 from swath.runtime.world import World
-from swath.runtime.worlds import drive_together, gains_in_step
+from swath.runtime.worlds import drive_together, gains_in_step, warn_of_batch
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.one_run import do_run, hooks_of, result_of, scenario_of
 from swath.tools.function_test.plan import PlannedRun, looked_at
@@ -65,13 +65,20 @@ def _is_number(text: str) -> bool:
 def results_in(chunk: Chunk, fields: KeptFields, work: Work = do_run) -> Iterator[Result]:
     """What each run of a chunk comes to. fields: of the runs before; work: does one alone"""
     left = dict(enumerate(chunk))
+    blame: Exception | None = None
     if len(chunk) > 1:
-        with suppress(Exception):  # a run to blame is left, and tells it alone
+        try:
             for number, result in _together(chunk):
                 del left[number]
                 yield result
+        except Exception as error:  # a run to blame is left, and tells it alone
+            blame = error
     for run in left.values():
-        yield work(run, fields)
+        result = work(run, fields)
+        blame = None if result["verdict"] == "error" else blame
+        yield result
+    if blame is not None:
+        warn_of_batch(blame)
 
 
 def _together(chunk: Chunk) -> Iterator[tuple[int, Result]]:
@@ -81,7 +88,8 @@ def _together(chunk: Chunk) -> Iterator[tuple[int, Result]]:
     with stoppable(), collected_rarely():
         for number, run in enumerate(chunk):
             with suppress(Exception):
-                made.append((number, assemble(scenario_of(run)), hooks_of(run)))
+                hooks = hooks_of(run)
+                made.append((number, assemble(scenario_of(run)), hooks))
             seconds[number] += clock.passed()
         running = {number for number, _, _ in made}
         try:
