@@ -77,7 +77,10 @@ def _tags(numbers: Mapping[str, Mapping[str, Any]]) -> dict[str, int]:
 
 def _crop(world: World) -> dict[str, dict[str, int]]:
     crop = world.field.stand.crop
-    sheet = read_sheet("crops", crop, world.scenario.field.folder)
+    try:
+        sheet = read_sheet("crops", crop, world.scenario.field.folder)
+    except SwathError:  # the user's file has changed since the run began
+        return {}
     return {f"crop {Path(crop).stem}": _tags(sheet.numbers())}
 
 
