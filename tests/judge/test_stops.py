@@ -8,7 +8,7 @@ from swath.core.component import KeepsState, Port
 from swath.core.errors import InputError
 from swath.core.registry import level_here
 from swath.runtime.job import run_unrecorded
-from swath.scenario.scenario import load_scenario
+from swath.scenario.scenario import find_scenario, load_scenario
 from swath.signals import Objects
 from swath.signals.objects import objects_of
 
@@ -70,3 +70,20 @@ def test_only_stops_know_why():
     ):
         with pytest.raises(InputError, match=part):
             load_scenario("person-at-edge", sets=[f"expect.{limit}"])
+
+
+def test_a_cause_is_the_name_or_kind_of_what_may_be_there(tmp_path):
+    text = find_scenario("person-at-edge").read_text()
+    file = tmp_path / "mine.yaml"
+    for cause in ("person 1", "machine", "stone", "obstacles.dog"):  # the last one may come as the run goes
+        file.write_text(text.replace("because: person", f"because: {cause}"))
+        assert load_scenario(file).expect[-1].limit.because == cause
+    file.write_text(text.replace("because: person", "because: persn"))
+    with pytest.raises(InputError, match="did you mean 'person'") as told:
+        load_scenario(file)
+    line = 1 + next(k for k, row in enumerate(text.splitlines()) if "because: person" in row)
+    assert (told.value.key, told.value.value) == ("expect.stop_count.because", "persn")
+    assert (str(told.value.file), told.value.line) == (str(file), line)
+    file.write_text(text.replace("because: person", "because: person 2"))
+    with pytest.raises(InputError, match="expected a name or kind of obstacles or machines"):
+        load_scenario(file)

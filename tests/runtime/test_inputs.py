@@ -1,7 +1,11 @@
 """Results of crop and engine say on which numbers they rest, and which matter most."""
 
+from types import SimpleNamespace
+
 import pytest
 
+from swath.documents.data_sheets import find_sheet
+from swath.runtime.inputs import _crop
 from swath.runtime.job import run_job
 from swath.scenario.scenario import load_scenario
 
@@ -37,3 +41,13 @@ def test_sensitivities_are_those_of_the_closed_forms(summary):
     assert both
     for key in both:
         assert fuel[key][1] == pytest.approx(share * load[key][1], rel=0.01)
+
+
+def test_a_crop_of_a_field_folder_is_found_there(tmp_path):
+    (tmp_path / "mine.yaml").write_text(find_sheet("crops", "wheat").read_text())
+    field, scenario = (SimpleNamespace(**of) for of in (
+        {"stand": SimpleNamespace(crop="mine.yaml")}, {"field": SimpleNamespace(folder=tmp_path)}
+    ))  # fmt: skip
+    told = _crop(SimpleNamespace(field=field, scenario=scenario))
+    assert list(told) == ["crop mine"]
+    assert sum(told["crop mine"].values()) > 10

@@ -3,7 +3,7 @@
 from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args, get_type_hints
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, MaxLen, MinLen
@@ -144,6 +144,11 @@ Obstacle = Annotated[
 ]
 
 
+KINDS: tuple[str, ...] = tuple(
+    name for kind in get_args(get_args(Obstacle)[0]) for name in get_args(get_type_hints(kind)["kind"])
+)
+
+
 @dataclass(frozen=True)
 class Thing:
     """An obstacle of a field. solids: in its own frame, its foot at the origin, x forward
@@ -166,19 +171,26 @@ class Thing:
         return moved(self.solids, self.pose)
 
 
+def names_of(obstacles: Any) -> list[str]:
+    """One without a name has its kind and its number among all of that kind, such as `post 1`."""
+    counts: Counter[str] = Counter()
+    names = []
+    for o in obstacles:
+        counts[o.kind] += 1
+        names.append(o.name or f"{o.kind} {counts[o.kind]}")
+    return names
+
+
 def things_of(obstacles: Any, field: Any) -> tuple[Thing, ...]:
     """The things of obstacle parameters, each standing on the ground of a field (its `ground_height` is
-    asked). One without a name has its kind and its number among all of that kind, such as `post 1`.
+    asked).
 
     Raises InputError for an obstacle whose mesh cannot be used, whose path has two points in one place, or
     whose name another one has.
     """
     made: dict[str, Thing] = {}
-    counts: Counter[str] = Counter()
-    for index, o in enumerate(obstacles):
+    for index, (o, name) in enumerate(zip(obstacles, names_of(obstacles), strict=True)):
         key = f"field.obstacles.{index}"
-        counts[o.kind] += 1
-        name = o.name or f"{o.kind} {counts[o.kind]}"
         if name in made:
             raise InputError(f"{key}.name", name, "expected a name that no other obstacle has")
         foot = np.array([o.x_m, o.y_m, float(field.ground_height(o.x_m, o.y_m))])

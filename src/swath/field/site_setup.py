@@ -17,7 +17,7 @@ from swath.field.convex import Vector
 from swath.field.field import Field
 from swath.field.grain import GrainBox, GrainReceiver
 from swath.field.memory_layout import Solids
-from swath.field.obstacles import Thing
+from swath.field.obstacles import KINDS, Thing, names_of
 from swath.field.projection import Origin
 from swath.field.solids import merge, moved
 from swath.field.track import EdgeShape
@@ -25,6 +25,7 @@ from swath.signals import MachineState
 from swath.signals.setup import MachineGeometry
 
 TRAILER = ".trailer"  # after a machine's name: the body that it tows
+MACHINE = "machine"  # kind of the bodies of machines
 STILL = (0.0, 0.0, 0.0)  # velocity of what stands
 Array = NDArray[np.float64]
 
@@ -69,6 +70,12 @@ class Body:
     middle: Array
     half: Array
     rcs_dbsm: tuple[float, float] | None = None
+
+
+def known_as(obstacles: Any, machines: Sequence[str]) -> list[str]:
+    """Names of obstacles, as parameters, and of machines, and the kinds of both."""
+    towed = [name + TRAILER for name in machines]
+    return [*names_of(obstacles), *machines, *towed, *KINDS, MACHINE]
 
 
 class Bodies:
@@ -302,7 +309,7 @@ class Bodies:
     def _kind(self, name: str) -> str:
         if (thing := self._thing(name)) is not None:
             return thing.kind
-        return "machine" if name in self._solids and name not in self._standing else "unknown"
+        return MACHINE if name in self._solids and name not in self._standing else "unknown"
 
     def _thing(self, name: str) -> Thing | None:
         """What is known of an obstacle; None for a machine."""

@@ -8,6 +8,7 @@ from swath.documents.data_sheets import TAGS
 from swath.judge.catalogue import EvaluatorCatalogue, load_evaluators
 from swath.judge.evaluator import Metric
 from swath.report.html import render_page, signed
+from swath.runtime.credibility import span
 from swath.terminal.outcome import incident_text, limit_text, window_text
 from swath.terminal.tables import number
 
@@ -101,16 +102,17 @@ def _level_error(entry: Mapping[str, Any], metric: Metric | None) -> str:
 
 
 def _credibility(summary: Mapping[str, Any]) -> Iterator[list[str]]:
-    """Slot, level, quantity, what was met and checked, where that lies, and what checked it."""
+    """Slot, quantity, where what was met lies, that itself, what was checked, of which level, and by what."""
     for slot, told in summary.get("credibility", {}).get("slots", {}).items():
         for row in told["quantities"]:
-            met = "–" if row["met"] is None else _span(row["met"])
+            met = "–" if row["met"] is None else span(row["met"])
             state = row["state"] or "not met"
-            yield [slot, told["level"], row["quantity"], met, _span(row["checked"]), state, row["source"]]
+            yield [slot, row["quantity"], state, met, span(row["checked"]), told["level"], row["source"]]
 
 
 def _inputs(summary: Mapping[str, Any]) -> Iterator[list[str]]:
-    """Machine and metric, numbers by tag of all that it rests on, and those that matter most."""
+    """Machine, metrics, numbers by tag of all that they rest on alike, and those that matter most."""
+    alike: dict[tuple[str, str, str], list[str]] = {}
     for machine, metrics in summary.get("inputs", {}).items():
         for name, told in metrics.items():
             sources = [
@@ -121,12 +123,9 @@ def _inputs(summary: Mapping[str, Any]) -> Iterator[list[str]]:
                 f"{row['key']} {row['value']:g} ({row['tag']}): {row['percent_per_percent']:+g}"
                 for row in told["matter_most"]
             ]
-            yield [machine, name, "; ".join(sources), "; ".join(most) or "–"]
-
-
-def _span(ends: Sequence[float]) -> str:
-    low, high = ends
-    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+            alike.setdefault((machine, "; ".join(sources), "; ".join(most) or "–"), []).append(name)
+    for (machine, numbers, matter), names in alike.items():
+        yield [machine, ", ".join(names), numbers, matter]
 
 
 def _incident_row(event: Mapping[str, Any]) -> list[str]:

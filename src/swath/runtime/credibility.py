@@ -3,7 +3,8 @@
 A level says in which ranges of which quantities it was checked (`core.registry.Checked`), a part may add
 those of its own table (`core.abilities.MeetsRange`). Once a metre the run looks at what it meets. A look is
 beyond a range when more than 2 % of its values are: one echo of many decides nothing. A slot is `outside`
-with three such looks, `at the edge` with anything less beyond its range, else `inside`. What was not declared
+with three such looks, or where all of fewer are such, `at the edge` with anything less beyond its range, else
+`inside`. What was not declared
 is not known, and listed as such.
 
 A limit rests on the slots that its evaluator sees and on all that feeds these, over the wires of the graph.
@@ -197,7 +198,7 @@ def outside_of(summary: Mapping[str, Any]) -> dict[str, str]:
 
 def _why(slot: Mapping[str, Any]) -> str:
     what = [
-        f"{row['quantity']} {_span(row['met'])}, checked {_span(row['checked'])}"
+        f"{row['quantity']} {span(row['met'])}, checked {span(row['checked'])}"
         for row in slot["quantities"]
         if row["state"] == OUTSIDE
     ]
@@ -239,6 +240,7 @@ def _short(value: float) -> float:
     return float(f"{value:.4g}")
 
 
-def _span(ends: Sequence[float]) -> str:
+def span(ends: Sequence[float]) -> str:
+    """Ends of a range as text."""
     low, high = ends
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"

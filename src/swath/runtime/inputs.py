@@ -2,7 +2,8 @@
 
 A level names the sections of its machine's data sheet that it reads. A metric rests on those of all slots
 that it rests on, and on the crop's data sheet. Sensitivities are finite differences of the steady state of a
-level where the run ended: percent of the metric per percent of the number. No interval follows from a tag.
+level where the run ended: percent of the metric per percent of the number. A tag does not say how far a
+number may be off.
 """
 
 from collections import Counter
@@ -35,7 +36,9 @@ def inputs_of(world: World, evaluation: Any) -> dict[str, Any]:
 
 def _of_machine(world: World, evaluation: Any, machine: Machine) -> Iterator[tuple[str, Any]]:
     known = evaluation.catalogue.metrics
-    names = [n for n in evaluation.metrics(machine.name) if n in known and known[n].group == GROUP]
+    of_group = [name for name, metric in known.items() if metric.group == GROUP]
+    found = evaluation.metrics(machine.name, of_group)
+    names = [name for name in found if name in of_group]
     if not names:
         return
     sheet = open_machine(str(machine.section.sheet))
@@ -73,11 +76,12 @@ def _tags(numbers: Mapping[str, Mapping[str, Any]]) -> dict[str, int]:
 
 
 def _crop(world: World) -> dict[str, dict[str, int]]:
-    crop = getattr(world.field.stand, "crop", None)
+    crop = world.field.stand.crop
     try:
-        return {} if crop is None else {f"crop {Path(crop).stem}": _tags(read_sheet("crops", crop).numbers())}
-    except SwathError:
+        sheet = read_sheet("crops", crop, world.scenario.field.folder)
+    except SwathError:  # the user's file has changed since the run began
         return {}
+    return {f"crop {Path(crop).stem}": _tags(sheet.numbers())}
 
 
 def _worth(

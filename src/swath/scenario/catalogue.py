@@ -17,7 +17,7 @@ class Catalogue:
 
     field_levels: the default level of `terrain` and `stand`
     parts: `edge`, `obstacles` and `boundary` -> `module:NAME` of the type that describes one; `evaluators`
-    -> of the function that lists them
+    and `bodies` -> of the functions that list them
     machine_types: type -> slot -> level of what a machine of the type has unasked
     """
 
@@ -57,5 +57,6 @@ PARTS = {
     "obstacles": "swath.field.obstacles:Obstacle",
     "boundary": "swath.field.edge:Boundary",
     "evaluators": "swath.judge.catalogue:load_evaluators",
+    "bodies": "swath.field.site_setup:known_as",
 }
 CATALOGUE = Catalogue(REGISTRY, SLOTS, FIELD_LEVELS, PARTS, MACHINE_TYPES)

@@ -4,18 +4,20 @@ With several machines `expect` has a machine's name or `field`, and below it the
 limits may stand at the top: what is a metric of the field, or of the run, is meant for `field`.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from swath.core.errors import InputError, SwathError
 from swath.core.registry import installed
-from swath.documents.hints import unknown_key
+from swath.documents.hints import near_miss, unknown_key
 from swath.documents.yaml_document import KeyPath
 from swath.scenario.resolved import Expectation, MachineSection
 from swath.scenario.section_reader import SectionReader
 from swath.scenario.sections import Limit
 
 FIELD = "field"
+LATER = "obstacles."  # before the name of an obstacle that comes while a run goes
 
 
 def read_evaluators(reader: SectionReader, data: Any) -> tuple[tuple[str, ...], Any]:
@@ -49,22 +51,35 @@ def read_expect(
     judged: Any,
     machines: Sequence[str],
     sections: Mapping[str, MachineSection],
+    obstacles: Sequence[Any],
 ) -> tuple[Expectation, ...]:
-    """Every limit; notes what is wrong. machines: all names; sections: of those that could be read"""
+    """Every limit; notes what is wrong. machines: all names; sections: of those that could be read
+
+    obstacles: of the field, None for one that could not be read
+    """
     data = reader.mapping(data, ("expect",))
     scopes = judged.by_scope()
     own, of_field = list(scopes["machine"]), [*scopes["field"], *scopes["run"]]
     columns = {name: _columns(judged, section) for name, section in sections.items()}
+
+    def unknown_cause(name: str) -> str:
+        if name.startswith(LATER) or any(obstacle is None for obstacle in obstacles):
+            return ""
+        known = reader.catalogue.part("bodies")(obstacles, machines)
+        near = near_miss(name, known)
+        return "" if name in known else f"expected a name or kind of obstacles or machines{near}"
+
+    judge = partial(_limits, reader, judged=judged, columns_of=columns, unknown_cause=unknown_cause)
     found: list[Expectation] = []
     for key, entry in data.items():
         path: KeyPath = ("expect", key)
         if key in machines or key == FIELD:
             for name, limits in reader.mapping(entry, path).items():
                 known = of_field if key == FIELD else own
-                found += _limits(reader, key, name, limits, (*path, name), known, judged, columns)
+                found += judge(key, name, limits, (*path, name), known)
         elif len(machines) == 1:
             subject = FIELD if key in of_field else machines[0]
-            found += _limits(reader, subject, key, entry, path, [*own, *of_field], judged, columns)
+            found += judge(subject, key, entry, path, [*own, *of_field])
         else:
             reader.note(path, None, unknown_key(key, [*machines, FIELD], "unknown machine"))
     return tuple(found)
@@ -93,8 +108,10 @@ def _limits(
     data: Any,
     path: KeyPath,
     metrics: list[str],
+    *,
     judged: Any,
     columns_of: Mapping[str, list[str]],
+    unknown_cause: Callable[[str], str],
 ) -> list[Expectation]:
     columns = [] if subject == FIELD else columns_of.get(subject, judged.columns)
     if name not in metrics and name not in columns and judged.is_partial:
@@ -115,7 +132,11 @@ def _limits(
         limit = reader.check(Limit, entry, where)
         if limit is not None and name not in metrics and limit.hold is None:
             limit = limit.model_copy(update={"hold": "always"})
-        if limit is not None and _fits(reader, limit, where, judged, name, columns):
+        if limit is None:
+            continue
+        if limit.because is not None and (said := unknown_cause(limit.because)):
+            reader.note((*where, "because"), limit.because, said)
+        elif _fits(reader, limit, where, judged, name, columns):
             found.append(Expectation(subject, name, limit))
     return found
 

@@ -124,7 +124,10 @@ def read_sections(document: Document, catalogue: Catalogue) -> dict[str, Any]:
         parts["field"] = _without_edge(reader, parts["field"], parts["machines"])
     parts["realtime"] = _realtime(reader, data["realtime"], parts["machines"]) if "realtime" in data else None
     parts["evaluators"], judged = read_evaluators(reader, data.get("evaluators", []))
-    parts["expect"] = read_expect(reader, data.get("expect", {}), judged, machines, parts["machines"])
+    obstacles = parts["field"].obstacles
+    parts["expect"] = read_expect(
+        reader, data.get("expect", {}), judged, machines, parts["machines"], obstacles
+    )
     if reader.errors:
         raise ScenarioError(reader.errors)
     return parts

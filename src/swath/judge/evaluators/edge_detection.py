@@ -212,16 +212,11 @@ class EdgeDetection:
 
     def columns(self) -> tuple[Column, ...]:
         """The true edge and the crop that stands, for the newest detected edge."""
-        meant = {"edge_true_m": "true edge", "edge_wall_m": "edge of the crop that stands, holes included,"}
-        told = {"edge_true_m": "true", "edge_wall_m": "wall"}
-        return tuple(
-            Column(
-                name,
-                "m",
-                f"{meant[name]} at edge_reference_m, > 0 left",
-                later=partial(self._at_rows, told[name]),
-            )
-            for name in self.COLUMNS
+        at = "at edge_reference_m, > 0 left"
+        wall = f"edge of the crop that stands, holes included, {at}"
+        return (
+            Column("edge_true_m", "m", f"true edge {at}", later=partial(self._at_rows, "true")),
+            Column("edge_wall_m", "m", wall, later=partial(self._at_rows, "wall")),
         )
 
     def series(self) -> EdgeSeries:
@@ -249,13 +244,8 @@ class EdgeDetection:
         end = 2.0 * self._end_y - self._begin
         crop = (self._across or crop_across)(self.setup.field, pose, self._reference, self._begin, end)
         (px, py, _), ((ax, bx, _), (ay, by, _), _) = pose.numbers
-        y = self._end_y
-        ends = [
-            v + a * x + b * y
-            for x in (self._reference, self._knife_x)
-            for v, a, b in ((px, ax, bx), (py, ay, by))
-        ]
-        self._rows.append(_Row(edge.t, distance, edge, np.packbits(crop), (*ends, bx, by)))
+        place = _place((px, ax, bx), (py, ay, by), (self._reference, self._knife_x), self._end_y)
+        self._rows.append(_Row(edge.t, distance, edge, np.packbits(crop), place))
 
     def _judge_rows(self) -> None:
         if self._rows:
@@ -394,13 +384,8 @@ class _Together:
         wall[~((found & (self._counts > 0)) | exists)] = NAN
         more = (field_of(edge, name) for name in ("is_held", "offset_sd"))
         self._rows.add(self._worlds, edge.t, distance, wall, seen, found, exists, confidence, *more, wall)
-        y = self._end_y
-        ends = [
-            v + a * x + b * y
-            for x in (self._reference, self._knife_x)
-            for v, a, b in ((px, ax, bx), (py, ay, by))
-        ]
-        self._places.add(self._worlds, *ends, bx, by)
+        place = _place((px, ax, bx), (py, ay, by), (self._reference, self._knife_x), self._end_y)
+        self._places.add(self._worlds, *place)
 
     def _at(self, t: int) -> tuple[F64, F64]:
         """As `EdgeDetection._at`, poses as numbers."""
@@ -438,6 +423,15 @@ def between_states(
     roll, pitch, yaw = angles + share * wrap_angle(last - angles)
     position = a.position + share * (b.position - a.position)
     return Pose.from_euler(position, roll, pitch, yaw), start + share * (end - start)
+
+
+def _place(x: tuple[Any, ...], y: tuple[Any, ...], ahead: tuple[Any, Any], left: Any) -> tuple[Any, ...]:
+    """Points of a machine in the world, and its y axis there, as in `EdgeDetection.lines`.
+
+    x, y: of the world, each with its rate along the machine's x and y axis; ahead, left: in the machine
+    """
+    ends = [v + a * at + b * left for at in ahead for v, a, b in (x, y)]
+    return *ends, x[2], y[2]
 
 
 def _nearest(places: Sequence[float], to: float) -> float:
