@@ -31,7 +31,7 @@ struct Head {
   D X, U, psi, level, slope, known, since, way, scans, first, count, touched, alpha, over, tooth2, height, learned;
   D mean[4], cov[16];            // before the first node's rays
   D free, lean, width;           // how far rays come into the crop [m]; means of the shape that all nodes were weighed with
-  D row_angle, row_nodes, row_n[BINS], row_x[BINS];  // direction of the rows, nodes that it is learned from; stops and metres by place between rows
+  D row_angle, row_seen, row_n[BINS], row_x[BINS];  // direction of the rows, nodes that it is learned from; stops and metres by place between rows
   Rates in, out;                 // learned from nodes that no ray reaches any more
   D mu_in[L], mu_out[L], q_in, q_out;
   D said[SHAPES], aside[SHAPES], chance[SHAPES];  // of each shape of the edge: log-likelihood, where it puts the feet, posterior
@@ -81,7 +81,7 @@ auto lose = [&]() {
   h.count = h.first = h.since = h.way = h.scans = 0.0, h.touched = MANY;
   h.over = p.over_first, h.tooth2 = sq(p.tooth_first), h.learned = 0.0, h.height = s.usual;
   clear_rates(h.in), clear_rates(h.out);
-  h.free = h.lean = h.width = h.row_angle = h.row_nodes = 0.0;
+  h.free = h.lean = h.width = h.row_angle = h.row_seen = 0.0;
   for (int i = 0; i < BINS; ++i) h.row_n[i] = h.row_x[i] = 0.0;
   for (int f = 0; f < SHAPES; ++f) {
     h.said[f] = h.aside[f] = 0.0;
@@ -354,8 +354,8 @@ auto weigh_shapes = [&]() {
   best = -1e30, sum = 0.0;
   for (int f = 0; f < LEANS; ++f) {
     D chance = 0.0;  // over how far it leans along the edge, too: it is lower then
-    for (int other = 0; other < LEANS; ++other) {
-      const D lean2 = sq(LEAN[f]) + sq(LEAN[other]), a = 1.0 + lean2 / sq(p.lean_sd);
+    for (int g = 0; g < LEANS; ++g) {
+      const D lean2 = sq(LEAN[f]) + sq(LEAN[g]), a = 1.0 + lean2 / sq(p.lean_sd);
       const D b = s.is_usual > 0.0 ? 1.0 + 0.5 * sq((h.height / s.usual * ::sqrt(1.0 + lean2) - 1.0) / p.height_sd) : 1.0;
       chance += 1.0 / (a * b * ::sqrt(a * b));
     }
@@ -429,14 +429,14 @@ auto add_sides = [&](int k, Rates& in, Rates& away, D worth) {  // what was seen
   for (int i = 0; i < to; ++i) away.lost += worth * lost[i], away.rays += worth * rays[i];
 };
 auto along_rows = [&](D angle) {  // 1 where the line runs along the rows, 0 where it crosses them within a tooth
-  return 1.0 / (1.0 + sq(p.tooth_m * ::sin(angle - h.row_angle) / s.rows));
+  return s.rows > 0.0 ? 1.0 / (1.0 + sq(p.tooth_m * ::sin(angle - h.row_angle) / s.rows)) : 0.0;
 };
-auto learn_rows = [&](const Node& a, const float* q, D keep) {
+auto learn_rows = [&](const Node& a, const float* q) {
   const D angle = a.phi + a.mean[1], e = a.mean[0] + a.mean[3];
-  if (h.row_nodes == 0.0) h.row_angle = angle;
-  const D along = along_rows(angle);
-  h.row_nodes = h.row_nodes * keep + along;
-  h.row_angle += along / h.row_nodes * (angle - h.row_angle);
+  if (h.row_seen == 0.0) h.row_angle = angle;
+  const D along = along_rows(angle), keep = ::exp(-STEP / p.memory);
+  h.row_seen = h.row_seen * keep + along;
+  h.row_angle += along / h.row_seen * (angle - h.row_angle);
   for (int i = 0; i < BINS; ++i) h.row_n[i] *= keep, h.row_x[i] *= keep;
   for (int i = 0; i < W; ++i) {
     const D d = (E0 + (i - K + 0.5) * CELL - e) / s.rows;
@@ -445,7 +445,6 @@ auto learn_rows = [&](const Node& a, const float* q, D keep) {
     for (int l = 0; l < L; ++l) h.row_n[bin] += along * q[l * W + i], h.row_x[bin] += along * q[L * W + l * W + i];
   }
 };
-constexpr D AHEAD = 0.15;  // of a spacing: how far before the wall the outermost row may seem to stand
 auto row_behind = [&](D& seen) {  // how far behind the wall the outermost row stands, and how plainly it is seen, 0..1
   D re = 0.0, im = 0.0, sum = 0.0;
   for (int i = 0; i < BINS; ++i) {
@@ -454,7 +453,7 @@ auto row_behind = [&](D& seen) {  // how far behind the wall the outermost row s
   }
   seen = sum > 0.0 ? (sq(re) + sq(im)) / sq(sum) : 0.0;
   const D phase = ::atan2(im, re) / 6.283185307179586;
-  return s.rows * (phase < -AHEAD ? phase + 1.0 : phase);
+  return s.rows * (phase < -0.15 ? phase + 1.0 : phase);
 };
 auto is_clear = [&](const Node& a) { return a.standing > 0.9 && a.prec > 1.0 / sq(p.clear); };  // an edge, and seen from both sides
 auto learn = [&](int k) {  // from a node that no ray reaches any more
@@ -470,7 +469,7 @@ auto learn = [&](int k) {  // from a node that no ray reaches any more
   }
   if (!is_clear(a)) return;
   add_sides(k, h.in, h.out, a.standing);
-  if (s.rows > 0.0) learn_rows(a, grid(k), keep);
+  if (s.rows > 0.0) learn_rows(a, grid(k));
   h.tooth2 = most(h.tooth2 + share * (sq(a.mean[3]) + a.cov[15] - h.tooth2), sq(p.tooth));
   // the shape of the edge: how well each explains this node, wherever it puts the feet
   int lean = 0, width = 0;

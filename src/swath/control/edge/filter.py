@@ -109,7 +109,8 @@ class Params:
     hold_m: how far beyond the last place seen the edge is held
     lean_sd: scale of the prior of leans, aside per height [1]; shape_alike: nodes that show a lean alike
     misfit: gain of one shape over another up to which it counts little [nat]; height_sd: scale of an upright
-    crop's height, of the usual [1]; row_seen: amplitude of the rows' first harmonic at which they count half [1]
+    crop's height, of the usual [1]
+    row_seen: amplitude of the rows' first harmonic at which they count half [1]
     delay: way into the crop until half a spot is covered, of the mean free path, where stops scatter as those
     of a Poisson process [1]
     reference_m: where ahead of the knife the edge is told
