@@ -916,11 +916,9 @@ def detect(
                 if pz > LOWEST and pz < HIGHEST:
                     back = ago[of, i]
                     turn = yaw_rate * back
-                    square = turn * turn
-                    c = ONE - HALF * square * (ONE - square / real(12.0) * (ONE - square / real(30.0)))
-                    t = turn * (
-                        ONE - square / real(6.0) * (ONE - square / real(20.0) * (ONE - square / real(42.0)))
-                    )  # both within 1e-16 up to 0.01 rad
+                    z = turn * turn
+                    c = ONE - HALF * z * (ONE - z / real(12.0) * (ONE - z / real(30.0)))  # 1e-16 up to 0.01
+                    t = turn * (ONE - z / real(6.0) * (ONE - z / real(20.0) * (ONE - z / real(42.0))))
                     if wp.abs(turn) > real(0.01):
                         c = wp.cos(turn)
                         t = wp.sin(turn)
