@@ -99,20 +99,19 @@ def test_plants_that_spread_about_their_feet(spread):
 
 
 def test_beams_that_never_answer_tell_nothing():
+    """Three of four of those that look beside the edge: taken as lost rays they would move it by 0.2 m."""
     detector = made()
-    detector_of = lambda side, mounted: detector  # noqa: E731
-    whole, _ = along(made, metres=16.0)
     take = detector.step
 
     def dirty(t, dt, inputs):
         ranges = inputs["scan"].ranges.copy()
-        ranges[105:108] = np.nan
+        ranges[[i for i in range(90, 110) if i % 4]] = np.nan
         return take(t, dt, {**inputs, "scan": replace(inputs["scan"], ranges=ranges)})
 
     detector.step = dirty
-    part, error = along(detector_of, metres=16.0)
-    assert np.abs(error[120:]).max() < 0.1
-    assert abs(part[-1].offset_sd - whole[-1].offset_sd) < 0.01
+    edges, error = along(lambda side, mounted: detector, metres=16.0)
+    assert all(e.is_found for e in edges[120:])
+    assert abs(error[-1]) < min(0.1, 3.0 * edges[-1].offset_sd)
 
 
 def test_goes_on_from_a_saved_moment():

@@ -18,7 +18,7 @@ class CropEdge(Signal, about=About(messages=_EDGE, track_order=5, time_column="e
     """The crop edge as detected, in the machine frame (x forward, y left, on the ground).
 
     What is told is the line to be steered along: across a hole the edge that goes on behind it, in row crops
-    midway between the outer row and the next.
+    half a row spacing outside the outer row.
     """
 
     offset: Annotated[

@@ -78,11 +78,11 @@ from swath.signals import CropEdge, Inertial, Odometry, Scan, beam_directions
 from swath.signals.setup import ControlSetup
 
 # Counts as in filter.cpp, and numbers of a node, of all before the nodes, of the state and of the grids
-LAYERS, CELLS, HALF, NODES, WIDE, SHAPES = 10, 90, 16, 48, 80, 14
-NODE, HEAD = 56, 90 + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
+LAYERS, CELLS, HALF, NODES, WIDE, SHAPES, BINS, TABLE = 10, 90, 16, 48, 80, 14, 24, 512
+NODE, HEAD = 56, 42 + 2 * BINS + 2 * (2 * LAYERS + 2) + 2 * LAYERS + 2 + 3 * SHAPES
 STATE = HEAD + NODES * NODE
 ROW = CELLS + 2 * HALF
-GRIDS = NODES * (2 * LAYERS * ROW + 2 * ROW + 3 * (CELLS + 1)) + (2 * LAYERS + 2) * WIDE + 512
+GRIDS = NODES * (2 * LAYERS * ROW + 2 * ROW + 3 * (CELLS + 1)) + (2 * LAYERS + 2) * WIDE + TABLE
 USUAL = 0.85  # m: height of a crop that nobody named, that of wheat
 TOP, LOWEST = 1.25, 0.05  # of the usual height [1] and [m]: where the layers end and begin; estimates
 LATE = 0.4  # s: age of the newest scan from which on there is no edge
@@ -108,8 +108,9 @@ class Params:
     lost_m: standard deviation from which on there is no edge
     hold_m: how far beyond the last place seen the edge is held
     lean_sd: scale of the prior of leans, aside per height [1]; shape_alike: nodes that show a lean alike
-    misfit: gain that no shape can be given for [nat]; height_sd: scale of an upright crop's height, of the
-    usual [1]; row_seen: amplitude of the rows' first harmonic that is as good as none [1]
+    misfit: gain of one shape over another up to which it counts little [nat]; height_sd: scale of an upright
+    crop's height, of the usual [1]
+    row_seen: amplitude of the rows' first harmonic at which they count half [1]
     delay: way into the crop until half a spot is covered, of the mean free path, where stops scatter as those
     of a Poisson process [1]
     reference_m: where ahead of the knife the edge is told
