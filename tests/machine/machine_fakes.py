@@ -9,7 +9,6 @@ from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.field.cut_result import Cut
 from swath.field.footprint import Footprint
-from swath.field.memory_layout import PAGE_NODES
 from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.machine.sweep import signed_area
@@ -44,15 +43,12 @@ class Ground:
         return self.height(np.asarray(x), np.asarray(y))
 
     def footprint(self, points, *, groups=1):
-        def pages(first_i, last_i, first_j, last_j):
-            x, y = (
-                NODE * np.arange(PAGE_NODES * int(first), PAGE_NODES * (int(last) + 1) + 1)
-                for first, last in ((first_i, last_i), (first_j, last_j))
-            )
-            x, y = np.meshgrid(x, y)
-            return int(first_i), int(first_j), self.ground_height(x, y) + np.zeros(x.shape)
+        def around(u, v, reach, turn):
+            i, j, count = int(u - reach) - 1, int(v - reach) - 1, int(2.0 * reach) + 4
+            x, y = np.meshgrid(NODE * np.arange(i, i + count), NODE * np.arange(j, j + count))
+            return i, j, self.ground_height(x, y) + np.zeros(x.shape)
 
-        return LikeGround(self, points, (1.0, 0.0), NODE, pages, groups=groups)
+        return LikeGround(self, points, (1.0, 0.0), NODE, around, groups=groups)
 
     def cut(self, polygon, height_m):
         area = signed_area(polygon)

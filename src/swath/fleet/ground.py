@@ -217,7 +217,8 @@ class Ground:
         time; 0 where none stood.
         """
         found = self._cells(areas.ravel(), until=time).reshape(areas.shape)
-        return np.maximum(found.max(axis=1), 0.0).tolist()
+        latest: list[float] = np.maximum(found.max(axis=1), 0.0).tolist()
+        return latest
 
 
 def window_of(areas: Any, grid: Grid, shape: tuple[int, int]) -> tuple[slice, slice]:

@@ -2,10 +2,9 @@
 
 A level says in which ranges of which quantities it was checked (`core.registry.Checked`), a part may add
 those of its own table (`core.abilities.MeetsRange`). Once a metre the run looks at what it meets. A look is
-beyond a range when more than 2 % of its values are: one echo of many decides nothing. A slot is `outside`
-with three such looks, or where all of fewer are such, `at the edge` with anything less beyond its range, else
-`inside`. What was not declared
-is not known, and listed as such.
+beyond a range when more than 2 % of its values are, and more than one of several: one echo decides nothing. A
+slot is `outside` with three such looks, or where all of fewer are such, `at the edge` with anything less beyond
+its range, else `inside`. What was not declared is not known, and listed as such.
 
 A limit rests on the slots that its evaluator sees and on all that feeds these, over the wires of the graph.
 """
@@ -57,7 +56,7 @@ class Seen:
         strays = int(np.sum((values < checked.low) | (values > checked.high)))
         self.low, self.high = min(self.low, float(values.min())), max(self.high, float(values.max()))
         self.looks += 1
-        self.beyond += strays > TOLERATED * len(values)
+        self.beyond += strays > (max(1.0, TOLERATED * len(values)) if len(values) > 1 else 0.0)
         self.strays += strays
 
     @property
