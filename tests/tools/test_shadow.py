@@ -92,7 +92,9 @@ format: swath test case 1
 objective: detects
 source: estimated
 scenario: straight
-set: {run.distance_m: 12, run.record: none, combine.lidar: {level: empirical, step_deg: 2, sector_deg: [-40, 40]}}
+set:
+  run: {distance_m: 12, record: none}
+  combine.lidar: {level: empirical, step_deg: 2, sector_deg: [-40, 40]}
 seeds: 1
 expect: {edge_rmse_m: {max: 0.2}, lateral_rms_m: {max: 0.2}}
 """

@@ -379,6 +379,7 @@ class Finder:
         self._last_cut = 0.0  # s
         self._known: dict[Any, Track | None] = {}  # ways that were asked for since crop was cut
         self._reach(slice(0, shape[0]), slice(0, shape[1]))
+        self.searches = 0  # made, not known from before
 
     def _refresh(self) -> None:
         """What has changed on the grid since the last search."""
@@ -493,6 +494,7 @@ class Finder:
         gap: float, in_line: float, most: int,
     ) -> Track | None:  # fmt: skip
         self._launch(body, drive, start, goal, stand, time, gap, in_line, most, SEARCH)
+        self.searches += 1
         count = int(self._found[0])
         if count < 1:
             return None

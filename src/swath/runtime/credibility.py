@@ -2,9 +2,9 @@
 
 A level says in which ranges of which quantities it was checked (`core.registry.Checked`), a part may add
 those of its own table (`core.abilities.MeetsRange`). Once a metre the run looks at what it meets. A look is
-beyond a range when more than 2 % of its values are, and more than one of several: one echo decides nothing. A
-slot is `outside` with three such looks, or where all of fewer are such, `at the edge` with anything less beyond
-its range, else `inside`. What was not declared is not known, and listed as such.
+beyond a range when more than 2 % of its values are, and more than one of several: one echo decides nothing.
+A slot is `outside` with three such looks, or where all of fewer are such, `at the edge` with anything less
+beyond its range, else `inside`. What was not declared is not known, and listed as such.
 
 A limit rests on the slots that its evaluator sees and on all that feeds these, over the wires of the graph.
 """
