@@ -86,7 +86,7 @@ def turned_by_the_dearest(degrees, speed, grain):
 
 @pytest.mark.parametrize("grain", [0.0, 8000.0])
 @pytest.mark.parametrize(
-    ("degrees", "speed"), [(3.0, 2.5), (11.0, 1.0), (11.0, 2.5), (28.0, 1.0), (28.0, 2.5)]
+    ("degrees", "speed"), [(3.0, 2.5), (11.0, 1.0), (11.0, 2.5), (28.0, 1.0), (28.0, 2.5), (45.0, 1.8)]
 )
 @each_level("motion")
 def test_a_turn(level, limit, degrees, speed, grain):

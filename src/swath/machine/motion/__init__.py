@@ -7,5 +7,5 @@ CHECKED = (
     Checked("ground_speed_kmh", -0.5, 14.4, TESTS),
     Checked("slope_across_percent", -20.0, 20.0, TESTS),
     Checked("slope_along_percent", -18.0, 18.0, TESTS),
-    Checked("yaw_rate_deg_s", -20.0, 20.0, TESTS),
+    Checked("yaw_rate_deg_s", -25.9, 25.9, TESTS),
 )  # of a combine, levels against each other and against closed forms

@@ -270,6 +270,6 @@ LEVEL = Level(
     Params,
     summary="side slip, tyre relaxation, rolling resistance, side slopes, on the terrain",
     cost="about 18 us per step",
-    tolerance="against multibody up to 2.5 m/s: yaw gain within 0.2 %, offset after 30 deg within 1.6 %",
+    tolerance="against multibody up to 2.5 m/s: yaw gain within 0.2 %, offset after 30 deg within 2.8 %",
     checked=CHECKED,
 )
