@@ -82,9 +82,10 @@ def test_strays_are_at_the_edge():
     checked, seen = Checked("spot_mm", 0.0, 1.0, "made"), Seen()
     for _ in range(50):
         seen.add([0.5] * 99 + [1.5], checked)
-    assert (seen.state, seen.looks, seen.high) == (EDGE, 50, 1.5)
+        seen.add([0.5] * 9 + [1.5], checked)  # one echo, of however few
+    assert (seen.state, seen.looks, seen.high) == (EDGE, 100, 1.5)
     for _ in range(3):
-        seen.add([0.5] * 9 + [1.5], checked)
+        seen.add([0.5] * 8 + [1.5] * 2, checked)
     assert seen.state == OUTSIDE
 
 

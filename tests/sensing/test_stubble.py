@@ -56,7 +56,7 @@ def test_over_a_gap_in_thin_crop_the_ground_is_the_ground():
     [
         (["field.stand.wind={speed_m_s: 8, azimuth_deg: 270}"], "wind"),
         (["field.stand.weeds={plants_per_m2: 5}"], "weeds"),
-        (["field.stand.lean_deg=30"], "lodged"),
+        (["field.stand.lean_deg=30"], "leans by more than 20 deg"),
     ],
 )
 def test_what_the_level_cannot_see_is_said_in_one_line(sets, said):

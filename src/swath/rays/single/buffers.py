@@ -39,9 +39,11 @@ class BeamBuffer:
 
     def lie_in(self, origins: Any, flags: Any, others: "BeamBuffer") -> None:
         """From now on these are in this memory, (room, 3) and (1,), and the others in that of another buffer:
-        of many worlds, scanned one after the other, what a scan needs meanwhile then stays in the cache.
+        of many worlds, scanned one after the other, what a scan needs meanwhile then stays in the cache. What
+        a scan met stays with its world.
         """
         kept = {"origins": origins, "flags": flags}
+        kept |= {name: getattr(self, name) for name in ("directions", "distance", "kind")}
         arrays = {name: value for name, value in vars(others).items() if isinstance(value, np.ndarray)}
         vars(self).update({**arrays, **kept, "_struct": None})
 
