@@ -11,6 +11,7 @@ from swath.control.speed.edge_guard import Guard
 from swath.control.steer.edge_or_path import EdgeOrPath, Params, line_through
 from swath.control.steer.path import Begin, Segment
 from swath.control.steer.path import Params as PathParams
+from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.signals import (
     CropEdge,
@@ -149,3 +150,8 @@ def test_the_speed_law_goes_on_where_a_path_leads(when_lost, led, stands):
     assert (speed == 0.0) == stands
     assert stands or speed == pytest.approx(4.0 / 3.6)
     assert bool(law.end_reason(0)) == stands
+
+
+def test_a_bound_beside_no_path_is_refused():
+    with pytest.raises(InputError, match=r"stray_m = 1\.0: expected a path, too"):
+        drive([], Params(stray_m=1.0), 1.0)

@@ -4,8 +4,12 @@ import json
 import os
 import subprocess
 import sys
+from importlib.metadata import EntryPoint
 
 import pytest
+
+from swath.core import registry
+from swath.core.errors import InputError
 
 CODE = """
 import csv
@@ -131,3 +135,10 @@ def test_a_command_is_listed_and_runs(swath, tmp_path):
     assert "of the installed package swath-guest" in swath("--help", cwd=tmp_path).stdout
     assert swath("greet", cwd=tmp_path).stdout == "hello\n"
     assert swath("greeet", cwd=tmp_path).stderr.endswith("did you mean 'greet'?\n")
+
+
+def test_two_packages_with_one_name_are_refused(monkeypatch):
+    points = tuple(EntryPoint("log.twice", f"{name}:read", registry.GROUP) for name in ("one", "two"))
+    monkeypatch.setattr(registry, "_entry_points", lambda: points)
+    with pytest.raises(InputError, match="package with that name, one:read and two:read have it"):
+        registry.installed_part("log", "twice")

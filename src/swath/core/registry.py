@@ -178,8 +178,15 @@ def installed(kind: str) -> dict[str, str]:
 
 
 def installed_part(kind: str, name: str) -> Any:
-    """What an installed package has under a name of a kind, loaded; None where there is none."""
-    return next((e.load() for e in _entry_points() if e.name == f"{kind}.{name}"), None)
+    """What an installed package has under a name of a kind, loaded; None where there is none.
+
+    InputError where two packages have that name.
+    """
+    found = [e for e in _entry_points() if e.name == f"{kind}.{name}"]
+    if len(found) > 1:
+        packages = " and ".join(sorted(e.dist.name if e.dist else e.value for e in found))
+        raise InputError(kind, name, f"expected one installed package with that name, {packages} have it")
+    return found[0].load() if found else None
 
 
 @cache

@@ -73,7 +73,8 @@ class Samples:
         times = {signal.t for signal in (signals if active is None else compress(signals, active))}
         if len(times) > 1:
             text = f"{type(first).__name__}: t = {min(times)} ns in one world, {max(times)} ns in another"
-            raise SwathError(f"{text}: they cannot go in step, swath.worlds(together=1) can")
+            how = "swath.worlds(together=1), or vectorization_mode='sync' of an environment"
+            raise SwathError(f"{text}: they cannot go in step; alone they can: {how}")
         arrays, alike = {}, {}
         for name in _makers(type(first)):
             values = [getattr(signal, name) for signal in signals]

@@ -7,7 +7,10 @@
 typedef double D;
 constexpr int L = 10, C = 90, K = 16, W = C + 2 * K, NODES = 48, S = 80;  // layers, cells, half template, padded row, nodes, cells of the start
 constexpr D STEP = 0.4, CELL = 0.04, E0 = -0.5 * C * CELL, WIDE = 0.1, W0 = -0.5 * S * WIDE;
-constexpr D MANY = 1e9;
+constexpr D MANY = 1e9, SAME = 0.02, BEFORE = 0.15, FARTHEST = 2.0, RARE = 1e-3, LEVEL = 1e-3;
+// SAME: change of the plants' shape below which nodes are not weighed anew; BEFORE: of a row spacing, that the outermost row may be
+// found on the near side of the wall; FARTHEST: way of rays into crop [m]; RARE: chance below which a shape is left out; LEVEL: rise
+// per range above which a ray comes down to no layer
 constexpr int LEANS = 10, WIDTHS = 4, SHAPES = LEANS + WIDTHS, BINS = 24, TABLE = 512;
 constexpr D LEAN[LEANS] = {-0.6, -0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45, 0.6, 0.9};  // of the crop's side toward the crop, per height
 constexpr D WIDTH[WIDTHS] = {0.03, 0.06, 0.11, 0.2};  // standard deviation of the plants' parts about their feet, and of spots
@@ -255,7 +258,7 @@ auto take = [&]() {
     const Ray q = ray(i);
     const D b0 = fc * (q.u - fu) - fs * (q.x - fx), db = fc * q.du - fs * q.dx;
     const D h0 = q.z - level - slope * b0, dh = q.dz - slope * db;
-    if (!(dh < -1e-3)) continue;
+    if (!(dh < -LEVEL)) continue;
     const bool seen = q.r > 0.0;
     const D end = seen ? h0 + q.r * dh : 0.0;
     if (seen && (q.r < 1.0 || end > top)) continue;  // dust
@@ -377,7 +380,7 @@ auto rates = [&](const Rates& in, const Rates& away) {
   for (int f = 0; f < LEANS; ++f)
     for (int w = 0; w < WIDTHS; ++w) {
       const D c = h.chance[f] * h.chance[LEANS + w];
-      if (c > 1e-3) add_shape(LEAN[f], WIDTH[w], (float)c, there);
+      if (c > RARE) add_shape(LEAN[f], WIDTH[w], (float)c, there);
     }
   shape(there);
   h.q_in = (in.lost + 0.5) / (in.rays + 10.0), h.q_out = (away.lost + 0.5) / (away.rays + 10.0);
@@ -453,7 +456,7 @@ auto row_behind = [&](D& seen) {  // how far behind the wall the outermost row s
   }
   seen = sum > 0.0 ? (sq(re) + sq(im)) / sq(sum) : 0.0;
   const D phase = ::atan2(im, re) / 6.283185307179586;
-  return s.rows * (phase < -0.15 ? phase + 1.0 : phase);
+  return s.rows * (phase < -BEFORE ? phase + 1.0 : phase);
 };
 auto is_clear = [&](const Node& a) { return a.standing > 0.9 && a.prec > 1.0 / sq(p.clear); };  // an edge, and seen from both sides
 auto learn = [&](int k) {  // from a node that no ray reaches any more
@@ -518,7 +521,7 @@ auto measure = [&]() {  // how far rays come; height below which most of what st
   if (sum < 1.0) return;
   D rate = 0.0;
   for (int l = 0; l < L; ++l) rate += n[l] / sum * h.mu_in[l];
-  h.free = least(1.0 / rate, 2.0);
+  h.free = least(1.0 / rate, FARTHEST);
   for (int l = 0; l < L; ++l) {
     if (so_far + n[l] >= 0.9 * sum) {
       h.height = s.lowest + (l + (0.9 * sum - so_far) / n[l]) * s.layer;
@@ -624,7 +627,7 @@ auto update = [&]() {
   D lean = 0.0, width = 0.0;
   for (int f = 0; f < LEANS; ++f) lean += h.chance[f] * LEAN[f];
   for (int w = 0; w < WIDTHS; ++w) width += h.chance[LEANS + w] * WIDTH[w];
-  if (sq(lean - h.lean) + sq(width - h.width) > sq(0.02)) from = 0, h.lean = lean, h.width = width;
+  if (sq(lean - h.lean) + sq(width - h.width) > sq(SAME)) from = 0, h.lean = lean, h.width = width;
   for (int k = from; k < n; ++k) {
     if (!(node(k).scans > 0.0)) continue;
     float *score = grid(k) + 2 * L * W + 2 * W, *like = score + 2 * (C + 1), best = -1e30f;

@@ -19,6 +19,7 @@ from swath.control.steer.path import Params as PathParams
 from swath.control.steer.preview import Params as EdgeParams
 from swath.control.steer.preview import Preview
 from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -73,6 +74,8 @@ class EdgeOrPath(KeepsState):
         self._p = params
         self._edge, self._path = Preview(params.edge, setup), PathSteer(params.path, setup)
         self._has_line = self._path.has_line
+        if params.stray_m is not None and not self._has_line:
+            raise InputError("stray_m", params.stray_m, "expected a path, too: it is a bound beside that")
         self.overlap = self._edge.overlap
         self._forget()
 
