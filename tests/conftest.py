@@ -6,6 +6,7 @@ import signal
 
 import pytest
 from hypothesis import settings
+from matplotlib.figure import Figure
 
 from swath.core.foreign_code import allow_code
 
@@ -30,6 +31,14 @@ def pytest_collection_modifyitems(items):
     """Files that take longest come first, so that no worker is left with one of them at the end."""
     ranks = {name: rank for rank, name in enumerate(LONGEST)}
     items.sort(key=lambda i: next((r for n, r in ranks.items() if i.nodeid.startswith(n)), len(ranks)))
+
+
+DRAW = Figure.draw
+
+
+def pytest_runtest_setup(item):
+    """Figures are made but stay blank, which spares seconds a page: tests marked `drawn` draw them."""
+    Figure.draw = DRAW if item.get_closest_marker("drawn") else lambda self, renderer: None
 
 
 def pytest_collection_finish():

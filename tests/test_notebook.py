@@ -41,6 +41,7 @@ class Straight:
 SETS = {"run.distance_m": 3, "combine.lidar.level": "empirical", "combine.edge": "truth"}
 
 
+@pytest.mark.drawn
 def test_a_class_of_a_cell_is_a_level_of_a_run(tmp_path):
     cell = {"__name__": "__main__"}
     exec(CELL, cell)
@@ -53,6 +54,7 @@ def test_a_class_of_a_cell_is_a_level_of_a_run(tmp_path):
     assert "data:image/png;base64," in shown
 
 
+@pytest.mark.drawn
 def test_scan_and_scenario_are_shown(tmp_path):
     made = swath.scan("straight", tmp_path / "s", sets={"combine.lidar.level": "empirical"})
     assert made.data

@@ -4,7 +4,6 @@ import gzip
 import io
 import random
 import zipfile
-from unittest import mock
 
 import numpy as np
 import pytest
@@ -322,8 +321,7 @@ def test_corrupted_bytes_never_end_in_a_traceback(small, seed, cuts, mode):
     path.write_bytes(bytes(data))
     out = small / "out"
     try:
-        with mock.patch("swath.field_io.importer.draw", return_value=None):  # a second each
-            import_log(path, out, columns=small / "map.yaml", progress=False)
+        import_log(path, out, columns=small / "map.yaml", progress=False)
     except SwathError:
         pass
     else:

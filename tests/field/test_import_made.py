@@ -217,6 +217,7 @@ def test_other_units_give_the_same_field(tmp_path, imported):
     assert other.kept == pytest.approx(report.kept, abs=5)
 
 
+@pytest.mark.drawn
 def test_a_folder_is_written_twice_the_same_and_drawn_again(tmp_path):
     made = MadeLog(passes=6)
     run(tmp_path, made)

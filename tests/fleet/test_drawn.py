@@ -78,6 +78,7 @@ def test_a_result_holds_the_timeline_and_why_machines_waited(schedules, tmp_path
         write_result(worked, "drawn", "", tmp_path)
 
 
+@pytest.mark.drawn
 def test_a_bundled_job_runs_from_the_command_at_both_levels(tmp_path, capsys):
     assert main(["fleet", "run", "small-field", "--level", "driven", "--out", str(tmp_path / "job")]) == 0
     said = capsys.readouterr().out

@@ -11,6 +11,8 @@ from swath.signals import OBSTACLE_KINDS, MachineState
 from swath.signals.image import ImageBoxes, empty_image
 from tests.fake_run import machine
 
+pytestmark = pytest.mark.drawn
+
 NS = 1_000_000_000
 SIZE = 40, 30
 

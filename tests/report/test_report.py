@@ -21,6 +21,8 @@ from swath.scenario.sections import Limit
 from tests.evaluated import evaluation_of
 from tests.fake_run import GEOMETRY, ArcEdge, GridField, drive, machine
 
+pytestmark = pytest.mark.drawn
+
 LIMITS = [
     Expectation("combine", "edge_rmse_m", Limit(max=0.5)),
     Expectation("combine", "lateral_rms_m", Limit(max=0.001)),

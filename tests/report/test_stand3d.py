@@ -7,6 +7,8 @@ from swath.core.frames import Pose
 from swath.field.memory_layout import Organ
 from swath.report.stand3d import Camera, organs_near
 
+pytestmark = pytest.mark.drawn
+
 AT = 5.0 * np.cos(0.4), 5.0 * np.sin(0.4)  # a place on the edge
 
 

@@ -13,6 +13,8 @@ from swath.report.report import ReportData, _figures
 from swath.report.unloading_plot import unloading_figure
 from swath.signals import HeapState, MachineState, Station, TrailerState, UnloadState
 
+pytestmark = pytest.mark.drawn
+
 BOX = load_machine("tractor-grain-cart").box
 AHEAD, LEFT = 0.12, -0.05  # m, where the stream comes down beside the wanted point
 

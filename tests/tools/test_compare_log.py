@@ -132,6 +132,7 @@ def test_the_settled_speed_balances_the_torques():
         assert full_torque(speed, e) >= torque * (1.0 - 1e-9)
 
 
+@pytest.mark.drawn
 def test_the_command_writes_what_it_says(tmp_path, capsys):
     log = write_log(tmp_path / "log.csv", machines=1, count=300)
     out = tmp_path / "out"

@@ -226,6 +226,7 @@ def test_logs_that_cannot_tell_are_refused(tmp_path, capsys, rows, message):
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.drawn
 def test_the_command_writes_a_sheet_that_runs(tmp_path, capsys):
     path = write_log(tmp_path / "log.csv", passes=6, seconds=8.0)
     assert main(["compare", "log", "lexion-700", str(path), "--out", str(tmp_path / "out")]) == 0

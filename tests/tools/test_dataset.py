@@ -56,6 +56,7 @@ def test_it_is_coco(made):
         assert annotation["iscrowd"] == int(is_stuff)
 
 
+@pytest.mark.drawn
 def test_masks_of_a_picture_are_its_category_map(made):
     from PIL import Image
 

@@ -47,6 +47,7 @@ def test_the_first_difference_is_where_the_change_acts(runs):
     assert "real_time_factor" not in names
 
 
+@pytest.mark.drawn
 def test_the_command_prints_and_writes_the_page(runs, capsys):
     assert main(["diff", str(runs / "a"), str(runs / "slower")]) == 0
     said = capsys.readouterr().out

@@ -285,6 +285,7 @@ def test_shares_of_a_plan_come_to_the_whole(case_file, tmp_path, monkeypatch):
         plan_of({**data, "code": "other"})
 
 
+@pytest.mark.drawn
 def test_the_page_and_the_junit_file_name_what_failed(case_file, tmp_path):
     runs = results([(0.5, 5), (2.0, 8)])
     runs[1]["reason"] = "combine.distance_m: 2 is more than <1>"

@@ -188,6 +188,7 @@ def lab_command(out, *more):
     return main(["lab", "stand", "--out", str(out), *flags, *more])
 
 
+@pytest.mark.drawn
 def test_command(tmp_path, capsys):
     """All levels and real heights: files, the same bytes again, and what the table says is in the files."""
     real = tmp_path / "mine.csv"

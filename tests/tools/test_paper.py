@@ -49,6 +49,7 @@ def test_the_flow_is_that_of_the_demo(tmp_path):
     assert wires >= parts
 
 
+@pytest.mark.drawn
 def test_the_page_shows_every_figure_and_case(tmp_path):
     made = {name: Made(f"data:{k}", f"result {k}.") for k, name in enumerate(FIGURES)}
     cases = {name: title for name, (title, _) in CASES.items()}

@@ -83,6 +83,7 @@ def test_a_crouching_person_in_the_crop_is_out_of_sight(scene):
     assert make_sensor("lidar", scene).look(-1.0, 0.0).detected > 0.6
 
 
+@pytest.mark.drawn
 def test_command(tmp_path, capsys, monkeypatch):
     """What it writes: a row per place, scores, a figure per condition, a page."""
     monkeypatch.setattr(reda, "places", lambda: [p for p in places() if p[0] in (-1.0, 3.0)])

@@ -428,6 +428,7 @@ def test_settings_out_of_range_are_named():
         Settings(reach_m=float("nan"))
 
 
+@pytest.mark.drawn
 def test_the_command_makes_file_and_picture_and_says_what_is_wrong(tmp_path, capsys):
     source, out = write_npz(tmp_path / "s.npz"), tmp_path / "made" / "grid.npz"
     args = ["height-map", "build", str(source), "--out", str(out), "--mount", MOUNT_TEXT, "--reach-m", "8"]

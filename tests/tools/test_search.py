@@ -153,6 +153,7 @@ def test_runs_without_a_value_count_as_failed_by_all(case_file, tmp_path, withou
     assert set(found.boundary.margins[errors]) == {-1.0}
 
 
+@pytest.mark.drawn
 def test_the_command_tells_the_boundary_and_checks_it(case_file, tmp_path, without_runs, capsys):
     out, held = str(tmp_path / "out"), str(tmp_path / "held")
     search = ["test", "search", str(case_file), "--out", out, "--budget", "24", "--limit", "edge_rmse_m"]

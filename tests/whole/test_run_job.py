@@ -41,6 +41,7 @@ def finished(tmp_path_factory):
     return run_job(small(), out, hooks=[ReportWriter()]), out
 
 
+@pytest.mark.drawn
 def test_folder_and_summary_keep_the_contract(finished):
     result, out = finished
     assert {p.name for p in out.iterdir()} == {
@@ -136,6 +137,7 @@ def test_heights_converge_with_the_number_of_sub_rays():
     assert 0.0 < at_most[3, "reduced"] < 0.5 * at_most[4, "full"]
 
 
+@pytest.mark.drawn
 def test_scan_writes_a_picture_and_files(tmp_path):
     files = scan_job(small(), tmp_path / "scan", at_s=0.3)
     assert [f.name for f in files] == ["scan.png", "scan.csv", "scan.npz", "scan.ply"]

@@ -74,6 +74,7 @@ def test_a_limit_of_one_machine_fails_the_run(tmp_path):
     assert ("west", "distance_m") not in failed
 
 
+@pytest.mark.drawn
 def test_tracks_and_report_show_every_machine(finished):
     table = pq.read_table(finished.folder / "tracks.parquet")
     assert set(table["machine"].to_pylist()) == {"west", "east", "tractor"}

@@ -31,14 +31,14 @@ def draw(field: "FieldFolder", file: Path) -> None:
     with matplotlib.rc_context(STYLE), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font")  # in names of files and machines
         figure = Figure(figsize=(2 * width + 7.6, height + 1.2), dpi=110, layout="constrained")
-        FigureCanvasAgg(figure)
+        canvas = FigureCanvasAgg(figure)
         grid = figure.add_gridspec(2, 3, width_ratios=[width, width + 0.6, 5.4])
         figure.suptitle(_short(f"{field.path.name}: {name}", 90), x=0.01, ha="left", fontsize=14)
         _draw_terrain(figure.add_subplot(grid[:, 0]), field)
         _draw_crop(figure.add_subplot(grid[:, 1]), field)
         _draw_histogram(figure.add_subplot(grid[0, 2]), field)
         _draw_removed(figure.add_subplot(grid[1, 2]), field)
-        figure.savefig(file, format="png", metadata={"Software": None})
+        canvas.print_png(file, metadata={"Software": None})  # `savefig` draws everything twice
 
 
 def _draw_terrain(axes: Any, field: "FieldFolder") -> None:
