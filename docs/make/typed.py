@@ -86,7 +86,8 @@ def shortened(words: list[str]) -> list[str]:
         case ["run", _]:
             is_used = {"--out", "--save-field", "--foxglove"} & set(words)
             unrecorded = [] if is_used else ["--set", "run.record=none"]
-            return [*words, *sets, *unrecorded, *([] if "--no-replay" in words else ["--no-replay"])]
+            pages = [word for word in ("--no-report", "--no-replay") if word not in words]
+            return [*words, *sets, *unrecorded, *pages]
         case ["branch", _]:  # of a run that was shortened, too
             at = next(k for k, word in enumerate(words) if word in ("--at", "--at-s")) + 1
             return [*words[:at], "0.2", *words[at + 1 :]]

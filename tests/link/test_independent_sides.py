@@ -32,7 +32,7 @@ Drive = namedtuple("Drive", "positions, answers, hellos, sent_count, track, log"
 
 
 def start(out, *options):
-    command = [sys.executable, "-m", "swath", "run", "straight", "--real-time", "--no-replay"]
+    command = [sys.executable, "-m", "swath", "run", "straight", "--real-time", "--no-report", "--no-replay"]
     sets = ("run.max_duration_s=6", "combine.lidar.level=empirical")
     with (out.parent / "out.txt").open("w") as file:
         return subprocess.Popen(

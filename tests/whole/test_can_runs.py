@@ -130,7 +130,7 @@ def test_a_box_that_dies_is_a_named_error_and_the_folder_is_kept(port, tmp_path,
     with Box(str(FOLDER / "hil.yaml"), *set_flags(outside)) as box:
         code = [
             sys.executable, "-m", "swath.commands.main", "run", str(FOLDER / "hil.yaml"), "--quiet",
-            "--out", str(out), *set_flags([*QUICK, *outside]),
+            "--no-report", "--out", str(out), *set_flags([*QUICK, *outside]),
         ]  # fmt: skip
         runner = subprocess.Popen(code, stderr=subprocess.PIPE, text=True)
         assert box.process.stdout.readline().startswith("machine connected")
@@ -205,7 +205,7 @@ def test_the_commands_of_the_tutorial_run(port, tmp_path):
 swath() {{
   if [ "$1" = run ]; then
     case "$2" in *hil*) extra="--set realtime.factor=2";; *) extra="";; esac
-    {sys.executable} -m swath.commands.main "$@" {quick} $extra
+    {sys.executable} -m swath.commands.main "$@" --no-report --no-replay {quick} $extra
   else {sys.executable} -m swath.commands.main "$@"; fi
 }}
 python() {{ {sys.executable} "$@"; }}

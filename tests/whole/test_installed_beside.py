@@ -112,7 +112,7 @@ def swath(tmp_path_factory):
 
 def test_a_level_and_a_metric_of_an_installed_package_run(swath, tmp_path):
     (tmp_path / "s.yaml").write_text(SCENARIO)
-    done = swath("run", "s.yaml", "--no-replay", "--quiet", "--out", "out", cwd=tmp_path)
+    done = swath("run", "s.yaml", "--no-report", "--no-replay", "--quiet", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["fastest_wheel_m_s"] > 2.0

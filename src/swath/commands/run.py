@@ -80,6 +80,7 @@ def add(parsers: Any) -> None:
     )
     parser.add_argument("--defaults", action="store_true", help="print all default values in use")
     parser.add_argument("--no-defaults", action="store_true", help=argparse.SUPPRESS)  # of version 0.1
+    parser.add_argument("--no-report", action="store_true", help="do not write report.html")
     parser.add_argument("--no-replay", action="store_true", help="do not write replay.html")
     parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
     parser.set_defaults(run=run)
@@ -109,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"swath: {changed} was changed on its way, --events {changed} repeats that", file=sys.stderr)
     if not args.quiet and (code := code_of(scenario)):
         print(f"code that runs with your rights: {', '.join(map(str, code))}", flush=True)
-    pages = [] if scenario.run.record == "none" else _pages(has_replay=not args.no_replay)
+    pages = [] if scenario.run.record == "none" else _pages(args)
     begun = None if args.quiet or args.no_defaults else partial(print_defaults, scenario, whole=args.defaults)
     try:
         saves: list[Any] = [] if args.save_field is None else [SavesField(args.save_field)]
@@ -156,15 +157,18 @@ def _changed_on_the_way(source: str) -> Path | None:
         return None  # a summary that nobody asked for
 
 
-def _pages(*, has_replay: bool) -> list[Any]:
+def _pages(args: argparse.Namespace) -> list[Any]:
     """What writes the pages of a run."""
-    from swath.report.report import ReportWriter
+    pages: list[Any] = []
+    if not args.no_report:
+        from swath.report.report import ReportWriter
 
-    if not has_replay:
-        return [ReportWriter()]
-    from swath.replay.writer import ReplayWriter
+        pages.append(ReportWriter())
+    if not args.no_replay:
+        from swath.replay.writer import ReplayWriter
 
-    return [ReportWriter(), ReplayWriter()]
+        pages.append(ReplayWriter())
+    return pages
 
 
 def print_defaults(scenario: Any, *, whole: bool = True) -> None:
