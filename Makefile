@@ -5,6 +5,9 @@ BIN := $(VENV)/bin
 OUT ?= out
 JOBS ?= 2
 
+# Hundreds of processes start: each would compile all that it imports, 1.5 s of CPU.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test check bench docs pictures results replays clean
 
 demo: $(VENV)/.base
