@@ -85,19 +85,22 @@ def smooth_distance(first, second):
     (ca, aa, ha, ka), (cb, ab, hb, kb) = first, second
 
     def point(c, axes, half, kind, s):
-        if kind == "ellipsoid":
-            size = max(np.linalg.norm(s), 1e-12)
-            s = s * min(1.0, 1.0 / size)
-        return c + axes @ (half * s)
+        """The point and its derivative, (3, 3)."""
+        inner, size = np.eye(3), np.linalg.norm(s)
+        if kind == "ellipsoid" and size > 1.0:
+            s = s / size
+            inner = (inner - np.outer(s, s)) / size
+        return c + axes @ (half * s), axes @ (half[:, None] * inner)
 
     def cost(v):
-        d = point(ca, aa, ha, ka, v[:3]) - point(cb, ab, hb, kb, v[3:])
-        return d @ d
+        (p, along_p), (q, along_q) = point(ca, aa, ha, ka, v[:3]), point(cb, ab, hb, kb, v[3:])
+        d = p - q
+        return d @ d, 2.0 * np.concatenate([d @ along_p, -d @ along_q])
 
-    results = [
-        minimize(cost, start, bounds=[(-1, 1)] * 6, method="L-BFGS-B", options={"ftol": 1e-15, "gtol": 1e-10})
-        for start in (np.zeros(6), RNG.uniform(-1, 1, 6), RNG.uniform(-1, 1, 6))
-    ]
+    options = {"jac": True, "bounds": [(-1, 1)] * 6, "method": "L-BFGS-B"}
+    options["options"] = {"ftol": 1e-15, "gtol": 1e-10}
+    starts = (np.zeros(6), RNG.uniform(-1, 1, 6), RNG.uniform(-1, 1, 6))
+    results = [minimize(cost, start, **options) for start in starts]
     return np.sqrt(min(r.fun for r in results))
 
 

@@ -23,14 +23,14 @@ from tests.link.device_rig import free_port
 from tests.link.independent_lms import Deviation, Lms
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "devices"
-DISTANCE = "run.distance_m=42"  # into the bend, which begins at 30 m
+BEND = ["field.edge.run_in_m=10", "run.distance_m=20"]  # a run is judged from 10 m on
 
 
 def closed(flags, sets):
     """The run with `my_box.py` in a process of its own: its summary, and what the box printed."""
     scanner = free_port()
     box = [sys.executable, str(EXAMPLES / "my_box.py"), "--scanner", f"127.0.0.1:{scanner}", *flags]
-    sets = [DISTANCE, f"combine.lidar.device=lms://127.0.0.1:{scanner}?wait_s=60", *sets]
+    sets = [*BEND, f"combine.lidar.device=lms://127.0.0.1:{scanner}?wait_s=60", *sets]
     env = {**os.environ, "OMP_NUM_THREADS": "1"}
     with subprocess.Popen(box, stdout=subprocess.PIPE, text=True, env=env) as process:
         try:
@@ -44,7 +44,7 @@ def closed(flags, sets):
 @pytest.fixture(scope="module")
 def in_memory():
     with allow_code(None):
-        return run_unrecorded(load_scenario(EXAMPLES / "memory.yaml", sets=[DISTANCE]))
+        return run_unrecorded(load_scenario(EXAMPLES / "memory.yaml", sets=BEND))
 
 
 def over_udp():
@@ -60,9 +60,7 @@ def over_can():
     return ["--can", "udp_multicast", "--can-port", str(port)], [level]
 
 
-@pytest.mark.parametrize(
-    ("way", "telegrams"), [(over_udp, "CoLaA"), (over_udp, "CoLaB"), (over_can, "CoLaB")]
-)
+@pytest.mark.parametrize(("way", "telegrams"), [(over_udp, "CoLaA"), (over_can, "CoLaB")])
 def test_the_box_on_the_wire_steers_as_it_does_in_memory(in_memory, way, telegrams):
     flags, sets = way()
     summary, said = closed([*flags, "--telegrams", telegrams], sets)
@@ -71,7 +69,7 @@ def test_the_box_on_the_wire_steers_as_it_does_in_memory(in_memory, way, telegra
     print(f"{telegrams} {way.__name__}: lateral RMS {wire:.4f} m on the wire, {memory:.4f} m in memory")
     print(f"scans sent: {device['sent']}, jitter {device['jitter_ms']}; the box: {said.strip()}")
     assert abs(wire - memory) <= 0.01
-    assert device["sent"] == device["samples"] >= 500
+    assert device["sent"] == device["samples"] >= 240
     assert int(re.search(r"(\d+) scans", said).group(1)) == device["sent"] - 1
 
 

@@ -100,7 +100,7 @@ def test_viewers_that_hang_or_talk_nonsense_hold_nothing_up_and_change_nothing(t
     hook = Foxglove(f"127.0.0.1:{free_port()}")
     sets = ["run.distance_m=2", "combine.lidar.level=empirical", "realtime.pace=real_time"]
     where = ("127.0.0.1", int(hook.address.rpartition(":")[2]))
-    words = {"subprotocols": ["foxglove.sdk.v1"], "max_size": None}
+    words = {"subprotocols": ["foxglove.sdk.v1"], "max_size": None, "close_timeout": 0.5}
     with ExitStack() as held:
         held.enter_context(socket.create_connection(where)).sendall(b"\x00\xff no HTTP \r\n\r\n")
         hung = held.enter_context(client.connect(hook.address, max_queue=1, **words))
