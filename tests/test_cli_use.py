@@ -328,12 +328,12 @@ def test_a_machine_is_printed_by_the_name_that_scenarios_take(capsys):
 
 
 def test_a_flag_with_a_unit_says_it_in_its_name():
-    from swath.commands.main import _leaves, make_parser
+    from swath.commands.main import make_parser, subcommands
 
     units = {"M": "-m", "S": "-s", "DEG": "-deg", "PX": "-px", "PERCENT": "-percent"}
     flags = {
         (flag, units[action.metavar])
-        for parser in _leaves(make_parser()[0])
+        for parser in subcommands(make_parser()[0])
         for action in parser._actions
         for flag in action.option_strings
         if isinstance(action.metavar, str) and action.metavar in units and "fleet" not in parser.prog
@@ -384,13 +384,13 @@ def test_a_file_of_another_kind_is_named(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("name", ["runs", "detector.py.part"])
 def test_a_folder_that_cannot_be_written_is_named(name):
-    from swath.commands.main import _of_system
+    from swath.commands.main import of_system
 
-    refused = _of_system(PermissionError(13, "Permission denied", name))
+    refused = of_system(PermissionError(13, "Permission denied", name))
     assert refused == (
         ".: expected a folder that can be written: Permission denied; use --out, or work in another folder"
     )
-    assert _of_system(PermissionError(13, "Permission denied", __file__)) == f"{__file__}: Permission denied"
+    assert of_system(PermissionError(13, "Permission denied", __file__)) == f"{__file__}: Permission denied"
 
 
 def test_a_stopped_test_says_that_it_goes_on():

@@ -190,7 +190,7 @@ def everything():
 
 def test_every_class_of_swath_is_refused_or_comes_back_as_plain_data_and_nothing_is_called():
     names, called = everything(), set()
-    known = {f"{kind.__module__}:{kind.__qualname__}": kind for kind in packed_state._known().values()}
+    known = {f"{kind.__module__}:{kind.__qualname__}": kind for kind in packed_state.known_types().values()}
     assert len(names) > 2000
     assert len(known) < 100
     own = {packed_state.__file__, json.decoder.__file__, np.lib.format.__file__}
@@ -221,7 +221,7 @@ def test_every_class_of_swath_is_refused_or_comes_back_as_plain_data_and_nothing
 
 
 def test_what_may_be_in_a_state_does_nothing_by_itself():
-    for kind in packed_state._known().values():
+    for kind in packed_state.known_types().values():
         own = vars(kind)
         assert not {
             "__del__",

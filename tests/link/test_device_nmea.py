@@ -77,7 +77,7 @@ def test_paogi_read_again_has_the_same_attitude(roll, pitch):
     fix = drawn_fix(1_000_000_000, np.random.default_rng(1), heading=0.5, roll=roll, pitch=pitch)
     listener = nmea.Listener()
     listener.feed(nmea.sentences(fix, ("PAOGI",), BEGUN, 0.0))
-    told = listener._epoch
+    told = listener.epoch
     assert abs(told.roll - roll) < 1e-5
     assert abs(told.pitch - pitch) < 1e-5
     assert abs(told.heading - (math.pi / 2 - 0.5)) < 1e-5
@@ -89,7 +89,7 @@ def test_the_heading_of_an_imu_is_none_of_the_machine():
     body = nmea.sentences(fix, ("PANDA",), BEGUN, 0.0).decode().replace("65535,0", "234,-12")
     listener = nmea.Listener()
     listener.feed(nmea.sentence(body[1 : body.index("*")]))
-    assert math.isnan(listener._epoch.heading)
+    assert math.isnan(listener.epoch.heading)
 
 
 def test_no_fix_is_told_as_none():
@@ -102,7 +102,7 @@ def test_no_fix_is_told_as_none():
     assert lines[0] == "$GNGGA,235958.00,,,,,0,00,99.9,,,,,,*" + lines[0][-2:]
     listener = nmea.Listener()
     listener.feed("\r\n".join([*lines, ""]).encode())
-    told = listener._epoch
+    told = listener.epoch
     assert (told.quality, listener.wrong) == (0, 0)
     assert math.isnan(told.latitude)
     assert math.isnan(told.speed)
@@ -119,7 +119,7 @@ def test_read_again_a_fix_is_the_same(latitude, longitude, speed, course, qualit
     listener = nmea.Listener()
     data = nmea.sentences(fix, ALL[:5], BEGUN, 0.0)
     assert listener.feed(data[:37]) + listener.feed(data[37:]) == []
-    told = listener._epoch
+    told = listener.epoch
     assert told.quality == quality
     assert abs(told.latitude - latitude) < 0.2 * MM
     assert abs(told.longitude - longitude) < 0.2 * MM
@@ -154,14 +154,14 @@ def test_garbage_is_counted_and_what_comes_after_it_is_read(noise):
     listener = nmea.Listener()
     fix = drawn_fix(1_000_000_000, np.random.default_rng(1))
     listener.feed(noise + b"\r\n" + nmea.sentences(fix, ("GGA",), BEGUN, 0.0))
-    assert abs(listener._epoch.latitude - fix.latitude) < 0.2 * MM
+    assert abs(listener.epoch.latitude - fix.latitude) < 0.2 * MM
 
 
 def test_a_wrong_checksum_is_no_sentence():
     data = nmea.sentences(drawn_fix(0, np.random.default_rng(1)), ("GGA",), BEGUN, 0.0)
     listener = nmea.Listener()
     listener.feed(data.replace(b"N", b"S", 1))
-    assert (listener.wrong, listener._epoch) == (1, None)
+    assert (listener.wrong, listener.epoch) == (1, None)
 
 
 def test_north_of_the_grid_is_not_north():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swath.record.packed_columns import _bits, pack, pack_all, unpack
+from swath.record.packed_columns import bits_of, pack, pack_all, unpack
 
 N = 101
 
@@ -26,5 +26,5 @@ def test_columns_packed_together_are_those_packed_alone_and_come_back(count):
 def test_bits_of_a_whole_number_are_those_that_it_has_as_a_real_one():
     edges = [s * 2**k + d for k in range(63) for d in (-1, 0, 1) for s in (-1, 1)]
     numbers = np.array([-(2**63), 2**63 - 1, *edges, *np.random.default_rng(2).integers(-9, 9, 99)], np.int64)
-    assert _bits(numbers).tolist() == np.frexp(np.abs(numbers).astype(float))[1].tolist()
-    assert _bits(np.array([0, 1, -1, 255, 256])).tolist() == [0, 1, 1, 8, 9]
+    assert bits_of(numbers).tolist() == np.frexp(np.abs(numbers).astype(float))[1].tolist()
+    assert bits_of(np.array([0, 1, -1, 255, 256])).tolist() == [0, 1, 1, 8, 9]

@@ -234,10 +234,10 @@ def test_changes_are_events_that_give_the_same_run_again(alone, tmp_path):
     going = Going(tmp_path / "changed")
     page = Watcher(going.view)
     assert page.ask("step")[1] == page.ask("pause", value=True)[1].replace("paused ", "")  # exactly one tick
-    before = going.control._now()
+    before = going.control.now()
     plan = list(going.view._run.world.graph.plan.walk(before, before + 10**9))
     assert page.ask("step")[0]
-    assert going.control._now() == plan[0][0]
+    assert going.control.now() == plan[0][0]
     assert page.ask("set", key="combine.speed.speed_kmh", value="5") == (True, "")
     assert page.ask("set", key="obstacles.stone", value="{kind: post, x_m: 14, y_m: 3}") == (True, "")
     assert page.ask("set", key="obstacles.man", value=WALKS) == (True, "")
@@ -344,7 +344,7 @@ def test_a_browser_shows_it(tmp_path):
             levels += "[...swath.live.change.elements.value.options].map((o) => o.value)"
             assert {"otsu", "truth"} <= set(browser.ask(levels))
             assert browser.ask("swath.live.ask('set', {key: 'combine.speed.speed_kmh', value: '6'})")["ok"]
-            assert before < going.control._now() / 1e9 < 0.1
+            assert before < going.control.now() / 1e9 < 0.1
             assert browser.told == []
             outside = [r for r in browser.requests if r != going.view.address and not r.startswith("data:")]
             assert outside == []

@@ -222,17 +222,17 @@ def test_circles_of_solids():
 
 
 def test_a_number_has_four_digits_at_most_and_a_limit_its_unit():
-    from swath.report.page import _limit_row, _shown
+    from swath.report.page import limit_row, shown_value
 
     metrics = load_evaluators().metrics
     grain = metrics["grain_cut_kg"]
-    assert [_shown(grain, v).replace("\N{NO-BREAK SPACE}", " ") for v in (638.54, 12345.6, 0.0)] == [
+    assert [shown_value(grain, v).replace("\N{NO-BREAK SPACE}", " ") for v in (638.54, 12345.6, 0.0)] == [
         "638.5 kg", "12\u202f350 kg", "0.0 kg",
     ]  # fmt: skip
     entry = {"subject": "combine", "name": "lateral_p95_m", "limit": {"max": 0.2}, "value": 0.1496}
-    row = _limit_row({**entry, "result": "pass"}, metrics)
+    row = limit_row({**entry, "result": "pass"}, metrics)
     assert (row["limit"], row["value"]) == ("≤ 20.00\N{NO-BREAK SPACE}cm", "14.96\N{NO-BREAK SPACE}cm")
-    column = _limit_row({**entry, "name": "lateral_error_m", "result": "pass"}, metrics)
+    column = limit_row({**entry, "name": "lateral_error_m", "result": "pass"}, metrics)
     assert (column["limit"], column["value"]) == ("max 0.2", "0.1496")
 
 

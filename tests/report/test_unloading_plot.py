@@ -9,7 +9,7 @@ from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.judge.evaluators import unloading
 from swath.machine.machine_sheet import load_machine
-from swath.report.report import ReportData, _figures
+from swath.report.report import ReportData, figures_of
 from swath.report.unloading_plot import unloading_figure
 from swath.signals import HeapState, MachineState, Station, TrailerState, UnloadState
 
@@ -68,5 +68,5 @@ def test_the_picture_shows_grain_station_and_spill():
 
 
 def test_the_report_of_a_run_has_it():
-    titles = [f.title for f in _figures(ReportData({}, "", [], unloading=watched(20).series()))]
+    titles = [f.title for f in figures_of(ReportData({}, "", [], unloading=watched(20).series()))]
     assert titles == ["Unloading into cart"]

@@ -13,7 +13,7 @@ import pytest
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.stopping import Terminated, stoppable, unstopped
-from swath.core.whole_file import _NamedFile, write_whole
+from swath.core.whole_file import NamedFile, write_whole
 from swath.record import mcap_file
 from swath.record.mcap_file import McapFile
 from swath.report.report import ReportWriter
@@ -216,7 +216,7 @@ def test_a_killed_process_holds_no_lock(tmp_path):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_full_disk_names_the_file(tmp_path, monkeypatch):
     def full(path):
-        opened = _NamedFile(str(path), "xb", opener=lambda *_: os.open("/dev/full", os.O_WRONLY))
+        opened = NamedFile(str(path), "xb", opener=lambda *_: os.open("/dev/full", os.O_WRONLY))
         return io.BufferedWriter(opened)
 
     monkeypatch.setattr(mcap_file, "open_to_write", full)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.core.random import Stream
-from swath.sensing.normals import LEVELS, AllNormals, _ziggurat
+from swath.sensing.normals import LEVELS, AllNormals, ziggurat
 
 
 @pytest.mark.parametrize("count", [1, 40])
@@ -21,7 +21,7 @@ def test_they_are_numpys(count):
 
 
 def test_most_are_drawn_at_once():
-    widths, bounds = _ziggurat()
+    widths, bounds = ziggurat()
     assert (np.diff(widths[1:]) > 0.0).all()
     assert widths[LEVELS - 1] * (1 << 52) == pytest.approx(3.6541528853610088, rel=1e-14)
     assert np.mean(bounds / (1 << 52)) == pytest.approx(0.985, abs=0.003)

@@ -46,7 +46,7 @@ def made(module, obstacles, *, stand=BARE, sheet=None, seed=1, **params):
     if sheet is not None:
         sensor.sheet = replace(sensor.sheet, **sheet)
         if module is error:
-            sensor._threshold = -sensor.sheet.false_alarm_lg * log(10.0)
+            sensor.threshold = -sensor.sheet.false_alarm_lg * log(10.0)
     sensor.reset(Stream(seed, "combine.radar"))
     return sensor
 
@@ -63,7 +63,7 @@ def test_corner_reflector(frequency, dbsm):
 def test_twelve_db_per_doubling_of_the_distance():
     assert CORNER.snr(0.0, 20.0) - CORNER.snr(0.0, 40.0) == pytest.approx(12.04, abs=0.1)
     echo = made(error, [SheetObstacle(kind="person", x_m=d, y_m=0.0, name=f"{d}") for d in (15.0, 30.0)])
-    near, far = (10.0 * np.log10(echo._echo(s, []).snr) for s in seen(echo))
+    near, far = (10.0 * np.log10(echo.echo(s, []).snr) for s in seen(echo))
     assert near - far == pytest.approx(12.04, abs=0.35)  # to the front of the body, beam over its height
 
 
@@ -104,7 +104,7 @@ def test_swerling_one():
     assert detection_probability(snr, 1e-6) == pytest.approx(0.9, abs=0.003)
     sensor = made(error, [], sheet={"false_alarm_lg": -6.0})
     draw, echoes = np.random.default_rng(1), [Echo(20.0, 0.0, 0.0, k, snr) for k in np.arange(50.0)]
-    found = sum(len(sensor._rows(echoes, draw)) for _ in range(2000))
+    found = sum(len(sensor.rows(echoes, draw)) for _ in range(2000))
     assert found / 1e5 == pytest.approx(0.9, abs=0.003)
 
 
@@ -138,7 +138,7 @@ def test_range_rate_while_rolling():
 def test_a_thing_that_goes_has_its_own_speed():
     person = SheetObstacle(kind="person", x_m=20.0, y_m=0.0, path=Path(to=((0.0, 0.0),)))
     sensor = made(ideal, [person])
-    sensor._setup.bodies.place("person 1", Pose.from_euler([20.0, 0.0, 0.0], yaw=pi), np.array([-1.4, 0, 0]))
+    sensor.setup.bodies.place("person 1", Pose.from_euler([20.0, 0.0, 0.0], yaw=pi), np.array([-1.4, 0, 0]))
     assert looks(sensor, 4, straight(2.0))[-1].radial_speed[0] == pytest.approx(-3.4, abs=1e-3)
 
 
@@ -161,9 +161,9 @@ def test_a_reflector_behind_crop(deep, name):
     """-2 k d: the crop begins at x = 0; k of that height from the profile, two way."""
     sensor = made(error, [], stand=uniform.Params(), sensor=name)
     z = 0.5
-    depth = sensor._stand.depth(np.array([-6.0, 5.0, z]), np.array([[deep, 5.0, z]]))[0]
-    k = np.interp(z, sensor._stand._heights, sensor._stand.profile) * sensor._wave * DB
-    assert 2.0 * DB * sensor._wave * depth == pytest.approx(2.0 * k * deep, abs=0.2)
+    depth = sensor.stand.depth(np.array([-6.0, 5.0, z]), np.array([[deep, 5.0, z]]))[0]
+    k = np.interp(z, sensor.stand.heights, sensor.stand.profile) * sensor.wave * DB
+    assert 2.0 * DB * sensor.wave * depth == pytest.approx(2.0 * k * deep, abs=0.2)
 
 
 def test_density_and_lodging_act_on_the_loss():
@@ -191,7 +191,7 @@ def test_a_low_body_three_metres_inside_ripe_wheat():
     chance = {}
     for name in ("radar-77ghz-corner", "radar-24ghz"):
         sensor = made(error, deer, stand=uniform.Params(), sensor=name, mount=at)
-        (echo,) = [sensor._echo(s, []) for s in seen(sensor)]
+        (echo,) = [sensor.echo(s, []) for s in seen(sensor)]
         chance[name] = float(detection_probability(echo.snr, 10.0**sensor.sheet.false_alarm_lg))
     assert chance["radar-77ghz-corner"] < 0.05
     assert chance["radar-24ghz"] > 0.95
@@ -217,7 +217,7 @@ def test_spread_of_a_strong_echo():
     sensor, draw = made(error, []), np.random.default_rng(4)
     snr, s = 10.0**3.0, CORNER
     rows = [
-        sensor._row(Echo(30.0, 0.1, 0.0, -1.0, snr), 1.0 + snr, 1.0, draw.standard_normal(6).tolist())
+        sensor.row(Echo(30.0, 0.1, 0.0, -1.0, snr), 1.0 + snr, 1.0, draw.standard_normal(6).tolist())
         for _ in range(4000)
     ]
     found = np.std([row[:4] for row in rows], axis=0)
@@ -283,7 +283,7 @@ def test_false_alarms_are_as_many_as_cells_times_chance():
 def test_rain_and_a_wall_take_from_an_echo():
     person = SheetObstacle(kind="person", x_m=30.0, y_m=0.0)
     dry, wet = (made(error, [person], rain_mm_h=r) for r in (0.0, 25.0))
-    loss = [10.0 * np.log10(s._echo(seen(s)[0], []).snr) for s in (dry, wet)]
+    loss = [10.0 * np.log10(s.echo(seen(s)[0], []).snr) for s in (dry, wet)]
     assert loss[0] - loss[1] == pytest.approx(2.0 * 0.011 * 29.85, rel=0.03)  # 11 dB/km at 77 GHz
     wall = BoxObstacle(x_m=15.0, y_m=0.0, length_m=0.2, width_m=4.0, height_m=3.0)
     found = looks(made(error, [person, wall], noise="none"))[-1]

@@ -100,8 +100,8 @@ def test_a_reflector_behind_crop(deep, name):
     """-2 k d; the crop begins at x = 0."""
     sensor = rays_of([], stand=uniform.Params(), sensor=name)
     z = 0.5
-    lost = sensor._through(np.array([-6.0, 5.0, z]), np.array([[deep, 5.0, z]]))[0]
-    k = np.interp(z, sensor._stand._heights, sensor._stand.profile) * sensor._wave * DB
+    lost = sensor.through(np.array([-6.0, 5.0, z]), np.array([[deep, 5.0, z]]))[0]
+    k = np.interp(z, sensor.stand.heights, sensor.stand.profile) * sensor.wave * DB
     assert lost == pytest.approx(2.0 * k * deep, abs=0.2)
 
 
@@ -125,7 +125,7 @@ def test_clutter_of_a_turning_machine_has_its_own_speeds():
     sensor, way = rays_of([], mount=mount), circle(2.0, 12.0)
     states = tuple(state(way, t) for t in range(0, 500_000_001, 5_000_000))
     eye, rotation, velocity = sensor.locate(500_000_000, {"state": states})
-    sensor._setup.field.ensure(0.0, 0.0, 80.0)
+    sensor.setup.field.ensure(0.0, 0.0, 80.0)
     _, speed, spread = sensor.clutter(eye, rotation, velocity)
     yaw = way(0.5).euler()[2]
     for a in (0, 14, 27):
@@ -171,15 +171,15 @@ def beside_each_other(things, sheet, count=500):
     sensor, other = rays_of(things, sensor=sheet, **NO_CLUTTER), made(error, things, sensor=sheet)
     targets = seen(other)
     here = sensor.locate(100, {"state": (state(straight(0.0), 100),)})
-    sensor._setup.field.ensure(0.0, 0.0, 75.0)
+    sensor.setup.field.ensure(0.0, 0.0, 75.0)
     parts, clutter = sensor.parts(*here), sensor.clutter(*here)
-    echoes = merged([e for t in targets for e in other._echoes(t, targets)], other._cell)
-    found = [(t, other._echo(t, targets).snr, [], []) for t in targets]
+    echoes = merged([e for t in targets for e in other.echoes(t, targets)], other.cell)
+    found = [(t, other.echo(t, targets).snr, [], []) for t in targets]
     for k in range(count):
         draw = sensor._stream.at(k)
-        columns = sensor._columns(parts, *clutter, draw)
-        ours = [sensor._measured(*p, draw) for p in peaks(columns, sensor.grid, 16, sensor._false, "ca")]
-        theirs = sorted(other._rows(echoes, draw), key=lambda row: -row[5])  # as a sample has them
+        columns = sensor.columns(parts, *clutter, draw)
+        ours = [sensor.measured(*p, draw) for p in peaks(columns, sensor.grid, 16, sensor.false_alarm, "ca")]
+        theirs = sorted(other.rows(echoes, draw), key=lambda row: -row[5])  # as a sample has them
         for target, _, *kept in found:
             for rows, into in zip((ours, theirs), kept, strict=True):
                 into += [r for r in rows if abs(r[0] - target.distance) < 0.8][:1]
@@ -236,7 +236,7 @@ def test_what_stands_some_cells_behind_raises_the_threshold():
     found = {}
     for cells in (4.0, 9.0):
         wall = error.Echo(20.0 + cells * CORNER.range_resolution, 0.0, 0.0, 0.0, 20_000.0)
-        rows = [sensor._rows([person, wall], draw) for _ in range(400)]
+        rows = [sensor.rows([person, wall], draw) for _ in range(400)]
         found[cells] = np.mean([any(r[0] < 20.7 for r in look) for look in rows])
     assert found[9.0] == pytest.approx(float(detection_probability(200.0, 1e-7)), abs=0.05)
     assert found[4.0] < 0.3

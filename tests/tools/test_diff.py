@@ -63,13 +63,13 @@ def test_what_is_no_run_is_refused(runs, tmp_path):
 
 
 def test_numbers_have_six_digits_and_say_how_little_they_differ():
-    from swath.tools.diff.compare import _shown
+    from swath.tools.diff.compare import shown_value
 
-    assert (_shown(1 / 3, 0.5), _shown(0.5, 1 / 3)) == ("0.333333", "0.5")
+    assert (shown_value(1 / 3, 0.5), shown_value(0.5, 1 / 3)) == ("0.333333", "0.5")
     near = 0.1 + 0.2
-    assert (_shown(near, 0.3), _shown(0.3, near)) == ("0.3 (+5.6e-17)", "0.3 (-5.6e-17)")
-    assert _shown("straight", "curve") == "straight"
-    assert _shown(0.5, "-") == "0.5"
+    assert (shown_value(near, 0.3), shown_value(0.3, near)) == ("0.3 (+5.6e-17)", "0.3 (-5.6e-17)")
+    assert shown_value("straight", "curve") == "straight"
+    assert shown_value(0.5, "-") == "0.5"
 
 
 def test_a_changed_file_is_named(tmp_path):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import swath
-from swath.commands.main import _leaves, main, make_parser
+from swath.commands.main import main, make_parser, subcommands
 from swath.core.errors import InputError
 from swath.core.whole_file import PART, open_to_append, open_to_keep, open_to_write, own_folder, write_whole
 from swath.documents.data_sheets import find_sheet
@@ -78,7 +78,7 @@ NOTHING = {
 
 
 def test_every_command_is_looked_at():
-    commands = {leaf.prog.removeprefix("swath ") for leaf in _leaves(make_parser()[0])}
+    commands = {leaf.prog.removeprefix("swath ") for leaf in subcommands(make_parser()[0])}
     assert commands == {*WRITES, *OTHERS, *NOTHING}
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import swath
-from swath.commands.main import _leaves, main, make_parser
+from swath.commands.main import main, make_parser, subcommands
 from swath.core import registry
 from swath.core.errors import InputError
 from swath.documents.data_sheets import find_sheet
@@ -226,7 +226,7 @@ def test_other_files_run_no_code_in_any_command(ran, tmp_path, monkeypatch, capf
     folder = Folder(tmp_path, "slot", ran)
     run_all(folder, folder.of_others(), monkeypatch, capfd)
     looked_at = {*folder.of_runs(), *folder.of_scenarios(), *folder.of_others()}
-    assert looked_at == {leaf.prog.removeprefix("swath ") for leaf in _leaves(make_parser()[0])}
+    assert looked_at == {leaf.prog.removeprefix("swath ") for leaf in subcommands(make_parser()[0])}
 
 
 @pytest.mark.parametrize("kind", [k for k in KINDS if k not in ("FMU", "SSP", "SSD")])

@@ -145,7 +145,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         if debug:
             traceback.print_exc()
-        return _say(_of_system(error), BAD_INPUT)
+        return _say(of_system(error), BAD_INPUT)
     except SwathError as error:
         if debug:
             traceback.print_exc()
@@ -227,18 +227,18 @@ def make_parser(named: str = "--help") -> tuple[argparse.ArgumentParser, list[st
     parser.description = "\n\n".join(
         [*shown, "swath COMMAND --help explains a command, swath docs lists the documentation."]
     )
-    for each in _leaves(parser):
+    for each in subcommands(parser):
         each.add_argument("--allow-code", action="store_true", help=ALLOW_CODE)
         each.add_argument("--no-code", action="store_true", help=argparse.SUPPRESS)  # of version 0.2
     parser.set_defaults(parser=parser)
     return parser, list(parsers.choices)
 
 
-def _leaves(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+def subcommands(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
     """The parsers of all commands and verbs that do something."""
     below = [a.choices for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
     for each in below[0].values() if below else ():
-        yield from _leaves(each)
+        yield from subcommands(each)
     if not below:
         yield parser
 
@@ -264,7 +264,7 @@ def _name_unknown_settings() -> None:
         print(f"swath: {shortened(name, 80)} in the environment is no setting{hint}", file=sys.stderr)
 
 
-def _of_system(error: OSError) -> str:
+def of_system(error: OSError) -> str:
     """What the system says of a file: its name, and why it could not be."""
     if error.filename is None or error.strerror is None:
         return str(error)

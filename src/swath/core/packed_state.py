@@ -84,7 +84,7 @@ def _name(kind: type) -> str:
     return f"{kind.__module__}:{kind.__qualname__}"
 
 
-def _known() -> dict[str, type]:
+def known_types() -> dict[str, type]:
     """All types of objects that are read and written, by name; none is imported for it."""
     samples: list[type] = [Signal, *signal_types()]
     return {**_TYPES, **{_name(kind): kind for kind in samples}}
@@ -118,7 +118,7 @@ class _Writer:
     def __init__(self, shared: Mapping[str, Any]) -> None:
         self.types: list[str] = []
         self.buffers: list[bytes] = []
-        self._known, self._shared = _known(), {id(v): k for k, v in shared.items() if v is not None}
+        self._known, self._shared = known_types(), {id(v): k for k, v in shared.items() if v is not None}
         self._numbers: dict[int, int] = {}
         self._alive: list[Any] = []  # an id is its object's as long as that is there
 
@@ -193,7 +193,7 @@ class _Reader:
 
     def __init__(self, data: bytes, at: int, types: list[str], shared: Mapping[str, Any]) -> None:
         self._data, self._at, self._shared, self._met = data, at, shared, list[Any]()
-        known = _known()
+        known = known_types()
         self._types = [self._type(name, known) for name in types]
 
     def made(self, plain: Any) -> Any:

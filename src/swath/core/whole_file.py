@@ -17,7 +17,7 @@ from swath.core.errors import InputError
 PART = ".part"  # at the end of the name of a file that is still being written
 
 
-class _NamedFile(io.FileIO):
+class NamedFile(io.FileIO):
     """A file opened to write, whose errors name it: those of the system name none, as on a full disk."""
 
     def write(self, data: Any) -> int:
@@ -31,7 +31,7 @@ class _NamedFile(io.FileIO):
 def open_to_write(path: Path) -> BinaryIO:
     """A new file in the place of what was there, buffered. OSError, which names the file."""
     path.unlink(missing_ok=True)
-    return io.BufferedWriter(_NamedFile(str(path), "xb"))
+    return io.BufferedWriter(NamedFile(str(path), "xb"))
 
 
 def open_to_keep(path: Path, flags: int) -> int:

@@ -33,7 +33,7 @@ def pack(column: NDArray[Any]) -> tuple[str, bytes]:
         rest = _whole(column[:, :, 2]) - _whole(_third(column))
         return ROTATION, _planes(np.concatenate([_steps(column[:, :, :2]).ravel(), rest.ravel()]))
     steps = _steps(column)
-    is_smooth = _bits(steps).mean() < ROUGH_BITS
+    is_smooth = bits_of(steps).mean() < ROUGH_BITS
     return (SMOOTH, _planes(steps)) if is_smooth else (PLANES, _planes(column))
 
 
@@ -45,7 +45,7 @@ def pack_all(columns: Sequence[NDArray[Any]]) -> list[tuple[str, bytes]]:
         return [pack(column) for column in columns]
     numbers = np.stack([_whole(columns[i].astype(columns[i].dtype.newbyteorder("<"))) for i in alike])
     steps = _differences(numbers.copy())
-    is_smooth = _bits(steps).mean(axis=1) < ROUGH_BITS
+    is_smooth = bits_of(steps).mean(axis=1) < ROUGH_BITS
     chosen = np.where(is_smooth[:, None], steps, numbers).view(np.uint8).reshape(-1, count, 8)
     planes = np.ascontiguousarray(chosen.transpose(0, 2, 1))
     packed = {
@@ -83,7 +83,7 @@ def _differences(courses: NDArray[Any]) -> NDArray[Any]:
     return courses
 
 
-def _bits(numbers: NDArray[Any]) -> NDArray[Any]:
+def bits_of(numbers: NDArray[Any]) -> NDArray[Any]:
     """How many bits whole numbers have without their sign: the exponent of the real number that each is."""
     exponent = np.abs(numbers).astype(float).view(np.uint64) >> 52 & 0x7FF
     return np.where(exponent, exponent.view(np.int64) - 1022, 0)

@@ -52,7 +52,7 @@ def render(
         run_facts={key: summary.get(key) for key in ("machine", "seed")},
         made_with={**(summary.get("versions") or {}), "rays on": summary.get("device")},
         digest=summary.get("digest"),
-        limits=[_limit_row(entry, evaluators.metrics) for entry in expect],
+        limits=[limit_row(entry, evaluators.metrics) for entry in expect],
         results=list(_results(summary, evaluators)),
         inputs=list(_inputs(summary)),
         credibility=list(_credibility(summary)),
@@ -79,14 +79,15 @@ def _head(expect: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
     return "pass", f"✓ All {len(expect)} limits pass", ", ".join(dict.fromkeys(e["name"] for e in expect))
 
 
-def _limit_row(entry: Mapping[str, Any], metrics: Mapping[str, Metric]) -> dict[str, str]:
+def limit_row(entry: Mapping[str, Any], metrics: Mapping[str, Metric]) -> dict[str, str]:
+    """What the page says of a limit and of what came."""
     metric = metrics.get(entry["name"])  # None: a column of the tracks, whose name ends with its unit
     return {
         "subject": entry["subject"],
         "name": entry["name"],
         "limit": limit_text(entry) if metric is None else _bounds(metric, entry["limit"]),
         "window": window_text(entry),
-        "value": number(entry["value"]) if metric is None else _shown(metric, entry["value"]),
+        "value": number(entry["value"]) if metric is None else shown_value(metric, entry["value"]),
         "result": entry["result"],
         "reason": entry.get("reason", ""),
         "error": _level_error(entry, metric),
@@ -98,7 +99,7 @@ def _level_error(entry: Mapping[str, Any], metric: Metric | None) -> str:
     error = entry.get("level_error")
     if error is None or metric is None:
         return ""
-    return f"{_shown(metric, error['size'])} ({error['slot']} against {error['against']})"
+    return f"{shown_value(metric, error['size'])} ({error['slot']} against {error['against']})"
 
 
 def _credibility(summary: Mapping[str, Any]) -> Iterator[list[str]]:
@@ -164,7 +165,7 @@ def _metric_row(metric: Metric, value: Any, entry: Mapping[str, Any] | None) -> 
         "tip": metric.meaning,
         "name": metric.name,
         "label": metric.label or metric.name.removesuffix("_" + metric.unit).replace("_", " "),
-        "value": _shown(metric, value),
+        "value": shown_value(metric, value),
         "limit": "" if entry is None else _bounds(metric, entry["limit"]),
         "result": "" if entry is None else entry["result"],
     }
@@ -173,11 +174,11 @@ def _metric_row(metric: Metric, value: Any, entry: Mapping[str, Any] | None) -> 
 def _bounds(metric: Metric, limit: Mapping[str, Any]) -> str:
     """The least and the greatest value that a limit on a metric allows."""
     signs = (("min", "≥"), ("max", "≤"))
-    bounds = [f"{sign} {_shown(metric, limit[key])}" for key, sign in signs if key in limit]
+    bounds = [f"{sign} {shown_value(metric, limit[key])}" for key, sign in signs if key in limit]
     return " ".join(bounds + ([f"because of {limit['because']}"] if "because" in limit else []))
 
 
-def _shown(metric: Metric, value: Any) -> str:
+def shown_value(metric: Metric, value: Any) -> str:
     """A value of a metric as a report shows it: its decimals, but four digits at most; counts are whole."""
     if value is None:
         return "–"

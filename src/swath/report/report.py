@@ -196,12 +196,13 @@ def write_report(run_dir: Path, data: ReportData) -> Path:
     import matplotlib
 
     with matplotlib.rc_context(plots.STYLE):
-        figures = list(_figures(data))
+        figures = list(figures_of(data))
         text = page.render(data.summary, data.scenario, figures, data.default_lines, data.known)
     return write_whole(run_dir / "report.html", text)
 
 
-def _figures(data: ReportData) -> Iterator[page.Figure]:
+def figures_of(data: ReportData) -> Iterator[page.Figure]:
+    """The figures of the page, in their order."""
     if data.map is not None:
         yield _map(data, data.map)
     if data.unloading is not None and len(data.unloading.t):

@@ -107,9 +107,9 @@ class RunControl(RunHook):
         """Wait before the next tick, or go on."""
 
         def act(t: int) -> str:
-            self.is_paused, self._until, self._origin = wanted, self._now(), None
+            self.is_paused, self._until, self._origin = wanted, self.now(), None
             self._tell()
-            return f"{'paused' if wanted else 'running'} at {self._now() / NS:g} s"
+            return f"{'paused' if wanted else 'running'} at {self.now() / NS:g} s"
 
         return self.ask(act)
 
@@ -119,7 +119,7 @@ class RunControl(RunHook):
         def act(t: int) -> str:
             if not self.is_paused:
                 raise SwathError("expected a paused run: pause it first")
-            wanted = t if length_s is None else self._now() + max(1, round(length_s * NS))
+            wanted = t if length_s is None else self.now() + max(1, round(length_s * NS))
             self._until = max(wanted, self._until)  # a run that went back is on its way to there
             self._is_waiting.clear()
             return ""
@@ -128,13 +128,13 @@ class RunControl(RunHook):
         if not success:
             return success, message
         self._is_waiting.wait()
-        return True, f"at {self._now() / NS:g} s"
+        return True, f"at {self.now() / NS:g} s"
 
     def restart(self) -> Reply:
         """Begin anew, into the same folder."""
 
         def act(t: int) -> str:
-            raise Restart(f"reset at {self._now() / NS:g} s")
+            raise Restart(f"reset at {self.now() / NS:g} s")
 
         return self.ask(act)
 
@@ -168,7 +168,7 @@ class RunControl(RunHook):
             assert self.saves is not None
             if at_s is None and not self.saves.times:
                 raise SwathError("there is no save yet to branch off from")
-            now, begin = self._now(), at_s
+            now, begin = self.now(), at_s
             if begin is None:  # the first tick behind that of the save
                 behind = self.saves.times[-1] + 1
                 now, begin = max(now, behind), behind / NS
@@ -206,5 +206,5 @@ class RunControl(RunHook):
         for listener in self.listeners:
             listener()
 
-    def _now(self) -> int:
+    def now(self) -> int:
         return self._run.world.graph.t if self._run is not None else 0

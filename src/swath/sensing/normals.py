@@ -28,7 +28,7 @@ class AllNormals:
         from swath.sensing.native.normals_kernel import draw_normals
 
         keys = np.array([stream.key for stream in streams])
-        widths, bounds = _ziggurat()
+        widths, bounds = ziggurat()
         given = (keys, self._asked, widths, bounds, rows, self._slow)
         self._launch = repeatable(draw_normals, [shared(array) for array in given]).launch
 
@@ -41,7 +41,7 @@ class AllNormals:
 
 
 @cache
-def _ziggurat() -> tuple[Any, Any]:
+def ziggurat() -> tuple[Any, Any]:
     """Widths of numpy's levels over ONE, and how far of ONE a number of each is taken without more.
 
     numpy tells the widths: given a word of the level and a power of two it returns their product.

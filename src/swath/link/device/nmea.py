@@ -186,7 +186,7 @@ class Listener:
 
     wrong: int = 0
     _rest: bytes = b""
-    _epoch: Epoch | None = None
+    epoch: Epoch | None = None
     _is_told: bool = False
     _kinds: tuple[set[str], ...] = field(default_factory=lambda: (set(), set(), set()))  # newest epoch first
     _done: list[Epoch] = field(default_factory=list)
@@ -212,13 +212,13 @@ class Listener:
             kind = name if name.startswith("P") else name[2:]
             if kind in ("GGA", "RMC", "GST", "PANDA", "PAOGI"):
                 self._at(words[0])
-            if self._epoch is not None and kind in READERS:
-                READERS[kind](self._epoch, words)
+            if self.epoch is not None and kind in READERS:
+                READERS[kind](self.epoch, words)
                 self._kinds[0].add(kind)
                 usual = self._kinds[1] | self._kinds[2]
                 if not self._is_told and usual and usual <= self._kinds[0]:
                     self._is_told = True
-                    self._done.append(self._epoch)
+                    self._done.append(self.epoch)
         except (ValueError, IndexError):
             self.wrong += 1
 
@@ -226,12 +226,12 @@ class Listener:
         if not text:
             raise ValueError
         seconds = int(text[:2]) * 3600.0 + int(text[2:4]) * 60.0 + float(text[4:])
-        if self._epoch is not None and self._epoch.seconds != seconds:
+        if self.epoch is not None and self.epoch.seconds != seconds:
             if not self._is_told:
-                self._done.append(self._epoch)
-            self._epoch, self._kinds = None, (set(), *self._kinds[:2])
-        if self._epoch is None:
-            self._epoch, self._is_told = Epoch(seconds), False
+                self._done.append(self.epoch)
+            self.epoch, self._kinds = None, (set(), *self._kinds[:2])
+        if self.epoch is None:
+            self.epoch, self._is_told = Epoch(seconds), False
 
 
 def _read(text: str, factor: float = 1.0) -> float:

@@ -146,11 +146,11 @@ class ErrorRadar(IdealRadar):
         high = self.sheet.frequency > 50e9
         moisture = params.straw_moisture_percent * PERCENT
         factor = wave_factor(self.sheet.frequency, self.sheet.polarisation, moisture, params.straw_wall)
-        self._wave = factor * params.stand_loss_percent * PERCENT
+        self.wave = factor * params.stand_loss_percent * PERCENT
         k, a = RAIN["high" if high else "low"]
         self._rain = k * float(params.rain_mm_h) ** a / 1000.0  # dB/m
-        self._threshold = -self.sheet.false_alarm_lg * log(10.0)
-        self._stand = StandLoss(setup.field) if self._wave > 0.0 else None
+        self.threshold = -self.sheet.false_alarm_lg * log(10.0)
+        self.stand = StandLoss(setup.field) if self.wave > 0.0 else None
         self._scatterers = Scatterers()
         per_look = 10.0**self.sheet.false_alarm_lg
         per_bin = per_look * self.sheet.cells / Grid.of(self.sheet).count
@@ -159,15 +159,15 @@ class ErrorRadar(IdealRadar):
     def reset(self, stream: Stream) -> Outputs:
         """Nothing seen."""
         self._stream = stream
-        late = round(self.sheet.latency / self._setup.period)
+        late = round(self.sheet.latency / self.setup.period)
         self._waiting: deque[RadarTargets] = deque([radar_targets_of(0, [])] * late)
         return super().reset(stream)
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The detections of a look some time ago; the sample carries the time of the look."""
         seen, draw = self.look(t + dt, inputs), self._stream.at(t + dt)
-        echoes = merged([echo for s in seen for echo in self._echoes(s, seen)], self._cell)
-        rows = self._rows(echoes, draw)
+        echoes = merged([echo for s in seen for echo in self.echoes(s, seen)], self.cell)
+        rows = self.rows(echoes, draw)
         if self._is_noisy:
             rows += self._false_alarms(draw)
         strongest = sorted(rows, key=lambda row: -row[5])[: self.sheet.target_max]
@@ -175,18 +175,18 @@ class ErrorRadar(IdealRadar):
         return {"targets": self._waiting.popleft()}
 
     @property
-    def _cell(self) -> tuple[float, float, float]:
+    def cell(self) -> tuple[float, float, float]:
         return self.sheet.range_resolution, self.sheet.azimuth_resolution, self.sheet.speed_resolution
 
-    def _echo(self, seen: Target, all_seen: list[Target]) -> Echo:
+    def echo(self, seen: Target, all_seen: list[Target]) -> Echo:
         """Mean power of a thing over noise: its parts by height, each through its own crop."""
         eye, way = self._eye, seen.place - self._eye
         ends = np.repeat(seen.place[None], PARTS, axis=0)
         middle = float(seen.body.pose.apply(seen.body.middle)[2])
         ends[:, 2] = middle + float(seen.body.half[2]) * (2.0 * np.arange(PARTS) + 1.0 - PARTS) / PARTS
-        ground = float(self._setup.field.ground_height(*seen.place[:2].tolist()))
+        ground = float(self.setup.field.ground_height(*seen.place[:2].tolist()))
         ends = ends[ends[:, 2] > ground]
-        depth = np.zeros(len(ends)) if self._stand is None else self._stand.depth(eye, ends)
+        depth = np.zeros(len(ends)) if self.stand is None else self.stand.depth(eye, ends)
         far = hypot(*way[:2].tolist())
         total = 0.0
         for end, through in zip(ends, depth.tolist(), strict=True):
@@ -194,7 +194,7 @@ class ErrorRadar(IdealRadar):
                 continue
             tilt = seen.elevation + (float(end[2]) - float(seen.place[2])) / far
             gain = self.sheet.gain(seen.azimuth, tilt)
-            total += 10.0 ** ((2.0 * gain - 2.0 * DB * self._wave * through) / 10.0) / PARTS
+            total += 10.0 ** ((2.0 * gain - 2.0 * DB * self.wave * through) / 10.0) / PARTS
         if not len(ends) or total == 0.0:
             return Echo(seen.distance, seen.azimuth, seen.elevation, seen.radial_speed, 0.0)
         total *= PARTS / len(ends)
@@ -202,11 +202,11 @@ class ErrorRadar(IdealRadar):
         snr = 10.0 ** ((self.sheet.snr(seen.rcs, seen.distance) - lost) / 10.0) * total
         return Echo(seen.distance, seen.azimuth, seen.elevation, seen.radial_speed, snr)
 
-    def _echoes(self, seen: Target, all_seen: list[Target]) -> list[Echo]:
+    def echoes(self, seen: Target, all_seen: list[Target]) -> list[Echo]:
         """Of a thing: one for each half of a resolution cell that its sides fill. All of them lose in the
         crop what it loses where the line to its middle enters it. Without noise it is one point.
         """
-        whole = self._echo(seen, all_seen)
+        whole = self.echo(seen, all_seen)
         if not self._is_noisy or whole.snr == 0.0:
             return [whole]
         way = self._scatterers.of(seen.body, self._eye) - self._eye
@@ -227,23 +227,23 @@ class ErrorRadar(IdealRadar):
             found.append(Echo(far, aside, whole.elevation, rate, share * whole.snr, deep, wide))
         return found
 
-    def _rows(self, echoes: list[Echo], draw: np.random.Generator) -> list[list[float]]:
+    def rows(self, echoes: list[Echo], draw: np.random.Generator) -> list[list[float]]:
         """Of the sample, those of echoes above the threshold."""
         if not self._is_noisy:
-            return [self._row(e, e.snr, 1.0, [0.0] * 6) for e in echoes if e.snr > self._threshold]
+            return [self.row(e, e.snr, 1.0, [0.0] * 6) for e in echoes if e.snr > self.threshold]
         snr = np.array([e.snr for e in echoes])
         swing = draw.standard_exponential(len(echoes))
         places = np.array([[e.distance, e.azimuth, e.radial_speed] for e in echoes]).reshape(-1, 3)
-        around = 1.0 + self.gain * (in_training(places, self._cell) * (snr * swing)).sum(axis=1)
+        around = 1.0 + self.gain * (in_training(places, self.cell) * (snr * swing)).sum(axis=1)
         powers = ((1.0 + snr) * swing).tolist()
         rows = zip(echoes, powers, around.tolist(), draw.standard_normal((len(snr), 6)), strict=True)
         return [
-            self._row(echo, power, background, noise.tolist())
+            self.row(echo, power, background, noise.tolist())
             for echo, power, background, noise in rows
-            if power > self._threshold * background
+            if power > self.threshold * background
         ]
 
-    def _row(self, echo: Echo, power: float, around: float, noise: list[float]) -> list[float]:
+    def row(self, echo: Echo, power: float, around: float, noise: list[float]) -> list[float]:
         """Errors as from an echo of this power over thermal noise, with a background `around`, and the cross
         section that it looks like."""
         s, snr = self.sheet, max(power / around - 1.0, 1e-3) if self._is_noisy else power
@@ -275,8 +275,8 @@ class ErrorRadar(IdealRadar):
             a, b, c, d = (2.0 * draw.random(4) - 1.0).tolist()
             distance = s.range_min + (s.range_max - s.range_min) * 0.5 * (1.0 + a)
             place = 0.5 * b * s.azimuth_fov, 0.5 * d * s.elevation_fov
-            power = self._threshold + float(draw.standard_exponential())
-            rows.append(self._row(Echo(distance, *place, c * s.speed_max, 0.0), power, 1.0, [0.0] * 6))
+            power = self.threshold + float(draw.standard_exponential())
+            rows.append(self.row(Echo(distance, *place, c * s.speed_max, 0.0), power, 1.0, [0.0] * 6))
         return rows
 
 

@@ -67,7 +67,7 @@ class IdealRadar(KeepsState):
     outputs = (Port("targets", RadarTargets),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        self._setup = setup
+        self.setup = setup
         self.sheet = load_radar(params.sensor, setup.base)
         self.mounting = params.mount.pose(setup.machine, setup.edge_side)
         self._last: tuple[MachineState, ...] = ()
@@ -89,7 +89,7 @@ class IdealRadar(KeepsState):
         """What is in the field of view from `_eye` (3,) that goes with `_velocity` (3,), the nearest first;
         nothing hides it."""
         self._eye, rotation, self._velocity = self.locate(now, inputs)
-        bodies = self._setup.bodies.around(self._setup.name)
+        bodies = self.setup.bodies.around(self.setup.name)
         seen = [self._seen(body, self._eye, rotation, self._velocity) for body in bodies]
         return sorted((s for s in seen if s is not None), key=lambda s: s.distance)
 

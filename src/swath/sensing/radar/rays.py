@@ -61,12 +61,12 @@ class RaysRadar(ErrorRadar):
         super().__init__(params, setup)
         self._r = params
         self.grid = Grid.of(self.sheet)
-        self._false = 10.0**self.sheet.false_alarm_lg * self.sheet.cells / self.grid.count
-        self.gain = processing_loss(params.training, self._false, 10.0**self.sheet.false_alarm_lg)
+        self.false_alarm = 10.0**self.sheet.false_alarm_lg * self.sheet.cells / self.grid.count
+        self.gain = processing_loss(params.training, self.false_alarm, 10.0**self.sheet.false_alarm_lg)
         self._clutter = Clutter(
             setup.field,
-            self._stand,
-            wave=self._wave,
+            self.stand,
+            wave=self.wave,
             crop=10.0 ** (params.crop_reflectivity_db / 10.0),
             ground=10.0 ** (params.ground_reflectivity_db / 10.0),
         )
@@ -75,7 +75,7 @@ class RaysRadar(ErrorRadar):
         """The detections of a look some time ago; the sample carries the time of the look."""
         draw = self._stream.at(t + dt)
         eye, rotation, velocity = self.locate(t + dt, inputs)
-        self._setup.field.ensure(float(eye[0]), float(eye[1]), self.sheet.range_max + 2.0)
+        self.setup.field.ensure(float(eye[0]), float(eye[1]), self.sheet.range_max + 2.0)
         parts = self.parts(eye, rotation, velocity)
         rows = self.detections(parts, self.clutter(eye, rotation, velocity), draw)
         self._waiting.append(radar_targets_of(t + dt, rows))
@@ -85,16 +85,16 @@ class RaysRadar(ErrorRadar):
         self, parts: Parts, clutter: tuple[F64, F64, F64], draw: np.random.Generator
     ) -> list[list[float]]:
         """Of one look, rows as `radar_targets_of` takes them, the strongest first."""
-        columns = self._columns(parts, *clutter, draw)
-        found = peaks(columns, self.grid, self._r.training, self._false, self._r.cfar)
-        rows = [self._measured(*peak, draw) for peak in found]
+        columns = self.columns(parts, *clutter, draw)
+        found = peaks(columns, self.grid, self._r.training, self.false_alarm, self._r.cfar)
+        rows = [self.measured(*peak, draw) for peak in found]
         if self._is_noisy:
             rows += self._false_alarms(draw, 1.0 - columns.power.size / self.grid.count)
         return sorted(rows, key=lambda row: -row[5])[: self.sheet.target_max]
 
     def parts(self, eye: F64, rotation: F64, velocity: F64) -> Parts:
         """Echoes of all bodies in view: a point for each bin of distance and azimuth that a side fills."""
-        bodies = self._setup.bodies.around(self._setup.name)
+        bodies = self.setup.bodies.around(self.setup.name)
         rows = [
             row
             for side in facing(bodies, eye, self.sheet.range_max)
@@ -121,7 +121,7 @@ class RaysRadar(ErrorRadar):
         rows = []
         for place in np.unique(bins[:, seen], axis=1).T:
             here = seen & (bins == place[:, None]).all(axis=0)
-            through = self._through(eye, side.points[here])
+            through = self.through(eye, side.points[here])
             level = 2.0 * s.gains(azimuth[here], elevation[here]) - through
             weight = power(10.0, 0.1 * level) * side.share
             whole = float(weight.sum())
@@ -131,16 +131,16 @@ class RaysRadar(ErrorRadar):
                 rows.append((*values, whole * 10.0 ** (0.1 * (s.snr(rcs, values[0]) - lost))))
         return [(d, a, v, snr) for d, a, v, snr in rows]
 
-    def _through(self, eye: F64, points: F64) -> F64:
+    def through(self, eye: F64, points: F64) -> F64:
         """Loss in the crop to points (n, 3) of one bin, two way [dB], (n,)."""
-        if self._stand is None:
+        if self.stand is None:
             return np.zeros(len(points))
         low, high = float(points[:, 2].min()), float(points[:, 2].max())
         heights = np.linspace(low, high, PARTS if high - low > 0.05 else 1)
         middle = points[:, :2].mean(axis=0)
         ends = np.column_stack([np.repeat(middle[None], len(heights), axis=0), heights])
-        depth = self._stand.depth(eye, ends)
-        return np.asarray(2.0 * DB * self._wave * np.interp(points[:, 2], heights, depth))
+        depth = self.stand.depth(eye, ends)
+        return np.asarray(2.0 * DB * self.wave * np.interp(points[:, 2], heights, depth))
 
     def clutter(self, eye: F64, rotation: F64, velocity: F64) -> tuple[F64, F64, F64]:
         """Of every second bin of azimuth and distance, (n, m) each: mean power over noise in a cell, its
@@ -157,9 +157,7 @@ class RaysRadar(ErrorRadar):
         spread = np.abs(np.gradient(radial, axis=0)) / np.sqrt(12.0)
         return mean, radial, spread
 
-    def _columns(
-        self, parts: Parts, mean: F64, speed: F64, spread: F64, draw: np.random.Generator
-    ) -> Columns:
+    def columns(self, parts: Parts, mean: F64, speed: F64, spread: F64, draw: np.random.Generator) -> Columns:
         grid, ds = self.grid, self.grid.cell[2]
         mean = np.where(mean * self.gain > FAINT, mean * self.gain, 0.0)
         wide = np.sqrt(1.0 + (spread / (HALF * ds)) ** 2)
@@ -224,7 +222,7 @@ class RaysRadar(ErrorRadar):
         kept = (response != 0.0) & (column >= 0)
         return column[kept], np.broadcast_to(r, response.shape)[kept], response[kept], owner[kept]
 
-    def _measured(
+    def measured(
         self,
         echo: float,
         contrast: float,

@@ -50,7 +50,7 @@ class StandLoss:
     def __init__(self, field: Field) -> None:
         self._field = field
         self.profile = silhouettes(field.library)
-        self._heights = (np.arange(len(self.profile)) + 0.5) * BIN
+        self.heights = (np.arange(len(self.profile)) + 0.5) * BIN
 
     def depth(self, eye: F64, ends: F64) -> F64:
         """Integral of the geometric extinction from a point (3,) to points (n, 3) that lie in one upright
@@ -69,7 +69,7 @@ class StandLoss:
         x, y, share = x[stands], y[stands], share[stands]
         scale, lean_x, lean_y, density = self.tiles(x, y)
         above = eye[2] + (ends[:, 2:] - eye[2]) * share - self._field.ground_height(x, y)
-        k = density * np.interp(above / scale, self._heights, self.profile, right=0.0)
+        k = density * np.interp(above / scale, self.heights, self.profile, right=0.0)
         rise = ends[:, 2] - eye[2]
         length = np.sqrt(far**2 + rise**2)
         ux, uy = (a / length[:, None] for a in self._field.to_stand(*(way[:, None])))

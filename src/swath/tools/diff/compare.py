@@ -142,7 +142,7 @@ def _first_difference(topic: str, a: Log, b: Log) -> Difference | None:
         for name in dict.fromkeys([*flat_fields(type(one[1])), *flat_fields(type(other[1]))]):
             values = (_value(one[1], name), _value(other[1], name))
             if encode(values[0]) != encode(values[1]):
-                return Difference(slot, one[0], name, (_shown(*values), _shown(*reversed(values))))
+                return Difference(slot, one[0], name, (shown_value(*values), shown_value(*reversed(values))))
     return None
 
 
@@ -154,14 +154,14 @@ def _value(sample: Signal, name: str) -> Any:
     return read(sample, name) if name in flat_fields(type(sample)) else None
 
 
-def _shown(value: Any, other: Any) -> str:
+def shown_value(value: Any, other: Any) -> str:
     """A number of six digits; of an array the first one that differs; where the digits are those of the
     other, with the difference from it."""
     if isinstance(value, np.ndarray) and isinstance(other, np.ndarray):
         if value.shape != other.shape:
             return f"{value.shape} numbers"
         at = np.flatnonzero((value != other).ravel() & ~(np.isnan(value) & np.isnan(other)).ravel())
-        return _shown(value.ravel()[at[0]].item(), other.ravel()[at[0]].item()) if len(at) else "-"
+        return shown_value(value.ravel()[at[0]].item(), other.ravel()[at[0]].item()) if len(at) else "-"
     if isinstance(value, float):
         same = isinstance(other, int | float) and value != other and f"{value:.6g}" == f"{other:.6g}"
         return f"{value:.6g} ({value - other:+.1e})" if same else f"{value:.6g}"
@@ -174,7 +174,7 @@ def _settings(a: Run, b: Run) -> list[tuple[str, str, str]]:
     pairs = [(k, one.get(k, "-"), other.get(k, "-")) for k in keys if one.get(k) != other.get(k)]
     files = [run.summary.get("files", {}) for run in (a, b)]
     changed = [name for name in files[0] if files[1].get(name, files[0][name]) != files[0][name]]
-    rows = [(k, _shown(x, y), _shown(y, x)) for k, x, y in pairs]
+    rows = [(k, shown_value(x, y), shown_value(y, x)) for k, x, y in pairs]
     return rows + [(f"contents of {n}", files[0][n][:8], files[1][n][:8]) for n in changed]
 
 
