@@ -1,8 +1,5 @@
 """Real logs import as they are, and agree with figures measured from them independently."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,17 +9,14 @@ from swath.field.raster import Raster
 from swath.field_io import folder
 from swath.field_io.importer import import_log
 from swath.field_io.passes import lateral_sd
+from tests.shared_data import MONTANA
 
-DATA = (
-    Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
-    / "wheat_combine_logs_msu"
-)
-pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="needs the Montana yield logs: SWATH_DATA")
+pytestmark = pytest.mark.skipif(not MONTANA.is_dir(), reason="needs the Montana yield logs: SWATH_DATA")
 
 
 def imported(tmp_path_factory, log, **options):
     out = tmp_path_factory.mktemp("montana") / "field"
-    return import_log(DATA / log, out, progress=False, **options), folder.read(out)
+    return import_log(MONTANA / log, out, progress=False, **options), folder.read(out)
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +59,7 @@ def test_2018_was_shifted_by_its_monitor(henrys, west):
 def test_2018_heights_agree_with_another_interpolation(henrys):
     report, field = henrys
     other = Raster.from_geotiff(
-        DATA / "si" / "farmerI_henrys_terrain_4m_utm12n.tif", (field.origin.easting, field.origin.northing)
+        MONTANA / "si" / "farmerI_henrys_terrain_4m_utm12n.tif", (field.origin.easting, field.origin.northing)
     )
     x, y = (a.ravel() for a in np.meshgrid(*other.centres()))
     crop = np.isfinite(field.stems.sample(x, y)) & np.isfinite(other.values.ravel())
@@ -124,7 +118,7 @@ def test_2014_heights_drift_between_passes_and_are_levelled(west):
 
 
 def test_a_field_of_the_bounding_file_is_taken(tmp_path_factory):
-    boundary = DATA / "boundaries" / "henrys_bbox.zip"
+    boundary = MONTANA / "boundaries" / "henrys_bbox.zip"
     report, field = imported(tmp_path_factory, "si/farmerI_henrys_2018_wheat.csv.gz", boundary=boundary)
     assert len(field.boundary) == 12
     assert report.removed["outside_boundary"] < 100

@@ -2,9 +2,7 @@
 
 import csv
 import gzip
-import os
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,12 +12,10 @@ from hypothesis import strategies as st
 from swath.core.errors import InputError, SwathError
 from swath.field_io.isoxml import is_taskdata, read_taskdata
 from swath.field_io.table import read_table
+from tests import shared_data
 from tests.field.made_taskdata import HEADER, TASKDATA, record, simple_records, write
 
-DATA = (
-    Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
-    / "forage_harvester_isoxml"
-)
+DATA = shared_data.DATA / "forage_harvester_isoxml"
 real = pytest.mark.skipif(not DATA.is_dir(), reason="needs the forage harvester's time logs: SWATH_DATA")
 
 

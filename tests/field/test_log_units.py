@@ -1,7 +1,6 @@
 """Logs whose units nothing says, or something says wrongly: the true field, or a refusal with the cause."""
 
 import gzip
-import os
 import re
 from datetime import datetime
 from pathlib import Path
@@ -32,8 +31,8 @@ from tests.field.unit_logs import (
     stamps,
     table,
 )
+from tests.shared_data import DATA
 
-DATA = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
 IOWA, BAVARIA, SASKATCHEWAN, KANSAS = (42.0, -93.5), (48.0, 11.0), (52.0, -106.0), (38.5, -98.5)
 CORDOBA, WAGGA, UKRAINE = (-32.0, -63.5), (-35.0, 147.0), (49.0, 32.0)
 

@@ -1,8 +1,5 @@
 """Terrain levels: values, spectra, exact borders, maps."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
@@ -15,6 +12,7 @@ from swath.field.terrain import dem, formula, plane
 from swath.field.waves import N0, ROUGHNESS_CLASSES, make_random_field, make_roughness
 from swath.kernels import start_warp
 from tests.field.made_field import SETUP, made_field
+from tests.shared_data import DATA
 
 start_warp()
 from swath.field.waves_kernel import sum_products  # noqa: E402
@@ -170,9 +168,7 @@ def test_parameters_out_of_range_are_refused(kind, data):
         TypeAdapter(kind).validate_python(data)
 
 
-DEM = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data")) / (
-    "wheat_combine_logs_msu/si/farmerI_henrys_terrain_4m_utm12n.tif"
-)
+DEM = DATA / "wheat_combine_logs_msu/si/farmerI_henrys_terrain_4m_utm12n.tif"
 
 
 @pytest.mark.skipif(not DEM.is_file(), reason="needs the Montana terrain map: SWATH_DATA")

@@ -3,10 +3,8 @@
 import csv
 import gzip
 import math
-import os
 from collections import deque
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,10 +17,10 @@ from swath.fleet.machines import PARAMS
 from swath.fleet.ways import driven, joined, rolled, straight, times_along
 from swath.machine.loops import approach
 from swath.machine.machine_sheet import dynamics_of, load_machine
+from tests import shared_data
 from tests.fleet.turn_figures import TurnFigures, measure
 
-SHARED = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
-DATA = SHARED / "headland_turns_msu2014"
+DATA = shared_data.DATA / "headland_turns_msu2014"
 PERIOD = 0.864  # s, of the records
 ANTENNA = 1.9  # m ahead of the fixed axle, the front of the cab; the log does not say where
 measured_or_skip = pytest.mark.skipif(not DATA.is_dir(), reason="needs the measured turns: SWATH_DATA")

@@ -1,8 +1,6 @@
 """A recorded day: the rest of it from its first hour, and what a log must hold for that."""
 
 import math
-import os
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,9 +9,9 @@ import pytest
 from swath.control.turns import limits_of
 from swath.core.errors import InputError
 from swath.fleet.recorded import TURN_SPEED, check_one_machine, predict, read_day
+from tests.shared_data import DATA
 
-SHARED = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
-LOG = SHARED / "wheat_combine_logs_msu" / "si" / "farmerB_sec1west_2014_winterwheat.csv.gz"
+LOG = DATA / "wheat_combine_logs_msu" / "si" / "farmerB_sec1west_2014_winterwheat.csv.gz"
 LIMITS = limits_of(3.9, 6.4, math.radians(15.0), TURN_SPEED)
 
 

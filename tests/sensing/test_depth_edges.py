@@ -1,7 +1,5 @@
 """Noise and depth edges: a scanner in front of two walls, and a real one that stood still."""
 
-import os
-from pathlib import Path
 from types import SimpleNamespace
 from typing import get_args
 
@@ -19,9 +17,9 @@ from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.mount import Mount
 from swath.sensing.scanner import Noise
 from swath.sensing.weather import Weather
+from tests.shared_data import DATA
 
 NEAR, FAR = 3.0, 4.2
-DATA = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
 STATIC = DATA / "sick_lms111_static" / "lms111_static.npz"
 
 

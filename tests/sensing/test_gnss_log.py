@@ -1,19 +1,13 @@
 """The receiver's errors against a measured one: a u-blox with RTK that stood for 41 minutes, at 1 Hz."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from swath.record.read.tangent_plane import TangentPlane
 from swath.sensing.gnss.receiver_errors import RECEIVERS
+from tests.shared_data import DATA
 
-LOG = (
-    Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
-    / "gnss_ublox_rtk"
-    / "demo5_b34f_f.pos"
-)
+LOG = DATA / "gnss_ublox_rtk" / "demo5_b34f_f.pos"
 pytestmark = pytest.mark.skipif(not LOG.is_file(), reason="needs the u-blox RTK log: SWATH_DATA")
 LAGS = (1, 10, 60, 120, 300, 900)  # [s]
 

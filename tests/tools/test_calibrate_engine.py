@@ -1,8 +1,6 @@
 """`swath calibrate engine`: numbers of a made log come back; on the real one each machine is predicted."""
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +11,9 @@ from swath.field_io.machine_log import read_machine_log
 from swath.machine.machine_sheet import open_machine, read_machine
 from swath.tools.calibrate.engine_fit import KEYS, fit_engine, r2_range
 from swath.tools.compare_log.along_log import Drive, run_engine, run_process
+from tests.shared_data import DATA
 from tests.tools.test_compare_log import write_log
 
-DATA = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
 WHEAT = DATA / "wheat_combine_logs_msu" / "si" / "farmerI_henrys_2018_wheat.csv.gz"
 TRUE = {KEYS[0]: 310.0, KEYS[1]: 1.1, KEYS[2]: 70.0, KEYS[3]: 3.4}
 

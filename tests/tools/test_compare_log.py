@@ -1,9 +1,7 @@
 """A machine along a log: what went into a made log comes back out; real logs give the figures on record."""
 
 import json
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,8 +19,8 @@ from swath.machine.powertrain.power_balance import full_torque, governed_torque
 from swath.tools.compare_log.along_log import Drive, run_engine, run_process
 from swath.tools.compare_log.compare import compare_log
 from swath.tools.compare_log.statistics import best_lag, compare_series, usable
+from tests.shared_data import DATA
 
-DATA = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
 WHEAT = DATA / "wheat_combine_logs_msu" / "si" / "farmerI_henrys_2018_wheat.csv.gz"
 FORAGE = DATA / "forage_harvester_isoxml" / "raw"
 wheat = pytest.mark.skipif(not WHEAT.is_file(), reason="needs the Montana yield logs: SWATH_DATA")

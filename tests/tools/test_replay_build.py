@@ -1,8 +1,5 @@
 """From measured scans to a grid: sources, cells, ground, files; and the real scans of a vineyard."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -23,8 +20,8 @@ from swath.tools.height_map.passing import Passing, thicknesses
 from swath.tools.height_map.poses import PoseTrack, euler_of, make_track
 from swath.tools.height_map.source import Wanted
 from tests.rays.height_rays import cast_heights, cells_at, surface
+from tests.shared_data import DATA
 
-DATA = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
 VINEYARD = DATA / "lms200_vineyard_protolidar" / "lms200_scans.npz"
 MOUNT = Pose.from_euler((1.0, 0.0, 2.0), pitch=30 * DEG)
 MOUNT_TEXT = "1,0,2,0,30,0"
