@@ -177,8 +177,9 @@ def _smooth(value: Array, known: NDArray[np.bool_], count: int) -> Array:
     """Lines through the known values within `count` records around each, at it: their mean in the middle, not
     drawn to one side at an end.
     """
-    offset = np.arange(count) - count // 2
-    n, first, second = (np.convolve(known, kernel, "same") for kernel in (offset**0, -offset, offset**2))
+    offset = np.arange(count, dtype=float) - count // 2  # sums of whole numbers: exact, and quicker as floats
+    kernels = (offset**0, -offset, offset**2)
+    n, first, second = (np.convolve(known.astype(float), kernel, "same") for kernel in kernels)
     total, moment = (np.convolve(value, kernel, "same") for kernel in (offset**0, -offset))
     spread = n * second - first**2
     line = (second * total - first * moment) / np.where(spread > 0.0, spread, 1.0)
