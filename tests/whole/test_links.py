@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -123,21 +124,32 @@ def written(folder):
     return sorted(f.relative_to(folder) for f in folder.rglob("*"))
 
 
+@pytest.fixture(scope="module")
+def as_it_is(ran, tmp_path_factory):
+    """A function that runs a command once without links: its place, and what it wrote there."""
+
+    @cache
+    def run(command):
+        folder = tmp_path_factory.mktemp("as_it_is")
+        os.chdir(folder)
+        first = Place(folder / "a", ran)
+        new = first.path / "new"
+        new.mkdir()
+        had = set(first.path.rglob("*"))
+        main(first.line(command, new))
+        found = [f for f in first.path.rglob("*") if f not in had or f.parent == first.path / "run"]
+        return first, [f.relative_to(first.path) for f in found]
+
+    return run
+
+
 @pytest.mark.parametrize("kind", ["symbolic", "hard"])
 @pytest.mark.parametrize("command", WRITES)
-def test_links_in_the_place_of_what_is_written(command, kind, ran, tmp_path, monkeypatch, capfd):
+def test_links_in_the_place_of_what_is_written(command, kind, ran, as_it_is, tmp_path, monkeypatch, capfd):
     """The command once as it is, to see what it writes; then with a link in the place of each of it."""
     monkeypatch.chdir(tmp_path)
-    first = Place(tmp_path / "a", ran)
-    new = first.path / "new"
-    new.mkdir()
-    had = set(first.path.rglob("*"))
-    main(first.line(command, new))
-    made = [
-        f.relative_to(first.path)
-        for f in first.path.rglob("*")
-        if f not in had or f.parent == first.path / "run"
-    ]
+    first, made = as_it_is(command)
+    monkeypatch.chdir(tmp_path)
     assert made, capfd.readouterr()
     place = Place(tmp_path / "b", ran)
     (place.path / "new").mkdir()
