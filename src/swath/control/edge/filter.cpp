@@ -348,7 +348,6 @@ auto add_shape = [&](D lean, D width, float worth, float* there) {
     }
   }
 };
-auto doubt = [&](D less) { return less > 0.0 ? less * less / (less + p.misfit) : 0.0; };
 auto weigh_shapes = [&]() {
   D best = -1e30, sum = 0.0, v[SHAPES];
   for (int f = LEANS; f < SHAPES; ++f) best = most(best, v[f] = h.said[f] / p.shape_alike);
@@ -362,7 +361,7 @@ auto weigh_shapes = [&]() {
       const D b = s.is_usual > 0.0 ? 1.0 + 0.5 * sq((h.height / s.usual * ::sqrt(1.0 + lean2) - 1.0) / p.height_sd) : 1.0;
       chance += 1.0 / (a * b * ::sqrt(a * b));
     }
-    v[f] = ::log(chance) - doubt(-h.said[f] / p.shape_alike);
+    v[f] = ::log(chance) + h.said[f] / p.shape_alike;
     best = most(best, v[f]);
   }
   for (int f = 0; f < LEANS; ++f) sum += h.chance[f] = ::exp(v[f] - best);
@@ -782,6 +781,9 @@ if (h.count >= 3.0) {
       for (int f = first; f < (first ? SHAPES : LEANS); ++f) middle += h.chance[f] * h.aside[f];
       for (int f = first; f < (first ? SHAPES : LEANS); ++f) var += h.chance[f] * sq(h.aside[f] - middle);
     }
+    D lean2 = 0.0;  // and how far a side that leans is from a plane
+    for (int f = 0; f < LEANS; ++f) lean2 += h.chance[f] * sq(LEAN[f]);
+    var += lean2 * sq(p.misfit * h.height);
     var += sq(p.drift * most(farthest - s.reference, 0.0));
     D row = 0.0;
     if (s.rows > 0.0) {  // the edge lies half a spacing outside the outermost row

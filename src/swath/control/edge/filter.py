@@ -32,9 +32,9 @@ angle at which they cross the edge needs no correction.
 **Shape** of the edge, one for all of it, a slow state: lean of the crop's side, one of ten values, and the
 width over which plants spread about their feet, one of four. Their posteriors are those of the rays, of the
 height against the usual one (z = h cos of the whole lean, across and along the edge) and of a prior of leans
-with long tails. Rays of many nodes tell shapes apart no better than `shape_alike` of them would; what is less
-than `misfit` speaks little, as no shape is the true one. L is taken with the mean profile, and what the
-shapes put the feet at differently is a deviation common to all nodes, which does not average out.
+with long tails. Rays of many nodes tell shapes apart no better than `shape_alike` of them would. L is taken with the mean profile, and what the shapes
+put the feet at differently is a deviation common to all nodes, which does not average out; so is `misfit` of
+how far the side leans, as none is a plane.
 
 **Rows.** The edge is half a row spacing outside the outermost row. Rows that stand apart show in the stops
 per metre by place between them, of which the first harmonic says where they are; others are taken to stand at
@@ -108,8 +108,8 @@ class Params:
     lost_m: standard deviation from which on there is no edge
     hold_m: how far beyond the last place seen the edge is held
     lean_sd: scale of the prior of leans, aside per height [1]; shape_alike: nodes that show a lean alike
-    misfit: gain of one shape over another up to which it counts little [nat]; height_sd: scale of an upright
-    crop's height, of the usual [1]
+    misfit: deviation of the feet of crop whose side leans, of how far that leans over its height [1], as no
+    side is a plane (0.2 of it on drawn cases); height_sd: scale of an upright crop's height, of the usual [1]
     row_seen: amplitude of the rows' first harmonic at which they count half [1]
     delay: way into the crop until half a spot is covered, of the mean free path, where stops scatter as those
     of a Poisson process [1]
@@ -143,12 +143,12 @@ class Params:
     drift: Annotated[float, Ge(0)] = 0.003
     lost_m: Annotated[float, Gt(0)] = 0.6
     hold_m: Annotated[float, Ge(0), Le(20)] = 5.0
-    lean_sd: Annotated[float, Gt(0)] = 0.07
+    lean_sd: Annotated[float, Gt(0)] = 0.1
     shape_alike: Annotated[float, Gt(0)] = 10.0
     height_sd: Annotated[float, Gt(0)] = 0.05
     row_seen: Annotated[float, Gt(0)] = 0.25
     delay: Annotated[float, Ge(0)] = 1.5
-    misfit: Annotated[float, Gt(0)] = 3.0
+    misfit: Annotated[float, Ge(0)] = 0.2
     reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
     crab: Annotated[float, Ge(0), Le(1)] = CRAB
