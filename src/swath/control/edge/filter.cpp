@@ -580,8 +580,7 @@ auto hear = [&](int k) {
     const int j = (int)clip(at, 0.0, C - 1.0);
     const D f = most(at - j, 0.0), w = ::exp(-0.5 * sq(e - c) * rest);
     const D ln = (1.0 - f) * score[j] + f * score[j + 1], lk = f > 1.0 ? like[C] : ln > -40.0 ? ::exp(ln) : 0.0;
-    const int lo = (int)clip(at - apart, 0.0, C), hi = (int)clip(at + apart + 1.0, 0.0, C);
-    const D free = total - (below[hi] - below[lo]);
+    const D free = total - below[(int)clip(at + apart + 1.0, 0.0, C)];
     const D t = w * (is_edge * lk + (1.0 - is_edge) * free);
     edge += w * lk, hole += w * free, norm += w;
     z += t, z1 += t * (e - c), z2 += t * sq(e - c);
