@@ -330,11 +330,15 @@ auto take = [&]() {
 
 // ---- Rates of stops per metre on both sides; the shape of an edge
 float up[L][2 * K], way_up[L][2 * K], full[L], way_full[L], ln_lost, ln_kept;
+int none_to[L], all_from[L];  // cells of the template with nothing of the stand, and with all of it
 auto shape = [&](const float* there) {  // what stops and metres say where a share of the stand is there, (L, 2 K)
   for (int l = 0; l < L; ++l) {
-    const float o = (float)h.mu_out[l], more = (float)(h.mu_in[l] - h.mu_out[l]), per = 1.0f / o;
-    for (int t = 0; t < 2 * K; ++t) {
-      const float w = more * there[l * 2 * K + t];
+    const float more = (float)(h.mu_in[l] - h.mu_out[l]), per = (float)(1.0 / h.mu_out[l]), *of = there + l * 2 * K;
+    int &lo = none_to[l] = 0, &hi = all_from[l] = 2 * K;
+    while (lo < 2 * K && of[lo] == 0.0f) ++lo;
+    while (hi > lo && of[hi - 1] > 0.9999f) --hi;
+    for (int t = lo; t < hi; ++t) {
+      const float w = more * of[t];
       up[l][t] = (float)::log((D)(1.0f + w * per)), way_up[l][t] = w;
     }
   }
@@ -393,15 +397,15 @@ auto score_of = [&](int k, float* to) {  // log-likelihood of the wall at every 
     float any = 0.0f;
     for (int i = 0; i < W; ++i) any += x[i];
     if (any == 0.0f) continue;
-    for (int t = 0; t < 2 * K; ++t) {
+    for (int t = none_to[l]; t < all_from[l]; ++t) {
       const float a = up[l][t], b = way_up[l][t];
       for (int j = 0; j <= C - 1; ++j) score[j] += n[j + t] * a - x[j + t] * b;
       if (C + t < W) score[C] += n[C + t] * a - x[C + t] * b;
     }
-    float sum = 0.0f;  // cells further in than the template
-    for (int j = C; j >= 0; --j) {
-      if (j + 2 * K < W) sum += n[j + 2 * K] * full[l] - x[j + 2 * K] * way_full[l];
-      score[j] += sum;
+    float sum = 0.0f;  // cells further in
+    for (int j = W - all_from[l] - 1; j >= 0; --j) {
+      sum += n[j + all_from[l]] * full[l] - x[j + all_from[l]] * way_full[l];
+      if (j <= C) score[j] += sum;
     }
   }
   const float *rays = q + 2 * L * W, *lost = rays + W;
