@@ -32,19 +32,19 @@ angle at which they cross the edge needs no correction.
 **Shape** of the edge, one for all of it, a slow state: lean of the crop's side, one of ten values, and the
 width over which plants spread about their feet, one of four. Their posteriors are those of the rays, of the
 height against the usual one (z = h cos of the whole lean, across and along the edge) and of a prior of leans
-with long tails. Rays of many nodes tell shapes apart no better than `shape_alike` of them would. L is taken with the mean profile, and what the shapes
-put the feet at differently is a deviation common to all nodes, which does not average out; so is `misfit` of
-how far the side leans, as none is a plane.
+with long tails. Rays of many nodes tell shapes apart no better than `shape_alike` of them would. L is taken
+with the mean profile, and what the shapes put the feet at differently is a deviation common to all nodes,
+which does not average out; so is `misfit` of how far the side leans, as none is a plane.
 
 **Rows.** The edge is half a row spacing outside the outermost row. Rows that stand apart show in the stops
 per metre by place between them, of which the first harmonic says where they are; others are taken to stand at
 the wall. Where the line turns across the rows, as first seen along it, their ends are the edge.
 
-**Edge or hole.** A node has an edge, wall e = y + tooth, or a hole, where the wall is anywhere else and goes
-on by a chain of its own. The two are a Markov chain along the way: holes begin with a chance `hole` per node
-and end with `hole_ends`. Given what all other nodes say, e ~ N(m, v),
+**Edge or hole.** A node has an edge, wall e = y + tooth, or a hole, where the wall is further inside or there
+is none near, and goes on by a chain of its own. The two are a Markov chain along the way: holes begin with a
+chance `hole` per node and end with `hole_ends`. Given what all other nodes say, e ~ N(m, v),
 
-    p(rays | edge) = integral of N(e; m, v) exp L(e),  p(rays | hole) = sum over walls w, |w - e| > apart
+    p(rays | edge) = integral of N(e; m, v) exp L(e),  p(rays | hole) = sum over walls w > e + apart
 
 and the moments of N(e; m, v) (pi exp L(e) + (1 - pi) hole(e)) are those that the node's Gaussian site has to
 give (expectation propagation: Minka 2001, UAI). Sites are renewed while rays reach their nodes; smoothing is
