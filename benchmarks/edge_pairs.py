@@ -549,7 +549,7 @@ def groups_of(runs: list[dict[str, Any]]) -> dict[str, list[int]]:
 
 
 def beside(runs: list[dict[str, Any]]) -> None:
-    """Levels side by side on the draws that all of them drove, by group, the largest first."""
+    """Levels side by side on the draws that all of them drove, by groups of 5 runs and more."""
     levels = sorted({r["level"] for r in runs})
     drawn = [{r["number"]: r for r in runs if r["level"] == level} for level in levels]
     common = sorted(set.intersection(*(set(d) for d in drawn)))
@@ -558,7 +558,7 @@ def beside(runs: list[dict[str, Any]]) -> None:
     print(f"Each cell: {', '.join(levels)}.\n")
     print("| group | runs | hold | stop | sure, wrong | hazardous | sure | in 95 % band (95 % interval) |")
     print("|---|---|---|---|---|---|---|---|")
-    for name in sorted(groups, key=lambda g: (-len(groups[g]), g)):
+    for name in sorted((g for g in groups if len(groups[g]) >= 5), key=lambda g: (-len(groups[g]), g)):
         cells = []
         for mine in ([of[i] for i in groups[name]] for of in told):
             n = [v for v, _ in mine]
