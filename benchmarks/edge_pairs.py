@@ -5,7 +5,7 @@
              then, too, where that has no table of the crop (a line on stderr says so)
     python benchmarks/edge_pairs.py detect --from scans/ --levels likelihood_ratio filter --out told.jsonl
     python benchmarks/edge_pairs.py drive --pool final --number 60 --out driven.jsonl        closed loop
-    python benchmarks/edge_pairs.py table told.jsonl ... [--each]
+    python benchmarks/edge_pairs.py table told.jsonl ... [--each | --beside]     --beside: level beside level
 
 A case depends on its pool and number alone. What is left out while fitting and choosing: two scanners, one
 crop, the edge on the left, mountings above 2.7 m; `final` and `seen` (looked at, to choose by) have all,
@@ -407,7 +407,8 @@ def record(options: argparse.Namespace) -> None:
         setup = part.setup
         stored = {
             **drawn,
-            "setup": (setup.machine, dict(setup.mountings), setup.edge_side, setup.period, setup.crop_height),
+            "setup": (setup.machine, dict(setup.mountings), setup.edge_side, setup.period),
+            "known": {"crop_height": setup.crop_height, "row_spacing": setup.row_spacing},
             "edge": part.line.edge,
             "teeth": part.line.teeth,
             "kept": part.kept,
@@ -430,8 +431,7 @@ def detect(options: argparse.Namespace) -> None:
 def detected(stored: dict[str, Any], level: str) -> dict[str, Any]:
     """What a level tells of stored scans, without a world."""
     entry = import_module(f"swath.control.edge.{level}").LEVEL
-    machine, mountings, side, period, height = stored["setup"]
-    part = entry.component(entry.params(), ControlSetup(machine, mountings, side, period, height))
+    part = entry.component(entry.params(), ControlSetup(*stored["setup"], **stored["known"]))
     told = [part.reset(Stream(1, "edge"))["edge"]]
     began = time.process_time()
     for t, dt, inputs in stored["kept"]:
@@ -536,8 +536,50 @@ def interval(runs: list[Any], share: Callable[[Any], Any]) -> tuple[float, float
     return float(sums.sum() / counts.sum()), *(float(v) for v in np.percentile(draws, [2.5, 97.5]))
 
 
+def groups_of(runs: list[dict[str, Any]]) -> dict[str, list[int]]:
+    """Which of the runs are of a kind, side, scanner, crop, mounting."""
+    groups: dict[str, list[int]] = {"all": list(range(len(runs)))}
+    for i, r in enumerate(runs):
+        names = r["kinds"] or ["plain"]
+        more = ["pairs"] if len(names) > 1 else []
+        above = [f"mounted above {UNSEEN_HEIGHT} m"] if r["mount"] > UNSEEN_HEIGHT else []
+        for name in [*names, *more, f"{r['side']} edge", r["scanner"], r["crop"], *above]:
+            groups.setdefault(name, []).append(i)
+    return groups
+
+
+def beside(runs: list[dict[str, Any]]) -> None:
+    """Levels side by side on the draws that all of them drove, by groups of 5 runs and more."""
+    levels = sorted({r["level"] for r in runs})
+    drawn = [{r["number"]: r for r in runs if r["level"] == level} for level in levels]
+    common = sorted(set.intersection(*(set(d) for d in drawn)))
+    told = [[(numbers(d[n]), samples(d[n])) for n in common] for d in drawn]
+    groups = groups_of([drawn[0][n] for n in common])
+    print(f"Each cell: {', '.join(levels)}.\n")
+    print("| group | runs | hold | stop | sure, wrong | hazardous | sure | in 95 % band (95 % interval) |")
+    print("|---|---|---|---|---|---|---|---|")
+    for name in sorted((g for g in groups if len(groups[g]) >= 5), key=lambda g: (-len(groups[g]), g)):
+        cells = []
+        for mine in ([of[i] for i in groups[name]] for of in told):
+            n = [v for v, _ in mine]
+            low = interval([s for _, s in mine], lambda v: np.abs(v[:, 0]) < 1.96 * v[:, 1])
+            cells.append(
+                (
+                    *(str(sum(bool(v[k]) for v in n)) for k in ("holds", "safe")),
+                    *(str(sum(v[k] > 1.0 for v in n)) for k in ("wrong", "hazard")),
+                    f"{np.mean([v['sure'] for v in n]):.2f}",
+                    f"{low[0]:.3f} ({low[1]:.2f} to {low[2]:.2f})",
+                )
+            )
+        row = " | ".join(", ".join(c) for c in zip(*cells, strict=True))
+        print(f"| {name} | {len(groups[name])} | {row} |")
+
+
 def table(options: argparse.Namespace) -> None:
     runs = read(options.files)
+    if options.beside:
+        beside(runs)
+        return
     levels = sorted({r["level"] for r in runs})
     for level in levels:
         mine = [r for r in runs if r["level"] == level]
@@ -556,18 +598,7 @@ def table(options: argparse.Namespace) -> None:
                     f" {r['scanner']} {r['side']} z{r['mount']:.1f} {r['pitch']:.0f} v{r['speed']:.0f}"
                 )
         print(f"\n### {level}: {len(mine)} runs, {mine[0]['loop']} loop")
-        groups: dict[str, list[int]] = {"all": list(range(len(mine)))}
-        for i, r in enumerate(mine):
-            names = r["kinds"] or ["plain"]
-            for name in [
-                *names,
-                *(["pairs"] if len(names) > 1 else []),
-                f"{r['side']} edge",
-                r["scanner"],
-                r["crop"],
-                *(["mounted above 2.7 m"] if r["mount"] > UNSEEN_HEIGHT else []),
-            ]:
-                groups.setdefault(name, []).append(i)
+        groups = groups_of(mine)
         print(
             "| group | runs | holds | stops safely | sure and wrong > 1 m | hazardous "
             "| edge RMSE, median [cm] | sure | in 95 % band (95 % interval) |"
@@ -628,6 +659,7 @@ def main() -> None:
     p.set_defaults(run=table)
     p.add_argument("files", type=Path, nargs="+")
     p.add_argument("--each", action="store_true")
+    p.add_argument("--beside", action="store_true")
     options = parser.parse_args()
     options.run(options)
 

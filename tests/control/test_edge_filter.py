@@ -62,6 +62,21 @@ def test_a_notch_is_not_followed():
     assert np.abs(error[75:]).max() < 0.2
 
 
+@pytest.mark.parametrize("teeth", [0.0, 0.15])
+def test_a_gap_without_crop_near_is_bridged(teeth):
+    """No wall within reach for 7 m: the line goes on, and says how little it knows."""
+
+    def gap(x, y):
+        return 6.0 - y - np.where((x > 18.0) & (x < 25.0), 5.0, teeth * np.abs((x % 4.0) / 2.0 - 1.0))
+
+    edges, error = drive(inside=gap, metres=26.0)
+    late = slice(150, None)
+    assert all(e.is_found for e in edges[late])
+    assert all(abs(v + teeth / 2) < 2.5 * e.offset_sd for v, e in zip(error[late], edges[late], strict=True))
+    assert max(e.offset_sd for e in edges[late]) > 0.1
+    assert np.abs(error[late] + teeth / 2).max() < 0.25
+
+
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("rows", [0.45, 0.8])
 def test_the_edge_of_row_crops_is_half_a_spacing_outside_the_outermost_row(side, rows):

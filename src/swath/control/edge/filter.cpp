@@ -330,11 +330,15 @@ auto take = [&]() {
 
 // ---- Rates of stops per metre on both sides; the shape of an edge
 float up[L][2 * K], way_up[L][2 * K], full[L], way_full[L], ln_lost, ln_kept;
+int none_to[L], all_from[L];  // cells of the template with nothing of the stand, and with all of it
 auto shape = [&](const float* there) {  // what stops and metres say where a share of the stand is there, (L, 2 K)
   for (int l = 0; l < L; ++l) {
-    const float o = (float)h.mu_out[l], more = (float)(h.mu_in[l] - h.mu_out[l]), per = 1.0f / o;
-    for (int t = 0; t < 2 * K; ++t) {
-      const float w = more * there[l * 2 * K + t];
+    const float more = (float)(h.mu_in[l] - h.mu_out[l]), per = (float)(1.0 / h.mu_out[l]), *of = there + l * 2 * K;
+    int &lo = none_to[l] = 0, &hi = all_from[l] = 2 * K;
+    while (lo < 2 * K && of[lo] == 0.0f) ++lo;
+    while (hi > lo && of[hi - 1] > 0.9999f) --hi;
+    for (int t = lo; t < hi; ++t) {
+      const float w = more * of[t];
       up[l][t] = (float)::log((D)(1.0f + w * per)), way_up[l][t] = w;
     }
   }
@@ -348,7 +352,6 @@ auto add_shape = [&](D lean, D width, float worth, float* there) {
     }
   }
 };
-auto doubt = [&](D less) { return less > 0.0 ? less * less / (less + p.misfit) : 0.0; };
 auto weigh_shapes = [&]() {
   D best = -1e30, sum = 0.0, v[SHAPES];
   for (int f = LEANS; f < SHAPES; ++f) best = most(best, v[f] = h.said[f] / p.shape_alike);
@@ -362,7 +365,7 @@ auto weigh_shapes = [&]() {
       const D b = s.is_usual > 0.0 ? 1.0 + 0.5 * sq((h.height / s.usual * ::sqrt(1.0 + lean2) - 1.0) / p.height_sd) : 1.0;
       chance += 1.0 / (a * b * ::sqrt(a * b));
     }
-    v[f] = ::log(chance) - doubt(-h.said[f] / p.shape_alike);
+    v[f] = ::log(chance) + h.said[f] / p.shape_alike;
     best = most(best, v[f]);
   }
   for (int f = 0; f < LEANS; ++f) sum += h.chance[f] = ::exp(v[f] - best);
@@ -394,15 +397,15 @@ auto score_of = [&](int k, float* to) {  // log-likelihood of the wall at every 
     float any = 0.0f;
     for (int i = 0; i < W; ++i) any += x[i];
     if (any == 0.0f) continue;
-    for (int t = 0; t < 2 * K; ++t) {
+    for (int t = none_to[l]; t < all_from[l]; ++t) {
       const float a = up[l][t], b = way_up[l][t];
       for (int j = 0; j <= C - 1; ++j) score[j] += n[j + t] * a - x[j + t] * b;
       if (C + t < W) score[C] += n[C + t] * a - x[C + t] * b;
     }
-    float sum = 0.0f;  // cells further in than the template
-    for (int j = C; j >= 0; --j) {
-      if (j + 2 * K < W) sum += n[j + 2 * K] * full[l] - x[j + 2 * K] * way_full[l];
-      score[j] += sum;
+    float sum = 0.0f;  // cells further in
+    for (int j = W - all_from[l] - 1; j >= 0; --j) {
+      sum += n[j + all_from[l]] * full[l] - x[j + all_from[l]] * way_full[l];
+      if (j <= C) score[j] += sum;
     }
   }
   const float *rays = q + 2 * L * W, *lost = rays + W;
@@ -536,26 +539,29 @@ auto hear = [&](int k) {
   Node& a = node(k);
   float *q = grid(k), *score = q + 2 * L * W + 2 * W, *wall = score + C + 1, *like = wall + C + 1;
   float before[C + 1], joint[C + 2];
-  // in a hole: a wall anywhere, that goes on from node to node
+  // in a hole: a wall anywhere, that goes on from node to node, or none near (the last of the places)
   const float* last = k ? grid(k - 1) + 2 * L * W + 2 * W + C + 1 : nullptr;
   const D shift = k ? a.b / CELL : 0.0;  // the path steps aside
-  for (int j = 0; j <= C; ++j) {
+  float near = 0.0f;
+  for (int j = 0; j < C; ++j) {
     const D v = j + shift;
     const int i = (int)(v < 0.0 ? v - 1.0 : v);
     const D f = v - i;
-    before[j] = last && i >= 0 && i < C ? (float)((1.0 - f) * last[i] + f * last[i + 1]) : 1.0f / (C + 1);
+    before[j] = !last ? 1.0f / (C + 1) : i >= 0 && i < C ? (float)((1.0 - f) * last[i] + (i + 1 < C ? f * last[i + 1] : 0.0)) : 0.0f;
+    near += before[j];
   }
+  before[C] = near < 1.0f ? 1.0f - near : 0.0f;
   const float r = (float)::exp(-CELL / p.wall_step), gain = (1.0f - r) / (1.0f + r);
-  float ahead[C + 1];
+  float ahead[C];
   ahead[0] = before[0];
-  for (int j = 1; j <= C; ++j) ahead[j] = before[j] + r * ahead[j - 1];
+  for (int j = 1; j < C; ++j) ahead[j] = before[j] + r * ahead[j - 1];
+  const float stays = (float)p.wall_stays, any = (float)(1.0 - p.wall_stays - p.wall_none) / (C + 1);
   float back = 0.0f, total = 0.0f;
-  for (int j = C; j >= 0; --j) {
-    const float blurred = gain * (ahead[j] + r * back);
+  for (int j = C - 1; j >= 0; --j) {
+    joint[j] = stays * gain * (ahead[j] + r * back) + any;
     back = before[j] + r * back;
-    joint[j] = (float)p.wall_stays * blurred + (float)(1.0 - p.wall_stays - p.wall_none) / (C + 1);
   }
-  joint[C] += (float)p.wall_none;
+  joint[C] = stays * before[C] + any + (float)p.wall_none;
   for (int j = 0; j <= C; ++j) joint[j] *= like[j], total += joint[j];
   for (int j = 0; j <= C; ++j) wall[j] = joint[j] / (total > 1e-30f ? total : 1e-30f);
   float below[C + 2];
@@ -565,7 +571,7 @@ auto hear = [&](int k) {
   // the rest says where the wall is: mean c, variance v
   const D vs = most(a.cov[0] + 2.0 * a.cov[3] + a.cov[15], 1e-8), ms = a.mean[0] + a.mean[3];
   const D rest = most(1.0 / vs - a.prec, 1e-4), v = 1.0 / rest, c = (ms / vs - a.eta) * v, sd = ::sqrt(v);
-  const D from = most(c - 4.0 * sd, E0), to = least(c + 4.0 * sd, -E0);
+  const D from = most(c - 4.0 * sd, 2.0 * E0), to = least(c + 4.0 * sd, -2.0 * E0);
   if (!(to > from)) {
     a.eta = a.prec = 0.0, a.edge = 1e-6, a.hole = most(total, 1e-6);
     return;
@@ -575,11 +581,10 @@ auto hear = [&](int k) {
   D z = 0.0, z1 = 0.0, z2 = 0.0, edge = 0.0, hole = 0.0, is_edge = a.pi, norm = 0.0;
   for (int i = 0; i <= count; ++i) {
     const D e = from + i * width, at = (e - E0) / CELL;
-    const int j = (int)least(at, C - 1.0);
-    const D f = at - j, w = ::exp(-0.5 * sq(e - c) * rest);
-    const D ln = (1.0 - f) * score[j] + f * score[j + 1], lk = ln > -40.0 ? ::exp(ln) : 0.0;
-    const int lo = (int)most(j - apart, 0), hi = (int)least(j + apart + 1, C + 1);
-    const D free = total - (below[hi] - below[lo]);
+    const int j = (int)clip(at, 0.0, C - 1.0);
+    const D f = most(at - j, 0.0), w = ::exp(-0.5 * sq(e - c) * rest);
+    const D ln = (1.0 - f) * score[j] + f * score[j + 1], lk = f > 1.0 ? like[C] : ln > -40.0 ? ::exp(ln) : 0.0;
+    const D free = total - below[(int)clip(at + apart + 1.0, 0.0, C)];
     const D t = w * (is_edge * lk + (1.0 - is_edge) * free);
     edge += w * lk, hole += w * free, norm += w;
     z += t, z1 += t * (e - c), z2 += t * sq(e - c);
@@ -633,7 +638,10 @@ auto update = [&]() {
     float *score = grid(k) + 2 * L * W + 2 * W, *like = score + 2 * (C + 1), best = -1e30f;
     score_of(k, score);
     for (int j = 0; j <= C; ++j) best = score[j] > best ? score[j] : best;
+    const float none = -most(best, 0.0);  // of no crop at all
+    best = -none;
     for (int j = 0; j <= C; ++j) score[j] -= best, like[j] = score[j] > -40.0f ? (float)::exp((D)score[j]) : 0.0f;
+    like[C] = none > -40.0f ? (float)::exp((D)none) : 0.0f;
   }
   for (int sweep = 0; sweep < 2; ++sweep) {
     smooth();
@@ -776,6 +784,9 @@ if (h.count >= 3.0) {
       for (int f = first; f < (first ? SHAPES : LEANS); ++f) middle += h.chance[f] * h.aside[f];
       for (int f = first; f < (first ? SHAPES : LEANS); ++f) var += h.chance[f] * sq(h.aside[f] - middle);
     }
+    D lean2 = 0.0;  // and how far a side that leans is from a plane
+    for (int f = 0; f < LEANS; ++f) lean2 += h.chance[f] * sq(LEAN[f]);
+    var += lean2 * sq(p.misfit * h.height);
     var += sq(p.drift * most(farthest - s.reference, 0.0));
     D row = 0.0;
     if (s.rows > 0.0) {  // the edge lies half a spacing outside the outermost row
