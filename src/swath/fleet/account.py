@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from swath.machine.fuel import DIESEL, combine_fuel, tractor_fuel
 
 Array = NDArray[np.float64]
 SHORT = 1e-3  # s, least time that grain takes to flow
+AT_ONCE = 4000  # times that bodies are looked at together
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,33 @@ def _rate(m: Combine | Cart, load: float, speed: float, come: float, cuts: bool,
     return combine_fuel(
         m.sheet, drivetrain_of(m.sheet), tank=load, speed=speed, grain=come, cuts=cuts, out=out
     )
+
+
+def contact(w: Worked) -> dict[tuple[str, str], float]:
+    """How long driven bodies are over each other [s], of each two machines that ever are."""
+    machines, found = w.schedule.machines.by_name, {}
+    for (a, at_a), (b, at_b) in combinations(w.places.items(), 2):
+        one, two = machines[a].body, machines[b].body
+        near = np.flatnonzero(np.hypot(*(at_a[:, :2] - at_b[:, :2]).T) < one.reach + two.reach)
+        parts = (near[i : i + AT_ONCE] for i in range(0, len(near), AT_ONCE))
+        count = sum(int(_over(one.outlines(at_a[n]), two.outlines(at_b[n])).sum()) for n in parts)
+        if count:
+            found[a, b] = count * float(w.clock[1] - w.clock[0])
+    return found
+
+
+def _over(one: Array, two: Array) -> NDArray[np.bool_]:
+    """Whether any convex outlines (n, r, 4, 2), anticlockwise, overlap those of another body, (n,): no side
+    of either has all of the other one outside.
+    """
+    apart = np.zeros((len(one), one.shape[1], two.shape[1]), bool)
+    for a, b, pairs in ((one, two, apart), (two, one, apart.swapaxes(1, 2))):
+        side = np.roll(a, -1, axis=2) - a
+        normal = np.stack([side[..., 1], -side[..., 0]], axis=-1)
+        at = (normal * a).sum(axis=-1)
+        far = np.einsum("nrsk,nqck->nrqsc", normal, b).min(axis=-1)
+        pairs |= (far >= at[:, :, None]).any(axis=-1)
+    return ~apart.all(axis=(1, 2))
 
 
 def litres_per_ha(w: Worked) -> float:

@@ -4,28 +4,30 @@
 // the pin. Poses are kept as cosine and sine, so that arcs are rotations. A body is clear where discs about patches of its
 // points are, each looked up in a grid; the points themselves are looked at in the other patches alone.
 //
-// In and out: m, see ways.py, whose layout this is.
+// In and out: m, see ways.py, whose layout this is. Of poses that share a bin one is kept, found again by a table of hashes.
 
 typedef double D;
-const D* m = (const D*)numbers.data;
-const D* points = (const D*)body.data;
-const float* free_from = (const float*)ground.data;
-D* nodes = (D*)node_rows.data;
-D* keys = (D*)heap_keys.data;
-int* heap = (int*)heap_nodes.data;
-float* best = (float*)best_rows.data;
-float* far = (float*)distance.data;
-const D* patches = (const D*)patch_rows.data;
-float *bare_from = (float*)bare_rows.data, *within = (float*)within_rows.data;
-const D* track = (const D*)track_rows.data;
-const float* edge = (const float*)edge_rows.data;
-const float* reachable = (const float*)reachable_from.data;
-int* follows = (int*)following.data;
-float* lanes = (float*)lane_rows.data;
-const D* sides = (const D*)near_sides.data;
-const unsigned char* taken = (const unsigned char*)taken_cells.data;
-D* out = (D*)found.data;
-constexpr int ROW = 11, AT_PARENT = 7, AT_BEND = 8, AT_WAY = 9, AT_BIN = 10;
+const D* m = (const D*)its.numbers.data;
+const D* points = (const D*)its.body.data;
+const float* free_from = (const float*)its.ground.data;
+D* nodes = (D*)its.node_rows.data;
+D* keys = (D*)its.heap_keys.data;
+int* heap = (int*)its.heap_nodes.data;
+constexpr int SLOTS = 1 << 17;  // twice as many as poses at least, as in ways.py
+float* best = (float*)its.best_rows.data;
+int* bin_in = (int*)best + SLOTS;  // the bin of a slot, -1 for none
+float* far = (float*)its.distance.data;
+const D* patches = (const D*)its.patch_rows.data;
+float *bare_from = (float*)its.bare_rows.data, *within = (float*)its.within_rows.data;
+const D* track = (const D*)its.track_rows.data;
+const float* edge = (const float*)its.edge_rows.data;
+const float* reachable = (const float*)its.reachable_from.data;
+int* follows = (int*)its.following.data;
+float* lanes = (float*)its.lane_rows.data;
+const D* sides = (const D*)its.near_sides.data;
+const unsigned char* taken = (const unsigned char*)its.taken_cells.data;
+D* out = (D*)its.found.data;
+constexpr int ROW = 11, AT_PARENT = 7, AT_BEND = 8, AT_WAY = 9, AT_SLOT = 10;
 constexpr D PI = 3.14159265358979323846, NEVER = 1e17, SAMPLE = 1.0, COARSE = 2.0, BIN = 1.5;  // m, as in ways.py
 constexpr int SEARCH = 0, LANES = 1, CHECK = 2;  // what is asked for
 constexpr D FARTHER = 1.3, BEYOND = 60.0;  // bound of the estimate: so many times as far as the start, and so much [m] more
@@ -179,13 +181,23 @@ far[goal_cell] = 0.0f;
 constexpr int RING = 16;
 int first_of[RING];
 for (int k = 0; k < RING; ++k) first_of[k] = -1;
-int entries = 0, waiting = 1, enough = 1 << 30;
-heap[entries] = goal_cell; follows[entries] = -1; first_of[0] = entries++;
+int entries = 0, unused = -1, waiting = 0, enough = 1 << 30;
+auto put = [&](int what, int& first) {  // into the list of a bucket
+  const int e = unused >= 0 ? unused : entries++;
+  if (e >= (int)m[50]) return false;
+  if (e == unused) unused = follows[e];
+  heap[e] = what; follows[e] = first; first = e; ++waiting;
+  return true;
+};
+auto take = [&](int& first) {
+  const int e = first;
+  first = follows[e]; follows[e] = unused; unused = e; --waiting;
+  return heap[e];
+};
+put(goal_cell, first_of[0]);
 for (int now = 0; waiting > 0 && now <= enough && mode == SEARCH; ++now) {
-  for (int e = first_of[now % RING]; e >= 0; e = first_of[now % RING]) {
-    first_of[now % RING] = follows[e];
-    --waiting;
-    const int c = heap[e];
+  while (first_of[now % RING] >= 0) {
+    const int c = take(first_of[now % RING]);
     if (far[c] < now * unit - 0.01f) continue;
     if (c == start_cell && enough == 1 << 30) enough = (int)(FARTHER * now + BEYOND / unit);
     const int i = c / cy, j = c % cy;
@@ -196,9 +208,7 @@ for (int now = 0; waiting > 0 && now <= enough && mode == SEARCH; ++now) {
         if (d * unit > far[n] - 0.01f) continue;
         if (stand_count && n != start_cell && is_taken(n)) { far[n] = -1.0f; continue; }
         far[n] = d * unit;
-        if (entries >= (int)m[50]) return;
-        heap[entries] = n; follows[entries] = first_of[d % RING]; first_of[d % RING] = entries++;
-        ++waiting;
+        if (!put(n, first_of[d % RING])) return;
       }
   }
 }
@@ -225,16 +235,15 @@ D expected = far[start_cell];
     }
   int first_lane[WIDE_RING];
   for (int k = 0; k < WIDE_RING; ++k) first_lane[k] = -1;
-  entries = 0; waiting = 0; enough = 1 << 30;
+  entries = 0; unused = -1; waiting = 0; enough = 1 << 30;
   for (int k = 0; k < 2; ++k) {
     const int n = goal_lane * TURNS + (goal_turn + k) % TURNS;
-    lanes[n] = 0.0f; heap[entries] = n; follows[entries] = first_lane[0]; first_lane[0] = entries++; ++waiting;
+    lanes[n] = 0.0f;
+    put(n, first_lane[0]);
   }
   for (int now = 0; waiting > 0 && now <= enough; ++now)
-    for (int e = first_lane[now % WIDE_RING]; e >= 0; e = first_lane[now % WIDE_RING]) {
-      first_lane[now % WIDE_RING] = follows[e];
-      --waiting;
-      const int n = heap[e], c = n / TURNS, h = n % TURNS;
+    while (first_lane[now % WIDE_RING] >= 0) {
+      const int n = take(first_lane[now % WIDE_RING]), c = n / TURNS, h = n % TURNS;
       if (lanes[n] < now * unit - 0.01f) continue;
       if (c == start_lane && (h == start_turn % TURNS || h == (start_turn + 1) % TURNS) && enough == 1 << 30 && !all_lanes) { enough = (int)(FARTHER * now + BEYOND / unit); expected = now * unit; }
       for (int t = 0; t < (reverses ? 6 : 3); ++t) {  // it came along g, or backwards, and turned to h
@@ -243,9 +252,7 @@ D expected = far[start_cell];
         const int from = (i * ly + j) * TURNS + g, d = now + (g % 2 ? ACROSS : AXIS) * (way < 0 ? BACK : 1);
         if (d * unit > lanes[from] - 0.01f) continue;
         lanes[from] = d * unit;
-        if (entries >= (int)m[50]) return;
-        heap[entries] = from; follows[entries] = first_lane[d % WIDE_RING]; first_lane[d % WIDE_RING] = entries++;
-        ++waiting;
+        if (!put(from, first_lane[d % WIDE_RING])) return;
       }
     }
 }
@@ -269,8 +276,8 @@ auto drag = [&](State& q) {
   const D d = __builtin_sqrt(dx * dx + dy * dy);
   q.tx = px - drawbar * dx / d; q.ty = py - drawbar * dy / d;
 };
-// an arc (bend of -1, 0, 1 over the radius, or part of it) of a signed length; false where it meets something
-auto drive = [&](State& q, D bend, D length, D& when, D speed) {
+// an arc (bend of -1, 0, 1 over the radius, or part of it) of a signed length, as long as each sample is as asked
+auto roll = [&](State& q, D bend, D length, D& when, D speed, auto is_as_asked) {
   const int count = (int)__builtin_ceil(__builtin_fabs(length) / SAMPLE - 1e-9);
   if (count < 1) return true;
   const D d = length / count, k = bend / radius, turn = k * d;
@@ -282,10 +289,11 @@ auto drive = [&](State& q, D bend, D length, D& when, D speed) {
     q.c = c; q.s = s;
     drag(q);
     when += __builtin_fabs(d) / speed;
-    if (!is_clear(q.x, q.y, q.c, q.s, q.tx, q.ty, when)) return false;
+    if (!is_as_asked(q, when)) return false;
   }
   return true;
 };
+auto is_free = [&](const State& q, D when) { return is_clear(q.x, q.y, q.c, q.s, q.tx, q.ty, when); };
 auto angle_of = [&](D a) { a = a - 2.0 * PI * floor(a / (2.0 * PI)); return a > 2.0 * PI - 1e-9 ? 0.0 : a; };
 
 int count = 0, best_node = -1, best_word = 0, popped = 0, found_at = 0;
@@ -312,25 +320,46 @@ auto word_to = [&](D x, D y, D c, D s, D run_in, int word, D* parts) {
   return true;
 };
 const D run_in_line = has_trailer && tolerance > -1.0 ? drawbar * __builtin_log(BEND / __builtin_acos(tolerance)) : 0.0;
+// samples of a path to the goal, and when it is there; whether it ends in line is known before where it leads is looked at
+constexpr int MOST = 2048;
+State sample[MOST];
+D time_at[MOST];
+int samples = 0;
+auto keep = [&](const State& q, D when) {
+  if (samples < MOST) { sample[samples] = q; time_at[samples] = when; }
+  return ++samples <= MOST;
+};
 auto shoot_to = [&](int n, D run_in) {  // the shortest of the four that is free
   const D* q0 = nodes + ROW * n;
+  D parts[4][4], cost[4];
   for (int word = 0; word < 4; ++word) {
-    D parts[4];
-    if (!word_to(q0[0], q0[1], q0[2], q0[3], run_in, word, parts)) continue;
-    const D cost = q0[6] + (q0[AT_WAY] < 0.0 ? shift : 0.0) + (parts[0] + parts[2]) / turning + (parts[1] + run_in) / straight;
-    if (cost >= best_cost - 1e-6) continue;
+    const D* p = parts[word];
+    cost[word] = 1e18;
+    if (word_to(q0[0], q0[1], q0[2], q0[3], run_in, word, parts[word]))
+      cost[word] = q0[6] + (q0[AT_WAY] < 0.0 ? shift : 0.0) + (p[0] + p[2]) / turning + (p[1] + run_in) / straight;
+  }
+  for (int tried = 0; tried < 4; ++tried) {
+    int word = 0;
+    for (int other = 1; other < 4; ++other) if (cost[other] < cost[word]) word = other;
+    const D all = cost[word], *p = parts[word];
+    if (all >= best_cost - 1e-6) return;
+    cost[word] = 1e18;
     State at = {q0[0], q0[1], q0[2], q0[3], q0[4], q0[5]};
     D when = start_time + q0[6];
-    bool is_free = true;
-    for (int i = 0; i < 4 && is_free; ++i) is_free = drive(at, i < 3 ? bends[word][i] : 0.0, parts[i], when, i % 2 ? straight : turning);
-    if (!is_free) continue;
+    samples = 0;
+    bool is_clear_way = true;
+    for (int i = 0; i < 4 && is_clear_way; ++i) is_clear_way = roll(at, i < 3 ? bends[word][i] : 0.0, p[i], when, i % 2 ? straight : turning, keep);
     if (has_trailer && tolerance > -1.0) {
       const D u = (at.x + hitch * at.c - at.tx) / drawbar, w = (at.y + hitch * at.s - at.ty) / drawbar;
       if (u * at.c + w * at.s < tolerance) continue;
     }
+    for (int first = 1; first <= 4 && is_clear_way; ++first)  // what is in the way is longer than a sample: each fourth first
+      for (int i = samples - first; i >= 0 && is_clear_way; i -= 4) is_clear_way = is_free(sample[i], time_at[i]);
+    if (!is_clear_way) continue;
     if (best_node < 0) found_at = popped;
-    best_cost = cost; best_node = n; best_word = word;
-    for (int i = 0; i < 4; ++i) best_parts[i] = parts[i];
+    best_cost = all; best_node = n; best_word = word;
+    for (int i = 0; i < 4; ++i) best_parts[i] = p[i];
+    return;
   }
 };
 auto shoot = [&](int n) {  // a trailer that has to be in line behind a bend comes in line on a straight
@@ -355,14 +384,22 @@ auto bin_of = [&](const State& q) {
   const int h = (int)((atan2(q.s, q.c) + PI) / (2.0 * PI) * headings + 0.5) % headings;
   return (i * high + j) * headings + h;
 };
+auto slot_of = [&](int bin) {  // the slot that has it, or the free one in which it would be
+  unsigned slot = (unsigned)bin * 2654435761u >> 15;
+  while (bin_in[slot] >= 0 && bin_in[slot] != bin) slot = (slot + 1) % SLOTS;
+  return (int)slot;
+};
 auto add = [&](const State& q, D g, int parent, D bend, D way) {
   const int bin = bin_of(q);
+  if (bin < 0 || count >= most) return;
+  const int slot = slot_of(bin);
+  if (bin_in[slot] == bin && g >= best[slot]) return;
   const D e = estimate(q);
-  if (bin < 0 || e < 0.0 || g >= best[bin] || g + e >= best_cost || count >= most) return;
-  best[bin] = (float)g;
+  if (e < 0.0 || g + e >= best_cost) return;
+  bin_in[slot] = bin; best[slot] = (float)g;
   D* n = nodes + ROW * count;
   n[0] = q.x; n[1] = q.y; n[2] = q.c; n[3] = q.s; n[4] = q.tx; n[5] = q.ty; n[6] = g;
-  n[AT_PARENT] = parent; n[AT_BEND] = bend; n[AT_WAY] = way; n[AT_BIN] = bin;
+  n[AT_PARENT] = parent; n[AT_BEND] = bend; n[AT_WAY] = way; n[AT_SLOT] = slot;
   push(g + e, count++);
 };
 const State first = {m[0], m[1], m[2], m[3], m[4], m[5]};
@@ -374,7 +411,7 @@ while (size) {
   const D* q0 = nodes + ROW * n;
   if (key >= best_cost - 1e-6 || (best_node >= 0 && popped > found_at + AFTER)) break;
   const State here = {q0[0], q0[1], q0[2], q0[3], q0[4], q0[5]};
-  if (q0[6] > best[(int)q0[AT_BIN]] * 1.000001 + 1e-6) continue;
+  if (q0[6] > best[(int)q0[AT_SLOT]] * 1.000001 + 1e-6) continue;
   if (popped % NOW_AND_THEN == 0 || far[coarse_of(here.x, here.y)] < SHOT) shoot(n);
   ++popped;
   const D before = q0[AT_WAY], g0 = q0[6];
@@ -385,11 +422,11 @@ while (size) {
       const D speed = way < 0 ? backwards : arcs[k] == 0.0 ? straight : turning;
       const D changed = before * way < 0.0 ? shift : 0.0;
       D when = start_time + g0 + changed;
-      if (!drive(q, arcs[k], way * length, when, speed)) continue;
+      if (!roll(q, arcs[k], way * length, when, speed, is_free)) continue;
       add(q, g0 + changed + length / speed * (1.0 + BENT * __builtin_fabs(arcs[k])), n, arcs[k], way * length);
     }
 }
-for (int n = 0; n < count; ++n) best[(int)nodes[ROW * n + AT_BIN]] = 1e18f;  // as it was
+for (int n = 0; n < count; ++n) bin_in[(int)nodes[ROW * n + AT_SLOT]] = -1;  // as it was
 if (best_node < 0) return;
 int pieces = 0;
 out[1] = 0.0; out[2 + 2 * pieces++] = best_parts[3];

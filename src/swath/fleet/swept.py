@@ -66,7 +66,7 @@ def swept_by(body: Body, places: Array, first: Any, last: Any, gap: float) -> Sw
     """What a body, wider by a gap [m], sweeps between places of a path, (n, 4): from the first to the last
     of each segment.
     """
-    from swath.fleet import swept_kernel
+    from swath.fleet import ground_kernel
 
     parts = np.array([*body.own, *body.towed]) + np.array([-gap, gap, -gap, gap])
     count, first, last = len(parts), np.asarray(first, np.int32), np.asarray(last, np.int32)
@@ -74,8 +74,11 @@ def swept_by(body: Body, places: Array, first: Any, last: Any, gap: float) -> Sw
     numbers = np.array([body.hitch, body.drawbar, count, len(body.towed), len(first), len(places)], float)
     points = np.zeros((int((last - first + 1).sum()) * 4 * count + 2, 2))
     starts = np.zeros(len(first) * count + 1, np.int32)
-    arrays = numbers, places.ravel(), parts.ravel(), first, last, np.zeros(2 * most), points.ravel(), starts
-    launch(swept_kernel.sweep_path, arrays)
+    launch(
+        ground_kernel.sweep_path, ground_kernel.Sweep, numbers=numbers, places=places.ravel(),
+        rectangles=parts.ravel(), first=first, last=last,
+        room=np.zeros(2 * most), outlines=points.ravel(), starts=starts,
+    )  # fmt: skip
     return Swept(points[: starts[-1]].copy(), starts, count)
 
 
@@ -146,17 +149,19 @@ class Taken:
 
     def met_by(self, swept: Swept, but: str) -> list[list[int]]:
         """Numbers of segments that sweep ground of each segment of a path, none of one machine."""
-        from swath.fleet import swept_kernel
+        from swath.fleet import ground_kernel
 
         own = len(swept), swept.rects, len(self), BLOCK, self._number.get(but, -1)
         while True:
             most = (len(self._found) - 1) // 2
-            arrays = (
-                np.array([*own, most], float), swept.points.ravel(), swept.starts, swept.boxes.ravel(),
-                *(r.all.ravel() for r in (self.points, self.starts, self.first, self.machines)),
-                self.boxes.all.ravel(), self.blocks.all.ravel(), self._found,
+            launch(
+                ground_kernel.meet_all, ground_kernel.Meets, numbers=np.array([*own, most], float),
+                found=self._found, own_points=swept.points.ravel(),
+                own_starts=swept.starts, own_boxes=swept.boxes.ravel(),
+                points=self.points.all.ravel(), starts=self.starts.all.ravel(),
+                first_outline=self.first.all.ravel(), machines=self.machines.all.ravel(),
+                boxes=self.boxes.all.ravel(), blocks=self.blocks.all.ravel(),
             )  # fmt: skip
-            launch(swept_kernel.meet_all, arrays)
             count = int(self._found[0])
             if count <= most:
                 break

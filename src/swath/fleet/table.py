@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.fleet.bodies import PARAMS as GAPS
 from swath.fleet.bodies import Body, Place
 from swath.fleet.swept import Swept, Taken, swept_by
 from swath.fleet.ways import Track, joined
@@ -28,12 +29,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """gap_m: that a body is wider all round than its data sheet says, for what a machine steers off; gap_s:
-    between who leaves a shared place and who enters it; straight_m, bend_m: longest segment, so that waiting
-    places are near each other and ground is not held for long. Estimates.
+    """gap_s: between who leaves a shared place and who enters it; straight_m, bend_m: longest segment, so
+    that waiting places are near each other and ground is not held for long. Estimates.
     """
 
-    gap_m: float = 0.18
     gap_s: float = 1.0
     straight_m: float = 9.0
     bend_m: float = 3.0
@@ -87,7 +86,7 @@ def segments(track: Track, times: Array, body: Body, kind: str, marks: Array | N
     cuts = _cuts(track) if marks is None else np.unique(np.searchsorted(track.distance, marks - 1e-6))
     cuts = np.unique(np.concatenate([[0], cuts, [len(track.places) - 1]]))
     first, last = cuts[:-1], cuts[1:]
-    swept = swept_by(body, track.places, first, last, PARAMS.gap_m)
+    swept = swept_by(body, track.places, first, last, GAPS.gap_m)
     return Path(track, first, last, swept, times[last] - times[first], [kind] * len(first))
 
 
@@ -110,7 +109,7 @@ def standing(place: Place, body: Body, spent: float, kind: str) -> Path:
     places = np.array([place, place])
     track = Track(places, np.zeros(2), np.ones(1), np.zeros(1))
     zero, one = np.zeros(1, np.int64), np.ones(1, np.int64)
-    swept = swept_by(body, places, zero, one, PARAMS.gap_m)
+    swept = swept_by(body, places, zero, one, GAPS.gap_m)
     return Path(track, zero, one, swept, np.array([spent]), [kind])
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from swath.control.turns import TurnLimits, clothoid
 from swath.control.turns.dubins import Place as Pose
+from swath.fleet.bodies import PARAMS as GAPS
 from swath.fleet.bodies import Body, Drive, Place, Rectangle
 from swath.fleet.ground import Grid, cells_of
 from swath.kernels import launch
@@ -20,7 +21,7 @@ from swath.kernels import launch
 Array = NDArray[np.float64]
 SAMPLE = 0.5  # m between the samples of a track, of which the search looks at every other one
 ROOM = 60_000  # poses that are kept
-BIN = 1.5  # m, within which it keeps one pose of a heading, as in search.cpp
+SLOTS = 1 << 17  # for bins in which it keeps one pose of a heading, as in search.cpp
 COARSE = 2.0  # m, cells of its heuristic, as in search.cpp
 TURNS = 8  # headings of its estimate, as in search.cpp
 SEARCH, LANES, CHECK = 0, 1, 2  # what it is asked for, as in search.cpp
@@ -356,15 +357,14 @@ class Finder:
         self.grid = grid
         self._lane = 3 if lane >= 9.0 else 2  # coarse cells of a cell of the estimate with headings
         shape, cell = grid.edge.shape, grid.cell
-        wide, high = int(shape[0] * cell / BIN) + 1, int(shape[1] * cell / BIN) + 1
         self._coarse = tuple(-(-n // round(COARSE / cell)) for n in shape)
         self._rows = tuple(-(-n // self._lane) for n in self._coarse)
         cells = self._coarse[0] * self._coarse[1]
         self._found = np.zeros(4100)
         self._nodes = np.zeros(11 * ROOM)
-        self._best = np.full(wide * high * PARAMS.headings, 1e18, np.float32)
-        room = max(4 * ROOM, 10 * cells)
-        self._keys, self._heap = np.zeros(room), np.zeros((2, room), np.int32)
+        self._best = np.zeros(2 * SLOTS, np.float32)
+        self._best[SLOTS:].view(np.int32)[:] = -1  # no slot has a bin
+        self._keys, self._heap = np.zeros(4 * ROOM), np.zeros((2, 4 * ROOM), np.int32)
         self._far = np.zeros(cells, np.float32)
         self._lanes = np.zeros(TURNS * math.prod(self._rows), np.float32)
         self._taken = np.zeros(shape, np.uint8)
@@ -415,7 +415,7 @@ class Finder:
 
     def find(
         self, body: Body, drive: Drive, start: Place, goal: Place, *, stand: Sequence[Any] = (),
-        near: Sequence[Any] = (), time: float = 0.0, gap: float = 0.15, in_line: float = 0.0,
+        near: Sequence[Any] = (), time: float = 0.0, gap: float = GAPS.search_m, in_line: float = 0.0,
         most: int = PARAMS.poses,
     ) -> Track | None:  # fmt: skip
         """The way that takes the shortest time from a place to another, None where there is none.
@@ -512,7 +512,7 @@ class Finder:
         gap: float, in_line: float, most: int, mode: int, track: Array = NOTHING,
     ) -> None:  # fmt: skip
         """Run the kernel."""
-        from swath.fleet import search_kernel
+        from swath.fleet import ground_kernel
 
         grid, p = self.grid, PARAMS
         points, patches = self._points(body, gap)
@@ -536,13 +536,15 @@ class Finder:
         )  # fmt: skip
         numbers[52:] = circles.ravel()
         sides = np.concatenate([np.concatenate([[len(n)], n.ravel()]) for n in self._near] or [NOTHING])
-        arrays: list[Any] = [
-            numbers, points.ravel(), grid.free_from.ravel(), self._nodes, self._keys, self._heap[0],
-            self._best, self._far, grid.edge.ravel(), self._reachable.ravel(), self._bare.ravel(),
-            self._within.ravel(), self._heap[1], self._lanes, self._taken.ravel(), sides,
-            patches.ravel(), track.ravel(), self._found,
-        ]  # fmt: skip
-        launch(search_kernel.find_way, arrays)
+        launch(
+            ground_kernel.find_way, ground_kernel.Search, numbers=numbers, body=points.ravel(),
+            ground=grid.free_from.ravel(), node_rows=self._nodes, heap_keys=self._keys,
+            heap_nodes=self._heap[0], best_rows=self._best, distance=self._far, edge_rows=grid.edge.ravel(),
+            reachable_from=self._reachable.ravel(), bare_rows=self._bare.ravel(),
+            within_rows=self._within.ravel(), following=self._heap[1], lane_rows=self._lanes,
+            taken_cells=self._taken.ravel(), near_sides=sides, patch_rows=patches.ravel(),
+            track_rows=track.ravel(), found=self._found,
+        )  # fmt: skip
 
     def _points(self, body: Body, gap: float) -> tuple[Array, Array]:
         """Points on a body, (n, 2), and the patches that they are in, as search.cpp has them."""
