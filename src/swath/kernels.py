@@ -131,9 +131,9 @@ def shared(array: Any, dtype: Any = Any) -> Any:
     return start_warp().array(array, dtype=dtype, device="cpu", copy=False)
 
 
-def launch(kernel: Any, kind: Any, **members: Any) -> None:
-    """One thread of a kernel on the CPU, on a struct of a type of Warp: its arrays are those of NumPy."""
-    start_warp().launch(kernel, dim=1, inputs=[filled(kind, **members)], device="cpu")
+def launch(kernel: Any, struct: Any) -> None:
+    """One thread of a kernel on the CPU."""
+    start_warp().launch(kernel, dim=1, inputs=[struct], device="cpu")
 
 
 def repeatable(kernel: Any, inputs: list[Any], *, threads: int = 1) -> "Repeated":

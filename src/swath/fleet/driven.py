@@ -7,6 +7,8 @@ beside the combine; grain flows while it is in reach of the stream.
 """
 
 import math
+from array import array
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -80,15 +82,17 @@ class _Mover:
         track = joined(moving) if moving else tracks[0]
         # samples at one place are left out
         keep = np.concatenate([[True], np.diff(track.distance) > 1e-6])
-        self.places, self.distance = track.places[keep].tolist(), track.distance[keep].tolist()
         steps = keep[1:]
         track = Track(track.places[keep], track.distance[keep], track.ways[steps], track.bends[steps])
-        self.ways, self.bends = track.ways.tolist(), track.bends.tolist()
+        self.xs, self.ys, self.headings = (array("d", column) for column in track.places.T[:3])
+        self.distance, self.ways, self.bends = (
+            array("d", values) for values in (track.distance, track.ways, track.bends)
+        )
         self.stops = stops = stops_along(track, machine.drive) if len(track.distance) > 2 else {}
         self.turns = [self.distance[i] for i in stops]
         self.shifts = [machine.drive.shift * (self.ways[i] != self.ways[i - 1]) for i in stops]
         self.limits = self._limits(track)
-        self.x, self.y, self.heading, self.trailer = self.places[0]
+        self.x, self.y, self.heading, self.trailer = track.places[0].tolist()
         self.at = self.speed = self.off = 0.0
         self.k, self.i, self.since, self.shift = 0, 0, 0.0, 0.0
         self.turn = 0
@@ -98,7 +102,7 @@ class _Mover:
         self.pin = self.x + body.hitch * math.cos(self.heading), self.y + body.hitch * math.sin(self.heading)
         self.spans: list[Span] = []
 
-    def _limits(self, track: Track) -> list[float]:
+    def _limits(self, track: Track) -> Sequence[float]:
         """Squares of the highest speeds at samples, from which it can slow down for all that come."""
         if len(track.distance) < 2:
             return [0.0]
@@ -109,8 +113,8 @@ class _Mover:
                 first, last = np.searchsorted(track.distance, [begin + 1e-6, end - 1e-6]).tolist()
                 here = slice(max(first - 1, 0), last + 1)
                 limit[here] = np.minimum(limit[here], (end - begin) / s.spent)
-        square: list[float] = (limit**2).tolist()
-        gain = (2.0 * drive.accel * np.diff(track.distance)).tolist()
+        square = array("d", limit**2)
+        gain = array("d", 2.0 * drive.accel * np.diff(track.distance))
         for i in range(len(square) - 2, -1, -1):
             square[i] = min(square[i], square[i + 1] + gain[i])
         return square
@@ -168,16 +172,15 @@ class _Mover:
 
     def _roll(self, way: float) -> None:
         """An arc along its path, as steered."""
-        self.i = self._sample(self.at)
-        i, places = self.i, self.places
+        i = self.i = self._sample(self.at)
+        j = i + 1
         span = self.distance[i + 1] - self.distance[i]
         share = min(max((self.at - self.distance[i]) / span, 0.0), 1.0)
-        a, b = places[i], places[i + 1]
-        forwards = self.ways[i]
-        heading = a[2] + share * (b[2] - a[2])
-        chord = math.hypot(b[0] - a[0], b[1] - a[1]) * forwards
-        middle = 0.5 * (a[2] + heading)  # on the arc of the step
-        x, y = a[0] + share * chord * math.cos(middle), a[1] + share * chord * math.sin(middle)
+        x, y, first, forwards = self.xs[i], self.ys[i], self.headings[i], self.ways[i]
+        heading = first + share * (self.headings[j] - first)
+        chord = share * math.hypot(self.xs[j] - x, self.ys[j] - y) * forwards
+        middle = 0.5 * (first + heading)  # on the arc of the step
+        x, y = x + chord * math.cos(middle), y + chord * math.sin(middle)
         c, s = math.cos(heading), math.sin(heading)
         along = (self.x - x) * c + (self.y - y) * s
         aside = (self.y - y) * c - (self.x - x) * s
@@ -206,9 +209,9 @@ class _Mover:
         middle = 0.5 * (d[i] + d[i + 1])
         j = i - 1 if at < middle else i + 1
         if j < 0 or j > len(self.bends) - 1 or max(i, j) in self.stops:
-            return self.bends[i]  # type: ignore[no-any-return]
+            return self.bends[i]
         share = (at - middle) / (0.5 * (d[j] + d[j + 1]) - middle)
-        return self.bends[i] + min(max(share, 0.0), 1.0) * (self.bends[j] - self.bends[i])  # type: ignore[no-any-return]
+        return self.bends[i] + min(max(share, 0.0), 1.0) * (self.bends[j] - self.bends[i])
 
     def _tow(self) -> None:
         """The trailer behind the pin, which went a straight piece (see machine/towing.py)."""
@@ -272,11 +275,11 @@ class _Drive:
 
     def run(self) -> Worked:
         """Until all are at the ends of their paths."""
-        rows: dict[str, list[tuple[float, ...]]] = {name: [] for name in self.movers}
+        rows = {name: array("d") for name in self.movers}
         cut = 0.0
         while not all(self.is_done(m) for m in self.movers.values()):
             for name, m in self.movers.items():
-                rows[name].append((m.x, m.y, m.heading, m.trailer))
+                rows[name].extend((m.x, m.y, m.heading, m.trailer))
                 before = m.at, m.k
                 self.move(name, m)
                 if (m.at, m.k) != before:
@@ -288,9 +291,9 @@ class _Drive:
             if self.time - self.last > PARAMS.stuck_s:
                 raise InputError("level", "driven", f"expected machines that go on; {self.who_waits()}")
         for name, m in self.movers.items():
-            rows[name].append((m.x, m.y, m.heading, m.trailer))
-        clock = np.linspace(0.0, self.time, len(next(iter(rows.values()))))
-        places = {name: np.array(r) for name, r in rows.items()}
+            rows[name].extend((m.x, m.y, m.heading, m.trailer))
+        places = {name: np.frombuffer(r).reshape(-1, 4) for name, r in rows.items()}
+        clock = np.linspace(0.0, self.time, len(next(iter(places.values()))))
         poured = [
             replace(p.plan, amount=p.plan.amount - p.left, begins=p.begins, ends=p.ends) for p in self.pours
         ]

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError, MissingExtra
 from swath.fleet.bodies import Body, Place
 from swath.fleet.files import JobFile
-from swath.kernels import launch
+from swath.kernels import filled, launch
 
 Array = NDArray[np.float64]
 CELL = 0.5  # m, of the grid of free ground
 CLOSED, BARE, STANDING = -2.0, -1.0, 1e18  # of a cell, as in search.cpp
+ROWS = 128  # of cells that are looked at together
 AT_ONCE = 8  # strips that are cut, whose cells are looked at anew together
 SQUARE_M_PER_HA_T = 0.1  # t/ha in kg/m2
 GRAIN = 1e-4  # m, that places in the frame are rounded to, so that turning a field changes no decision
@@ -146,12 +147,13 @@ class Ground:
             low + CELL * (np.arange(n) + 0.5)
             for low, n in zip((self.west, self.south), self.shape, strict=True)
         )
-        x, y = np.meshgrid(at_x, at_y, indexing="ij")
         free = np.full(self.shape, CLOSED, np.float32)
         for area, value in ((self.open, BARE), (self.field, STANDING)):
             shapely.prepare(area)
-            free[shapely.contains_xy(area, x, y)] = value
-        return Grid(self.west, self.south, CELL, self._edge(shapely, x, y, free == CLOSED), free)
+            for i in range(0, len(at_x), ROWS):
+                x, y = np.meshgrid(at_x[i : i + ROWS], at_y, indexing="ij")
+                free[i : i + ROWS][shapely.contains_xy(area, x, y)] = value
+        return Grid(self.west, self.south, CELL, self._edge(shapely, at_x, at_y, free == CLOSED), free)
 
     @staticmethod
     def _far(closed: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -169,13 +171,14 @@ class Ground:
             near |= np.roll(near, shift, axis=1)
         return ~near
 
-    def _edge(self, shapely: Any, x: Array, y: Array, closed: NDArray[np.bool_]) -> NDArray[np.float32]:
+    def _edge(self, shapely: Any, at_x: Array, at_y: Array, closed: NDArray[np.bool_]) -> NDArray[np.float32]:
         """Distance of each cell's middle to closed ground, < 0 in it; 9 beyond 2 m [m]."""
         edge = np.where(closed, -9.0, 9.0).astype(np.float32)
         near = ~self._far(closed)
         line = shapely.boundary(self.open)
         shapely.prepare(line)
-        away = shapely.distance(line, shapely.points(x[near], y[near]))
+        i, j = np.nonzero(near)
+        away = shapely.distance(line, shapely.points(at_x[i], at_y[j]))
         edge[near] = np.where(closed[near], -away, away)
         return edge
 
@@ -239,10 +242,8 @@ class Ground:
         numbers = np.array([*self.shape, CELL, self.west, self.south, len(areas), cut is not None, latest])
         points = shapely.get_coordinates(rings).ravel()
         cells = self.grid.free_from.ravel()
-        launch(
-            ground_kernel.crop_cells, ground_kernel.Crop, numbers=numbers, points=points, starts=ends,
-            cells=cells, times=out,
-        )  # fmt: skip
+        crop = filled(ground_kernel.Crop, numbers=numbers, points=points, starts=ends, cells=cells, times=out)
+        launch(ground_kernel.crop_cells, crop)
         return out
 
     def cut_by(self, areas: Any, time: float) -> list[float]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swath.fleet.bodies import Body
 from swath.fleet.ground import shapely_here
-from swath.kernels import launch
+from swath.kernels import filled, launch
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int32]
@@ -74,11 +74,12 @@ def swept_by(body: Body, places: Array, first: Any, last: Any, gap: float) -> Sw
     numbers = np.array([body.hitch, body.drawbar, count, len(body.towed), len(first), len(places)], float)
     points = np.zeros((int((last - first + 1).sum()) * 4 * count + 2, 2))
     starts = np.zeros(len(first) * count + 1, np.int32)
-    launch(
-        ground_kernel.sweep_path, ground_kernel.Sweep, numbers=numbers, places=places.ravel(),
+    its = filled(
+        ground_kernel.Sweep, numbers=numbers, places=places.ravel(),
         rectangles=parts.ravel(), first=first, last=last,
         room=np.zeros(2 * most), outlines=points.ravel(), starts=starts,
     )  # fmt: skip
+    launch(ground_kernel.sweep_path, its)
     return Swept(points[: starts[-1]].copy(), starts, count)
 
 
@@ -154,14 +155,15 @@ class Taken:
         own = len(swept), swept.rects, len(self), BLOCK, self._number.get(but, -1)
         while True:
             most = (len(self._found) - 1) // 2
-            launch(
-                ground_kernel.meet_all, ground_kernel.Meets, numbers=np.array([*own, most], float),
+            its = filled(
+                ground_kernel.Meets, numbers=np.array([*own, most], float),
                 found=self._found, own_points=swept.points.ravel(),
                 own_starts=swept.starts, own_boxes=swept.boxes.ravel(),
                 points=self.points.all.ravel(), starts=self.starts.all.ravel(),
                 first_outline=self.first.all.ravel(), machines=self.machines.all.ravel(),
                 boxes=self.boxes.all.ravel(), blocks=self.blocks.all.ravel(),
             )  # fmt: skip
+            launch(ground_kernel.meet_all, its)
             count = int(self._found[0])
             if count <= most:
                 break

@@ -16,7 +16,7 @@ from swath.control.turns.dubins import Place as Pose
 from swath.fleet.bodies import PARAMS as GAPS
 from swath.fleet.bodies import Body, Drive, Place, Rectangle
 from swath.fleet.ground import Grid, cells_of
-from swath.kernels import launch
+from swath.kernels import filled, launch, member_array
 
 Array = NDArray[np.float64]
 SAMPLE = 0.5  # m between the samples of a track, of which the search looks at every other one
@@ -226,15 +226,17 @@ def _mean_bends(bends: Array, lengths: Array, ramp: float) -> tuple[Array, Array
 
 def _dragged(x: Array, y: Array, heading: Array, first: float, body: Body) -> Array:
     """Headings of a trailer whose axle stays on the line to the pin, (n,)."""
-    px, py = x + body.hitch * np.cos(heading), y + body.hitch * np.sin(heading)
-    pins = np.column_stack([px, py]).tolist()
-    tx, ty = px[0] - body.drawbar * math.cos(first), py[0] - body.drawbar * math.sin(first)
-    out = [first]
+    pins = np.column_stack([x + body.hitch * np.cos(heading), y + body.hitch * np.sin(heading)]).tolist()
+    far = body.drawbar
+    tx, ty = pins[0][0] - far * math.cos(first), pins[0][1] - far * math.sin(first)
+    along = []
     for u, v in pins[1:]:
-        angle = math.atan2(v - ty, u - tx)
-        tx, ty = u - body.drawbar * math.cos(angle), v - body.drawbar * math.sin(angle)
-        out.append(angle)
-    return np.unwrap(out)
+        dx, dy = u - tx, v - ty
+        share = far / math.sqrt(dx * dx + dy * dy)
+        tx, ty = u - share * dx, v - share * dy
+        along.append((dx, dy))
+    dx, dy = np.array(along).reshape(-1, 2).T
+    return np.unwrap(np.concatenate([[first], np.arctan2(dy, dx)]))
 
 
 def behind(first: Track, then: Track, body: Body) -> Track:
@@ -361,11 +363,8 @@ class Finder:
         self._rows = tuple(-(-n // self._lane) for n in self._coarse)
         cells = self._coarse[0] * self._coarse[1]
         self._found = np.zeros(4100)
-        self._nodes = np.zeros(11 * ROOM)
-        self._best = np.zeros(2 * SLOTS, np.float32)
-        self._best[SLOTS:].view(np.int32)[:] = -1  # no slot has a bin
-        self._keys, self._heap = np.zeros(4 * ROOM), np.zeros((2, 4 * ROOM), np.int32)
-        self._far = np.zeros(cells, np.float32)
+        best = np.zeros(2 * SLOTS, np.float32)
+        best[SLOTS:].view(np.int32)[:] = -1  # no slot has a bin
         self._lanes = np.zeros(TURNS * math.prod(self._rows), np.float32)
         self._taken = np.zeros(shape, np.uint8)
         self._reachable = np.full(self._coarse, 2e18, np.float32)
@@ -380,6 +379,17 @@ class Finder:
         self._known: dict[Any, Track | None] = {}  # ways that were asked for since crop was cut
         self._reach(slice(0, shape[0]), slice(0, shape[1]))
         self.searches = 0  # made, not known from before
+        from swath.fleet import ground_kernel
+
+        heaps = [np.zeros(4 * ROOM, np.int32) for _ in range(2)]
+        self._its = filled(
+            ground_kernel.Search, ground=grid.free_from.ravel(), node_rows=np.zeros(11 * ROOM),
+            heap_keys=np.zeros(4 * ROOM), heap_nodes=heaps[0], following=heaps[1], best_rows=best,
+            distance=np.zeros(cells, np.float32), edge_rows=grid.edge.ravel(),
+            reachable_from=self._reachable.ravel(), bare_rows=self._bare.ravel(),
+            within_rows=self._within.ravel(), lane_rows=self._lanes, taken_cells=self._taken.ravel(),
+            found=self._found,
+        )  # fmt: skip
 
     def _refresh(self) -> None:
         """What has changed on the grid since the last search."""
@@ -529,27 +539,24 @@ class Finder:
             drive.radius, drive.turning, drive.straight, drive.backwards or 1.0, drive.shift, time,
             grid.cell, grid.west, grid.south, body.has_trailer, body.hitch, body.drawbar,
             drive.backwards > 0.0, ROOM, most, line, mode,
-            len(track), *self._taken.shape, p.step_m, p.headings, p.stray_m, len(patches), p.shot_m,
+            len(track), *self._taken.shape, p.step_m, p.headings, p.stray_m, len(patches) // 7, p.shot_m,
             p.later_s, len(self._near), self._reach_cells, len(stand), self._lane, p.weight, p.bend_rad,
             p.poses_m, p.long, p.after, p.off_m, *_circle(body.own, gap), *_circle(body.towed, gap),
-            self._heap.shape[1], p.rough_m,
+            4 * ROOM, p.rough_m,
         )  # fmt: skip
         numbers[52:] = circles.ravel()
         sides = np.concatenate([np.concatenate([[len(n)], n.ravel()]) for n in self._near] or [NOTHING])
-        launch(
-            ground_kernel.find_way, ground_kernel.Search, numbers=numbers, body=points.ravel(),
-            ground=grid.free_from.ravel(), node_rows=self._nodes, heap_keys=self._keys,
-            heap_nodes=self._heap[0], best_rows=self._best, distance=self._far, edge_rows=grid.edge.ravel(),
-            reachable_from=self._reachable.ravel(), bare_rows=self._bare.ravel(),
-            within_rows=self._within.ravel(), following=self._heap[1], lane_rows=self._lanes,
-            taken_cells=self._taken.ravel(), near_sides=sides, patch_rows=patches.ravel(),
-            track_rows=track.ravel(), found=self._found,
-        )  # fmt: skip
+        changed = {"numbers": numbers, "near_sides": sides, "track_rows": track.ravel()}
+        changed |= {"body": points, "patch_rows": patches}
+        for name, array in changed.items():
+            setattr(self._its, name, member_array(ground_kernel.Search, name, array))
+        launch(ground_kernel.find_way, self._its)
 
     def _points(self, body: Body, gap: float) -> tuple[Array, Array]:
-        """Points on a body, (n, 2), and the patches that they are in, as search.cpp has them."""
+        """Points on a body, and the patches that they are in, as search.cpp has them."""
         if (body, gap) not in self._bodies:
-            self._bodies[body, gap] = _patches(body.points(PARAMS.body_m, gap), PARAMS.patch_m)
+            points, patches = _patches(body.points(PARAMS.body_m, gap), PARAMS.patch_m)
+            self._bodies[body, gap] = points.ravel(), patches.ravel()
         return self._bodies[body, gap]
 
     def _is_clear(
