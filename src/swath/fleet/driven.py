@@ -10,6 +10,7 @@ import math
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,18 +65,12 @@ class _Mover:
         self.machine, self.segments = machine, segments
         tracks: list[Track] = []
         ends, base = [], 0.0
-        i = 0
-        while i < len(segments):
-            path = segments[i].path
-            count = 1
-            while i + count < len(segments) and segments[i + count].path is path:
-                count += 1
-            last = int(path.last[segments[i + count - 1].index])
-            t = path.track
-            tracks.append(Track(t.places[: last + 1], t.distance[: last + 1], t.ways[:last], t.bends[:last]))
-            ends += [base + float(t.distance[path.last[s.index]]) for s in segments[i : i + count]]
-            base += float(t.distance[last])
-            i += count
+        for _, same in groupby(segments, key=lambda s: id(s.path)):
+            part = list(same)
+            t = part[0].path.until(part[-1].index + 1).track
+            ends += [base + float(t.distance[s.path.last[s.index]]) for s in part]
+            base += t.length
+            tracks.append(t)
         self.ends = ends  # of each segment [m]
         self.begins = [0.0, *ends[:-1]]
         moving = [t for t in tracks if t.length > 1e-6]

@@ -36,10 +36,10 @@ Line = Annotated[list[tuple[Metre, Metre]], MinLen(2)]
 class FieldSettings:
     """boundary_m: points [x, y], east and north; holes_m: ponds and islands in it; parts_m: outlines of
     further parts of the field; around_m: ground beyond the outlines that may be driven on; yield_t_ha: grain,
-    even over the field; file: task data of ISO 11783-10, GeoJSON, KML or a shapefile instead, with all
-    outlines, and with lines, which are the passes where they cover half of it or more, else say their
-    direction; log: a yield log instead, with its ground, direction and yields; with either, all else is
-    in metres from the field's south-west corner, rounded down
+    the mean where a log says how it varies; file: task data of ISO 11783-10, GeoJSON, KML or a shapefile
+    instead, with all outlines, and with lines, which are the passes where they cover half of it or more, else
+    say their direction; log: a yield log instead, with its ground, direction and yields; with either, all
+    else is in metres from the field's south-west corner, rounded down
     """
 
     boundary_m: Ring = made(default_factory=list)

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 CELL = 0.5  # m, of the grid of free ground
 CLOSED, BARE, STANDING = -2.0, -1.0, 1e18  # of a cell, as in search.cpp
 ROWS = 128  # of cells that are looked at together
+EDGE = 2.0  # m, up to which the distance to closed ground is kept
 AT_ONCE = 8  # strips that are cut, whose cells are looked at anew together
 SQUARE_M_PER_HA_T = 0.1  # t/ha in kg/m2
 GRAIN = 1e-4  # m, that places in the frame are rounded to, so that turning a field changes no decision
@@ -86,7 +87,7 @@ class Frame:
 @dataclass
 class Grid:
     """Free ground in cells, shape (n, m). west, south: of the first [m]; cell [m]; edge: of the middle of
-    each, the distance to closed ground, < 0 in it [m], exact up to 2 m; free_from: the time from which no
+    each, the distance to closed ground, < 0 in it [m], 9 beyond 2 m; free_from: the time from which no
     crop stands there [s], -1 for ground without crop, -2 for closed ground, 1e18 for crop that stays;
     changed: rows and columns in which crop was cut, in order
     """
@@ -147,40 +148,18 @@ class Ground:
             low + CELL * (np.arange(n) + 0.5)
             for low, n in zip((self.west, self.south), self.shape, strict=True)
         )
-        free = np.full(self.shape, CLOSED, np.float32)
-        for area, value in ((self.open, BARE), (self.field, STANDING)):
-            shapely.prepare(area)
-            for i in range(0, len(at_x), ROWS):
-                x, y = np.meshgrid(at_x[i : i + ROWS], at_y, indexing="ij")
-                free[i : i + ROWS][shapely.contains_xy(area, x, y)] = value
-        return Grid(self.west, self.south, CELL, self._edge(shapely, at_x, at_y, free == CLOSED), free)
-
-    @staticmethod
-    def _far(closed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Cells more than 2 m from any cell of the other kind."""
-        near = np.zeros_like(closed)
-        reach = int(2.0 / CELL)
-        for axis in (0, 1):
-            changes = np.diff(closed.astype(np.int8), axis=axis) != 0
-            rows = np.insert(changes, 0, False, axis=axis) | np.insert(
-                changes, changes.shape[axis], False, axis=axis
-            )
-            for shift in range(-reach, reach + 1):
-                near |= np.roll(rows, shift, axis=axis)
-        for shift in range(-reach, reach + 1):
-            near |= np.roll(near, shift, axis=1)
-        return ~near
-
-    def _edge(self, shapely: Any, at_x: Array, at_y: Array, closed: NDArray[np.bool_]) -> NDArray[np.float32]:
-        """Distance of each cell's middle to closed ground, < 0 in it; 9 beyond 2 m [m]."""
-        edge = np.where(closed, -9.0, 9.0).astype(np.float32)
-        near = ~self._far(closed)
         line = shapely.boundary(self.open)
-        shapely.prepare(line)
-        i, j = np.nonzero(near)
-        away = shapely.distance(line, shapely.points(at_x[i], at_y[j]))
-        edge[near] = np.where(closed[near], -away, away)
-        return edge
+        shapely.prepare([self.open, self.field, line, near := line.buffer(EDGE)])
+        free, edge = np.full(self.shape, CLOSED, np.float32), np.full(self.shape, -9.0, np.float32)
+        for i in range(0, len(at_x), ROWS):
+            rows = slice(i, i + ROWS)
+            x, y = np.meshgrid(at_x[rows], at_y, indexing="ij")
+            is_open, is_near = (shapely.contains_xy(area, x, y) for area in (self.open, near))
+            free[rows][is_open], edge[rows][is_open] = BARE, 9.0
+            free[rows][shapely.contains_xy(self.field, x, y)] = STANDING
+            away = shapely.distance(line, shapely.points(x[is_near], y[is_near]))
+            edge[rows][is_near] = np.where(is_open[is_near], away, -away)
+        return Grid(self.west, self.south, CELL, edge, free)
 
     def cut(self, strips: Any, times: Array) -> Array:
         """Cut strips, polygons (n,), each at a time [s]: their crop leaves `remaining`, its areas [m2],
@@ -212,7 +191,7 @@ class Ground:
         shapely, (corner, share) = shapely_here(), self._yields
         middles = self.frame.to_map(shapely.get_coordinates(shapely.centroid(strips)))
         i, j = np.clip((middles - corner) / PARAMS.yield_m, 0.0, np.array(share.shape) - 1.0).astype(int).T
-        return self._mean * share[i, j]
+        return np.asarray(self._mean * share[i, j])
 
     def crop_on(self, key: Any, strips: Any) -> Array:
         """The same for strips that a key stands for, looked up unless crop about them was cut since."""

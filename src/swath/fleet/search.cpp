@@ -94,17 +94,19 @@ auto is_near = [&](D x, D y, D around) {  // anybody who stands
   return false;
 };
 // a body at a pose and a time: on open ground throughout, its wheels not in standing crop
+bool is_alone = false;  // without what it tows
 auto is_clear = [&](D x, D y, D c, D s, D tx, D ty, D when) {
   D u = 1.0, w = 0.0;
-  if (has_trailer) {
+  if (has_trailer && !is_alone) {
     u = (x + hitch * c - tx) / drawbar; w = (y + hitch * s - ty) / drawbar;
     if (u * c + w * s < FOLDED && mode != CHECK) return false;
   }
   const bool near_own = is_near(x + around_own[0] * c, y + around_own[0] * s, around_own[1]);
-  const bool near_towed = has_trailer && is_near(tx + around_towed[0] * u, ty + around_towed[0] * w, around_towed[1]);
+  const bool near_towed = has_trailer && !is_alone && is_near(tx + around_towed[0] * u, ty + around_towed[0] * w, around_towed[1]);
   for (int n = 0; n < patch_count; ++n) {
     const D* q = patches + 7 * n;  // x, y, whether on the trailer, raised, radius, first point and the one behind the last
     const bool towed = q[2] > 0.5, raised = q[3] > 0.5;
+    if (towed && is_alone) continue;
     const D ox = towed ? tx : x, oy = towed ? ty : y, oc = towed ? u : c, os = towed ? w : s;
     const D mx = ox + q[0] * oc - q[1] * os, my = oy + q[0] * os + q[1] * oc;
     const D mi = (mx - west) / cell, mj = (my - south) / cell;
@@ -299,25 +301,26 @@ auto angle_of = [&](D a) { a = a - 2.0 * PI * floor(a / (2.0 * PI)); return a > 
 int count = 0, best_node = -1, best_word = 0, popped = 0, found_at = 0;
 D best_cost = 1e18, best_parts[4] = {0.0, 0.0, 0.0, 0.0};
 const D bends[4][3] = {{1, 0, 1}, {-1, 0, -1}, {1, 0, -1}, {-1, 0, 1}};
-// the parts [m] of a Dubins path of one of four words to the goal, or to a run-in before it; false where there is none
-auto word_to = [&](D x, D y, D c, D s, D run_in, int word, D* parts) {
-  const D dx = m[6] - run_in * m[8] - x, dy = m[7] - run_in * m[9] - y, way = atan2(dy, dx), d = __builtin_sqrt(dx * dx + dy * dy) / radius;
-  const D a = angle_of(atan2(s, c) - way), b = angle_of(atan2(m[9], m[8]) - way);
-  const D sa = sin(a), sb = sin(b), ca = cos(a), cb = cos(b), cab = cos(a - b);
-  D square, t, q;
-  if (word == 0) square = 2.0 + d * d - 2.0 * cab + 2.0 * d * (sa - sb);
-  else if (word == 1) square = 2.0 + d * d - 2.0 * cab + 2.0 * d * (sb - sa);
-  else if (word == 2) square = -2.0 + d * d + 2.0 * cab + 2.0 * d * (sa + sb);
-  else square = -2.0 + d * d + 2.0 * cab - 2.0 * d * (sa + sb);
-  if (square < -1e-9) return false;
-  if (square < 0.0) square = 0.0;
-  const D p = __builtin_sqrt(square);
-  if (word == 0) { const D e = atan2(cb - ca, d + sa - sb); t = angle_of(e - a); q = angle_of(b - e); }
-  else if (word == 1) { const D e = atan2(ca - cb, d - sa + sb); t = angle_of(a - e); q = angle_of(e - b); }
-  else if (word == 2) { const D e = atan2(-ca - cb, d + sa + sb) - atan2(-2.0, p); t = angle_of(e - a); q = angle_of(e - b); }
-  else { const D e = atan2(ca + cb, d - sa - sb) - atan2(2.0, p); t = angle_of(a - e); q = angle_of(b - e); }
-  parts[0] = t * radius; parts[1] = p * radius; parts[2] = q * radius; parts[3] = run_in;
-  return true;
+// the parts [m] of the Dubins paths of four words to the goal, or to a run-in before it; the first < 0 where there is none
+auto words_to = [&](D x, D y, D c, D s, D run_in, D (*parts)[4]) {
+  const D gc = m[8], gs = m[9], dx = m[6] - run_in * gc - x, dy = m[7] - run_in * gs - y, away = __builtin_sqrt(dx * dx + dy * dy);
+  const D u = away > 0.0 ? dx / away : 1.0, w = away > 0.0 ? dy / away : 0.0, d = away / radius;
+  const D ca = c * u + s * w, sa = s * u - c * w, cb = gc * u + gs * w, sb = gs * u - gc * w, cab = c * gc + s * gs;
+  const D a = atan2(sa, ca), b = atan2(sb, cb);
+  for (int word = 0; word < 4; ++word) {
+    const bool is_left = word % 2 == 0, is_bent_alike = word < 2;
+    D square = is_bent_alike ? 2.0 + d * d - 2.0 * cab + 2.0 * d * (is_left ? sa - sb : sb - sa) : -2.0 + d * d + 2.0 * cab + 2.0 * d * (is_left ? sa + sb : -sa - sb);
+    parts[word][0] = -1.0;
+    if (square < -1e-9) continue;
+    if (square < 0.0) square = 0.0;
+    const D p = __builtin_sqrt(square);
+    D e, t, q;
+    if (word == 0) { e = atan2(cb - ca, d + sa - sb); t = e - a; q = b - e; }
+    else if (word == 1) { e = atan2(ca - cb, d - sa + sb); t = a - e; q = e - b; }
+    else if (word == 2) { e = atan2(-ca - cb, d + sa + sb) - atan2(-2.0, p); t = e - a; q = e - b; }
+    else { e = atan2(ca + cb, d - sa - sb) - atan2(2.0, p); t = a - e; q = b - e; }
+    parts[word][0] = angle_of(t) * radius; parts[word][1] = p * radius; parts[word][2] = angle_of(q) * radius; parts[word][3] = run_in;
+  }
 };
 const D run_in_line = has_trailer && tolerance > -1.0 ? drawbar * __builtin_log(BEND / __builtin_acos(tolerance)) : 0.0;
 // samples of a path to the goal, and when it is there; whether it ends in line is known before where it leads is looked at
@@ -329,14 +332,48 @@ auto keep = [&](const State& q, D when) {
   if (samples < MOST) { sample[samples] = q; time_at[samples] = when; }
   return ++samples <= MOST;
 };
+// how far back from the goal, or a run-in before it, whoever tows can have come on the left and the right bend: on a longer
+// last bend something is in its way, whatever is before
+auto reach_back = [&](D run_in, D* most) {
+  is_alone = true;
+  State at = {m[6], m[7], m[8], m[9], 0.0, 0.0};
+  D when = NEVER;
+  const bool is_open = roll(at, 0.0, -run_in, when, 1e18, is_free);
+  for (int side = 0; side < 2; ++side) {
+    State q = at;
+    most[side] = -1.0;
+    if (!is_open) continue;
+    for (most[side] = 0.0; most[side] < 2.0 * PI * radius && roll(q, side ? -1.0 : 1.0, -SAMPLE, when, 1e18, is_free);) most[side] += SAMPLE;
+    most[side] += SAMPLE;
+  }
+  is_alone = false;
+};
+D reached_back[2][2];
+reach_back(0.0, reached_back[0]);
+if (run_in_line > 0.0) reach_back(run_in_line, reached_back[1]);
+const D nearly = tolerance > -1.0 ? cos(1.3 * __builtin_acos(tolerance)) : -1.0;
+auto in_line = [&](const State& q) { return ((q.x + hitch * q.c - q.tx) * q.c + (q.y + hitch * q.s - q.ty) * q.s) / drawbar; };
+// about how far a trailer is in line behind a path: on a straight the tangent of half its angle fades
+auto line_behind = [&](State q, int word, const D* p) {
+  D when = 0.0;
+  for (int i = 0; i < 4; ++i) {
+    if (i % 2 == 0) { roll(q, bends[word][i], p[i], when, 1.0, [](const State&, D) { return true; }); continue; }
+    const D vx = (q.x + hitch * q.c - q.tx) / drawbar, vy = (q.y + hitch * q.s - q.ty) / drawbar, along = vx * q.c + vy * q.s;
+    const D k = (q.c * vy - q.s * vx) / (1.0 + along) * __builtin_exp(-p[i] / drawbar), cf = (1.0 - k * k) / (1.0 + k * k), sf = 2.0 * k / (1.0 + k * k);
+    q.x += p[i] * q.c; q.y += p[i] * q.s;
+    q.tx = q.x + hitch * q.c - drawbar * (q.c * cf - q.s * sf); q.ty = q.y + hitch * q.s - drawbar * (q.s * cf + q.c * sf);
+  }
+  return in_line(q);
+};
 auto shoot_to = [&](int n, D run_in) {  // the shortest of the four that is free
   const D* q0 = nodes + ROW * n;
+  const D* most_back = reached_back[run_in > 0.0];
   D parts[4][4], cost[4];
+  words_to(q0[0], q0[1], q0[2], q0[3], run_in, parts);
   for (int word = 0; word < 4; ++word) {
     const D* p = parts[word];
-    cost[word] = 1e18;
-    if (word_to(q0[0], q0[1], q0[2], q0[3], run_in, word, parts[word]))
-      cost[word] = q0[6] + (q0[AT_WAY] < 0.0 ? shift : 0.0) + (p[0] + p[2]) / turning + (p[1] + run_in) / straight;
+    const bool is_possible = p[0] >= 0.0 && p[2] < most_back[bends[word][2] < 0.0];
+    cost[word] = is_possible ? q0[6] + (q0[AT_WAY] < 0.0 ? shift : 0.0) + (p[0] + p[2]) / turning + (p[1] + run_in) / straight : 1e18;
   }
   for (int tried = 0; tried < 4; ++tried) {
     int word = 0;
@@ -346,13 +383,11 @@ auto shoot_to = [&](int n, D run_in) {  // the shortest of the four that is free
     cost[word] = 1e18;
     State at = {q0[0], q0[1], q0[2], q0[3], q0[4], q0[5]};
     D when = start_time + q0[6];
+    if (has_trailer && tolerance > -1.0 && line_behind(at, word, p) < nearly) continue;
     samples = 0;
     bool is_clear_way = true;
     for (int i = 0; i < 4 && is_clear_way; ++i) is_clear_way = roll(at, i < 3 ? bends[word][i] : 0.0, p[i], when, i % 2 ? straight : turning, keep);
-    if (has_trailer && tolerance > -1.0) {
-      const D u = (at.x + hitch * at.c - at.tx) / drawbar, w = (at.y + hitch * at.s - at.ty) / drawbar;
-      if (u * at.c + w * at.s < tolerance) continue;
-    }
+    if (has_trailer && tolerance > -1.0 && in_line(at) < tolerance) continue;
     for (int first = 1; first <= 4 && is_clear_way; ++first)  // what is in the way is longer than a sample: each fourth first
       for (int i = samples - first; i >= 0 && is_clear_way; i -= 4) is_clear_way = is_free(sample[i], time_at[i]);
     if (!is_clear_way) continue;
@@ -370,9 +405,12 @@ auto shoot = [&](int n) {  // a trailer that has to be in line behind a bend com
 auto estimate = [&](const State& q) {
   const D on_grid = far[coarse_of(q.x, q.y)];
   if (on_grid < 0.0) return on_grid;
-  D least = 1e18, parts[4];
-  for (int word = 0; word < 4 && !reverses; ++word)
-    if (word_to(q.x, q.y, q.c, q.s, run_in_line, word, parts)) { const D t = (parts[0] + parts[2]) / turning + (parts[1] + parts[3]) / straight; if (t < least) least = t; }
+  D least = 1e18, parts[4][4];
+  if (!reverses) words_to(q.x, q.y, q.c, q.s, run_in_line, parts);
+  for (int word = 0; word < 4 && !reverses; ++word) {
+    const D *p = parts[word], t = (p[0] + p[2]) / turning + (p[1] + p[3]) / straight;
+    if (p[0] >= 0.0 && t < least) least = t;
+  }
   const D on_lanes = lane_at(q.x, q.y, q.c, q.s), farther = on_lanes < 0.0 ? on_grid * WEIGHT + OFF : on_lanes * WEIGHT - ROUGH;
   const D alone = (farther > on_grid * WEIGHT ? farther : on_grid * WEIGHT) / straight;
   return least < 1e17 && least > alone ? least : alone;
@@ -415,14 +453,20 @@ while (size) {
   if (popped % NOW_AND_THEN == 0 || far[coarse_of(here.x, here.y)] < SHOT) shoot(n);
   ++popped;
   const D before = q0[AT_WAY], g0 = q0[6];
+  State ahead = here;
+  D when_ahead = 0.0;
+  bool is_open_ahead = false;
   for (int way = 1; way >= (reverses ? -1 : 1); way -= 2)
-    for (int k = 0; k < (way > 0 ? 6 : 5); ++k) {  // the last one a long straight
-      State q = here;
-      const D length = k == 5 ? LONG * step : step;
+    for (int k = 0; k < (way > 0 ? 6 : 5); ++k) {  // the last one a long straight, on from the first
+      const bool is_long = k == 5;
+      if (is_long && !is_open_ahead) continue;
+      State q = is_long ? ahead : here;
+      const D length = is_long ? LONG * step : step;
       const D speed = way < 0 ? backwards : arcs[k] == 0.0 ? straight : turning;
       const D changed = before * way < 0.0 ? shift : 0.0;
-      D when = start_time + g0 + changed;
-      if (!roll(q, arcs[k], way * length, when, speed, is_free)) continue;
+      D when = is_long ? when_ahead : start_time + g0 + changed;
+      if (!roll(q, arcs[k], way * (is_long ? length - step : length), when, speed, is_free)) continue;
+      if (way > 0 && k == 0) { is_open_ahead = true; ahead = q; when_ahead = when; }
       add(q, g0 + changed + length / speed * (1.0 + BENT * __builtin_fabs(arcs[k])), n, arcs[k], way * length);
     }
 }

@@ -6,7 +6,7 @@ What is found is a `Track`: the places of the machine along it, samples at most 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -349,6 +349,20 @@ class Far:
         return min((d for d in known if 0.0 <= d < 1e17), default=math.inf)
 
 
+class _Asked(NamedTuple):
+    """A way that is looked for, see `Finder.find`; stand: outlines of all who stand"""
+
+    body: Body
+    drive: Drive
+    start: Place
+    goal: Place
+    stand: tuple[Any, ...] = ()
+    time: float = 0.0
+    gap: float = 0.0
+    in_line: float = 0.0
+    most: int = PARAMS.poses
+
+
 class Finder:
     """Searches ways on a grid of free ground; keeps what it has worked out of ground that did not change.
 
@@ -436,19 +450,20 @@ class Finder:
         """
         self._refresh()
         by = min(time, self._last_cut)  # later nothing changes
-        asked = body, drive, start, goal, frozenset(stand), frozenset(near), by, gap, in_line, most
-        if asked in self._known:
-            return self._known[asked]
+        asked = _Asked(body, drive, start, goal, (*stand, *near), by, gap, in_line, most)
+        key = asked._replace(stand=(frozenset(stand), frozenset(near)))
+        if key in self._known:
+            return self._known[key]
         self._near = [_sides(shape) for shape in near]
         windows = [self._window(shape) for shape in stand]
         for i, j, inside in windows:
             self._taken[i, j] |= inside
         try:
-            way = self._find(body, drive, start, goal, (*stand, *near), by, gap, in_line, most)
+            way = self._found_way(asked)
         finally:
             for i, j, _ in windows:
                 self._taken[i, j] = 0
-        self._known[asked] = way
+        self._known[key] = way
         return way
 
     def _window(self, shape: Any) -> tuple[slice, slice, NDArray[np.bool_]]:
@@ -466,44 +481,30 @@ class Finder:
         self._refresh()
         place = goal if not there else goal._replace(heading=goal.heading + math.pi)
         self._near = []
-        self._launch(POINT, drive, place, place, (), time, 0.0, 0.0, PARAMS.poses, LANES)
+        self._launch(_Asked(POINT, drive, place, place, time=time), LANES)
         return Far(self._lanes.copy(), self.grid, self._rows, self._lane * COARSE, there)
 
-    def _find(
-        self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: float, most: int,
-    ) -> Track | None:  # fmt: skip
-        turn = self._turn(body, drive, start, goal, stand, time, gap)
-        if turn is not None and times_along(turn, drive)[-1] < _least_time(start, goal, drive):
+    def _found_way(self, asked: _Asked) -> Track | None:
+        turn, drive = self._turn(asked), asked.drive
+        if turn is not None and times_along(turn, drive)[-1] < _least_time(asked.start, asked.goal, drive):
             return turn
-        track = self._searched(body, drive, start, goal, stand, time, gap, in_line, most)
+        track = self._searched(asked)
         if track is None or turn is None:
             return track or turn
         return min(turn, track, key=lambda t: float(times_along(t, drive)[-1]))
 
-    def _turn(
-        self,
-        body: Body,
-        drive: Drive,
-        start: Place,
-        goal: Place,
-        stand: Sequence[Any],
-        time: float,
-        gap: float,
-    ) -> Track | None:
+    def _turn(self, asked: _Asked) -> Track | None:
         """A turn that is rolled through, where there is room for one."""
+        body, drive, start, goal, *_ = asked
         far = math.dist(start[:2], goal[:2])
         if body.has_trailer or drive.steering == math.inf or far > PARAMS.near * drive.radius:
             return None
         turn = rolled(start, goal, drive, body)
-        is_clear = self._is_clear(turn, body, drive, stand, time, gap)
-        return turn if is_clear else None
+        return turn if self._is_clear(turn, asked) else None
 
-    def _searched(
-        self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: float, most: int,
-    ) -> Track | None:  # fmt: skip
-        self._launch(body, drive, start, goal, stand, time, gap, in_line, most, SEARCH)
+    def _searched(self, asked: _Asked) -> Track | None:
+        body, drive, start, *_ = asked
+        self._launch(asked, SEARCH)
         self.searches += 1
         count = int(self._found[0])
         if count < 1:
@@ -513,17 +514,15 @@ class Finder:
         if drive.steering < math.inf and any(k != 0.0 for k, _ in pieces):
             for part in (1.0, 0.5, 0.25):
                 made = eased(start, pieces, body, part * PARAMS.ramp_m)
-                if made is not None and self._is_clear(made, body, drive, stand, time, gap):
+                if made is not None and self._is_clear(made, asked):
                     return made
         return driven(start, pieces, body)
 
-    def _launch(
-        self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: float, most: int, mode: int, track: Array = NOTHING,
-    ) -> None:  # fmt: skip
+    def _launch(self, asked: _Asked, mode: int, track: Array = NOTHING) -> None:
         """Run the kernel."""
         from swath.fleet import ground_kernel
 
+        body, drive, start, goal, stand, time, gap, in_line, most = asked
         grid, p = self.grid, PARAMS
         points, patches = self._points(body, gap)
         pin = start.x + body.hitch * math.cos(start.heading), start.y + body.hitch * math.sin(start.heading)
@@ -559,16 +558,12 @@ class Finder:
             self._bodies[body, gap] = points.ravel(), patches.ravel()
         return self._bodies[body, gap]
 
-    def _is_clear(
-        self, track: Track, body: Body, drive: Drive, stand: Sequence[Any], time: float, gap: float
-    ) -> bool:
+    def _is_clear(self, track: Track, asked: _Asked) -> bool:
         """Whether a body is on open ground, but for a little, and off who stands and crop, all along from
         where it begins.
         """
-        when = time + track.distance[1:] / drive.straight
-        poses = np.column_stack([track.places[1:], when])
-        here = track.start
-        self._launch(body, drive, here, here, stand, time, gap, 0.0, 0, CHECK, poses)
+        when = asked.time + track.distance[1:] / asked.drive.straight
+        self._launch(asked, CHECK, np.column_stack([track.places[1:], when]))
         return bool(self._found[0])
 
 
