@@ -8,12 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swath.fleet.account import contact, grain, litres_per_ha, stays, used
 from swath.fleet.driven import driven
 from swath.fleet.replay import NEAR, collected, thinned, write_replay
 from swath.fleet.report import machine_rows, pair_rows, result_rows, to_dict
 from swath.fleet.schedule import schedule_of
-from swath.fleet.worked import IDLE, WAITS, Span, by_events, checked
+from swath.fleet.worked import (
+    IDLE,
+    WAITS,
+    Span,
+    by_events,
+    checked,
+    contact,
+    grain,
+    litres_per_ha,
+    stays,
+    used,
+)
 from tests.fleet.check import over_each_other
 from tests.fleet.drawn import drawn_job
 from tests.replay.browser import Browser, NoBrowser

@@ -111,7 +111,8 @@ def test_grain_varies_under_the_passes_as_in_the_log(tmp_path):
     ground = Ground(job, body_of(machines_of(job).truck))
     south, north = (np.array([shapely_here().box(40.0, y, 60.0, y + 2.0)]) for y in (14.0, 84.0))
     placed = [
-        np.array([shapely_here().Polygon(ground.frame.to_field(a[0].exterior.coords))]) for a in (south, north)
+        np.array([shapely_here().Polygon(ground.frame.to_field(a[0].exterior.coords))])
+        for a in (south, north)
     ]
     low, high = (10.0 * float(ground.density(a)[0]) for a in placed)
     assert (low, high) == pytest.approx((6.25, 8.0), rel=0.03)

@@ -1,5 +1,5 @@
 // Which segments of others sweep ground of each segment of a path: outlines that are convex touch unless a side of one
-// separates them. The body of a native function; its arrays are those of swept.py.
+// separates them. The body of a native function; its arrays are those of table.py.
 //
 // numbers: segments of the path, rectangles of each, segments of the table, segments of a block, the machine that is
 // left out, most pairs that there is room for; out: pairs found, all counted, those there is room for written

@@ -9,11 +9,10 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.whole_file import new_file, write_whole
-from swath.fleet.account import contact, litres_per_ha, used
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
 from swath.fleet.replay import COLOURS, write_replay
-from swath.fleet.worked import CUT, SHOWN, STATES, Worked, checked
+from swath.fleet.worked import CUT, SHOWN, STATES, Worked, checked, contact, litres_per_ha, used
 from swath.judge.summary import json_safe
 from swath.report.html import write_page
 from swath.report.plots import BLUE, GREY, INK, ORANGE, STYLE, as_image, figure

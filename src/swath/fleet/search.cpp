@@ -278,23 +278,26 @@ auto drag = [&](State& q) {
   const D d = __builtin_sqrt(dx * dx + dy * dy);
   q.tx = px - drawbar * dx / d; q.ty = py - drawbar * dy / d;
 };
-// an arc (bend of -1, 0, 1 over the radius, or part of it) of a signed length, as long as each sample is as asked
-auto roll = [&](State& q, D bend, D length, D& when, D speed, auto is_as_asked) {
+// an arc (bend of -1, 0, 1 over the radius, or part of it) of a signed length: its samples and the turn of each
+struct Arc { int count; D step, chord, dc, ds, hc, hs; };
+auto arc_of = [&](D bend, D length) {
   const int count = (int)__builtin_ceil(__builtin_fabs(length) / SAMPLE - 1e-9);
-  if (count < 1) return true;
+  if (count < 1) return Arc{0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0};
   const D d = length / count, k = bend / radius, turn = k * d;
-  const D dc = cos(turn), ds = sin(turn), chord = __builtin_fabs(turn) < 1e-9 ? d : 2.0 * sin(0.5 * turn) / k;
-  const D hc = cos(0.5 * turn), hs = sin(0.5 * turn);
-  for (int i = 0; i < count; ++i) {
-    q.x += chord * (q.c * hc - q.s * hs); q.y += chord * (q.s * hc + q.c * hs);
-    const D c = q.c * dc - q.s * ds, s = q.s * dc + q.c * ds;
+  return Arc{count, __builtin_fabs(d), __builtin_fabs(turn) < 1e-9 ? d : 2.0 * sin(0.5 * turn) / k, cos(turn), sin(turn), cos(0.5 * turn), sin(0.5 * turn)};
+};
+auto follow = [&](State& q, const Arc& arc, D& when, D speed, auto is_as_asked) {  // as long as each sample is as asked
+  for (int i = 0; i < arc.count; ++i) {
+    q.x += arc.chord * (q.c * arc.hc - q.s * arc.hs); q.y += arc.chord * (q.s * arc.hc + q.c * arc.hs);
+    const D c = q.c * arc.dc - q.s * arc.ds, s = q.s * arc.dc + q.c * arc.ds;
     q.c = c; q.s = s;
     drag(q);
-    when += __builtin_fabs(d) / speed;
+    when += arc.step / speed;
     if (!is_as_asked(q, when)) return false;
   }
   return true;
 };
+auto roll = [&](State& q, D bend, D length, D& when, D speed, auto is_as_asked) { return follow(q, arc_of(bend, length), when, speed, is_as_asked); };
 auto is_free = [&](const State& q, D when) { return is_clear(q.x, q.y, q.c, q.s, q.tx, q.ty, when); };
 auto angle_of = [&](D a) { a = a - 2.0 * PI * floor(a / (2.0 * PI)); return a > 2.0 * PI - 1e-9 ? 0.0 : a; };
 
@@ -443,6 +446,9 @@ auto add = [&](const State& q, D g, int parent, D bend, D way) {
 const State first = {m[0], m[1], m[2], m[3], m[4], m[5]};
 add(first, 0.0, -1, 0.0, 0.0);
 const D arcs[6] = {0.0, 1.0, -1.0, 0.5, -0.5, 0.0};
+Arc there[6], back[5];
+for (int k = 0; k < 6; ++k) there[k] = arc_of(arcs[k], k == 5 ? (LONG - 1.0) * step : step);
+for (int k = 0; k < 5; ++k) back[k] = arc_of(arcs[k], -step);
 while (size) {
   D key;
   const int n = pop(key);
@@ -465,7 +471,7 @@ while (size) {
       const D speed = way < 0 ? backwards : arcs[k] == 0.0 ? straight : turning;
       const D changed = before * way < 0.0 ? shift : 0.0;
       D when = is_long ? when_ahead : start_time + g0 + changed;
-      if (!roll(q, arcs[k], way * (is_long ? length - step : length), when, speed, is_free)) continue;
+      if (!follow(q, way > 0 ? there[k] : back[k], when, speed, is_free)) continue;
       if (way > 0 && k == 0) { is_open_ahead = true; ahead = q; when_ahead = when; }
       add(q, g0 + changed + length / speed * (1.0 + BENT * __builtin_fabs(arcs[k])), n, arcs[k], way * length);
     }

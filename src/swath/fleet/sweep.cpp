@@ -1,5 +1,5 @@
 // The ground that a body's rectangles sweep over each segment of a path: the convex hull of their corners (Andrew's
-// monotone chain), anticlockwise. The body of a native function; its arrays are those of swept.py.
+// monotone chain), anticlockwise. The body of a native function; its arrays are those of table.py.
 //
 // numbers: hitch, drawbar [m], rectangles, of which towed, segments, samples; 6 in all. Of a segment on which nothing turns,
 // the ends are enough.
