@@ -51,10 +51,10 @@ class Params:
     share in the cost of a place of a cart's way to the truck, which keeps nobody waiting; again_s: more cost
     of a place at which nobody could be emptied; line_deg: of a trailer that comes beside a header; rests:
     power of two, most grants to others before who can do nothing looks again; out_percent: of the field that
-    is left where no way leads; carts: that are looked at, those that can come first; room, full: of a box,
-    less room of which no combine pours into, and load from which no more is waited for; load: of a tank, and
-    fills: of the room in a box, less than which nobody comes beside for; lane_m: kept all round a cart that
-    comes beside. Estimates, but for line_deg: a box of 9 m then swings by less than the gap beside a header.
+    is left where no way leads; carts: that are looked at, those that can come first; room: of a box, less of
+    which no combine pours into, nor is waited for; load: of a tank, or all but that of the room in a box,
+    less than which nobody comes beside for; lane_m: kept all round a cart that comes beside. Estimates, but
+    for line_deg: a box of 9 m then swings by less than the gap beside a header.
     """
 
     cut_m: float = 8.0
@@ -74,9 +74,7 @@ class Params:
     out_percent: float = 0.5
     carts: int = 2
     room: float = 0.05
-    full: float = 0.95
     load: float = 0.1
-    fills: float = 0.9
     lane_m: float = 0.3
 
 
@@ -841,7 +839,7 @@ class _Scheduler:
             level -= amounts[-1]
             if level <= LEFT_KG or math.fsum(amounts) >= room - LEFT_KG:
                 break
-        if math.fsum(amounts) < min(PARAMS.load * c.spec.tank, PARAMS.fills * room):
+        if math.fsum(amounts) < min(PARAMS.load * c.spec.tank, (1.0 - PARAMS.load) * room):
             return None, 0.0
         rest = float(levels[-1]) - math.fsum(amounts)
         if rest > c.spec.tank + LEFT_KG:
@@ -871,7 +869,7 @@ class _Scheduler:
     def is_full(k: CartState, load: float | None = None) -> bool:
         """Whether a load is worth the way to the truck."""
         load = k.load if load is None else load
-        return load >= min(k.spec.leave, PARAMS.full * k.spec.load)
+        return load >= min(k.spec.leave, (1.0 - PARAMS.room) * k.spec.load)
 
     def home_by(
         self, trip: _Trip, time: float, load: float, empties: bool

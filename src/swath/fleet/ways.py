@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 SAMPLE = 0.5  # m between the samples of a track, of which the search looks at every other one
 ROOM = 60_000  # poses that are kept
 SLOTS = 1 << 17  # for bins in which it keeps one pose of a heading, as in search.cpp
+PATCH = 2.5  # m, radius of parts of a body that are looked up at once; no way depends on it
 COARSE = 2.0  # m, cells of its heuristic, as in search.cpp
 TURNS = 8  # headings of its estimate, as in search.cpp
 SEARCH, LANES, CHECK = 0, 1, 2  # what it is asked for, as in search.cpp
@@ -36,17 +37,15 @@ class Params:
     which a bend that cannot be eased is driven; ramp_m: over which bends grow and fade, a combine's steering
     at walking pace; ease: weight of a bend that is changed against a metre of length; ease_m: of a piece that
     counts so; shrink: share of a piece that is left at least, sharper: by which a bend changes at most in a
-    step of easing; rolled: times of the least that a way can take, up to which a turn that is rolled
-    through is taken without a search; stray_m: that an eased
-    way may be nearer to closed ground than the searched one; near: radii, within which a turn is tried before
-    a search; line_deg: of a trailer that is in line at the end of a way; patch_m: radius of parts of a body
-    that are looked up at once. Of the search: shot_m: to the goal, within which each pose is joined to it,
-    farther off each 16th; later_s: ground that is free so much after the start counts in the estimate of
-    what is left, which counts `weight` times; off_m: more of it where no way with turns is known;
-    rough_m: by what it may be too far with turns; bend_rad:
-    of a trailer at the end of a bend, which comes in line on a straight; poses_m: that are looked at for each
-    metre to the goal; long: steps of a long straight; after: poses that are looked at once a way is found.
-    Estimates, those of the search such that drawn fields are planned fast.
+    step of easing; rolled: times of the least that a way can take, up to which a turn that is rolled through
+    is taken without a search; stray_m: that an eased way may be nearer to closed ground than the searched
+    one; near: radii, within which a turn is tried before a search; line_deg: of a trailer that is in line at
+    the end of a way; of the search: shot_m: to the goal, within which each pose is joined to it, farther off
+    each 16th; later_s: ground that is free so much after the start counts in the estimate of what is left,
+    which counts `weight` times; off_m: more of it where no way with turns is known; rough_m: by what it may
+    be too far with turns; bend_rad: of a trailer at the end of a bend, which comes in line on a straight;
+    poses_m: that are looked at for each metre to the goal; long: steps of a long straight; after: poses that
+    are looked at once a way is found. Estimates, those of the search such that drawn fields are planned fast.
     """
 
     step_m: float = 2.0
@@ -63,7 +62,6 @@ class Params:
     stray_m: float = 0.1
     near: float = 10.0
     line_deg: float = 6.0
-    patch_m: float = 1.8
     shot_m: float = 25.0
     later_s: float = 1000.0
     weight: float = 1.5
@@ -387,7 +385,7 @@ class Finder:
         self._cells: dict[Any, tuple[slice, slice, NDArray[np.bool_]]] = {}
         self._near: list[Array] = []  # sides of who stands near
         self._seen = 0
-        reach = PARAMS.patch_m / cell  # and what middle and points may be off those of their cells
+        reach = PATCH / cell  # and what middle and points may be off those of their cells
         self._reach_cells = reach + math.sqrt(2.0)
         self._last_cut = 0.0  # s
         self._known: dict[Any, Track | None] = {}  # ways that were asked for since crop was cut
@@ -554,7 +552,7 @@ class Finder:
     def _points(self, body: Body, gap: float) -> tuple[Array, Array]:
         """Points on a body, and the patches that they are in, as search.cpp has them."""
         if (body, gap) not in self._bodies:
-            points, patches = _patches(body.points(PARAMS.body_m, gap), PARAMS.patch_m)
+            points, patches = _patches(body.points(PARAMS.body_m, gap), PATCH)
             self._bodies[body, gap] = points.ravel(), patches.ravel()
         return self._bodies[body, gap]
 
