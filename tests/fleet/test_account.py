@@ -18,7 +18,6 @@ from swath.fleet.worked import (
     Span,
     by_events,
     checked,
-    contact,
     grain,
     litres_per_ha,
     stays,
@@ -75,7 +74,7 @@ def test_contact_of_driven_bodies_is_printed_and_is_what_another_look_finds(done
     a, b, *_ = w.places
     moved = dict(w.places)
     moved[b] = w.places[b] + (*(w.places[a][1000, :2] - w.places[b][1000, :2] + (5.0, 2.0)), 0.0, 0.0)
-    found = contact(replace(w, places=moved))
+    found = replace(w, places=moved).contact
     machines = w.schedule.machines.by_name
     there = 0.1 * over_each_other(machines[a].body, moved[a], machines[b].body, moved[b])
     assert found[a, b] == pytest.approx(there, abs=0.05)

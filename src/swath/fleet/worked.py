@@ -7,6 +7,7 @@ the least time of each segment, `driven` (driven.py) drives bodies.
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -80,6 +81,19 @@ class Worked:
             if s.state == WAIT:
                 found[s.reason] = found.get(s.reason, 0.0) + (s.end - s.begin) / 60.0
         return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+    @cached_property
+    def contact(self) -> dict[tuple[str, str], float]:
+        """How long driven bodies are over each other [s], of each two machines that ever are."""
+        machines, found = self.schedule.machines.by_name, {}
+        for (a, at_a), (b, at_b) in combinations(self.places.items(), 2):
+            one, two = machines[a].body, machines[b].body
+            near = np.flatnonzero(np.hypot(*(at_a[:, :2] - at_b[:, :2]).T) < one.reach + two.reach)
+            parts = (near[i : i + AT_ONCE] for i in range(0, len(near), AT_ONCE))
+            count = sum(int(_over(one.outlines(at_a[n]), two.outlines(at_b[n])).sum()) for n in parts)
+            if count:
+                found[a, b] = count * float(self.clock[1] - self.clock[0])
+        return found
 
     @property
     def mass_error(self) -> float:
@@ -180,19 +194,6 @@ def _rate(m: Combine | Cart, load: float, speed: float, come: float, cuts: bool,
     return combine_fuel(
         m.sheet, drivetrain_of(m.sheet), tank=load, speed=speed, grain=come, cuts=cuts, out=out
     )
-
-
-def contact(w: Worked) -> dict[tuple[str, str], float]:
-    """How long driven bodies are over each other [s], of each two machines that ever are."""
-    machines, found = w.schedule.machines.by_name, {}
-    for (a, at_a), (b, at_b) in combinations(w.places.items(), 2):
-        one, two = machines[a].body, machines[b].body
-        near = np.flatnonzero(np.hypot(*(at_a[:, :2] - at_b[:, :2]).T) < one.reach + two.reach)
-        parts = (near[i : i + AT_ONCE] for i in range(0, len(near), AT_ONCE))
-        count = sum(int(_over(one.outlines(at_a[n]), two.outlines(at_b[n])).sum()) for n in parts)
-        if count:
-            found[a, b] = count * float(w.clock[1] - w.clock[0])
-    return found
 
 
 def _over(one: Array, two: Array) -> NDArray[np.bool_]:
