@@ -31,6 +31,8 @@ STATE_OF = {  # of a segment's kind; all others are ways
 NEXT_TRUCK, GROUND_OF = "the next truck", "ground of "
 WAITS = ("waits for partner", "waits for ground", "waits for truck")
 SHOWN = (*STATES[:-2], *WAITS, IDLE)  # states, with what is waited for
+SHORT = 1e-3  # s, least time that grain takes to flow
+AT_ONCE = 4000  # times that bodies are looked at together
 
 
 @dataclass(frozen=True)
@@ -108,10 +110,6 @@ class Worked:
         grain = schedule.harvested / max(math.fsum(area for _, _, area in schedule.cut), 1e-9)
         rate = math.fsum(c.width * c.speed_in(grain * c.width) for c in schedule.machines.combines)
         return schedule.plan.area / (rate * self.cut) if self.cut > 0.0 else math.nan
-
-
-SHORT = 1e-3  # s, least time that grain takes to flow
-AT_ONCE = 4000  # times that bodies are looked at together
 
 
 @dataclass(frozen=True)
