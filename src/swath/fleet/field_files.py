@@ -12,12 +12,21 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.documents.json_file import read_json
-from swath.fleet.ground import PARAMS as GROUND
 
 SIMPLER = 0.3  # m, within which points of an outline from a file are left out
 LINES = ("LineString", "MultiLineString")
 AREAS = ("Polygon", "MultiPolygon", "GeometryCollection")
 SHORT = 1.0  # m between the ends of a line, below which it has no direction
+
+
+@dataclass(frozen=True)
+class Params:
+    """yield_m: side of the squares in which the yield of a log is averaged, about a header's width."""
+
+    yield_m: float = 10.0
+
+
+PARAMS = Params()
 
 
 @dataclass(frozen=True)
@@ -163,7 +172,7 @@ def _in_squares(position: Any, grain: Any) -> tuple[tuple[tuple[float, float, fl
     """Mean yields of squares, and what is to be told of them. position (n, 2) [m]; grain (n,) [kg/m2]"""
     if not len(grain):
         return (), []
-    side = GROUND.yield_m
+    side = PARAMS.yield_m
     squares, number = np.unique(np.floor(position / side), axis=0, return_inverse=True)
     mean = np.bincount(number.ravel(), grain) / np.bincount(number.ravel())
     low, high = np.percentile(10.0 * mean, [5.0, 95.0])

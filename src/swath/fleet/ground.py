@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
 from swath.fleet.bodies import Body, Place
+from swath.fleet.field_files import PARAMS as SQUARES
 from swath.fleet.files import JobFile
 from swath.kernels import filled, launch
 
@@ -32,8 +33,7 @@ class Params:
     """yard_m: radius of open ground at the truck and where the way to it leaves the field; road_m: half width
     of that way; truck_m: from the middle of a cart to that of the truck beside it; rough_m: that a pass
     may lead over the edge, the gap around bodies and rounding. Estimates from yards seen. longest_m, most_m2:
-    of all ground in its frame, so that its cells take less than half a gigabyte; yield_m: side of the squares
-    in which the yield of a log is averaged, a header's width
+    of all ground in its frame, so that its cells take less than half a gigabyte
     """
 
     yard_m: float = 45.0
@@ -42,7 +42,6 @@ class Params:
     rough_m: float = 0.25
     longest_m: float = 10_000.0
     most_m2: float = 1e7
-    yield_m: float = 10.0
 
 
 PARAMS = Params()
@@ -190,7 +189,7 @@ class Ground:
             return np.full(len(strips), self._mean)
         shapely, (corner, share) = shapely_here(), self._yields
         middles = self.frame.to_map(shapely.get_coordinates(shapely.centroid(strips)))
-        i, j = np.clip((middles - corner) / PARAMS.yield_m, 0.0, np.array(share.shape) - 1.0).astype(int).T
+        i, j = np.clip((middles - corner) / SQUARES.yield_m, 0.0, np.array(share.shape) - 1.0).astype(int).T
         return np.asarray(self._mean * share[i, j])
 
     def crop_on(self, key: Any, strips: Any) -> Array:
@@ -239,8 +238,8 @@ def _yields_of(job: JobFile) -> tuple[Array, Array] | None:
     if not job.yields:
         return None
     rows = np.array(job.yields)
-    corner = rows[:, :2].min(axis=0) - 0.5 * PARAMS.yield_m
-    cells = ((rows[:, :2] - corner) / PARAMS.yield_m).astype(int)
+    corner = rows[:, :2].min(axis=0) - 0.5 * SQUARES.yield_m
+    cells = ((rows[:, :2] - corner) / SQUARES.yield_m).astype(int)
     share = np.ones(cells.max(axis=0) + 1)
     share[tuple(cells.T)] = rows[:, 2] / rows[:, 2].mean()
     return corner, share

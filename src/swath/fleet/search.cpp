@@ -35,7 +35,7 @@ constexpr D FOLDED = 0.5;  // cosine of a trailer's angle to who tows it, 60 deg
 constexpr D BENT = 0.02;  // share by which what bends at all costs more, so that of two ways alike the straighter one is taken
 constexpr int NOW_AND_THEN = 16;  // of poses far off the goal, one in so many is joined to it
 const D radius = m[10], turning = m[11], straight = m[12], backwards = m[13], shift = m[14], start_time = m[15];
-const D cell = m[16], west = m[17], south = m[18], hitch = m[20], drawbar = m[21], step = m[30], tolerance = m[25];
+const D cell = m[16], west = m[17], south = m[18], hitch = m[20], drawbar = m[21], step = m[30], tolerance = m[25], cells_m = 1.0 / cell;
 const bool has_trailer = m[19] > 0.5, reverses = m[22] > 0.5;
 const int capacity = (int)m[23], nx = (int)m[28], ny = (int)m[29], headings = (int)m[31];
 const int mode = (int)m[26], patch_count = (int)m[33], near_count = (int)m[36], stand_count = (int)m[38];
@@ -109,12 +109,12 @@ auto is_clear = [&](D x, D y, D c, D s, D tx, D ty, D when) {
     if (towed && is_alone) continue;
     const D ox = towed ? tx : x, oy = towed ? ty : y, oc = towed ? u : c, os = towed ? w : s;
     const D mx = ox + q[0] * oc - q[1] * os, my = oy + q[0] * os + q[1] * oc;
-    const D mi = (mx - west) / cell, mj = (my - south) / cell;
+    const D mi = (mx - west) * cells_m, mj = (my - south) * cells_m;
     if (!(mi >= 0.0 && mj >= 0.0 && mi < nx && mj < ny)) return false;
     if (free_about(raised ? within : bare_from, (int)mi, (int)mj, raised) <= when && !((towed ? near_towed : near_own) && is_near(mx, my, q[4]))) continue;
     for (int k = (int)q[5]; k < (int)q[6]; ++k) {
       const D* p = points + 2 * k;
-      const D px = ox + p[0] * oc - p[1] * os, py = oy + p[0] * os + p[1] * oc, gi = (px - west) / cell, gj = (py - south) / cell;
+      const D px = ox + p[0] * oc - p[1] * os, py = oy + p[0] * os + p[1] * oc, gi = (px - west) * cells_m, gj = (py - south) * cells_m;
       if (gi < 0.0 || gj < 0.0 || gi >= nx || gj >= ny) return false;
       if (inside_any(px, py)) return false;
       const int at = (int)gi * ny + (int)gj;

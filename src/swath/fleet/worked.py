@@ -205,7 +205,7 @@ def _over(one: Array, two: Array) -> NDArray[np.bool_]:
         at = (normal * a).sum(axis=-1)
         far = np.einsum("nrsk,nqck->nrqsc", normal, b).min(axis=-1)
         pairs |= (far >= at[:, :, None]).any(axis=-1)
-    return ~apart.all(axis=(1, 2))
+    return np.asarray(~apart.all(axis=(1, 2)))
 
 
 def litres_per_ha(w: Worked) -> float:
