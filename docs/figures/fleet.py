@@ -12,5 +12,5 @@ from swath.fleet.schedule import schedule_of
 from swath.fleet.worked import by_events
 
 if __name__ == "__main__":
-    fig = draw(by_events(schedule_of(read_job("echelon")[0])))
+    fig = draw(by_events(schedule_of(read_job("two-combines")[0])))
     fig.savefig(Path(__file__).parent / "fleet.png", dpi=60)

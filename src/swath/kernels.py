@@ -131,11 +131,9 @@ def shared(array: Any, dtype: Any = Any) -> Any:
     return start_warp().array(array, dtype=dtype, device="cpu", copy=False)
 
 
-def launch(kernel: Any, arrays: Sequence[Any]) -> None:
-    """One thread of a kernel on the CPU, its arrays those of NumPy, shared with it."""
-    wp = start_warp()
-    inputs = [shared(a, getattr(wp, a.dtype.name)) for a in arrays]
-    wp.launch(kernel, dim=1, inputs=inputs, device="cpu")
+def launch(kernel: Any, struct: Any) -> None:
+    """One thread of a kernel on the CPU."""
+    start_warp().launch(kernel, dim=1, inputs=[struct], device="cpu")
 
 
 def repeatable(kernel: Any, inputs: list[Any], *, threads: int = 1) -> "Repeated":

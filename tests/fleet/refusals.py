@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from swath.fleet.bodies import PARAMS as GAPS
 from swath.fleet.files import JobFile
 from swath.fleet.ground import PARAMS as GROUND
 from swath.fleet.ground import shapely_here
@@ -73,7 +74,7 @@ def _reach(job: JobFile) -> tuple[bool, str]:
             half = max(0.5 * tractor.trailer.width, 0.5 * tractor.box.width, *(r[3] for r in tractor.outline))
             lacks.append((0.5 * sheet.header_width + half - lands, name))
     worst, name = max(lacks)
-    off = worst + PARAMS.beside_m
+    off = worst + GAPS.beside_m
     return off > PARAMS.off_m, f"{name}: beside its header grain lands {off:.2f} m off the middle of the box"
 
 

@@ -8,12 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swath.fleet.account import grain, litres_per_ha, stays, used
 from swath.fleet.driven import driven
 from swath.fleet.replay import NEAR, collected, thinned, write_replay
-from swath.fleet.report import machine_rows, pair_rows
+from swath.fleet.report import machine_rows, pair_rows, result_rows, to_dict
 from swath.fleet.schedule import schedule_of
-from swath.fleet.worked import IDLE, WAITS, Span, by_events, checked
+from swath.fleet.worked import (
+    IDLE,
+    WAITS,
+    Span,
+    by_events,
+    checked,
+    grain,
+    litres_per_ha,
+    stays,
+    used,
+)
+from tests.fleet.check import over_each_other
 from tests.fleet.drawn import drawn_job
 from tests.replay.browser import Browser, NoBrowser
 
@@ -54,6 +64,21 @@ def test_ways_are_those_of_the_paths_and_litres_are_of_a_combine_harvest(level, 
     assert 10.0 < litres_per_ha(done[level]) < 60.0  # a small odd field: much turning
     driven_way = np.hypot(*np.diff(done["driven"].places["cart_1"][:, :2], axis=0).T).sum()
     assert took["cart_1"].way == pytest.approx(driven_way, rel=0.02)
+
+
+def test_contact_of_driven_bodies_is_printed_and_is_what_another_look_finds(done):
+    w = done["driven"]
+    assert ("machines over each other", "0.0", "s") in result_rows(w)
+    assert to_dict(w)["contact_s"] == {}
+    assert to_dict(done["events"])["contact_s"] is None
+    a, b, *_ = w.places
+    moved = dict(w.places)
+    moved[b] = w.places[b] + (*(w.places[a][1000, :2] - w.places[b][1000, :2] + (5.0, 2.0)), 0.0, 0.0)
+    found = replace(w, places=moved).contact
+    machines = w.schedule.machines.by_name
+    there = 0.1 * over_each_other(machines[a].body, moved[a], machines[b].body, moved[b])
+    assert found[a, b] == pytest.approx(there, abs=0.05)
+    assert there > 0.0
 
 
 def test_waits_are_shown_by_what_is_waited_for():

@@ -127,6 +127,40 @@ def test_a_field_that_is_turned_and_moved_takes_the_same_time(angle, schedules):
     assert driven(made).ends == pytest.approx(driven(schedules[131]).ends, rel=0.002)
 
 
+def test_a_field_that_is_mirrored_with_its_pipes_takes_the_same_time(schedules):
+    job = drawn_job(131, SMALL)
+
+    def mirrored(points):
+        return [(x, -y) for x, y in points]
+
+    field = replace(
+        job.field, boundary_m=mirrored(job.field.boundary_m),
+        holes_m=[mirrored(h) for h in job.field.holes_m], parts_m=[mirrored(p) for p in job.field.parts_m],
+    )  # fmt: skip
+    other = replace(
+        job, field=field, truck=replace(job.truck, y_m=-job.truck.y_m),
+        plan=replace(job.plan, headland="counterclockwise"),
+        combines={name: replace(c, pipe="right") for name, c in job.combines.items()},
+    )  # fmt: skip
+    made = schedule_of(other)
+    one, two = driven(schedules[131]), driven(made)
+    assert made.ends == pytest.approx(schedules[131].ends, rel=0.002)
+    assert two.ends == pytest.approx(one.ends, rel=0.002)
+    for name, way in one.places.items():  # on the map, each is where the other one is in a mirror
+        there = schedules[131].ground.frame.to_map(way[:, :2])
+        here = made.ground.frame.to_map(two.places[name][:, :2])
+        if len(here) == len(there):
+            assert here * (1.0, -1.0) == pytest.approx(there, abs=0.01)
+
+
+def test_pipes_on_both_sides_are_refused():
+    job = drawn_job(131, SMALL)
+    name, *others = job.combines
+    both = {name: replace(job.combines[name], pipe="right"), "other": job.combines[(others or [name])[0]]}
+    with pytest.raises(InputError, match=r"combines\.other\.pipe = left: expected right"):
+        schedule_of(replace(job, combines=both))
+
+
 def test_a_dispatcher_of_ones_own_takes_the_place_of_the_built_in_one(tmp_path, code_allowed):
     (tmp_path / "mine.py").write_text(
         "class Never:\n"

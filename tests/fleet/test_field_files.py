@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -92,6 +93,31 @@ def test_ground_direction_and_yield_of_a_log_are_taken(tmp_path, stated):
     assert job.plan.direction_deg == pytest.approx(60.0, abs=2.5)  # of grid north
     assert shapely_here().Polygon(job.field.boundary_m).area == pytest.approx(16_000.0, rel=0.03)
     assert np.min(job.field.boundary_m, axis=0) == pytest.approx([0.0, 0.0], abs=1.0)
+
+
+def test_grain_varies_under_the_passes_as_in_the_log(tmp_path):
+    """Ten passes of 200 m, 10 m wide, of which each one farther north bears 0.25 t/ha more, the first 6."""
+    rows, t = ["time,lat,lon,flow,width,speed"], 0
+    for n in range(10):
+        for i in range(101):
+            x = 2.0 * i if n % 2 == 0 else 200.0 - 2.0 * i
+            (lon, lat), flow = lon_lat([(x, 10.0 * n)])[0], 2.0 * (6.0 + 0.25 * n)
+            rows.append(f"{t},{lat:.8f},{lon:.8f},{flow},10,2")
+            t += 1
+        t += 20
+    (tmp_path / "log.csv").write_text("\n".join(rows) + "\n")
+    job = job_of(tmp_path, "{log: log.csv}")
+    assert any("yield varies as in the log" in note for note in job.notes)
+    ground = Ground(job, body_of(machines_of(job).truck))
+    south, north = (np.array([shapely_here().box(40.0, y, 60.0, y + 2.0)]) for y in (14.0, 84.0))
+    placed = [
+        np.array([shapely_here().Polygon(ground.frame.to_field(a[0].exterior.coords))])
+        for a in (south, north)
+    ]
+    low, high = (10.0 * float(ground.density(a)[0]) for a in placed)
+    assert (low, high) == pytest.approx((6.25, 8.0), rel=0.03)
+    even = replace(job, yields=())
+    assert Ground(even, body_of(machines_of(job).truck)).density(placed[0]) == pytest.approx(0.7125, rel=0.02)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.fleet.bodies import Body, Place, Rectangle
-from swath.fleet.swept import Taken, swept_by
+from swath.fleet.table import Taken, swept_by
 from swath.fleet.ways import driven
 
 GAP = 0.2  # m

@@ -1,6 +1,7 @@
 """The reference and the JSON Schema of job files: up to date, and of one mind with the reader."""
 
 import json
+from dataclasses import replace
 
 import jsonschema
 import pytest
@@ -9,10 +10,10 @@ from docs.make.fleet import BEGIN, PAGE, reference
 from swath.commands.main import main
 from swath.documents.data_sheets import find_sheet
 from swath.documents.yaml_document import parse
-from swath.fleet.files import job_schema, read_job
+from swath.fleet.files import RENAMED, job_schema, read_job
 
-JOBS = sorted(path.stem for path in find_sheet("jobs", "echelon").parent.glob("*.yaml"))
-GOOD = find_sheet("jobs", "echelon").read_text(encoding="utf-8")
+JOBS = sorted(path.stem for path in find_sheet("jobs", "two-combines").parent.glob("*.yaml"))
+GOOD = find_sheet("jobs", "two-combines").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -34,13 +35,22 @@ def test_every_key_of_the_reference_says_what_it_means():
 
 
 def test_a_bundled_job_is_printed_to_make_ones_own_of_it(capsys, tmp_path):
-    assert main(["fleet", "list", "echelon"]) == 0
+    assert main(["fleet", "list", "two-combines"]) == 0
     printed = capsys.readouterr().out
     assert printed == GOOD
     (tmp_path / "mine.yaml").write_text(printed)
-    assert read_job(str(tmp_path / "mine.yaml"))[0] == read_job("echelon")[0]
-    assert main(["fleet", "list", "echelons"]) == 2
-    assert "did you mean 'echelon'" in capsys.readouterr().err
+    assert read_job(str(tmp_path / "mine.yaml"))[0] == read_job("two-combines")[0]
+    assert main(["fleet", "list", "two-combine"]) == 2
+    assert "did you mean 'two-combines'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("old", "new"), RENAMED.items())
+def test_a_job_by_its_name_of_0_2_is_read_with_a_line_that_says_the_new_one(old, new, capsys):
+    job = read_job(old)[0]
+    assert job.notes[0] == f"{old} is called {new} now: nothing drives in echelon"
+    assert replace(job, notes=()) == read_job(new)[0]
+    assert main(["fleet", "list", old]) == 0
+    assert capsys.readouterr().out == find_sheet("jobs", new).read_text(encoding="utf-8")
 
 
 def test_the_schema_is_written_where_the_first_line_of_a_job_says(tmp_path):

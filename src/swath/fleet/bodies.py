@@ -1,7 +1,7 @@
 """What machines are on the ground: rectangles from their data sheets, how they turn, how fast they drive."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,26 @@ Array = NDArray[np.float64]
 BAR = 0.15  # m, half width of a trailer's drawbar, as its body in scans has it
 WHEELS = 1.1  # m, from a trailer's axle to the ends of its wheels and frame, as there
 WALL = 0.05  # m, of a box, as there
+
+
+@dataclass(frozen=True)
+class Params:
+    """gap_m: that a body is wider all round than its data sheet says where ground is granted, for what a
+    machine steers off; search_m: where a way is searched; near_m: more than both gaps between two bodies, for
+    what lies between the samples of a way. Estimates.
+    """
+
+    gap_m: float = 0.18
+    search_m: float = 0.15
+    near_m: float = 0.04
+
+    @property
+    def beside_m(self) -> float:
+        """Between the strip of a header and a cart beside it: no less is granted."""
+        return 2.0 * self.gap_m + self.near_m
+
+
+PARAMS = Params()
 
 
 class Place(NamedTuple):
@@ -68,6 +88,21 @@ class Body:
     def half_width(self) -> float:
         """Of the widest rectangle [m]."""
         return max(max(r.left, -r.right) for r in (*self.own, *self.towed))
+
+    @property
+    def reach(self) -> float:
+        """No part is farther from the fixed axle [m]."""
+        own = max(math.hypot(max(-r.rear, r.front), max(r.left, -r.right)) for r in self.own)
+        far = [math.hypot(max(-r.rear, r.front), max(r.left, -r.right)) for r in self.towed]
+        return max(own, abs(self.hitch) + self.drawbar + max(far, default=0.0))
+
+    def mirrored(self) -> "Body":
+        """Left and right exchanged."""
+        own, towed = (
+            tuple(Rectangle(r.rear, r.front, -r.left, -r.right) for r in parts)
+            for parts in (self.own, self.towed)
+        )
+        return replace(self, own=own, towed=towed)
 
     def outlines(self, places: Array, gap: float = 0.0) -> Array:
         """Corners of all rectangles, each wider by a gap all round [m], shape (n, rectangles, 4, 2).

@@ -92,12 +92,12 @@ def run_job(args: argparse.Namespace) -> int:
 
 def run_list(args: argparse.Namespace) -> int:
     """Print a bundled job as it is, or name and summary of all."""
-    from swath.documents.data_sheets import find_sheet, sheet_names
-    from swath.fleet.files import read_job
+    from swath.documents.data_sheets import sheet_names
+    from swath.fleet.files import job_sheet, read_job
     from swath.terminal.tables import paragraphs
 
     if args.name is not None:
-        print(find_sheet("jobs", args.name).read_text(encoding="utf-8"), end="")
+        print(job_sheet(args.name).read_text(encoding="utf-8"), end="")
         return 0
     paragraphs([(name, read_job(name)[0].summary) for name in sheet_names("jobs")])
     return 0

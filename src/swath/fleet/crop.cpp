@@ -3,11 +3,11 @@
 //
 // numbers: cells along x and y, their size, west, south [m], polygons, whether crop is cut, the time after which [s]
 
-const double* m = (const double*)numbers.data;
-const double* p = (const double*)points.data;
-const int* begins = (const int*)starts.data;
-float* free_from = (float*)cells.data;
-double* time = (double*)times.data;
+const double* m = (const double*)its.numbers.data;
+const double* p = (const double*)its.points.data;
+const int* begins = (const int*)its.starts.data;
+float* free_from = (float*)its.cells.data;
+double* time = (double*)its.times.data;
 const int nx = (int)m[0], ny = (int)m[1], count = (int)m[5];
 const double cell = m[2], west = m[3], south = m[4];
 const bool is_cut = m[6] > 0.5;

@@ -7,17 +7,19 @@ beside the combine; grain flows while it is in reach of the stream.
 """
 
 import math
+from array import array
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.fleet.grants import Grants
 from swath.fleet.machines import PARAMS as MACHINES
 from swath.fleet.machines import Cart, Combine
 from swath.fleet.schedule import Poured, Schedule
-from swath.fleet.table import Segment, order_of
+from swath.fleet.table import Order, Segment, order_of
 from swath.fleet.ways import Track, joined, limits_along, stops_along
 from swath.fleet.worked import IDLE, Span, Worked, merged, spans_in, state_of, waiting
 
@@ -44,6 +46,106 @@ PARAMS = Params()
 
 
 @dataclass
+class _Held:
+    """reservation: number; path: segments in order; place: of each in it; wants, granted, at: places in the
+    path, -1 for none
+    """
+
+    reservation: int
+    path: list[int]
+    place: dict[int, int]
+    wants: int = -1
+    granted: int = -1
+    at: int = -1
+
+
+class Grants:
+    """Hands out the segments of an order; `granted` says how far a machine may go. Five verbs, after the
+    blockade of open-rmf:
+
+    set       a machine's path under a reservation: the segments that it will enter, in order
+    ready     it wants to go as far as a segment
+    reached   it has entered a segment, and with it left all before
+    release   it needs no more of its path than up to a segment
+    cancel    it no longer wants to go on: what it was granted and has not entered is free again
+
+    Every message names its reservation; one of an older reservation is ignored, and one that comes late or
+    twice changes nothing, since what was reached or asked for only grows. A machine that hears nothing stands
+    at the end of what it was granted. A segment is granted when all that the order puts before it are left,
+    so nothing overlaps whoever is late, and since the order has no circle, some machine can always go on.
+    """
+
+    def __init__(self, order: Order) -> None:
+        self.order = order
+        self._entered: set[int] = set()
+        self._held: dict[str, _Held] = {}
+        self._group = {number: group for group in order.groups for number in group}
+        self._asked: set[int] = set()
+
+    def set(self, machine: str, reservation: int, path: list[int]) -> None:
+        """A machine's segments from here on. Ignored for a reservation that is not newer than its last."""
+        held = self._held.get(machine)
+        if held is None or reservation > held.reservation:
+            self._held[machine] = _Held(reservation, list(path), {n: i for i, n in enumerate(path)})
+
+    def ready(self, machine: str, reservation: int, segment: int) -> None:
+        """A machine wants to go as far as a segment of its path."""
+        held = self._of(machine, reservation)
+        if held is not None and held.place.get(segment, -1) > held.wants:
+            self._asked.update(held.path[held.at + 1 : held.place[segment] + 1])
+            held.wants = held.place[segment]
+
+    def reached(self, machine: str, reservation: int, segment: int) -> None:
+        """A machine has entered a segment; ignored for one that it was not granted."""
+        held = self._of(machine, reservation)
+        if held is not None and held.at < held.place.get(segment, -1) <= held.granted:
+            self._entered.update(held.path[held.at + 1 : held.place[segment] + 1])
+            held.at = held.place[segment]
+
+    def release(self, machine: str, reservation: int, segment: int) -> None:
+        """A path ends with a segment that its machine may go to: nothing behind it is granted any more."""
+        held = self._of(machine, reservation)
+        if held is not None and held.place.get(segment, -1) >= held.granted:
+            held.wants = min(held.wants, held.place[segment])
+
+    def cancel(self, machine: str, reservation: int) -> None:
+        """A machine stands where it is: what it was granted and has not entered is free again."""
+        held = self._of(machine, reservation)
+        if held is not None:
+            self._asked.difference_update(held.path[held.at + 1 :])
+            held.wants = held.granted = held.at
+
+    def granted(self, machine: str) -> int | None:
+        """The segment that a machine may go as far as, None before its first."""
+        held = self._held.get(machine)
+        if held is None:
+            return None
+        while held.granted < held.wants and self._is_free(held.path[held.granted + 1]):
+            held.granted += 1
+        return held.path[held.granted] if held.granted >= 0 else None
+
+    def _of(self, machine: str, reservation: int) -> _Held | None:
+        held = self._held.get(machine)
+        return held if held is not None and held.reservation == reservation else None
+
+    def waits_for(self, segment: int) -> tuple[int, int] | None:
+        """What a segment is not granted for: the one that is entered at that moment, itself or a partner's,
+        and what has to be entered, or asked for, before; None where nothing has.
+        """
+        for member in self._group[segment]:
+            if member != segment and member not in self._asked:
+                return member, member
+            for other, waits in self.order.before[member]:
+                if other not in self._entered and not (waits and member == segment):
+                    return member, other
+        return None
+
+    def _is_free(self, segment: int) -> bool:
+        """Whether all that comes before a segment is left, and who enters with it is there and ready, too."""
+        return self.waits_for(segment) is None
+
+
+@dataclass
 class _Pour:
     """What is poured between two machines. left: to pour [kg]; flows: when it began, and last did [s]"""
 
@@ -62,33 +164,29 @@ class _Mover:
         self.machine, self.segments = machine, segments
         tracks: list[Track] = []
         ends, base = [], 0.0
-        i = 0
-        while i < len(segments):
-            path = segments[i].path
-            count = 1
-            while i + count < len(segments) and segments[i + count].path is path:
-                count += 1
-            last = int(path.last[segments[i + count - 1].index])
-            t = path.track
-            tracks.append(Track(t.places[: last + 1], t.distance[: last + 1], t.ways[:last], t.bends[:last]))
-            ends += [base + float(t.distance[path.last[s.index]]) for s in segments[i : i + count]]
-            base += float(t.distance[last])
-            i += count
+        for _, same in groupby(segments, key=lambda s: id(s.path)):
+            part = list(same)
+            t = part[0].path.until(part[-1].index + 1).track
+            ends += [base + float(t.distance[s.path.last[s.index]]) for s in part]
+            base += t.length
+            tracks.append(t)
         self.ends = ends  # of each segment [m]
         self.begins = [0.0, *ends[:-1]]
         moving = [t for t in tracks if t.length > 1e-6]
         track = joined(moving) if moving else tracks[0]
         # samples at one place are left out
         keep = np.concatenate([[True], np.diff(track.distance) > 1e-6])
-        self.places, self.distance = track.places[keep].tolist(), track.distance[keep].tolist()
         steps = keep[1:]
         track = Track(track.places[keep], track.distance[keep], track.ways[steps], track.bends[steps])
-        self.ways, self.bends = track.ways.tolist(), track.bends.tolist()
+        self.xs, self.ys, self.headings = (array("d", column) for column in track.places.T[:3])
+        self.distance, self.ways, self.bends = (
+            array("d", values) for values in (track.distance, track.ways, track.bends)
+        )
         self.stops = stops = stops_along(track, machine.drive) if len(track.distance) > 2 else {}
         self.turns = [self.distance[i] for i in stops]
         self.shifts = [machine.drive.shift * (self.ways[i] != self.ways[i - 1]) for i in stops]
         self.limits = self._limits(track)
-        self.x, self.y, self.heading, self.trailer = self.places[0]
+        self.x, self.y, self.heading, self.trailer = track.places[0].tolist()
         self.at = self.speed = self.off = 0.0
         self.k, self.i, self.since, self.shift = 0, 0, 0.0, 0.0
         self.turn = 0
@@ -98,7 +196,7 @@ class _Mover:
         self.pin = self.x + body.hitch * math.cos(self.heading), self.y + body.hitch * math.sin(self.heading)
         self.spans: list[Span] = []
 
-    def _limits(self, track: Track) -> list[float]:
+    def _limits(self, track: Track) -> Sequence[float]:
         """Squares of the highest speeds at samples, from which it can slow down for all that come."""
         if len(track.distance) < 2:
             return [0.0]
@@ -109,8 +207,8 @@ class _Mover:
                 first, last = np.searchsorted(track.distance, [begin + 1e-6, end - 1e-6]).tolist()
                 here = slice(max(first - 1, 0), last + 1)
                 limit[here] = np.minimum(limit[here], (end - begin) / s.spent)
-        square: list[float] = (limit**2).tolist()
-        gain = (2.0 * drive.accel * np.diff(track.distance)).tolist()
+        square = array("d", limit**2)
+        gain = array("d", 2.0 * drive.accel * np.diff(track.distance))
         for i in range(len(square) - 2, -1, -1):
             square[i] = min(square[i], square[i + 1] + gain[i])
         return square
@@ -168,16 +266,15 @@ class _Mover:
 
     def _roll(self, way: float) -> None:
         """An arc along its path, as steered."""
-        self.i = self._sample(self.at)
-        i, places = self.i, self.places
+        i = self.i = self._sample(self.at)
+        j = i + 1
         span = self.distance[i + 1] - self.distance[i]
         share = min(max((self.at - self.distance[i]) / span, 0.0), 1.0)
-        a, b = places[i], places[i + 1]
-        forwards = self.ways[i]
-        heading = a[2] + share * (b[2] - a[2])
-        chord = math.hypot(b[0] - a[0], b[1] - a[1]) * forwards
-        middle = 0.5 * (a[2] + heading)  # on the arc of the step
-        x, y = a[0] + share * chord * math.cos(middle), a[1] + share * chord * math.sin(middle)
+        x, y, first, forwards = self.xs[i], self.ys[i], self.headings[i], self.ways[i]
+        heading = first + share * (self.headings[j] - first)
+        chord = share * math.hypot(self.xs[j] - x, self.ys[j] - y) * forwards
+        middle = 0.5 * (first + heading)  # on the arc of the step
+        x, y = x + chord * math.cos(middle), y + chord * math.sin(middle)
         c, s = math.cos(heading), math.sin(heading)
         along = (self.x - x) * c + (self.y - y) * s
         aside = (self.y - y) * c - (self.x - x) * s
@@ -206,9 +303,9 @@ class _Mover:
         middle = 0.5 * (d[i] + d[i + 1])
         j = i - 1 if at < middle else i + 1
         if j < 0 or j > len(self.bends) - 1 or max(i, j) in self.stops:
-            return self.bends[i]  # type: ignore[no-any-return]
+            return self.bends[i]
         share = (at - middle) / (0.5 * (d[j] + d[j + 1]) - middle)
-        return self.bends[i] + min(max(share, 0.0), 1.0) * (self.bends[j] - self.bends[i])  # type: ignore[no-any-return]
+        return self.bends[i] + min(max(share, 0.0), 1.0) * (self.bends[j] - self.bends[i])
 
     def _tow(self) -> None:
         """The trailer behind the pin, which went a straight piece (see machine/towing.py)."""
@@ -272,11 +369,11 @@ class _Drive:
 
     def run(self) -> Worked:
         """Until all are at the ends of their paths."""
-        rows: dict[str, list[tuple[float, ...]]] = {name: [] for name in self.movers}
+        rows = {name: array("d") for name in self.movers}
         cut = 0.0
         while not all(self.is_done(m) for m in self.movers.values()):
             for name, m in self.movers.items():
-                rows[name].append((m.x, m.y, m.heading, m.trailer))
+                rows[name].extend((m.x, m.y, m.heading, m.trailer))
                 before = m.at, m.k
                 self.move(name, m)
                 if (m.at, m.k) != before:
@@ -288,9 +385,9 @@ class _Drive:
             if self.time - self.last > PARAMS.stuck_s:
                 raise InputError("level", "driven", f"expected machines that go on; {self.who_waits()}")
         for name, m in self.movers.items():
-            rows[name].append((m.x, m.y, m.heading, m.trailer))
-        clock = np.linspace(0.0, self.time, len(next(iter(rows.values()))))
-        places = {name: np.array(r) for name, r in rows.items()}
+            rows[name].extend((m.x, m.y, m.heading, m.trailer))
+        places = {name: np.frombuffer(r).reshape(-1, 4) for name, r in rows.items()}
+        clock = np.linspace(0.0, self.time, len(next(iter(places.values()))))
         poured = [
             replace(p.plan, amount=p.plan.amount - p.left, begins=p.begins, ends=p.ends) for p in self.pours
         ]

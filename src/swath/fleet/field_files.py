@@ -20,10 +20,20 @@ SHORT = 1.0  # m between the ends of a line, below which it has no direction
 
 
 @dataclass(frozen=True)
+class Params:
+    """yield_m: side of the squares in which the yield of a log is averaged, about a header's width."""
+
+    yield_m: float = 10.0
+
+
+PARAMS = Params()
+
+
+@dataclass(frozen=True)
 class FileField:
     """areas: polygons [m] of a system, epsg; direction of its passes, counter-clockwise from east [rad], and
     grain, its mean yield [kg/m2], nan for none; notes: on what it was taken from; lines: points of each
-    (n, 2) [m], in the order of the file
+    (n, 2) [m], in the order of the file; yields: x, y [m] of middles of squares, yield there [kg/m2]
     """
 
     areas: tuple[Any, ...]
@@ -32,6 +42,7 @@ class FileField:
     grain: float = math.nan
     notes: tuple[str, ...] = ()
     lines: tuple[Any, ...] = ()
+    yields: tuple[tuple[float, float, float], ...] = ()
 
 
 def read_field(path: Path, header: float) -> FileField:
@@ -147,10 +158,24 @@ def read_log_field(path: Path) -> FileField:
     ground, notes = covered_ground(cleaned)
     origin = Origin(log.epsg, float(log.east.min()), float(log.north.min()))
     direction = 0.5 * math.pi - row_azimuth(make_tracks(cleaned, origin))
-    known = cleaned.grain[cleaned.kept & np.isfinite(cleaned.grain)]
-    grain = float(known.mean()) if len(known) else math.nan
+    known = cleaned.kept & np.isfinite(cleaned.grain)
+    grain = float(cleaned.grain[known].mean()) if known.any() else math.nan
+    yields, told = _in_squares(log.position[known], cleaned.grain[known])
     said = f"passes are planned along those of the log, {math.degrees(direction):.1f} degrees"
     return FileField(
         (ground,), log.epsg, direction, grain,
-        (*log.notes, *notes, f"{said} counter-clockwise from east"),
+        (*log.notes, *notes, f"{said} counter-clockwise from east", *told), yields=yields,
     )  # fmt: skip
+
+
+def _in_squares(position: Any, grain: Any) -> tuple[tuple[tuple[float, float, float], ...], list[str]]:
+    """Mean yields of squares, and what is to be told of them. position (n, 2) [m]; grain (n,) [kg/m2]"""
+    if not len(grain):
+        return (), []
+    side = PARAMS.yield_m
+    squares, number = np.unique(np.floor(position / side), axis=0, return_inverse=True)
+    mean = np.bincount(number.ravel(), grain) / np.bincount(number.ravel())
+    low, high = np.percentile(10.0 * mean, [5.0, 95.0])
+    told = f"yield varies as in the log, {low:.1f} to {high:.1f} t/ha in 90 % of squares of {side:g} m"
+    middles = side * (squares + 0.5)
+    return tuple(zip(*middles.T.tolist(), mean.tolist(), strict=True)), [f"{told}; elsewhere it is the mean"]

@@ -36,10 +36,10 @@ Line = Annotated[list[tuple[Metre, Metre]], MinLen(2)]
 class FieldSettings:
     """boundary_m: points [x, y], east and north; holes_m: ponds and islands in it; parts_m: outlines of
     further parts of the field; around_m: ground beyond the outlines that may be driven on; yield_t_ha: grain,
-    even over the field; file: task data of ISO 11783-10, GeoJSON, KML or a shapefile instead, with all
-    outlines, and with lines, which are the passes where they cover half of it or more, else say their
-    direction; log: a yield log instead, with its ground, direction and mean yield; with either, all else is
-    in metres from the field's south-west corner, rounded down
+    the mean where a log says how it varies; file: task data of ISO 11783-10, GeoJSON, KML or a shapefile
+    instead, with all outlines, and with lines, which are the passes where they cover half of it or more, else
+    say their direction; log: a yield log instead, with its ground, direction and yields; with either, all
+    else is in metres from the field's south-west corner, rounded down
     """
 
     boundary_m: Ring = made(default_factory=list)
@@ -76,7 +76,7 @@ class CombineSettings:
     """machine: its data sheet; header_width_m: another header on it; speed_kmh: fastest in the crop;
     grain_kg_s: most that it threshes (default: the data sheet's nominal flow); turn_speed_kmh, turn_radius_m:
     in turns; transport_speed_kmh: on straights of ways; call_percent: of the tank, from which a cart may
-    come; tank_start_percent: in it at the start
+    come; tank_start_percent: in it at the start; pipe: the side on which it is, the same for all combines
     """
 
     machine: str = "lexion-700"
@@ -88,6 +88,7 @@ class CombineSettings:
     transport_speed_kmh: Annotated[float, Gt(0), Le(40)] = 12.0
     call_percent: Annotated[float, Ge(0), Le(100)] = 40.0
     tank_start_percent: Annotated[float, Ge(0), Le(100)] = 0.0
+    pipe: Literal["left", "right"] = "left"
 
 
 @dataclass(frozen=True)
@@ -146,10 +147,18 @@ class JobKeys:
 
 @dataclass(frozen=True, kw_only=True)
 class JobFile(JobKeys):
-    """A job as read. drawn: lines of its file, [x, y] as passes are [m]; notes: what is to be told of it"""
+    """A job as read. drawn: lines of its file, [x, y] as passes are [m]; yields: middles of squares of its
+    log, x, y [m], and what it has there [kg/m2]; notes: what is to be told of it
+    """
 
     drawn: tuple[Line, ...] = ()
+    yields: tuple[tuple[float, float, float], ...] = ()
     notes: tuple[str, ...] = ()
+
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether pipes are on the right: then its frame is mirrored, in which they are on the left."""
+        return any(c.pipe == "right" for c in self.combines.values())
 
 
 def job_schema() -> dict[str, Any]:
@@ -168,6 +177,7 @@ def job_schema() -> dict[str, Any]:
     }
 
 
+RENAMED = {"echelon": "two-combines", "small-echelon": "small-two-combines"}  # bundled jobs of 0.2
 COSTS_LESS = "a tank is emptied beside or standing, whatever costs less time"
 GONE: dict[tuple[str, ...], str] = {  # keys of 0.2, and what is done now
     ("carts", "*", "align_s"): "until a cart is in line follows from its way",
@@ -191,13 +201,15 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
 
     Raises InputError with key, value, file and line; its `others` are what else is wrong.
     """
-    document = read_document(find_sheet("jobs", name))
+    document = read_document(job_sheet(name))
     document.kind = "job"
     if not isinstance(document.data, dict):
         raise document.error((), None, "expected a mapping of keys")
     for change in changes:
         _set(document, change)
     notes = tuple(_without_gone(document))
+    if name in RENAMED:
+        notes = (f"{name} is called {RENAMED[name]} now: nothing drives in echelon", *notes)
     if document.data.get("format") != FORMAT:
         raise document.error(("format",), document.data.get("format"), f"expected `{FORMAT}`")
     keys, errors = validate(JobKeys, document.data, (), document)
@@ -224,6 +236,11 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
         if name in job.combines:
             raise document.error(("carts", name), None, "expected another name, a combine has it")
     return job, document
+
+
+def job_sheet(name: str) -> Path:
+    """The file of a bundled job, by its name or that of 0.2, or of the user's own."""
+    return find_sheet("jobs", RENAMED.get(name, name))
 
 
 def base_of(document: Document) -> Path | None:
@@ -313,4 +330,5 @@ def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFi
     if plan.direction_deg is None and math.isfinite(read.direction):
         plan = replace(plan, direction_deg=math.degrees(math.remainder(read.direction, math.pi)))
     lines = tuple([(x - corner[0], y - corner[1]) for x, y in line] for line in read.lines)
-    return replace(job, field=field, plan=plan, drawn=lines), notes
+    yields = tuple((float(x - corner[0]), float(y - corner[1]), grain) for x, y, grain in read.yields)
+    return replace(job, field=field, plan=plan, drawn=lines, yields=yields), notes

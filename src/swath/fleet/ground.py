@@ -5,7 +5,7 @@ depends on how the field lies on the map.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as made
 from typing import Any
 
@@ -14,13 +14,17 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
 from swath.fleet.bodies import Body, Place
+from swath.fleet.field_files import PARAMS as SQUARES
 from swath.fleet.files import JobFile
-from swath.kernels import launch
+from swath.kernels import filled, launch
 
 Array = NDArray[np.float64]
 CELL = 0.5  # m, of the grid of free ground
 CLOSED, BARE, STANDING = -2.0, -1.0, 1e18  # of a cell, as in search.cpp
+ROWS = 128  # of cells that are looked at together
+EDGE = 2.0  # m, up to which the distance to closed ground is kept
 AT_ONCE = 8  # strips that are cut, whose cells are looked at anew together
+SQUARE_M_PER_HA_T = 0.1  # t/ha in kg/m2
 GRAIN = 1e-4  # m, that places in the frame are rounded to, so that turning a field changes no decision
 
 
@@ -54,16 +58,19 @@ def shapely_here() -> Any:
 
 @dataclass(frozen=True)
 class Frame:
-    """From the map to the field: origin [m], direction of the x axis [rad]."""
+    """From the map to the field: origin [m], direction of the x axis [rad]; side: -1 where the y axis of the
+    map is turned round before, so that pipes on the right are on the left.
+    """
 
     x: float
     y: float
     direction: float
+    side: float = 1.0
 
     def to_field(self, points: Any) -> Array:
         """Points (n, 2) of the map in the field's frame, rounded."""
         c, s = math.cos(self.direction), math.sin(self.direction)
-        d = np.asarray(points, float) - (self.x, self.y)
+        d = np.asarray(points, float) * (1.0, self.side) - (self.x, self.y)
         return (
             np.round(np.column_stack([c * d[:, 0] + s * d[:, 1], c * d[:, 1] - s * d[:, 0]]) / GRAIN) * GRAIN
         )
@@ -72,13 +79,14 @@ class Frame:
         """Points (n, 2) of the frame on the map."""
         c, s = math.cos(self.direction), math.sin(self.direction)
         p = np.asarray(points, float)
-        return np.column_stack([self.x + c * p[:, 0] - s * p[:, 1], self.y + s * p[:, 0] + c * p[:, 1]])
+        y = self.y + s * p[:, 0] + c * p[:, 1]
+        return np.column_stack([self.x + c * p[:, 0] - s * p[:, 1], self.side * y])
 
 
 @dataclass
 class Grid:
     """Free ground in cells, shape (n, m). west, south: of the first [m]; cell [m]; edge: of the middle of
-    each, the distance to closed ground, < 0 in it [m], exact up to 2 m; free_from: the time from which no
+    each, the distance to closed ground, < 0 in it [m], 9 beyond 2 m; free_from: the time from which no
     crop stands there [s], -1 for ground without crop, -2 for closed ground, 1e18 for crop that stays;
     changed: rows and columns in which crop was cut, in order
     """
@@ -102,6 +110,7 @@ class Ground:
     def __init__(self, job: JobFile, truck: Body) -> None:
         shapely = shapely_here()
         self.frame = frame_of(job)
+        truck = truck.mirrored() if job.is_mirrored else truck
         outlines = [job.field.boundary_m, *job.field.parts_m]
         parts = [_polygon(ring, self.frame, "field.boundary_m") for ring in outlines]
         holes = shapely.union_all([_polygon(r, self.frame, "field.holes_m") for r in job.field.holes_m])
@@ -124,6 +133,9 @@ class Ground:
         self.grid = self._raster(shapely)
         self.rough = self.open.buffer(PARAMS.rough_m)
         shapely.prepare([self.open, self.rough])
+        self._mean = SQUARE_M_PER_HA_T * job.field.yield_t_ha
+        self._yields = _yields_of(job)
+        self._crop: dict[Any, tuple[int, Array]] = {}  # of strips asked for: cuts until then, areas
 
     def _yards(self, shapely: Any, place: Array) -> list[Any]:
         yards = [shapely.Point(p).buffer(PARAMS.yard_m) for p in (place, self.gate)]
@@ -135,38 +147,18 @@ class Ground:
             low + CELL * (np.arange(n) + 0.5)
             for low, n in zip((self.west, self.south), self.shape, strict=True)
         )
-        x, y = np.meshgrid(at_x, at_y, indexing="ij")
-        free = np.full(self.shape, CLOSED, np.float32)
-        for area, value in ((self.open, BARE), (self.field, STANDING)):
-            shapely.prepare(area)
-            free[shapely.contains_xy(area, x, y)] = value
-        return Grid(self.west, self.south, CELL, self._edge(shapely, x, y, free == CLOSED), free)
-
-    @staticmethod
-    def _far(closed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Cells more than 2 m from any cell of the other kind."""
-        near = np.zeros_like(closed)
-        reach = int(2.0 / CELL)
-        for axis in (0, 1):
-            changes = np.diff(closed.astype(np.int8), axis=axis) != 0
-            rows = np.insert(changes, 0, False, axis=axis) | np.insert(
-                changes, changes.shape[axis], False, axis=axis
-            )
-            for shift in range(-reach, reach + 1):
-                near |= np.roll(rows, shift, axis=axis)
-        for shift in range(-reach, reach + 1):
-            near |= np.roll(near, shift, axis=1)
-        return ~near
-
-    def _edge(self, shapely: Any, x: Array, y: Array, closed: NDArray[np.bool_]) -> NDArray[np.float32]:
-        """Distance of each cell's middle to closed ground, < 0 in it; 9 beyond 2 m [m]."""
-        edge = np.where(closed, -9.0, 9.0).astype(np.float32)
-        near = ~self._far(closed)
         line = shapely.boundary(self.open)
-        shapely.prepare(line)
-        away = shapely.distance(line, shapely.points(x[near], y[near]))
-        edge[near] = np.where(closed[near], -away, away)
-        return edge
+        shapely.prepare([self.open, self.field, line, near := line.buffer(EDGE)])
+        free, edge = np.full(self.shape, CLOSED, np.float32), np.full(self.shape, -9.0, np.float32)
+        for i in range(0, len(at_x), ROWS):
+            rows = slice(i, i + ROWS)
+            x, y = np.meshgrid(at_x[rows], at_y, indexing="ij")
+            is_open, is_near = (shapely.contains_xy(area, x, y) for area in (self.open, near))
+            free[rows][is_open], edge[rows][is_open] = BARE, 9.0
+            free[rows][shapely.contains_xy(self.field, x, y)] = STANDING
+            away = shapely.distance(line, shapely.points(x[is_near], y[is_near]))
+            edge[rows][is_near] = np.where(is_open[is_near], away, -away)
+        return Grid(self.west, self.south, CELL, edge, free)
 
     def cut(self, strips: Any, times: Array) -> Array:
         """Cut strips, polygons (n,), each at a time [s]: their crop leaves `remaining`, its areas [m2],
@@ -191,6 +183,24 @@ class Ground:
         near = shapely.intersection(self.remaining, shapely.union_all(strips))
         return np.asarray(shapely.area(shapely.intersection(near, strips)))
 
+    def density(self, strips: Any) -> Array:
+        """Grain in strips, polygons (n,), as it is about their middles [kg/m2], (n,)."""
+        if self._yields is None:
+            return np.full(len(strips), self._mean)
+        shapely, (corner, share) = shapely_here(), self._yields
+        middles = self.frame.to_map(shapely.get_coordinates(shapely.centroid(strips)))
+        i, j = np.clip((middles - corner) / SQUARES.yield_m, 0.0, np.array(share.shape) - 1.0).astype(int).T
+        return np.asarray(self._mean * share[i, j])
+
+    def crop_on(self, key: Any, strips: Any) -> Array:
+        """The same for strips that a key stands for, looked up unless crop about them was cut since."""
+        seen, areas = self._crop.get(key, (-1, np.zeros(0)))
+        own = window_of(strips, self.grid, self.shape)
+        if seen < 0 or any(_meet(own, cut) for cut in self.grid.changed[seen:]):
+            areas = self.crop_in(strips)
+        self._crop[key] = len(self.grid.changed), areas
+        return areas
+
     def is_free(self, areas: Any, time: float) -> NDArray[np.bool_]:
         """Whether polygons (n,) lie on open ground where no crop stands at a time [s]."""
         shapely = shapely_here()
@@ -200,7 +210,7 @@ class Ground:
         """The time from which no crop stands in any cell whose middle is in a convex polygon, (n,) [s]; cut:
         when the crop of each is cut [s]; until: cells that are free later are left out [s].
         """
-        from swath.fleet import swept_kernel
+        from swath.fleet import ground_kernel
 
         shapely = shapely_here()
         rings = shapely.get_exterior_ring(areas)
@@ -209,7 +219,9 @@ class Ground:
         latest = np.float32(until)  # as the grid has times
         numbers = np.array([*self.shape, CELL, self.west, self.south, len(areas), cut is not None, latest])
         points = shapely.get_coordinates(rings).ravel()
-        launch(swept_kernel.crop_cells, (numbers, points, ends, self.grid.free_from.ravel(), out))
+        cells = self.grid.free_from.ravel()
+        crop = filled(ground_kernel.Crop, numbers=numbers, points=points, starts=ends, cells=cells, times=out)
+        launch(ground_kernel.crop_cells, crop)
         return out
 
     def cut_by(self, areas: Any, time: float) -> list[float]:
@@ -221,6 +233,18 @@ class Ground:
         return latest
 
 
+def _yields_of(job: JobFile) -> tuple[Array, Array] | None:
+    """South-west corner on the map [m], and yields of squares over their mean, 1 where none is known."""
+    if not job.yields:
+        return None
+    rows = np.array(job.yields)
+    corner = rows[:, :2].min(axis=0) - 0.5 * SQUARES.yield_m
+    cells = ((rows[:, :2] - corner) / SQUARES.yield_m).astype(int)
+    share = np.ones(cells.max(axis=0) + 1)
+    share[tuple(cells.T)] = rows[:, 2] / rows[:, 2].mean()
+    return corner, share
+
+
 def window_of(areas: Any, grid: Grid, shape: tuple[int, int]) -> tuple[slice, slice]:
     """Rows and columns of cells about polygons."""
     low_x, low_y, high_x, high_y = shapely_here().total_bounds(areas)
@@ -229,6 +253,10 @@ def window_of(areas: Any, grid: Grid, shape: tuple[int, int]) -> tuple[slice, sl
         for low, high, at, n in ((low_x, high_x, grid.west, shape[0]), (low_y, high_y, grid.south, shape[1]))
     )
     return i, j
+
+
+def _meet(one: tuple[slice, slice], two: tuple[slice, slice]) -> bool:
+    return all(a.start < b.stop and b.start < a.stop for a, b in zip(one, two, strict=True))
 
 
 def cells_of(area: Any, grid: Grid, shape: tuple[int, int]) -> tuple[slice, slice, NDArray[np.bool_]]:
@@ -246,17 +274,18 @@ def frame_of(job: JobFile) -> Frame:
     begins. A direction of the plan is that of the x axis.
     """
     best: tuple[float, float, Frame] | None = None
-    truck = np.array([job.truck.x_m, job.truck.y_m])
+    side = -1.0 if job.is_mirrored else 1.0
+    truck = np.array([job.truck.x_m, side * job.truck.y_m])
     for ring in (job.field.boundary_m, *job.field.parts_m):
-        points = _anticlockwise(np.asarray(ring, float))
+        points = _anticlockwise(np.asarray(ring, float) * (1.0, side))
         for a, b in zip(points, np.roll(points, -1, axis=0), strict=True):
-            side = float(np.hypot(*(b - a)))
+            length = float(np.hypot(*(b - a)))
             far = float(np.hypot(*(0.5 * (a + b) - truck)))
-            if best is None or side > best[0] + 0.01 or (side > best[0] - 0.01 and far < best[1] - 0.01):
-                best = side, far, Frame(float(a[0]), float(a[1]), math.atan2(*(b - a)[::-1]))
+            if best is None or length > best[0] + 0.01 or (length > best[0] - 0.01 and far < best[1] - 0.01):
+                best = length, far, Frame(float(a[0]), float(a[1]), math.atan2(*(b - a)[::-1]), side)
     assert best is not None
     if job.plan.direction_deg is not None:
-        return Frame(best[2].x, best[2].y, math.radians(job.plan.direction_deg))
+        return replace(best[2], direction=side * math.radians(job.plan.direction_deg))
     return best[2]
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from swath.core.errors import InputError
 from swath.core.units import KMH
+from swath.fleet.bodies import PARAMS as GAPS
 from swath.fleet.bodies import Body, Drive, body_of
 from swath.fleet.files import CartSettings, CombineSettings, JobFile
 from swath.machine.drivetrain_sheet import drivetrain_of
@@ -18,10 +19,9 @@ from swath.signals.setup import Pipe
 class Params:
     """repose_deg: of wheat, published 22 to 27; backwards_m_s, shift_s: reversing, estimates; sideways_m_s2:
     acceleration that drivers of carts keep in bends, 0.8 in job reports, an estimate; drop_m: of grain below
-    the pipe's mouth where it meets the heap, an estimate; beside_m: least gap between the strip of a header
-    and a cart beside it, twice what a machine steers off and the search's gap; off_m: most that the stream's
-    impact may be off the middle of the box, of which a heap loses 15 % (COOPERATION: 83 to 86 % of a box);
-    steered: of the steering's rate that ways take, the rest is for what a machine is off its way
+    the pipe's mouth where it meets the heap, an estimate; off_m: most that the stream's impact may be off
+    the middle of the box, of which a heap loses 15 % (COOPERATION: 83 to 86 % of a box); steered: of the
+    steering's rate that ways take, the rest is for what a machine is off its way
     """
 
     repose_deg: float = 25.0
@@ -29,7 +29,6 @@ class Params:
     shift_s: float = 2.0
     sideways_m_s2: float = 0.8
     drop_m: float = 1.0
-    beside_m: float = 0.4
     off_m: float = 0.5
     steered: float = 0.75
 
@@ -99,16 +98,20 @@ class Machines:
 
 def machines_of(job: JobFile, base: Path | None = None) -> Machines:
     """The machines of a job. InputError for one that cannot do its part."""
+    for name, combine in job.combines.items():
+        if job.is_mirrored and combine.pipe == "left":
+            expected = "expected right, as the pipes of other combines, beside which the same carts drive"
+            raise InputError(f"combines.{name}.pipe", combine.pipe, expected)
     combines = tuple(_combine(n, s, base) for n, s in job.combines.items())
     density = drivetrain_of(combines[0].sheet).bulk.density
-    carts = tuple(_cart(n, s, base, density) for n, s in job.carts.items())
+    carts = tuple(_cart(n, s, base, density, job.is_mirrored) for n, s in job.carts.items())
     truck = load_machine(job.truck.machine, base=base)
     if truck.box is None:
         raise InputError("truck.machine", job.truck.machine, "expected a machine with a box")
     machines = Machines(combines, carts, truck, density)
-    for combine in combines:
+    for c in combines:
         for cart in carts:
-            beside(combine, cart)
+            beside(c, cart)
     return machines
 
 
@@ -125,11 +128,16 @@ def _combine(name: str, s: CombineSettings, base: Path | None) -> Combine:
     )  # fmt: skip
     pipe = sheet.pipe
     return Combine(
-        name, sheet, body_of(sheet), drive, sheet.header_width, sheet.knife_x, s.speed_kmh * KMH,
-        flow=s.grain_kg_s or train.transport.grain_feed, tank=train.tank, auger=train.unloading,
-        swing=pipe.swing / pipe.rate, pipe_x=pipe.x, pipe_y=pipe.y + pipe.length + _thrown(pipe),
+        name, sheet, _body(sheet, s.pipe == "right"), drive, sheet.header_width, sheet.knife_x,
+        s.speed_kmh * KMH, flow=s.grain_kg_s or train.transport.grain_feed, tank=train.tank,
+        auger=train.unloading, swing=pipe.swing / pipe.rate,
+        pipe_x=pipe.x, pipe_y=pipe.y + pipe.length + _thrown(pipe),
         call=s.call_percent / 100.0 * train.tank, start=s.tank_start_percent / 100.0 * train.tank,
     )  # fmt: skip
+
+
+def _body(sheet: MachineSheet, is_mirrored: bool) -> Body:
+    return body_of(sheet).mirrored() if is_mirrored else body_of(sheet)
 
 
 def _steering(sheet: MachineSheet) -> float:
@@ -144,7 +152,7 @@ def _thrown(pipe: Pipe) -> float:
     return out * (math.sqrt(down**2 + 2.0 * g * PARAMS.drop_m) - down) / g
 
 
-def _cart(name: str, s: CartSettings, base: Path | None, density: float) -> Cart:
+def _cart(name: str, s: CartSettings, base: Path | None, density: float, is_mirrored: bool) -> Cart:
     sheet = load_machine(s.machine, base=base)
     if sheet.box is None or sheet.hitch is None:
         raise InputError(f"carts.{name}.machine", s.machine, "expected a tractor with a box on a trailer")
@@ -156,7 +164,7 @@ def _cart(name: str, s: CartSettings, base: Path | None, density: float) -> Cart
         s.turn_radius_m, bend, speed, 0.0, dynamics_of(sheet).accel, PARAMS.shift_s, _steering(sheet)
     )
     return Cart(
-        name, sheet, body_of(sheet), drive, load, min(s.leave_percent / 100.0, 1.0) * load,
+        name, sheet, _body(sheet, is_mirrored), drive, load, min(s.leave_percent / 100.0, 1.0) * load,
         s.unload_l_s / 1000.0 * density, sheet.hitch.x - sheet.hitch.drawbar + sheet.box.x,
     )  # fmt: skip
 
@@ -167,9 +175,9 @@ def beside(combine: Combine, cart: Cart) -> tuple[float, float]:
     The middle of its box is under the stream, or so far off that its strip is clear of the header's.
     InputError where the stream does not reach the box then.
     """
-    clear = 0.5 * combine.width + cart.body.half_width + PARAMS.beside_m
+    clear = 0.5 * combine.width + cart.body.half_width + GAPS.beside_m
     if clear > combine.pipe_y + PARAMS.off_m:
-        most = 2.0 * (combine.pipe_y + PARAMS.off_m - cart.body.half_width - PARAMS.beside_m)
+        most = 2.0 * (combine.pipe_y + PARAMS.off_m - cart.body.half_width - GAPS.beside_m)
         expected = f"expected a header of at most {most:.2f} m, the pipe does not reach {cart.name} beside it"
         raise InputError(f"combines.{combine.name}.header_width_m", combine.width, expected)
     return combine.pipe_x - cart.box_x, max(clear, combine.pipe_y)

@@ -1,15 +1,15 @@
 // Which segments of others sweep ground of each segment of a path: outlines that are convex touch unless a side of one
-// separates them. The body of a native function; its arrays are those of swept.py.
+// separates them. The body of a native function; its arrays are those of table.py.
 //
 // numbers: segments of the path, rectangles of each, segments of the table, segments of a block, the machine that is
 // left out, most pairs that there is room for; out: pairs found, all counted, those there is room for written
 
-const double* m = (const double*)numbers.data;
-const double *own = (const double*)own_points.data, *own_box = (const double*)own_boxes.data;
-const double *other = (const double*)points.data, *box = (const double*)boxes.data, *block = (const double*)blocks.data;
-const int *own_start = (const int*)own_starts.data, *start = (const int*)starts.data;
-const int *first = (const int*)first_outline.data, *machine = (const int*)machines.data;
-int* out = (int*)found.data;
+const double* m = (const double*)its.numbers.data;
+const double *own = (const double*)its.own_points.data, *own_box = (const double*)its.own_boxes.data;
+const double *other = (const double*)its.points.data, *box = (const double*)its.boxes.data, *block = (const double*)its.blocks.data;
+const int *own_start = (const int*)its.own_starts.data, *start = (const int*)its.starts.data;
+const int *first = (const int*)its.first_outline.data, *machine = (const int*)its.machines.data;
+int* out = (int*)its.found.data;
 const int rows = (int)m[0], rects = (int)m[1], count = (int)m[2], size = (int)m[3], but = (int)m[4], most = (int)m[5];
 auto apart = [](const double* a, const double* b) { return a[0] > b[2] || b[0] > a[2] || a[1] > b[3] || b[1] > a[3]; };
 auto separates = [](const double* a, int n, const double* b, int k) {  // a side of a has all of b outside

@@ -224,7 +224,7 @@ class _Planner:
             for s, e in self._clear(a + 0.5 * width * right, u, width + self.settings.overlap_m, start, end):
                 line = a + 0.5 * width * right + s * u, a + 0.5 * width * right + e * u
                 if self._crop_in(*line, width) > PARAMS.least_m2:
-                    if self.settings.headland == "counterclockwise":
+                    if (self.settings.headland == "counterclockwise") == (self.ground.frame.side > 0.0):
                         line = line[1], line[0]
                     self.add(*line, width + self.settings.overlap_m, HEADLAND, number)
 

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.whole_file import write_whole
-from swath.fleet.account import grain, stays
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
-from swath.fleet.worked import CUT, SHOWN, WAIT, Worked, state_of
+from swath.fleet.worked import CUT, SHOWN, WAIT, Worked, grain, state_of, stays
 from swath.replay.pack import packed
 from swath.replay.writer import render
 from swath.report.plots import BLUE, CROP, GREEN, GREY, ORANGE, PURPLE, SKY
@@ -43,13 +42,13 @@ def collected(w: Worked) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         m = machines.by_name[name]
         arrays[f"track_{k}"] = thinned(_track(w, name)).T.astype(np.float32)
         arrays[f"fill_{k}"] = np.stack(held[name]).astype(np.float32)
-        body = m.body
+        body = m.body if ground.frame.side > 0.0 else m.body.mirrored()
         shown.append({
             "name": name, "kind": "cart" if isinstance(m, Cart) else "combine",
             "own": [list(r) for r in body.own], "towed": [list(r) for r in body.towed],
             "raised": body.raised, "hitch": body.hitch, "drawbar": body.drawbar,
             "holds": m.load if isinstance(m, Cart) else m.tank,
-            "pipe": None if isinstance(m, Cart) else [m.pipe_x, m.pipe_y],
+            "pipe": None if isinstance(m, Cart) else [m.pipe_x, ground.frame.side * m.pipe_y],
             "spans": [[SHOWN.index(s.shown), round(s.begin, 1), round(s.end, 1), s.reason]
                       for s in w.spans[name]],
         })  # fmt: skip
@@ -68,7 +67,7 @@ def collected(w: Worked) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 def _mapped(w: Worked, points: Array) -> Array:
     """Points of the frame, turned as they lie on the map."""
     frame = w.schedule.ground.frame
-    return frame.to_map(points[:, :2]) - (frame.x, frame.y)
+    return frame.to_map(points[:, :2]) - frame.to_map([(0.0, 0.0)])
 
 
 def _track(w: Worked, name: str) -> Array:
@@ -87,8 +86,8 @@ def _track(w: Worked, name: str) -> Array:
             parts.append(np.array([[out, *s.path.track.places[b]]]))
         rows = np.concatenate(parts)
         rows = rows[np.concatenate([[True], np.diff(rows[:, 0]) > 1e-6])]
-    turn = w.schedule.ground.frame.direction
-    rows[:, 3:] = np.unwrap(rows[:, 3:], axis=0) + turn
+    frame = w.schedule.ground.frame
+    rows[:, 3:] = frame.side * (np.unwrap(rows[:, 3:], axis=0) + frame.direction)
     rows[:, 1:3] = _mapped(w, rows[:, 1:3])
     return rows
 

@@ -9,11 +9,10 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.whole_file import new_file, write_whole
-from swath.fleet.account import litres_per_ha, used
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
 from swath.fleet.replay import COLOURS, write_replay
-from swath.fleet.worked import CUT, SHOWN, STATES, Worked, checked
+from swath.fleet.worked import CUT, SHOWN, STATES, Worked, checked, litres_per_ha, used
 from swath.judge.summary import json_safe
 from swath.report.html import write_page
 from swath.report.plots import BLUE, GREY, INK, ORANGE, STYLE, as_image, figure
@@ -48,6 +47,7 @@ def result_rows(w: Worked) -> list[tuple[str, str, str]]:
     ]
     if w.places:
         rows.append(("most that a machine was off its path", f"{100.0 * w.stray:.1f}", "cm"))
+        rows.append(("machines over each other", f"{math.fsum(w.contact.values()):.1f}", "s"))
     return rows
 
 
@@ -99,6 +99,7 @@ def to_dict(w: Worked) -> dict[str, Any]:
         "field_efficiency": w.efficiency,
         "diesel_l_per_ha": litres_per_ha(w),
         "stray_m": w.stray,
+        "contact_s": {", ".join(pair): s for pair, s in w.contact.items()} if w.places else None,
         "notes": checked(w),
         "poured": [
             {"from": p.source, "to": p.target, "kg": p.amount, "begin_s": p.begins, "end_s": p.ends}

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.fleet.bodies import PARAMS as GAPS
 from swath.fleet.bodies import Drive, Place, body_of
 from swath.fleet.dispatcher import Dispatcher, Option, State, dispatcher_of
 from swath.fleet.files import JobFile
@@ -36,7 +37,6 @@ from swath.fleet.yard import PARAMS as YARD
 from swath.fleet.yard import WIDE, Waits, run_of, waiting_places
 
 Array = NDArray[np.float64]
-SQUARE_M_PER_HA_T = 0.1  # t/ha in kg/m2
 LEFT_KG = 1e-6  # of grain, that is none
 
 
@@ -49,13 +49,12 @@ class Params:
     which a machine stands that a way leads around; part: of a tank, up to which a combine begins a pass that
     its tank does not take; long_s: beside cutting, from where on it may be emptied before instead; behind:
     share in the cost of a place of a cart's way to the truck, which keeps nobody waiting; again_s: more cost
-    of a place at which nobody could be emptied; line_deg: of a trailer that comes beside a header; near_m:
-    that a way keeps off who stands near, beyond the gaps of bodies; rests: power of two, most grants to
-    others before who can do nothing looks again; out_percent: of the field that is left where no way leads;
-    carts: that are looked at, those that can come first; room, full: of a box, less room of which no combine
-    pours into, and load from which no more is waited for; load: of a tank, and fills: of the room in a box,
-    less than which nobody comes beside for; lane_m: kept all round a cart that comes beside.
-    Estimates, but for line_deg: a box of 9 m then swings by less than the gap beside a header.
+    of a place at which nobody could be emptied; line_deg: of a trailer that comes beside a header; rests:
+    power of two, most grants to others before who can do nothing looks again; out_percent: of the field that
+    is left where no way leads; carts: that are looked at, those that can come first; room: of a box, less of
+    which no combine pours into, nor is waited for; load: of a tank, or all but that of the room in a box,
+    less than which nobody comes beside for; lane_m: kept all round a cart that comes beside. Estimates, but
+    for line_deg: a box of 9 m then swings by less than the gap beside a header.
     """
 
     cut_m: float = 8.0
@@ -71,14 +70,11 @@ class Params:
     behind: float = 0.25
     again_s: float = 60.0
     line_deg: float = 2.0
-    near_m: float = 0.04
     rests: int = 3
     out_percent: float = 0.5
     carts: int = 2
     room: float = 0.05
-    full: float = 0.95
     load: float = 0.1
-    fills: float = 0.9
     lane_m: float = 0.3
 
 
@@ -192,17 +188,18 @@ class Schedule:
 @dataclass
 class _Leg:
     """What a combine is about to do: a path, what it cuts of which pass, and from which segment on; lost: see
-    `_Scheduler.lost` [s]
+    `_Scheduler.lost` [s]; lanes: of carts beside it, as far as they were looked for
     """
 
     path: Path
     task: Pass
     masses: Array
-    areas: Array
+    density: Array
     strips: Any
     first: int
     not_before: float
     lost: float = 0.0
+    lanes: dict[str, tuple[int, int] | None] = field(default_factory=dict)
 
     @property
     def cuts(self) -> float:
@@ -236,7 +233,6 @@ class _Scheduler:
         self.patience = 1
         self._far: dict[tuple[Drive, Place, bool, int], Far] = {}
         self.dropped = -1  # windows of crop that were cut when passes were last looked through
-        self.density = job.field.yield_t_ha * SQUARE_M_PER_HA_T
         self.truck_free, self.truck_room = 0.0, math.inf
         if job.truck.volume_m3 is not None:
             self.truck_room = job.truck.volume_m3 * machines.density
@@ -255,6 +251,9 @@ class _Scheduler:
             self.table.stand(k.spec.name, standing(k.home, k.spec.body, 0.0, "home"))
         self.homes = {k.spec.name: run_of(k.spec.body, k.home, 0.0, WIDE) for k in self.carts}
         self.places = list(self.service_places()) if self.carts else []
+        self.runs: dict[
+            str, dict[Pass, tuple[Path, Any, Array]]
+        ] = {}  # of each combine along passes it may cut next
         self.vain: dict[Place, int] = {}  # how often in a row nobody could be emptied there
         self.inner = list(along_passes(plan)) if self.carts else []
 
@@ -425,8 +424,7 @@ class _Scheduler:
             return
         self.dropped = len(self.ground.grid.changed)
         for todo in self.todo():
-            areas = self.ground.crop_in(np.array([strip_of(p) for p in todo])) if todo else ()
-            todo[:] = [p for p, area in zip(todo, areas, strict=True) if area > PLAN.least_m2]
+            todo[:] = [p for p in todo if self.ground.crop_on(p, np.array([strip_of(p)]))[0] > PLAN.least_m2]
 
     def nearest(self, c: CombineState, passes: list[Pass]) -> list[Pass]:
         """Passes by how far off their starts are."""
@@ -447,12 +445,14 @@ class _Scheduler:
         """
         reach = self.reach(c)
         cuts: list[tuple[bool, float, int, _Leg]] = []
-        for p in passes:
-            for task in (p, p.reversed()):
-                leg = self.only_cut(c, task)
-                if leg is not None:
-                    way = reach(leg.path.track.start) / c.spec.drive.straight
-                    cuts.append((p.kind != HEADLAND, round(way + leg.lost, 0), len(cuts), leg))
+        known = self.runs.get(c.spec.name, {})
+        tasks = [task for p in passes for task in (p, p.reversed())]
+        self.runs[c.spec.name] = {task: known[task] for task in tasks if task in known}
+        for task in tasks:
+            leg = self.only_cut(c, task)
+            if leg is not None:
+                way = reach(leg.path.track.start) / c.spec.drive.straight
+                cuts.append((task.kind != HEADLAND, round(way + leg.lost, 0), len(cuts), leg))
         for time in self.moments(c):
             for *_, leg in sorted(cuts, key=lambda cut: cut[:3]):
                 found = self.with_way(c, leg, time)
@@ -466,22 +466,30 @@ class _Scheduler:
 
     def only_cut(self, c: CombineState, task: Pass) -> _Leg | None:
         """A pass alone; None where a combine can do nothing on it."""
-        u = np.array([math.cos(task.heading), math.sin(task.heading)])
-        start = np.array(task.start) - c.spec.knife * u
-        place = Place(float(start[0]), float(start[1]), task.heading, task.heading)
-        run = straight(place, task.length, c.spec.body)
-        marks = np.linspace(0.0, task.length, max(1, math.ceil(task.length / PARAMS.cut_m)) + 1)
-        cut = segments(run, run.distance, c.spec.body, "cut", marks)
-        if not shapely_here().contains(self.ground.rough, cut.swept[:]).all():
-            return None  # its body would be in a hole or off open ground
-        strips = _strips(task, c.spec.width, marks)
-        areas = self.ground.crop_in(strips)
-        length = np.diff(marks)
-        speed = [c.spec.speed_in(a * self.density / d) for a, d in zip(areas, length, strict=True)]
-        cut.spent = length / np.array(speed)
-        leg = _Leg(cut, task, areas * self.density, areas, strips, 0, 0.0)
+        runs = self.runs[c.spec.name]
+        if task not in runs:
+            runs[task] = self.run_along(c.spec, task)
+        cut, strips, density = runs[task]
+        if strips is None:
+            return None
+        masses = self.ground.crop_on((c.spec.name, task), strips) * density
+        length = task.length / len(strips)
+        cut = replace(cut, spent=length / np.array([c.spec.speed_in(kg / length) for kg in masses]))
+        leg = _Leg(cut, task, masses, density, strips, 0, 0.0)
         leg.lost = self.lost(c, leg)
         return leg if math.isfinite(leg.lost) else None
+
+    def run_along(self, c: Combine, task: Pass) -> tuple[Path, Any, Array]:
+        """A combine's path along a pass, what its header goes over in each segment, polygons, and the grain
+        there [kg/m2]; no polygons where its body would be in a hole or off open ground.
+        """
+        place = Place(*task.start, task.heading, task.heading).ahead(-c.knife)
+        run = straight(place, task.length, c.body)
+        marks = np.linspace(0.0, task.length, max(1, math.ceil(task.length / PARAMS.cut_m)) + 1)
+        cut = segments(run, run.distance, c.body, "cut", marks)
+        is_open = shapely_here().contains(self.ground.rough, cut.swept[:]).all()
+        strips = _strips(task, c.width, marks)
+        return cut, strips if is_open else None, self.ground.density(strips)
 
     def with_way(self, c: CombineState, cut: _Leg, time: float) -> _Leg | None:
         """A pass and the way to it."""
@@ -538,7 +546,7 @@ class _Scheduler:
                 wide = [p.buffer(YARD.wide_m, join_style="mitre") for p in s.path.swept[s.index]]
                 is_near = other == beside or shapely_here().intersects(own, wide).any()
                 if is_near:
-                    near += [p.buffer(PARAMS.near_m, join_style="mitre") for p in s.path.swept[s.index]]
+                    near += [p.buffer(GAPS.near_m, join_style="mitre") for p in s.path.swept[s.index]]
                 else:
                     shapes += wide
         find = partial(self.finder.find, body, drive, start, stand=shapes, near=near, time=time)
@@ -609,8 +617,8 @@ class _Scheduler:
             if not any(lane is not None and lane[0] < count <= lane[1] for lane in lanes):
                 return
         path = leg.path.until(leg.first + count)
-        masses, areas, strips = leg.masses[:count], leg.areas[:count], leg.strips[:count]
-        part = replace(leg, path=path, masses=masses, areas=areas, strips=strips)
+        masses, density, strips = leg.masses[:count], leg.density[:count], leg.strips[:count]
+        part = replace(leg, path=path, masses=masses, density=density, strips=strips)
         times = self.table.earliest(c.spec.name, path, max(c.time, leg.not_before))
         if times is None:
             return
@@ -628,10 +636,10 @@ class _Scheduler:
         numbers = self.table.commit(c.spec.name, leg.path, times, meets)
         into = np.array([*times[leg.first :], times[-1] + float(leg.path.spent[-1])])
         areas = self.ground.cut(leg.strips, into[1:])
-        c.tank += float((areas * self.density).sum())
-        self.schedule.cut.append((c.spec.name, float((areas * self.density).sum()), float(areas.sum())))
-        masses = (areas * self.density).tolist()
-        self.schedule.grain.update(zip(numbers[leg.first :], masses, strict=True))
+        masses = areas * leg.density
+        c.tank += float(masses.sum())
+        self.schedule.cut.append((c.spec.name, float(masses.sum()), float(areas.sum())))
+        self.schedule.grain.update(zip(numbers[leg.first :], masses.tolist(), strict=True))
         c.place, c.time = leg.path.track.end, float(into[-1])
         self._take_off(leg.task, rest)
         return numbers
@@ -640,7 +648,7 @@ class _Scheduler:
         """A pass is no longer to be cut; what is left of it is."""
         for todo in self.todo():
             for i, p in enumerate(todo):
-                if {p.start, p.end} == {task.start, task.end}:
+                if p in (task, task.reversed()):
                     todo[i : i + 1] = [] if rest is None else [rest]
                     return
 
@@ -771,6 +779,11 @@ class _Scheduler:
 
     def free_lane(self, c: CombineState, k: CartState, leg: _Leg) -> tuple[int, int] | None:
         """The longest run of segments of a pass beside which a cart may drive, from and up to."""
+        if k.spec.name not in leg.lanes:
+            leg.lanes[k.spec.name] = self._lane_beside(c, k, leg)
+        return leg.lanes[k.spec.name]
+
+    def _lane_beside(self, c: CombineState, k: CartState, leg: _Leg) -> tuple[int, int] | None:
         shapely, body, gap = shapely_here(), k.spec.body, PARAMS.lane_m
         ahead, left = beside(c.spec, k.spec)
         begin = leg.path.track.places[leg.path.first[leg.first :]]
@@ -826,7 +839,7 @@ class _Scheduler:
             level -= amounts[-1]
             if level <= LEFT_KG or math.fsum(amounts) >= room - LEFT_KG:
                 break
-        if math.fsum(amounts) < min(PARAMS.load * c.spec.tank, PARAMS.fills * room):
+        if math.fsum(amounts) < min(PARAMS.load * c.spec.tank, (1.0 - PARAMS.load) * room):
             return None, 0.0
         rest = float(levels[-1]) - math.fsum(amounts)
         if rest > c.spec.tank + LEFT_KG:
@@ -856,7 +869,7 @@ class _Scheduler:
     def is_full(k: CartState, load: float | None = None) -> bool:
         """Whether a load is worth the way to the truck."""
         load = k.load if load is None else load
-        return load >= min(k.spec.leave, PARAMS.full * k.spec.load)
+        return load >= min(k.spec.leave, (1.0 - PARAMS.room) * k.spec.load)
 
     def home_by(
         self, trip: _Trip, time: float, load: float, empties: bool

@@ -1,16 +1,16 @@
 // The ground that a body's rectangles sweep over each segment of a path: the convex hull of their corners (Andrew's
-// monotone chain), anticlockwise. The body of a native function; its arrays are those of swept.py.
+// monotone chain), anticlockwise. The body of a native function; its arrays are those of table.py.
 //
 // numbers: hitch, drawbar [m], rectangles, of which towed, segments, samples; 6 in all. Of a segment on which nothing turns,
 // the ends are enough.
 
 typedef double D;
-const D* m = (const D*)numbers.data;
-const D* at = (const D*)places.data;
-const D* parts = (const D*)rectangles.data;
-const int *from = (const int*)first.data, *to = (const int*)last.data;
-D *points = (D*)outlines.data, *corners = (D*)room.data;
-int* begins = (int*)starts.data;
+const D* m = (const D*)its.numbers.data;
+const D* at = (const D*)its.places.data;
+const D* parts = (const D*)its.rectangles.data;
+const int *from = (const int*)its.first.data, *to = (const int*)its.last.data;
+D *points = (D*)its.outlines.data, *corners = (D*)its.room.data;
+int* begins = (int*)its.starts.data;
 const D hitch = m[0], drawbar = m[1];
 const int count = (int)m[2], towed = (int)m[3], rows = (int)m[4], samples = (int)m[5];
 auto before = [](const D* a, const D* b) { return a[0] < b[0] || (a[0] == b[0] && a[1] < b[1]); };

@@ -6,21 +6,23 @@ What is found is a `Track`: the places of the machine along it, samples at most 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.control.turns import TurnLimits, clothoid
 from swath.control.turns.dubins import Place as Pose
+from swath.fleet.bodies import PARAMS as GAPS
 from swath.fleet.bodies import Body, Drive, Place, Rectangle
 from swath.fleet.ground import Grid, cells_of
-from swath.kernels import launch
+from swath.kernels import filled, launch, member_array
 
 Array = NDArray[np.float64]
 SAMPLE = 0.5  # m between the samples of a track, of which the search looks at every other one
 ROOM = 60_000  # poses that are kept
-BIN = 1.5  # m, within which it keeps one pose of a heading, as in search.cpp
+SLOTS = 1 << 17  # for bins in which it keeps one pose of a heading, as in search.cpp
+PATCH = 2.5  # m, radius of parts of a body that are looked up at once; no way depends on it
 COARSE = 2.0  # m, cells of its heuristic, as in search.cpp
 TURNS = 8  # headings of its estimate, as in search.cpp
 SEARCH, LANES, CHECK = 0, 1, 2  # what it is asked for, as in search.cpp
@@ -35,17 +37,15 @@ class Params:
     which a bend that cannot be eased is driven; ramp_m: over which bends grow and fade, a combine's steering
     at walking pace; ease: weight of a bend that is changed against a metre of length; ease_m: of a piece that
     counts so; shrink: share of a piece that is left at least, sharper: by which a bend changes at most in a
-    step of easing; rolled: times of the least that a way can take, up to which a turn that is rolled
-    through is taken without a search; stray_m: that an eased
-    way may be nearer to closed ground than the searched one; near: radii, within which a turn is tried before
-    a search; line_deg: of a trailer that is in line at the end of a way; patch_m: radius of parts of a body
-    that are looked up at once. Of the search: shot_m: to the goal, within which each pose is joined to it,
-    farther off each 16th; later_s: ground that is free so much after the start counts in the estimate of
-    what is left, which counts `weight` times; off_m: more of it where no way with turns is known;
-    rough_m: by what it may be too far with turns; bend_rad:
-    of a trailer at the end of a bend, which comes in line on a straight; poses_m: that are looked at for each
-    metre to the goal; long: steps of a long straight; after: poses that are looked at once a way is found.
-    Estimates, those of the search such that drawn fields are planned fast.
+    step of easing; rolled: times of the least that a way can take, up to which a turn that is rolled through
+    is taken without a search; stray_m: that an eased way may be nearer to closed ground than the searched
+    one; near: radii, within which a turn is tried before a search; line_deg: of a trailer that is in line at
+    the end of a way; of the search: shot_m: to the goal, within which each pose is joined to it, farther off
+    each 16th; later_s: ground that is free so much after the start counts in the estimate of what is left,
+    which counts `weight` times; off_m: more of it where no way with turns is known; rough_m: by what it may
+    be too far with turns; bend_rad: of a trailer at the end of a bend, which comes in line on a straight;
+    poses_m: that are looked at for each metre to the goal; long: steps of a long straight; after: poses that
+    are looked at once a way is found. Estimates, those of the search such that drawn fields are planned fast.
     """
 
     step_m: float = 2.0
@@ -62,7 +62,6 @@ class Params:
     stray_m: float = 0.1
     near: float = 10.0
     line_deg: float = 6.0
-    patch_m: float = 1.8
     shot_m: float = 25.0
     later_s: float = 1000.0
     weight: float = 1.5
@@ -225,15 +224,17 @@ def _mean_bends(bends: Array, lengths: Array, ramp: float) -> tuple[Array, Array
 
 def _dragged(x: Array, y: Array, heading: Array, first: float, body: Body) -> Array:
     """Headings of a trailer whose axle stays on the line to the pin, (n,)."""
-    px, py = x + body.hitch * np.cos(heading), y + body.hitch * np.sin(heading)
-    pins = np.column_stack([px, py]).tolist()
-    tx, ty = px[0] - body.drawbar * math.cos(first), py[0] - body.drawbar * math.sin(first)
-    out = [first]
+    pins = np.column_stack([x + body.hitch * np.cos(heading), y + body.hitch * np.sin(heading)]).tolist()
+    far = body.drawbar
+    tx, ty = pins[0][0] - far * math.cos(first), pins[0][1] - far * math.sin(first)
+    along = []
     for u, v in pins[1:]:
-        angle = math.atan2(v - ty, u - tx)
-        tx, ty = u - body.drawbar * math.cos(angle), v - body.drawbar * math.sin(angle)
-        out.append(angle)
-    return np.unwrap(out)
+        dx, dy = u - tx, v - ty
+        share = far / math.sqrt(dx * dx + dy * dy)
+        tx, ty = u - share * dx, v - share * dy
+        along.append((dx, dy))
+    dx, dy = np.array(along).reshape(-1, 2).T
+    return np.unwrap(np.concatenate([[first], np.arctan2(dy, dx)]))
 
 
 def behind(first: Track, then: Track, body: Body) -> Track:
@@ -346,6 +347,20 @@ class Far:
         return min((d for d in known if 0.0 <= d < 1e17), default=math.inf)
 
 
+class _Asked(NamedTuple):
+    """A way that is looked for, see `Finder.find`; stand: outlines of all who stand"""
+
+    body: Body
+    drive: Drive
+    start: Place
+    goal: Place
+    stand: tuple[Any, ...] = ()
+    time: float = 0.0
+    gap: float = 0.0
+    in_line: float = 0.0
+    most: int = PARAMS.poses
+
+
 class Finder:
     """Searches ways on a grid of free ground; keeps what it has worked out of ground that did not change.
 
@@ -356,16 +371,12 @@ class Finder:
         self.grid = grid
         self._lane = 3 if lane >= 9.0 else 2  # coarse cells of a cell of the estimate with headings
         shape, cell = grid.edge.shape, grid.cell
-        wide, high = int(shape[0] * cell / BIN) + 1, int(shape[1] * cell / BIN) + 1
         self._coarse = tuple(-(-n // round(COARSE / cell)) for n in shape)
         self._rows = tuple(-(-n // self._lane) for n in self._coarse)
         cells = self._coarse[0] * self._coarse[1]
         self._found = np.zeros(4100)
-        self._nodes = np.zeros(11 * ROOM)
-        self._best = np.full(wide * high * PARAMS.headings, 1e18, np.float32)
-        room = max(4 * ROOM, 10 * cells)
-        self._keys, self._heap = np.zeros(room), np.zeros((2, room), np.int32)
-        self._far = np.zeros(cells, np.float32)
+        best = np.zeros(2 * SLOTS, np.float32)
+        best[SLOTS:].view(np.int32)[:] = -1  # no slot has a bin
         self._lanes = np.zeros(TURNS * math.prod(self._rows), np.float32)
         self._taken = np.zeros(shape, np.uint8)
         self._reachable = np.full(self._coarse, 2e18, np.float32)
@@ -374,12 +385,23 @@ class Finder:
         self._cells: dict[Any, tuple[slice, slice, NDArray[np.bool_]]] = {}
         self._near: list[Array] = []  # sides of who stands near
         self._seen = 0
-        reach = PARAMS.patch_m / cell  # and what middle and points may be off those of their cells
+        reach = PATCH / cell  # and what middle and points may be off those of their cells
         self._reach_cells = reach + math.sqrt(2.0)
         self._last_cut = 0.0  # s
         self._known: dict[Any, Track | None] = {}  # ways that were asked for since crop was cut
         self._reach(slice(0, shape[0]), slice(0, shape[1]))
         self.searches = 0  # made, not known from before
+        from swath.fleet import ground_kernel
+
+        heaps = [np.zeros(4 * ROOM, np.int32) for _ in range(2)]
+        self._its = filled(
+            ground_kernel.Search, ground=grid.free_from.ravel(), node_rows=np.zeros(11 * ROOM),
+            heap_keys=np.zeros(4 * ROOM), heap_nodes=heaps[0], following=heaps[1], best_rows=best,
+            distance=np.zeros(cells, np.float32), edge_rows=grid.edge.ravel(),
+            reachable_from=self._reachable.ravel(), bare_rows=self._bare.ravel(),
+            within_rows=self._within.ravel(), lane_rows=self._lanes, taken_cells=self._taken.ravel(),
+            found=self._found,
+        )  # fmt: skip
 
     def _refresh(self) -> None:
         """What has changed on the grid since the last search."""
@@ -415,7 +437,7 @@ class Finder:
 
     def find(
         self, body: Body, drive: Drive, start: Place, goal: Place, *, stand: Sequence[Any] = (),
-        near: Sequence[Any] = (), time: float = 0.0, gap: float = 0.15, in_line: float = 0.0,
+        near: Sequence[Any] = (), time: float = 0.0, gap: float = GAPS.search_m, in_line: float = 0.0,
         most: int = PARAMS.poses,
     ) -> Track | None:  # fmt: skip
         """The way that takes the shortest time from a place to another, None where there is none.
@@ -426,19 +448,20 @@ class Finder:
         """
         self._refresh()
         by = min(time, self._last_cut)  # later nothing changes
-        asked = body, drive, start, goal, frozenset(stand), frozenset(near), by, gap, in_line, most
-        if asked in self._known:
-            return self._known[asked]
+        asked = _Asked(body, drive, start, goal, (*stand, *near), by, gap, in_line, most)
+        key = asked._replace(stand=(frozenset(stand), frozenset(near)))
+        if key in self._known:
+            return self._known[key]
         self._near = [_sides(shape) for shape in near]
         windows = [self._window(shape) for shape in stand]
         for i, j, inside in windows:
             self._taken[i, j] |= inside
         try:
-            way = self._find(body, drive, start, goal, (*stand, *near), by, gap, in_line, most)
+            way = self._found_way(asked)
         finally:
             for i, j, _ in windows:
                 self._taken[i, j] = 0
-        self._known[asked] = way
+        self._known[key] = way
         return way
 
     def _window(self, shape: Any) -> tuple[slice, slice, NDArray[np.bool_]]:
@@ -456,44 +479,30 @@ class Finder:
         self._refresh()
         place = goal if not there else goal._replace(heading=goal.heading + math.pi)
         self._near = []
-        self._launch(POINT, drive, place, place, (), time, 0.0, 0.0, PARAMS.poses, LANES)
+        self._launch(_Asked(POINT, drive, place, place, time=time), LANES)
         return Far(self._lanes.copy(), self.grid, self._rows, self._lane * COARSE, there)
 
-    def _find(
-        self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: float, most: int,
-    ) -> Track | None:  # fmt: skip
-        turn = self._turn(body, drive, start, goal, stand, time, gap)
-        if turn is not None and times_along(turn, drive)[-1] < _least_time(start, goal, drive):
+    def _found_way(self, asked: _Asked) -> Track | None:
+        turn, drive = self._turn(asked), asked.drive
+        if turn is not None and times_along(turn, drive)[-1] < _least_time(asked.start, asked.goal, drive):
             return turn
-        track = self._searched(body, drive, start, goal, stand, time, gap, in_line, most)
+        track = self._searched(asked)
         if track is None or turn is None:
             return track or turn
         return min(turn, track, key=lambda t: float(times_along(t, drive)[-1]))
 
-    def _turn(
-        self,
-        body: Body,
-        drive: Drive,
-        start: Place,
-        goal: Place,
-        stand: Sequence[Any],
-        time: float,
-        gap: float,
-    ) -> Track | None:
+    def _turn(self, asked: _Asked) -> Track | None:
         """A turn that is rolled through, where there is room for one."""
+        body, drive, start, goal, *_ = asked
         far = math.dist(start[:2], goal[:2])
         if body.has_trailer or drive.steering == math.inf or far > PARAMS.near * drive.radius:
             return None
         turn = rolled(start, goal, drive, body)
-        is_clear = self._is_clear(turn, body, drive, stand, time, gap)
-        return turn if is_clear else None
+        return turn if self._is_clear(turn, asked) else None
 
-    def _searched(
-        self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: float, most: int,
-    ) -> Track | None:  # fmt: skip
-        self._launch(body, drive, start, goal, stand, time, gap, in_line, most, SEARCH)
+    def _searched(self, asked: _Asked) -> Track | None:
+        body, drive, start, *_ = asked
+        self._launch(asked, SEARCH)
         self.searches += 1
         count = int(self._found[0])
         if count < 1:
@@ -503,17 +512,15 @@ class Finder:
         if drive.steering < math.inf and any(k != 0.0 for k, _ in pieces):
             for part in (1.0, 0.5, 0.25):
                 made = eased(start, pieces, body, part * PARAMS.ramp_m)
-                if made is not None and self._is_clear(made, body, drive, stand, time, gap):
+                if made is not None and self._is_clear(made, asked):
                     return made
         return driven(start, pieces, body)
 
-    def _launch(
-        self, body: Body, drive: Drive, start: Place, goal: Place, stand: Sequence[Any], time: float,
-        gap: float, in_line: float, most: int, mode: int, track: Array = NOTHING,
-    ) -> None:  # fmt: skip
+    def _launch(self, asked: _Asked, mode: int, track: Array = NOTHING) -> None:
         """Run the kernel."""
-        from swath.fleet import search_kernel
+        from swath.fleet import ground_kernel
 
+        body, drive, start, goal, stand, time, gap, in_line, most = asked
         grid, p = self.grid, PARAMS
         points, patches = self._points(body, gap)
         pin = start.x + body.hitch * math.cos(start.heading), start.y + body.hitch * math.sin(start.heading)
@@ -529,37 +536,32 @@ class Finder:
             drive.radius, drive.turning, drive.straight, drive.backwards or 1.0, drive.shift, time,
             grid.cell, grid.west, grid.south, body.has_trailer, body.hitch, body.drawbar,
             drive.backwards > 0.0, ROOM, most, line, mode,
-            len(track), *self._taken.shape, p.step_m, p.headings, p.stray_m, len(patches), p.shot_m,
+            len(track), *self._taken.shape, p.step_m, p.headings, p.stray_m, len(patches) // 7, p.shot_m,
             p.later_s, len(self._near), self._reach_cells, len(stand), self._lane, p.weight, p.bend_rad,
             p.poses_m, p.long, p.after, p.off_m, *_circle(body.own, gap), *_circle(body.towed, gap),
-            self._heap.shape[1], p.rough_m,
+            4 * ROOM, p.rough_m,
         )  # fmt: skip
         numbers[52:] = circles.ravel()
         sides = np.concatenate([np.concatenate([[len(n)], n.ravel()]) for n in self._near] or [NOTHING])
-        arrays: list[Any] = [
-            numbers, points.ravel(), grid.free_from.ravel(), self._nodes, self._keys, self._heap[0],
-            self._best, self._far, grid.edge.ravel(), self._reachable.ravel(), self._bare.ravel(),
-            self._within.ravel(), self._heap[1], self._lanes, self._taken.ravel(), sides,
-            patches.ravel(), track.ravel(), self._found,
-        ]  # fmt: skip
-        launch(search_kernel.find_way, arrays)
+        changed = {"numbers": numbers, "near_sides": sides, "track_rows": track.ravel()}
+        changed |= {"body": points, "patch_rows": patches}
+        for name, array in changed.items():
+            setattr(self._its, name, member_array(ground_kernel.Search, name, array))
+        launch(ground_kernel.find_way, self._its)
 
     def _points(self, body: Body, gap: float) -> tuple[Array, Array]:
-        """Points on a body, (n, 2), and the patches that they are in, as search.cpp has them."""
+        """Points on a body, and the patches that they are in, as search.cpp has them."""
         if (body, gap) not in self._bodies:
-            self._bodies[body, gap] = _patches(body.points(PARAMS.body_m, gap), PARAMS.patch_m)
+            points, patches = _patches(body.points(PARAMS.body_m, gap), PATCH)
+            self._bodies[body, gap] = points.ravel(), patches.ravel()
         return self._bodies[body, gap]
 
-    def _is_clear(
-        self, track: Track, body: Body, drive: Drive, stand: Sequence[Any], time: float, gap: float
-    ) -> bool:
+    def _is_clear(self, track: Track, asked: _Asked) -> bool:
         """Whether a body is on open ground, but for a little, and off who stands and crop, all along from
         where it begins.
         """
-        when = time + track.distance[1:] / drive.straight
-        poses = np.column_stack([track.places[1:], when])
-        here = track.start
-        self._launch(body, drive, here, here, stand, time, gap, 0.0, 0, CHECK, poses)
+        when = asked.time + track.distance[1:] / asked.drive.straight
+        self._launch(asked, CHECK, np.column_stack([track.places[1:], when]))
         return bool(self._found[0])
 
 
