@@ -50,7 +50,8 @@ class Params:
     its tank does not take; long_s: beside cutting, from where on it may be emptied before instead; behind:
     share in the cost of a place of a cart's way to the truck, which keeps nobody waiting; again_s: more cost
     of a place at which nobody could be emptied; line_deg: of a trailer that comes beside a header; near_m:
-    that a way keeps off who stands near, beyond the gaps of bodies; rests: power of two, most grants to
+    that a way keeps off who stands near, beyond the gaps of bodies; saves_s: less than which is no reason to
+    look at another pass; rests: power of two, most grants to
     others before who can do nothing looks again; out_percent: of the field that is left where no way leads;
     carts: that are looked at, those that can come first; room, full: of a box, less room of which no combine
     pours into, and load from which no more is waited for; load: of a tank, and fills: of the room in a box,
@@ -72,6 +73,7 @@ class Params:
     again_s: float = 60.0
     line_deg: float = 2.0
     near_m: float = 0.04
+    saves_s: float = 20.0
     rests: int = 3
     out_percent: float = 0.5
     carts: int = 2
@@ -191,8 +193,9 @@ class Schedule:
 
 @dataclass
 class _Leg:
-    """What a combine is about to do: a path, what it cuts of which pass, and from which segment on; lost: see
-    `_Scheduler.lost` [s]
+    """What a combine is about to do: a path, what it cuts of which pass, and from which segment on; after:
+    earliest times of segments [s]; lost: see `_Scheduler.lost`; least: way and what is lost, if nobody is in
+    the way [s]
     """
 
     path: Path
@@ -201,8 +204,9 @@ class _Leg:
     areas: Array
     strips: Any
     first: int
-    not_before: float
+    after: dict[int, float] = field(default_factory=dict)
     lost: float = 0.0
+    least: float = 0.0
 
     @property
     def cuts(self) -> float:
@@ -373,12 +377,19 @@ class _Scheduler:
         return self.takes(c, options)
 
     def first(self, c: CombineState, legs: Iterator[_Leg], *, part: bool) -> list[tuple[Option, Any]]:
-        """What can be done on the first leg on which anything can; part: or a part, wherever that ends"""
+        """What can be done on the first leg on which anything can, and on others of its kind that may save
+        time; part: or a part, wherever that ends
+        """
+        options: list[tuple[Option, Any]] = []
+        spent, kind = math.inf, ""
         for leg in legs:
-            options = list(self.cuts(c, leg, part))
-            if options:
-                return options
-        return []
+            if options and (leg.task.kind != kind or leg.least + PARAMS.saves_s > spent):
+                break
+            found = list(self.cuts(c, leg, part))
+            options += found
+            spent = min((o.ends - o.cuts - c.time for o, _ in options), default=math.inf)
+            kind = leg.task.kind
+        return options
 
     def takes(self, c: CombineState, options: list[tuple[Option, Any]]) -> bool:
         """What the dispatcher decides, granted; False where there is nothing to decide."""
@@ -442,8 +453,8 @@ class _Scheduler:
         return self.legs(c, passes) if passes else None
 
     def legs(self, c: CombineState, passes: Sequence[Pass]) -> Iterator[_Leg]:
-        """Legs to passes, from now or from when all given is cut: headland first, then those first that
-        cost the least time beside that of cutting.
+        """Legs to passes: headland first, then those first that cost the least time beside that of cutting; on
+        ground that is cut now, and on what is cut when all have done what is granted to them.
         """
         reach = self.reach(c)
         cuts: list[tuple[bool, float, int, _Leg]] = []
@@ -452,11 +463,14 @@ class _Scheduler:
                 leg = self.only_cut(c, task)
                 if leg is not None:
                     way = reach(leg.path.track.start) / c.spec.drive.straight
-                    cuts.append((p.kind != HEADLAND, round(way + leg.lost, 0), len(cuts), leg))
-        for time in self.moments(c):
-            for *_, leg in sorted(cuts, key=lambda cut: cut[:3]):
+                    leg.least = way + leg.lost
+                    cuts.append((p.kind != HEADLAND, round(leg.least, 0), len(cuts), leg))
+        for *_, leg in sorted(cuts, key=lambda cut: cut[:3]):
+            length = math.nan
+            for time in self.moments(c):
                 found = self.with_way(c, leg, time)
-                if found is not None:
+                if found is not None and not abs(found.path.track.length - length) < 0.1:
+                    length = found.path.track.length
                     yield found
 
     def moments(self, c: CombineState) -> list[float]:
@@ -479,17 +493,18 @@ class _Scheduler:
         length = np.diff(marks)
         speed = [c.spec.speed_in(a * self.density / d) for a, d in zip(areas, length, strict=True)]
         cut.spent = length / np.array(speed)
-        leg = _Leg(cut, task, areas * self.density, areas, strips, 0, 0.0)
+        leg = _Leg(cut, task, areas * self.density, areas, strips, 0)
         leg.lost = self.lost(c, leg)
         return leg if math.isfinite(leg.lost) else None
 
     def with_way(self, c: CombineState, cut: _Leg, time: float) -> _Leg | None:
-        """A pass and the way to it."""
+        """A pass and the way to it, searched on ground that is cut by a time and driven as that is cut."""
         place = cut.path.track.start
         path = self.way(c.spec, c.place, place, time, "way")
         if path is None:
             return None
-        return replace(cut, path=path.then(cut.path), first=len(path), not_before=time)
+        after = self.cut_by(path, c.time, time)
+        return replace(cut, path=path.then(cut.path), first=len(path), after=after)
 
     def lost(self, c: CombineState, cut: _Leg) -> float:
         """Time that is lost on a pass beside which no cart can come: until its grain is poured out standing
@@ -570,7 +585,7 @@ class _Scheduler:
         fits = bool(levels[-1] <= c.spec.tank + LEFT_KG)
         meets = self.table.meets(leg.path, c.spec.name)
         if fits:
-            times = self.table.earliest(c.spec.name, leg.path, max(c.time, leg.not_before), meets=meets)
+            times = self.table.earliest(c.spec.name, leg.path, c.time, meets=meets, after=leg.after)
             if times is None:
                 return
             ends = times[-1] + float(leg.path.spent[-1])
@@ -611,7 +626,7 @@ class _Scheduler:
         path = leg.path.until(leg.first + count)
         masses, areas, strips = leg.masses[:count], leg.areas[:count], leg.strips[:count]
         part = replace(leg, path=path, masses=masses, areas=areas, strips=strips)
-        times = self.table.earliest(c.spec.name, path, max(c.time, leg.not_before))
+        times = self.table.earliest(c.spec.name, path, c.time, after=leg.after)
         if times is None:
             return
         share = count / len(leg.masses)
@@ -668,11 +683,13 @@ class _Scheduler:
         if start.behind >= 0:
             path = standing(path.track.start, k.spec.body, 0.0, "in the field").then(path)
             exact[0] = start.time
-        return _Trip(k, start, c.spec.name, path, exact, self.cut_by(path, start, late))
+        return _Trip(k, start, c.spec.name, path, exact, self.cut_by(path, start.time, late))
 
-    def cut_by(self, path: Path, start: Start, time: float, first: int = 0) -> dict[int, float]:
-        """From when on a cart may be in segments of a path that was searched from a time on [s]."""
-        if start.time >= time:
+    def cut_by(self, path: Path, start: float, time: float, first: int = 0) -> dict[int, float]:
+        """From when on who starts at a time may be in segments of a path that was searched for a later one
+        [s].
+        """
+        if start >= time:
             return {}
         cut = self.ground.cut_by(path.swept[:], time + float(path.spent.sum()))
         return {first + i: t for i, t in enumerate(cut)}
@@ -703,14 +720,14 @@ class _Scheduler:
             return None
         to = len(trip.path)
         lane = self.lane(k, leg, goal, first, last)
-        after = trip.after | self.cut_by(lane, start, c.time, to)
+        after = trip.after | self.cut_by(lane, start.time, c.time, to)
         trip = replace(trip, path=trip.path.then(lane), after=after)
         meets = self.table.meets(leg.path, c.spec.name)
-        begin = max(c.time, leg.not_before)
+        begin = c.time
         full = int(np.searchsorted(levels, c.spec.tank + LEFT_KG, side="right")) - 1  # that the tank takes
         for _ in range(3):
             mark = self.table.mark()
-            times = self.table.earliest(c.spec.name, leg.path, begin, meets=meets)
+            times = self.table.earliest(c.spec.name, leg.path, begin, meets=meets, after=leg.after)
             if times is None:
                 return None
             self.table.commit(c.spec.name, leg.path, times, meets)
