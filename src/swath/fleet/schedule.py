@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.fleet.bodies import Drive, Place, body_of
-from swath.fleet.dispatcher import Dispatcher, Option, State, dispatcher_of
+from swath.fleet.dispatcher import Ahead, Dispatcher, Option, State, dispatcher_of
 from swath.fleet.files import JobFile
 from swath.fleet.ground import PARAMS as GROUND
 from swath.fleet.ground import Ground, shapely_here
@@ -395,15 +395,54 @@ class _Scheduler:
         """What the dispatcher decides, granted; False where there is nothing to decide."""
         if not options:
             return False
-        carts = {k.spec.name: (k.starts[0].time, k.spec.load - k.load) for k in self.carts}
-        given = tuple(o for o, _ in options)
-        state = State(c.time, c.spec.name, c.tank, c.spec.tank, c.spec.call, carts, self.left, given)
-        chosen = self.dispatcher.decide(state)
+        chosen = self.dispatcher.decide(self.state(c, tuple(o for o, _ in options)))
+        if chosen is None and self.may_wait(c):
+            return False
         for option, grant in options:
             if option is chosen:
                 grant()
                 return True
         raise InputError("fleet.dispatcher", str(chosen), "expected one of the options of the state")
+
+    def state(self, c: CombineState, options: tuple[Option, ...]) -> State:
+        """What a dispatcher is told."""
+        carts = {k.spec.name: (k.starts[0].time, k.spec.load - k.load) for k in self.carts}
+        others = {
+            o.spec.name: Ahead(o.time, o.tank, o.spec.tank, self.fills(o))
+            for o in self.combines
+            if o is not c and not o.is_done
+        }
+        trips = {k.spec.name: self.trip(k.spec, c.place) for k in self.carts}
+        boxes = {k.spec.name: (k.spec.load, min(k.spec.leave, PARAMS.full * k.spec.load)) for k in self.carts}
+        places = {o.spec.name: o.place[:2] for o in self.combines}
+        places |= {k.spec.name: k.starts[0].place[:2] for k in self.carts}
+        return State(
+            c.time, c.spec.name, c.tank, c.spec.tank, c.spec.call, carts, self.left, options, self.fills(c),
+            others, trips, boxes, places, partial(self.soonest, c), self.may_wait(c),
+        )  # fmt: skip
+
+    def may_wait(self, c: CombineState) -> bool:
+        """Whether a combine may let others go first: one that did not since it was given something."""
+        return not self.failed.get(c.spec.name) and any(o is not c and not o.is_done for o in self.combines)
+
+    def fills(self, c: CombineState) -> float:
+        """Grain that a combine cuts in a pass [kg/s], 0 where none is left for it."""
+        grain = self.density * c.spec.width
+        return grain * c.spec.speed_in(grain) if self.candidates(c) else 0.0
+
+    def trip(self, k: Cart, place: Place) -> float:
+        """About how long a cart takes from a place to the truck and back [s]."""
+        way = math.dist(place[:2], self.ground.dock[:2]) / k.drive.straight
+        return 2.0 * way + self.job.truck.dock_s + k.leave / k.out
+
+    def soonest(self, c: CombineState, option: Option) -> float:
+        """Least time until a combine could be about what an option says, if nobody was in the way [s]."""
+        if option.kind in ("beside", "stand"):
+            there = (self.comes(k, c) for k in self.likely(c))
+        else:
+            ends = (end for p in self.candidates(c) for end in (p.start, p.end))
+            there = (c.time + math.dist(end, c.place[:2]) / c.spec.drive.straight for end in ends)
+        return min(there, default=c.time) - c.time
 
     # passes
     def todo(self) -> tuple[list[Pass], ...]:
@@ -602,13 +641,14 @@ class _Scheduler:
     def likely(self, c: CombineState) -> list[CartState]:
         """Carts with room, those that are free first."""
         room = [k for k in self.carts if k.spec.load - k.load > PARAMS.room * k.spec.load]
+        return sorted(room, key=lambda k: (self.comes(k, c), k.spec.name))[: PARAMS.carts]
 
-        def comes(k: CartState) -> tuple[float, str]:
-            start = k.starts[0]
-            far = math.dist(start.place[:2], c.place[:2])
-            return max(start.time + far / k.spec.drive.straight, c.time), k.spec.name
-
-        return sorted(room, key=comes)[: PARAMS.carts]
+    @staticmethod
+    def comes(k: CartState, c: CombineState) -> float:
+        """When a cart could be where a combine is free, if nobody was in the way [s]."""
+        start = k.starts[0]
+        far = math.dist(start.place[:2], c.place[:2])
+        return max(start.time + far / k.spec.drive.straight, c.time)
 
     def cuts_part(
         self, c: CombineState, leg: _Leg, levels: Array, anywhere: bool
@@ -744,7 +784,11 @@ class _Scheduler:
         given, ends = math.fsum(amounts), times[-1] + float(leg.path.spent[-1])
         into, at, lane_at = [*times, ends], leg.first + meet, to + meet - first
         pours, tank = given / c.spec.auger, float(levels[-1]) - given
-        option = Option("beside", k.spec.name, into[at], ends, given, tank, exits[1], pours, leg.cuts)
+        over = into[at + len(amounts)]
+        option = Option(
+            "beside", k.spec.name, into[at], ends, given, tank, exits[1], pours, leg.cuts,
+            *self.free_again(k, exits, over, given),
+        )  # fmt: skip
 
         def grant() -> None:
             own = self.grant_cut(c, leg, granted, meets)
@@ -758,6 +802,16 @@ class _Scheduler:
             self.leaves(k, exits, numbers, lane_at + len(amounts) - 1)
 
         return option, grant
+
+    @staticmethod
+    def free_again(
+        k: CartState, exits: tuple[bool, float, list[Poured]], over: float, load: float
+    ) -> tuple[float, float]:
+        """From when on a cart can set out to another load [s], and the room in its box then [kg]. over: when
+        it has taken a load [s]
+        """
+        empties, home, _ = exits
+        return (home, k.spec.load) if empties else (over, k.spec.load - k.load - load)
 
     def hands_over(self, c: CombineState, k: CartState, poured: Poured) -> None:
         """Grain from a tank into a box."""
@@ -1058,7 +1112,10 @@ class _Scheduler:
         begin = cart_times[at]
         path.spent[-2] = begin - times[-2]
         ends = begin + pour
-        option = Option("stand", k.spec.name, begin, ends, amount, c.tank - amount, exits[1], pour)
+        option = Option(
+            "stand", k.spec.name, begin, ends, amount, c.tank - amount, exits[1], pour, 0.0,
+            *self.free_again(k, exits, ends, amount),
+        )  # fmt: skip
 
         def grant() -> None:
             own = self.table.commit(c.spec.name, path, [*times[:-1], begin], meets)
