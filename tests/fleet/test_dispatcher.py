@@ -24,9 +24,7 @@ def drawn_state(seed: int) -> State:
         for i in range(rng.integers(0, 4))
     }
     others = {
-        f"other_{i}": Ahead(
-            float(rng.uniform(0.0, 400.0)), float(rng.uniform(0.0, TANK)), TANK, float(rng.choice([0.0, 20.0]))
-        )
+        f"other_{i}": Ahead(rng.uniform(0.0, 400.0), rng.uniform(0.0, TANK), TANK, 20.0 * rng.integers(2))
         for i in range(rng.integers(0, 4))
     }
     options = tuple(drawn_option(rng, list(carts)) for _ in range(rng.integers(1, 7)))
@@ -45,10 +43,14 @@ def drawn_option(rng: np.random.Generator, carts: list[str]) -> Option:
         return Option("cut", "", begins, begins + 300.0, 0.0, 8000.0, 0.0, 0.0, 270.0)
     cart, ends = str(rng.choice(carts)), begins + pours
     cuts = float(rng.choice([0.0, 280.0]))
+    kind, cart_next, room = (
+        "beside" if cuts else "stand",
+        ends + TRIP * rng.integers(2),
+        rng.uniform(0.0, BOX),
+    )
     return Option(
-        "beside" if cuts else "stand", cart, begins, ends + cuts, load, TANK - load, ends + 300.0, pours, cuts,
-        ends + float(rng.choice([0.0, TRIP])), float(rng.uniform(0.0, BOX)),
-    )  # fmt: skip
+        kind, cart, begins, ends + cuts, load, TANK - load, ends + 300.0, pours, cuts, cart_next, room
+    )
 
 
 def estimate(state: State, option: Option) -> float:
@@ -98,12 +100,11 @@ def test_two_tanks_that_are_full_at_once_wait_for_one_cart_and_later_ones_less(a
         {"other": Ahead(apart, 0.0, TANK, 20.0)}, {"cart": TRIP}, {"cart": (TANK, TANK)},
     )  # fmt: skip
     cut = Option("cut", "", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    one, two = TANK / 20.0, TANK / 20.0 + apart
-    waits, free = 0.0, 0.0
+    calls, waits, free = [TANK / 20.0, TANK / 20.0 + apart], 0.0, 0.0
     for _ in range(4):
-        time, one, two = min(one, two), max(one, two), 0.0
+        time, later = sorted(calls)
         come = max(time, free + 0.5 * TRIP)
-        waits, free, two = waits + come - time, come + TRIP, come + TANK / 20.0
+        waits, free, calls = waits + come - time, come + TRIP, [later, come + TANK / 20.0]
     assert Horizon.waits(state, cut) == pytest.approx(waits)
     assert waits > 0.0
 
@@ -112,7 +113,8 @@ def test_it_lets_another_one_go_first_where_it_stands_in_the_way_and_only_then()
     late = Option("stand", "cart", 500.0, 560.0, 5000.0, 0.0, 900.0, 60.0)
     state = State(
         0.0, "own", 5000.0, TANK, 3000.0, {"cart": (0.0, BOX)}, 9, (late,), 20.0,
-        {"other": Ahead(30.0, 0.0, TANK, 20.0)}, {"cart": TRIP}, {"cart": (BOX, BOX)}, {}, lambda _: 50.0, True,
+        {"other": Ahead(30.0, 0.0, TANK, 20.0)}, {"cart": TRIP}, {"cart": (BOX, BOX)},
+        soonest=lambda _: 50.0, may_wait=True,
     )  # fmt: skip
     assert Horizon().decide(state) is None
     assert Horizon().decide(replace(state, may_wait=False)) == late

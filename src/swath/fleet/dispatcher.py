@@ -82,9 +82,9 @@ class State:
     which a cart may come [kg]; carts: name -> (free from [s], room in its box [kg]); passes_left: of all;
     options: what it can do, in no order. fills: grain that it cuts [kg/s]; others: the other combines; trips:
     about how long each cart takes to the truck and back [s], boxes: what each holds, and from which load on
-    it drives to the truck [kg]; places: of all machines in the field's frame [m], of combines when they are
-    done, of carts where they are free; soonest: least time until it could do what an option says, if nobody was in
-    the way [s]; may_wait: whether it may let another one go first, once
+    it drives to the truck [kg]; places: x, y of all machines in the field's frame, where they are done
+    or free [m]; soonest: least time until it could do what an option says, if nobody was in the way [s];
+    may_wait: whether it may let another one go first, once
     """
 
     time: float

@@ -51,11 +51,11 @@ class Params:
     share in the cost of a place of a cart's way to the truck, which keeps nobody waiting; again_s: more cost
     of a place at which nobody could be emptied; line_deg: of a trailer that comes beside a header; near_m:
     that a way keeps off who stands near, beyond the gaps of bodies; saves_s: less than which is no reason to
-    look at another pass; rests: power of two, most grants to
-    others before who can do nothing looks again; out_percent: of the field that is left where no way leads;
-    carts: that are looked at, those that can come first; room, full: of a box, less room of which no combine
-    pours into, and load from which no more is waited for; load: of a tank, and fills: of the room in a box,
-    less than which nobody comes beside for; lane_m: kept all round a cart that comes beside.
+    look at another pass; rests: power of two, most grants to others before who can do nothing looks again;
+    out_percent: of the field that is left where no way leads; carts: that are looked at, those that can come
+    first; room, full: of a box, less room of which no combine pours into, and load from which no more is
+    waited for; load: of a tank, and fills: of the room in a box, less than which nobody comes beside for;
+    lane_m: kept all round a cart that comes beside.
     Estimates, but for line_deg: a box of 9 m then swings by less than the gap beside a header.
     """
 
@@ -492,8 +492,8 @@ class _Scheduler:
         return self.legs(c, passes) if passes else None
 
     def legs(self, c: CombineState, passes: Sequence[Pass]) -> Iterator[_Leg]:
-        """Legs to passes: headland first, then those first that cost the least time beside that of cutting; on
-        ground that is cut now, and on what is cut when all have done what is granted to them.
+        """Legs to passes: headland first, then those first that cost the least time beside that of cutting;
+        on ground that is cut now, and on what is cut when all have done what is granted to them.
         """
         reach = self.reach(c)
         cuts: list[tuple[bool, float, int, _Leg]] = []
