@@ -122,9 +122,7 @@ class TruckSettings:
 
 @dataclass(frozen=True)
 class FleetSettings:
-    """dispatcher: `horizon`, `greedy`, or a Python file and class of your own as `my.py:Class`, see
-    dispatcher.py
-    """
+    """dispatcher: `horizon`, `greedy`, or a Python class of your own as `my.py:Class`, see dispatcher.py"""
 
     dispatcher: str = "horizon"
 
