@@ -30,7 +30,7 @@ def drawn_state(seed: int) -> State:
     options = tuple(drawn_option(rng, list(carts)) for _ in range(rng.integers(1, 7)))
     trips, boxes = dict.fromkeys(carts, TRIP), dict.fromkeys(carts, (BOX, 0.6 * BOX))
     return State(
-        0.0, "own", 5000.0, TANK, 3000.0, carts, 9, options, 20.0, others, trips, boxes, {}, lambda _: 0.0,
+        0.0, "own", 5000.0, TANK, 3000.0, carts, 9, options, 20.0, others, trips, boxes, {}, {},
         bool(others) and bool(rng.integers(2)),
     )  # fmt: skip
 
@@ -114,11 +114,11 @@ def test_it_lets_another_one_go_first_where_it_stands_in_the_way_and_only_then()
     state = State(
         0.0, "own", 5000.0, TANK, 3000.0, {"cart": (0.0, BOX)}, 9, (late,), 20.0,
         {"other": Ahead(30.0, 0.0, TANK, 20.0)}, {"cart": TRIP}, {"cart": (BOX, BOX)},
-        soonest=lambda _: 50.0, may_wait=True,
+        soonest={"stand": 50.0}, may_wait=True,
     )  # fmt: skip
     assert Horizon().decide(state) is None
     assert Horizon().decide(replace(state, may_wait=False)) == late
-    assert Horizon().decide(replace(state, soonest=lambda _: 480.0)) == late  # nobody is in the way
+    assert Horizon().decide(replace(state, soonest={"stand": 480.0})) == late  # nobody is in the way
     busy = {"other": Ahead(490.0, 0.0, TANK, 20.0)}
     assert Horizon().decide(replace(state, others=busy)) == late  # it goes on too late
 

@@ -83,8 +83,8 @@ class State:
     options: what it can do, in no order. fills: grain that it cuts [kg/s]; others: the other combines; trips:
     about how long each cart takes to the truck and back [s], boxes: what each holds, and from which load on
     it drives to the truck [kg]; places: x, y of all machines in the field's frame, where they are done
-    or free [m]; soonest: least time until it could do what an option says, if nobody was in the way [s];
-    may_wait: whether it may let another one go first, once
+    or free [m]; soonest: kind of an option -> least time until it could do that, if nobody was in the way
+    [s]; may_wait: whether it may let another one go first, once
     """
 
     time: float
@@ -100,7 +100,7 @@ class State:
     trips: dict[str, float] = field(default_factory=dict)
     boxes: dict[str, tuple[float, float]] = field(default_factory=dict)
     places: dict[str, tuple[float, float]] = field(default_factory=dict)
-    soonest: Callable[[Option], float] = lambda _: 0.0
+    soonest: dict[str, float] = field(default_factory=dict)
     may_wait: bool = False
 
 
@@ -131,7 +131,7 @@ class Horizon:
             key=lambda o: (round(o.lost + self.waits(state, o), 1), round(o.lost, 1), o.cart_free, o.cart),
         )
         if state.may_wait:
-            lost = best.lost - state.time - state.soonest(best)
+            lost = best.lost - state.time - state.soonest.get(best.kind, 0.0)
             goes_on = min(o.time for o in state.others.values()) - state.time
             if lost - PARAMS.saves_s > max(goes_on, 0.0):
                 return None

@@ -418,7 +418,7 @@ class _Scheduler:
         places |= {k.spec.name: k.starts[0].place[:2] for k in self.carts}
         return State(
             c.time, c.spec.name, c.tank, c.spec.tank, c.spec.call, carts, self.left, options, self.fills(c),
-            others, trips, boxes, places, partial(self.soonest, c), self.may_wait(c),
+            others, trips, boxes, places, self.soonest(c), self.may_wait(c),
         )  # fmt: skip
 
     def may_wait(self, c: CombineState) -> bool:
@@ -435,14 +435,13 @@ class _Scheduler:
         way = math.dist(place[:2], self.ground.dock[:2]) / k.drive.straight
         return 2.0 * way + self.job.truck.dock_s + k.leave / k.out
 
-    def soonest(self, c: CombineState, option: Option) -> float:
-        """Least time until a combine could be about what an option says, if nobody was in the way [s]."""
-        if option.kind in ("beside", "stand"):
-            there = (self.comes(k, c) for k in self.likely(c))
-        else:
-            ends = (end for p in self.candidates(c) for end in (p.start, p.end))
-            there = (c.time + math.dist(end, c.place[:2]) / c.spec.drive.straight for end in ends)
-        return min(there, default=c.time) - c.time
+    def soonest(self, c: CombineState) -> dict[str, float]:
+        """Least time until a combine could do an option of a kind, if nobody was in the way [s]."""
+        ends = [end for p in self.candidates(c) for end in (p.start, p.end)]
+        cut = min((math.dist(end, c.place[:2]) for end in ends), default=0.0) / c.spec.drive.straight
+        cart = min((self.comes(k, c) for k in self.likely(c)), default=c.time) - c.time
+        truck = math.dist(self.ground.dock[:2], c.place[:2]) / c.spec.drive.straight
+        return {"cut": cut, "beside": cart, "stand": cart, "truck": truck}
 
     # passes
     def todo(self) -> tuple[list[Pass], ...]:
