@@ -13,7 +13,9 @@ from swath.fleet.worked import by_events
 from tests.fleet.check import looked_at
 from tests.fleet.drawn import drawn_job
 
-TANK, BOX, TRIP = 9000.0, 24000.0, 400.0
+TANK, BOX = 9000.0, 24000.0
+WAY, AT_TRUCK = 150.0, 100.0  # s, from the truck, and there
+TRIP = 2.0 * WAY + AT_TRUCK
 
 
 def drawn_state(seed: int) -> State:
@@ -28,10 +30,11 @@ def drawn_state(seed: int) -> State:
         for i in range(rng.integers(0, 4))
     }
     options = tuple(drawn_option(rng, list(carts)) for _ in range(rng.integers(1, 7)))
-    trips, boxes = dict.fromkeys(carts, TRIP), dict.fromkeys(carts, (BOX, 0.6 * BOX))
+    comes = {name: free + float(rng.uniform(0.0, WAY)) for name, (free, _) in carts.items()}
     return State(
-        0.0, "own", 5000.0, TANK, 3000.0, carts, 9, options, 20.0, others, trips, boxes, {}, {},
-        bool(others) and bool(rng.integers(2)),
+        0.0, "own", 5000.0, TANK, 3000.0, carts, 9, options, 20.0, others, comes, dict.fromkeys(carts, WAY),
+        dict.fromkeys(carts, AT_TRUCK), dict.fromkeys(carts, (BOX, 0.6 * BOX)),
+        may_wait=bool(others) and bool(rng.integers(2)),
     )  # fmt: skip
 
 
@@ -83,6 +86,7 @@ def test_moved_in_time_the_estimate_is_the_same(seed):
     later = replace(
         state, time=1000.0, carts={n: (t + 1000.0, room) for n, (t, room) in state.carts.items()},
         others={n: replace(o, time=o.time + 1000.0) for n, o in state.others.items()},
+        comes={n: t + 1000.0 for n, t in state.comes.items()},
     )  # fmt: skip
     for o in state.options:
         moved = replace(
@@ -94,17 +98,18 @@ def test_moved_in_time_the_estimate_is_the_same(seed):
 
 @pytest.mark.parametrize("apart", [0.0, 100.0, 250.0])
 def test_two_tanks_that_are_full_at_once_wait_for_one_cart_and_later_ones_less(apart):
-    """Both are full at 450 s and so much later; the cart, half a way off, takes one load and has to empty."""
+    """Both are full at 450 s and so much later; the cart, there before, takes one load, then empties."""
     state = State(
         0.0, "own", 0.0, TANK, 3000.0, {"cart": (0.0, TANK)}, 9, (), 20.0,
-        {"other": Ahead(apart, 0.0, TANK, 20.0)}, {"cart": TRIP}, {"cart": (TANK, TANK)},
+        {"other": Ahead(apart, 0.0, TANK, 20.0)}, {"cart": WAY}, {"cart": WAY}, {"cart": AT_TRUCK},
+        {"cart": (TANK, TANK)},
     )  # fmt: skip
     cut = Option("cut", "", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    calls, waits, free = [TANK / 20.0, TANK / 20.0 + apart], 0.0, 0.0
+    calls, waits, there = [TANK / 20.0, TANK / 20.0 + apart], 0.0, WAY
     for _ in range(4):
         time, later = sorted(calls)
-        come = max(time, free + 0.5 * TRIP)
-        waits, free, calls = waits + come - time, come + TRIP, [later, come + TANK / 20.0]
+        come = max(time, there)
+        waits, there, calls = waits + come - time, come + TRIP, [later, come + TANK / 20.0]
     assert Horizon.waits(state, cut) == pytest.approx(waits)
     assert waits > 0.0
 
@@ -113,7 +118,8 @@ def test_it_lets_another_one_go_first_where_it_stands_in_the_way_and_only_then()
     late = Option("stand", "cart", 500.0, 560.0, 5000.0, 0.0, 900.0, 60.0)
     state = State(
         0.0, "own", 5000.0, TANK, 3000.0, {"cart": (0.0, BOX)}, 9, (late,), 20.0,
-        {"other": Ahead(30.0, 0.0, TANK, 20.0)}, {"cart": TRIP}, {"cart": (BOX, BOX)},
+        {"other": Ahead(30.0, 0.0, TANK, 20.0)}, {"cart": 0.0}, {"cart": WAY}, {"cart": AT_TRUCK},
+        {"cart": (BOX, BOX)},
         soonest={"stand": 50.0}, may_wait=True,
     )  # fmt: skip
     assert Horizon().decide(state) is None

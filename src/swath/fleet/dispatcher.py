@@ -80,11 +80,11 @@ class Ahead:
 class State:
     """What is known when it is decided. time [s]; combine: name; level, tank: of it [kg]; call: level from
     which a cart may come [kg]; carts: name -> (free from [s], room in its box [kg]); passes_left: of all;
-    options: what it can do, in no order. fills: grain that it cuts [kg/s]; others: the other combines; trips:
-    about how long each cart takes to the truck and back [s], boxes: what each holds, and from which load on
-    it drives to the truck [kg]; places: x, y of all machines in the field's frame, where they are done
-    or free [m]; soonest: kind of an option -> least time until it could do that, if nobody was in the way
-    [s]; may_wait: whether it may let another one go first, once
+    options: what it can do, in no order. fills: grain that it cuts [kg/s]; others: the other combines; comes:
+    when each cart could be there, ways: about how long it takes from the truck, at_truck: and there [s];
+    boxes: what each holds, and from which load on it drives to the truck [kg]; places: x, y of all machines
+    in the field's frame, where they are done or free [m]; soonest: kind of an option -> least time until it
+    could do that, if nobody was in the way [s]; may_wait: whether it may let another one go first, once
     """
 
     time: float
@@ -97,7 +97,9 @@ class State:
     options: tuple[Option, ...]
     fills: float = 0.0
     others: dict[str, Ahead] = field(default_factory=dict)
-    trips: dict[str, float] = field(default_factory=dict)
+    comes: dict[str, float] = field(default_factory=dict)
+    ways: dict[str, float] = field(default_factory=dict)
+    at_truck: dict[str, float] = field(default_factory=dict)
     boxes: dict[str, tuple[float, float]] = field(default_factory=dict)
     places: dict[str, tuple[float, float]] = field(default_factory=dict)
     soonest: dict[str, float] = field(default_factory=dict)
@@ -142,9 +144,11 @@ class Horizon:
         """About how long combines wait for carts in their next loads behind an option [s]: each is emptied
         when its tank is full, by the cart that is there first; a cart with its load drives to the truck.
         """
-        carts = {name: list(free_room) for name, free_room in state.carts.items()}
+        carts = {name: (state.comes[name], room) for name, (_, room) in state.carts.items()}
         if option.cart:
-            carts[option.cart] = [option.cart_next, option.room]
+            is_empty = option.room >= state.boxes[option.cart][0]
+            way = state.ways[option.cart] if is_empty else 0.0
+            carts[option.cart] = option.cart_next + way, option.room
         if not carts:
             return 0.0
         own = Ahead(option.ends, option.tank, state.tank, state.fills)
@@ -153,14 +157,15 @@ class Horizon:
         for _ in range(PARAMS.loads * len(calls)):
             calls.sort(key=lambda call: call[0])
             time, c = calls[0]
-            name = min(carts, key=lambda k: (max(time, carts[k][0] + 0.5 * state.trips[k]), k))
-            free, room = carts[name]
-            come = max(time, free + 0.5 * state.trips[name])
+            name = min(carts, key=lambda k: (max(time, carts[k][0]), k))
+            come, room = max(time, carts[name][0]), carts[name][1]
             waits += come - time
             load = min(c.tank, room)
             full, leaves = state.boxes[name]
-            is_full = full - room + load >= leaves
-            carts[name] = [come + (state.trips[name] if is_full else 0.0), full if is_full else room - load]
+            if full - room + load >= leaves:
+                carts[name] = come + 2.0 * state.ways[name] + state.at_truck[name], full
+            else:
+                carts[name] = come, room - load
             calls[0] = come + load / c.fills, c
         return waits
 

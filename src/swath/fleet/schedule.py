@@ -412,13 +412,16 @@ class _Scheduler:
             for o in self.combines
             if o is not c and not o.is_done
         }
-        trips = {k.spec.name: self.trip(k.spec, c.place) for k in self.carts}
+        comes = {k.spec.name: self.comes(k, c) for k in self.carts}
+        far = math.dist(c.place[:2], self.ground.dock[:2])
+        ways = {k.spec.name: far / k.spec.drive.straight for k in self.carts}
+        at_truck = {k.spec.name: self.job.truck.dock_s + k.spec.leave / k.spec.out for k in self.carts}
         boxes = {k.spec.name: (k.spec.load, min(k.spec.leave, PARAMS.full * k.spec.load)) for k in self.carts}
         places = {o.spec.name: o.place[:2] for o in self.combines}
         places |= {k.spec.name: k.starts[0].place[:2] for k in self.carts}
         return State(
             c.time, c.spec.name, c.tank, c.spec.tank, c.spec.call, carts, self.left, options, self.fills(c),
-            others, trips, boxes, places, self.soonest(c), self.may_wait(c),
+            others, comes, ways, at_truck, boxes, places, self.soonest(c), self.may_wait(c),
         )  # fmt: skip
 
     def may_wait(self, c: CombineState) -> bool:
@@ -429,11 +432,6 @@ class _Scheduler:
         """Grain that a combine cuts in a pass [kg/s], 0 where none is left for it."""
         grain = self.density * c.spec.width
         return grain * c.spec.speed_in(grain) if self.candidates(c) else 0.0
-
-    def trip(self, k: Cart, place: Place) -> float:
-        """About how long a cart takes from a place to the truck and back [s]."""
-        way = math.dist(place[:2], self.ground.dock[:2]) / k.drive.straight
-        return 2.0 * way + self.job.truck.dock_s + k.leave / k.out
 
     def soonest(self, c: CombineState) -> dict[str, float]:
         """Least time until a combine could do an option of a kind, if nobody was in the way [s]."""
