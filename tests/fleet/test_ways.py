@@ -139,6 +139,27 @@ def test_an_eased_way_ends_where_it_did_and_its_bends_grow_over_the_ramp(pieces)
     assert away.max() < 0.45  # less than a step of the search, whose 1.5 m are far more
 
 
+@pytest.mark.parametrize("tight", [0, 1, 2])
+def test_one_bend_without_room_leaves_the_others_eased(tight, monkeypatch):
+    """Three bends between straights, one of them where no eased way is clear: only there it stands."""
+    finder, drive = ground(), replace(DRIVE, steering=0.05)
+    pieces = [(0.0, 12.0), (0.12, 8.0), (0.0, 12.0), (-0.12, 8.0), (0.0, 12.0), (0.12, 8.0), (0.0, 12.0)]
+    start = Place(10.0, 40.0, 0.0, 0.0)
+    sharp = driven(start, pieces, COMBINE)
+    x, y = sharp.places[np.searchsorted(sharp.distance, 16.0 + 20.0 * tight), :2]
+
+    def is_clear(track, *_):
+        return np.hypot(track.places[:, 0] - x, track.places[:, 1] - y).min() > 2.0
+
+    monkeypatch.setattr(finder, "_is_clear", is_clear)
+    made = finder._eased(start, pieces, COMBINE, drive, (), 0.0, 0.15)
+    assert made.end == pytest.approx(sharp.end, abs=1e-6)
+    assert np.abs(np.diff(made.distance)).max() <= 0.5 + 1e-9
+    assert len(stops_along(sharp, drive)) == 6
+    assert len(stops_along(made, drive)) == 2
+    assert times_along(made, drive)[-1] < times_along(sharp, drive)[-1]
+
+
 def test_who_steers_slowly_drives_bends_no_faster_than_it_steers():
     slow = Drive(6.4, 2.0, 3.0, 1.0, 0.5, 2.0, steering=0.04)
     way = eased(Place(0.0, 0.0, 0.0, 0.0), [(0.0, 20.0), (1 / R, 10.0), (0.0, 20.0)], COMBINE, 3.0)

@@ -2,11 +2,14 @@
 
 Whenever a combine is done with what it was given, the schedule works out what it could do next: cut on, with
 or without a cart that comes beside, or have its tank emptied standing; each with the times that follow from
-granted ground. A dispatcher takes one of them. Your own is a class in a Python file, named in the job as
+granted ground. A dispatcher takes one of them, or lets another combine go first. `horizon` looks ahead over
+the next loads of all, `greedy` does not. Your own is a class in a Python file, named in the job as
 `fleet: {dispatcher: my.py:Class}`, with this one method `decide`.
 """
 
-from dataclasses import dataclass
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -15,11 +18,25 @@ from swath.core.foreign_code import load_python
 
 
 @dataclass(frozen=True)
+class Params:
+    """loads: of each combine that the horizon looks ahead, as many as a cart's box holds of tanks; saves_s:
+    less than which is no reason to let another one go first, more than turns take. Estimates.
+    """
+
+    loads: int = 2
+    saves_s: float = 60.0
+
+
+PARAMS = Params()
+
+
+@dataclass(frozen=True)
 class Option:
     """What a combine could do next. kind: `cut`, `beside` (cut, a cart beside), `stand` (a cart comes to
     where it stands) or `truck` (it drives there itself); cart: name, "" without; begins: of pouring; ends:
     when the combine is done [s]; load: that is taken out of its tank [kg]; tank: level behind [kg];
-    cart_free: when the cart is at its place again [s]; pours, cuts: how long [s]
+    cart_free: when the cart is at its place again [s]; pours, cuts: how long [s]; cart_next: from when on the
+    cart can set out to another load [s], room: in its box then [kg]
     """
 
     kind: str
@@ -31,13 +48,43 @@ class Option:
     cart_free: float
     pours: float
     cuts: float = 0.0
+    cart_next: float = 0.0
+    room: float = 0.0
+
+    @property
+    def lost(self) -> float:
+        """When the combine is done, less its time of cutting and what the load would cost to be taken
+        standing [s].
+        """
+        return self.ends - self.cuts - self.pours
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """A combine as it will be. time: when it is done with what it was given [s]; level, tank: of it then
+    [kg]; fills: grain that it cuts [kg/s], 0 for one that has nothing left to cut
+    """
+
+    time: float
+    level: float
+    tank: float
+    fills: float
+
+    @property
+    def full(self) -> float:
+        """When its tank is full, if it cuts on [s]."""
+        return self.time + (self.tank - self.level) / self.fills if self.fills > 0.0 else math.inf
 
 
 @dataclass(frozen=True)
 class State:
     """What is known when it is decided. time [s]; combine: name; level, tank: of it [kg]; call: level from
     which a cart may come [kg]; carts: name -> (free from [s], room in its box [kg]); passes_left: of all;
-    options: what it can do, in no order
+    options: what it can do, in no order. fills: grain that it cuts [kg/s]; others: the other combines; comes:
+    when each cart could be there, ways: about how long it takes from the truck, at_truck: and there [s];
+    boxes: what each holds, and from which load on it drives to the truck [kg]; places: x, y of all machines
+    in the field's frame, where they are done or free [m]; soonest: kind of an option -> least time until it
+    could do that, if nobody was in the way [s]; may_wait: whether it may let another one go first, once
     """
 
     time: float
@@ -48,29 +95,88 @@ class State:
     carts: dict[str, tuple[float, float]]
     passes_left: int
     options: tuple[Option, ...]
+    fills: float = 0.0
+    others: dict[str, Ahead] = field(default_factory=dict)
+    comes: dict[str, float] = field(default_factory=dict)
+    ways: dict[str, float] = field(default_factory=dict)
+    at_truck: dict[str, float] = field(default_factory=dict)
+    boxes: dict[str, tuple[float, float]] = field(default_factory=dict)
+    places: dict[str, tuple[float, float]] = field(default_factory=dict)
+    soonest: dict[str, float] = field(default_factory=dict)
+    may_wait: bool = False
 
 
 class Dispatcher(Protocol):
     """What a dispatcher does."""
 
-    def decide(self, state: State) -> Option:
-        """One of the options."""
+    def decide(self, state: State) -> Option | None:
+        """One of the options, None to be asked again when another combine was given something."""
 
 
 class Greedy:
-    """The option that costs the least time now: when the combine is done, less its time of cutting and what
-    the load that is taken would cost to be taken standing; of those alike the one whose cart is free first.
-    """
+    """The option that costs the least time now; of those alike the one whose cart is free first."""
 
     def decide(self, state: State) -> Option:
         """One of the options."""
-        return min(state.options, key=lambda o: (round(o.ends - o.cuts - o.pours, 1), o.cart_free, o.cart))
+        return min(state.options, key=lambda o: (round(o.lost, 1), o.cart_free, o.cart))
+
+
+class Horizon:
+    """The option that costs the least time of all combines, now and in the next loads of each; or none, where
+    who is in the way goes on before.
+    """
+
+    def decide(self, state: State) -> Option | None:
+        """One of the options, or None."""
+        best = min(
+            state.options,
+            key=lambda o: (round(o.lost + self.waits(state, o), 1), round(o.lost, 1), o.cart_free, o.cart),
+        )
+        if state.may_wait:
+            lost = best.lost - state.time - state.soonest.get(best.kind, 0.0)
+            goes_on = min(o.time for o in state.others.values()) - state.time
+            if lost - PARAMS.saves_s > max(goes_on, 0.0):
+                return None
+        return best
+
+    @staticmethod
+    def waits(state: State, option: Option) -> float:
+        """About how long combines wait for carts in their next loads behind an option [s]: each is emptied
+        when its tank is full, by the cart that is there first; a cart with its load drives to the truck.
+        """
+        carts = {name: (state.comes[name], room) for name, (_, room) in state.carts.items()}
+        if option.cart:
+            is_empty = option.room >= state.boxes[option.cart][0]
+            way = state.ways[option.cart] if is_empty else 0.0
+            carts[option.cart] = option.cart_next + way, option.room
+        if not carts:
+            return 0.0
+        own = Ahead(option.ends, option.tank, state.tank, state.fills)
+        calls = [(c.full, c) for c in (*state.others.values(), own) if c.fills > 0.0]
+        waits = 0.0
+        for _ in range(PARAMS.loads * len(calls)):
+            calls.sort(key=lambda call: call[0])
+            time, c = calls[0]
+            name = min(carts, key=lambda k: (max(time, carts[k][0]), k))
+            come, room = max(time, carts[name][0]), carts[name][1]
+            waits += come - time
+            load = min(c.tank, room)
+            full, leaves = state.boxes[name]
+            if full - room + load >= leaves:
+                carts[name] = come + 2.0 * state.ways[name] + state.at_truck[name], full
+            else:
+                carts[name] = come, room - load
+            calls[0] = come + load / c.fills, c
+        return waits
+
+
+BUILT_IN: dict[str, Callable[[], Dispatcher]] = {"horizon": Horizon, "greedy": Greedy}
 
 
 def dispatcher_of(name: str, base: Path | None) -> Dispatcher:
-    """`greedy`, or a class of the user's as `file.py:Class`. InputError for one without `decide`."""
-    if name == "greedy":
-        return Greedy()
+    """One of `BUILT_IN`, or a class of the user's as `file.py:Class`. InputError for one without `decide`."""
+    if name in BUILT_IN:
+        return BUILT_IN[name]()
     made: Any = _own(name, base)
     if not callable(getattr(made, "decide", None)):
         raise InputError("fleet.dispatcher", name, "expected a class with a method `decide`")
@@ -80,7 +186,7 @@ def dispatcher_of(name: str, base: Path | None) -> Dispatcher:
 def _own(name: str, base: Path | None) -> Any:
     file, colon, kind = name.partition(":")
     if not colon or not file.endswith(".py"):
-        raise InputError("fleet.dispatcher", name, "expected `greedy` or `file.py:Class`")
+        raise InputError("fleet.dispatcher", name, "expected `horizon`, `greedy` or `file.py:Class`")
     module = load_python("fleet.dispatcher", name, base)
     if not hasattr(module, kind):
         raise InputError("fleet.dispatcher", name, f"expected a class {kind} in {file}")

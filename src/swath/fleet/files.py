@@ -123,9 +123,9 @@ class TruckSettings:
 
 @dataclass(frozen=True)
 class FleetSettings:
-    """dispatcher: `greedy`, or a Python file and class of your own as `my.py:Class`, see dispatcher.py"""
+    """dispatcher: `horizon`, `greedy`, or a Python class of your own as `my.py:Class`, see dispatcher.py"""
 
-    dispatcher: str = "greedy"
+    dispatcher: str = "horizon"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.fleet.bodies import PARAMS as GAPS
 from swath.fleet.bodies import Drive, Place, body_of
-from swath.fleet.dispatcher import Dispatcher, Option, State, dispatcher_of
+from swath.fleet.dispatcher import Ahead, Dispatcher, Option, State, dispatcher_of
 from swath.fleet.files import JobFile
 from swath.fleet.ground import PARAMS as GROUND
 from swath.fleet.ground import Ground, shapely_here
@@ -49,12 +49,13 @@ class Params:
     which a machine stands that a way leads around; part: of a tank, up to which a combine begins a pass that
     its tank does not take; long_s: beside cutting, from where on it may be emptied before instead; behind:
     share in the cost of a place of a cart's way to the truck, which keeps nobody waiting; again_s: more cost
-    of a place at which nobody could be emptied; line_deg: of a trailer that comes beside a header; rests:
-    power of two, most grants to others before who can do nothing looks again; out_percent: of the field that
-    is left where no way leads; carts: that are looked at, those that can come first; room: of a box, less of
-    which no combine pours into, nor is waited for; load: of a tank, or all but that of the room in a box,
-    less than which nobody comes beside for; lane_m: kept all round a cart that comes beside. Estimates, but
-    for line_deg: a box of 9 m then swings by less than the gap beside a header.
+    of a place at which nobody could be emptied; line_deg: of a trailer that comes beside a header; saves_s:
+    less than which is no reason to look at another pass; rests: power of two, most grants to others before
+    who can do nothing looks again; out_percent: of the field that is left where no way leads; carts: that are
+    looked at, those that can come first; room: of a box, less of which no combine pours into, nor is waited
+    for; load: of a tank, or all but that of the room in a box, less than which nobody comes beside for;
+    lane_m: kept all round a cart that comes beside. Estimates, but for line_deg: a box of 9 m then swings by
+    less than the gap beside a header.
     """
 
     cut_m: float = 8.0
@@ -70,6 +71,7 @@ class Params:
     behind: float = 0.25
     again_s: float = 60.0
     line_deg: float = 2.0
+    saves_s: float = 20.0
     rests: int = 3
     out_percent: float = 0.5
     carts: int = 2
@@ -187,8 +189,9 @@ class Schedule:
 
 @dataclass
 class _Leg:
-    """What a combine is about to do: a path, what it cuts of which pass, and from which segment on; lost: see
-    `_Scheduler.lost` [s]; lanes: of carts beside it, as far as they were looked for
+    """What a combine is about to do: a path, what it cuts of which pass, and from which segment on; after:
+    earliest times of segments [s]; lost: see `_Scheduler.lost`; lanes: of carts beside it, as far as they
+    were looked for; least: way and what is lost, if nobody is in the way [s]
     """
 
     path: Path
@@ -197,9 +200,10 @@ class _Leg:
     density: Array
     strips: Any
     first: int
-    not_before: float
+    after: dict[int, float] = field(default_factory=dict)
     lost: float = 0.0
     lanes: dict[str, tuple[int, int] | None] = field(default_factory=dict)
+    least: float = 0.0
 
     @property
     def cuts(self) -> float:
@@ -372,26 +376,75 @@ class _Scheduler:
         return self.takes(c, options)
 
     def first(self, c: CombineState, legs: Iterator[_Leg], *, part: bool) -> list[tuple[Option, Any]]:
-        """What can be done on the first leg on which anything can; part: or a part, wherever that ends"""
+        """What can be done on the first leg on which anything can, and on others of its kind that may save
+        time; part: or a part, wherever that ends
+        """
+        options: list[tuple[Option, Any]] = []
+        spent, kind = math.inf, ""
         for leg in legs:
-            options = list(self.cuts(c, leg, part))
-            if options:
-                return options
-        return []
+            if options and (leg.task.kind != kind or leg.least + PARAMS.saves_s > spent):
+                break
+            found = list(self.cuts(c, leg, part))
+            options += found
+            spent = min((o.ends - o.cuts - c.time for o, _ in options), default=math.inf)
+            kind = leg.task.kind
+        return options
 
     def takes(self, c: CombineState, options: list[tuple[Option, Any]]) -> bool:
         """What the dispatcher decides, granted; False where there is nothing to decide."""
         if not options:
             return False
-        carts = {k.spec.name: (k.starts[0].time, k.spec.load - k.load) for k in self.carts}
-        given = tuple(o for o, _ in options)
-        state = State(c.time, c.spec.name, c.tank, c.spec.tank, c.spec.call, carts, self.left, given)
-        chosen = self.dispatcher.decide(state)
+        chosen = self.dispatcher.decide(self.state(c, tuple(o for o, _ in options)))
+        if chosen is None and self.may_wait(c):
+            return False
         for option, grant in options:
             if option is chosen:
                 grant()
                 return True
         raise InputError("fleet.dispatcher", str(chosen), "expected one of the options of the state")
+
+    def state(self, c: CombineState, options: tuple[Option, ...]) -> State:
+        """What a dispatcher is told."""
+        carts = {k.spec.name: (k.starts[0].time, k.spec.load - k.load) for k in self.carts}
+        others = {
+            o.spec.name: Ahead(o.time, o.tank, o.spec.tank, self.fills(o))
+            for o in self.combines
+            if o is not c and not o.is_done
+        }
+        comes = {k.spec.name: self.comes(k, c) for k in self.carts}
+        far = math.dist(c.place[:2], self.ground.dock[:2])
+        ways = {k.spec.name: far / k.spec.drive.straight for k in self.carts}
+        at_truck = {k.spec.name: self.job.truck.dock_s + k.spec.leave / k.spec.out for k in self.carts}
+        boxes = {
+            k.spec.name: (k.spec.load, min(k.spec.leave, (1.0 - PARAMS.room) * k.spec.load))
+            for k in self.carts
+        }
+        places = {o.spec.name: o.place[:2] for o in self.combines}
+        places |= {k.spec.name: k.starts[0].place[:2] for k in self.carts}
+        return State(
+            c.time, c.spec.name, c.tank, c.spec.tank, c.spec.call, carts, self.left, options, self.fills(c),
+            others, comes, ways, at_truck, boxes, places, self.soonest(c), self.may_wait(c),
+        )  # fmt: skip
+
+    def may_wait(self, c: CombineState) -> bool:
+        """Whether a combine may let others go first: one that did not since it was given something."""
+        return not self.failed.get(c.spec.name) and any(o is not c and not o.is_done for o in self.combines)
+
+    def fills(self, c: CombineState) -> float:
+        """Grain that a combine cuts in a pass [kg/s], 0 where none is left for it."""
+        passes = self.candidates(c)
+        if not passes:
+            return 0.0
+        grain = float(self.ground.density(np.array([strip_of(passes[0])]))[0]) * c.spec.width
+        return grain * c.spec.speed_in(grain)
+
+    def soonest(self, c: CombineState) -> dict[str, float]:
+        """Least time until a combine could do an option of a kind, if nobody was in the way [s]."""
+        ends = [end for p in self.candidates(c) for end in (p.start, p.end)]
+        cut = min((math.dist(end, c.place[:2]) for end in ends), default=0.0) / c.spec.drive.straight
+        cart = min((self.comes(k, c) for k in self.likely(c)), default=c.time) - c.time
+        truck = math.dist(self.ground.dock[:2], c.place[:2]) / c.spec.drive.straight
+        return {"cut": cut, "beside": cart, "stand": cart, "truck": truck}
 
     # passes
     def todo(self) -> tuple[list[Pass], ...]:
@@ -440,8 +493,8 @@ class _Scheduler:
         return self.legs(c, passes) if passes else None
 
     def legs(self, c: CombineState, passes: Sequence[Pass]) -> Iterator[_Leg]:
-        """Legs to passes, from now or from when all given is cut: headland first, then those first that
-        cost the least time beside that of cutting.
+        """Legs to passes: headland first, then those first that cost the least time beside that of cutting;
+        on ground that is cut now, and on what is cut when all have done what is granted to them.
         """
         reach = self.reach(c)
         cuts: list[tuple[bool, float, int, _Leg]] = []
@@ -452,11 +505,14 @@ class _Scheduler:
             leg = self.only_cut(c, task)
             if leg is not None:
                 way = reach(leg.path.track.start) / c.spec.drive.straight
-                cuts.append((task.kind != HEADLAND, round(way + leg.lost, 0), len(cuts), leg))
-        for time in self.moments(c):
-            for *_, leg in sorted(cuts, key=lambda cut: cut[:3]):
+                leg.least = way + leg.lost
+                cuts.append((task.kind != HEADLAND, round(leg.least, 0), len(cuts), leg))
+        for *_, leg in sorted(cuts, key=lambda cut: cut[:3]):
+            length = math.nan
+            for time in self.moments(c):
                 found = self.with_way(c, leg, time)
-                if found is not None:
+                if found is not None and not abs(found.path.track.length - length) < 0.1:
+                    length = found.path.track.length
                     yield found
 
     def moments(self, c: CombineState) -> list[float]:
@@ -475,7 +531,7 @@ class _Scheduler:
         masses = self.ground.crop_on((c.spec.name, task), strips) * density
         length = task.length / len(strips)
         cut = replace(cut, spent=length / np.array([c.spec.speed_in(kg / length) for kg in masses]))
-        leg = _Leg(cut, task, masses, density, strips, 0, 0.0)
+        leg = _Leg(cut, task, masses, density, strips, 0)
         leg.lost = self.lost(c, leg)
         return leg if math.isfinite(leg.lost) else None
 
@@ -492,12 +548,13 @@ class _Scheduler:
         return cut, strips if is_open else None, self.ground.density(strips)
 
     def with_way(self, c: CombineState, cut: _Leg, time: float) -> _Leg | None:
-        """A pass and the way to it."""
+        """A pass and the way to it, searched on ground that is cut by a time and driven as that is cut."""
         place = cut.path.track.start
         path = self.way(c.spec, c.place, place, time, "way")
         if path is None:
             return None
-        return replace(cut, path=path.then(cut.path), first=len(path), not_before=time)
+        after = self.cut_by(path, c.time, time)
+        return replace(cut, path=path.then(cut.path), first=len(path), after=after)
 
     def lost(self, c: CombineState, cut: _Leg) -> float:
         """Time that is lost on a pass beside which no cart can come: until its grain is poured out standing
@@ -578,7 +635,7 @@ class _Scheduler:
         fits = bool(levels[-1] <= c.spec.tank + LEFT_KG)
         meets = self.table.meets(leg.path, c.spec.name)
         if fits:
-            times = self.table.earliest(c.spec.name, leg.path, max(c.time, leg.not_before), meets=meets)
+            times = self.table.earliest(c.spec.name, leg.path, c.time, meets=meets, after=leg.after)
             if times is None:
                 return
             ends = times[-1] + float(leg.path.spent[-1])
@@ -595,13 +652,14 @@ class _Scheduler:
     def likely(self, c: CombineState) -> list[CartState]:
         """Carts with room, those that are free first."""
         room = [k for k in self.carts if k.spec.load - k.load > PARAMS.room * k.spec.load]
+        return sorted(room, key=lambda k: (self.comes(k, c), k.spec.name))[: PARAMS.carts]
 
-        def comes(k: CartState) -> tuple[float, str]:
-            start = k.starts[0]
-            far = math.dist(start.place[:2], c.place[:2])
-            return max(start.time + far / k.spec.drive.straight, c.time), k.spec.name
-
-        return sorted(room, key=comes)[: PARAMS.carts]
+    @staticmethod
+    def comes(k: CartState, c: CombineState) -> float:
+        """When a cart could be where a combine is free, if nobody was in the way [s]."""
+        start = k.starts[0]
+        far = math.dist(start.place[:2], c.place[:2])
+        return max(start.time + far / k.spec.drive.straight, c.time)
 
     def cuts_part(
         self, c: CombineState, leg: _Leg, levels: Array, anywhere: bool
@@ -619,7 +677,7 @@ class _Scheduler:
         path = leg.path.until(leg.first + count)
         masses, density, strips = leg.masses[:count], leg.density[:count], leg.strips[:count]
         part = replace(leg, path=path, masses=masses, density=density, strips=strips)
-        times = self.table.earliest(c.spec.name, path, max(c.time, leg.not_before))
+        times = self.table.earliest(c.spec.name, path, c.time, after=leg.after)
         if times is None:
             return
         share = count / len(leg.masses)
@@ -676,11 +734,13 @@ class _Scheduler:
         if start.behind >= 0:
             path = standing(path.track.start, k.spec.body, 0.0, "in the field").then(path)
             exact[0] = start.time
-        return _Trip(k, start, c.spec.name, path, exact, self.cut_by(path, start, late))
+        return _Trip(k, start, c.spec.name, path, exact, self.cut_by(path, start.time, late))
 
-    def cut_by(self, path: Path, start: Start, time: float, first: int = 0) -> dict[int, float]:
-        """From when on a cart may be in segments of a path that was searched from a time on [s]."""
-        if start.time >= time:
+    def cut_by(self, path: Path, start: float, time: float, first: int = 0) -> dict[int, float]:
+        """From when on who starts at a time may be in segments of a path that was searched for a later one
+        [s].
+        """
+        if start >= time:
             return {}
         cut = self.ground.cut_by(path.swept[:], time + float(path.spent.sum()))
         return {first + i: t for i, t in enumerate(cut)}
@@ -711,14 +771,14 @@ class _Scheduler:
             return None
         to = len(trip.path)
         lane = self.lane(k, leg, goal, first, last)
-        after = trip.after | self.cut_by(lane, start, c.time, to)
+        after = trip.after | self.cut_by(lane, start.time, c.time, to)
         trip = replace(trip, path=trip.path.then(lane), after=after)
         meets = self.table.meets(leg.path, c.spec.name)
-        begin = max(c.time, leg.not_before)
+        begin = c.time
         full = int(np.searchsorted(levels, c.spec.tank + LEFT_KG, side="right")) - 1  # that the tank takes
         for _ in range(3):
             mark = self.table.mark()
-            times = self.table.earliest(c.spec.name, leg.path, begin, meets=meets)
+            times = self.table.earliest(c.spec.name, leg.path, begin, meets=meets, after=leg.after)
             if times is None:
                 return None
             self.table.commit(c.spec.name, leg.path, times, meets)
@@ -735,7 +795,11 @@ class _Scheduler:
         given, ends = math.fsum(amounts), times[-1] + float(leg.path.spent[-1])
         into, at, lane_at = [*times, ends], leg.first + meet, to + meet - first
         pours, tank = given / c.spec.auger, float(levels[-1]) - given
-        option = Option("beside", k.spec.name, into[at], ends, given, tank, exits[1], pours, leg.cuts)
+        over = into[at + len(amounts)]
+        option = Option(
+            "beside", k.spec.name, into[at], ends, given, tank, exits[1], pours, leg.cuts,
+            *self.free_again(k, exits, over, given),
+        )  # fmt: skip
 
         def grant() -> None:
             own = self.grant_cut(c, leg, granted, meets)
@@ -749,6 +813,16 @@ class _Scheduler:
             self.leaves(k, exits, numbers, lane_at + len(amounts) - 1)
 
         return option, grant
+
+    @staticmethod
+    def free_again(
+        k: CartState, exits: tuple[bool, float, list[Poured]], over: float, load: float
+    ) -> tuple[float, float]:
+        """From when on a cart can set out to another load [s], and the room in its box then [kg]. over: when
+        it has taken a load [s]
+        """
+        empties, home, _ = exits
+        return (home, k.spec.load) if empties else (over, k.spec.load - k.load - load)
 
     def hands_over(self, c: CombineState, k: CartState, poured: Poured) -> None:
         """Grain from a tank into a box."""
@@ -1054,7 +1128,10 @@ class _Scheduler:
         begin = cart_times[at]
         path.spent[-2] = begin - times[-2]
         ends = begin + pour
-        option = Option("stand", k.spec.name, begin, ends, amount, c.tank - amount, exits[1], pour)
+        option = Option(
+            "stand", k.spec.name, begin, ends, amount, c.tank - amount, exits[1], pour, 0.0,
+            *self.free_again(k, exits, ends, amount),
+        )  # fmt: skip
 
         def grant() -> None:
             own = self.table.commit(c.spec.name, path, [*times[:-1], begin], meets)

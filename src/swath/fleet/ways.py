@@ -136,13 +136,7 @@ def eased(start: Place, pieces: Sequence[tuple[float, float]], body: Body, ramp:
     mean over that length, up to where it stands; pieces are stretched a little so that it ends where they do.
     None where that is too much.
     """
-    merged: list[list[float]] = []
-    for bend, length in pieces:
-        if merged and merged[-1][0] == bend and merged[-1][1] * length > 0.0:
-            merged[-1][1] += length
-        else:
-            merged.append([bend, length])
-    bends, lengths = np.array(merged).T
+    bends, lengths = np.array(merged(pieces)).T
     goal = _ends(start, bends, lengths)[-1]
     first = lengths.copy()
     for _ in range(12):
@@ -180,6 +174,17 @@ def eased(start: Place, pieces: Sequence[tuple[float, float]], body: Body, ramp:
         if shrunk or np.abs(change[len(bends) :]).max() > PARAMS.sharper:
             return None
     return None
+
+
+def merged(pieces: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """The same pieces, those alike that follow each other as one."""
+    out: list[tuple[float, float]] = []
+    for bend, length in pieces:
+        if out and out[-1][0] == bend and out[-1][1] * length > 0.0:
+            out[-1] = bend, out[-1][1] + length
+        else:
+            out.append((bend, length))
+    return out
 
 
 def _ends(start: Place, bends: Array, lengths: Array) -> Array:
@@ -509,12 +514,34 @@ class Finder:
             return None
         rows = self._found[1 : 1 + 2 * count].reshape(-1, 2)[::-1]
         pieces = [(float(k), float(d)) for k, d in rows if abs(d) > 1e-6] or [(0.0, 1e-3)]
-        if drive.steering < math.inf and any(k != 0.0 for k, _ in pieces):
-            for part in (1.0, 0.5, 0.25):
-                made = eased(start, pieces, body, part * PARAMS.ramp_m)
-                if made is not None and self._is_clear(made, asked):
-                    return made
-        return driven(start, pieces, body)
+        if drive.steering == math.inf or all(bend == 0.0 for bend, _ in pieces):
+            return driven(start, pieces, body)
+        return self._eased(merged(pieces), asked)
+
+    def _eased(self, pieces: Sequence[tuple[float, float]], asked: _Asked) -> Track:
+        """Pieces eased as one where that is clear; else in two parts that meet on the straight nearest to the
+        middle; where there is none, over less, and at last not at all.
+        """
+        start, body = asked.start, asked.body
+        inner = [
+            i for i in range(1, len(pieces) - 1)
+            if pieces[i][0] == 0.0 and abs(pieces[i][1]) >= PARAMS.ramp_m
+        ]  # fmt: skip
+        for part in (1.0, 0.5, 0.25):
+            made = eased(start, pieces, body, part * PARAMS.ramp_m)
+            if made is not None and self._is_clear(made, asked):
+                return made
+            if made is not None and inner:
+                break
+        if not inner:
+            return driven(start, pieces, body)
+        ends = np.cumsum([abs(length) for _, length in pieces])
+        at = min(inner, key=lambda i: abs(ends[i] - 0.5 * ends[-1]))
+        half = 0.0, 0.5 * pieces[at][1]
+        first = self._eased([*pieces[:at], half], asked)
+        later = asked._replace(start=first.end, time=asked.time + first.length / asked.drive.straight)
+        rest = self._eased([half, *pieces[at + 1 :]], later)
+        return joined([first, rest])
 
     def _launch(self, asked: _Asked, mode: int, track: Array = NOTHING) -> None:
         """Run the kernel."""
