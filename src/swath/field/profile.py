@@ -96,6 +96,14 @@ class Profile(KeepsState):
         bins = np.clip(np.floor((s - self.s0) / BIN), 0, len(self.reach) - 1)
         return np.asarray(offset if self.is_left else -offset), bins.astype(np.int64)
 
+    def rise(self, places: tuple[Array, Array], steps: tuple[Array, Array]) -> Array:
+        """How far the ground rises on steps at world points [m]."""
+        s, offset = self.edge.shape.project(*places)
+        station = np.clip(np.rint((s - self.s0) / STATION), 0, len(self.x) - 1).astype(int)
+        column = np.clip(np.rint(offset / COLUMN) + COLUMNS // 2, 0, COLUMNS - 1).astype(int)
+        u, v = self.field.to_stand(*steps)
+        return np.asarray(self.slope_x[station, column] * u + self.slope_y[station, column] * v)
+
     def stands(self, x: Any, y: Any) -> NDArray[np.bool_]:
         """True where crop stands, at world points [m]."""
         inside, bins = self.place(x, y)

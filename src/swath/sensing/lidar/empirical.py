@@ -140,11 +140,16 @@ class TableLidar(ScanningLidar):
         x, y, _ = (beams.origins[in_crop] + distance * along).T
         ahead = np.hypot(along[:, 0], along[:, 1])
         x_step, y_step = along[:, :2].T / np.maximum(ahead, 1e-6)  # 1 m
-        rise = self.setup.field.ground_height(x + 0.5 * x_step, y + 0.5 * y_step)
-        rise = rise - self.setup.field.ground_height(x - 0.5 * x_step, y - 0.5 * y_step)
+        rise = self.rise((x, y), (x_step, y_step))
         spot = self.beam["exit_diameter"] + self.beam["divergence"] * distance[:, 0]
         down = np.degrees(portable.arctan2(rise * ahead - along[:, 2], ahead))
         return {"depression_deg": down, "spot_mm": 1e3 * spot}
+
+
+    def rise(self, places: tuple[F64, F64], steps: tuple[F64, F64]) -> F64:
+        """How far the ground rises on steps around places [m]."""
+        (x, y), (dx, dy), ground = places, steps, self.setup.field.ground_height
+        return ground(x + 0.5 * dx, y + 0.5 * dy) - ground(x - 0.5 * dx, y - 0.5 * dy)
 
 
 class EmpiricalLidar(TableLidar):

@@ -56,6 +56,10 @@ class ProfileLidar(InWorlds, TableLidar):
             raise refused("thing in sight of its own scanner: obstacles, other machines, a body from a file")
         return TableLidar.reset(self, stream)
 
+    def rise(self, places: tuple[F64, F64], steps: tuple[F64, F64]) -> F64:
+        """Of the ground that beams meet here."""
+        return self.profile.rise(places, steps)
+
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A sweep is made from the states of the machine alone."""
         raise refused("scan from a place of its own")
