@@ -36,7 +36,7 @@ from swath.field.wind import Sway, make_sway
 Array = NDArray[np.float64]
 FEW = 4  # points whose ground is looked up without a page
 FAR = 1e6  # places beyond this are refused [m]
-PROFILED = 8.0  # of the ground on a profile's way that is held at a time [m]
+PROFILED = 16.0  # of the ground on a profile's way that is held at a time [m]
 
 
 class Field:
@@ -177,9 +177,7 @@ class Field:
         iu, iv, k = np.floor(u), np.floor(v), np.arange(u.size)
         columns, rows = (self.maker.node * np.concatenate([a, a + 1.0], axis=None) for a in (iu, iv))
         z = self.terrain.lattice(columns, rows, self.stand_yaw).astype(np.float32).astype(np.float64)
-        near, far = (
-            [z[j, i].reshape(u.shape) for i in (k, k + u.size)] for j in (k, k + u.size)
-        )
+        near, far = ([z[j, i].reshape(u.shape) for i in (k, k + u.size)] for j in (k, k + u.size))
         low, high = (a + (b - a) * (u - iu) for a, b in (near, far))
         return np.asarray(low + (high - low) * (v - iv))
 

@@ -136,9 +136,10 @@ def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plan
     heads = None
     if how.ears and facts is not None:
         heads = _Ears(ear_length, _radius(facts, ear_length), tilt, nod, neck)
-    length = np.maximum(height - (heads.rise() if heads is not None else 0.0), 0.1 * height)
-    stalks = Stalks(length, portable.tan(lean) * length, heading, scale)
     is_bare = heads is not None and how.fruit_only
+    length = np.maximum(height - (heads.rise() if heads is not None else 0.0), 0.1 * height)
+    reach = np.zeros(count) if is_bare else portable.tan(lean) * length
+    stalks = Stalks(length, reach, heading, scale)
     parts = [] if is_bare else [stalk_capsules(crop.stem, stalks, how.stalk_parts)]
     if heads is not None:
         parts += _heads(crop, stalks, heads, rng, awns=not (how.upright or is_bare))
