@@ -56,6 +56,13 @@ def test_ground_and_stand_of_its_columns(seed):
     stand = maps.Params(density_variation=maps.Variation(sd_percent=10.0, length_m=25.0))
     field = made_field(terrain=terrain, stand=stand, edge=drawn_edge(rng), seed=seed)
     p = field.profiled(field.first_edge)
+    whole = made_field(terrain=terrain, stand=stand, edge={"edge": p.edge}, seed=seed)
+    whole = whole.profiled(p.edge.shape)
+    whole.lay(len(p.x))
+    for stations in (*rng.integers(0, len(p.x), 3), len(p.x)):
+        p.lay(int(stations))
+    for name in ("z", "slope_x", "slope_y"):
+        np.testing.assert_array_equal(getattr(p, name), getattr(whole, name), strict=True)
     k = np.arange(65, 120)
     for column in range(p.z.shape[1]):
         left = COLUMN * (column - p.z.shape[1] // 2)
