@@ -324,7 +324,7 @@ def make_library(
         plants, xy, rank, tile = _with_weeds(plants, xy, rank, tile, weeds, tile_count, size, seed)
 
     def drawn() -> Plants:
-        return make_plants(crop, count, own, how) if weeds is None else plants
+        return make_plants(crop, count, deepcopy(own), how) if weeds is None else plants
 
     placed = PlacedPlants(drawn, xy, tile, size, (tile_count, columns, bins))
     reflectance = np.zeros(len(Organ), np.float32)
