@@ -25,7 +25,7 @@ def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plan
     height = heights_of(crop, rng, count)
     stalks = stalks_of(crop, rng, height)
     parts = [stalk_capsules(crop.stem, stalks, how.stalk_parts, Organ.WEED)]
-    if how.leaves and not how.fruit_only:
+    if how.leaves:
         leafing = Leafing(taper=TAPER, organ=Organ.WEED)
         parts.append(blades(crop.organs[LeafFacts], stalks, how.leaf_parts, rng, leafing))
     mass = shared(height * stalks.scale**2, crop.yields.straw_mass)
