@@ -76,7 +76,7 @@ class Profile(KeepsState):
         self.is_straight, self._laid = bool(np.ptp(heading) == 0.0), 0
         self.z = np.zeros((len(s), COLUMNS))
         self.slope_x, self.slope_y = np.zeros((2, len(s), COLUMNS), np.float32)
-        left = COLUMN * (np.arange(COLUMNS) - COLUMNS // 2)
+        left: Array = COLUMN * np.arange(-(COLUMNS // 2), COLUMNS // 2 + 1, dtype=np.float64)
         self.stand = np.ascontiguousarray(field.maker.stand_at(*_beside(at, heading, left)))
         self.stand[..., 3] *= field.library.density_max
         self._inside = left if self.is_left else -left
@@ -88,7 +88,7 @@ class Profile(KeepsState):
             return
         begin = max(first - 1, 0)  # slopes need the neighbours
         at, heading = (a[begin : last + 1] for a in self._line)
-        left = COLUMN * (np.arange(COLUMNS + 2) - COLUMNS // 2 - 1)
+        left: Array = COLUMN * np.arange(-(COLUMNS // 2) - 1, COLUMNS // 2 + 2, dtype=np.float64)
         if self.is_straight:  # a lattice, for which terrain takes a tenth of the time
             c, r = np.cos(heading[0]), np.sin(heading[0])
             ahead, aside = c * at[:, 0] + r * at[:, 1], c * self._line[0][0, 1] - r * self._line[0][0, 0]
