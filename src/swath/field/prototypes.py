@@ -317,14 +317,14 @@ def make_library(
     rank = ((order + rng.random((tile_count, 1))) / per_tile).ravel()
     leaf_parts = leaf_parts_of(crop, detail)
     how = Drawing(leaves=leaves, ears=ears, upright=upright, leaf_parts=leaf_parts)
-    own = deepcopy(rng)
-    plants = make_plants(crop, count, rng, replace(how, fruit_only=weeds is None))
+    own, is_light = deepcopy(rng), weeds is None and crop.habit.fruit_only
+    plants = make_plants(crop, count, rng, replace(how, fruit_only=is_light))
     tile = np.repeat(np.arange(tile_count), per_tile)
     if weeds is not None:
         plants, xy, rank, tile = _with_weeds(plants, xy, rank, tile, weeds, tile_count, size, seed)
 
     def drawn() -> Plants:
-        return make_plants(crop, count, deepcopy(own), how) if weeds is None else plants
+        return make_plants(crop, count, deepcopy(own), how) if is_light else plants
 
     placed = PlacedPlants(drawn, xy, tile, size, (tile_count, columns, bins))
     reflectance = np.zeros(len(Organ), np.float32)

@@ -193,4 +193,5 @@ HABIT = Habit(
     optional=("neck", "awn"),
     reflective=("stem", "ear", "leaf", "awn"),
     reduced_leaf_parts=2,
+    fruit_only=True,
 )

@@ -79,7 +79,7 @@ def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plan
     parts = [stalk_capsules(crop.stem, stalks, how.stalk_parts), _tassels(tassel, stalks, rng)]
     if how.ears:
         parts.append(cobs)
-    if how.leaves and not how.fruit_only:
+    if how.leaves:
         leafing = Leafing(plane=plane, taper=TAPER)
         parts.append(blades(crop.organs[LeafFacts], stalks, how.leaf_parts + 1, rng, leafing))
     grain = shared(volume, crop.yields.grain_mass)
