@@ -139,8 +139,9 @@ def _alike(one, other):
             {"autoreset_mode": "NextStep", "limits_s": 0.1},
         ),
         ({"combine.lidar": "off", "combine.edge": "truth"}, {"autoreset_mode": "NextStep"}),
+        ({"combine.lidar.fault.loss_percent": 40.0}, {"autoreset_mode": "NextStep"}),
     ],
-    ids=["next step", "same step, scans", "seeds, speed", "truncated", "part by part"],
+    ids=["next step", "same step, scans", "seeds, speed", "truncated", "part by part", "lost scans"],
 )
 def test_worlds_in_step_give_the_bits_of_environments_of_their_own(more, words):
     """Three environments over several episodes, which end at different times."""

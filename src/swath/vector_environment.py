@@ -10,7 +10,7 @@ import numpy as np
 from swath.core.errors import InputError, MissingExtra
 from swath.core.schedule import NS
 from swath.environment import Driven, Score, Seen, Task, scan_of
-from swath.runtime.worlds import Worlds
+from swath.runtime.worlds import Worlds, groups_in_step
 
 try:
     import gymnasium
@@ -132,7 +132,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         return list(self._scores)
 
     def _begin(self, which: np.ndarray, seeds: Sequence[int | None], infos: dict[str, Any]) -> None:
-        """A cohort of environments, taken out of those in which they are."""
+        """Cohorts of environments, taken out of those in which they are."""
         if not len(which):
             return
         for cohort in self._cohorts:
@@ -147,6 +147,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
             spare = self._spare.get(own)
             driven.append(spare.pop() if spare else self.task.begin(own))
             driven[-1].tell_nothing()
+        for group in groups_in_step([each.world for each in driven]):
+            self._join(which[group], [driven[k] for k in group])
+        told = np.zeros(self.num_envs, np.int64) if "seed" not in infos else infos["seed"]
+        told[which] = [each.seed for each in driven]
+        infos["seed"], infos["_seed"] = told, self._mask(infos, "seed", which)
+
+    def _join(self, which: np.ndarray, driven: list[Driven]) -> None:
+        """A cohort of these environments."""
         worlds = Worlds([each.world for each in driven], is_whole=False)
         scores = [
             Score(run.evaluation, each.world.scenario.run.distance_m)
@@ -160,9 +168,6 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         self._terminated[which] = self._truncated[which] = False
         self._way[which] = 0.0
         self._look(cohort, np.arange(len(which)))
-        told = np.zeros(self.num_envs, np.int64) if "seed" not in infos else infos["seed"]
-        told[which] = [each.seed for each in driven]
-        infos["seed"], infos["_seed"] = told, self._mask(infos, "seed", which)
 
     def _retire(self) -> None:
         """Let go of cohorts that are over; with `seeds` their worlds are kept."""

@@ -14,9 +14,9 @@ from swath.field.edge import StraightEdge, make_edge
 from swath.field.field import make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import Organ
-from swath.field.plants import make_plants, silhouette_area
+from swath.field.plants import Drawing, make_plants, silhouette_area
 from swath.field.plants.cereal import AwnFacts, EarFacts
-from swath.field.prototypes import make_library
+from swath.field.prototypes import _ear_heights, make_library
 from swath.field.stand import maps, uniform
 from swath.field.terrain import plane
 from swath.field.weeds import Weeds, weed_crop
@@ -364,3 +364,13 @@ def test_a_habit_of_the_user_is_one_file_and_a_sheet(tmp_path):
         load_crop("asparagus.yaml", tmp_path)
     with pytest.raises(InputError, match=r"habit = toys.py: expected a Python file"):
         load_crop(str(changed_sheet(tmp_path, "crops", "stubble", "habit", "toys.py")))
+
+
+@pytest.mark.parametrize("name", GRAIN)
+def test_what_a_header_needs_of_stems_is_that_of_whole_plants(name):
+    crop, plants = grown(name)
+    light = make_plants(crop, COUNT, np.random.default_rng(1), Drawing(fruit_only=True))
+    for part in ("height", "grain_kg", "straw_kg"):
+        np.testing.assert_array_equal(getattr(light, part), getattr(plants, part), strict=True)
+    np.testing.assert_array_equal(_ear_heights(light), _ear_heights(plants), strict=True)
+    assert (len(light.shape) < len(plants.shape)) == crop.habit.fruit_only

@@ -56,6 +56,13 @@ def test_ground_and_stand_of_its_columns(seed):
     stand = maps.Params(density_variation=maps.Variation(sd_percent=10.0, length_m=25.0))
     field = made_field(terrain=terrain, stand=stand, edge=drawn_edge(rng), seed=seed)
     p = field.profiled(field.first_edge)
+    whole = made_field(terrain=terrain, stand=stand, edge={"edge": p.edge}, seed=seed)
+    whole = whole.profiled(p.edge.shape)
+    whole.lay(len(p.x))
+    for stations in (*rng.integers(0, len(p.x), 3), len(p.x)):
+        p.lay(int(stations))
+    for name in ("z", "slope_x", "slope_y"):
+        np.testing.assert_array_equal(getattr(p, name), getattr(whole, name), strict=True)
     k = np.arange(65, 120)
     for column in range(p.z.shape[1]):
         left = COLUMN * (column - p.z.shape[1] // 2)
@@ -135,3 +142,13 @@ def test_a_cut_takes_what_the_field_of_cells_gives(seed):
         )
     with pytest.raises(InputError, match="no header whose height changes"):
         field.cut([inner[0], inner[1], outer[1]], 0.3)
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_the_ground_at_a_few_points_is_that_of_pages(count):
+    cells, field = (made_field(terrain=formula.Params(slope_percent=4.0), seed=3) for _ in range(2))
+    x, y = np.random.default_rng(count).uniform(-20, 40, (2, count))
+    field.profiled(field.first_edge)
+    for found in (field.ground_height(x, y), cells.ground_at(x, y)):
+        np.testing.assert_array_equal(found, cells.ground_height(x, y), strict=True)
+    assert not len(field.store.keys)

@@ -60,8 +60,10 @@ def _named(node: Any) -> Path | None:
     if not isinstance(node, str | Path):
         return None
     file = str(node).partition(":")[0]
+    if "/" not in file and "." not in file:
+        return None
     try:
-        there = Path(file).name not in ("", "..") and ("/" in file or "." in file) and Path(file).exists()
+        there = Path(file).name not in ("", "..") and Path(file).exists()
     except (OSError, ValueError):
         there = False
     return Path(file) if there else None

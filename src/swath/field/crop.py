@@ -125,6 +125,7 @@ class Habit:
     reduced_leaf_parts: ribbons per leaf for the detail `reduced`
     complete: makes the crop whole with what is not numbers; pieces: mean number of primitives of a plant,
     where it may be so large that fewer prototypes have to do
+    fruit_only: whether `make` draws less for `Drawing.fruit_only`
     """
 
     make: Callable[..., Any]
@@ -137,6 +138,7 @@ class Habit:
     reduced_leaf_parts: int = 3
     complete: "Callable[[Crop, Sheet], Crop] | None" = None
     pieces: "Callable[[Crop], float] | None" = None
+    fruit_only: bool = False
 
 
 class Organs(tuple[Any, ...]):

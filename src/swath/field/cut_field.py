@@ -189,10 +189,11 @@ class Cutter:
         rows: NDArray[Any] = np.zeros(len(stems.rank), STEM)
         for name, column in bodies.items():
             rows[name] = column
+        first, at = stems.by_cell()
         self._roots = filled(
             kernel.Roots,
-            first=np.append(stems.first, len(stems.stem)).astype(np.int32),
-            at=np.stack([stems.stem, stems.column], axis=1).astype(np.int32),
+            first=first,
+            at=at,
             stems=rows,
             straw_exponent=stems.straw_exponent,
         )

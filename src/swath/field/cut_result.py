@@ -60,6 +60,12 @@ class StemIndex:
         self.is_crop = ~library.is_weed
         self.rank = library.stem_rank.astype(np.float64)
         self.height = library.stem_height.astype(np.float64)
+
+    def by_cell(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """For each cell its first row, and where the last one ends; rows, cell by cell: stem, column in the
+        tile.
+        """
+        library = self.library
         stem_tile = np.repeat(np.arange(library.tile_count), np.diff(library.stem_start))
         x, y = library.stem_xy[:, 0].astype(np.float64), library.stem_xy[:, 1].astype(np.float64)
         cells, stems = [], []
@@ -70,10 +76,9 @@ class StemIndex:
             stems.append(np.arange(len(x)))
         cell, stem = np.concatenate(cells), np.concatenate(stems)
         order = np.argsort(cell, kind="stable")
-        self.stem = stem[order]
-        self.column = cell[order] % TILE_CELLS
-        self.count = np.bincount(cell, minlength=library.tile_count * 4 * CELLS).astype(np.int32)
-        self.first = np.cumsum(self.count, dtype=np.int32) - self.count
+        first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=library.tile_count * 4 * CELLS))])
+        at = np.stack([stem[order], cell[order] % TILE_CELLS], axis=1)
+        return first.astype(np.int32), at.astype(np.int32)
 
 
 def cell_in_tile(x: Array, tile_size: float, is_mirrored: Any) -> Ints:

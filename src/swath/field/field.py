@@ -34,8 +34,9 @@ from swath.field.weeds import weed_crop
 from swath.field.wind import Sway, make_sway
 
 Array = NDArray[np.float64]
+FEW = 4  # points whose ground is looked up without a page
 FAR = 1e6  # places beyond this are refused [m]
-PROFILED = 8.0  # of the ground on a profile's way that is held at a time [m]
+PROFILED = 16.0  # of the ground on a profile's way that is held at a time [m]
 
 
 class Field:
@@ -158,6 +159,8 @@ class Field:
 
     def ground_height(self, x: Any, y: Any) -> Array:
         """Height of the soil [m], bilinear on the lattice that rays hit, in the shape of x and y."""
+        if self.profile is not None and np.size(x) <= FEW:
+            return self.ground_at(x, y)
         u, v = (a / self.maker.node for a in self._points(x, y))
         iu, iv = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
         slot = self._slots(iu // PAGE_NODES, iv // PAGE_NODES)
@@ -167,6 +170,16 @@ class Field:
         z01, z11 = z[slot, b + 1, a].astype(np.float64), z[slot, b + 1, a + 1].astype(np.float64)
         low, high = z00 + (z10 - z00) * fu, z01 + (z11 - z01) * fu
         return np.asarray(low + (high - low) * fv)
+
+    def ground_at(self, x: Any, y: Any) -> Array:
+        """The same bits for a few points, for which no page is made."""
+        u, v = (a / self.maker.node for a in self._points(x, y))
+        iu, iv, k = np.floor(u), np.floor(v), np.arange(u.size)
+        columns, rows = (self.maker.node * np.concatenate([a, a + 1.0], axis=None) for a in (iu, iv))
+        z = self.terrain.lattice(columns, rows, self.stand_yaw).astype(np.float32).astype(np.float64)
+        near, far = ([z[j, i].reshape(u.shape) for i in (k, k + u.size)] for j in (k, k + u.size))
+        low, high = (a + (b - a) * (u - iu) for a, b in (near, far))
+        return np.asarray(low + (high - low) * (v - iv))
 
     def footprint(self, points: Any, *, groups: int = 1) -> Footprint:
         """A quick reader of the heights under points (n, 2) [m] of a body that moves through the field.

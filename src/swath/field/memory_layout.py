@@ -85,15 +85,14 @@ class PlantLibrary:
     was made of it can be kept.
 
     tile_size T [m]; tile_count K; density_max: stems/m2 in the prototypes; row_spacing [m], 0 = no rows
-    height_max: top of the tallest primitive [m]; reach: how far one reaches aside from its stem's foot [m]
 
     Stems, sorted by tile; tile k owns stem_start[k]:stem_start[k + 1].
     stem_xy: base in the tile [m], (n, 2), in [0, T); stem_rank: (n,) in [0, 1): the stem exists on a tile
     whose density fraction exceeds it; stem_height [m]: tip of the plant; ear_height [m]: middle of its ear,
     pods or cob, the tip without any; is_weed: (n,); grain_kg, straw_kg: (n,) masses
 
-    primitives: placed when they are first asked for: not every run looks at plants; the properties below are
-    theirs.
+    bounds, primitives: plants are drawn when these are first asked for: not every run looks at plants; the
+    properties below are theirs.
 
     Search index: columns x columns x bins cells per tile, cell = ((k * columns + iy) * columns + ix) * bins
     + iz, column side T / columns, bin height bin_height [m] from zeta = 0; cell c lists primitives
@@ -107,8 +106,6 @@ class PlantLibrary:
     tile_count: int
     density_max: float
     row_spacing: float
-    height_max: float
-    reach: float
     stem_start: NDArray[np.int32]
     stem_xy: NDArray[np.float32]
     stem_rank: NDArray[np.float32]
@@ -119,10 +116,25 @@ class PlantLibrary:
     straw_kg: NDArray[np.float64]
     columns: int
     bins: int
-    bin_height: float
+    bounds: Callable[[], tuple[float, float]]
     primitives: Callable[[], Primitives]
     cells: Callable[[], tuple[NDArray[np.int32], NDArray[np.int32]]]
     reflectance: NDArray[np.float32] = field(default_factory=lambda: np.zeros(len(Organ), np.float32))
+
+    @property
+    def height_max(self) -> float:
+        """Top of the tallest primitive [m]."""
+        return self.bounds()[0]
+
+    @property
+    def reach(self) -> float:
+        """How far a primitive reaches aside from its stem's foot [m]."""
+        return self.bounds()[1]
+
+    @property
+    def bin_height(self) -> float:
+        """Height of a bin of the search index [m]."""
+        return self.height_max / self.bins
 
     @property
     def shape(self) -> NDArray[np.uint8]:

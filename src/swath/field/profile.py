@@ -2,11 +2,11 @@
 
 Stations every metre along the edge's line, each with columns 1.5 m apart across it, know the ground (a plane)
 and the stand; bins of 5 cm know from where inwards crop grows and between where the header cut it. All is
-sampled once from the field's own terrain, stand and edge. s [m] runs along the line, inside is > 0 towards
-the crop.
+sampled once from the field's own terrain, stand and edge, the ground as far as somebody looks. s [m] runs
+along the line, inside is > 0 towards the crop.
 """
 
-from math import inf, isfinite
+from math import ceil, inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -36,8 +36,8 @@ class Profile(KeepsState):
     """Of a field along an edge. field: a `field.Field`
 
     s0: of the first station [m]; x, y: stations in the stand frame, (n,); cosine, sine, curvature [1/m] of
-    the line. Of columns, (n, COLUMNS): z of their plane at the station, its slope_x, slope_y; stand: (..., 4)
-    scale and lean of the plants, stems per m2
+    the line. Of columns, (n, COLUMNS): z of their plane at the station, its slope_x, slope_y, after `lay`;
+    stand: (..., 4) scale and lean of the plants, stems per m2
     reach: crop grows from there inwards [m], inf = nowhere; near, far: it is cut between [m]; inner: code of
     what is there instead of crop inside of the line, outer: outside; cut_code: of what the header leaves
     straw_kg: laid on the ground
@@ -57,7 +57,8 @@ class Profile(KeepsState):
         bins = np.asarray(self.s0 + BIN * (np.arange(count) + 0.5), dtype=np.float64)
         self.reach, self.inner = _reach(edge, bins)
         self.outer, self.cut_code = edge.stubble, np.full(1, STANDING, np.int32)
-        self.bite = _bite(self.reach, len(s))
+        is_even = edge.teeth is None and not edge.gaps
+        self.bite = np.zeros(len(s), np.float32) if is_even else _bite(self.reach, len(s))
         self.near, self.far = np.full(len(bins), inf, np.float32), np.full(len(bins), -inf, np.float32)
         self.straw_kg = 0.0
         self._per_m2: tuple[Array, ...] = ()
@@ -66,35 +67,61 @@ class Profile(KeepsState):
 
     def _lay_line(self, s: Array) -> None:
         shape, field = self.edge.shape, self.field
-        at, heading = shape.point_at(s), shape.heading_at(s)
+        at, heading = self._line = shape.point_at(s), shape.heading_at(s)
         self.x, self.y = field.to_stand(at[:, 0], at[:, 1])
         direction = heading - field.stand_yaw
         self.cosine, self.sine = np.cos(direction), np.sin(direction)
         turn = np.gradient(np.unwrap(heading), STATION)
         self.curvature = np.where(np.abs(turn) < 1e-9, 0.0, turn).astype(np.float32)  # as kernels have it
-        left = COLUMN * (np.arange(COLUMNS + 2) - COLUMNS // 2 - 1)
-        x = at[:, :1] - np.sin(heading)[:, None] * left
-        y = at[:, 1:] + np.cos(heading)[:, None] * left
-        if np.ptp(heading) == 0.0:  # a lattice, for which terrain takes a tenth of the time
-            c, r = np.cos(heading[0]), np.sin(heading[0])
-            ahead, aside = c * at[:, 0] + r * at[:, 1], c * at[0, 1] - r * at[0, 0]
-            z = np.ascontiguousarray(field.terrain.lattice(ahead, aside + left, float(heading[0])).T)
-        else:
-            z = np.asarray(field.terrain.height(x, y))
-        along, across = np.gradient(z, STATION, COLUMN)
-        left, (x, y, z, along, across) = left[1:-1], (a[:, 1:-1] for a in (x, y, z, along, across))
-        self.z = z - across * left
-        c, r = self.cosine[:, None], self.sine[:, None]
-        self.slope_x, self.slope_y = along * c - across * r, along * r + across * c
-        self.stand = np.ascontiguousarray(field.maker.stand_at(x, y))
+        self.is_straight, self._laid = bool(np.ptp(heading) == 0.0), 0
+        self.z = np.zeros((len(s), COLUMNS))
+        self.slope_x, self.slope_y = np.zeros((2, len(s), COLUMNS), np.float32)
+        left: Array = COLUMN * np.arange(-(COLUMNS // 2), COLUMNS // 2 + 1, dtype=np.float64)
+        self.stand = np.ascontiguousarray(field.maker.stand_at(*_beside(at, heading, left)))
         self.stand[..., 3] *= field.library.density_max
         self._inside = left if self.is_left else -left
+
+    def lay(self, stations: int) -> None:
+        """Know the ground of at least the first so many stations."""
+        first, last = self._laid, min(stations, len(self.x))
+        if first >= last:
+            return
+        begin = max(first - 1, 0)  # slopes need the neighbours
+        at, heading = (a[begin : last + 1] for a in self._line)
+        left: Array = COLUMN * np.arange(-(COLUMNS // 2) - 1, COLUMNS // 2 + 2, dtype=np.float64)
+        if self.is_straight:  # a lattice, for which terrain takes a tenth of the time
+            c, r = np.cos(heading[0]), np.sin(heading[0])
+            ahead, aside = c * at[:, 0] + r * at[:, 1], c * self._line[0][0, 1] - r * self._line[0][0, 0]
+            z = np.ascontiguousarray(self.field.terrain.lattice(ahead, aside + left, float(heading[0])).T)
+        else:
+            z = np.asarray(self.field.terrain.height(*_beside(at, heading, left)))
+        along, across = np.gradient(z, STATION, COLUMN)
+        z, along, across = (a[first - begin : last - begin, 1:-1] for a in (z, along, across))
+        new = slice(first, last)
+        c, r = self.cosine[new, None], self.sine[new, None]
+        self.z[new] = z - across * left[1:-1]
+        self.slope_x[new], self.slope_y[new] = along * c - across * r, along * r + across * c
+        self._laid = last
+
+    def lay_around(self, x: float, y: float, reach: float) -> None:
+        """Know the ground within a reach [m] of a world point [m]."""
+        s, _ = self.edge.shape.project(x, y)
+        self.lay(ceil((float(s) + reach - self.s0) / STATION) + 2 if self.is_straight else len(self.x))
 
     def place(self, x: Any, y: Any) -> tuple[Array, NDArray[np.int64]]:
         """How far inside of the line world points [m] are, and their bins."""
         s, offset = self.edge.shape.project(x, y)
         bins = np.clip(np.floor((s - self.s0) / BIN), 0, len(self.reach) - 1)
         return np.asarray(offset if self.is_left else -offset), bins.astype(np.int64)
+
+    def rise(self, places: tuple[Array, Array], steps: tuple[Array, Array]) -> Array:
+        """How far the ground rises on steps at world points [m]."""
+        s, offset = self.edge.shape.project(*places)
+        station = np.clip(np.rint((s - self.s0) / STATION), 0, len(self.x) - 1).astype(int)
+        self.lay(int(station.max(initial=0)) + 1)
+        column = np.clip(np.rint(offset / COLUMN) + COLUMNS // 2, 0, COLUMNS - 1).astype(int)
+        u, v = self.field.to_stand(*steps)
+        return np.asarray(self.slope_x[station, column] * u + self.slope_y[station, column] * v)
 
     def stands(self, x: Any, y: Any) -> NDArray[np.bool_]:
         """True where crop stands, at world points [m]."""
@@ -276,6 +303,11 @@ def _bite(reach: NDArray[np.float32], stations: int) -> NDArray[np.float32]:
     known = ~np.isnan(near)
     most, least = np.where(known, near, -inf).max(axis=1), np.where(known, near, inf).min(axis=1)
     return np.asarray(np.where(known.any(axis=1), most - least, 0.0), dtype=np.float32)
+
+
+def _beside(at: Array, heading: Array, left: Array) -> tuple[Array, Array]:
+    """World points [m] to the left of points (n, 2) of a line, (n, len(left)) each."""
+    return at[:, :1] - np.sin(heading)[:, None] * left, at[:, 1:] + np.cos(heading)[:, None] * left
 
 
 def _check(field: Any, edge: BrokenEdge) -> None:

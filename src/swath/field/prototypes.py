@@ -3,7 +3,9 @@ single rays traverse.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -139,22 +141,37 @@ class Index:
 
 
 class PlacedPlants:
-    """Primitives and lists of cells, each made when it is first asked for.
+    """Plants, primitives and lists of cells, each made when it is first asked for.
 
-    plants: whose stems stand at xy (n, 2) [m] in the tiles `tile` (n,) of the index
+    draw: plants whose stems stand at xy (n, 2) [m] in the tiles `tile` (n,); size: of a tile [m]; the others
+    as in `Index`
     """
 
-    def __init__(self, index: Index, plants: Plants, xy: Array, tile: Ints) -> None:
-        self._index, self._drawn = index, (plants, xy, tile)
+    def __init__(
+        self, draw: Callable[[], Plants], xy: Array, tile: Ints, size: float, counts: tuple[int, int, int]
+    ) -> None:
+        self._draw, self._xy, self._tile, self._size, self._counts = draw, xy, tile, size, counts
+
+    @cached_property
+    def _plants(self) -> Plants:
+        return self._draw()
+
+    @cached_property
+    def _bounds(self) -> tuple[float, float]:
+        return _bounds(self._plants)
+
+    @cached_property
+    def _index(self) -> Index:
+        return Index(self._size, *self._counts, self._bounds[0] / self._counts[2])
 
     def _pieces(self) -> _Pieces:
         """Tile by tile, cell by cell."""
-        pieces = _copies(*self._drawn, self._index.size)
+        pieces = _copies(self._plants, self._xy, self._tile, self._size)
         return pieces.take(self._index.order(pieces))
 
     @cached_property
     def _primitives(self) -> Primitives:
-        pieces, plants = self._pieces(), self._drawn[0]
+        pieces, plants = self._pieces(), self._plants
         source = pieces.source
         shape, own = plants.shape[source], plants.own_reflectance()
         rows = primitive_rows(len(shape))
@@ -177,6 +194,10 @@ class PlacedPlants:
     @cached_property
     def _cells(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         return self._index.fill(self._pieces())
+
+    def bounds(self) -> tuple[float, float]:
+        """Top of the tallest primitive, and how far one reaches aside from its stem's foot [m]."""
+        return self._bounds
 
     def primitives(self) -> Primitives:
         """All of them, with their copies."""
@@ -296,12 +317,16 @@ def make_library(
     rank = ((order + rng.random((tile_count, 1))) / per_tile).ravel()
     leaf_parts = leaf_parts_of(crop, detail)
     how = Drawing(leaves=leaves, ears=ears, upright=upright, leaf_parts=leaf_parts)
-    plants = make_plants(crop, count, rng, how)
+    own, is_light = deepcopy(rng), weeds is None and crop.habit.fruit_only
+    plants = make_plants(crop, count, rng, replace(how, fruit_only=is_light))
     tile = np.repeat(np.arange(tile_count), per_tile)
     if weeds is not None:
         plants, xy, rank, tile = _with_weeds(plants, xy, rank, tile, weeds, tile_count, size, seed)
-    top, reach = _bounds(plants)
-    placed = PlacedPlants(Index(size, tile_count, columns, bins, top / bins), plants, xy, tile)
+
+    def drawn() -> Plants:
+        return make_plants(crop, count, deepcopy(own), how) if is_light else plants
+
+    placed = PlacedPlants(drawn, xy, tile, size, (tile_count, columns, bins))
     reflectance = np.zeros(len(Organ), np.float32)
     for name, value in crop.reflectance.items():
         reflectance[Organ[name.upper()]] = value
@@ -314,8 +339,6 @@ def make_library(
         tile_count=tile_count,
         density_max=density_max,
         row_spacing=row_spacing,
-        height_max=top,
-        reach=reach,
         stem_start=np.concatenate([[0], np.cumsum(np.bincount(tile, minlength=tile_count))]).astype(np.int32),
         stem_xy=xy.astype(np.float32),
         stem_rank=rank.astype(np.float32),
@@ -326,7 +349,7 @@ def make_library(
         straw_kg=plants.straw_kg,
         columns=columns,
         bins=bins,
-        bin_height=top / bins,
+        bounds=placed.bounds,
         primitives=placed.primitives,
         cells=placed.cells,
         reflectance=reflectance,
@@ -334,7 +357,6 @@ def make_library(
 
 
 def _bounds(plants: Plants) -> tuple[float, float]:
-    """Top of the tallest primitive, and how far one reaches aside from its stem's foot [m]."""
     wide = plants.radius[:, None] + np.abs(plants.width)
     at_b = np.where((plants.shape == Shape.TRIANGLE)[:, None], 0.0, wide)
     top = np.maximum(plants.a[:, 2] + wide[:, 2], plants.b[:, 2] + at_b[:, 2]).max()

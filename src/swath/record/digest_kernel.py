@@ -21,17 +21,17 @@ for (long long n = 0; n < j[4]; ++n, to += j[3]) {
     if (field[4] == 0) __builtin_memcpy(at, from, count);  // COPIED
     if (field[4] == 1)  // DOUBLES
       for (long long i = 0; i < count; ++i) {  // all NaNs are one
-        double x;
+        unsigned long long x;
         __builtin_memcpy(&x, from + 8 * i, 8);
-        const unsigned long long none = 0x7ff8000000000000ull;
-        __builtin_memcpy(at + 8 * i, x == x ? (const void*)&x : (const void*)&none, 8);
+        x = (x & 0x7fffffffffffffffull) > 0x7ff0000000000000ull ? 0x7ff8000000000000ull : x;
+        __builtin_memcpy(at + 8 * i, &x, 8);
       }
     if (field[4] == 2)  // FLOATS
       for (long long i = 0; i < count; ++i) {
-        float x;
+        unsigned x;
         __builtin_memcpy(&x, from + 4 * i, 4);
-        const unsigned none = 0x7fc00000u;
-        __builtin_memcpy(at + 4 * i, x == x ? (const void*)&x : (const void*)&none, 4);
+        x = (x & 0x7fffffffu) > 0x7f800000u ? 0x7fc00000u : x;
+        __builtin_memcpy(at + 4 * i, &x, 4);
       }
     if (field[4] == 3)  // FLAGS
       for (long long i = 0; i < count; ++i) at[i] = from[i] ? 't' : 'f';

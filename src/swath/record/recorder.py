@@ -4,6 +4,7 @@ import json
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -61,8 +62,7 @@ class Recorder:
     ) -> None:
         self.folder = folder
         self._period = round(NS / rate_hz)
-        more = extra or {}
-        self.tracks = {m.name: Tracks(m, self._period, tuple(more.get(m.name, ()))) for m in machines}
+        self._machines, self._more = machines, extra or {}
         self.file = McapFile(folder / RECORDING_FILE) if mcap and detail != "none" else None
         sources = [*machines, replace(machines[0], name=SCENE, mounting={}, outputs={})]
         self._messengers = {m.name: Messenger(m, self.file) for m in sources} if self.file else {}
@@ -100,6 +100,12 @@ class Recorder:
                 waiting.append((t, sink, output, signal))
         while waiting and waiting[0][0] <= t - self._latest:
             self.write_next()
+
+    @cached_property
+    def tracks(self) -> dict[str, Tracks]:
+        """Of each machine."""
+        more = self._more
+        return {m.name: Tracks(m, self._period, tuple(more.get(m.name, ()))) for m in self._machines}
 
     def defer(self) -> None:
         """From now on `write_next` writes run.mcap, sample by sample; nothing waits longer than LATEST.

@@ -42,7 +42,7 @@ def start_pose(section: MachineSection, field: Field, edge: EdgeShape, machine: 
         end = edge.point_at(start.along_edge_m) + start.offset_m * left
         turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
         x, y = end - product(turn, np.array(machine.header_end(section.common.edge_side)))
-    return Pose.from_euler((x, y, float(field.ground_height(x, y))), yaw=float(yaw))
+    return Pose.from_euler((x, y, float(field.ground_at(x, y))), yaw=float(yaw))
 
 
 def check_side(section: MachineSection, edge: EdgeShape) -> None:

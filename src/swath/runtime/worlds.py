@@ -431,11 +431,9 @@ def gains_in_step(scenario: Scenario) -> bool:
     return all(takes_all(choice.found.component, "step") for choice in every if choice.kind.name in LOOK)
 
 
-def drive_together(
-    worlds: Sequence[World], hooks: Sequence[Sequence[RunHook]] = ()
-) -> Iterator[tuple[int, Ended]]:
-    """Drive worlds, those in step whose slots, rates and wires are alike; gives what each comes to by its
-    number, as it ends. A world with a fault that loses or delays samples goes alone. hooks: of each world
+def groups_in_step(worlds: Sequence[World]) -> list[list[int]]:
+    """Numbers of worlds that go in step: their slots, rates and wires are alike. A world with a fault that
+    loses or delays samples goes alone.
     """
     groups: dict[Any, list[int]] = {}
     for number, world in enumerate(worlds):
@@ -444,7 +442,16 @@ def drive_together(
         goes_alone = any(node.fault and not node.fault.fault.keeps_time for node in nodes)
         parts = [node.component.goes_with for node in nodes if isinstance(node.component, GoesWith)]
         groups.setdefault((*about, *parts, number if goes_alone else None), []).append(number)
-    for group in groups.values():
+    return list(groups.values())
+
+
+def drive_together(
+    worlds: Sequence[World], hooks: Sequence[Sequence[RunHook]] = ()
+) -> Iterator[tuple[int, Ended]]:
+    """Drive worlds, in step where they can; gives what each comes to by its number, as it ends. hooks: of
+    each world
+    """
+    for group in groups_in_step(worlds):
         own = [hooks[number] for number in group] if hooks else ()
         for place, found in Worlds([worlds[number] for number in group], own).drive():
             yield group[place], found

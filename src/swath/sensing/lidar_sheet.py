@@ -1,7 +1,7 @@
 """LiDAR data sheets: `data/sensors/*.yaml` as validated objects in SI."""
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,7 +10,7 @@ from pydantic import Field
 
 from swath.core import portable
 from swath.core.units import MM, MRAD
-from swath.documents.data_sheets import read_sheet
+from swath.documents.data_sheets import Sheet, read_sheet
 from swath.documents.sheet_fields import Key, Quantity, Section
 from swath.sensing.beam import Beam, Contour, Convention, Profile, full_angle
 from swath.signals import F64
@@ -131,7 +131,15 @@ def _in_metres(pairs: Pairs) -> F64:
 
 def load_lidar(name: str, base: Path | None = None) -> LidarSheet:
     """A bundled scanner by name, or the user's own YAML file. InputError names key and file."""
-    sheet = read_sheet("sensors", name, base)
+    return _read(read_sheet("sensors", name, base)) if name.endswith((".yaml", ".yml")) else _bundled(name)
+
+
+@cache
+def _bundled(name: str) -> LidarSheet:
+    return _read(read_sheet("sensors", name))
+
+
+def _read(sheet: Sheet) -> LidarSheet:
     made = sheet.read(LidarSheet)
     if len(made.line_delay) != len(made.line_elevation):
         raise sheet.error("scan.line_delay_us", f"expected one for each of {len(made.line_elevation)} lines")

@@ -136,12 +136,14 @@ def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plan
     heads = None
     if how.ears and facts is not None:
         heads = _Ears(ear_length, _radius(facts, ear_length), tilt, nod, neck)
+    is_bare = heads is not None and how.fruit_only
     length = np.maximum(height - (heads.rise() if heads is not None else 0.0), 0.1 * height)
-    stalks = Stalks(length, portable.tan(lean) * length, heading, scale)
-    parts = [stalk_capsules(crop.stem, stalks, how.stalk_parts)]
+    reach = np.zeros(count) if is_bare else portable.tan(lean) * length
+    stalks = Stalks(length, reach, heading, scale)
+    parts = [] if is_bare else [stalk_capsules(crop.stem, stalks, how.stalk_parts)]
     if heads is not None:
-        parts += _heads(crop, stalks, heads, rng, awns=not how.upright)
-    if how.leaves and leaf is not None:
+        parts += _heads(crop, stalks, heads, rng, awns=not (how.upright or is_bare))
+    if how.leaves and leaf is not None and not how.fruit_only:
         parts.append(blades(leaf, stalks, how.leaf_parts, rng, Leafing()))
     grain = shared(ear_length, crop.yields.grain_mass) if facts is not None else np.zeros(count)
     straw = shared(length * scale**2, crop.yields.straw_mass)
@@ -191,4 +193,5 @@ HABIT = Habit(
     optional=("neck", "awn"),
     reflective=("stem", "ear", "leaf", "awn"),
     reduced_leaf_parts=2,
+    fruit_only=True,
 )

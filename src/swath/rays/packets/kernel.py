@@ -8,12 +8,12 @@ from pathlib import Path
 import warp as wp
 
 from swath.kernels import BUILT_FOR
-from swath.rays.kernel.cast import hit_solids
-from swath.rays.kernel.scene import Scene, SolidArrays, no_hit
+from swath.rays.kernel.scene import Scene
 
 # Warp asks LLVM to inline nine times as much, which takes longer to compile and is no faster here.
 # Multiply-adds are fused only where the source says so: else a result could depend on what was inlined.
-wp.set_module_options({"cpu_compiler_flags": f"{BUILT_FOR} -mllvm=-inline-threshold=1000", "fuse_fp": False})
+OPTIONS = {"cpu_compiler_flags": f"{BUILT_FOR} -mllvm=-inline-threshold=1000", "fuse_fp": False}
+wp.set_module_options(OPTIONS)
 _PARTS = ("vectors", "rays", "tiles", "crop", "traversal")  # each built on those before it
 _TRAVERSAL = "\n".join(
     (Path(__file__).parent / "native" / f"{part}.cpp").read_text(encoding="utf-8") for part in _PARTS
@@ -44,24 +44,3 @@ def traverse_groups(scene: Scene, index: Index, job_bytes: wp.array(dtype=wp.uin
 def traverse(scene: Scene, index: Index, job: wp.array(dtype=wp.uint8)):
     """Casts groups of packets of a job (`traversal.JOB`) until none is left: launched once on each thread."""
     traverse_groups(scene, index, job)
-
-
-@wp.kernel(enable_backward=False)
-def hit_nearest_solid(
-    solids: SolidArrays,
-    origins: wp.array(dtype=wp.vec3d),
-    directions: wp.array(dtype=wp.vec3d),
-    range_max: float,
-    first: int,
-    distance: wp.array(dtype=float),
-    organ: wp.array(dtype=wp.uint8),
-    cosine: wp.array(dtype=float),
-    reflectance: wp.array(dtype=float),
-):
-    """Nearest solid of each ray, range_max and organ 0 without one: what the traversal starts with."""
-    i = first + wp.tid()
-    hit = hit_solids(solids, origins[i], wp.vec3(directions[i]), no_hit(range_max))
-    distance[i] = hit.t
-    organ[i] = wp.uint8(hit.organ)
-    cosine[i] = hit.cosine
-    reflectance[i] = hit.reflectance

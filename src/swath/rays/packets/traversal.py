@@ -215,7 +215,7 @@ class PacketTraversal:
         self, wp: Any, solids: Any, rays: Any, range_max: float, hits: Hits
     ) -> tuple[NDArray[Any], ...]:
         """Nearest solid of every ray, in the memory of the hits."""
-        from swath.rays.packets.kernel import hit_nearest_solid
+        from swath.rays.packets.solid_kernel import hit_nearest_solid
 
         kinds = (wp.vec3d, wp.vec3d, wp.float32, wp.uint8, wp.float32, wp.float32)
         arrays = (*(a.reshape(-1, 3) for a in rays), *hits.arrays)

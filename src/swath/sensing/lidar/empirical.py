@@ -33,6 +33,7 @@ from swath.signals import F64
 MOST_SHOWN = 5  # keys in a note
 LOOKED_AT = 200  # echoes of a scan
 NO_CROP = (Organ.NONE, Organ.GROUND, Organ.STRAW, Organ.STUBBLE, Organ.SOLID)
+IS_CROP = ~np.isin(list(Organ), NO_CROP)  # by organ
 # Of each axis of a table, in a note: how beams met what they met, and its name.
 TOLD = (("with a stem density", "density"), ("with a height", "height"),
         ("at an angle to the ground", "angle"), ("with a spot diameter", "diameter"))  # fmt: skip
@@ -134,17 +135,21 @@ class TableLidar(ScanningLidar):
     def meets(self) -> Mapping[str, F64]:
         """How some echoes of the newest scan met standing crop: depression against the ground, and spot."""
         beams = self.rays.beams
-        in_crop = np.flatnonzero(~np.isin(beams.kind[: beams.count], NO_CROP))
+        in_crop = np.flatnonzero(IS_CROP[beams.kind[: beams.count]])
         in_crop = in_crop[:: 1 + len(in_crop) // LOOKED_AT]
         distance, along = beams.distance[in_crop, None].astype(np.float64), beams.directions[in_crop]
         x, y, _ = (beams.origins[in_crop] + distance * along).T
         ahead = np.hypot(along[:, 0], along[:, 1])
         x_step, y_step = along[:, :2].T / np.maximum(ahead, 1e-6)  # 1 m
-        rise = self.setup.field.ground_height(x + 0.5 * x_step, y + 0.5 * y_step)
-        rise = rise - self.setup.field.ground_height(x - 0.5 * x_step, y - 0.5 * y_step)
+        rise = self.rise((x, y), (x_step, y_step))
         spot = self.beam["exit_diameter"] + self.beam["divergence"] * distance[:, 0]
         down = np.degrees(portable.arctan2(rise * ahead - along[:, 2], ahead))
         return {"depression_deg": down, "spot_mm": 1e3 * spot}
+
+    def rise(self, places: tuple[F64, F64], steps: tuple[F64, F64]) -> F64:
+        """How far the ground rises on steps around places [m]."""
+        (x, y), (dx, dy), ground = places, steps, self.setup.field.ground_height
+        return ground(x + 0.5 * dx, y + 0.5 * dy) - ground(x - 0.5 * dx, y - 0.5 * dy)
 
 
 class EmpiricalLidar(TableLidar):

@@ -26,6 +26,8 @@ from swath.sensing.lidar.empirical import CHECKED, Params, TableLidar
 from swath.sensing.sweep import ROOM
 from swath.signals import F64, Scan, ScanTruth
 
+AHEAD = 48.0  # ground is laid so much farther than beams reach, half of it for where the scanner sits [m]
+
 
 class ProfileLidar(InWorlds, TableLidar):
     """Scans profiles with a moving scanner."""
@@ -56,6 +58,10 @@ class ProfileLidar(InWorlds, TableLidar):
             raise refused("thing in sight of its own scanner: obstacles, other machines, a body from a file")
         return TableLidar.reset(self, stream)
 
+    def rise(self, places: tuple[F64, F64], steps: tuple[F64, F64]) -> F64:
+        """Of the ground that beams meet here."""
+        return self.profile.rise(places, steps)
+
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A sweep is made from the states of the machine alone."""
         raise refused("scan from a place of its own")
@@ -73,6 +79,8 @@ class Scanners:
         self._words = np.zeros((n, 3), np.uint64)
         self._states, self._asked = np.zeros((n, ROOM, 13)), np.zeros(2)
         self._stations = np.zeros(n, np.int32)
+        self._reach = AHEAD + max(part.scanner.reach for part in parts)
+        self._laid_at = np.full((n, 2), np.nan)  # around where the ground was laid [m]
         self._flags = np.zeros((n, 1), np.int32)
         self._last: Samples | None = None
         self._launch: Any = None
@@ -94,6 +102,7 @@ class Scanners:
             part.begin(stream)
             part.rays.aims_as(first)
         self._prepare()
+        self._laid_at[:] = np.nan
         for array in (self._ranges, self._intensity, self._points, self._origins):
             array[:] = np.nan
         found = self._samples(0)
@@ -110,6 +119,7 @@ class Scanners:
         for k, state in enumerate(states):
             self._states[:, k, 0] = state.t
             self._states[:, k, 1:] = state.arrays["pose"]
+        self._lay(len(states))
         end = t + dt
         self._asked[:] = end, len(states)
         self._words[:, 2] = end
@@ -143,6 +153,15 @@ class Scanners:
             self._last = self._last.copy()
             for name, array in Samples.joined([state["last"]]).arrays.items():
                 self._last.arrays[name][world] = array[0]
+
+    def _lay(self, states: int) -> None:
+        """The ground in reach of all scanners, from these states of the machines."""
+        x, y = self._states[:, :states, 1:3].transpose(2, 0, 1)
+        gone = np.hypot(x - self._laid_at[:, :1], y - self._laid_at[:, 1:]).max(axis=1, initial=0.0)
+        for world in np.flatnonzero(~(gone < 0.5 * AHEAD)).tolist():
+            for place in ((x[world, 0], y[world, 0]), (x[world, -1], y[world, -1])):
+                self._parts[world].profile.lay_around(*place, self._reach)
+            self._laid_at[world] = x[world, -1], y[world, -1]
 
     def _prepare(self) -> None:
         """One launch for all, over memory that stays."""

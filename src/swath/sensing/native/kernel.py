@@ -98,7 +98,7 @@ def report(e: Electronics, beams: Beams):
     report_packet(wp.tid(), e, beams)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, module="unique")  # compiled where heights are scanned
 def scan_heights(
     sweep: Aiming,
     g: Heights,
