@@ -10,6 +10,7 @@ from memory that a run has changed.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from heapq import merge
 from itertools import pairwise
 from typing import Any
 
@@ -245,10 +246,8 @@ def cut_times(area: Area, codes: NDArray[np.uint8], ways: list[KnifeWay], durati
     is_crop = codes == STANDING
     when = np.where(is_crop, np.float32(NEVER), np.float32(0.0))
     left = codes.copy()
-    order = sorted(
-        (step for way in ways for step in _steps(way.thinned(), area)), key=lambda step: float(step[0][0])
-    )
-    for (begin, end), before, after, height in order:
+    steps = merge(*(_steps(way.thinned(), area) for way in ways), key=lambda step: float(step[0][0]))
+    for (begin, end), before, after, height in steps:
         for polygon in swept(before.tolist(), after.tolist()):
             found = _inside(np.array(polygon), when.shape)
             if found is None:
@@ -308,7 +307,7 @@ Arrays = dict[str, NDArray[Any]]
 
 
 class Layers:
-    """Collects values, arrays, and notes on what is left out. tracks: by machine, not thinned.
+    """Collects values, arrays, and notes on what is left out. tracks: by machine, as in `collect.Driven`
 
     origin: a world point [m] that places in the page count from, so that float32 is fine enough
     """

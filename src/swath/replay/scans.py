@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from swath.core.schedule import NS
 from swath.record.read.mcap_log import McapLog
 from swath.record.read.scans import cloud_table
+from swath.record.tracks import SHOWN_ROWS, EvenRows
 from swath.signals import F64
 
 MOST_POINTS = 160_000  # of all scanners together
+KEPT_POINTS = 8 * MOST_POINTS  # of one while a recording is read, of which those are an even choice
 LEAST_UNIT = 0.001  # of echoes about the middle of their scan [m]
 MOST_UNITS = 32767  # int16
 RECORDING = "run.mcap"
@@ -21,12 +23,30 @@ RECORDING = "run.mcap"
 
 @dataclass
 class ScannerEchoes:
-    """Of one scanner: times (n,) [s], echoes as they really were, world [m], (k, 3) each."""
+    """Of one scanner: times (n,) [s], echoes as they really were, world [m], (k, 3) each.
+
+    Every `every`-th scan: of a long run no more than a page can choose from. recorded: scans in all
+    """
 
     machine: str
     slot: str
     times: list[float] = field(default_factory=list)
     echoes: list[NDArray[np.float32]] = field(default_factory=list)
+    every: int = 1
+    recorded: int = 0
+    point_count: int = 0
+
+    def add(self, t: float, message: Any) -> None:
+        """A scan of a time [s]."""
+        if self.recorded % self.every == 0:
+            table = cloud_table(message)
+            self.times.append(t)
+            self.echoes.append(np.stack([table[n].astype(np.float32) for n in "xyz"], axis=1))
+            self.point_count += len(table)
+        self.recorded += 1
+        if self.point_count > KEPT_POINTS:
+            self.times, self.echoes, self.every = self.times[::2], self.echoes[::2], 2 * self.every
+            self.point_count = sum(map(len, self.echoes))
 
 
 @dataclass
@@ -46,16 +66,15 @@ def recorded(folder: Path, scanners: Mapping[str, Collection[str]]) -> Recorded 
     loads = {f"/{machine}/process/load": machine for machine in scanners}
     log = McapLog(path)
     topics = [t for t in log.topics() if t in known or t in loads]
-    straw: dict[str, list[tuple[float, float]]] = {}
+    straw: dict[str, EvenRows] = {}
     for topic, t, message in log.messages(topics):
-        if topic in loads:
-            straw.setdefault(loads[topic], []).append((t / NS, float(message.dropped_straw)))
-            continue
-        table = cloud_table(message)
-        known[topic].times.append(t / NS)
-        known[topic].echoes.append(np.stack([table[n].astype(np.float32) for n in "xyz"], axis=1))
+        if topic in known:
+            known[topic].add(t / NS, message)
+        else:
+            row = np.array([[t / NS, float(message.dropped_straw)]])
+            straw.setdefault(loads[topic], EvenRows(SHOWN_ROWS)).add({"": row})
     found = [scanner for scanner in known.values() if scanner.times]
-    return Recorded(found, {name: np.array(rows) for name, rows in straw.items()})
+    return Recorded(found, {name: rows.columns()[""] for name, rows in straw.items()})
 
 
 @dataclass(frozen=True)
@@ -80,8 +99,7 @@ class PackedEchoes:
 
 def pack_echoes(scanner: ScannerEchoes, most: int, origin: F64) -> PackedEchoes:
     """Every n-th scan, so that at most about `most` echoes are left. origin: places count from it [m]"""
-    total = sum(len(e) for e in scanner.echoes)
-    every = max(1, -(-total // max(most, 1)))
+    every = max(1, -(-scanner.point_count // max(most, 1)))
     rows = range(0, len(scanner.times), every)
     echoes = [scanner.echoes[i].astype(np.float64) - origin for i in rows]
     middle = np.array([e.mean(axis=0) if len(e) else np.zeros(3) for e in echoes]).reshape(-1, 3)
@@ -96,5 +114,5 @@ def pack_echoes(scanner: ScannerEchoes, most: int, origin: F64) -> PackedEchoes:
         np.rint(points / unit).astype(np.int16),
         unit,
         len(rows),
-        len(scanner.times),
+        scanner.recorded,
     )

@@ -17,6 +17,7 @@ from swath.judge.evaluators.lateral_error import LateralError, PathSeries
 from swath.judge.evaluators.unloading import Unloading, UnloadingSeries
 from swath.judge.windows import FIELD
 from swath.record.messages import RecordedMachine
+from swath.record.tracks import SHOWN_ROWS
 from swath.report import page, plots
 from swath.report.field_plot import MapTrack, map_figure
 from swath.report.pictures import KeptPicture, PictureSampler, pictures_figure
@@ -86,7 +87,10 @@ def collect(
     samplers, tracks, pictures: by machine; scenario: to print, or the world's
     """
     scenario = world.scenario if scenario is None else scenario
-    machines = [_machine(evaluation, samplers[name], own) for name, own in tracks.items()]
+    measured = summary.get("machines", {})
+    machines = [
+        _machine(evaluation, samplers[name], own, measured.get(name, {})) for name, own in tracks.items()
+    ]
     for own in machines:
         if pictures is not None:
             own.pictures = pictures[own.machine.name].pick()
@@ -110,20 +114,20 @@ def collect(
     )
 
 
-def _machine(evaluation: Evaluation, sampler: ScanSampler, tracks: Mapping[str, Any]) -> MachineReport:
+def _machine(
+    evaluation: Evaluation, sampler: ScanSampler, tracks: Mapping[str, Any], measured: Mapping[str, Any]
+) -> MachineReport:
     machine, edge = sampler.machine, np.zeros((0, 2))
     lateral = evaluation.find(machine.name, LateralError)
     detection = evaluation.find(machine.name, EdgeDetection)
     if len(tracks["t_s"]) and lateral is not None:
         path = _way(tracks, *machine.geometry.header_end(machine.edge_side))
         edge = _edge_about(lateral.setup.edge, path, float(tracks["distance_m"][-1]) + 60.0)
-    has_path = lateral is not None and bool(lateral.metrics())
-    has_edges = detection is not None and bool(detection.metrics())
     return MachineReport(
         machine,
         tracks,
-        lateral.series() if lateral is not None and has_path else None,
-        detection.series() if detection is not None and has_edges else None,
+        None if lateral is None or "lateral_rms_m" not in measured else lateral.series(SHOWN_ROWS),
+        None if detection is None or "edge_rmse_m" not in measured else detection.series(SHOWN_ROWS),
         {slot: sampler.pick(slot) for slot in sampler.scanners},
         edge,
     )
@@ -180,7 +184,7 @@ class ReportWriter(RunHook):
         if summary["incomplete"] or run.out is None:
             return
         of = self._of or FinishedRun(run.out, summary, run.world.scenario)
-        tracks = {name: tracks.arrays() for name, tracks in run.recorder.tracks.items()}
+        tracks = {name: tracks.arrays(most=SHOWN_ROWS) for name, tracks in run.recorder.tracks.items()}
         data = collect(
             of.summary, run.world, run.evaluation, self._samplers, tracks, of.scenario, self._pictures
         )
