@@ -27,6 +27,7 @@ from swath.replay.collect import collect
 from swath.replay.pack import packed, unpacked
 from swath.replay.things import things_of
 from swath.replay.writer import ReplayWriter, render, view
+from swath.report.report import ReportWriter
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
 from swath.scenario.scenario import parse_scenario
@@ -60,7 +61,7 @@ class KeepWorld(RunHook):
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     out, kept = tmp_path_factory.mktemp("runs") / "short", KeepWorld()
-    run_job(parse_scenario(SCENARIO), out, hooks=[kept, ReplayWriter()])
+    run_job(parse_scenario(SCENARIO), out, hooks=[kept, ReportWriter(), ReplayWriter()])
     return out, kept.world
 
 
@@ -119,6 +120,20 @@ def test_the_page_knows_scans_straw_obstacles_and_charts(finished):
     assert [t["name"] for t in values["things"]] == ["pole"]
     assert {c["title"] for c in values["machines"][0]["charts"]} >= {"Edge", "Speed", "Crop"}
     assert values["limits"][1] == 0
+
+
+def test_the_report_of_the_run_has_all_its_pictures(finished):
+    titles = re.findall(
+        r'<img src="data:[^"]*" alt="([^"]*)"', (finished[0] / "report.html").read_text("utf-8")
+    )
+    assert titles == [
+        "Field map",
+        "Steering and detection",
+        "Scans",
+        "The stand",
+        "Driving",
+        "Crop and engine",
+    ]
 
 
 MIB = 1 << 20

@@ -344,6 +344,7 @@ def write_tracks(path: Path, tracks: list[Tracks]) -> None:
                 data = [pa.array(piece.get(name, np.full(count, NAN))) for name in columns]
                 names = pa.array([t.machine.name] * count, pa.string())
                 writer.write_table(pa.table([names, *data], schema=schema))
+    pa.default_memory_pool().release_unused()
 
 
 def _is_busy(values: np.ndarray) -> bool:

@@ -19,6 +19,7 @@ from swath.report.plots import (
     SOIL,
     STRAW,
     STUBBLE,
+    evenly,
     panels,
 )
 from swath.report.scan_sampler import FieldMap
@@ -112,10 +113,9 @@ def _area(corners: F64, **style: Any) -> Any:
     return Polygon(corners, closed=True, **style)
 
 
-def _thin(way: F64, most: int = 2500) -> F64:
-    """A way (n, 2) by at most so many of its points, and its end."""
-    step = max(1, len(way) // most)
-    return np.concatenate([way[:-1:step], way[-1:]])
+def _thin(way: F64) -> F64:
+    """Points of a way (n, 2) spread evenly, and its end."""
+    return np.concatenate([way[:-1][evenly(way)], way[-1:]])
 
 
 def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.uint8]:

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.collector import give_back
 from swath.judge.evaluators.edge_detection import EdgeSeries
 from swath.judge.evaluators.lateral_error import PathSeries
 from swath.report.scan_sampler import KeptScan
@@ -20,6 +21,7 @@ from swath.signals.setup import MachineGeometry
 
 BLUE, ORANGE, GREEN, SKY, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#56B4E9", "#CC79A7", "#6B6F76"
 CROP, SOIL, STUBBLE, STRAW, INK, FAINT = "#E9C46A", "#F4F1EA", "#DCD5C4", "#A8813B", "#22262B", "#D9DCE1"
+POINTS = 2500  # of a curve: more than a page has pixels
 STYLE = {
     "font.size": 9.5,
     "axes.edgecolor": "#9AA0A8",
@@ -75,7 +77,7 @@ def panels(
 
 
 def as_image(fig: Any, *, kind: str = "svg", dpi: int = 150) -> str:
-    """The figure as a data address for an <img>.
+    """The figure as a data address for an <img>; it is empty afterwards.
 
     kind: `svg` for lines, `png` for areas, `webp` for pictures of many small parts
     """
@@ -91,8 +93,15 @@ def as_image(fig: Any, *, kind: str = "svg", dpi: int = 150) -> str:
         from PIL import WebPImagePlugin  # noqa: F401 or Pillow loads all formats that it knows
 
         fig.canvas.print_webp(out, pil_kwargs={"quality": 88, "method": 2})
+    fig.clear()  # its parts refer to each other: what they hold would stay
+    give_back()
     media = "image/svg+xml" if kind == "svg" else f"image/{kind}"
     return f"data:{media};base64,{base64.b64encode(out.getvalue()).decode()}"
+
+
+def evenly(values: Any) -> slice:
+    """Every n-th of values, of which POINTS to twice as many are left where there are more."""
+    return slice(None, None, max(1, len(values) // POINTS))
 
 
 def errors_figure(
@@ -122,7 +131,7 @@ def errors_figure(
 
 
 def _plot_lateral(ax: Any, series: PathSeries, settling: float, band: float | None) -> None:
-    thin = slice(None, None, max(1, len(series.t) // 2500))
+    thin = evenly(series.t)
     ax.plot(series.distance[thin], 100 * series.lateral[thin], color=BLUE, lw=1.3)
     _limits(ax, 100 * series.lateral[series.distance >= settling], None if band is None else 100 * band)
     ax.axvspan(0, settling, color="#F1F2F4", lw=0)
@@ -138,7 +147,8 @@ def _plot_edge(ax: Any, series: EdgeSeries, settling: float, band: float | None)
     _shade(ax, series.distance, series.exists & ~series.found, ORANGE, "true edge not detected", "////")
     _shade(ax, series.distance, series.is_none, PURPLE, "detected where none is", "\\\\")
     _shade(ax, series.distance, ~series.exists, GREY, "no true edge near", "")
-    ax.plot(series.distance, 100 * series.error, "o", color=GREEN, ms=2.0, mec="none")
+    thin = evenly(series.t)
+    ax.plot(series.distance[thin], 100 * series.error[thin], "o", color=GREEN, ms=2.0, mec="none")
     _limits(ax, 100 * series.settled(settling).error, None if band is None else 100 * band)
     ax.set_ylabel("detected edge\nerror [cm]")
     if ax.get_legend_handles_labels()[0]:
@@ -172,15 +182,17 @@ def drive_figure(tracks: dict[str, Any]) -> Any:
     """Speed, steering and header use over the travelled distance, from the columns of the tracks."""
     fig, grid = panels(3.6, 3, sharex=True)
     axes = grid[:, 0]
-    at = tracks["distance_m"]
-    axes[0].plot(at, 3.6 * tracks["speed_m_s"], color=BLUE, lw=1.3, label="true")
-    axes[0].plot(at, 3.6 * tracks["odometry_speed_m_s"], color=SKY, lw=0.8, label="measured")
+    header_use = 100 * _over_a_metre(tracks["distance_m"], tracks["header_fill"])
+    thin = evenly(header_use)
+    at = tracks["distance_m"][thin]
+    axes[0].plot(at, 3.6 * tracks["speed_m_s"][thin], color=BLUE, lw=1.3, label="true")
+    axes[0].plot(at, 3.6 * tracks["odometry_speed_m_s"][thin], color=SKY, lw=0.8, label="measured")
     axes[0].set_ylabel("speed\n[km/h]")
     axes[0].set_ylim(bottom=0)
     axes[0].legend(loc="lower right", ncol=2)
-    axes[1].plot(at, np.degrees(tracks["steer_rad"]), color=ORANGE, lw=1.2)
+    axes[1].plot(at, np.degrees(tracks["steer_rad"][thin]), color=ORANGE, lw=1.2)
     axes[1].set_ylabel("steered axle\n[deg], > 0 left")
-    axes[2].plot(at, 100 * _over_a_metre(at, tracks["header_fill"]), color=GREEN, lw=1.2)
+    axes[2].plot(at, header_use[thin], color=GREEN, lw=1.2)
     axes[2].set_ylabel("header use\n[%]")
     axes[2].set_ylim(0, 108)
     axes[2].set_xlabel("travelled distance [m]")
@@ -199,8 +211,9 @@ def process_figure(tracks: dict[str, Any]) -> Any:
         (100 * tracks["engine_load"], BLUE, "engine load\n[%]"),
         (30 / np.pi * tracks["engine_speed_rad_s"], PURPLE, "engine speed\n[1/min]"),
     )
+    thin = evenly(at)
     for ax, (values, colour, label) in zip(axes, shown, strict=True):
-        ax.plot(at, values, color=colour, lw=1.2)
+        ax.plot(at[thin], values[thin], color=colour, lw=1.2)
         ax.set_ylabel(label)
     for ax in axes[:3]:
         ax.set_ylim(bottom=0)

@@ -89,7 +89,7 @@ def collect(
     scenario = world.scenario if scenario is None else scenario
     measured = summary.get("machines", {})
     machines = [
-        _machine(evaluation, samplers[name], own, measured.get(name, {})) for name, own in tracks.items()
+        _machine(evaluation, samplers[name], own, measured.get(name, summary)) for name, own in tracks.items()
     ]
     for own in machines:
         if pictures is not None:

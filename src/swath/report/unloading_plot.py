@@ -5,10 +5,9 @@ from typing import Any
 import numpy as np
 
 from swath.judge.evaluators.unloading import HeapRows, UnloadingSeries
-from swath.report.plots import BLUE, GREEN, GREY, INK, ORANGE, panels
+from swath.report.plots import BLUE, GREEN, GREY, INK, ORANGE, evenly, panels
 
 SHADES = "YlOrBr"
-POINTS = 2500  # of a line, at most
 
 
 def unloading_figure(series: UnloadingSeries, machine: str) -> Any:
@@ -49,7 +48,7 @@ def _grain(fig: Any, ax: Any, heap: HeapRows) -> None:
 
 def _station(ax: Any, series: UnloadingSeries) -> None:
     """Where the stream comes down, from where it was wanted."""
-    thin = slice(None, None, max(1, len(series.t) // POINTS))
+    thin = evenly(series.t)
     t = series.t[thin]
     for values, colour, label in ((series.along, BLUE, "along"), (series.across, ORANGE, "across")):
         ax.plot(t, 100.0 * values[thin], ".", color=colour, ms=1.8, mec="none", label=label)
