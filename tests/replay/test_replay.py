@@ -132,7 +132,6 @@ def test_the_report_of_the_run_has_all_its_pictures(finished):
         "Scans",
         "The stand",
         "Driving",
-        "Crop and engine",
     ]
 
 

@@ -24,8 +24,7 @@ from swath.machine.sweep import swept
 from swath.replay.area import Area
 from swath.replay.charts import columns_of, shown_charts
 from swath.replay.machines import STATE, Columns, cutting_height, describe, path_of, thinned
-from swath.replay.scans import MOST_POINTS, Recorded, pack_echoes
-from swath.replay.straw import stations, swath_width
+from swath.replay.scans import MOST_POINTS, Recorded, pack_echoes, stations, swath_width
 from swath.runtime.world import Machine, World
 from swath.signals import F64
 

@@ -19,12 +19,10 @@ from swath.judge.windows import FIELD
 from swath.record.messages import RecordedMachine
 from swath.record.tracks import SHOWN_ROWS
 from swath.report import page, plots
-from swath.report.field_plot import MapTrack, map_figure
+from swath.report.field_plot import MapTrack, map_figure, silhouette
 from swath.report.pictures import KeptPicture, PictureSampler, pictures_figure
 from swath.report.scan_sampler import FieldMap, KeptScan, ScanSampler, circles_of, make_map
-from swath.report.silhouette import silhouette
 from swath.report.stand3d import Stand, stand_figure
-from swath.report.unloading_plot import unloading_figure
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
 from swath.scenario.defaults import default_lines
@@ -267,7 +265,7 @@ def _unloading(series: UnloadingSeries) -> Iterator[page.Figure]:
         "where it was wanted. Below: how full the box is."
     )
     for name in series.heaps:
-        image = plots.as_image(unloading_figure(series, name), kind="png", dpi=130)
+        image = plots.as_image(plots.unloading_figure(series, name), kind="png", dpi=130)
         yield page.Figure(f"Unloading into {name}", image, caption)
 
 
