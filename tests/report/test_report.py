@@ -12,7 +12,8 @@ from swath.judge.evaluators.lateral_error import LateralError
 from swath.judge.summary import make_summary, write_summary
 from swath.record.digest import Digest
 from swath.record.recorder import Recorder
-from swath.report.page import Figure, render
+from swath.report.html import Figure
+from swath.report.page import render
 from swath.report.plots import figure
 from swath.report.report import MachineReport, ReportData, write_report
 from swath.report.scan_sampler import ScanSampler, circles_of, make_map
