@@ -293,6 +293,9 @@ class _ByColumn(Mapping[str, np.ndarray]):
     def __getitem__(self, name: str) -> np.ndarray:
         return self.tracks.column(name)
 
+    def __contains__(self, name: object) -> bool:
+        return name in iter(self)
+
     def __iter__(self) -> Iterator[str]:
         return (c.name for c in self.tracks.columns)
 

@@ -1,9 +1,10 @@
 """HTML pages from the Jinja2 templates in `templates/`; everything that is put in is escaped."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from swath.core.whole_file import write_whole
 
@@ -11,7 +12,8 @@ TEMPLATES = Path(__file__).parent / "templates"
 CSS = (TEMPLATES / "base.css").read_text(encoding="utf-8")
 
 
-class Figure(NamedTuple):
+@dataclass(frozen=True)
+class Figure:
     """A picture with its heading and caption. image: a data address."""
 
     title: str
@@ -19,7 +21,8 @@ class Figure(NamedTuple):
     caption: str
 
 
-class Table(NamedTuple):
+@dataclass(frozen=True)
+class Table:
     """A table with its heading. numeric: positions of columns that are numbers; text: below it."""
 
     title: str
