@@ -154,7 +154,7 @@ def test_defaults_are_pale():
 
 def test_an_empty_run_makes_a_report(tmp_path):
     combine = machine()
-    with Recorder(tmp_path, [combine], mcap=False) as recorder:
+    with Recorder(tmp_path, [combine], detail="none") as recorder:
         pass
     data = ReportData({}, "", [MachineReport(combine, recorder.tracks["combine"].arrays())])
     assert write_report(tmp_path, data).stat().st_size > 1000
