@@ -294,7 +294,7 @@ class _ByColumn(Mapping[str, np.ndarray]):
         return self.tracks.column(name)
 
     def __contains__(self, name: object) -> bool:
-        return name in iter(self)
+        return any(name == own for own in self)
 
     def __iter__(self) -> Iterator[str]:
         return (c.name for c in self.tracks.columns)
