@@ -1,6 +1,10 @@
 """Tracks of a long run: written, read and thinned in memory that does not grow with their length."""
 
+import re
+import subprocess
+import sys
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +15,7 @@ from swath.record.tracks import write_tracks as write
 from swath.signals import MachineState
 from tests.fake_run import ArcEdge, machine
 
+ROOT = Path(__file__).parents[2]
 MIB = 1 << 20
 GROWS_MIB = 3.0  # what a run four times as long may take more: less than one of its columns
 
@@ -72,6 +77,24 @@ def test_pieces_and_single_columns_are_those_of_the_whole_table(tmp_path):
     np.testing.assert_array_equal(shown["later"], 2.0 * shown["x_m"])
     with pytest.raises(KeyError):
         tracks.by_column["none"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs limits of files")
+def test_tracks_that_do_not_fit_name_their_file_and_leave_nothing(tmp_path):
+    code = (
+        "import resource, sys\n"
+        "from pathlib import Path\n"
+        "from tests.record.test_long_tracks import tracks_of, write\n"
+        "tracks = tracks_of(3000)\n"
+        "tracks.arrays()  # they lie in a file of their own now\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))\n"
+        "try: write(Path(sys.argv[1]), [tracks])\n"
+        "except OSError as error: print(error)\n"
+    )
+    made = [sys.executable, "-c", code, str(tmp_path / "tracks.parquet")]
+    told = subprocess.run(made, capture_output=True, text=True, check=True, cwd=ROOT)
+    assert re.search(r"File too large: '.*tracks\.parquet", told.stdout), told.stderr
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("use", ["write", "show", "read"])
