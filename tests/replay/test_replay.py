@@ -1,9 +1,14 @@
 """replay.html of a short run: what is in it, that it lies where the run was, that it loads nothing."""
 
 import re
+import shutil
+import tracemalloc
 from io import BytesIO
+from types import SimpleNamespace
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from matplotlib.image import imread
 from rosbags.highlevel import AnyReader
@@ -12,12 +17,17 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.schedule import NS
-from swath.record.tracks import read_tracks
+from swath.judge.summary import read_summary
+from swath.record.mcap_file import McapFile
+from swath.record.scan_messages import cloud_message
+from swath.record.tracks import PIECE, read_tracks
 from swath.replay.area import area_about
 from swath.replay.charts import events_of, worst_moments
+from swath.replay.collect import collect
 from swath.replay.pack import packed, unpacked
 from swath.replay.things import things_of
-from swath.replay.writer import ReplayWriter, view
+from swath.replay.writer import ReplayWriter, render, view
+from swath.report.report import ReportWriter
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
 from swath.scenario.scenario import parse_scenario
@@ -51,7 +61,7 @@ class KeepWorld(RunHook):
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     out, kept = tmp_path_factory.mktemp("runs") / "short", KeepWorld()
-    run_job(parse_scenario(SCENARIO), out, hooks=[kept, ReplayWriter()])
+    run_job(parse_scenario(SCENARIO), out, hooks=[kept, ReportWriter(), ReplayWriter()])
     return out, kept.world
 
 
@@ -110,6 +120,75 @@ def test_the_page_knows_scans_straw_obstacles_and_charts(finished):
     assert [t["name"] for t in values["things"]] == ["pole"]
     assert {c["title"] for c in values["machines"][0]["charts"]} >= {"Edge", "Speed", "Crop"}
     assert values["limits"][1] == 0
+
+
+def test_the_report_of_the_run_has_all_its_pictures(finished):
+    titles = re.findall(
+        r'<img src="data:[^"]*" alt="([^"]*)"', (finished[0] / "report.html").read_text("utf-8")
+    )
+    assert titles == [
+        "Field map",
+        "Steering and detection",
+        "Scans",
+        "The stand",
+        "Driving",
+    ]
+
+
+MIB = 1 << 20
+GROWS_MIB = 6.0  # what the page of a run four times as long may take more
+
+
+def much_longer(run, out, rows):
+    """A run folder as if the machine had done the same again and again: so many rows of tracks, large scans.
+
+    Its header end is 0.75 m off its line at one row.
+    """
+    shutil.copytree(run, out, ignore=shutil.ignore_patterns("*.mcap", "*.parquet", "*.html"))
+    table = pq.read_table(run / "tracks.parquet")
+    times = -(-rows // len(table))
+    table = pa.concat_tables([table] * times).slice(0, rows).combine_chunks()
+    error = table["lateral_error_m"].to_numpy().copy()
+    error[rows - 4321] = 0.75
+    for name, values in (("t_s", 0.02 * np.arange(rows)), ("lateral_error_m", error)):
+        index = table.schema.get_field_index(name)
+        table = table.set_column(index, table.schema.field(name), pa.array(values))
+    at = table.schema.get_field_index("distance_m")
+    table = table.set_column(at, table.schema.field("distance_m"), pa.array(0.04 * np.arange(rows)))
+    pq.write_table(table, out / "tracks.parquet", row_group_size=PIECE, compression="zstd")
+    file, beam = McapFile(out / "run.mcap"), np.arange(5000)
+    points = np.stack([0.001 * beam, 0.0 * beam, 1.0 + 0.0 * beam], axis=1)
+    more = {"beam": beam, "echo": 0 * beam}
+    for k in range(rows // 100):
+        message = cloud_message(SimpleNamespace(make=file.make), k * NS // 10, "map", points, more)
+        file.write("/combine/lidar/truth", k * NS // 10, message)
+    file.close()
+    return out
+
+
+def test_the_page_of_a_run_four_times_as_long_takes_no_more_memory_and_tells_the_same(finished, tmp_path):
+    run, world = finished
+    peaks = []
+    for rows in (2 * PIECE, 8 * PIECE):
+        folder = much_longer(run, tmp_path / str(rows), rows)
+        tracemalloc.start()
+        values, arrays = collect(world, folder, read_summary(folder / "summary.json"))
+        render("long", packed(values, arrays))
+        peaks.append(tracemalloc.get_traced_memory()[1] / MIB)
+        tracemalloc.stop()
+        assert values["duration"] == pytest.approx(0.02 * (rows - 1))
+        assert {
+            "t_s": round(0.02 * (rows - 4321), 3),
+            "machine": "combine",
+            "text": "header end 75.0 cm off",
+        } in (values["moments"])
+        assert arrays["track_0"].shape[1] <= 3001
+        assert arrays["track_0"][values["machines"][0]["columns"].index("t_s"), -1] == pytest.approx(
+            values["duration"]
+        )
+        assert any(f" of {rows // 100} scans of combine.lidar are shown" in note for note in values["notes"])
+        assert 80_000 <= len(arrays["scan_points_0"]) <= 160_000
+    assert peaks[1] - peaks[0] < GROWS_MIB
 
 
 def test_echoes_are_those_of_the_recording_to_a_millimetre(finished):

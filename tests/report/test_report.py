@@ -12,8 +12,9 @@ from swath.judge.evaluators.lateral_error import LateralError
 from swath.judge.summary import make_summary, write_summary
 from swath.record.digest import Digest
 from swath.record.recorder import Recorder
-from swath.report.page import Figure, render
-from swath.report.plots import figure
+from swath.report.html import Figure
+from swath.report.page import render
+from swath.report.plots import POINTS, evenly, figure
 from swath.report.report import MachineReport, ReportData, write_report
 from swath.report.scan_sampler import ScanSampler, circles_of, make_map
 from swath.scenario.resolved import Expectation
@@ -155,7 +156,7 @@ def test_defaults_are_pale():
 
 def test_an_empty_run_makes_a_report(tmp_path):
     combine = machine()
-    with Recorder(tmp_path, [combine], mcap=False) as recorder:
+    with Recorder(tmp_path, [combine], detail="none") as recorder:
         pass
     data = ReportData({}, "", [MachineReport(combine, recorder.tracks["combine"].arrays())])
     assert write_report(tmp_path, data).stat().st_size > 1000
@@ -241,3 +242,10 @@ def test_the_first_picture_stands_before_the_numbers():
     text = render({"name": "a", "expect": [], "versions": {"numpy": "2"}, "digest": "d"}, "", figures)
     places = [text.index(word) for word in ("data:1", "Results", "data:2", "digest d")]
     assert places == sorted(places)
+
+
+@pytest.mark.parametrize("count", [0, 1, POINTS, 2 * POINTS - 1, 2 * POINTS, 10 * POINTS - 1, 10**6])
+def test_a_curve_has_all_its_points_up_to_a_number_and_never_twice_as_many(count):
+    shown = np.arange(count)[evenly(range(count))]
+    assert len(shown) == count or POINTS <= len(shown) < 2 * POINTS
+    assert len(set(np.diff(shown).tolist())) <= 1

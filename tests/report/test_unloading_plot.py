@@ -9,8 +9,8 @@ from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.judge.evaluators import unloading
 from swath.machine.machine_sheet import load_machine
+from swath.report.plots import unloading_figure
 from swath.report.report import ReportData, figures_of
-from swath.report.unloading_plot import unloading_figure
 from swath.signals import HeapState, MachineState, Station, TrailerState, UnloadState
 
 pytestmark = pytest.mark.drawn

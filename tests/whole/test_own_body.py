@@ -11,7 +11,7 @@ from mcap_ros2.decoder import DecoderFactory
 from swath.core.errors import InputError
 from swath.machine.machine_sheet import load_machine
 from swath.replay.writer import ReplayWriter
-from swath.report.silhouette import silhouette
+from swath.report.field_plot import silhouette
 from swath.runtime.assembly import assemble
 from swath.runtime.job import run_job
 from swath.scenario.scenario import load_scenario, parse_scenario

@@ -1,7 +1,9 @@
-"""How often Python looks for circles of references, in a process that swath has for itself."""
+"""How often Python looks for circles of references, in a process that swath has for itself; free memory."""
 
 import atexit
+import ctypes
 import gc
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -25,3 +27,11 @@ def collected_rarely() -> Iterator[None]:
         yield
     finally:
         gc.set_threshold(*before)
+
+
+def give_back() -> None:
+    """Free memory goes back to the system, which the C library of Linux does not always do by itself."""
+    if sys.platform == "linux":
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # musl has none
+        if trim is not None:
+            trim(0)

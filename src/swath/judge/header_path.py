@@ -36,9 +36,9 @@ class HeaderPath:
         self._rows.add(rows.ravel().tolist())
         self._next = following
 
-    def arrays(self) -> tuple[F64, F64, F64, F64]:
-        """t [s], distance driven [m], x and y in the world [m], shape (n,) each."""
-        t, distance, x, y = self._rows.table().T
+    def arrays(self, most: int | None = None) -> tuple[F64, F64, F64, F64]:
+        """t [s], distance driven [m], x and y in the world [m], shape (n,) each. most: as in `KeptRows`"""
+        t, distance, x, y = self._rows.table(most).T
         return t, distance, x, y
 
 

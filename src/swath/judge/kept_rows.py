@@ -9,6 +9,7 @@ import numpy as np
 from swath.core.packed_state import saved_type
 from swath.core.unnamed_file import UnnamedFile
 from swath.record import packed_columns
+from swath.record.tracks import EvenRows
 from swath.signals import F64
 
 BLOCK = 2048  # rows that are compressed together
@@ -49,13 +50,14 @@ class KeptRows:
             self._put(how, len(block), zlib.compress(data))
             del self._newest[:]
 
-    def table(self) -> F64:
-        """All rows, (n, width)."""
-        older = [
-            packed_columns.unpack(zlib.decompress(data), how, np.dtype("<f8"), (count, self._width))
-            for how, count, data in self._blocks()
-        ]
-        return np.concatenate([*older, np.array(self._newest, dtype=float).reshape(-1, self._width)])
+    def table(self, most: int | None = None) -> F64:
+        """All rows, (n, width). most: spread evenly, where there are more"""
+        rows = EvenRows(most)
+        for how, count, data in self._blocks():
+            shape = count, self._width
+            rows.add({"": packed_columns.unpack(zlib.decompress(data), how, np.dtype("<f8"), shape)})
+        rows.add({"": np.array(self._newest, dtype=float).reshape(-1, self._width)})
+        return rows.columns().get("", np.zeros((0, self._width)))
 
     def _put(self, how: str, count: int, data: bytes) -> None:
         self._older.append((how, count, self._file.append(data), len(data)))

@@ -4,6 +4,7 @@ The message types of a simulation that ROS 2 lacks are made from the fields of t
 (`swath_msgs/msg/...`); their definition travels in the recording, so a viewer needs no package.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from functools import cache
 from typing import Any, get_type_hints
@@ -108,6 +109,31 @@ class MessageFactory:
         turn, header = self.quaternion(pose), self.header(t, parent)
         move = self("geometry_msgs/msg/Transform", translation=self.vector(*pose.position), rotation=turn)
         return self("geometry_msgs/msg/TransformStamped", header=header, child_frame_id=child, transform=move)
+
+    def marker(
+        self,
+        header: Any,
+        name: str,
+        kind: int,
+        colour: Sequence[float],
+        size: Sequence[float],
+        *,
+        pose: Pose | None = None,
+        points: Iterable[Sequence[float]] = (),
+        **more: Any,
+    ) -> Any:
+        """visualization_msgs/Marker of a namespace. colour: red, green, blue, alpha; size: along x, y, z"""
+        return self(
+            "visualization_msgs/msg/Marker",
+            header=header,
+            ns=name,
+            type=kind,
+            pose=self.pose(pose or Pose.identity()),
+            scale=self.vector(*size),
+            color=self("std_msgs/msg/ColorRGBA", **dict(zip("rgba", colour, strict=True))),
+            points=[self.point(*point) for point in points],
+            **more,
+        )
 
     def of_signal(self, signal: Signal, frame: str) -> Any:
         """A `swath_msgs/msg/<Class>` with a header and the sample's own fields; arrays are flattened."""

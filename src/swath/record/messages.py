@@ -14,7 +14,8 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.field.projection import Origin
 from swath.field.track import EdgeShape
-from swath.record.message_factory import MessageFactory
+from swath.record.message_factory import MessageFactory, plain_names
+from swath.record.templates import Draft
 from swath.signals import F64, Signal
 from swath.signals.setup import MachineGeometry
 
@@ -106,3 +107,16 @@ class Sent(NamedTuple):
 
 
 Maker = Callable[[Source], Callable[[Any], Iterator[Sent]]]  # called with each sample of one output
+
+
+def own_messages(source: Source, signal: Signal) -> Iterator[Sent]:
+    """Any sample as one `swath_msgs/msg/<Class>` with all its fields, in the frame that it declares."""
+    names = plain_names(type(signal))
+
+    def build() -> Any:
+        return source.make.of_signal(signal, source.frame_of(type(signal)))
+
+    if names is None:
+        yield Sent(source.topic, build())
+    else:
+        yield Sent(source.topic, Draft(signal.t, names, [getattr(signal, name) for name in names], build))

@@ -7,15 +7,12 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
-from swath.record.crop_edge_messages import edge_messages
+from swath.record.detection_messages import edge_messages, object_messages, obstacle_messages, radar_messages
 from swath.record.image_messages import image_messages
 from swath.record.mcap_file import McapFile
-from swath.record.messages import Maker, RecordedMachine, Sent, Source
+from swath.record.messages import Maker, RecordedMachine, Sent, Source, own_messages
 from swath.record.motion_messages import OdometryMessages, StateMessages, speed_messages, steering_messages
-from swath.record.obstacle_messages import object_messages, obstacle_messages
-from swath.record.own_messages import own_messages
 from swath.record.positioning_messages import fix_messages, imu_messages, pose_messages
-from swath.record.radar_messages import radar_messages
 from swath.record.scan_messages import scan_messages, truth_messages
 from swath.signals import (
     CropEdge,

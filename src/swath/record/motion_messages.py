@@ -16,6 +16,7 @@ from swath.core.frames import Pose, wrap_angle
 from swath.core.schedule import NS
 from swath.field.projection import Origin
 from swath.record.messages import EXACT, UNKNOWN, Sent, Source
+from swath.record.positioning_messages import nav_sat_fix
 from swath.record.scene_messages import scene_messages
 from swath.record.templates import Draft
 from swath.signals import Fix, MachineState, Odometry, SpeedCommand, SteerState
@@ -61,7 +62,7 @@ def covariance(doubt: Doubt) -> tuple[float, ...]:
 
 
 FIX_PERIOD = 100_000_000  # between two NavSatFix [ns]
-GBAS_FIX, GPS = 2, 1  # sensor_msgs/NavSatStatus
+GBAS_FIX = 2  # sensor_msgs/NavSatStatus
 PLACE = ("x", "y", "z")
 ODOMETRY = (
     *(f"pose.pose.position.{axis}" for axis in PLACE),
@@ -124,17 +125,8 @@ class StateMessages:
         """sensor_msgs/NavSatFix of the true place; height from the field's zero."""
         x, y, z = state.pose.position
         longitude, latitude = origin.to_lon_lat([[x, y]])[0]
-        make = self.source.make
-        return make(
-            "sensor_msgs/msg/NavSatFix",
-            header=make.header(state.t, self.source.base),
-            status=make("sensor_msgs/msg/NavSatStatus", status=GBAS_FIX, service=GPS),
-            latitude=float(latitude),
-            longitude=float(longitude),
-            altitude=float(origin.height + z),
-            position_covariance=np.diag([EXACT] * 3).ravel(),
-            position_covariance_type=2,  # DIAGONAL_KNOWN
-        )
+        make, place = self.source.make, (latitude, longitude, origin.height + z)
+        return nav_sat_fix(make, make.header(state.t, self.source.base), GBAS_FIX, place, [EXACT] * 3)
 
 
 class OdometryMessages:

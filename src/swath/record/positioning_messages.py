@@ -1,11 +1,12 @@
 """Samples of a satellite receiver and of an inertial unit as ROS 2 messages."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from swath.core.frames import Pose
+from swath.record.message_factory import MessageFactory
 from swath.record.messages import EXACT, UNKNOWN, Sent, Source
 from swath.record.templates import Draft
 from swath.signals import F64, FIX_QUALITIES, Fix, Inertial, PoseEstimate
@@ -67,18 +68,26 @@ def _imu(source: Source, sample: Inertial) -> Any:
 
 def _nav_sat_fix(source: Source, fix: Fix) -> Any:
     """Without a fix its position is nan, as drivers have it."""
-    make, is_known = source.make, fix.quality > 0
-    status = STATUS[FIX_QUALITIES[fix.quality]]
     across, up = max(fix.horizontal_sd**2, EXACT), max(fix.vertical_sd**2, EXACT)
+    place = np.degrees(fix.latitude), np.degrees(fix.longitude), fix.height
+    spread = (across, across, up) if fix.quality else None
+    status = STATUS[FIX_QUALITIES[fix.quality]]
+    return nav_sat_fix(source.make, source.make.header(fix.t, source.frame), status, place, spread)
+
+
+def nav_sat_fix(
+    make: MessageFactory, header: Any, status: int, place: Sequence[float], spread: Sequence[float] | None
+) -> Any:
+    """sensor_msgs/NavSatFix. place: latitude, longitude [deg], height [m]; spread: variances of east, north
+    and up [m2], None without a fix
+    """
     return make(
         "sensor_msgs/msg/NavSatFix",
-        header=make.header(fix.t, source.frame),
+        header=header,
         status=make("sensor_msgs/msg/NavSatStatus", status=status, service=GPS),
-        latitude=float(np.degrees(fix.latitude)),
-        longitude=float(np.degrees(fix.longitude)),
-        altitude=float(fix.height),
-        position_covariance=_diagonal(across, across, up) if is_known else np.zeros(9),
-        position_covariance_type=2 if is_known else 0,  # DIAGONAL_KNOWN, UNKNOWN
+        **dict(zip(("latitude", "longitude", "altitude"), map(float, place), strict=True)),
+        position_covariance=np.zeros(9) if spread is None else _diagonal(*spread),
+        position_covariance_type=0 if spread is None else 2,  # UNKNOWN, DIAGONAL_KNOWN
     )
 
 

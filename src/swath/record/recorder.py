@@ -25,6 +25,7 @@ from swath.signals import Signal
 SCENE = "scene"  # the obstacles of the field, which are recorded beside the machines
 TRACKS_FILE, RECORDING_FILE = "tracks.parquet", "run.mcap"
 SCENARIO = "scenario.yaml"  # attachment of run.mcap
+PERIOD = NS // 50  # between two rows of tracks.parquet, or thinned messages of run.mcap
 BESIDE_PERIOD = NS // 10  # between two messages of an output whose samples are all there beside them
 BULKY_PERIOD = NS // 5  # the same of a scan
 PHASE = 0.618  # of a block, from output to output: the golden section spreads any number of them
@@ -39,7 +40,6 @@ class Recorder:
     folder: exists already. machines: whose slots (`name.slot`) are recorded, and the scene with them; slots
     of other names are not
     extra: per machine name, further columns of tracks.parquet
-    rate_hz: of tracks.parquet and of the thinned messages in run.mcap; mcap: write run.mcap
     detail: `none`: no file, the tracks are in memory alone; `standard` messages only, `exact` samples beside
     them, messages then at most 10 times a second, of scans 5 times; `full`: samples of the large truth too,
     of which else there are 2.5 messages a second. With taps of the file messages come as with `standard`.
@@ -55,15 +55,13 @@ class Recorder:
         machines: Sequence[RecordedMachine],
         *,
         extra: Mapping[str, Sequence[Column]] | None = None,
-        rate_hz: float = 50.0,
-        mcap: bool = True,
         detail: str = "exact",
         scenario: str = "",
     ) -> None:
         self.folder = folder
-        self._period = round(NS / rate_hz)
+        self._period = PERIOD
         self._machines, self._more = machines, extra or {}
-        self.file = McapFile(folder / RECORDING_FILE) if mcap and detail != "none" else None
+        self.file = McapFile(folder / RECORDING_FILE) if detail != "none" else None
         sources = [*machines, replace(machines[0], name=SCENE, mounting={}, outputs={})]
         self._messengers = {m.name: Messenger(m, self.file) for m in sources} if self.file else {}
         self._clock_due = 0

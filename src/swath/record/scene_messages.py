@@ -62,33 +62,15 @@ def scene_messages(source: Source) -> Iterator[Sent]:
 
 
 def _line(make: Any, name: str, points: F64) -> Any:
-    colour = COLOURS.get(name, (0.9, 0.9, 0.9))
-    return make(
-        "visualization_msgs/msg/Marker",
-        header=make.header(0, "map"),
-        ns=name,
-        type=LINE_STRIP,
-        pose=make.pose(Pose.identity()),
-        scale=make.vector(0.08),
-        color=make("std_msgs/msg/ColorRGBA", r=colour[0], g=colour[1], b=colour[2], a=1.0),
-        points=[make.point(x, y, z) for x, y, z in points.tolist()],
-    )
+    colour = (*COLOURS.get(name, (0.9, 0.9, 0.9)), 1.0)
+    return make.marker(make.header(0, "map"), name, LINE_STRIP, colour, (0.08,), points=points.tolist())
 
 
 def _triangles(make: Any, source: Source) -> Any:
     """The machine's body from its file, with a level header."""
-    red, green, blue, alpha = CHASSIS
-    return make(
-        "visualization_msgs/msg/Marker",
-        header=make.header(0, source.base),
-        ns="body",
-        type=TRIANGLE_LIST,
-        pose=make.pose(Pose.identity()),
-        scale=make.vector(1.0, 1.0, 1.0),
-        color=make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=alpha),
-        points=[make.point(x, y, z) for x, y, z in source.machine.triangles.reshape(-1, 3).tolist()],
-        frame_locked=True,
-    )
+    header, size = make.header(0, source.base), (1.0, 1.0, 1.0)
+    corners = source.machine.triangles.reshape(-1, 3).tolist()
+    return make.marker(header, "body", TRIANGLE_LIST, CHASSIS, size, points=corners, frame_locked=True)
 
 
 def _box(link: Element, name: str, size: tuple[float, ...], at: tuple[float, ...], colour: Any) -> None:

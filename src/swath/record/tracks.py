@@ -7,7 +7,8 @@ columns of that name, those of the others begin with the name of their slot: `gn
 
 import json
 from array import array
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import groupby
 from operator import attrgetter
@@ -20,7 +21,7 @@ from swath.core.errors import InputError, SwathError
 from swath.core.schedule import NS
 from swath.core.signal import TrackColumn, quantities, signal_types
 from swath.core.unnamed_file import UnnamedFile
-from swath.core.whole_file import write_whole
+from swath.core.whole_file import new_file
 from swath.documents.packed import readable
 from swath.record.formats import TRACKS, check_format
 from swath.record.messages import RecordedMachine
@@ -28,7 +29,10 @@ from swath.signals import MachineState, Signal
 
 Latest = Mapping[type[Signal], Any]  # newest sample of each type
 NAN = float("nan")
+Rows = Mapping[str, np.ndarray]  # columns of a table, or of a piece of it, (row_count,) each
 STORED = 1 << 16  # numbers that are kept in memory; those before lie in a file that has no name
+PIECE = 1 << 14  # rows that are read or written together
+SHOWN_ROWS = 1 << 14  # of a machine, of which pages are made: what they show has no more points
 MOST_VALUES, VALUES_PER_BYTE = 20_000_000, 25  # that a file may hold: columns that do not change pack well
 
 
@@ -106,6 +110,43 @@ def header_end_columns(machine: RecordedMachine) -> tuple[Column, Column]:
     )
 
 
+class EvenRows:
+    """Rows spread evenly over a table that comes in pieces, and its last one.
+
+    They are all up to `most`; where there are more, every second one goes, and again. most: None = no limit
+    """
+
+    def __init__(self, most: int | None = None) -> None:
+        self._most, self._every = most, 1
+        self._kept: list[dict[str, np.ndarray]] = []
+        self._held = 0
+        self._last: dict[str, np.ndarray] = {}
+        self.row_count = 0  # of all rows so far
+
+    def add(self, piece: Rows) -> None:
+        """The next rows of the table."""
+        count = len(next(iter(piece.values()), ()))
+        if not count:
+            return
+        first = -self.row_count % self._every
+        self._kept.append({name: values[first :: self._every].copy() for name, values in piece.items()})
+        self._last = {name: values[-1:].copy() for name, values in piece.items()}
+        self._held += len(range(first, count, self._every))
+        self.row_count += count
+        while self._most is not None and self._held > self._most:
+            self._kept = [{name: values[::2].copy() for name, values in self._joined(self._kept).items()}]
+            self._every, self._held = 2 * self._every, -(-self._held // 2)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """The rows so far; {} where there was none."""
+        has_last = not self.row_count or (self.row_count - 1) % self._every == 0
+        return self._joined([*self._kept, *([] if has_last else [self._last])])
+
+    @staticmethod
+    def _joined(pieces: Sequence[Rows]) -> dict[str, np.ndarray]:
+        return {name: np.concatenate([piece[name] for piece in pieces]) for name in (pieces or [{}])[0]}
+
+
 class Tracks:
     """Collects the rows of one machine.
 
@@ -168,17 +209,51 @@ class Tracks:
         found = {c.name: np.array([c.value(self._latest)]) for c in self.columns}
         return self._later(found, is_over=False, names=names)
 
-    def arrays(self, *, is_over: bool = True) -> dict[str, np.ndarray]:
+    def arrays(self, *, is_over: bool = True, most: int | None = None) -> dict[str, np.ndarray]:
         """Columns so far, shape (row_count,) each.
 
         is_over: False leaves out the row that is not complete, and columns that are judged at the end
+        most: rows, spread evenly, where there are more
         """
+        rows = EvenRows(most)
+        for block in self._blocks(is_over=is_over):
+            rows.add({"": block})
+        table = rows.columns().get("", np.zeros((0, len(self.columns))))
+        return self._later(self._split(table), is_over=is_over)
+
+    def pieces(self) -> Iterator[dict[str, np.ndarray]]:
+        """All columns of a run that is over, PIECE rows at a time."""
+        for block in self._blocks(is_over=True):
+            yield self._later(self._split(block), is_over=True)
+
+    @property
+    def by_column(self) -> Rows:
+        """Columns of a run that is over, each read when it is asked for."""
+        return _ByColumn(self)
+
+    def column(self, name: str) -> np.ndarray:
+        """One column of a run that is over. KeyError where there is none."""
+        index = {c.name: i for i, c in enumerate(self.columns)}[name]
+        if (later := self.columns[index].later) is not None:
+            return np.asarray(later(self.by_column))
+        return np.concatenate([np.zeros(0), *(b[:, index].copy() for b in self._blocks(is_over=True))])
+
+    @property
+    def row_count(self) -> int:
+        """Rows so far that are complete."""
+        return (self._stored.size // 8 + len(self._rows)) // len(self.columns)
+
+    def _blocks(self, *, is_over: bool) -> Iterator[np.ndarray]:
+        """Rows as they are stored, PIECE at a time."""
         if is_over:
             self._finish_row()
         self._store()
-        table = np.frombuffer(self._stored.read(), dtype=float).reshape(-1, len(self.columns))
-        found = {c.name: table[:, i].copy() for i, c in enumerate(self.columns)}
-        return self._later(found, is_over=is_over)
+        size = 8 * len(self.columns) * PIECE
+        for at in range(0, self._stored.size, size):
+            yield np.frombuffer(self._stored.read(at, size)).reshape(-1, len(self.columns))
+
+    def _split(self, table: np.ndarray) -> dict[str, np.ndarray]:
+        return {c.name: table[:, i].copy() for i, c in enumerate(self.columns)}
 
     def _later(
         self, found: dict[str, np.ndarray], *, is_over: bool, names: Container[str] | None = None
@@ -211,6 +286,23 @@ class Tracks:
         del self._rows[:]
 
 
+@dataclass(frozen=True)
+class _ByColumn(Mapping[str, np.ndarray]):
+    tracks: Tracks
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.tracks.column(name)
+
+    def __contains__(self, name: object) -> bool:
+        return any(name == own for own in self)
+
+    def __iter__(self) -> Iterator[str]:
+        return (c.name for c in self.tracks.columns)
+
+    def __len__(self) -> int:
+        return len(self.tracks.columns)
+
+
 def _reader(columns: Sequence[Column]) -> Callable[[Any], list[float]] | None:
     """Values of columns from a sample of their source, None where some are made of more than its fields."""
     if not all(column.field for column in columns):
@@ -223,32 +315,39 @@ def _reader(columns: Sequence[Column]) -> Callable[[Any], list[float]] | None:
 
 
 def write_tracks(path: Path, tracks: list[Tracks]) -> None:
-    """Write the table of all machines in one go; a half-written file is never left behind."""
+    """Write the table of all machines in one go; a half-written file is never left behind.
+
+    Rows of a machine lie together, in groups of PIECE rows.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    parts = [t.arrays() for t in tracks]
     columns: dict[str, Column] = {c.name: c for t in tracks for c in t.columns}
-    names = [np.full(len(p["t_s"]), t.machine.name, dtype=object) for t, p in zip(tracks, parts, strict=True)]
     fields = [pa.field("machine", pa.string(), metadata={"unit": "-", "meaning": "name in the scenario"})]
-    data: list[Any] = [pa.array(np.concatenate(names) if names else [], pa.string())]
     for name, column in columns.items():
-        filled = [p.get(name, np.full(len(p["t_s"]), np.nan)) for p in parts]
         note = {"unit": column.unit, "meaning": column.meaning}
         fields.append(pa.field(name, pa.float64(), metadata=note))
-        data.append(pa.array(np.concatenate(filled)))
     about = {"format": TRACKS, "units": json.dumps({n: c.unit for n, c in columns.items()})}
-    made = pa.BufferOutputStream()
-    table = pa.table(data, schema=pa.schema(fields, metadata=about))
-    busy = [f.name for f, column in zip(fields[1:], data[1:], strict=True) if _is_busy(column.to_numpy())]
-    pq.write_table(
-        table,
-        made,
-        compression="zstd",
-        use_dictionary=[name for name in table.column_names if name not in busy],
-        column_encoding=dict.fromkeys(busy, "BYTE_STREAM_SPLIT"),
-    )
-    write_whole(path, made.getvalue().to_pybytes())
+    schema = pa.schema(fields, metadata=about)
+    firsts = [next(t.pieces(), {}) for t in tracks]
+    busy = [name for name in columns if any(_is_busy(first[name]) for first in firsts if name in first)]
+    with (
+        new_file(path) as file,
+        pq.ParquetWriter(
+            file,
+            schema,
+            compression="zstd",
+            use_dictionary=[name for name in schema.names if name not in busy],
+            column_encoding=dict.fromkeys(busy, "BYTE_STREAM_SPLIT"),
+        ) as writer,
+    ):
+        for t in tracks:
+            for piece in t.pieces():
+                count = len(piece["t_s"])
+                data = [pa.array(piece.get(name, np.full(count, NAN))) for name in columns]
+                names = pa.array([t.machine.name] * count, pa.string())
+                writer.write_table(pa.table([names, *data], schema=schema))
+    pa.default_memory_pool().release_unused()
 
 
 def _is_busy(values: np.ndarray) -> bool:
@@ -261,6 +360,19 @@ def read_tracks(path: Path) -> dict[str, np.ndarray]:
     """Columns of a tracks.parquet as arrays, `machine` as strings. InputError for another or newer file, and
     for one without a column that every run writes.
     """
+    with _opened(path) as file:
+        return _arrays(file.read(use_threads=False))  # no threads of Arrow that a run would end with
+
+
+def track_pieces(path: Path) -> Iterator[dict[str, np.ndarray]]:
+    """As `read_tracks`, PIECE rows at a time."""
+    with _opened(path) as file:
+        for batch in file.iter_batches(PIECE, use_threads=False):
+            yield _arrays(batch)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
     import pyarrow.parquet as pq
 
     with readable("tracks", "a tracks.parquet", path), pq.ParquetFile(path, pre_buffer=False) as file:
@@ -268,13 +380,20 @@ def read_tracks(path: Path) -> dict[str, np.ndarray]:
         if about.num_rows * about.num_columns > MOST_VALUES + VALUES_PER_BYTE * path.stat().st_size:
             size = f"{about.num_rows} x {about.num_columns}"
             raise InputError("tracks", size, "expected fewer values in a file of its size", file=path)
-        table = file.read(use_threads=False)  # no threads of Arrow that a run would end with
-        check_format((table.schema.metadata or {}).get(b"format", b"").decode(), TRACKS, path)
-        found = {name: table.column(name).to_numpy() for name in table.column_names}
-    written = ["machine", *(c.name for c in signal_columns(MachineState, MachineState))]
-    if missing := [name for name in written if name not in found]:
-        raise InputError("tracks", ", ".join(missing), "expected this column, there is none", file=path)
-    return found
+        schema = file.schema_arrow
+        check_format((schema.metadata or {}).get(b"format", b"").decode(), TRACKS, path)
+        written = ["machine", *(c.name for c in signal_columns(MachineState, MachineState))]
+        if missing := [name for name in written if name not in schema.names]:
+            raise InputError("tracks", ", ".join(missing), "expected this column, there is none", file=path)
+        yield file
+
+
+def _arrays(table: Any) -> dict[str, np.ndarray]:
+    """Columns of an Arrow table or record batch."""
+    return {
+        name: column.to_numpy(zero_copy_only=False)
+        for name, column in zip(table.schema.names, table.columns, strict=True)
+    }
 
 
 def column_names() -> list[str]:

@@ -67,6 +67,15 @@ class Worst:
     at_least: float = 0.01
     of_header: bool = False
 
+    def row_of(self, columns: Columns) -> tuple[int, float]:
+        """The row of the moment, and the size of the value there; nan where no row has one."""
+        values = columns[self.column]
+        size = np.where(columns["distance_m"] >= self.beyond_m, np.abs(values), np.nan)
+        if not np.isfinite(size).any():
+            return 0, np.nan
+        at = int(np.nanargmin(size) if self.is_least else np.nanargmax(size))
+        return at, float(size[at])
+
 
 WORST = (
     Worst(
@@ -123,11 +132,8 @@ def worst_moments(name: str, columns: Columns, *, cuts: bool) -> list[dict[str, 
         values = columns.get(worst.column)
         if values is None or (worst.of_header and not cuts):
             continue
-        size = np.where(columns["distance_m"] >= worst.beyond_m, np.abs(values), np.nan)
-        if not np.isfinite(size).any():
-            continue
-        at = int(np.nanargmin(size) if worst.is_least else np.nanargmax(size))
-        if size[at] < worst.at_least or (worst.is_least and size[at] > NEAR_M):
+        at, size = worst.row_of(columns)
+        if not np.isfinite(size) or size < worst.at_least or (worst.is_least and size > NEAR_M):
             continue
         text = worst.text.format(float(values[at]) * worst.factor).replace("-", "\u2212")
         found.append({"t_s": round(float(columns["t_s"][at]), 3), "machine": name, "text": text})
@@ -153,18 +159,34 @@ def events_of(summary: Mapping[str, Any], tracks: Mapping[str, Columns]) -> list
     return sorted(found, key=lambda event: float(event["t_s"]))
 
 
+def telling_rows(piece: Columns, limits: Sequence[Mapping[str, Any]]) -> list[int]:
+    """Rows of a piece of a machine's tracks that `worst_moments` and `events_of` may tell of.
+
+    limits: entries `expect` of the summary, on this machine
+    """
+    found = {len(piece["t_s"]) - 1, *(w.row_of(piece)[0] for w in WORST if w.column in piece)}
+    for entry in limits:
+        found.update(_outside(entry, piece)[:1].tolist())
+    return sorted(found)
+
+
+def _outside(entry: Mapping[str, Any], columns: Columns) -> np.ndarray:
+    """Rows at which a column is outside a limit; none where the limit is on a metric."""
+    limit, values = entry["limit"], columns.get(entry["name"])
+    if values is None:
+        return np.zeros(0, int)
+    low, high = limit.get("min", -np.inf), limit.get("max", np.inf)
+    beyond = columns["distance_m"] >= float(entry.get("window", {}).get("from_m", 0.0))
+    return np.flatnonzero(beyond & ((values < low) | (values > high)))
+
+
 def _broken(entry: Mapping[str, Any], tracks: Mapping[str, Columns]) -> dict[str, Any] | None:
     """A limit that fails, at the first sample outside it or at the end of the run."""
     if entry["result"] != "fail":
         return None
     columns = tracks.get(entry["subject"]) or next(iter(tracks.values()))
-    time = float(columns["t_s"][-1])
-    limit, values = entry["limit"], columns.get(entry["name"])
-    if values is not None:
-        low, high = limit.get("min", -np.inf), limit.get("max", np.inf)
-        beyond = columns["distance_m"] >= float(entry.get("window", {}).get("from_m", 0.0))
-        outside = np.flatnonzero(beyond & ((values < low) | (values > high)))
-        time = float(columns["t_s"][outside[0]]) if len(outside) else time
+    outside = _outside(entry, columns)
+    time = float(columns["t_s"][outside[0] if len(outside) else -1])
     text = f"limit {entry['name']} fails: {entry.get('reason', '')}"
     return _mark(time, "limit", str(entry["subject"]), text.rstrip(": "))
 

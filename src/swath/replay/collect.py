@@ -1,14 +1,16 @@
 """Everything that the page of a run holds, collected from its world and its folder."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.record.tracks import SHOWN_ROWS, EvenRows, track_pieces
 from swath.replay.area import Area, area_about
-from swath.replay.charts import events_of, worst_moments
+from swath.replay.charts import events_of, telling_rows, worst_moments
 from swath.replay.layers import Arrays, Layers, Values
 from swath.replay.machines import Columns, derived, path_of
 from swath.replay.scans import recorded
@@ -19,15 +21,36 @@ from swath.signals import F64
 EVERY = 10  # rows of the tracks that decide which part of the field is shown
 
 
-def collect(
-    world: World, folder: Path, summary: Mapping[str, Any], tracks: Mapping[str, Columns]
-) -> tuple[Values, Arrays]:
-    """Values and arrays of a page. tracks: by machine, not thinned. InputError for a run without any rows."""
-    moved = {
-        name: derived(own, world.machines[name].edge_side) for name, own in tracks.items() if len(own["t_s"])
-    }
-    if not moved:
+@dataclass
+class Driven:
+    """Tracks of a machine. rows: spread evenly; telling: those at which something happened"""
+
+    rows: EvenRows = field(default_factory=lambda: EvenRows(SHOWN_ROWS))
+    telling: EvenRows = field(default_factory=EvenRows)
+
+
+def driven(world: World, file: Path, summary: Mapping[str, Any]) -> dict[str, Driven]:
+    """What machines did, from a tracks.parquet of any length."""
+    found: dict[str, Driven] = {}
+    limits = [entry for entry in summary.get("expect") or [] if entry["result"] == "fail"]
+    for piece in track_pieces(file):
+        names = piece.pop("machine")
+        for name in dict.fromkeys(names.tolist()):
+            own = derived({c: v[names == name] for c, v in piece.items()}, world.machines[name].edge_side)
+            at = telling_rows(own, limits)
+            machine = found.setdefault(name, Driven())
+            machine.rows.add(own)
+            machine.telling.add({c: v[at] for c, v in own.items()})
+    return found
+
+
+def collect(world: World, folder: Path, summary: Mapping[str, Any]) -> tuple[Values, Arrays]:
+    """Values and arrays of the page of a run folder. InputError for a run without any rows."""
+    found = driven(world, folder / "tracks.parquet", summary)
+    if not found:
         raise InputError("tracks.parquet", None, "expected rows of at least one machine")
+    moved = {name: own.rows.columns() for name, own in found.items()}
+    telling = {name: own.telling.columns() for name, own in found.items()}
     duration = max(float(own["t_s"][-1]) for own in moved.values())
     layers = Layers(world, moved, origin_of(moved))
     area = area_of(layers)
@@ -41,7 +64,7 @@ def collect(
     layers.notes += [left_out] if left_out else []
     if world.field.wind is not None:
         layers.notes.append("stems stand still, the wind is not drawn")
-    worst = [m for n, own in moved.items() for m in worst_moments(n, own, cuts=layers.machines[n].cuts)]
+    worst = [m for n, own in telling.items() for m in worst_moments(n, own, cuts=layers.machines[n].cuts)]
     results = [entry["result"] for entry in summary.get("expect") or []]
     about = {
         "name": str(summary.get("name", world.scenario.name)),
@@ -51,7 +74,7 @@ def collect(
         "duration": duration,
         "origin": layers.origin.tolist(),
         "things": things,
-        "events": events_of(summary, moved),
+        "events": events_of(summary, telling),
         "moments": worst,
         "notes": [*summary.get("notes", []), *layers.notes],
     }

@@ -10,6 +10,7 @@ from memory that a run has changed.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from heapq import merge
 from itertools import pairwise
 from typing import Any
 
@@ -23,8 +24,7 @@ from swath.machine.sweep import swept
 from swath.replay.area import Area
 from swath.replay.charts import columns_of, shown_charts
 from swath.replay.machines import STATE, Columns, cutting_height, describe, path_of, thinned
-from swath.replay.scans import MOST_POINTS, Recorded, pack_echoes
-from swath.replay.straw import stations, swath_width
+from swath.replay.scans import MOST_POINTS, Recorded, pack_echoes, stations, swath_width
 from swath.runtime.world import Machine, World
 from swath.signals import F64
 
@@ -133,6 +133,7 @@ def _int16(values: NDArray[np.floating]) -> NDArray[np.int16]:
 FAR_STEP, FAR_REACH = 4.0, 150.0  # grid of the country around the area, and how far it goes [m]
 FAR_NODES = 150  # along its longer side, at most
 LEAN_UNIT = 1.0 / 100.0  # of the lean of a tile's stand
+MOST_TOGETHER = 64  # tiles, or points of an edge, that are looked up at once
 FLAGS = 16  # 16: mirrored in x, 32: mirrored in y, beside the number of a prototype
 
 
@@ -178,12 +179,13 @@ def _codes(field: Field, area: Area, x: F64, y: F64) -> NDArray[np.uint8]:
     n, maker = area.cells, field.maker
     tiles = np.where(area.shown, maker.codes_within(x, y, area.tile * np.sqrt(0.5) + 1e-6), 0)
     cells = np.repeat(np.repeat(tiles, n, axis=0), n, axis=1)
-    row, column = np.nonzero(tiles < 0)
-    row, column = (a[:, None] * n + np.arange(n) for a in (row, column))
-    u = area.first[0] * area.tile + (column + 0.5) * area.cell
-    v = area.first[1] * area.tile + (row + 0.5) * area.cell
-    at = maker.to_world(u[:, None, :], v[:, :, None])
-    cells[row[:, :, None], column[:, None, :]] = maker.codes_at(*at)
+    mixed = np.argwhere(tiles < 0)
+    for first in range(0, len(mixed), MOST_TOGETHER):
+        row, column = (a[:, None] * n + np.arange(n) for a in mixed[first : first + MOST_TOGETHER].T)
+        u = area.first[0] * area.tile + (column + 0.5) * area.cell
+        v = area.first[1] * area.tile + (row + 0.5) * area.cell
+        at = maker.to_world(u[:, None, :], v[:, :, None])
+        cells[row[:, :, None], column[:, None, :]] = maker.codes_at(*at)
     return cells.astype(np.uint8)
 
 
@@ -245,10 +247,8 @@ def cut_times(area: Area, codes: NDArray[np.uint8], ways: list[KnifeWay], durati
     is_crop = codes == STANDING
     when = np.where(is_crop, np.float32(NEVER), np.float32(0.0))
     left = codes.copy()
-    order = sorted(
-        (step for way in ways for step in _steps(way.thinned(), area)), key=lambda step: float(step[0][0])
-    )
-    for (begin, end), before, after, height in order:
+    steps = merge(*(_steps(way.thinned(), area) for way in ways), key=lambda step: float(step[0][0]))
+    for (begin, end), before, after, height in steps:
         for polygon in swept(before.tolist(), after.tolist()):
             found = _inside(np.array(polygon), when.shape)
             if found is None:
@@ -308,7 +308,7 @@ Arrays = dict[str, NDArray[Any]]
 
 
 class Layers:
-    """Collects values, arrays, and notes on what is left out. tracks: by machine, not thinned.
+    """Collects values, arrays, and notes on what is left out. tracks: by machine, as in `collect.Driven`
 
     origin: a world point [m] that places in the page count from, so that float32 is fine enough
     """
@@ -402,7 +402,8 @@ class Layers:
         way = machine.edge.project(path[:, 0], path[:, 1])[0]
         points = machine.edge.point_at(np.arange(float(way.min()) - 8.0, float(way.max()) + 25.0, EDGE_STEP))
         points = points[np.asarray(self.world.field.covers(points[:, 0], points[:, 1]), dtype=bool)]
-        return np.column_stack([points, self.world.field.ground_height(points[:, 0], points[:, 1])])
+        parts = np.array_split(points, len(points) // MOST_TOGETHER + 1)  # not all pages of the field at once
+        return np.concatenate([np.column_stack([p, self.world.field.ground_height(*p.T)]) for p in parts])
 
     def add_recorded(self, found: Recorded | None) -> None:
         """Scans and straw. found: None where nothing was recorded"""

@@ -21,6 +21,7 @@ from swath.signals import F64
 
 MOST_TRIANGLES = 4000  # of all meshes together
 EVERY_S = 0.25  # between two places of a thing that goes
+MOST_PLACES = 4000  # of one; in a longer run they are further apart
 Item = dict[str, Any]
 Event = Mapping[str, Any]
 
@@ -76,7 +77,7 @@ def _there(world: World, events: Sequence[Event]) -> Iterator[tuple[Thing, float
 def _rows(
     path: Path, way: Way, since: float, world: World, origin: F64, tracks: Mapping[str, Columns]
 ) -> list[list[float]]:
-    """t, x, y, z, yaw of a thing that is there since a time [s], EVERY_S apart while it goes."""
+    """t, x, y, z, yaw of a thing that is there since a time [s], EVERY_S or more apart while it goes."""
     times = np.unique(np.concatenate([[0.0], *(own["t_s"] for own in tracks.values())]))
     places = [np.stack([own["x_m"], own["y_m"]], axis=1) for own in tracks.values()]
     near = np.full(len(times), path.start_within_m is None)
@@ -86,7 +87,8 @@ def _rows(
     begun = times[near & (times >= max(path.start_s, since))]
     begin, end = (float(begun[0]) if len(begun) else np.inf), float(times[-1])
     stop = end if way.returns else min(end, begin + way.length / way.speed)
-    moments = [0.0] if begin >= end else [0.0, *np.arange(begin, stop, EVERY_S), stop]
+    every = max(EVERY_S, (stop - begin) / MOST_PLACES)
+    moments = [0.0] if begin >= end else [0.0, *np.arange(begin, stop, every), stop]
     rows = []
     for t in moments:
         x, y, yaw, _ = way.after(t - begin if np.isfinite(begin) else -1.0)

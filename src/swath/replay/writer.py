@@ -33,7 +33,7 @@ class ReplayWriter(RunHook):
 
     def finish(self, summary: Mapping[str, Any]) -> None:
         """Write the page; an incomplete run gets none, `swath view` makes it."""
-        has_rows = any(len(tracks.arrays()["t_s"]) for tracks in self._run.recorder.tracks.values())
+        has_rows = any(tracks.row_count for tracks in self._run.recorder.tracks.values())
         if self._run.out is not None and has_rows and not summary["incomplete"]:
             write_replay(self._run.world, self._run.out, summary)
 
@@ -43,7 +43,7 @@ def write_replay(world: World, folder: Path, summary: Mapping[str, Any], *, out:
 
     out: where to write; default: `replay.html` in the folder. Returns the path.
     """
-    values, arrays = collect(world, folder, summary, tracks_of(folder))
+    values, arrays = collect(world, folder, summary)
     return write_whole(out or folder / FILE, render(values["name"], packed(values, arrays)))
 
 

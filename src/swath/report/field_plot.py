@@ -19,10 +19,13 @@ from swath.report.plots import (
     SOIL,
     STRAW,
     STUBBLE,
+    evenly,
     panels,
 )
 from swath.report.scan_sampler import FieldMap
 from swath.signals import F64
+
+SLICE = 0.1  # of an outline, along x [m]
 
 
 @dataclass(frozen=True)
@@ -112,10 +115,9 @@ def _area(corners: F64, **style: Any) -> Any:
     return Polygon(corners, closed=True, **style)
 
 
-def _thin(way: F64, most: int = 2500) -> F64:
-    """A way (n, 2) by at most so many of its points, and its end."""
-    step = max(1, len(way) // most)
-    return np.concatenate([way[:-1:step], way[-1:]])
+def _thin(way: F64) -> F64:
+    """Points of a way (n, 2) spread evenly, and its end."""
+    return np.concatenate([way[:-1][evenly(way)], way[-1:]])
 
 
 def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.uint8]:
@@ -165,3 +167,26 @@ def _map_legend(ax: Any, picture: FieldMap, *, has_obstacles: bool) -> None:
         handles.append(Line2D([], [], marker="o", ls="", mfc=GREY, mec=INK, label="obstacle"))
     ax.legend(handles=handles, ncol=len(handles), loc="lower left", bbox_to_anchor=(0.0, 1.0),
               handlelength=1.6, columnspacing=1.3, borderaxespad=0.2)  # fmt: skip
+
+
+def silhouette(triangles: F64) -> F64:
+    """Corners (n, 2) of the outline of triangles (m, 3, 3) seen from above [m], left side first.
+
+    Slices along x, each from its rightmost to its leftmost point: notches across x are kept; holes are
+    filled, gaps along x bridged.
+    """
+    flat = np.asarray(triangles, dtype=float)[:, :, :2]
+    starts, ends = flat.reshape(-1, 2), np.roll(flat, -1, axis=1).reshape(-1, 2)
+    steps = max(2, int(np.ceil(np.abs(ends - starts).max() / (0.5 * SLICE))) + 1)
+    share = np.linspace(0.0, 1.0, min(steps, 400))[:, None, None]
+    points = (starts + share * (ends - starts)).reshape(-1, 2)
+    first = points[:, 0].min()
+    number = ((points[:, 0] - first) / SLICE).astype(int)
+    right, left = np.full(number.max() + 1, np.inf), np.full(number.max() + 1, -np.inf)
+    np.minimum.at(right, number, points[:, 1])
+    np.maximum.at(left, number, points[:, 1])
+    kept = np.flatnonzero(np.isfinite(right))
+    low, high = first + kept * SLICE, np.minimum(first + (kept + 1) * SLICE, points[:, 0].max())
+    x = np.column_stack([low, high]).ravel()
+    sides = [np.column_stack([x, np.repeat(y[kept], 2)]) for y in (left, right)]
+    return np.concatenate([sides[0], sides[1][::-1]])

@@ -1,13 +1,12 @@
 """What a run's report page says: the summary as rows of text, for the template `run.html.j2`."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from swath.documents.data_sheets import TAGS
 from swath.judge.catalogue import EvaluatorCatalogue, load_evaluators
 from swath.judge.evaluator import Metric
-from swath.report.html import render_page, signed
+from swath.report.html import Figure, render_page, signed
 from swath.runtime.credibility import span
 from swath.terminal.outcome import incident_text, limit_text, window_text
 from swath.terminal.tables import number
@@ -18,15 +17,6 @@ RUN = (
     Metric("simulated_s", "s", "simulated time", "Run", label="simulated time", decimals=1),
     Metric("wall_s", "s", "wall time", "Run", label="wall time", decimals=1),
 )
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A picture with its heading and caption. image: a data address."""
-
-    title: str
-    image: str
-    caption: str
 
 
 def render(

@@ -12,14 +12,18 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.collector import give_back
 from swath.judge.evaluators.edge_detection import EdgeSeries
 from swath.judge.evaluators.lateral_error import PathSeries
+from swath.judge.evaluators.unloading import HeapRows, UnloadingSeries
 from swath.report.scan_sampler import KeptScan
 from swath.signals import F64
 from swath.signals.setup import MachineGeometry
 
 BLUE, ORANGE, GREEN, SKY, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#56B4E9", "#CC79A7", "#6B6F76"
 CROP, SOIL, STUBBLE, STRAW, INK, FAINT = "#E9C46A", "#F4F1EA", "#DCD5C4", "#A8813B", "#22262B", "#D9DCE1"
+GRAIN = "YlOrBr"  # colours of its height
+POINTS = 2500  # of a curve: more than a page has pixels
 STYLE = {
     "font.size": 9.5,
     "axes.edgecolor": "#9AA0A8",
@@ -75,7 +79,7 @@ def panels(
 
 
 def as_image(fig: Any, *, kind: str = "svg", dpi: int = 150) -> str:
-    """The figure as a data address for an <img>.
+    """The figure as a data address for an <img>; it is empty afterwards.
 
     kind: `svg` for lines, `png` for areas, `webp` for pictures of many small parts
     """
@@ -91,8 +95,15 @@ def as_image(fig: Any, *, kind: str = "svg", dpi: int = 150) -> str:
         from PIL import WebPImagePlugin  # noqa: F401 or Pillow loads all formats that it knows
 
         fig.canvas.print_webp(out, pil_kwargs={"quality": 88, "method": 2})
+    fig.clear()  # its parts refer to each other: what they hold would stay
+    give_back()
     media = "image/svg+xml" if kind == "svg" else f"image/{kind}"
     return f"data:{media};base64,{base64.b64encode(out.getvalue()).decode()}"
+
+
+def evenly(values: Any) -> slice:
+    """Every n-th of values, of which POINTS to twice as many are left where there are more."""
+    return slice(None, None, max(1, len(values) // POINTS))
 
 
 def errors_figure(
@@ -122,7 +133,7 @@ def errors_figure(
 
 
 def _plot_lateral(ax: Any, series: PathSeries, settling: float, band: float | None) -> None:
-    thin = slice(None, None, max(1, len(series.t) // 2500))
+    thin = evenly(series.t)
     ax.plot(series.distance[thin], 100 * series.lateral[thin], color=BLUE, lw=1.3)
     _limits(ax, 100 * series.lateral[series.distance >= settling], None if band is None else 100 * band)
     ax.axvspan(0, settling, color="#F1F2F4", lw=0)
@@ -138,7 +149,8 @@ def _plot_edge(ax: Any, series: EdgeSeries, settling: float, band: float | None)
     _shade(ax, series.distance, series.exists & ~series.found, ORANGE, "true edge not detected", "////")
     _shade(ax, series.distance, series.is_none, PURPLE, "detected where none is", "\\\\")
     _shade(ax, series.distance, ~series.exists, GREY, "no true edge near", "")
-    ax.plot(series.distance, 100 * series.error, "o", color=GREEN, ms=2.0, mec="none")
+    thin = evenly(series.t)
+    ax.plot(series.distance[thin], 100 * series.error[thin], "o", color=GREEN, ms=2.0, mec="none")
     _limits(ax, 100 * series.settled(settling).error, None if band is None else 100 * band)
     ax.set_ylabel("detected edge\nerror [cm]")
     if ax.get_legend_handles_labels()[0]:
@@ -172,15 +184,17 @@ def drive_figure(tracks: dict[str, Any]) -> Any:
     """Speed, steering and header use over the travelled distance, from the columns of the tracks."""
     fig, grid = panels(3.6, 3, sharex=True)
     axes = grid[:, 0]
-    at = tracks["distance_m"]
-    axes[0].plot(at, 3.6 * tracks["speed_m_s"], color=BLUE, lw=1.3, label="true")
-    axes[0].plot(at, 3.6 * tracks["odometry_speed_m_s"], color=SKY, lw=0.8, label="measured")
+    header_use = 100 * _over_a_metre(tracks["distance_m"], tracks["header_fill"])
+    thin = evenly(header_use)
+    at = tracks["distance_m"][thin]
+    axes[0].plot(at, 3.6 * tracks["speed_m_s"][thin], color=BLUE, lw=1.3, label="true")
+    axes[0].plot(at, 3.6 * tracks["odometry_speed_m_s"][thin], color=SKY, lw=0.8, label="measured")
     axes[0].set_ylabel("speed\n[km/h]")
     axes[0].set_ylim(bottom=0)
     axes[0].legend(loc="lower right", ncol=2)
-    axes[1].plot(at, np.degrees(tracks["steer_rad"]), color=ORANGE, lw=1.2)
+    axes[1].plot(at, np.degrees(tracks["steer_rad"][thin]), color=ORANGE, lw=1.2)
     axes[1].set_ylabel("steered axle\n[deg], > 0 left")
-    axes[2].plot(at, 100 * _over_a_metre(at, tracks["header_fill"]), color=GREEN, lw=1.2)
+    axes[2].plot(at, header_use[thin], color=GREEN, lw=1.2)
     axes[2].set_ylabel("header use\n[%]")
     axes[2].set_ylim(0, 108)
     axes[2].set_xlabel("travelled distance [m]")
@@ -199,8 +213,9 @@ def process_figure(tracks: dict[str, Any]) -> Any:
         (100 * tracks["engine_load"], BLUE, "engine load\n[%]"),
         (30 / np.pi * tracks["engine_speed_rad_s"], PURPLE, "engine speed\n[1/min]"),
     )
+    thin = evenly(at)
     for ax, (values, colour, label) in zip(axes, shown, strict=True):
-        ax.plot(at, values, color=colour, lw=1.2)
+        ax.plot(at[thin], values[thin], color=colour, lw=1.2)
         ax.set_ylabel(label)
     for ax in axes[:3]:
         ax.set_ylim(bottom=0)
@@ -265,3 +280,64 @@ def _difference(scan: KeptScan) -> str:
     if not np.isfinite(scan.edge_true):
         return "there is no true edge"
     return f"detected {100 * abs(scan.edge.offset - scan.edge_true):.1f} cm from the true edge"
+
+
+def unloading_figure(series: UnloadingSeries, machine: str) -> Any:
+    """Three rows over time: the grain along the box, the deviations from the station, fill and spill.
+
+    machine: whose box, one of `series.heaps`
+    """
+    heap = series.heaps[machine]
+    fig, grid = panels(6.2, 3, top=0.45, gap=0.3, sharex=True)
+    axes = grid[:, 0]
+    _grain(fig, axes[0], heap)
+    _station(axes[1], series)
+    _fill(axes[2], heap, series.missed)
+    axes[2].set_xlabel("time [s]")
+    axes[2].set_xlim(float(heap.t[0]), float(heap.t[-1]))
+    return fig
+
+
+def _grain(fig: Any, ax: Any, heap: HeapRows) -> None:
+    """Height of the grain along the middle of the box, by colour; a line where it stands above the rim."""
+    count = heap.profile.shape[1]
+    place = ((np.arange(count) + 0.5) / count - 0.5) * heap.length
+    top = max(float(np.nanmax(heap.profile)), 1.2 * heap.depth)
+    mesh = ax.pcolormesh(
+        heap.t, place, heap.profile.T, cmap=GRAIN, vmin=0.0, vmax=top, shading="nearest", rasterized=True
+    )
+    if np.nanmax(heap.profile) > heap.depth:
+        ax.contour(heap.t, place, heap.profile.T, levels=[heap.depth], colors=INK, linewidths=0.9)
+    inset = ax.inset_axes((0.78, 1.05, 0.22, 0.07))
+    bar = fig.colorbar(mesh, cax=inset, orientation="horizontal")
+    bar.ax.xaxis.set_ticks_position("top")
+    bar.ax.tick_params(labelsize=7.5, pad=1, length=2)
+    said = f"grain above the floor [m]; black line: the rim, {heap.depth:.2f} m"
+    ax.set_title(said, loc="left", fontsize=8.5, color=GREY, y=1.0)
+    ax.set_ylabel("ahead of the\nbox's middle [m]")
+    ax.grid(visible=False)
+
+
+def _station(ax: Any, series: UnloadingSeries) -> None:
+    """Where the stream comes down, from where it was wanted."""
+    thin = evenly(series.t)
+    t = series.t[thin]
+    for values, colour, label in ((series.along, BLUE, "along"), (series.across, ORANGE, "across")):
+        ax.plot(t, 100.0 * values[thin], ".", color=colour, ms=1.8, mec="none", label=label)
+    ax.set_ylabel("station error\n[cm]")
+    ax.set_ylim(bottom=0.0)
+    if len(t):
+        ax.legend(loc="upper right", ncol=2, markerscale=5.0, handletextpad=0.1)
+
+
+def _fill(ax: Any, heap: HeapRows, missed: float) -> None:
+    """Level of the box; shaded where grain flows. missed: the box in all [kg]"""
+    ax.fill_between(
+        heap.t, 0.0, 1.0, where=heap.flow > 0.0, transform=ax.get_xaxis_transform(), color="#E6E9ED", lw=0,
+        step="post", label="grain flows",
+    )  # fmt: skip
+    ax.plot(heap.t, 100.0 * heap.level, color=GREEN, lw=1.4, label="fill, of the largest heap")
+    ax.set_ylabel("fill [%]")
+    ax.set_ylim(0.0, 105.0)
+    ax.set_title(f"missed the box in all: {missed:.1f} kg", loc="right", fontsize=8.5, color=GREY, y=1.0)
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=2, borderaxespad=0.1)

@@ -17,13 +17,13 @@ from swath.judge.evaluators.lateral_error import LateralError, PathSeries
 from swath.judge.evaluators.unloading import Unloading, UnloadingSeries
 from swath.judge.windows import FIELD
 from swath.record.messages import RecordedMachine
+from swath.record.tracks import SHOWN_ROWS
 from swath.report import page, plots
-from swath.report.field_plot import MapTrack, map_figure
+from swath.report.field_plot import MapTrack, map_figure, silhouette
+from swath.report.html import Figure
 from swath.report.pictures import KeptPicture, PictureSampler, pictures_figure
 from swath.report.scan_sampler import FieldMap, KeptScan, ScanSampler, circles_of, make_map
-from swath.report.silhouette import silhouette
 from swath.report.stand3d import Stand, stand_figure
-from swath.report.unloading_plot import unloading_figure
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
 from swath.scenario.defaults import default_lines
@@ -86,7 +86,10 @@ def collect(
     samplers, tracks, pictures: by machine; scenario: to print, or the world's
     """
     scenario = world.scenario if scenario is None else scenario
-    machines = [_machine(evaluation, samplers[name], own) for name, own in tracks.items()]
+    measured = summary.get("machines", {})
+    machines = [
+        _machine(evaluation, samplers[name], own, measured.get(name, summary)) for name, own in tracks.items()
+    ]
     for own in machines:
         if pictures is not None:
             own.pictures = pictures[own.machine.name].pick()
@@ -110,20 +113,20 @@ def collect(
     )
 
 
-def _machine(evaluation: Evaluation, sampler: ScanSampler, tracks: Mapping[str, Any]) -> MachineReport:
+def _machine(
+    evaluation: Evaluation, sampler: ScanSampler, tracks: Mapping[str, Any], measured: Mapping[str, Any]
+) -> MachineReport:
     machine, edge = sampler.machine, np.zeros((0, 2))
     lateral = evaluation.find(machine.name, LateralError)
     detection = evaluation.find(machine.name, EdgeDetection)
     if len(tracks["t_s"]) and lateral is not None:
         path = _way(tracks, *machine.geometry.header_end(machine.edge_side))
         edge = _edge_about(lateral.setup.edge, path, float(tracks["distance_m"][-1]) + 60.0)
-    has_path = lateral is not None and bool(lateral.metrics())
-    has_edges = detection is not None and bool(detection.metrics())
     return MachineReport(
         machine,
         tracks,
-        lateral.series() if lateral is not None and has_path else None,
-        detection.series() if detection is not None and has_edges else None,
+        None if lateral is None or "lateral_rms_m" not in measured else lateral.series(SHOWN_ROWS),
+        None if detection is None or "edge_rmse_m" not in measured else detection.series(SHOWN_ROWS),
         {slot: sampler.pick(slot) for slot in sampler.scanners},
         edge,
     )
@@ -180,7 +183,7 @@ class ReportWriter(RunHook):
         if summary["incomplete"] or run.out is None:
             return
         of = self._of or FinishedRun(run.out, summary, run.world.scenario)
-        tracks = {name: tracks.arrays() for name, tracks in run.recorder.tracks.items()}
+        tracks = {name: tracks.arrays(most=SHOWN_ROWS) for name, tracks in run.recorder.tracks.items()}
         data = collect(
             of.summary, run.world, run.evaluation, self._samplers, tracks, of.scenario, self._pictures
         )
@@ -201,7 +204,7 @@ def write_report(run_dir: Path, data: ReportData) -> Path:
     return write_whole(run_dir / "report.html", text)
 
 
-def figures_of(data: ReportData) -> Iterator[page.Figure]:
+def figures_of(data: ReportData) -> Iterator[Figure]:
     """The figures of the page, in their order."""
     if data.map is not None:
         yield _map(data, data.map)
@@ -213,7 +216,7 @@ def figures_of(data: ReportData) -> Iterator[page.Figure]:
             yield replace(made, title=title)
 
 
-def _of_machine(data: ReportData, own: MachineReport) -> Iterator[page.Figure]:
+def _of_machine(data: ReportData, own: MachineReport) -> Iterator[Figure]:
     if own.path is not None and len(own.path.distance) > 1:
         yield _errors(data, own)
     for slot, scans in own.scans.items():
@@ -230,7 +233,7 @@ def _of_machine(data: ReportData, own: MachineReport) -> Iterator[page.Figure]:
             yield _drivetrain(own)
 
 
-def _map(data: ReportData, picture: FieldMap) -> page.Figure:
+def _map(data: ReportData, picture: FieldMap) -> Figure:
     tracks = [
         MapTrack(
             m.machine.name,
@@ -255,17 +258,17 @@ def _map(data: ReportData, picture: FieldMap) -> page.Figure:
         places=[(e["x_m"], e["y_m"], e["kind"]) for e in data.summary.get("incidents", [])],
     )
     caption = "The field after the run, turned so that the run goes from left to right."
-    return page.Figure("Field map", plots.as_image(fig, kind="png", dpi=150), caption)
+    return Figure("Field map", plots.as_image(fig, kind="png", dpi=150), caption)
 
 
-def _unloading(series: UnloadingSeries) -> Iterator[page.Figure]:
+def _unloading(series: UnloadingSeries) -> Iterator[Figure]:
     caption = (
         "Above: the grain along the middle of the box. In the middle: where the stream comes down, from "
         "where it was wanted. Below: how full the box is."
     )
     for name in series.heaps:
-        image = plots.as_image(unloading_figure(series, name), kind="png", dpi=130)
-        yield page.Figure(f"Unloading into {name}", image, caption)
+        image = plots.as_image(plots.unloading_figure(series, name), kind="png", dpi=130)
+        yield Figure(f"Unloading into {name}", image, caption)
 
 
 def _outline(own: MachineReport) -> F64:
@@ -282,7 +285,7 @@ def _outline(own: MachineReport) -> F64:
     return np.array([_way(own.tracks, x, y)[-1] for x, y in corners])
 
 
-def _errors(data: ReportData, own: MachineReport) -> page.Figure:
+def _errors(data: ReportData, own: MachineReport) -> Figure:
     bands: dict[str, float] = {}
     for part, name in (("lateral", "lateral_rms_m"), ("edge", "edge_rmse_m")):
         for entry in data.summary.get("expect", []):
@@ -295,43 +298,43 @@ def _errors(data: ReportData, own: MachineReport) -> page.Figure:
         caption += " Below: the detected edge against the true one, where the detector reports it."
     if bands:
         caption += " Dashed: plus and minus the limit on the root mean square."
-    return page.Figure("Steering and detection", plots.as_image(fig), caption)
+    return Figure("Steering and detection", plots.as_image(fig), caption)
 
 
-def _scans(own: MachineReport, slot: str) -> page.Figure:
+def _scans(own: MachineReport, slot: str) -> Figure:
     fig = plots.scans_figure(own.scans[slot], own.machine.geometry, own.machine.edge_side)
     caption = (
         "Echoes as the sensor reports them, placed by its nominal mounting, seen from behind the machine: "
         "left is left. Travelled distance and detection error above each scan."
     )
     title = "Scans" if len(own.scans) == 1 else f"Scans of {slot}"
-    return page.Figure(title, plots.as_image(fig), caption)
+    return Figure(title, plots.as_image(fig), caption)
 
 
-def _pictures(slot: str, pictures: Sequence[KeptPicture], *, alone: bool) -> page.Figure:
+def _pictures(slot: str, pictures: Sequence[KeptPicture], *, alone: bool) -> Figure:
     image = plots.as_image(pictures_figure(pictures), kind="webp", dpi=110)
     caption = "Camera pictures of the run; boxes: the visible part of each object, from the truth."
-    return page.Figure("Pictures" if alone else f"Pictures of {slot}", image, caption)
+    return Figure("Pictures" if alone else f"Pictures of {slot}", image, caption)
 
 
-def _stand(stand: Stand, own: MachineReport, scan: KeptScan) -> page.Figure:
+def _stand(stand: Stand, own: MachineReport, scan: KeptScan) -> Figure:
     fig = stand_figure(stand, scan, own.machine, own.edge)
     caption = (
         f"Every stem around the edge ahead of the machine at {scan.distance:.1f} m, as the rays met it, with "
         "the echoes of the last scan; seen from above the cut ground, along the drive."
     )
-    return page.Figure("The stand", plots.as_image(fig, kind="webp", dpi=150), caption)
+    return Figure("The stand", plots.as_image(fig, kind="webp", dpi=150), caption)
 
 
-def _drive(own: MachineReport) -> page.Figure:
+def _drive(own: MachineReport) -> Figure:
     fig = plots.drive_figure(dict(own.tracks))
-    return page.Figure("Driving", plots.as_image(fig), "Speed, steering and use of the header's width.")
+    return Figure("Driving", plots.as_image(fig), "Speed, steering and use of the header's width.")
 
 
-def _drivetrain(own: MachineReport) -> page.Figure:
+def _drivetrain(own: MachineReport) -> Figure:
     fig = plots.process_figure(dict(own.tracks))
     caption = (
         "Flow into the feeder house; share of its grain that the crop leaving the machine has lost; engine "
         "load: above 100 % the engine loses speed."
     )
-    return page.Figure("Crop and engine", plots.as_image(fig), caption)
+    return Figure("Crop and engine", plots.as_image(fig), caption)

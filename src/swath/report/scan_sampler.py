@@ -13,6 +13,7 @@ from swath.signals import F64, CropEdge, MachineState, Scan, ScanTruth, Signal
 
 SPACING_M = 2.0  # between kept scans at first; doubles whenever MOST are kept
 MOST = 48
+BAND = 64  # rows of a map that are looked up together
 
 
 @dataclass(frozen=True)
@@ -163,16 +164,22 @@ def make_map(
     low, high = placed.min(axis=0) - margin, placed.max(axis=0) + margin
     cell = max(0.05, (high[0] - low[0]) / columns)
     u, v = np.arange(low[0] + cell / 2, high[0], cell), np.arange(low[1] + cell / 2, high[1], cell)
-    grid_u, grid_v = np.meshgrid(u, v)
-    x = frame.origin[0] + np.cos(turn) * grid_u - np.sin(turn) * grid_v
-    y = frame.origin[1] + np.sin(turn) * grid_u + np.cos(turn) * grid_v
     has_straw = hasattr(ground, "pages") and ground.pages.table.size > 0
-    depth = straw_depth(ground, x, y) if has_straw else None
+    standing = np.zeros((len(v), len(u)), bool)
+    depth = np.zeros(standing.shape) if has_straw else None
+    for first in range(0, len(v), BAND):
+        rows = slice(first, first + BAND)
+        grid_u, grid_v = np.meshgrid(u, v[rows])
+        x = frame.origin[0] + np.cos(turn) * grid_u - np.sin(turn) * grid_v
+        y = frame.origin[1] + np.sin(turn) * grid_u + np.cos(turn) * grid_v
+        standing[rows] = ground.standing(x, y)
+        if depth is not None:
+            depth[rows] = straw_depth(ground, x, y)
     return FieldMap(
         frame.origin,
         turn,
         (float(low[0]), float(low[0] + cell * len(u)), float(low[1]), float(low[1] + cell * len(v))),
-        np.asarray(ground.standing(x, y), dtype=bool),
+        standing,
         depth,
     )
 

@@ -277,7 +277,7 @@ class Running:
                 "machine": _machines(world),
             },
             self.evaluation,
-            {n: t.arrays() for n, t in self.recorder.tracks.items()} if self.has_tracks else {},
+            {n: t.by_column for n, t in self.recorder.tracks.items()} if self.has_tracks else {},
             sensors={name: machine.coverage() for name, machine in world.machines.items()},
             simulated_s=world.graph.t / NS,
             wall_s=wall_s,

@@ -219,10 +219,10 @@ class EdgeDetection:
             Column("edge_wall_m", "m", wall, later=partial(self._at_rows, "wall")),
         )
 
-    def series(self) -> EdgeSeries:
-        """The course of the run so far."""
+    def series(self, most: int | None = None) -> EdgeSeries:
+        """The course of the run so far. most: samples, spread evenly, where there are more"""
         self._judge_rows()
-        table = self._judged.table()
+        table = self._judged.table(most)
         t, at, true, seen, found, exists, confidence, is_held, sd, wall = table.T
         error = -self.side * (seen - true)
         error = np.where(np.abs(error) <= MATCH_M, error, np.nan)

@@ -83,9 +83,9 @@ class LateralError:
         inside = np.asarray(edge.signed_distance(x, y), dtype=float)
         return np.where(edge.project(x, y)[0] <= edge.length, inside + self.setup.overlap, np.nan)
 
-    def series(self) -> PathSeries:
-        """The course of the run so far."""
-        t, distance, x, y = self._path.arrays()
+    def series(self, most: int | None = None) -> PathSeries:
+        """The course of the run so far. most: samples, spread evenly, where there are more"""
+        t, distance, x, y = self._path.arrays(most)
         return PathSeries(t, distance, x, y, self._error(x, y))
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from swath.core import portable
 from swath.record.read.fields import Makers, stamp_of
-from swath.record.read.scans import cloud_table
+from swath.record.read.scans import real_points
 from swath.signals import F64
 from swath.signals.radar import RadarTargets, radar_targets_of
 
@@ -19,11 +19,7 @@ STRENGTHS = ("snr", "snr_db", "SNR", "signal_to_noise_ratio")
 
 def _targets_of_cloud(message: Any, t: int) -> RadarTargets:
     """A detection per point; points at 0 or nan are left out, and what the cloud does not say is nan."""
-    table = cloud_table(message)
-    points = np.stack([table[n].astype(np.float64) for n in "xyz"], axis=1)
-    far = np.linalg.norm(points, axis=1)
-    good = np.isfinite(far) & (far > 0.0)
-    table, points, far = table[good], points[good], far[good]
+    table, points, far, _ = real_points(message)
     azimuth = portable.arctan2(points[:, 1], points[:, 0])
     elevation = portable.arcsin(np.clip(points[:, 2] / far, -1.0, 1.0))
     names = table.dtype.names or ()

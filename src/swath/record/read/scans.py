@@ -66,16 +66,23 @@ class CloudPoints:
     left_out: int
 
 
-def cloud_points(message: Any, stamp: int, note: Callable[[str], None]) -> CloudPoints:
-    """What a sensor_msgs/PointCloud2 stamped at `stamp` [ns] holds. note: takes what had to be assumed."""
+def real_points(message: Any) -> tuple[NDArray[np.void], F64, F64, int]:
+    """The rows of a sensor_msgs/PointCloud2 whose points are any, these (n, 3) and their ranges (n,) [m], and
+    how many are left out: at 0 or nan.
+    """
     table = cloud_table(message)
     points = np.stack([table[n].astype(np.float64) for n in "xyz"], axis=1)
     far = np.linalg.norm(points, axis=1)
     good = np.isfinite(far) & (far > 0.0)
-    table, points, far = table[good], points[good], far[good]
+    return table[good], points[good], far[good], int((~good).sum())
+
+
+def cloud_points(message: Any, stamp: int, note: Callable[[str], None]) -> CloudPoints:
+    """What a sensor_msgs/PointCloud2 stamped at `stamp` [ns] holds. note: takes what had to be assumed."""
+    table, points, far, left_out = real_points(message)
     bright = next((n for n in BRIGHTNESS if n in (table.dtype.names or ())), None)
     intensity = np.full(len(far), np.nan) if bright is None else table[bright].astype(np.float64)
-    return CloudPoints(points, far, point_times(table, stamp, note), intensity, table, int((~good).sum()))
+    return CloudPoints(points, far, point_times(table, stamp, note), intensity, table, left_out)
 
 
 def point_times(table: NDArray[np.void], stamp: int, note: Callable[[str], None]) -> F64:

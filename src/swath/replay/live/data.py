@@ -10,7 +10,7 @@ from swath.replay.charts import CHARTS, WORST
 from swath.replay.collect import area_of
 from swath.replay.layers import Arrays, Layers, Values
 from swath.replay.machines import CUTTING_HEIGHT, POSE, STATE, Columns, cutting_height
-from swath.replay.straw import swath_width
+from swath.replay.scans import swath_width
 from swath.replay.things import things_of
 from swath.runtime.world import World
 from swath.signals import F64, MachineState

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from swath.core.schedule import NS
 from swath.judge.evaluation import Evaluation
 from swath.judge.evaluators.edge_detection import EdgeDetection
-from swath.record.tracks import Tracks
+from swath.record.tracks import SHOWN_ROWS, Tracks
 from swath.replay.charts import CHARTS
 from swath.replay.live.data import COLUMNS, ECHO_UNIT
 from swath.replay.machines import derived, thinned
@@ -72,7 +72,7 @@ class Frames:
         """All rows so far, thinned as in a replay."""
         tables = []
         for name in self.columns:
-            own = self._tracks[name].arrays(is_over=False)
+            own = self._tracks[name].arrays(is_over=False, most=SHOWN_ROWS)
             tables.append(self._rows(name, self._completed(name, thinned(own)) if len(own["t_s"]) else {}))
         return _packed({"history": [list(table.shape) for table in tables]}, *(t.tobytes() for t in tables))
 

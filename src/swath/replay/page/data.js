@@ -32,6 +32,16 @@ function unshuffled(bytes, place) {
   return array;
 }
 
+// The index of the last of `count` times at or before t; `none` where there is no such.
+function lastAt(times, t, none, count = times.length) {
+  let low = none, high = count - 1;
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (times[middle] <= t) low = middle; else high = middle - 1;
+  }
+  return low;
+}
+
 // The tracks of a machine: values of its columns at any time.
 class Tracks {
   constructor(names, array) {
@@ -43,33 +53,25 @@ class Tracks {
 
   has(name) { return name in this.columns; }
 
-  // The last row at or before a time.
-  row(t) {
-    let low = 0, high = this.count - 1;
-    while (low < high) {
-      const middle = (low + high + 1) >> 1;
-      if (this.times[middle] <= t) low = middle; else high = middle - 1;
-    }
-    return low;
+  row(t) { return lastAt(this.times, t, 0, this.count); }
+
+  // The rows before and after a time, and how far it lies from one to the other, 0 to 1.
+  place(t) {
+    const i = this.row(t), j = Math.min(i + 1, this.count - 1), span = this.times[j] - this.times[i];
+    return [i, j, span > 0 ? Math.min(Math.max((t - this.times[i]) / span, 0), 1) : 0];
   }
 
   // A value at a time, linear between rows; NaN where the column does not know.
   at(name, t) {
     const values = this.columns[name];
     if (!values) return NaN;
-    const i = this.row(t), j = Math.min(i + 1, this.count - 1);
-    const span = this.times[j] - this.times[i];
-    const share = span > 0 ? Math.min(Math.max((t - this.times[i]) / span, 0), 1) : 0;
-    const a = values[i], b = values[j];
+    const [i, j, share] = this.place(t), a = values[i], b = values[j];
     if (Number.isNaN(a) || Number.isNaN(b)) return share < 0.5 ? a : b;
     return a + (b - a) * share;
   }
 
   angle(name, t) {
-    const values = this.columns[name], i = this.row(t), j = Math.min(i + 1, this.count - 1);
-    const span = this.times[j] - this.times[i];
-    const share = span > 0 ? Math.min(Math.max((t - this.times[i]) / span, 0), 1) : 0;
-    const turn = values[j] - values[i];
+    const values = this.columns[name], [i, j, share] = this.place(t), turn = values[j] - values[i];
     return values[i] + share * Math.atan2(Math.sin(turn), Math.cos(turn));
   }
 

@@ -9,19 +9,6 @@ const tones = () => (isDark.matches
   : { crop: "#e3cf7c", cut: "#d7d9c4", edge: "#6b6f76", ink: "#22262b", hollow: "#f3f4f5", combine: "#3f8a2d",
     cart: "#1d6fb0", truck: "#4c5158", raised: "#86b877", pipe: "#7a4b00" });
 
-// A value of an array [times, values] at a time.
-function level(array, t) {
-  const n = array.shape[1];
-  let low = 0, high = n - 1;
-  while (low < high) {
-    const middle = (low + high + 1) >> 1;
-    if (array[middle] <= t) low = middle; else high = middle - 1;
-  }
-  const next = Math.min(low + 1, n - 1), span = array[next] - array[low];
-  const share = span > 0 ? Math.min(Math.max((t - array[low]) / span, 0), 1) : 0;
-  return array[n + low] + share * (array[n + next] - array[n + low]);
-}
-
 class Job {
   constructor(data) {
     this.data = data;
@@ -32,6 +19,8 @@ class Job {
     this.pen = this.canvas.getContext("2d");
     this.follows = "";
     this.tracks = data.machines.map((m, k) => new Tracks(["t_s", "x", "y", "heading", "trailer"], data[`track_${k}`]));
+    this.fills = data.machines.map((m, k) => new Tracks(["t_s", "kg"], data[`fill_${k}`]));
+    this.atTruck = new Tracks(["t_s", "kg"], data.at_truck);
     this.fillPage();
     this.timeline = new Timeline(data, this);
     this.controls();
@@ -275,14 +264,14 @@ class Job {
     const { data, time } = this;
     data.machines.forEach((m, k) => {
       const span = m.spans.find((s) => s[1] <= time && time < s[2]) || m.spans[m.spans.length - 1];
-      const kg = Math.max(0, level(data[`fill_${k}`], time)), share = m.holds ? Math.min(kg / m.holds, 1) : 0;
+      const kg = Math.max(0, this.fills[k].at("kg", time)), share = m.holds ? Math.min(kg / m.holds, 1) : 0;
       const row = this.rows[k], does = data.states[span[0]];
       row.setAttribute("aria-pressed", String(this.follows === m.name));
       row.querySelector("i").style.width = `${100 * share}%`;
       const why = span[3] ? `waits for ${span[3]}` : does;
       row.querySelector("span").textContent = `${(kg / 1000).toFixed(1)} of ${(m.holds / 1000).toFixed(1)} t · ${why}`;
     });
-    element("facts").textContent = `${(level(data.at_truck, time) / 1000).toFixed(1)} t at the truck`;
+    element("facts").textContent = `${(this.atTruck.at("kg", time) / 1000).toFixed(1)} t at the truck`;
   }
 
   bars() {

@@ -23,20 +23,10 @@ class Scans {
     });
   }
 
-  // Number of the last scan at or before a time, -1 before the first.
-  last(scanner, t) {
-    let low = -1, high = scanner.scanTimes.length - 1;
-    while (low < high) {
-      const middle = (low + high + 1) >> 1;
-      if (scanner.scanTimes[middle] <= t + 1e-6) low = middle; else high = middle - 1;
-    }
-    return low;
-  }
-
   draw(view, t, options) {
     const { gl, flat } = this;
     for (const scanner of this.scanners) {
-      const last = this.last(scanner, t);
+      const last = lastAt(scanner.scanTimes, t + 1e-6, -1);
       if (last < 0 || t - scanner.scanTimes[last] > TRAIL_S) continue;
       if (options.beams && scanner.mount) this.drawBeams(view, scanner, last);
       if (!options.scans) continue;

@@ -1,6 +1,7 @@
 """The files of a comparison with a recorded log: picture, report, results, data sheet and series."""
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from swath.core.errors import InputError
 from swath.core.whole_file import new_file, write_whole
 from swath.documents.yaml_document import dump
 from swath.judge.summary import json_safe
-from swath.report.html import signed, write_page
+from swath.report.html import Figure, Table, signed, write_tables
 from swath.report.plots import GREY, ORANGE, STYLE, as_image, figure
 from swath.tools.compare_log.compare import SHOWN, LogComparison
 
@@ -21,33 +22,52 @@ WINDOW = 600  # records of the excerpt
 FILES = ("results.json", "comparison.png", "report.html", "machine.yaml", "series.parquet")
 
 
+FITTED = ("key", "start", "fitted", "standard error", "unit")
+REGRESSION = (
+    "Regression: a + b flow + c speed, fitted on the first part, without and with the lag of the highest "
+    "correlation. Lag: by how much the measured series is later than the simulated one."
+)
+
+
+def begin_comparison(out: Path, files: Sequence[str], fig: Any, results: Mapping[str, Any]) -> None:
+    """Write comparison.png and results.json.
+
+    out: a new or empty folder, or one that an earlier comparison wrote, with no other `files`. Raises
+    InputError for another.
+    """
+    if out.exists() and (not out.is_dir() or any(p.name not in files for p in out.iterdir())):
+        expected = "expected a new or empty folder, or that of an earlier comparison"
+        raise InputError("--out", str(out), expected)
+    out.mkdir(parents=True, exist_ok=True)
+    with new_file(out / "comparison.png") as file:
+        fig.savefig(file, format="png", dpi=130, metadata={"Software": None})
+    text = json.dumps(json_safe(results), indent=2, allow_nan=False)
+    write_whole(out / "results.json", text + "\n")
+
+
+def write_compared(
+    out: Path, model: str, lead: str, tables: Sequence[Table], fig: Any, notes: Sequence[str]
+) -> None:
+    """Write report.html."""
+    picture = Figure("Picture", as_image(fig, kind="png", dpi=130), "Measured and simulated series")
+    title = f"{model}, compare log"
+    write_tables(out / "report.html", model, lead, tables, title=title, figures=[picture], notes=notes)
+
+
 def write_comparison(made: LogComparison, out: Path) -> list[Path]:
     """Write results.json, comparison.png, report.html, machine.yaml (as fitted), series.parquet.
 
     out: a new or empty folder, or one that an earlier comparison wrote. Raises InputError for another.
     """
-    out = Path(out)
-    if out.exists() and (not out.is_dir() or any(p.name not in FILES for p in out.iterdir())):
-        raise InputError(
-            "--out", str(out), "expected a new or empty folder, or that of an earlier comparison"
-        )
-    out.mkdir(parents=True, exist_ok=True)
-    fig = draw(made)
-    with new_file(out / "comparison.png") as file:
-        fig.savefig(file, format="png", dpi=130, metadata={"Software": None})
-    results = json.dumps(json_safe(made.to_dict()), indent=2, allow_nan=False)
-    write_whole(out / "results.json", results + "\n")
-    write_page(
-        out / "report.html",
-        "compare_log.html.j2",
-        model=made.model,
-        log=made.log_name,
-        fitted_on=made.fitted_on,
-        fitted=[[f.key, f"{f.start:g}", f"{f.value:g}", f"{f.error:.2g}", f.unit] for f in made.fitted],
-        statistics=statistic_rows(made),
-        image=as_image(fig, kind="png", dpi=130),
-        notes=made.log.notes,
-    )
+    out, fig = Path(out), draw(made)
+    begin_comparison(out, FILES, fig, made.to_dict())
+    fitted = [[f.key, f"{f.start:g}", f"{f.value:g}", f"{f.error:.2g}", f.unit] for f in made.fitted]
+    measured = ["quantity", "records", "model", "count", "R²", "RMSE", "bias", "r", "lag [s]"]
+    tables = [
+        Table(f"Fitted on {made.fitted_on}", FITTED, fitted, (1, 2, 3)),
+        Table("Simulated and measured", measured, statistic_rows(made), range(3, 9), REGRESSION),
+    ]
+    write_compared(out, made.model, f"compared with {made.log_name}", tables, fig, made.log.notes)
     write_whole(out / "machine.yaml", dump(made.sheet, width=110))
     _write_series(made, out / "series.parquet")
     return [out / name for name in FILES]

@@ -1,6 +1,5 @@
 """The files of a comparison of steering and motion: picture, report, results and the fitted data sheet."""
 
-import json
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -8,17 +7,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
-from swath.core.whole_file import new_file, write_whole
+from swath.core.whole_file import write_whole
 from swath.documents.yaml_document import dump
-from swath.judge.summary import json_safe
-from swath.report.html import write_page
-from swath.report.plots import BLUE, GREY, ORANGE, STYLE, as_image, figure
+from swath.report.html import Table
+from swath.report.plots import BLUE, GREY, ORANGE, STYLE, figure
+from swath.tools.compare_log.page import begin_comparison, write_compared
 from swath.tools.compare_log.steering import SteeringComparison
 from swath.tools.compare_log.steering_fit import FittedWith, PartFit
 
 FILES = ("results.json", "comparison.png", "report.html", "machine.yaml")
 EXCERPT = 40.0  # s
+FITTED = ("part", "key", "data sheet", "fitted", "95 % interval", "unit")
+INTERVAL = "Interval: bootstrap over the passes of the log."
+RESIDUALS = (
+    *("part", "compared with", "passes", "RMSE, data sheet", "fitted"),
+    *("predicted by the other passes", "unit"),
+)
 
 
 def fitted_rows(made: SteeringComparison) -> list[list[str]]:
@@ -42,21 +46,14 @@ def write_steering(made: SteeringComparison, out: Path) -> list[Path]:
 
     out: a new or empty folder, or one that an earlier comparison wrote. Raises InputError for another.
     """
-    out = Path(out)
-    if out.exists() and (not out.is_dir() or any(p.name not in FILES for p in out.iterdir())):
-        expected = "expected a new or empty folder, or that of an earlier comparison"
-        raise InputError("--out", str(out), expected)
-    out.mkdir(parents=True, exist_ok=True)
-    fig = draw(made)
-    with new_file(out / "comparison.png") as file:
-        fig.savefig(file, format="png", dpi=130, metadata={"Software": None})
-    results = json.dumps(json_safe(made.to_dict()), indent=2, allow_nan=False)
-    write_whole(out / "results.json", results + "\n")
-    write_page(
-        out / "report.html", "compare_steering.html.j2", model=made.model, log=made.log_name,
-        fitted=fitted_rows(made), left=left_rows(made), image=as_image(fig, kind="png", dpi=130),
-        notes=made.notes,
-    )  # fmt: skip
+    out, fig = Path(out), draw(made)
+    begin_comparison(out, FILES, fig, made.to_dict())
+    tables = [
+        Table("Fitted numbers", FITTED, fitted_rows(made), (2, 3), INTERVAL),
+        Table("Residuals", RESIDUALS, left_rows(made), range(2, 6)),
+    ]
+    lead = f"steering and motion, fitted to {made.log_name}"
+    write_compared(out, made.model, lead, tables, fig, made.notes)
     write_whole(out / "machine.yaml", dump(made.sheet.document.data, width=110))
     return [out / name for name in FILES]
 

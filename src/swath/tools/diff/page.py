@@ -7,8 +7,7 @@ import numpy as np
 
 from swath.replay.charts import shown_charts
 from swath.replay.machines import Columns
-from swath.report.html import write_page
-from swath.report.page import Figure
+from swath.report.html import Figure, Table, write_tables
 from swath.report.plots import BLUE, ORANGE, STYLE, as_image, figure
 from swath.tools.diff.compare import Comparison
 
@@ -19,20 +18,18 @@ def write_diff(found: Comparison, path: Path) -> Path:
     """Write the page; returns its path."""
     machines = [name for name in found.first.tracks if name in found.second.tracks]
     figures = [figure for name in machines for figure in _figures(found, name)]
-    names = (found.first.label, found.second.label)
-    return write_page(
-        path,
-        "diff.html.j2",
-        names=list(names),
-        folders=(str(found.first.folder), str(found.second.folder)),
-        headline=found.headline,
-        is_same=found.is_same,
-        settings=found.settings,
-        differences=found.difference_rows(),
-        metrics=found.metrics,
-        events=found.events,
-        figures=figures,
-    )
+    names = [found.first.label, found.second.label]
+    folders = f"{found.first.folder} · {found.second.folder}"
+    verdict = ("pass", "same digest", folders) if found.is_same else ("none", "different", folders)
+    differ = ["output", "from [s]", "field", *names]
+    tables = [
+        Table("Scenario", ["key", *names], found.settings),
+        Table("Where each output first differs", differ, found.difference_rows(), (1, 3, 4)),
+        Table("Metrics that differ", ["metric", *names, "difference"], found.metrics, (1, 2, 3)),
+        Table("Events", ["run", "event"], found.events),
+    ]
+    heading = " and ".join(names)
+    return write_tables(path, heading, found.headline, tables, verdict=verdict, figures=figures)
 
 
 def _figures(found: Comparison, machine: str) -> list[Figure]:

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from swath.report import plots
-from swath.report.html import signed, write_page
-from swath.report.page import Figure
+from swath.report.html import Figure, signed, write_page
 from swath.tools.lab.comparison import RATED, CaseComparison, describe, samples
 from swath.tools.lab.lab import Lab
 from swath.tools.lab.plots import histograms_figure

@@ -9,8 +9,7 @@ import numpy as np
 
 from swath.core.whole_file import new_file
 from swath.report import plots
-from swath.report.html import write_page
-from swath.report.page import Figure
+from swath.report.html import Figure, write_page
 from swath.report.plots import CROP, FAINT, INK, figure
 from swath.tools.reda.reda import ASKED, Found, write_cells
 from swath.tools.reda.scene import ASIDE, EDGE_M, INSIDE, WEATHERS, Settings
