@@ -43,8 +43,8 @@ class Varied:
     scale, offset: the key gets value * scale + offset; sets: instead of a key, by value, the scenario keys
     and values that it stands for
 
-    exposure: share of the working time of each bucket of the range, or of each value of `at` where there is
-    no range, any sum; none = all alike; buckets: their rising edges, none = equal parts of the range. Only
+    exposure: share of the working time of each bucket of the range, or where there is none of each of `sets`
+    or values of `at`, any sum; none = all alike; buckets: rising edges, none = equal parts of the range. Only
     `swath test estimate` draws by it.
     """
 
@@ -66,13 +66,18 @@ class Varied:
         if self.sets and (self.range is not None or not set(map(str, self.at)) <= set(self.sets)):
             raise InputError("at", list(self.at), f"expected names of sets: {', '.join(self.sets)}")
 
+    @property
+    def drawn_values(self) -> list[Scalar]:
+        """What is drawn by its exposure where there is no range."""
+        return list(self.sets) if self.sets and self.exposure else self.at
+
     def _check_exposure(self) -> None:
         edges = self.buckets
         if edges and (self.range is None or (edges[0], edges[-1]) != tuple(self.range)):
             raise InputError("buckets", edges, "expected edges from the lower to the upper end of `range`")
         if edges and not all(a < b for a, b in pairwise(edges)):
             raise InputError("buckets", edges, "expected edges, each above the last")
-        count = len(edges) - 1 if edges else len(self.exposure) if self.range else len(self.at)
+        count = len(edges) - 1 if edges else len(self.exposure) if self.range else len(self.drawn_values)
         if self.exposure and (len(self.exposure) != count or not sum(self.exposure) > 0.0):
             raise InputError("exposure", self.exposure, f"expected {count} shares, one above 0 at least")
 

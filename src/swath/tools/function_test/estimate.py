@@ -8,7 +8,7 @@ comes, is of dear runs.
 """
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -35,7 +35,7 @@ from swath.tools.function_test.session import PLAN, Session, check_empty, read_a
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
 
 ESTIMATE, CHEAP = "estimate.json", "cheap"
-LEAST = 100  # runs of an estimate
+LEAST = 20  # runs of an estimate
 SEARCHING, CORRECTING = 0.5, 0.2  # share of the runs before the last round: without a cheap level, with one
 UNKNOWN_MOST = 0.1  # of the probability that may lie in runs that were not judged
 UNSEEN_MOST = 0.5  # of the probability that may lie where the cheap level keeps the limit
@@ -88,8 +88,8 @@ class Distribution:
 def distribution_of(varied: Varied) -> Distribution:
     """By its exposure; all alike where it has none."""
     if varied.range is None:
-        each = varied.exposure or [1.0] * len(varied.at)
-        return Distribution(_cumulated(each), values=varied.at)
+        values = varied.drawn_values
+        return Distribution(_cumulated(varied.exposure or [1.0] * len(values)), values=values)
     parts = len(varied.buckets) - 1 if varied.buckets else len(varied.exposure) or 1
     edges = np.array(varied.buckets or np.linspace(*varied.range, parts + 1), dtype=float)
     each = varied.exposure or [float(high - low) for low, high in pairwise(edges.tolist())]
@@ -104,14 +104,14 @@ def _cumulated(each: Sequence[float]) -> F64:
 @dataclass(frozen=True)
 class Round:
     """Runs that were done together. level: `cheap` or ""; places: in normal space, (n, d); points: there;
-    margins: (n,), nan = not judged; results: of the runs, None where a point is outside the domain
+    margins: (n,), nan = not judged; results: of the runs
     """
 
     level: str
     places: F64
     points: Sequence[Point]
     margins: F64
-    results: Sequence[Result | None]
+    results: Sequence[Result]
 
 
 @dataclass(frozen=True)
@@ -167,8 +167,8 @@ class Estimated:
             )
             said.append(
                 f"{unknown.failures} runs of the last round were not judged or came to an error, with a "
-                f"probability of {unknown.value:.2g}: {first['reason']}; a dearer level, or less that varies, "
-                "is needed"
+                f"probability of {unknown.value:.2g}: {first['reason']}; a dearer level or less variation is "
+                "needed"
             )
         if not rate.failures:
             said.append(f"no failure in the {rate.runs} runs of the last round: {self._none_found}")
@@ -205,7 +205,7 @@ class Estimated:
     def results(self) -> list[Result]:
         """Of all runs at the level that is judged."""
         rounds = [r for r in (*self.rounds, self.last) if not r.level]
-        return [result for r in rounds for result in r.results if result is not None]
+        return [result for r in rounds for result in r.results]
 
     def verdict(self, at_most: float | None) -> str:
         """Whether the probability is shown to be at most this; "" where nothing is claimed."""
@@ -254,15 +254,12 @@ class Estimated:
 class _Rounds:
     """Does rounds in a folder."""
 
-    def __init__(
-        self, folder: Path, asked: Estimate, case: Case, do: Callable[[Session], None],
-        inside: Callable[[Point], bool] | None,
-    ) -> None:  # fmt: skip
-        self._folder, self._asked, self._case, self._do, self._inside = folder, asked, case, do, inside
+    def __init__(self, folder: Path, asked: Estimate, case: Case, do: Callable[[Session], None]) -> None:
+        self._folder, self._asked, self._do = folder, asked, do
         self._distributions = {name: distribution_of(varied) for name, varied in case.file.vary.items()}
         self._stream = Stream(asked.seed, f"estimate {case.name}")
         self.rounds: list[Round] = []
-        self._points: dict[str, list[tuple[int, Point]]] = {"": [], CHEAP: []}
+        self._chosen: dict[str, list[tuple[int, Point]]] = {"": [], CHEAP: []}
         self._drawn = 0
 
     @property
@@ -286,21 +283,16 @@ class _Rounds:
         """Runs at places. first: number of the seed of the first one, None = seeds that no run had"""
         start = self._drawn + 1 if first is None else first
         self._drawn = max(self._drawn, start + len(places) - 1)
-        chosen = [(start + number, self._point(place)) for number, place in enumerate(places)]
-        inside = [self._inside is None or self._inside(point) for _, point in chosen]
-        new = tuple(pair for pair, is_in in zip(chosen, inside, strict=True) if is_in)
-        found: Iterator[Result] = iter(())
-        if new:
-            session = self._session(level, new)
-            if not self._points[level]:
-                session.plan.check()
-            self._points[level] += new
-            write_whole(session.folder / PLAN, self._session(level, tuple(self._points[level])).plan.text)
-            self._do(session)
-            found = iter(session.results())
-        results = [next(found) if is_in else None for is_in in inside]
-        margins = [1.0 if result is None else outcome(result, self._asked.limit) for result in results]
-        return Round(level, places, [point for _, point in chosen], np.array(margins), results)
+        chosen: list[tuple[int, Point]] = [(start + n, self._point(place)) for n, place in enumerate(places)]
+        session = self._session(level, tuple(chosen))
+        if not self._chosen[level]:
+            session.plan.check()
+        self._chosen[level] += chosen
+        write_whole(session.folder / PLAN, self._session(level, tuple(self._chosen[level])).plan.text)
+        self._do(session)
+        results = session.results()
+        margins = np.array([outcome(result, self._asked.limit) for result in results])
+        return Round(level, places, [point for _, point in chosen], margins, results)
 
     def _session(self, level: str, points: tuple[tuple[int, Point], ...]) -> Session:
         folder, sets, at = self._folder, self._asked.sets, ""
@@ -327,18 +319,15 @@ def outcome(result: Result, limit: str) -> float:
     return min(judged, default=1.0)
 
 
-def run_estimate(
-    folder: Path, asked: Estimate, workers: int, done: Done, client: Any = None,
-    inside: Callable[[Point], bool] | None = None,
-) -> Estimated:  # fmt: skip
+def run_estimate(folder: Path, asked: Estimate, workers: int, done: Done, client: Any = None) -> Estimated:
     """Do the runs that are not in the folder; `done` is called with each new result.
 
-    client: of dask, None = on `workers` processes here; inside: whether a point belongs to the domain, None =
-    all do. InputError for what cannot be estimated, and where the folder holds something else.
+    client: of dask, None = on `workers` processes here. InputError for what cannot be estimated, and where
+    the folder holds something else.
     """
     case = check(asked)
     _claim(folder, asked)
-    return _gone_through(folder, asked, case, lambda s: s.do(workers, done, client), inside)
+    return _gone_through(folder, asked, case, lambda s: s.do(workers, done, client))
 
 
 def open_estimate(folder: Path) -> Estimated | None:
@@ -352,14 +341,11 @@ def open_estimate(folder: Path) -> Estimated | None:
             expected = "expected a finished estimate: the command that began it goes on"
             raise InputError("folder", str(folder), expected)
 
-    return _gone_through(folder, asked, check(asked), is_done, None)
+    return _gone_through(folder, asked, check(asked), is_done)
 
 
-def _gone_through(
-    folder: Path, asked: Estimate, case: Case, do: Callable[[Session], None],
-    inside: Callable[[Point], bool] | None,
-) -> Estimated:  # fmt: skip
-    rounds = _Rounds(folder, asked, case, do, inside)
+def _gone_through(folder: Path, asked: Estimate, case: Case, do: Callable[[Session], None]) -> Estimated:
+    rounds = _Rounds(folder, asked, case, do)
     start = None
     if asked.cheap:
         start = rounds.hunt(Hunt(rounds.dimensions, asked.cheap_budget), CHEAP)

@@ -67,9 +67,9 @@ def _values(found: Estimated, name: str) -> F64:
     """Of the runs of the last round, (n,), 0 to 1 over the range or the values of a parameter."""
     varied, values = found.case.file.vary[name], [point[name] for point in found.last.points]
     if varied.range is None:
-        steps = np.array([varied.at.index(value) for value in values])
+        steps = np.array([varied.drawn_values.index(value) for value in values])
         apart = np.arange(len(steps)) * 0.618 % 1.0  # within the band of a value, so that all are seen
-        return np.asarray((steps + 0.15 + 0.7 * apart) / len(varied.at))
+        return np.asarray((steps + 0.15 + 0.7 * apart) / len(varied.drawn_values))
     low, high = varied.range
     return (np.array(values, dtype=float) - low) / (high - low)
 
@@ -95,7 +95,7 @@ def _picture(found: Estimated, names: list[str]) -> dict[str, Any]:
 
 def _axis(found: Estimated, name: str) -> dict[str, str]:
     varied = found.case.file.vary[name]
-    low, high = varied.range or (varied.at[0], varied.at[-1])
+    low, high = varied.range or (varied.drawn_values[0], varied.drawn_values[-1])
     return {"name": name, "low": str(low) if isinstance(low, str) else f"{low:g}",
             "high": str(high) if isinstance(high, str) else f"{high:g}"}  # fmt: skip
 
@@ -108,9 +108,9 @@ def _parameter(found: Estimated, name: str) -> dict[str, Any]:
     values = np.array([point[name] for point in found.last.points], dtype=object)[fails]
     share = found.weights[fails] / max(float(np.sum(found.weights[fails])), 1e-300)
     if varied.range is None:
-        sums = {value: float(np.sum(share[values == value])) for value in varied.at}
+        sums = {value: float(np.sum(share[values == value])) for value in varied.drawn_values}
         lie = ", ".join(f"{value} {100 * of:.0f} %" for value, of in sums.items() if of > 0.0)
-        span = ", ".join(map(str, varied.at))
+        span = ", ".join(map(str, varied.drawn_values))
     else:
         order = np.argsort(values.astype(float))
         places = np.minimum(np.searchsorted(np.cumsum(share[order]), SPAN), len(order) - 1)
@@ -126,7 +126,7 @@ def _failed(found: Estimated) -> list[dict[str, str]]:
     last = found.last
     whole = float(np.sum(found.weights[last.margins < 0.0]))
     each = zip(found.weights.tolist(), last.margins.tolist(), last.results, strict=True)
-    failures = [(weight, result) for weight, margin, result in each if result is not None and margin < 0.0]
+    failures = [(weight, result) for weight, margin, result in each if margin < 0.0]
     heaviest = sorted(failures, key=lambda pair: (-pair[0], pair[1]["id"]))[:FAILED_MAX]
     return [
         {"id": result["id"][:8], "share": f"{100 * weight / whole:.1f} %", "reason": result["reason"],

@@ -24,6 +24,7 @@ Flags = NDArray[np.bool_]
 WIDE = (1.5, 2.25)  # scales of the densities that reach beyond the exposure: 2.25 finds 1e-4 in 1 of 20
 FIRST = 0.1  # share of the runs of the search that are drawn before anything is known
 ROUNDS = 12  # of the search after these
+ROUND_LEAST = 16  # runs of a round: they are done together
 CORRECTING = 4  # rounds at the dear level that correct where the cheap one found failures
 ELITE = 0.1  # share of the runs that a density is fitted to, while the level is above 0
 ELITE_LEAST, ELITE_PER_DIMENSION = 20, 3
@@ -53,11 +54,9 @@ class Mixture:
 
     def log_parts(self, at: F64) -> F64:
         """Logarithm of each component's density with its share, at places (n, d), (n, k)."""
-        found = np.empty((len(at), len(self.shares)))
-        for k, distance in enumerate(self.distances(at).T):
-            scale = float(np.sum(np.log(np.diag(self.factors[k])))) + 0.5 * at.shape[1] * log(2.0 * pi)
-            found[:, k] = log(self.shares[k]) - scale - 0.5 * distance
-        return found
+        scales = np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
+        constants = np.log(self.shares) - scales - 0.5 * at.shape[1] * log(2.0 * pi)
+        return np.asarray(constants - 0.5 * self.distances(at))
 
     def log_density(self, at: F64) -> F64:
         """Logarithm of the density at places (n, d), (n,)."""
@@ -65,10 +64,8 @@ class Mixture:
 
     def distances(self, at: F64) -> F64:
         """Squared distances from the means in standard deviations, (n, k)."""
-        return np.stack([
-            np.sum(np.linalg.solve(factor, (at - mean).T) ** 2, axis=0)
-            for mean, factor in zip(self.means, self.factors, strict=True)
-        ], axis=1)  # fmt: skip
+        off = (at - self.means[:, None, :]) @ np.linalg.inv(self.factors).transpose(0, 2, 1)
+        return np.asarray(np.einsum("knd,knd->nk", off, off))
 
     def spread(self, scale: float) -> "Mixture":
         """Each component this much wider."""
@@ -115,8 +112,9 @@ class Hunt:
 
     def __init__(self, dimensions: int, budget: int, start: Mixture | None = None) -> None:
         self._budget, self._dimensions = budget, dimensions
-        self._first = int(FIRST * budget) if start is None else -(-budget // CORRECTING)
-        self._rest = -(-(budget - self._first) // (ROUNDS if start is None else CORRECTING - 1))
+        first = int(FIRST * budget) if start is None else -(-budget // CORRECTING)
+        rest = -(-(budget - first) // (ROUNDS if start is None else CORRECTING - 1))
+        self._first, self._rest = max(first, ROUND_LEAST), max(rest, ROUND_LEAST)
         self._is_corrected = start is not None
         self._start = start or exposure(dimensions, (1.0, *WIDE))
         self._used: list[tuple[int, Mixture]] = []
@@ -130,7 +128,7 @@ class Hunt:
 
     def next(self, rng: np.random.Generator) -> F64:
         """Places of the next round, (n, d)."""
-        count = min(self.left, self._rest if self._used else max(self._first, 1))
+        count = min(self.left, self._rest if self._used else self._first)
         density = self._density(rng) if self._used else self._start
         self._used.append((count, density))
         return density.draw(rng, count)
@@ -215,10 +213,11 @@ def fit(places: F64, weights: F64, rng: np.random.Generator) -> Mixture:
             break
         made = _maximised(places, share, sure, k, rng)
         cost = -2.0 * sure * float(share @ made.log_density(places)) + k * size * log(max(2.0, sure))
-        if cost < least:
-            best, least = made, cost
+        if cost >= least:
+            break
+        best, least = made, cost
     assert best is not None
-    grown = np.array([np.linalg.cholesky(INFLATED * f @ f.T) for f in best.factors])
+    grown = sqrt(INFLATED) * best.factors
     shares = np.round(np.maximum(best.shares, 0.02), 4)
     return Mixture(shares / shares.sum(), np.round(best.means, 4), np.round(grown, 4))
 
@@ -228,29 +227,25 @@ def _maximised(places: F64, share: F64, sure: float, count: int, rng: np.random.
     centres = [places[rng.choice(len(places), p=share)]]
     for _ in range(count - 1):  # k-means++
         far = share * np.min([np.sum((places - c) ** 2, axis=1) for c in centres], axis=0)
-        whole = float(far.sum())
-        centres.append(places[rng.choice(len(places), p=far / whole if whole > 0.0 else share)])
+        total = float(far.sum())
+        centres.append(places[rng.choice(len(places), p=far / total if total > 0.0 else share)])
     nearest = np.argmin([np.sum((places - c) ** 2, axis=1) for c in centres], axis=0)
     belongs = (nearest[:, None] == np.arange(count)).astype(float)
     before = -np.inf
+    prior = PRIOR * _PRIOR_VARIANCE * np.eye(dimensions)
     for _ in range(40):
-        mass = share @ belongs + 1e-9
-        means = (belongs * share[:, None]).T @ places / mass[:, None]
-        factors = []
-        for k in range(count):
-            off = places - means[k]
-            runs = sure * float(mass[k])
-            spread = (belongs[:, k] * share)[:, None] * off
-            covariance = (sure * spread.T @ off + PRIOR * _PRIOR_VARIANCE * np.eye(dimensions)) / (
-                runs + PRIOR
-            )
-            factors.append(np.linalg.cholesky(covariance))
-        made = Mixture(mass / mass.sum(), means, np.array(factors))
+        each = belongs * share[:, None]
+        mass = np.sum(each, axis=0) + 1e-9
+        means = each.T @ places / mass[:, None]
+        off = places - means[:, None, :]
+        spread = (off * each.T[:, :, None]).transpose(0, 2, 1) @ off
+        covariances = (sure * spread + prior) / (sure * mass + PRIOR)[:, None, None]
+        made = Mixture(mass / mass.sum(), means, np.linalg.cholesky(covariances))
         parts = made.log_parts(places)
         whole = np.logaddexp.reduce(parts, axis=1)
         belongs = np.exp(parts - whole[:, None])
         now = float(share @ whole)
-        if now - before < 1e-4:
+        if now - before < 1e-3:
             break
         before = now
     return made
