@@ -191,18 +191,18 @@ def test_a_wrong_exposure_is_refused(wrong, told):
 
 
 def test_a_case_is_estimated_and_a_stop_changes_nothing(case_file, tmp_path, runs, capsys):
-    line = ["test", "estimate", str(case_file), "--budget", "300", "--out"]
+    line = ["test", "estimate", str(case_file), "--budget", "600", "--out"]
     whole = runs(Formula())
     assert main([*line, str(tmp_path / "a"), "--at-most", "0.1"]) == 0
     said = capsys.readouterr().out
     assert "any limit broken with probability" in said
     assert "at most 0.1: shown" in said
-    assert whole.done == 300
+    assert whole.done == 600
     runs(Formula(stop=100))
     assert main([*line, str(tmp_path / "b")]) == 130
     rest = runs(Formula())
     assert main([*line, str(tmp_path / "b"), "--at-most", "1e-4"]) == 1
-    assert rest.done == 200
+    assert rest.done == 500
     a, b = (json.loads((tmp_path / name / "summary.json").read_text()) for name in "ab")
     assert a["low"] <= SELDOM <= a["high"]
     for name in ("at_most", "verdict"):
@@ -237,7 +237,7 @@ def cheap(case_file, **changes):
     return Estimate(str(case_file), budget=300, cheap=CHEAP, cheap_budget=200, **changes)
 
 
-@pytest.mark.parametrize("shift", [0.05, -0.03])
+@pytest.mark.parametrize("shift", [0.05, -0.02])
 def test_a_biased_cheap_level_finds_and_the_dear_one_gives_the_number(shift, case_file, tmp_path, runs):
     """At a cheap level that fails sooner, or later, than the dear one; the number is that of the dear one."""
     done = runs(Formula(shift=shift))
@@ -281,10 +281,10 @@ def test_runs_that_are_not_judged_leave_no_number_where_they_weigh(case_file, tm
         return {**result, **told}
 
     runs(Formula(verdict=outside))
-    found = run_estimate(tmp_path / "out", Estimate(str(case_file), budget=200), 1, none)
+    found = run_estimate(tmp_path / "out", Estimate(str(case_file), budget=600), 1, none)
     assert any("not judged: lidar beyond" in said for said in found.refusals)
     runs(Formula(verdict=lambda run, result: no_result(run, "crashed") if run.seed == 1 else result))
-    found = run_estimate(tmp_path / "one", Estimate(str(case_file), budget=200), 1, none)
+    found = run_estimate(tmp_path / "one", Estimate(str(case_file), budget=600), 1, none)
     assert found.refusals == []
 
 
