@@ -80,10 +80,11 @@ def main() -> None:
         start = time.process_time()
         found = [estimated(make(d), d, args.budget, seed) for seed in range(args.repeats)]
         shown = [rate for rate in found if rate.ess >= ESS_LEAST]
+        mean = np.mean([rate.value for rate in found]) / RARE
         inside = sum(rate.low <= RARE <= rate.high for rate in shown)
         print(
-            f"{name}: {inside} of {len(shown)} intervals hold it ({100 * inside / max(1, len(shown)):.1f} %), "
-            f"{len(found) - len(shown)} refused, mean {np.mean([rate.value for rate in found]) / RARE:.3f} of it, "
+            f"{name}: {inside} of {len(shown)} intervals hold it "
+            f"({100 * inside / max(1, len(shown)):.1f} %), {len(found) - len(shown)} refused, mean {mean:.3f} of it, "
             f"half width {100 * np.median([rate.half_width for rate in shown]):.0f} %, "
             f"{1e3 * (time.process_time() - start) / len(found):.0f} ms each",
             flush=True,
