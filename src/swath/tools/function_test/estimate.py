@@ -11,7 +11,6 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from itertools import pairwise
 from math import isnan, nan
 from pathlib import Path
 from typing import Any
@@ -92,8 +91,7 @@ def distribution_of(varied: Varied) -> Distribution:
         return Distribution(_cumulated(varied.exposure or [1.0] * len(values)), values=values)
     parts = len(varied.buckets) - 1 if varied.buckets else len(varied.exposure) or 1
     edges = np.array(varied.buckets or np.linspace(*varied.range, parts + 1), dtype=float)
-    each = varied.exposure or [float(high - low) for low, high in pairwise(edges.tolist())]
-    return Distribution(_cumulated(each), edges)
+    return Distribution(_cumulated(varied.exposure or [1.0] * parts), edges)
 
 
 def _cumulated(each: Sequence[float]) -> F64:
