@@ -32,6 +32,7 @@ LONG = {  # over a minute: cut by the tests, typed whole by benchmarks/typed_lin
     "paper": "twelve runs",
     "test run catalogue": "every case",
     "test search": "64 runs",
+    "test estimate": "2000 runs",
 }
 ELSEWHERE = {  # needs more than this machine: the test that does it
     "python examples/can/my_controller.py": "tests/whole/test_can_runs.py",
@@ -101,6 +102,8 @@ def shortened(words: list[str]) -> list[str]:
             return [*words, *sets, "--draw", "2", "--seeds", "1", "--workers", "1"]
         case ["test", "search"]:
             return [*words, *sets, "--budget", "8", "--workers", "1"]
+        case ["test", "estimate"]:
+            return [*words, *sets, "--budget", "20", "--workers", "1"]
     return words
 
 

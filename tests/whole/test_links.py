@@ -47,6 +47,7 @@ WRITES = {
     "height-map build": "height-map build {run} --out {new}/map.npz",
     "test run": "test run {case} --workers 1 --out {new}",
     "test search": "test search {case} --budget 8 --workers 1 --out {new}",
+    "test estimate": "test estimate {case} --budget 20 --workers 1 --out {new}",
     "rerun": "rerun {run} --out {new}",
     "part": "part process --scenario {s} --out {new}",
     "scan": "scan {s} --out {new}",

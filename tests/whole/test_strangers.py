@@ -142,6 +142,7 @@ class Folder:
             "test list": [[case]],
             "test run": [[case, "--plan-only", "--out", tests], [case, "--out", next(new)]],
             "test search": [[case, "--out", next(new)]],
+            "test estimate": [[case, "--out", next(new)]],
             "test work": [[tests, "--shard", "1/1"]],
             "test report": [[tests]],
             "test compare": [[tests, tests]],

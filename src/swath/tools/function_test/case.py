@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.resources import files
+from itertools import pairwise
 from math import prod
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -41,6 +42,10 @@ class Varied:
 
     scale, offset: the key gets value * scale + offset; sets: instead of a key, by value, the scenario keys
     and values that it stands for
+
+    exposure: share of the working time of each bucket of the range, or where there is none of each of `sets`
+    or values of `at`, any sum; none = all alike; buckets: rising edges, none = equal parts of the range. Only
+    `swath test estimate` draws by it.
     """
 
     key: str = ""
@@ -49,14 +54,32 @@ class Varied:
     scale: float = 1.0
     offset: float = 0.0
     sets: dict[str, dict[str, Any]] = field(default_factory=dict)
+    exposure: list[Annotated[float, Field(ge=0)]] = field(default_factory=list)
+    buckets: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        self._check_exposure()
         if self.range is not None and not self.range[0] < self.range[1]:
             raise InputError("range", list(self.range), "expected two numbers, the lower one first")
         if bool(self.key) == bool(self.sets):
             raise InputError("key", self.key or None, "expected a key, or `sets`, keys by value")
         if self.sets and (self.range is not None or not set(map(str, self.at)) <= set(self.sets)):
             raise InputError("at", list(self.at), f"expected names of sets: {', '.join(self.sets)}")
+
+    @property
+    def drawn_values(self) -> list[Scalar]:
+        """What is drawn by its exposure where there is no range."""
+        return list(self.sets) if self.sets and self.exposure else self.at
+
+    def _check_exposure(self) -> None:
+        edges = self.buckets
+        if edges and (self.range is None or (edges[0], edges[-1]) != tuple(self.range)):
+            raise InputError("buckets", edges, "expected edges from the lower to the upper end of `range`")
+        if edges and not all(a < b for a, b in pairwise(edges)):
+            raise InputError("buckets", edges, "expected edges, each above the last")
+        count = len(edges) - 1 if edges else len(self.exposure) if self.range else len(self.drawn_values)
+        if self.exposure and (len(self.exposure) != count or not sum(self.exposure) > 0.0):
+            raise InputError("exposure", self.exposure, f"expected {count} shares, one above 0 at least")
 
     @property
     def keys(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""`swath test`: list, run, search, work, report, compare, again."""
+"""`swath test`: list, run, search, estimate, work, report, compare, again."""
 
 import argparse
 import os
@@ -12,7 +12,7 @@ from swath.core.errors import InputError
 from swath.core.foreign_code import code_unread
 from swath.terminal.options import add_sets
 from swath.terminal.tables import add_json
-from swath.tools.function_test import search_command
+from swath.tools.function_test import estimate_command, search_command
 from swath.tools.function_test.progress import CLUSTER, engine, progress
 
 
@@ -55,6 +55,7 @@ def add(parsers: Any) -> None:
     run.add_argument("--plan-only", action="store_true", help="write the plan only, for swath test work")
     run.set_defaults(run=_run)
     search_command.add(verbs)
+    estimate_command.add(verbs)
     work = verbs.add_parser("work", help="do one share of a plan, on any computer that sees the folder")
     work.add_argument("folder", type=Path)
     work.add_argument("--shard", required=True, metavar="I/N", help="share to do, e.g. 3/200")
@@ -204,6 +205,7 @@ def _work(args: argparse.Namespace) -> int:
 
 
 def _report(args: argparse.Namespace) -> int:
+    from swath.tools.function_test.estimate import open_estimate
     from swath.tools.function_test.odd.campaign import open_campaign
     from swath.tools.function_test.search import open_search
     from swath.tools.function_test.session import open_session
@@ -211,6 +213,8 @@ def _report(args: argparse.Namespace) -> int:
     session = open_session(args.folder, same_code=False)
     if (searched := open_search(session)) is not None:
         return search_command.tell(searched)
+    if (estimated := open_estimate(args.folder)) is not None:
+        return estimate_command.tell(estimated)
     if (found := open_campaign(session)) is not None:
         return _finish_odd(found)
     return finish(args.folder, session, again=True)

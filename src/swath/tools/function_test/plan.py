@@ -23,6 +23,7 @@ from swath.scenario.scenario import Scenario, load_scenario
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases
 from swath.tools.function_test.fidelity import CHEAP, chosen_level, scanners
 
+AS_SET = "as set"  # level of scanners: what scenario and changes say, whether it can carry the limits or not
 ID_LENGTH = 16  # hexadecimal digits: a clash in a million runs has a chance of 3e-8
 CODE = (".py", ".cpp", ".yaml", ".json", ".npz", ".dbc", ".j2")
 
@@ -54,7 +55,8 @@ class Plan:
     seeds: of each case, None = its own; drawn: points at random instead of the grid; draw_seed: of them
     sets: changes of every scenario, after those of its case and before the candidate's
     shadow: the first candidate steers, the others go along in shadow
-    level: of scanners, "" = those of the scenarios; the cheap one only where it can carry the limits
+    level: of scanners, "" = those of the scenarios; the cheap one only where it can carry the limits, unless
+    AS_SET
     points: (seed, point) of each run instead of all points with all seeds, as a search chose them
     code: hash of the code that its results come from, "" = this
     expects: limits of the cases when the plan was made, by case: they belong to the names of the runs; others
@@ -145,6 +147,8 @@ class Plan:
 
     def _level_at(self, case: Case, sets: Sequence[str]) -> tuple[list[str], str]:
         """Changes for the level at which a run is judged, and why that is the dear one, if so."""
+        if self.level == AS_SET:
+            return [], ""
         if not self.level and not any(CHEAP in text for text in sets) and not _is_cheap(case.scenario):
             return [], ""
         try:

@@ -189,7 +189,7 @@ def _check(search: Search, budget: int) -> Case:
         raise InputError("vary", ", ".join(case.file.vary) or None, expected, file=case.document.file)
     if budget < FEWEST:
         raise InputError("--budget", budget, f"expected {FEWEST} runs or more")
-    names = _limits_of(case)
+    names = limits_of(case)
     if search.limit and search.limit not in names:
         expected = f"expected one of {', '.join(names)}{near_miss(search.limit, names)}"
         raise InputError("--limit", search.limit, expected, file=case.document.file)
@@ -197,7 +197,7 @@ def _check(search: Search, budget: int) -> Case:
     return case
 
 
-def _limits_of(case: Case) -> list[str]:
+def limits_of(case: Case) -> list[str]:
     """Names of the limits of a case; those of a machine stand under its name."""
     names: list[str] = []
     for name, limit in case.file.expect.items():

@@ -259,12 +259,20 @@ class Odd:
 
 def _varied(axis: Axis) -> dict[str, Any]:
     bound = axis.bound
+    exposure = {"exposure": list(bound.exposure)} if bound.exposure else {}
     if bound.values:
-        return {"at": [axis.labels[0]], "sets": bound.values}
+        return {"at": [axis.labels[0]], "sets": bound.values, **exposure}
     shift = {"scale": bound.scale, "offset": bound.offset}
     more = {} if (bound.scale, bound.offset) == (1.0, 0.0) else shift
     ends = [axis.edges[0], axis.edges[-1]]
-    return {"key": bound.key, "at": [axis.value(axis.count // 2, 0.5)], "range": ends, **more}
+    return {
+        "key": bound.key,
+        "at": [axis.value(axis.count // 2, 0.5)],
+        "range": ends,
+        **more,
+        "buckets": list(axis.edges),
+        **exposure,
+    }
 
 
 def find_odd(source: str) -> Path:

@@ -1,0 +1,94 @@
+"""`swath test estimate`: the probability of a rare failure."""
+
+import argparse
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from swath.terminal.options import add_sets
+from swath.tools.function_test.progress import CLUSTER, engine, progress
+
+
+def add(verbs: Any) -> None:
+    """Add the verb."""
+    estimate = verbs.add_parser(
+        "estimate",
+        help="estimate how likely a rare failure of a case is",
+        description="Probability that a run breaks a limit, with its 95 % interval, by importance sampling "
+        "over the exposure of what the case varies. Exit code 0 a number is given, 3 it cannot be supported; "
+        "with --at-most 0 kept, 1 exceeded, 3 not shown.",
+    )
+    estimate.add_argument(
+        "case", help="a case file or a bundled case; `exposure` says how often values occur"
+    )
+    estimate.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
+    estimate.add_argument("--limit", default="", metavar="NAME", help="only this limit (default: any)")
+    estimate.add_argument(
+        "--budget", type=int, default=2000, metavar="N", help="runs at the level judged (default 2000)"
+    )
+    add_sets(estimate, "of every scenario")
+    estimate.add_argument(
+        "--cheap",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="change for the runs that search, such as combine.lidar=profile; the number rests on the others",
+    )
+    estimate.add_argument(
+        "--cheap-budget", type=int, metavar="N", help="runs of the cheap search (default: as --budget)"
+    )
+    estimate.add_argument("--at-most", type=float, metavar="P", help="judge: the probability is at most this")
+    estimate.add_argument(
+        "--draw-seed", type=int, default=1, metavar="N", help="seed of the random points (default 1)"
+    )
+    estimate.add_argument(
+        "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
+    )
+    estimate.add_argument("--cluster", default="", metavar="WHERE", help=CLUSTER)
+    estimate.set_defaults(run=_estimate)
+
+
+def _estimate(args: argparse.Namespace) -> int:
+    from swath.core.errors import InputError
+    from swath.tools.function_test.estimate import Estimate, run_estimate
+
+    if args.at_most is not None and not 0.0 < args.at_most < 1.0:
+        raise InputError("--at-most", args.at_most, "expected a probability, > 0 and < 1")
+    if args.cheap_budget is not None and not args.cheap:
+        raise InputError("--cheap-budget", args.cheap_budget, "expected --cheap beside it")
+    source = str(Path(args.case).resolve()) if Path(args.case).exists() else args.case
+    cheap_budget = (args.cheap_budget or args.budget) if args.cheap else 0
+    asked = Estimate(
+        source, args.limit, args.budget, tuple(args.sets), tuple(args.cheap), cheap_budget, args.draw_seed
+    )
+    with progress(asked.budget + asked.all_cheap) as done, engine(args.cluster, args.workers) as client:
+        found = run_estimate(args.out, asked, max(1, args.workers), done, client)
+    return tell(found, args.at_most)
+
+
+def tell(found: Any, at_most: float | None = None) -> int:
+    """Table, page, JSON, JUnit and the line on the screen; returns the exit code."""
+    from swath.core.whole_file import write_whole
+    from swath.terminal.tables import say
+    from swath.tools.function_test.cells import EXIT
+    from swath.tools.function_test.estimate_page import write_estimate, write_junit
+    from swath.tools.function_test.journal import write_table
+    from swath.tools.function_test.verdict import NOT_SHOWN
+
+    verdict = found.verdict(at_most)
+    plain = {**found.plain, "at_most": at_most, "verdict": verdict or None}
+    write_table(found.folder, found.results)
+    write_whole(found.folder / "summary.json", json.dumps(plain, indent=1, allow_nan=False) + "\n")
+    write_junit(found.folder / "junit.xml", found, at_most)
+    page = write_estimate(found.folder / "report.html", found, at_most)
+    say(found.text)
+    if (cheap := found.cheap_rate) is not None and cheap.failures:
+        say(
+            f"at the cheap level, same points and seeds: {cheap.value:.3g} (95 %: {cheap.low:.3g} to "
+            f"{cheap.high:.3g}); it keeps the limit in {100 * found.unseen:.0f} % of the failures, by weight"
+        )
+    if verdict:
+        print(f"at most {at_most:g}: {verdict}")
+    print(f"report  {page}")
+    return EXIT[verdict or NOT_SHOWN] if verdict or found.refusals else 0

@@ -1,0 +1,161 @@
+"""report.html of an estimate: where failures lie, and with which weight; its JUnit file."""
+
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from swath import __version__
+from swath.core.whole_file import write_whole
+from swath.report.html import write_page
+from swath.signals import F64
+from swath.tools.function_test.estimate import Estimated, telling
+from swath.tools.function_test.verdict import BROKEN, SHOWN
+
+SIDE = 360.0  # of the picture [px]
+PASSED_MAX, FAILED_MAX = 1500, 20  # runs in the picture that keep the limit, failures in the list
+LARGEST = 9.0  # radius of the failure with the largest weight [px]
+SPAN = (0.05, 0.95)  # of the failures, by weight
+
+
+def write_estimate(path: Path, found: Estimated, at_most: float | None = None) -> Path:
+    """Write the page. at_most: the probability that is claimed"""
+    rate, verdict = found.rate, found.verdict(at_most)
+    given = not found.refusals
+    names = list(telling(found)) if rate.failures else list(found.case.file.vary)
+    cheap = found.cheap_rate
+    return write_page(
+        path,
+        "function_test_estimate.html.j2",
+        title=f"Probability of failure of {found.case.name}",
+        objective=found.case.file.objective,
+        limit=found.limit,
+        version=__version__,
+        kind={SHOWN: "pass", BROKEN: "fail"}.get(verdict, "none"),
+        outcome=f"{rate.value:.2g} a run" if given else "no number",
+        small=f"95 %: {rate.low:.2g} to {rate.high:.2g}" if given else "not supported by the runs",
+        claim=f"at most {at_most:g}: {verdict}" if verdict else "",
+        refusals=found.refusals,
+        facts={
+            "runs": found.plain["runs"],
+            "of them in the last round": rate.runs,
+            "failures in the last round": rate.failures,
+            "effective failures": f"{rate.ess:.0f}",
+            "half width of the interval": f"{100 * rate.half_width:.0f} %" if given else None,
+            "not judged": found.unknown.failures or None,
+            "at the cheap level": None
+            if cheap is None
+            else f"{cheap.value:.2g} ({cheap.low:.2g} to {cheap.high:.2g})",
+            "failures that it does not show": None if cheap is None else f"{100 * found.unseen:.0f} %",
+        },
+        picture=_picture(found, names),
+        side=SIDE,
+        parameters=[_parameter(found, name) for name in names],
+        rounds=[
+            {"number": number, "level": "cheap" if r.level else "as judged", "runs": len(r.margins),
+             "failures": int(np.sum(r.margins < 0.0)), "least": float(np.nanmin(r.margins, initial=1.0))}
+            for number, r in enumerate((*found.rounds, found.last), 1)
+        ],
+        failed=_failed(found),
+        failed_count=rate.failures,
+        blind=found.blind,
+    )  # fmt: skip
+
+
+def _values(found: Estimated, name: str) -> F64:
+    """Of the runs of the last round, (n,), 0 to 1 over the range or the values of a parameter."""
+    varied, values = found.case.file.vary[name], [point[name] for point in found.last.points]
+    if varied.range is None:
+        steps = np.array([varied.drawn_values.index(value) for value in values])
+        apart = np.arange(len(steps)) * 0.618 % 1.0  # within the band of a value, so that all are seen
+        return np.asarray((steps + 0.15 + 0.7 * apart) / len(varied.drawn_values))
+    low, high = varied.range
+    return (np.array(values, dtype=float) - low) / (high - low)
+
+
+def _picture(found: Estimated, names: list[str]) -> dict[str, Any]:
+    """Over the two parameters that tell most, or the margin over the only one."""
+    x = _values(found, names[0])
+    y = _values(found, names[1]) if len(names) > 1 else 0.5 + 0.5 * np.nan_to_num(found.last.margins)
+    fails = found.last.margins < 0.0
+    largest = float(np.max(found.weights[fails])) if np.any(fails) else 1.0
+    passed = np.flatnonzero(~fails)[:PASSED_MAX]
+    order = sorted(np.flatnonzero(fails).tolist(), key=lambda i: -found.weights[i])
+    return {
+        "x": _axis(found, names[0]),
+        "y": _axis(found, names[1]) if len(names) > 1 else {"name": "margin", "low": "-1", "high": "1"},
+        "passed": [{"x": round(x[i] * SIDE, 1), "y": round((1 - y[i]) * SIDE, 1)} for i in passed.tolist()],
+        "failed": [
+            {"x": round(x[i] * SIDE, 1), "y": round((1 - y[i]) * SIDE, 1),
+             "r": round(max(1.2, LARGEST * float(np.sqrt(found.weights[i] / largest))), 1)} for i in order
+        ],
+    }  # fmt: skip
+
+
+def _axis(found: Estimated, name: str) -> dict[str, str]:
+    varied = found.case.file.vary[name]
+    low, high = varied.range or (varied.drawn_values[0], varied.drawn_values[-1])
+    return {"name": name, "low": str(low) if isinstance(low, str) else f"{low:g}",
+            "high": str(high) if isinstance(high, str) else f"{high:g}"}  # fmt: skip
+
+
+def _parameter(found: Estimated, name: str) -> dict[str, Any]:
+    """Its exposure, and where nine tenths of the failures lie, by weight."""
+    varied = found.case.file.vary[name]
+    told = telling(found)[name] if found.rate.failures else 0.0
+    fails = found.last.margins < 0.0
+    values = np.array([point[name] for point in found.last.points], dtype=object)[fails]
+    share = found.weights[fails] / max(float(np.sum(found.weights[fails])), 1e-300)
+    if varied.range is None:
+        sums = {value: float(np.sum(share[values == value])) for value in varied.drawn_values}
+        lie = ", ".join(f"{value} {100 * of:.0f} %" for value, of in sums.items() if of > 0.0)
+        span = ", ".join(map(str, varied.drawn_values))
+    else:
+        order = np.argsort(values.astype(float))
+        places = np.minimum(np.searchsorted(np.cumsum(share[order]), SPAN), len(order) - 1)
+        lie = " to ".join(f"{value:.4g}" for value in values[order][places]) if len(order) else ""
+        span = "{:g} to {:g}".format(*varied.range)
+    exposure = ", ".join(f"{of:g}" for of in varied.exposure) or "all alike"
+    return {"name": name, "key": varied.key, "range": span, "exposure": exposure, "lie": lie or "–",
+            "telling": told}  # fmt: skip
+
+
+def _failed(found: Estimated) -> list[dict[str, str]]:
+    """The failures that weigh most."""
+    last = found.last
+    whole = float(np.sum(found.weights[last.margins < 0.0]))
+    each = zip(found.weights.tolist(), last.margins.tolist(), last.results, strict=True)
+    failures = [(weight, result) for weight, margin, result in each if margin < 0.0]
+    heaviest = sorted(failures, key=lambda pair: (-pair[0], pair[1]["id"]))[:FAILED_MAX]
+    return [
+        {"id": result["id"][:8], "share": f"{100 * weight / whole:.1f} %", "reason": result["reason"],
+         "point": f"{', '.join(_told(k, v) for k, v in result['point'].items())}, seed {result['seed']}"}
+        for weight, result in heaviest
+    ]  # fmt: skip
+
+
+def _told(name: str, value: Any) -> str:
+    return f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"
+
+
+def write_junit(path: Path, found: Estimated, at_most: float | None) -> Path:
+    """A test with the probability as a property: fails when it exceeds what is claimed, is skipped where that
+    is not shown, or where no number is given.
+    """
+    verdict = found.verdict(at_most)
+    suite = ET.Element("testsuite", name=f"{found.case.name} [estimate]", tests="1")
+    test = ET.SubElement(suite, "testcase", classname=found.case.name, name=f"probability: {found.limit}")
+    if not found.refusals:
+        properties = ET.SubElement(test, "properties")
+        for name in ("probability", "low", "high"):
+            ET.SubElement(properties, "property", name=name, value=f"{found.plain[name]:.6g}")
+    if verdict == BROKEN:
+        ET.SubElement(test, "failure", message=f"{found.text}; at most {at_most:g} is asked")
+    elif found.refusals or (verdict and verdict != SHOWN):
+        ET.SubElement(test, "skipped", message=found.text)
+    suite.set("failures", str(int(verdict == BROKEN)))
+    root = ET.Element("testsuites")
+    root.append(suite)
+    ET.indent(root)
+    return write_whole(path, ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n")
