@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from swath.replay.machines import Columns
+from swath.terminal.outcome import result_of
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,7 @@ def events_of(summary: Mapping[str, Any], tracks: Mapping[str, Columns]) -> list
 
 def _broken(entry: Mapping[str, Any], tracks: Mapping[str, Columns]) -> dict[str, Any] | None:
     """A limit that fails, at the first sample outside it or at the end of the run."""
-    if entry["result"] != "fail":
+    if result_of(entry) != "fail":
         return None
     columns = tracks.get(entry["subject"]) or next(iter(tracks.values()))
     time = float(columns["t_s"][-1])

@@ -183,25 +183,35 @@ def annotate(summary: dict[str, Any], watch: Credibility, catalogue: EvaluatorCa
         if found := [(n, e) for n, e in errors if n in slots and e.metric == entry["name"]]:
             slot, error = max(found, key=lambda pair: pair[1].size)
             entry["level_error"] = {"size": error.size, "slot": slot, "against": error.against}
-    notes = [f"{name}: {why}" for name, why in outside.items()]
+    notes = [f"{name}: {why_outside(told)}" for name, told in outside.items()]
     if doubtful:
         notes.append(f"not to be relied on, they rest on that: {', '.join(dict.fromkeys(doubtful))}")
     return notes
 
 
-def outside_of(summary: Mapping[str, Any]) -> dict[str, str]:
-    """Slots whose level was outside its range, with why, of a summary."""
+def outside_of(summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Slots of a summary whose level was outside its range: `level`, and `quantities` with `quantity`, `met`
+    and `checked`.
+    """
     slots = summary.get(SUMMARY, {}).get("slots", {})
-    return {name: _why(slot) for name, slot in slots.items() if slot["state"] == OUTSIDE}
+    return {
+        name: {
+            "level": slot["level"],
+            "quantities": [
+                {key: row[key] for key in ("quantity", "met", "checked")}
+                for row in slot["quantities"]
+                if row["state"] == OUTSIDE
+            ],
+        }
+        for name, slot in slots.items()
+        if slot["state"] == OUTSIDE
+    }
 
 
-def _why(slot: Mapping[str, Any]) -> str:
-    what = [
-        f"{row['quantity']} {span(row['met'])}, checked {span(row['checked'])}"
-        for row in slot["quantities"]
-        if row["state"] == OUTSIDE
-    ]
-    return f"outside the range in which level {slot['level']} was checked: {'; '.join(what)}"
+def why_outside(told: Mapping[str, Any]) -> str:
+    """Of a slot in `outside_of`, in words."""
+    what = [f"{q['quantity']} {span(q['met'])}, checked {span(q['checked'])}" for q in told["quantities"]]
+    return f"outside the range in which level {told['level']} was checked: {'; '.join(what)}"
 
 
 def rests_on(world: World, catalogue: EvaluatorCatalogue, subject: str, name: str) -> set[str]:

@@ -31,7 +31,7 @@ FEWEST_BLOCKS = 6  # with a cell in both, for a spread
 DRAWS = 400
 BIN_M = 0.01  # of the histograms that spreads come from, and of KS
 TOP = 95.0  # percent of the heights that lie below what counts as the top
-SHIFT_MAX_M, SHIFT_GAIN = 1.5, 0.6  # a shift across is told that leaves less than this share of what differs
+SHIFT_MAX_M, SHIFT_GAIN = 1.5, 0.6  # across; told where it leaves less than this share of what differs
 FEET = 0.3048
 NEAR = 0.04  # relative: two clouds whose tops differ by the factor of feet may be in feet
 BINS_MAX = 4000
@@ -194,7 +194,7 @@ def _silent(cloud: Cloud) -> float | None:
 
 
 def _no_crop(cloud: Cloud, part: _Binned) -> float | None:
-    """Share of the beams without an echo from crop: without any, or with one from the ground as in the cells."""
+    """Share of the beams without an echo from crop: with none, or one from the ground, as in the cells."""
     silent, ground = _silent(cloud), float(np.mean(part.height < GROUND_BELOW))
     return None if silent is None else silent + (1.0 - silent) * ground
 
@@ -438,8 +438,8 @@ def _tell_shift(binned: list[_Binned], grid: Grid, notes: list[str]) -> None:
     if left[best] < SHIFT_GAIN * now and now > 0.02 and abs(shifts[best]) >= 0.5 * grid.cell_m:
         notes.append(
             f"B moved {-shifts[best]:+.2f} m to the left fits better: its tops are then "
-            f"{100 * left[best]:.1f} instead of {100 * now:.1f} cm from those of A; look whether the edge or the "
-            "poses differ"
+            f"{100 * left[best]:.1f} instead of {100 * now:.1f} cm from those of A: does the edge, do the "
+            "poses differ?"
         )
 
 
