@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.abilities import MeetsRange
+from swath.core.errors import InputError
 from swath.core.packed_state import saved_type
 from swath.core.registry import Checked, KnownError
 from swath.core.schedule import NS
@@ -89,6 +90,9 @@ class Scene:
             met = part.meets() if isinstance(part, MeetsRange) else {}
             for checked in ranges:
                 name = checked.quantity
+                if name not in QUANTITIES and name not in met:
+                    among = ", ".join((*QUANTITIES, *met))
+                    raise InputError(f"{machine}.{slot}.checked", name, f"expected one of {among}")
                 if name in QUANTITIES and name not in known:
                     known[name] = QUANTITIES[name].at(where)
                 yield f"{machine}.{slot}", checked, known.get(name, met.get(name, ()))

@@ -8,6 +8,7 @@ made again from its name.
 import csv
 import io
 import shlex
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -21,6 +22,7 @@ from swath.core.whole_file import write_whole
 from swath.report.html import write_page
 from swath.runtime.credibility import span
 from swath.runtime.met import QUANTITIES
+from swath.terminal.outcome import result_of
 from swath.tools.function_test.cells import cells_of
 from swath.tools.function_test.judged import beyond
 from swath.tools.function_test.junit import write_junit
@@ -37,6 +39,7 @@ COLOURS = {SHOWN: "#2f9e77", BROKEN: "#d55e00", NOT_SHOWN: "#e3cf86", NEVER: "#c
 CLEAN = "#bfe0c9"  # of a pair that is not shown and in which no run fails
 OUTSIDE = "#ffffff"  # of a pair that the ODD does not have
 NOWHERE = "nowhere"
+ELSEWHERE = 0.2  # share of runs that drove elsewhere than drawn, from which on it is told; estimated
 STEP = 8  # of the matrix of buckets [px]
 LISTED = 60  # rows of a list on the page; all are in the tables
 NO_CERTIFICATE = (
@@ -151,6 +154,7 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         rules=found.odd.domain.rules(),
         restricted={"name": restricted.name, "cells": [c.text for c in out[:LISTED]], "count": len(out)},
         believe=_believe(found),
+        by_limit=_by_limit(found),
         unjudged=_unjudged(found),
         levels=_levels(found),
         requirements=[_requirement(folder.name, told) for told in traced(found.odd.file, found.results)],
@@ -198,12 +202,51 @@ def _cause(found: Conducted, cells: Sequence[OddCell], cell: OddCell) -> dict[st
         "text": cell.text,
         "failed": cell.failed,
         "counted": cell.counted,
+        "drawn": sum(set(cell.places) <= _drawn(found, run) for run in runs if run.counts),
         "p": f"{cell.p_broken:.1e}",
         "least": f"{100 * lower_bound(cell.failed, cell.counted, found.claim.confidence):.0f} %",
         "reason": str(failing[0].result["reason"]) if failing else "",
         "ids": [str(run.result["id"])[:8] for run in failing[:3]],
         "explains": sum(c.cause == cell.text for c in cells) - 1,
     }
+
+
+def _drawn(found: Conducted, run: Driven) -> set[int]:
+    """Numbers of the buckets in which a run was meant to drive."""
+    return {axis.first + axis.bucket_of(run.result["point"][axis.name]) for axis in found.odd.axes}
+
+
+def _by_limit(found: Conducted) -> list[list[str]]:
+    """Of each limit how many runs break it, and how many of these no other one."""
+    broken = [
+        list(
+            dict.fromkeys(
+                f"{e['subject']}.{e['name']}" for e in run.result["expect"] if result_of(e) == "fail"
+            )
+        )
+        for run in found.coverage.runs
+        if run.is_judged
+    ]
+    counts = Counter(name for names in broken for name in names)
+    alone = Counter(names[0] for names in broken if len(names) == 1)
+    errors = sum(run.result["verdict"] == "error" for run in found.coverage.runs)
+    rows = [[name, str(count), str(alone[name])] for name, count in counts.most_common()]
+    return [*rows, *([["run came to nothing", str(errors), ""]] if errors else [])]
+
+
+def _elsewhere(found: Conducted) -> Iterable[str]:
+    """Of each attribute that is counted as measured, in how many runs that was mostly not what was drawn."""
+    runs = found.coverage.runs
+    for number, axis in enumerate(found.odd.axes):
+        if not axis.bound.met or not runs:
+            continue
+        other = sum(int(run.main[number]) != axis.bucket_of(run.result["point"][axis.name]) for run in runs)
+        if other > ELSEWHERE * len(runs):
+            yield (
+                f"{axis.name}: {other} of {len(runs)} runs drove mainly in another bucket than they were "
+                "drawn for, and count where they drove. What the function did (it slowed down, it stood) may have "
+                "brought them there: such a bucket can look broken as a consequence, not as a cause."
+            )
 
 
 def _layers(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
@@ -234,6 +277,7 @@ def _layers(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
 def _attributes(found: Conducted, cells: Sequence[OddCell]) -> list[dict[str, Any]]:
     """Of each attribute its buckets: verdict, runs, way and time; those outside the ODD too."""
     by_place = {c.places[0]: c for c in cells if len(c.places) == 1}
+    drawn = [_drawn(found, run) for run in found.coverage.runs]
     out = []
     for axis in found.odd.axes:
         buckets = []
@@ -250,12 +294,14 @@ def _attributes(found: Conducted, cells: Sequence[OddCell]) -> list[dict[str, An
                 )
             )
             share = f"{100 * axis.exposure[bucket]:.0f} %"
+            place = axis.first + bucket
             buckets.append(
                 {
                     "label": axis.labels[bucket],
                     "verdict": said,
                     "counts": counts,
                     "share": share,
+                    "drawn": sum(place in some for some in drawn),
                     "colour": OUTSIDE if cell is None else COLOURS[cell.verdict],
                 }
             )
@@ -354,6 +400,7 @@ def _believe(found: Conducted) -> list[str]:
         "attributes over all their buckets, work meets some of these more often.",
         "A fault that needs three or more attributes at once is found only where it breaks a pair, too.",
     ]
+    said += _elsewhere(found)
     if not found.is_complete:
         said.append(
             "Planned runs are missing, or runs were added after results had been seen. The exact binomial "
