@@ -61,10 +61,9 @@ def test_outside(sets, slot, quantity):
 def test_inside_and_how_far_off_the_level_may_be():
     summary = run(CHEAP)
     slots = summary["credibility"]["slots"]
-    assert {name: slot["state"] for name, slot in slots.items()} == {
-        "combine.motion": INSIDE,
-        "combine.lidar": INSIDE,
-    }
+    judged = ("motion", "header", "lidar", "odometry", "imu")
+    assert {name: slot["state"] for name, slot in slots.items()} == {f"combine.{s}": INSIDE for s in judged}
+    assert "combine.process" in summary["credibility"]["undeclared"]
     entries = {entry["name"]: entry for entry in summary["expect"]}
     error = {"size": 0.03, "slot": "combine.lidar", "against": "plants"}
     assert entries["lateral_rms_m"]["level_error"] == error

@@ -7,12 +7,33 @@ import pytest
 
 from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.tools.compare_scans.clouds import Cloud, Reading, read_cloud
+from swath.tools.compare_scans.clouds import Cloud, Reading, cloud_of, read_cloud
 from swath.tools.compare_scans.compare import Grid, compare_clouds
 from swath.tools.height_map.poses import make_track
 from swath.tools.height_map.source import Wanted
+from tests.levels.limits import make
+from tests.sensing.replay_rig import drive, small_world, source_of
 
 COUNT = 40_000
+
+
+def test_empirical_against_plants_is_what_the_level_states():
+    """In the crop of one stand, seen on one drive: W1 2 cm (`swath levels lidar`, tests/levels)."""
+    world = small_world()
+    plants = world.leader.parts["lidar"]
+    empirical = make("lidar", "empirical", plants.setup, sector_deg=(-25, 25), noise="none")
+    how = Reading(Wanted(), reach_m=25.0)
+    clouds = []
+    for lidar in (plants, empirical):
+        outs, states = drive(lidar, world, offset=0.3, speed=3.0, length=12.0)
+        clouds.append(cloud_of(source_of(lidar, outs, states), how))
+    made = compare_clouds(*clouds, grid=Grid(cell_m=0.5))
+    crop = [row for row in made.cells if row["mean_m_a"] > 0.6]
+    assert len(crop) > 3
+    assert np.mean([row["w1_m"] for row in crop]) < 0.02
+    assert made.number("w1_m").difference < 0.02
+    itself = compare_clouds(clouds[0], clouds[0])
+    assert itself.number("w1_m").difference == itself.number("ks").difference == 0.0
 
 
 def track(length=30.0, yaw=0.0, at=(0.0, 0.0), radius=None):

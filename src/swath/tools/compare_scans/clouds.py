@@ -21,7 +21,7 @@ from swath.tools.height_map.gather import Samples
 from swath.tools.height_map.ground import ground_of_poses, low_echoes
 from swath.tools.height_map.place import Frame, batches, placed
 from swath.tools.height_map.poses import PoseTrack, make_track
-from swath.tools.height_map.source import Wanted
+from swath.tools.height_map.source import Source, Wanted
 
 LAS = (".las", ".laz")
 LAS_WHITE = 65535.0  # LAS 1.4 R15: intensity is normalised to 16 bit
@@ -86,7 +86,11 @@ def _check_heights(height: F64, path: Path) -> None:
 
 
 def _read_scans(path: Path, how: Reading) -> Cloud:
-    source = open_source(path, how.wanted, how.poses)
+    return cloud_of(open_source(path, how.wanted, how.poses), how)
+
+
+def cloud_of(source: Source, how: Reading) -> Cloud:
+    """The echoes of scans over the ground. InputError without a usable path."""
     frame = Frame(source.track, CELL_M, how.reach_m)
     base = ground_of_poses(source.track, *frame.nodes())
     frame.z0 = float(np.floor(base.min()))
@@ -104,9 +108,8 @@ def _read_scans(path: Path, how: Reading) -> Cloud:
         notes.append(f"{lost} echoes at times without a pose were left out")
     if len(points):
         height = _grounded(frame, lattice, points, height, how.ground, notes)
-    name = path.name or str(path)
     world = _to_world(frame, points)
-    return Cloud(name, world, height, intensity, source.track, np.nan, silent, scans, notes)
+    return Cloud(source.name, world, height, intensity, source.track, np.nan, silent, scans, notes)
 
 
 _NOTHING = (np.zeros((0, 3)), np.zeros(0), np.zeros(0))

@@ -170,18 +170,19 @@ def compare_clouds(
     numbers, rows = _numbers(binned, here, grid, low, seed, progress)
     _tell_shift(binned, grid, notes)
     _tell_scale(rows, notes)
-    facts = {
+    low_high = [np.percentile(c.height, [1.0, 99.0]) for c in (a, b)]
+    ends = [f"{lowest:.2f} to {highest:.2f}" for lowest, highest in low_high]
+    facts: dict[str, tuple[Any, Any]] = {
         "echoes": (len(a), len(b)),
         "echoes in compared cells": (len(binned[0].height), len(binned[1].height)),
         "scans": (a.scan_count or None, b.scan_count or None),
         "beams without echo": (_silent(a), _silent(b)),
         "beams without crop return": (_no_crop(a, binned[0]), _no_crop(b, binned[1])),
-        "lowest and highest 1 % [m]": tuple(
-            " to ".join(f"{v:.2f}" for v in np.percentile(c.height, [1.0, 99.0])) for c in (a, b)
-        ),
+        "98 % of the heights [m]": (ends[0], ends[1]),
     }
+    begins = grid.block_m * (first + np.arange(blocks, dtype=np.float64))
     return Comparison(
-        (a.name, b.name), grid, align, numbers, rows, (first + np.arange(blocks)) * grid.block_m, map_w1,
+        (a.name, b.name), grid, align, numbers, rows, begins, map_w1,
         map_mean, (binned[0].height, binned[1].height), facts, notes,
     )  # fmt: skip
 

@@ -244,8 +244,8 @@ def _elsewhere(found: Conducted) -> Iterable[str]:
         if other > ELSEWHERE * len(runs):
             yield (
                 f"{axis.name}: {other} of {len(runs)} runs drove mainly in another bucket than they were "
-                "drawn for, and count where they drove. What the function did (it slowed down, it stood) may have "
-                "brought them there: such a bucket can look broken as a consequence, not as a cause."
+                "drawn for, and count where they drove. What the function did (it slowed down, it stood) may "
+                "have brought them there: such a bucket can look broken as a consequence, not as a cause."
             )
 
 
