@@ -6,6 +6,7 @@ functions: read, judge values, and write what was met.
 """
 
 import re
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.whole_file import own_folder, write_whole
 from swath.documents.yaml_document import Document, read_document
 
 Value = float | str | bool
@@ -130,7 +132,13 @@ def export_tables(
     each attribute, None = unknown. False where there is no row.
     """
     document = {"odd": {"samples": {"attributes": list(attributes), "rows": [list(row) for row in rows]}}}
-    return _library().export_cod(document, folder, stem) is not None
+    own_folder(folder)
+    with tempfile.TemporaryDirectory() as made:
+        if _library().export_cod(document, Path(made), stem) is None:
+            return False
+        for file in sorted(Path(made).iterdir()):
+            write_whole(folder / file.name, file.read_text(encoding="utf-8"))
+    return True
 
 
 def attributes_of(documents: Sequence[Document]) -> dict[str, Attribute]:
