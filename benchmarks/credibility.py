@@ -9,7 +9,7 @@ import argparse
 from dataclasses import replace
 
 from swath.core.errors import SwathError
-from swath.runtime.credibility import outside_of
+from swath.runtime.credibility import outside_of, why_outside
 from swath.runtime.job import run_unrecorded
 from swath.scenario.overrides import layered
 from swath.tools.function_test.case import find_cases
@@ -33,7 +33,7 @@ def main() -> None:
             continue
         count += 1
         flagged += bool(found)
-        said = "; ".join(f"{slot} {why}" for slot, why in found.items()) or "inside"
+        said = "; ".join(f"{slot} {why_outside(told)}" for slot, told in found.items()) or "inside"
         print(f"{name} {dict(run.point)}: {said}", flush=True)
     print(f"{flagged} of {count} runs flagged")
 

@@ -27,6 +27,7 @@ OWN = {p.name for part in ("how-to", "tutorials") for p in (ROOT / "docs" / part
 OTHERS = sorted({name for name, _ in LINES} - OWN)
 NOT_TYPED = {  # lines of reference and explanation: why, and which test does what they do
     "calibrate lidar": "minutes: tests/tools/test_calibrate.py",
+    "compare scans": "recordings that are not here: tests/tools/test_compare_scans.py",
     "lab stand": "a minute: tests/tools/test_lab.py",
     "paper": "a minute: tests/tools/test_paper.py",
     "reda ": "minutes: tests/tools/test_reda.py",

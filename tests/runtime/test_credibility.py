@@ -3,10 +3,13 @@
 import pytest
 
 from swath.core.registry import Checked
+from swath.judge.limits import exit_code_of
+from swath.report.page import _head
 from swath.runtime.credibility import EDGE, INSIDE, OUTSIDE, Seen
 from swath.runtime.job import run_unrecorded
 from swath.scenario.scenario import load_scenario
-from swath.tools.function_test.judged import UNJUDGED, verdict_of
+from swath.terminal.outcome import result_of
+from swath.tools.function_test.judged import UNJUDGED, beyond, verdict_of
 
 CHEAP = "combine.lidar.level=empirical"
 SLOPE = "field.terrain={{level: plane, slope_percent: {}, slope_azimuth_deg: {}}}"
@@ -58,10 +61,9 @@ def test_outside(sets, slot, quantity):
 def test_inside_and_how_far_off_the_level_may_be():
     summary = run(CHEAP)
     slots = summary["credibility"]["slots"]
-    assert {name: slot["state"] for name, slot in slots.items()} == {
-        "combine.motion": INSIDE,
-        "combine.lidar": INSIDE,
-    }
+    judged = ("motion", "header", "lidar", "odometry", "imu")
+    assert {name: slot["state"] for name, slot in slots.items()} == {f"combine.{s}": INSIDE for s in judged}
+    assert "combine.process" in summary["credibility"]["undeclared"]
     entries = {entry["name"]: entry for entry in summary["expect"]}
     error = {"size": 0.03, "slot": "combine.lidar", "against": "plants"}
     assert entries["lateral_rms_m"]["level_error"] == error
@@ -92,7 +94,27 @@ def test_strays_are_at_the_edge():
 def test_a_limit_that_rests_on_nothing_outside_still_fails():
     kept = {"subject": "combine", "name": "a", "result": "pass", "rests_outside": ["combine.lidar"]}
     broken = {"subject": "combine", "name": "b", "result": "fail", "reason": "2 is more than 1"}
-    why = {"combine.lidar": "outside the range in which level empirical was checked: lean_deg 50, checked 0"}
-    assert verdict_of([kept], why) == (UNJUDGED, f"not judged: combine.lidar {why['combine.lidar']}")
-    assert verdict_of([kept, broken], why)[0] == "fail"
-    assert verdict_of([{**broken, "rests_outside": ["combine.lidar"]}], why)[0] == UNJUDGED
+    told = {
+        "level": "empirical",
+        "quantities": [{"quantity": "lean_deg", "met": [50, 50], "checked": [0, 20]}],
+    }
+    why = "outside the range in which level empirical was checked: lean_deg 50, checked 0 to 20"
+    outside = {"combine.lidar": told}
+    assert verdict_of([kept], outside) == (UNJUDGED, f"not judged: combine.lidar {why}")
+    assert verdict_of([kept, broken], outside)[0] == "fail"
+    assert verdict_of([{**broken, "rests_outside": ["combine.lidar"]}], outside)[0] == UNJUDGED
+    result = {"expect": [kept], "credibility": outside}
+    assert beyond(result) == [("combine.lidar", "lean_deg", [50, 50])]
+
+
+def test_page_screen_and_function_test_say_the_same():
+    """A limit that fails on a level outside its range is not judged, wherever it is shown."""
+    broken = {"subject": "combine", "name": "lateral_rms_m", "limit": {"max": 0.1}, "value": 0.2}
+    broken |= {"result": "fail", "reason": "0.2 is more than 0.1"}
+    assert result_of(broken) == "fail"
+    assert _head([broken])[0] == "fail"
+    doubtful = {**broken, "rests_outside": ["combine.lidar"]}
+    assert result_of(doubtful) == UNJUDGED
+    assert _head([doubtful])[:2] == ("none", "1 of 1 limits not judged")
+    assert _head([doubtful, broken])[:2] == ("fail", "✗ 1 of 2 limits fail")
+    assert exit_code_of([doubtful]) == 1  # of `swath run`, as before

@@ -15,11 +15,22 @@ from hypothesis import strategies as st
 
 from swath.commands.main import main
 from swath.core.errors import InputError
+from swath.documents.yaml_document import read_document
 from swath.runtime.job import run_unrecorded
 from swath.runtime.met import MetHook
 from swath.scenario.scenario import load_scenario
 from swath.tools.function_test.case import Claim, Varied, read_case
-from tests.tools.odd_files import BINDING, DENSITY, OPENODD, RAIN, SLOPE, conducted, small_odd, write_odd
+from tests.tools.odd_files import (
+    BINDING,
+    DENSITY,
+    OPENODD,
+    RAIN,
+    SLOPE,
+    SPEED,
+    conducted,
+    small_odd,
+    write_odd,
+)
 
 pytest.importorskip("openodd", reason="needs the extra odd")
 
@@ -34,6 +45,8 @@ from swath.tools.function_test.odd.check import check
 from swath.tools.function_test.odd.coverage import Coverage, driven_of
 from swath.tools.function_test.odd.design import Design
 from swath.tools.function_test.odd.dossier import causes, write_dossier
+from swath.tools.function_test.odd.openodd import attributes_of
+from swath.tools.function_test.odd.trace import DEGREE_M, broken_by, trace_rows, traced, write_cod
 from swath.tools.function_test.verdict import BROKEN, SHOWN
 
 CLAIM = Claim(pass_rate=0.8, confidence=0.95)
@@ -353,6 +366,95 @@ def test_a_campaign_resumes_and_says_the_same_bytes(tmp_path: Path, capsys: pyte
     assert (Path(moved) / "cells.csv").read_bytes() == before["cells.csv"]
     met = json.loads((next((Path(moved) / "journal").glob("worker*"))).read_text().splitlines()[0])["met"]
     assert len(met["distance_m"]) >= 11
+
+
+TRACED = """requirements:
+  R-8: [distance_m]
+  R-9: [lateral_rms_m, combine.distance_m]
+expect: {distance_m: {min: 11.5}, lateral_rms_m: {max: 0.1}}
+"""
+
+
+def result_at(number: int, distance: float, rms: float, **more: object) -> dict[str, object]:
+    limits = {"distance_m": ({"min": 11.5}, distance, distance >= 11.5)}
+    limits |= {"lateral_rms_m": ({"max": 0.1}, rms, rms <= 0.1)}
+    entries = [
+        {
+            "subject": "combine",
+            "name": name,
+            "limit": limit,
+            "value": value,
+            "result": "pass" if ok else "fail",
+        }
+        | ({} if ok else {"reason": "beyond it"})
+        for name, (limit, value, ok) in limits.items()
+    ]
+    point = {SLOPE: 4.0, RAIN: "drizzle", SPEED: 5.0, DENSITY: 200.0}
+    met = {"t_s": [0.0, 1.0], "distance_m": [0.0, 1.5], "slope_across_percent": [3.5, None]}
+    met |= {"slope_along_percent": [0.1, 0.2], "stems_per_m2": [200.0, 201.0]}
+    return {"id": f"{number:016x}", "expect": entries, "point": point, "met": met, **more}
+
+
+def test_requirements_lead_to_runs_and_runs_to_requirements(tmp_path: Path):
+    binding = BINDING.replace("expect: {distance_m: {min: 11.5}}\n", TRACED)
+    odd = read_odd(write_odd(tmp_path, binding))
+    results = [result_at(1, 12.0, 0.05), result_at(2, 5.0, 0.05), result_at(3, 12.0, 0.3)]
+    results[0]["expect"][1]["rests_outside"] = ["combine.lidar"]
+    told = {t.name: t for t in traced(odd.file, results)}
+    assert {n: (t.kept, t.broken, t.unjudged) for n, t in told.items()} == {
+        "R-7": (0, 2, 1),
+        "R-8": (2, 1, 0),
+        "R-9": (0, 2, 1),
+    }
+    assert told["R-9"].worst is results[1]  # a way that is not driven counts as far beyond as 3 times a limit
+    assert [broken_by(odd.file, r) for r in results] == [[], ["R-7", "R-8", "R-9"], ["R-7", "R-9"]]
+    rows = list(trace_rows(odd.file, results, "out"))
+    assert len(rows) == 3 * (2 + 1 + 2)
+    judged = {(r["requirement"], r["run"][-1], r["result"]) for r in rows if "rms" in r["limit"]}
+    assert ("R-9", "1", "not judged") in judged
+    assert ("R-9", "3", "fail") in judged
+    assert rows[0]["again"] == "swath test again out 00000000"
+    for name, text in (("R-8: [distanse_m]", "distance_m"), ("R-8: []", "names of limits")):
+        with pytest.raises(InputError, match=text):
+            read_odd(write_odd(tmp_path / "wrong", binding.replace("R-8: [distance_m]", name)))
+
+
+def test_what_a_run_drove_as_tables_of_openodd(tmp_path: Path):
+    odd = read_odd(write_odd(tmp_path))
+    assert write_cod(tmp_path, odd, [result_at(1, 12.0, 0.05), {**result_at(2, 1.0, 0.0), "met": {}}]) == 1
+    files = sorted(path.name for path in (tmp_path / "cod").iterdir())
+    name = f"{1:016x}"
+    assert files == [f"{name}_cod.csv", f"{name}_cod_manifest.csv", f"{name}_taxonomy.yml"]
+    one, other = rows_of(tmp_path / "cod" / files[0])
+    assert (one["terrain.side_slope;%"], other["terrain.side_slope;%"]) == ("3.5", "")  # measured, unknown
+    assert (one["process.speed;km/h"], one["weather.rain"], one["weather.fog"]) == ("5.0", "drizzle", "")
+    assert other["TEMPORAL_EXTENT"] == "1970-01-01 00:00:01.000"
+    assert float(other["SPATIAL_EXTENT"].split()[1]) * DEGREE_M == pytest.approx(1.5, abs=0.01)
+    columns = rows_of(tmp_path / "cod" / files[1])
+    assert [row["COMMENT"] for row in columns[1:]] == list(odd.domain.attributes)
+    taxonomy = attributes_of([read_document(tmp_path / "cod" / files[2])])
+    assert list(taxonomy) == list(odd.domain.attributes)
+    assert taxonomy[RAIN].values == odd.domain.attributes[RAIN].values
+
+
+def test_runs_outside_a_range_and_runs_that_drove_elsewhere_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    found = conducted(monkeypatch, tmp_path / "out", small_odd(tmp_path), 60, 1, lambda run, u: False)
+    axis = [a.name for a in found.odd.axes].index(DENSITY)
+    for number, run in enumerate(found.coverage.runs):
+        run.main[axis] = 0
+        if number < 7:
+            told = {"quantity": "lean_deg", "met": [5.0, 20.0 + number], "checked": [0, 20]}
+            outside = {"combine.lidar": {"level": "empirical", "quantities": [told]}}
+            entry = {"subject": "combine", "name": "distance_m", "limit": {"min": 1}, "value": 2.0}
+            entry |= {"result": "pass", "rests_outside": ["combine.lidar"]}
+            run.result.update(expect=[entry], credibility=outside, verdict="not judged", reason="not judged")
+    page = write_dossier(found, found.cells()).read_text()
+    assert '<td>combine.lidar</td><td>lean_deg</td><td class="n">7</td><td>5 to 26</td>' in page
+    assert f"{DENSITY}: " in page
+    assert "no range declared" in page
+    assert "swath test run --odd out/campaign.odd.yaml --runs 60 --out DIR" in page
 
 
 def test_pairs_that_nothing_drove_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

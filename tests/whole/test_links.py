@@ -64,6 +64,7 @@ READS = ("report", "view", "branch", "diff", "rerun", "yield-log", "osi", "heigh
 OTHERS = {
     "paper",
     "compare log",
+    "compare scans",
     "reda",
     "calibrate lidar",
     "calibrate engine",

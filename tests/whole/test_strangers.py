@@ -187,6 +187,7 @@ class Folder:
             "calibrate lidar": [[*crop, next(new)]],
             "calibrate engine": [[f"{p}/mine.yaml", f"{p}/run"]],
             "compare log": [[f"{p}/mine.yaml", f"{p}/run"]],
+            "compare scans": [[f"{p}/run", f"{p}/run"]],
             "fmu show": models,
             "fmu check": models,
             "ros2 package": [["--out", next(new)]],

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from swath.replay.machines import Columns
+from swath.terminal.outcome import result_of
 
 
 @dataclass(frozen=True)
@@ -182,7 +183,7 @@ def _outside(entry: Mapping[str, Any], columns: Columns) -> np.ndarray:
 
 def _broken(entry: Mapping[str, Any], tracks: Mapping[str, Columns]) -> dict[str, Any] | None:
     """A limit that fails, at the first sample outside it or at the end of the run."""
-    if entry["result"] != "fail":
+    if result_of(entry) != "fail":
         return None
     columns = tracks.get(entry["subject"]) or next(iter(tracks.values()))
     outside = _outside(entry, columns)

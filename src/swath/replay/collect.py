@@ -17,6 +17,7 @@ from swath.replay.scans import recorded
 from swath.replay.things import things_of
 from swath.runtime.world import World
 from swath.signals import F64
+from swath.terminal.outcome import NOT_JUDGED, result_of
 
 EVERY = 10  # rows of the tracks that decide which part of the field is shown
 
@@ -65,11 +66,11 @@ def collect(world: World, folder: Path, summary: Mapping[str, Any]) -> tuple[Val
     if world.field.wind is not None:
         layers.notes.append("stems stand still, the wind is not drawn")
     worst = [m for n, own in telling.items() for m in worst_moments(n, own, cuts=layers.machines[n].cuts)]
-    results = [entry["result"] for entry in summary.get("expect") or []]
+    results = [result_of(entry) for entry in summary.get("expect") or []]
     about = {
         "name": str(summary.get("name", world.scenario.name)),
         "about": str(summary.get("summary") or world.scenario.summary),
-        "limits": [results.count(each) for each in ("pass", "fail", "not measured")],
+        "limits": [results.count(each) for each in ("pass", "fail", "not measured", NOT_JUDGED)],
         "incomplete": bool(summary.get("incomplete")),
         "duration": duration,
         "origin": layers.origin.tolist(),

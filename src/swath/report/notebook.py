@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.outcome import result_of
 from swath.terminal.tables import number
 
 
@@ -17,7 +18,7 @@ def picture(png: bytes) -> str:
 
 def run_html(title: str, summary: Mapping[str, Any], folder: Path) -> str:
     """Limits and metrics of a run, and how it steered."""
-    rows = [(e["name"], number(e["value"]), e["result"]) for e in summary.get("expect", [])]
+    rows = [(e["name"], number(e["value"]), result_of(e)) for e in summary.get("expect", [])]
     named = {name for name, _, _ in rows}
     plain = {k: v for k, v in summary.items() if isinstance(v, int | float) and not isinstance(v, bool)}
     rows += [(k, number(v), "") for k, v in plain.items() if k not in named]

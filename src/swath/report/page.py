@@ -8,7 +8,7 @@ from swath.judge.catalogue import EvaluatorCatalogue, load_evaluators
 from swath.judge.evaluator import Metric
 from swath.report.html import Figure, render_page, signed
 from swath.runtime.credibility import span
-from swath.terminal.outcome import incident_text, limit_text, window_text
+from swath.terminal.outcome import NOT_JUDGED, incident_text, limit_text, result_of, window_text
 from swath.terminal.tables import number
 
 FACTORS = {("m", "cm"): 100.0, ("1", "%"): 100.0}  # (unit, shown unit) -> factor
@@ -57,15 +57,16 @@ def render(
 
 
 def _head(expect: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
-    failed = [entry["name"] for entry in expect if entry["result"] == "fail"]
+    failed = [entry["name"] for entry in expect if result_of(entry) == "fail"]
     if not expect:
         return "none", "No limits set", "this scenario expects nothing"
     if failed:
         return "fail", f"✗ {len(failed)} of {len(expect)} limits fail", ", ".join(dict.fromkeys(failed))
-    if open_ := [entry["name"] for entry in expect if entry["result"] == "not measured"]:
+    if doubtful := [entry["name"] for entry in expect if result_of(entry) == NOT_JUDGED]:
+        what = f"{', '.join(dict.fromkeys(doubtful))}: a level was outside its range, see credibility"
+        return "none", f"{len(doubtful)} of {len(expect)} limits not judged", what
+    if open_ := [entry["name"] for entry in expect if result_of(entry) == "not measured"]:
         return "none", f"{len(open_)} of {len(expect)} limits not measured", ", ".join(dict.fromkeys(open_))
-    if any("rests_outside" in entry for entry in expect):
-        return "none", f"All {len(expect)} limits pass", "not to be relied on: see credibility"
     return "pass", f"✓ All {len(expect)} limits pass", ", ".join(dict.fromkeys(e["name"] for e in expect))
 
 
@@ -78,7 +79,7 @@ def limit_row(entry: Mapping[str, Any], metrics: Mapping[str, Metric]) -> dict[s
         "limit": limit_text(entry) if metric is None else _bounds(metric, entry["limit"]),
         "window": window_text(entry),
         "value": number(entry["value"]) if metric is None else shown_value(metric, entry["value"]),
-        "result": entry["result"],
+        "result": result_of(entry),
         "reason": entry.get("reason", ""),
         "error": _level_error(entry, metric),
     }
@@ -157,7 +158,7 @@ def _metric_row(metric: Metric, value: Any, entry: Mapping[str, Any] | None) -> 
         "label": metric.label or metric.name.removesuffix("_" + metric.unit).replace("_", " "),
         "value": shown_value(metric, value),
         "limit": "" if entry is None else _bounds(metric, entry["limit"]),
-        "result": "" if entry is None else entry["result"],
+        "result": "" if entry is None else result_of(entry),
     }
 
 

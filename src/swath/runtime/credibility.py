@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.abilities import MeetsRange
+from swath.core.errors import InputError
 from swath.core.packed_state import saved_type
 from swath.core.registry import Checked, KnownError
 from swath.core.schedule import NS
@@ -97,6 +98,9 @@ class Scene:
             met = part.meets() if isinstance(part, MeetsRange) else {}
             for checked in ranges:
                 name = checked.quantity
+                if name not in QUANTITIES and name not in met:
+                    among = ", ".join((*QUANTITIES, *met))
+                    raise InputError(f"{machine}.{slot}.checked", name, f"expected one of {among}")
                 if name in QUANTITIES and name not in known:
                     known[name] = QUANTITIES[name].at(where)
                 yield f"{machine}.{slot}", checked, known.get(name, met.get(name, ()))
@@ -191,25 +195,35 @@ def annotate(summary: dict[str, Any], watch: Credibility, catalogue: EvaluatorCa
         if found := [(n, e) for n, e in errors if n in slots and e.metric == entry["name"]]:
             slot, error = max(found, key=lambda pair: pair[1].size)
             entry["level_error"] = {"size": error.size, "slot": slot, "against": error.against}
-    notes = [f"{name}: {why}" for name, why in outside.items()]
+    notes = [f"{name}: {why_outside(told)}" for name, told in outside.items()]
     if doubtful:
         notes.append(f"not to be relied on, they rest on that: {', '.join(dict.fromkeys(doubtful))}")
     return notes
 
 
-def outside_of(summary: Mapping[str, Any]) -> dict[str, str]:
-    """Slots whose level was outside its range, with why, of a summary."""
+def outside_of(summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Slots of a summary whose level was outside its range: `level`, and `quantities` with `quantity`, `met`
+    and `checked`.
+    """
     slots = summary.get(SUMMARY, {}).get("slots", {})
-    return {name: _why(slot) for name, slot in slots.items() if slot["state"] == OUTSIDE}
+    return {
+        name: {
+            "level": slot["level"],
+            "quantities": [
+                {key: row[key] for key in ("quantity", "met", "checked")}
+                for row in slot["quantities"]
+                if row["state"] == OUTSIDE
+            ],
+        }
+        for name, slot in slots.items()
+        if slot["state"] == OUTSIDE
+    }
 
 
-def _why(slot: Mapping[str, Any]) -> str:
-    what = [
-        f"{row['quantity']} {span(row['met'])}, checked {span(row['checked'])}"
-        for row in slot["quantities"]
-        if row["state"] == OUTSIDE
-    ]
-    return f"outside the range in which level {slot['level']} was checked: {'; '.join(what)}"
+def why_outside(told: Mapping[str, Any]) -> str:
+    """Of a slot in `outside_of`, in words."""
+    what = [f"{q['quantity']} {span(q['met'])}, checked {span(q['checked'])}" for q in told["quantities"]]
+    return f"outside the range in which level {told['level']} was checked: {'; '.join(what)}"
 
 
 def rests_on(world: World, catalogue: EvaluatorCatalogue, subject: str, name: str) -> set[str]:

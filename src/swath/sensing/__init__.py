@@ -1,1 +1,8 @@
 """Sensors: a folder per slot, a file per level; beam and echo models."""
+
+from swath.core.registry import Checked
+
+CHECKED = (
+    Checked("ground_speed_kmh", -0.5, 14.4, "tests/levels/test_ranges.py"),
+    Checked("yaw_rate_deg_s", -25.9, 25.9, "tests/levels/test_ranges.py"),
+)  # of sensors of motion, against closed forms

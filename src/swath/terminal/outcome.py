@@ -6,7 +6,8 @@ from typing import Any
 
 from swath.terminal.tables import number, table
 
-ORDER = {"fail": 0, "not measured": 1}  # in the table: these first, the others as they come
+NOT_JUDGED = "not judged"
+ORDER = {"fail": 0, NOT_JUDGED: 1, "not measured": 2}  # in the table: these first, the others as they come
 METRIC_COLUMNS = ("metric", "value", "limit", "result")
 
 
@@ -30,10 +31,10 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
     if summary.get("incomplete"):
         print("incomplete: the run was stopped before its end")
     for entry in summary.get("expect", []):
-        if entry["result"] == "fail":
+        if result_of(entry) == "fail":
             print(f"fail    {entry['subject']}.{entry['name']}{window_text(entry)}: {entry['reason']}")
     for entry in summary.get("expect", []):
-        if entry["result"] == "not measured":
+        if result_of(entry) == "not measured":
             name = f"{entry['subject']}.{entry['name']}{window_text(entry)}"
             print(f"open    {name}: not measured in so short a run, neither kept nor broken")
     for event in summary.get("incidents", []):
@@ -46,6 +47,11 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
     for page in ("report", "replay"):
         if (out / f"{page}.html").is_file():
             print(f"{page}  {out / page}.html")
+
+
+def result_of(entry: Mapping[str, Any]) -> str:
+    """`pass`, `fail` or `not measured`; `not judged` where a limit rests on a level outside its range."""
+    return NOT_JUDGED if entry.get("rests_outside") else str(entry["result"])
 
 
 def limit_text(entry: Mapping[str, Any]) -> str:
@@ -89,8 +95,8 @@ def _rows(
         own = [e for e in expect if e["name"] == name]
         if name in metrics:
             held = next((e for e in own if not e.get("window") and "hold" not in e["limit"]), None)
-            limit, result = ("", "") if held is None else (limit_text(held), held["result"])
+            limit, result = ("", "") if held is None else (limit_text(held), result_of(held))
             rows.append((name, number(metrics[name]), limit, result))
             own = [e for e in own if e is not held]
-        rows += [(name + window_text(e), number(e["value"]), limit_text(e), e["result"]) for e in own]
+        rows += [(name + window_text(e), number(e["value"]), limit_text(e), result_of(e)) for e in own]
     return sorted(rows, key=lambda row: ORDER.get(row[3], len(ORDER)))

@@ -15,6 +15,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.cut_result import Cut
 from swath.field.site_setup import SiteSetup
+from swath.machine.header import SPEED
 from swath.machine.header.fill_gauge import FillGauge
 from swath.machine.sweep import LinePath, line_ends, signed_area, swept
 from swath.signals import CropFlow, MachineState
@@ -67,4 +68,5 @@ LEVEL = Level(
     summary="takes all standing crop under the knife at one height",
     cost="0.12 ms per step (12 m header, 50 Hz)",
     tolerance="no losses, no lifting, no following of the ground by the header",
+    checked=(SPEED,),
 )

@@ -26,6 +26,7 @@ from swath.core.schedule import NS
 from swath.core.units import DEG, KMH, PERCENT
 from swath.field.cut_result import Cut
 from swath.field.site_setup import SiteSetup
+from swath.machine.header import SPEED
 from swath.machine.header.fill_gauge import FillGauge
 from swath.machine.header.header_kinematics import HeaderKinematics
 from swath.machine.header.hydraulics import Controller, Cylinder, Delayed, Feelers
@@ -263,4 +264,5 @@ LEVEL = Level(
     summary="knife over the ground by feelers, PI control and cylinders; stubble and losses follow",
     cost="0.4 ms per step on level ground, more on rough (12 m header, 50 Hz, 6 sections)",
     tolerance="stiff knife; its height is even within a section and rounded to 1 cm",
+    checked=(SPEED,),
 )

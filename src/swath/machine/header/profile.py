@@ -20,6 +20,7 @@ from swath.core.together import Given, InWorlds, Samples
 from swath.field.profile import BIN, refused
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Rows, filled, of_worlds, repeatable, shared
+from swath.machine.header import PROFILE_STEMS, SPEED
 from swath.machine.header.fill_gauge import OVER_M
 from swath.signals import CropFlow, MachineState
 
@@ -119,4 +120,5 @@ LEVEL = Level(
     summary="cuts profiles along the edge: 5 cm along it, masses of a square metre",
     cost="0.1 ms per step (12 m header, 50 Hz), 8 us in a batch of worlds",
     tolerance="area and masses against fixed_height within 2 %, one pass along one edge",
+    checked=(SPEED, PROFILE_STEMS),
 )

@@ -76,7 +76,7 @@ def live_data(world: World, columns: Mapping[str, list[str]], origin: F64) -> tu
         **layers.values,
         "name": world.scenario.name,
         "about": world.scenario.summary,
-        "limits": [0, 0, 0],
+        "limits": [0, 0, 0, 0],
         "incomplete": False,
         "duration": 10.0,
         "origin": origin.tolist(),

@@ -74,12 +74,13 @@ class App {
   }
 
   fillHead() {
-    const { data } = this, [passed, failed, open] = data.limits;
+    const { data } = this, [passed, failed, unmeasured, unjudged] = data.limits;
+    const open = unmeasured + unjudged, missing = unmeasured ? "measured" : "judged";
     element("name").textContent = data.name;
     element("about").textContent = data.about;
     const verdict = element("verdict");
     verdict.textContent = data.incomplete ? "incomplete" : failed ? `✗ ${failed} of ${passed + failed + open} limits fail`
-      : open ? `${open} of ${passed + open} limits not measured` : passed ? `✓ ${passed} limits pass` : "no limits set";
+      : open ? `${open} of ${passed + open} limits not ${missing}` : passed ? `✓ ${passed} limits pass` : "no limits set";
     verdict.className = failed || data.incomplete ? "fail" : open ? "open" : "pass";
     CAMERAS.forEach((camera, k) => {
       const button = document.createElement("button");

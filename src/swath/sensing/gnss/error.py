@@ -15,6 +15,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import CM
 from swath.field.site_setup import SiteSetup
+from swath.sensing import CHECKED
 from swath.sensing.gnss.antenna import Antenna, Place, fix_of, no_fix
 from swath.sensing.gnss.receiver_errors import FIGURES, RECEIVERS, Figures
 from swath.sensing.gnss.two_antennas import TwoAntennas
@@ -178,4 +179,5 @@ LEVEL = Level(
     "receiver with latency, white noise, slow wander, losses",
     cost="0.25 ms per sample",
     tolerance="equal to ideal with every error at 0",
+    checked=CHECKED,
 )

@@ -6,6 +6,7 @@ from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
+from swath.sensing import CHECKED
 from swath.sensing.gnss.antenna import Antenna, Place, fix_of, no_fix
 from swath.sensing.gnss.two_antennas import TwoAntennas
 from swath.signals import FIX_QUALITIES, Fix, MachineState
@@ -56,5 +57,10 @@ class IdealGnss(KeepsState):
 
 
 LEVEL = Level(
-    IdealGnss, Params, "true place and velocity of the antenna", cost="0.15 ms per sample", tolerance="exact"
+    IdealGnss,
+    Params,
+    "true place and velocity of the antenna",
+    cost="0.15 ms per sample",
+    tolerance="exact",
+    checked=CHECKED,
 )

@@ -6,6 +6,7 @@ from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
+from swath.sensing import CHECKED
 from swath.signals import GroundSpeed, MachineState
 
 
@@ -33,4 +34,5 @@ class IdealGroundSpeed(KeepsState):
         return {"speed": GroundSpeed(t + dt, state.speed, state.distance)}
 
 
-LEVEL = Level(IdealGroundSpeed, Params, "true forward speed", cost="none", tolerance="exact")
+LEVEL = Level(IdealGroundSpeed, Params, "true forward speed", cost="none", tolerance="exact",
+              checked=CHECKED[:1])  # fmt: skip

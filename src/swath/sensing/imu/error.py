@@ -16,6 +16,7 @@ from swath.core.together import Given, OneByOne, Samples
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.kernels import repeatable, shared
+from swath.sensing import CHECKED
 from swath.sensing.imu.imu_step import DRAW, FIRST, LAST_TWO, MADE, READING, SIZE, ImuStep
 from swath.sensing.imu.noise_grades import STANDARD_GRAVITY, UNITS
 from swath.sensing.imu.strapdown import Place, Reading, back
@@ -224,4 +225,5 @@ LEVEL = Level(
     "bias, its random walk, scale error and white noise of a MEMS unit",
     cost="12 us per sample",
     tolerance="equal to ideal with every error at 0",
+    checked=CHECKED,
 )

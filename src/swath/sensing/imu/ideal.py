@@ -6,6 +6,7 @@ from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
+from swath.sensing import CHECKED
 from swath.sensing.imu.strapdown import Place, Strapdown, sample_of
 from swath.signals import Inertial, MachineState
 
@@ -44,5 +45,10 @@ class IdealImu(KeepsState):
 
 
 LEVEL = Level(
-    IdealImu, Params, "true mean rate and specific force", cost="13 us per sample", tolerance="exact"
+    IdealImu,
+    Params,
+    "true mean rate and specific force",
+    cost="13 us per sample",
+    tolerance="exact",
+    checked=CHECKED,
 )

@@ -15,6 +15,7 @@ from swath.core.registry import Level
 from swath.core.together import Given, InWorlds, KeepsRows, Samples
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
+from swath.sensing import CHECKED
 from swath.sensing.normals import AllNormals
 from swath.signals import F64, MachineState, Odometry, SteerState, WheelState
 
@@ -123,4 +124,5 @@ LEVEL = Level(
     "wheel slip, scale error, gyro bias and noise",
     cost="20 us per sample, 7 us in a batch of worlds",
     tolerance="equal to ideal with every error at 0",
+    checked=CHECKED,
 )

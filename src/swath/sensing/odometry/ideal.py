@@ -6,6 +6,7 @@ from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
+from swath.sensing import CHECKED
 from swath.signals import MachineState, Odometry, SteerState
 
 
@@ -39,5 +40,10 @@ class IdealOdometry(KeepsState):
 
 
 LEVEL = Level(
-    IdealOdometry, Params, "true speed, yaw rate and steer angle", cost="3 us per sample", tolerance="exact"
+    IdealOdometry,
+    Params,
+    "true speed, yaw rate and steer angle",
+    cost="3 us per sample",
+    tolerance="exact",
+    checked=CHECKED,
 )

@@ -1,8 +1,10 @@
-"""`swath compare log`: a machine model against a recorded log."""
+"""`swath compare`: `log`, a machine model against a recorded log; `scans`, two sets of scans."""
 
 import argparse
 from pathlib import Path
 from typing import Any
+
+from swath.tools.compare_scans import command as scans
 
 _DESCRIPTION = (
     "Runs a machine's process and powertrain along a recorded log (its speed, its crop, its slope) and "
@@ -15,7 +17,7 @@ _DESCRIPTION = (
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("compare", help="compare a model with what was measured")
+    parser = parsers.add_parser("compare", help="compare with what was measured")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     log = verbs.add_parser("log", help="a machine against a recorded log", description=_DESCRIPTION)
     log.add_argument("model", metavar="MODEL", help="machine: bundled name or data sheet")
@@ -70,6 +72,7 @@ def add(parsers: Any) -> None:
     )  # fmt: skip
     log.add_argument("--columns", type=Path, metavar="MAP.yaml", help="which column of the log is what")
     log.set_defaults(run=run_log)
+    scans.add(verbs)
 
 
 def run_log(args: argparse.Namespace) -> int:

@@ -13,7 +13,7 @@ from typing import Any
 from swath.tools.function_test.case import Case
 from swath.tools.function_test.integrity import SUMMARY, pooled
 from swath.tools.function_test.journal import Result
-from swath.tools.function_test.judged import OPEN, UNJUDGED
+from swath.tools.function_test.judged import OPEN, UNJUDGED, beyond
 from swath.tools.function_test.kept_runs import Kept, Region, Sample, Worst, kept
 from swath.tools.function_test.margin import ERROR, is_kept_or_not, margin_of
 from swath.tools.function_test.steering_accuracy import SUMMARY as STEERING
@@ -85,8 +85,8 @@ class Cell:
                 self.surprises.add(run)
         elif run.verdict == UNJUDGED:
             self.unjudged += 1
-            where, _, what = run.reason.partition(" was checked: ")  # of what, and the quantity
-            self.outside.setdefault(f"{where}: {what.split()[0]}", Region()).add(run.point)
+            for slot, quantity, _ in beyond(result):
+                self.outside.setdefault(f"{slot}: {quantity}", Region()).add(run.point)
         elif run.verdict != OPEN:
             self._count(run, result["metrics"])
 

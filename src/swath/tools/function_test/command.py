@@ -62,6 +62,8 @@ def add(parsers: Any) -> None:
     work.set_defaults(run=_work)
     report = verbs.add_parser("report", help="judge stored results by the present limits; runs nothing")
     report.add_argument("folder", type=Path)
+    cod = "of an ODD: also what each run drove, as tables of OpenODD (COD), into DIR/cod"
+    report.add_argument("--cod", action="store_true", help=cod)
     report.set_defaults(run=_report)
     versus = verbs.add_parser(
         "compare", help="compare two results run by run; exit code 1: something is worse"
@@ -205,17 +207,25 @@ def _work(args: argparse.Namespace) -> int:
 
 
 def _report(args: argparse.Namespace) -> int:
+    from swath.core.errors import InputError
     from swath.tools.function_test.estimate import open_estimate
     from swath.tools.function_test.odd.campaign import open_campaign
+    from swath.tools.function_test.odd.trace import write_cod
     from swath.tools.function_test.search import open_search
     from swath.tools.function_test.session import open_session
 
     session = open_session(args.folder, same_code=False)
+    found = open_campaign(session)
+    if args.cod:
+        if found is None:
+            raise InputError("--cod", str(args.folder), "expected the folder of a campaign over an ODD")
+        count = write_cod(args.folder, found.odd, found.results)
+        print(f"COD tables of {count} runs  {args.folder}/cod")
     if (searched := open_search(session)) is not None:
         return search_command.tell(searched)
     if (estimated := open_estimate(args.folder)) is not None:
         return estimate_command.tell(estimated)
-    if (found := open_campaign(session)) is not None:
+    if found is not None:
         return _finish_odd(found)
     return finish(args.folder, session, again=True)
 

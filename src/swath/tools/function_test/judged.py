@@ -10,25 +10,44 @@ from typing import Any
 
 from swath.judge.limits import check_metric
 from swath.runtime.credibility import SUMMARY as CREDIBILITY
+from swath.runtime.credibility import why_outside
 from swath.scenario.sections import Limit
+from swath.terminal.outcome import NOT_JUDGED, result_of
 from swath.tools.function_test.case import Case
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.steering_accuracy import SUMMARY as STEERING
 
 OPEN = "open"  # verdict of a run that no limit of its case judges
-UNJUDGED = "not judged"  # of one with limits that rest on a level outside its range
+UNJUDGED = NOT_JUDGED  # of one with limits that rest on a level outside its range
 UNCOUNTED = (OPEN, UNJUDGED)
 
 
-def verdict_of(entries: Sequence[Mapping[str, Any]], outside: Mapping[str, str]) -> tuple[str, str]:
-    """Verdict and reason of a run by its limits. outside: by slot, why its level is outside its range"""
-    broken = [e for e in entries if e["result"] != "pass" and "rests_outside" not in e]
+def verdict_of(entries: Sequence[Mapping[str, Any]], outside: Mapping[str, Any]) -> tuple[str, str]:
+    """Verdict and reason of a run by its limits. outside: by slot, as `outside_of` tells it"""
+    broken = [e for e in entries if result_of(e) not in ("pass", UNJUDGED)]
     if broken:
         return "fail", f"{broken[0]['subject']}.{broken[0]['name']}: {broken[0]['reason']}"
-    slots = dict.fromkeys(slot for e in entries for slot in e.get("rests_outside", ()))
-    if slots:
-        return UNJUDGED, f"{UNJUDGED}: {'; '.join(f'{slot} {outside[slot]}' for slot in slots)}"
+    if slots := _rested_on(entries):
+        whys = (f"{slot} {why_outside(outside[slot])}" for slot in slots)
+        return UNJUDGED, f"{UNJUDGED}: {'; '.join(whys)}"
     return "pass", ""
+
+
+def beyond(result: Result) -> list[tuple[str, str, Sequence[float]]]:
+    """Of a result what is outside a checked range and keeps a limit from being judged: slot, quantity, and
+    what was met of it.
+    """
+    told = result.get(CREDIBILITY, {})
+    return [
+        (slot, q["quantity"], q["met"])
+        for slot in _rested_on(result["expect"])
+        for q in told[slot]["quantities"]
+    ]
+
+
+def _rested_on(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Slots outside their range on which limits rest."""
+    return list(dict.fromkeys(slot for entry in entries for slot in entry.get("rests_outside", ())))
 
 
 class PresentLimits:

@@ -71,8 +71,8 @@ def run_build(args: argparse.Namespace) -> int:
     wanted = Wanted(
         scans=args.scans,
         poses=None if table else args.poses,
-        mount=_mount(args.mount),
-        to_local=_to_local(args.field, args.origin),
+        mount=mount_of(args.mount),
+        to_local=local_of(args.field, args.origin),
         antenna=_antenna(args.antenna),
         **ranges,
     )
@@ -90,24 +90,26 @@ def run_build(args: argparse.Namespace) -> int:
     return 0
 
 
-def _mount(text: str | None) -> Any:
+def mount_of(text: str | None, option: str = "--mount") -> Any:
+    """A mounting from the command line."""
     from swath.core.frames import Pose
     from swath.core.units import DEG
 
     if text is None:
         return None
-    numbers = _numbers("--mount", text, (6,), "x,y,z,roll,pitch,yaw [m, deg]")
+    numbers = numbers_of(option, text, (6,), "x,y,z,roll,pitch,yaw [m, deg]")
     return Pose.from_euler(numbers[:3], *(n * DEG for n in numbers[3:]))
 
 
 def _antenna(text: str | None) -> tuple[float, float, float] | None:
     if text is None:
         return None
-    x, y, z = _numbers("--antenna", text, (3,))
+    x, y, z = numbers_of("--antenna", text, (3,))
     return x, y, z
 
 
-def _to_local(folder: Path | None, origin: str | None) -> Any:
+def local_of(folder: Path | None, origin: str | None) -> Any:
+    """What makes local metres of longitude, latitude, height; None where neither is given."""
     from swath.core.errors import InputError
     from swath.record.read.tangent_plane import TangentPlane, field_plane
 
@@ -117,11 +119,12 @@ def _to_local(folder: Path | None, origin: str | None) -> Any:
         return field_plane(folder)
     if origin is None:
         return None
-    lat, lon, *height = _numbers("--origin", origin, (2, 3), "lat,lon[,height] [deg, m]")
+    lat, lon, *height = numbers_of("--origin", origin, (2, 3), "lat,lon[,height] [deg, m]")
     return TangentPlane(lon, lat, *height)
 
 
-def _numbers(option: str, text: str, counts: tuple[int, ...], form: str = "x,y,z [m]") -> list[float]:
+def numbers_of(option: str, text: str, counts: tuple[int, ...], form: str = "x,y,z [m]") -> list[float]:
+    """Numbers with commas between them. InputError for others, or another count of them."""
     from math import isfinite
 
     from swath.core.errors import InputError

@@ -97,8 +97,8 @@ class Bound:
 
 @dataclass(frozen=True, kw_only=True)
 class OddFile:
-    """The keys of a binding. openodd: the documents, beside it; requirement: its identifier elsewhere; the
-    others as in a test case.
+    """The keys of a binding. openodd: the documents, beside it; requirement: its identifier elsewhere, of the
+    whole; requirements: of others, the limits that stand for each; the others as in a test case.
     """
 
     format: Literal["swath odd 1"]
@@ -109,6 +109,7 @@ class OddFile:
     expect: dict[str, Any]
     attributes: dict[str, Bound]
     requirement: str = ""
+    requirements: dict[str, list[str]] = field(default_factory=dict)
     set: dict[str, Any] = field(default_factory=dict)
     claim: Claim = CLAIM
     tags: list[str] = field(default_factory=list)
@@ -296,6 +297,7 @@ def read_odd(path: Path) -> Odd:
     made, errors = validate(OddFile, document.data, (), document)
     if errors:
         raise errors[0]
+    _check_requirements(made, document)
     units = {name: bound.unit for name, bound in made.attributes.items()}
     domain = read_domain([path.parent / file for file in made.openodd], units)
     names = list(domain.attributes)
@@ -312,6 +314,24 @@ def read_odd(path: Path) -> Odd:
     if len(odd.axes) < 2:
         raise document.error(("attributes",), len(odd.axes), "expected two or more with a key or values")
     return odd
+
+
+def _check_requirements(made: OddFile, document: Document) -> None:
+    """InputError for a requirement without a limit, or with one that is not under `expect`."""
+    known = [name for name, limit in made.expect.items() if "." not in name]
+    for machine, limits in made.expect.items():
+        known += (
+            [f"{machine}.{name}" for name, own in limits.items() if isinstance(own, dict)]
+            if isinstance(limits, dict)
+            else []
+        )
+    for requirement, limits in made.requirements.items():
+        where = ("requirements", requirement)
+        if not limits:
+            raise document.error(where, None, "expected the names of limits under `expect`")
+        for name in limits:
+            if name not in known and name.rpartition(".")[2] not in known:
+                raise document.error(where, name, f"expected a limit under `expect`{near_miss(name, known)}")
 
 
 def keys_set_twice(odd: Odd) -> list[tuple[str, str, str]]:

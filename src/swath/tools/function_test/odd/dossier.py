@@ -7,6 +7,7 @@ made again from its name.
 
 import csv
 import io
+import shlex
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,15 +17,21 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from swath import __version__
+from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
 from swath.report.html import write_page
+from swath.runtime.credibility import span
 from swath.runtime.met import QUANTITIES
+from swath.terminal.outcome import result_of
 from swath.tools.function_test.cells import cells_of
+from swath.tools.function_test.judged import beyond
 from swath.tools.function_test.junit import write_junit
-from swath.tools.function_test.odd.campaign import Conducted
+from swath.tools.function_test.odd.campaign import ODD_FILE, Conducted
 from swath.tools.function_test.odd.cells import NEVER, VERDICTS, OddCell, excluded, needed_each, remaining
 from swath.tools.function_test.odd.coverage import HIT_M, INSIDE, Driven
 from swath.tools.function_test.odd.restricted import write_restricted
+from swath.tools.function_test.odd.trace import Traced, again, broken_by, trace_rows, traced
+from swath.tools.function_test.one_run import scenario_of
 from swath.tools.function_test.page import write_matrix
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, lower_bound
 
@@ -32,6 +39,7 @@ COLOURS = {SHOWN: "#2f9e77", BROKEN: "#d55e00", NOT_SHOWN: "#e3cf86", NEVER: "#c
 CLEAN = "#bfe0c9"  # of a pair that is not shown and in which no run fails
 OUTSIDE = "#ffffff"  # of a pair that the ODD does not have
 NOWHERE = "nowhere"
+ELSEWHERE = 0.2  # share of runs that drove elsewhere than drawn, from which on it is told; estimated
 STEP = 8  # of the matrix of buckets [px]
 LISTED = 60  # rows of a list on the page; all are in the tables
 NO_CERTIFICATE = (
@@ -90,6 +98,7 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
     restricted = write_restricted(folder, found.odd, out)
     _csv(folder / "cells.csv", _cell_rows(found, cells))
     _csv(folder / "runs.csv", _run_rows(found))
+    _csv(folder / "requirements.csv", trace_rows(found.odd.file, found.results, folder.name))
     found.session.table()
     plan = found.session.plan
     tested = cells_of(plan.found, plan.candidates, plan.counts, found.results)
@@ -140,11 +149,16 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         matrix=_matrix(found, cells),
         left=[_left(run) for run in left[:LISTED]],
         left_count=len(left),
-        failed=[_run(run) for run in failing[:LISTED]],
+        failed=[_run(folder.name, run) for run in failing[:LISTED]],
         failed_count=len(failing),
         rules=found.odd.domain.rules(),
         restricted={"name": restricted.name, "cells": [c.text for c in out[:LISTED]], "count": len(out)},
         believe=_believe(found),
+        by_limit=_by_limit(found),
+        unjudged=_unjudged(found),
+        levels=_levels(found),
+        requirements=[_requirement(folder.name, told) for told in traced(found.odd.file, found.results)],
+        again=again_all(found),
         digests=_digests(found),
         colours=[(v, COLOURS[v]) for v in VERDICTS],
         clean=CLEAN,
@@ -188,12 +202,51 @@ def _cause(found: Conducted, cells: Sequence[OddCell], cell: OddCell) -> dict[st
         "text": cell.text,
         "failed": cell.failed,
         "counted": cell.counted,
+        "drawn": sum(set(cell.places) <= _drawn(found, run) for run in runs if run.counts),
         "p": f"{cell.p_broken:.1e}",
         "least": f"{100 * lower_bound(cell.failed, cell.counted, found.claim.confidence):.0f} %",
         "reason": str(failing[0].result["reason"]) if failing else "",
         "ids": [str(run.result["id"])[:8] for run in failing[:3]],
         "explains": sum(c.cause == cell.text for c in cells) - 1,
     }
+
+
+def _drawn(found: Conducted, run: Driven) -> set[int]:
+    """Numbers of the buckets in which a run was meant to drive."""
+    return {axis.first + axis.bucket_of(run.result["point"][axis.name]) for axis in found.odd.axes}
+
+
+def _by_limit(found: Conducted) -> list[list[str]]:
+    """Of each limit how many runs break it, and how many of these no other one."""
+    broken = [
+        list(
+            dict.fromkeys(
+                f"{e['subject']}.{e['name']}" for e in run.result["expect"] if result_of(e) == "fail"
+            )
+        )
+        for run in found.coverage.runs
+        if run.is_judged
+    ]
+    counts = Counter(name for names in broken for name in names)
+    alone = Counter(names[0] for names in broken if len(names) == 1)
+    errors = sum(run.result["verdict"] == "error" for run in found.coverage.runs)
+    rows = [[name, str(count), str(alone[name])] for name, count in counts.most_common()]
+    return [*rows, *([["run came to nothing", str(errors), ""]] if errors else [])]
+
+
+def _elsewhere(found: Conducted) -> Iterable[str]:
+    """Of each attribute that is counted as measured, in how many runs that was mostly not what was drawn."""
+    runs = found.coverage.runs
+    for number, axis in enumerate(found.odd.axes):
+        if not axis.bound.met or not runs:
+            continue
+        other = sum(int(run.main[number]) != axis.bucket_of(run.result["point"][axis.name]) for run in runs)
+        if other > ELSEWHERE * len(runs):
+            yield (
+                f"{axis.name}: {other} of {len(runs)} runs drove mainly in another bucket than they were "
+                "drawn for, and count where they drove. What the function did (it slowed down, it stood) may "
+                "have brought them there: such a bucket can look broken as a consequence, not as a cause."
+            )
 
 
 def _layers(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
@@ -224,6 +277,7 @@ def _layers(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
 def _attributes(found: Conducted, cells: Sequence[OddCell]) -> list[dict[str, Any]]:
     """Of each attribute its buckets: verdict, runs, way and time; those outside the ODD too."""
     by_place = {c.places[0]: c for c in cells if len(c.places) == 1}
+    drawn = [_drawn(found, run) for run in found.coverage.runs]
     out = []
     for axis in found.odd.axes:
         buckets = []
@@ -240,12 +294,14 @@ def _attributes(found: Conducted, cells: Sequence[OddCell]) -> list[dict[str, An
                 )
             )
             share = f"{100 * axis.exposure[bucket]:.0f} %"
+            place = axis.first + bucket
             buckets.append(
                 {
                     "label": axis.labels[bucket],
                     "verdict": said,
                     "counts": counts,
                     "share": share,
+                    "drawn": sum(place in some for some in drawn),
                     "colour": OUTSIDE if cell is None else COLOURS[cell.verdict],
                 }
             )
@@ -295,22 +351,56 @@ def _left(run: Driven) -> dict[str, str]:
     }
 
 
-def _run(run: Driven) -> dict[str, str]:
+def _run(folder: str, run: Driven) -> dict[str, str]:
     point = ", ".join(f"{name.partition('.')[2]} {value}" for name, value in run.result["point"].items())
-    return {"id": str(run.result["id"])[:8], "reason": str(run.result["reason"]), "point": point}
+    return {"again": again(folder, run.result), "reason": str(run.result["reason"]), "point": point}
+
+
+def _requirement(folder: str, told: Traced) -> list[str]:
+    worst = "" if told.worst is None else again(folder, told.worst)
+    return [told.name, "; ".join(told.limits), *map(str, (told.kept, told.broken, told.unjudged)), worst]
+
+
+def again_all(found: Conducted) -> str:
+    """The command that makes the whole campaign once more, in a new folder."""
+    asked = found.campaign
+    more = [f"--set {shlex.quote(text)}" for text in asked.sets]
+    more += [f"--level {asked.level}"] if asked.level else []
+    line = f"swath test run --odd {found.folder.name}/{ODD_FILE} --runs {asked.budgets[-1]}"
+    return " ".join([line, *more, "--out DIR"])
+
+
+def _levels(found: Conducted) -> list[list[str]]:
+    """Of every slot of the first run its level and the ranges in which that was checked."""
+    try:
+        scenario = scenario_of(next(found.session.plan.runs()))
+    except InputError:  # a file of it is not there any more
+        return []
+    rows = []
+    for machine in scenario.machines.values():
+        for slot, choice in machine.slots.items():
+            if choice.kind.is_control:
+                continue
+            ranges = [f"{c.quantity} {c.span} ({c.source})" for c in choice.found.checked]
+            errors = [f"{e.metric} {e.size:g} against {e.against} ({e.source})" for e in choice.found.errors]
+            told = "; ".join(ranges) or "no range declared: what a run met was not compared with anything"
+            rows.append([f"{machine.name}.{slot}", choice.level, told, "; ".join(errors) or "none stated"])
+    return rows
 
 
 def _believe(found: Conducted) -> list[str]:
     """What the verdicts do not take into account."""
     said = [
-        "Runs in which a level of the simulation was outside the range in which it was checked are not "
-        f"judged: {_unjudged(found)}. Many levels declare no range; swath levels SLOT lists those that do.",
+        "Runs in which a limit rests on a level that was outside the range in which it was checked are not "
+        f"judged: {sum(not run.is_judged for run in found.coverage.runs)} runs. Ranges, and the levels that "
+        "declare none, are listed under Models.",
         "Limits, buckets and exposure are numbers of the file that binds the ODD to swath. It gives as their "
         f"source: {found.odd.file.source}.",
         "The share of runs that pass in a cell is not the share at work: the campaign spreads the other "
         "attributes over all their buckets, work meets some of these more often.",
         "A fault that needs three or more attributes at once is found only where it breaks a pair, too.",
     ]
+    said += _elsewhere(found)
     if not found.is_complete:
         said.append(
             "Planned runs are missing, or runs were added after results had been seen. The exact binomial "
@@ -320,11 +410,16 @@ def _believe(found: Conducted) -> list[str]:
     return said
 
 
-def _unjudged(found: Conducted) -> str:
-    why = Counter(
-        str(run.result["reason"]).partition(": ")[2] for run in found.coverage.runs if not run.is_judged
-    )
-    return "; ".join(f"{count} runs, {text}" for text, count in why.most_common(3)) or "there is none"
+def _unjudged(found: Conducted) -> list[list[str]]:
+    """Slot, quantity, how many runs it keeps from being judged, and what they met of it."""
+    met: dict[tuple[str, str], list[Sequence[float]]] = {}
+    for run in found.coverage.runs:
+        for slot, quantity, span_of in beyond(run.result) if not run.is_judged else ():
+            met.setdefault((slot, quantity), []).append(span_of)
+    return [
+        [slot, quantity, str(len(spans)), span([min(s[0] for s in spans), max(s[1] for s in spans)])]
+        for (slot, quantity), spans in sorted(met.items())
+    ]
 
 
 def _digests(found: Conducted) -> list[tuple[str, str]]:
@@ -362,12 +457,13 @@ def _run_rows(found: Conducted) -> Iterable[Mapping[str, Any]]:
     for run in found.coverage.runs:
         o = run.outside
         yield {
-            "requirement": found.odd.file.requirement,
             "run": run.result["id"],
             "seed": run.result["seed"],
             "verdict": run.result["verdict"],
             "reason": run.result["reason"],
             "digest": run.result["digest"],
+            "breaks": " ".join(broken_by(found.odd.file, run.result)),
+            "again": again(found.folder.name, run.result),
             "counts": run.counts,
             "left_odd_s": "" if o is None else o.t_s,
             "left_odd_m": "" if o is None else o.distance_m,

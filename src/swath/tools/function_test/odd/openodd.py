@@ -1,11 +1,12 @@
 """ASAM OpenODD 1.0 as a file: read and judged by `openodd-py`, which nothing else of swath imports.
 
 The library knows the language: taxonomy, modules, units, and that a value that is missing or open does not by
-itself lead out of a domain. It is young and changes fast, so it is pinned, and this module uses two of its
-functions: read, and judge values.
+itself lead out of a domain. It is young and changes fast, so it is pinned, and this module uses three of its
+functions: read, judge values, and write what was met.
 """
 
 import re
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.whole_file import own_folder, write_whole
 from swath.documents.yaml_document import Document, read_document
 
 Value = float | str | bool
@@ -119,6 +121,24 @@ def read_domain(files: Sequence[Path], units: Mapping[str, str]) -> Domain:
             if found is None or found[1] in bindings:
                 raise _placed(str(error), documents) from error
             bindings[found[1]] = {"unit": found[2]}  # without a conversion a unit is its own: 1/m2
+
+
+def export_tables(
+    attributes: Sequence[Mapping[str, Any]], rows: Sequence[Sequence[Any]], folder: Path, stem: str
+) -> bool:
+    """Write rows as a current operational domain (COD): table, manifest and taxonomy, in CSV and YAML.
+
+    attributes: with `name`, `unit` and `values`; rows: elapsed [s], latitude, longitude [deg], a value for
+    each attribute, None = unknown. False where there is no row.
+    """
+    document = {"odd": {"samples": {"attributes": list(attributes), "rows": [list(row) for row in rows]}}}
+    own_folder(folder)
+    with tempfile.TemporaryDirectory() as made:
+        if _library().export_cod(document, Path(made), stem) is None:
+            return False
+        for file in sorted(Path(made).iterdir()):
+            write_whole(folder / file.name, file.read_text(encoding="utf-8"))
+    return True
 
 
 def attributes_of(documents: Sequence[Document]) -> dict[str, Attribute]:

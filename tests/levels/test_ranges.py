@@ -1,0 +1,155 @@
+"""The ranges that levels of headers and of sensors of motion declare: closed forms at both ends and within.
+
+Every level's range names a quantity of a run; the sources that levels name are there.
+"""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from swath.core.errors import InputError
+from swath.core.frames import Pose
+from swath.core.registry import Checked
+from swath.core.schedule import NS
+from swath.core.units import DEG, KMH
+from swath.field.stand import uniform
+from swath.machine import header as headers
+from swath.runtime.assembly import assemble
+from swath.runtime.credibility import Credibility, Scene
+from swath.runtime.met import QUANTITIES
+from swath.scenario.catalogue import CATALOGUE
+from swath.scenario.scenario import load_scenario
+from swath.sensing import CHECKED as MOTION_OF_SENSORS
+from swath.sensing.gnss.antenna import Place as Antenna
+from swath.sensing.imu.strapdown import GRAVITY
+from swath.sensing.imu.strapdown import Place as Unit
+from swath.signals import MachineState, SteerState
+from tests.field.made_field import made_field
+from tests.levels.limits import keys_of, make
+from tests.levels.test_sensors import ZERO_GNSS, ZERO_IMU, reset
+from tests.machine.machine_fakes import STREAM, Ground, site
+from tests.machine.process_rig import state
+from tests.sensing.driven_states import circle, feed, setup_of, straight
+
+SPEED, TURN = MOTION_OF_SENSORS
+SPEEDS = [SPEED.low * KMH, 1.0 * KMH, 7.0 * KMH, SPEED.high * KMH]
+RATES = [TURN.low * DEG, -1.0 * DEG, 1.0 * DEG, TURN.high * DEG]
+ROOT = Path(__file__).parents[2]
+
+
+def levels():
+    for kind in CATALOGUE.registry.packages:
+        for name in CATALOGUE.registry.names(kind):
+            yield kind, name, CATALOGUE.registry.get(kind, name)
+
+
+def test_ranges_name_quantities_of_a_run_and_their_sources():
+    count = 0
+    for kind, name, level in levels():
+        for checked in level.checked:
+            count += 1
+            assert checked.quantity in QUANTITIES, (kind, name)
+            assert checked.low <= checked.high
+            if checked.source.endswith(".py"):
+                assert (ROOT / checked.source).is_file(), checked.source
+    assert count >= 20
+
+
+def test_a_range_of_an_unknown_quantity_is_an_error():
+    world = assemble(load_scenario("straight", sets=["combine.lidar=off", "combine.edge=truth"]))
+    scene = Scene(world)
+    scene.ranges["combine"]["motion"] = (Checked("ground_sped_kmh", 0.0, 1.0, "made"),)
+    watch = Credibility(scene)
+    world.graph.reset()
+    moved = MachineState(NS, Pose.identity(), 1.0, 0.0, 0.0, 0.0, 1.0)
+    with pytest.raises(InputError, match="ground_sped_kmh: expected one of ground_speed_kmh"):
+        watch.see("combine.motion", NS, {"state": moved})
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("level", ["ideal", "error"])
+def test_odometry(level, speed, rate):
+    sensor = reset(make("odometry", level, setup_of(), **dict.fromkeys(keys_of("odometry", level), 0.0)))
+    true = MachineState(0, Pose.identity(), speed, 0.0, rate, 0.1, 0.0)
+    for k in range(5):
+        inputs = {"state": true, "steering": SteerState(0, 0.1, 0.0)}
+        found = sensor.step(k * 20_000_000, 20_000_000, inputs)["odometry"]
+    assert (found.speed, found.yaw_rate) == pytest.approx((speed, rate), rel=1e-9)
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("level", ["ideal", "error"])
+def test_imu(level, speed, rate):
+    zero = ZERO_IMU if level == "error" else {}
+    unit = {"mount": Unit(x_m=0.0, y_m=0.0, z_m=0.0)}
+    sensor = reset(make("imu", level, setup_of(period=0.01), **unit, **zero))
+    last = feed(sensor, circle(speed, speed / rate), 30, step=10_000_000)[-1]
+    assert (last.rate_x, last.rate_y, last.rate_z) == pytest.approx((0.0, 0.0, rate), abs=1e-4)
+    forces = (last.force_x, last.force_y, last.force_z)
+    assert forces == pytest.approx((0.0, speed * rate, GRAVITY), abs=0.01)
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("level", ["ideal", "error"])
+def test_gnss(level, speed, rate):
+    above = {"antenna": Antenna(x_m=0.0, y_m=0.0, z_m=4.0)}
+    sensor = reset(make("gnss", level, setup_of(), **above, **({} if level == "ideal" else ZERO_GNSS)))
+    for fix in feed(sensor, circle(speed, speed / rate), 20):
+        x, y, _ = circle(speed, speed / rate)(fix.t / NS).position
+        assert (fix.x, fix.y, fix.z) == pytest.approx((x, y, 4.0), abs=1e-3)
+        assert fix.speed == pytest.approx(abs(speed), abs=1e-3)
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("level", ["ideal", "radar"])
+def test_ground_speed(level, speed):
+    setup = SimpleNamespace(base=None, machine=None, edge_side="left", period=0.1)
+    sensor = reset(make("ground_speed", level, setup, **({"noise": "none"} if level == "radar" else {})))
+    if level == "ideal":
+        last = MachineState(0, Pose.identity(), speed, 0.0, 0.0, 0.0, 0.0)
+        found = sensor.step(0, NS // 10, {"state": last})["speed"]
+    else:
+        found = feed(sensor, straight(speed), 10)[-1]
+    assert found.speed == pytest.approx(speed, rel=1e-6)
+
+
+@pytest.mark.parametrize("speed", SPEEDS[1:])
+@pytest.mark.parametrize("level", ["fixed_height", "height_control"])
+def test_headers_take_what_grows_on_their_way(level, speed):
+    """0.8 kg/m2 of grain on 12 m."""
+    header = make("header", level, site(Ground(), period=0.02))
+    header.reset(STREAM)
+    grain, dt, count = 0.0, NS // 50, 101
+    for k in range(count):
+        here = state((k + 1) * dt, 0.02 * speed * k, speed)
+        grain += header.step(k * dt, dt, {"state": (here,)})["flow"].grain
+    lost = {"fixed_height": 1e-9, "height_control": 0.01}[level]
+    assert grain == pytest.approx(0.8 * 12.0 * 0.02 * speed * (count - 1), rel=lost)
+
+
+@pytest.mark.parametrize("speed", [SPEEDS[1], SPEEDS[-1]])
+@pytest.mark.parametrize("stems", [headers.PROFILE_STEMS.low, headers.PROFILE_STEMS.high])
+def test_profile_header_takes_what_plants_give(stems, speed):
+    field = made_field(stand=uniform.Params(stems_per_m2=stems))
+    one, other = (grain_of(level, field, speed) for level in ("profile", "fixed_height"))
+    assert one == pytest.approx(other, rel=0.02)
+
+
+def grain_of(level, field, speed):
+    """What a header takes on 4 m along the edge of a field [kg]."""
+    header = make("header", level, replace(site(field, period=0.02), edge=field.first_edge))
+    end = site().machine.header_end("left")
+    header.reset(STREAM)
+    grain, dt = 0.0, NS // 50
+    for k in range(round(4.0 / (0.02 * speed)) + 1):
+        way = 0.02 * speed * k
+        pose = Pose.from_euler([-end[1], 10.0 - end[0] + way, 0.0], yaw=math.pi / 2)
+        here = MachineState((k + 1) * dt, pose, speed, 0.0, 0.0, 0.0, way)
+        grain += header.step(k * dt, dt, {"state": (here,)})["flow"].grain
+    return grain
