@@ -13,6 +13,7 @@ from swath.fleet.ways import (
     Finder,
     driven,
     eased,
+    eased_where_clear,
     limits_along,
     rolled,
     stops_along,
@@ -140,9 +141,9 @@ def test_an_eased_way_ends_where_it_did_and_its_bends_grow_over_the_ramp(pieces)
 
 
 @pytest.mark.parametrize("tight", [0, 1, 2])
-def test_one_bend_without_room_leaves_the_others_eased(tight, monkeypatch):
+def test_one_bend_without_room_leaves_the_others_eased(tight):
     """Three bends between straights, one of them where no eased way is clear: only there it stands."""
-    finder, drive = ground(), replace(DRIVE, steering=0.05)
+    drive = replace(DRIVE, steering=0.05)
     pieces = [(0.0, 12.0), (0.12, 8.0), (0.0, 12.0), (-0.12, 8.0), (0.0, 12.0), (0.12, 8.0), (0.0, 12.0)]
     start = Place(10.0, 40.0, 0.0, 0.0)
     sharp = driven(start, pieces, COMBINE)
@@ -151,8 +152,7 @@ def test_one_bend_without_room_leaves_the_others_eased(tight, monkeypatch):
     def is_clear(track, *_):
         return np.hypot(track.places[:, 0] - x, track.places[:, 1] - y).min() > 2.0
 
-    monkeypatch.setattr(finder, "_is_clear", is_clear)
-    made = finder._eased(start, pieces, COMBINE, drive, (), 0.0, 0.15)
+    made = eased_where_clear(start, pieces, COMBINE, drive.straight, is_clear)
     assert made.end == pytest.approx(sharp.end, abs=1e-6)
     assert np.abs(np.diff(made.distance)).max() <= 0.5 + 1e-9
     assert len(stops_along(sharp, drive)) == 6

@@ -201,7 +201,7 @@ def stopped(motion, speed):
     return steady.speed, end.distance - steady.distance
 
 
-@pytest.mark.parametrize("speed", [1.2, 2.8])
+@pytest.mark.parametrize("speed", [1.2, 3.2])
 @pytest.mark.parametrize("grade", [-0.18, -0.07, 0.04, 0.18])
 @each_level("motion")
 def test_gravity_along_the_way(level, limit, grade, speed):

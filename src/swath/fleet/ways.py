@@ -4,7 +4,7 @@ What is found is a `Track`: the places of the machine along it, samples at most 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -174,6 +174,35 @@ def eased(start: Place, pieces: Sequence[tuple[float, float]], body: Body, ramp:
         if shrunk or np.abs(change[len(bends) :]).max() > PARAMS.sharper:
             return None
     return None
+
+
+def eased_where_clear(
+    start: Place, pieces: Sequence[tuple[float, float]], body: Body, speed: float,
+    is_clear: Callable[[Track, float], bool], later: float = 0.0,
+) -> Track:  # fmt: skip
+    """Pieces eased as one where that is clear; else in two parts that meet on the straight nearest to the
+    middle; where there is none, over less, and at last not at all.
+
+    is_clear: of a part, and how much later than the first it begins [s]; speed: [m/s], for that alone
+    """
+    inner = [
+        i for i, (bend, length) in enumerate(pieces[1:-1], 1) if bend == 0.0 and abs(length) >= PARAMS.ramp_m
+    ]
+    for part in (1.0, 0.5, 0.25):
+        made = eased(start, pieces, body, part * PARAMS.ramp_m)
+        if made is not None and is_clear(made, later):
+            return made
+        if made is not None and inner:
+            break
+    if not inner:
+        return driven(start, pieces, body)
+    ends = np.cumsum([abs(length) for _, length in pieces])
+    at = min(inner, key=lambda i: abs(ends[i] - 0.5 * ends[-1]))
+    half = 0.0, 0.5 * pieces[at][1]
+    first = eased_where_clear(start, [*pieces[:at], half], body, speed, is_clear, later)
+    later += first.length / speed
+    rest = eased_where_clear(first.end, [half, *pieces[at + 1 :]], body, speed, is_clear, later)
+    return joined([first, rest])
 
 
 def merged(pieces: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -516,32 +545,11 @@ class Finder:
         pieces = [(float(k), float(d)) for k, d in rows if abs(d) > 1e-6] or [(0.0, 1e-3)]
         if drive.steering == math.inf or all(bend == 0.0 for bend, _ in pieces):
             return driven(start, pieces, body)
-        return self._eased(merged(pieces), asked)
 
-    def _eased(self, pieces: Sequence[tuple[float, float]], asked: _Asked) -> Track:
-        """Pieces eased as one where that is clear; else in two parts that meet on the straight nearest to the
-        middle; where there is none, over less, and at last not at all.
-        """
-        start, body = asked.start, asked.body
-        inner = [
-            i for i in range(1, len(pieces) - 1)
-            if pieces[i][0] == 0.0 and abs(pieces[i][1]) >= PARAMS.ramp_m
-        ]  # fmt: skip
-        for part in (1.0, 0.5, 0.25):
-            made = eased(start, pieces, body, part * PARAMS.ramp_m)
-            if made is not None and self._is_clear(made, asked):
-                return made
-            if made is not None and inner:
-                break
-        if not inner:
-            return driven(start, pieces, body)
-        ends = np.cumsum([abs(length) for _, length in pieces])
-        at = min(inner, key=lambda i: abs(ends[i] - 0.5 * ends[-1]))
-        half = 0.0, 0.5 * pieces[at][1]
-        first = self._eased([*pieces[:at], half], asked)
-        later = asked._replace(start=first.end, time=asked.time + first.length / asked.drive.straight)
-        rest = self._eased([half, *pieces[at + 1 :]], later)
-        return joined([first, rest])
+        def is_clear(made: Track, later: float) -> bool:
+            return self._is_clear(made, asked._replace(time=asked.time + later))
+
+        return eased_where_clear(start, merged(pieces), body, drive.straight, is_clear)
 
     def _launch(self, asked: _Asked, mode: int, track: Array = NOTHING) -> None:
         """Run the kernel."""
