@@ -11,6 +11,7 @@ from swath.fleet.ground import Grid
 from swath.fleet.ways import (
     PARAMS,
     Finder,
+    _Asked,
     driven,
     eased,
     limits_along,
@@ -152,7 +153,7 @@ def test_one_bend_without_room_leaves_the_others_eased(tight, monkeypatch):
         return np.hypot(track.places[:, 0] - x, track.places[:, 1] - y).min() > 2.0
 
     monkeypatch.setattr(finder, "_is_clear", is_clear)
-    made = finder._eased(start, pieces, COMBINE, drive, (), 0.0, 0.15)
+    made = finder._eased(pieces, _Asked(COMBINE, drive, start, sharp.end, gap=0.15))
     assert made.end == pytest.approx(sharp.end, abs=1e-6)
     assert np.abs(np.diff(made.distance)).max() <= 0.5 + 1e-9
     assert len(stops_along(sharp, drive)) == 6

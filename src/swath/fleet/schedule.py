@@ -367,27 +367,35 @@ class _Scheduler:
                 return self.takes(c, list(self.emptied(c)))
             c.is_done = self.goes_home(c)
             return c.is_done
-        options = self.first(c, legs, part=False)
+        options = self.first(c, legs, self.cuts)
         spent = min((o.ends - o.cuts for o, _ in options), default=math.inf) - c.time
         if c.tank > LEFT_KG and spent > PARAMS.long_s + c.tank / c.spec.auger:
             options += self.emptied(c)
         if not options:
-            options = self.first(c, self.next_legs(c) or iter(()), part=True)
+            options = self.first(c, legs, partial(self.cuts_part, anywhere=True))
         return self.takes(c, options)
 
-    def first(self, c: CombineState, legs: Iterator[_Leg], *, part: bool) -> list[tuple[Option, Any]]:
+    def first(
+        self, c: CombineState, legs: Sequence[_Leg],
+        options_on: Callable[[CombineState, _Leg], Iterator[tuple[Option, Any]]],
+    ) -> list[tuple[Option, Any]]:  # fmt: skip
         """What can be done on the first leg on which anything can, and on others of its kind that may save
-        time; part: or a part, wherever that ends
+        time; each on ground that is cut now, and on what is cut when all have done what is granted to them.
         """
         options: list[tuple[Option, Any]] = []
         spent, kind = math.inf, ""
+        moments = self.moments(c)
         for leg in legs:
-            if options and (leg.task.kind != kind or leg.least + PARAMS.saves_s > spent):
-                break
-            found = list(self.cuts(c, leg, part))
-            options += found
-            spent = min((o.ends - o.cuts - c.time for o, _ in options), default=math.inf)
-            kind = leg.task.kind
+            length = math.nan
+            for time in moments:
+                if options and (leg.task.kind != kind or leg.least + PARAMS.saves_s > spent):
+                    return options
+                found = self.with_way(c, leg, time)
+                if found is None or abs(found.path.track.length - length) < 0.1:
+                    continue
+                length, kind = found.path.track.length, leg.task.kind
+                options += options_on(c, found)
+                spent = min((o.ends - o.cuts - c.time for o, _ in options), default=math.inf)
         return options
 
     def takes(self, c: CombineState, options: list[tuple[Option, Any]]) -> bool:
@@ -484,18 +492,14 @@ class _Scheduler:
         here = c.place.x, c.place.y
         return sorted(passes, key=lambda p: (round(math.dist(here, p.start), 2), p.start))[: PARAMS.tries]
 
-    def next_legs(self, c: CombineState) -> Iterator[_Leg] | None:
-        """Ways to next passes and these passes, as far as there are ways; None where nothing is left for
-        it.
+    def next_legs(self, c: CombineState) -> list[_Leg] | None:
+        """Next passes without ways to them: headland first, then those first that cost the least time beside
+        that of cutting; None where nothing is left for it.
         """
         self.drop_empty()
         passes = self.candidates(c)
-        return self.legs(c, passes) if passes else None
-
-    def legs(self, c: CombineState, passes: Sequence[Pass]) -> Iterator[_Leg]:
-        """Legs to passes: headland first, then those first that cost the least time beside that of cutting;
-        on ground that is cut now, and on what is cut when all have done what is granted to them.
-        """
+        if not passes:
+            return None
         reach = self.reach(c)
         cuts: list[tuple[bool, float, int, _Leg]] = []
         known = self.runs.get(c.spec.name, {})
@@ -507,13 +511,7 @@ class _Scheduler:
                 way = reach(leg.path.track.start) / c.spec.drive.straight
                 leg.least = way + leg.lost
                 cuts.append((task.kind != HEADLAND, round(leg.least, 0), len(cuts), leg))
-        for *_, leg in sorted(cuts, key=lambda cut: cut[:3]):
-            length = math.nan
-            for time in self.moments(c):
-                found = self.with_way(c, leg, time)
-                if found is not None and not abs(found.path.track.length - length) < 0.1:
-                    length = found.path.track.length
-                    yield found
+        return [leg for *_, leg in sorted(cuts, key=lambda cut: cut[:3])]
 
     def moments(self, c: CombineState) -> list[float]:
         """When a combine may set out: now, or when all have done what is granted to them."""
@@ -629,25 +627,22 @@ class _Scheduler:
         return self.table.segments[self.table.last[name]]
 
     # what a combine can do
-    def cuts(self, c: CombineState, leg: _Leg, part: bool) -> Iterator[tuple[Option, Any]]:
+    def cuts(self, c: CombineState, leg: _Leg) -> Iterator[tuple[Option, Any]]:
         """Cut on: alone where the tank takes it, with carts beside; as much of it as the tank takes."""
-        levels = c.tank + np.concatenate([[0.0], np.cumsum(leg.masses)])
-        fits = bool(levels[-1] <= c.spec.tank + LEFT_KG)
+        levels = _levels(c, leg)
         meets = self.table.meets(leg.path, c.spec.name)
-        if fits:
-            times = self.table.earliest(c.spec.name, leg.path, c.time, meets=meets, after=leg.after)
-            if times is None:
-                return
-            ends = times[-1] + float(leg.path.spent[-1])
-            option = Option("cut", "", ends, ends, 0.0, float(levels[-1]), 0.0, 0.0, leg.cuts)
-            yield option, lambda: self.grant_cut(c, leg, times, meets)
-        if levels[-1] >= c.spec.call:
-            for k in self.likely(c):
-                found = self.served(k, partial(self.comes_beside, c, k, leg, levels))
-                if found is not None:
-                    yield found
-        if not fits and self.is_for_part(c):
-            yield from self.cuts_part(c, leg, levels, part)
+        times = self.table.earliest(c.spec.name, leg.path, c.time, meets=meets, after=leg.after)
+        if times is not None:
+            if levels[-1] <= c.spec.tank + LEFT_KG:
+                ends = times[-1] + float(leg.path.spent[-1])
+                option = Option("cut", "", ends, ends, 0.0, float(levels[-1]), 0.0, 0.0, leg.cuts)
+                yield option, lambda: self.grant_cut(c, leg, times, meets)
+            if levels[-1] >= c.spec.call:
+                for k in self.likely(c):
+                    found = self.served(k, partial(self.comes_beside, c, k, leg, levels, meets, times))
+                    if found is not None:
+                        yield found
+        yield from self.cuts_part(c, leg)
 
     def likely(self, c: CombineState) -> list[CartState]:
         """Carts with room, those that are free first."""
@@ -661,14 +656,13 @@ class _Scheduler:
         far = math.dist(start.place[:2], c.place[:2])
         return max(start.time + far / k.spec.drive.straight, c.time)
 
-    def cuts_part(
-        self, c: CombineState, leg: _Leg, levels: Array, anywhere: bool
-    ) -> Iterator[tuple[Option, Any]]:
-        """As much of a pass as the tank takes; what is left is a pass of its own. anywhere: not only up to
-        where a cart can come beside
+    def cuts_part(self, c: CombineState, leg: _Leg, anywhere: bool = False) -> Iterator[tuple[Option, Any]]:
+        """As much of a pass as the tank takes, where it does not take all; what is left is a pass of its own.
+        anywhere: not only up to where a cart can come beside
         """
+        levels = _levels(c, leg)
         count = int(np.searchsorted(levels, c.spec.tank, side="right")) - 1
-        if count < 1:
+        if levels[-1] <= c.spec.tank + LEFT_KG or not self.is_for_part(c) or count < 1:
             return
         if not anywhere and self.carts:
             lanes = [self.free_lane(c, k, leg) for k in self.likely(c)]
@@ -677,7 +671,8 @@ class _Scheduler:
         path = leg.path.until(leg.first + count)
         masses, density, strips = leg.masses[:count], leg.density[:count], leg.strips[:count]
         part = replace(leg, path=path, masses=masses, density=density, strips=strips)
-        times = self.table.earliest(c.spec.name, path, c.time, after=leg.after)
+        meets = self.table.meets(path, c.spec.name)
+        times = self.table.earliest(c.spec.name, path, c.time, meets=meets, after=leg.after)
         if times is None:
             return
         share = count / len(leg.masses)
@@ -685,7 +680,7 @@ class _Scheduler:
         rest = Pass(middle, leg.task.end, leg.task.width, leg.task.kind, leg.task.land, leg.task.combine)  # type: ignore[arg-type]
         ends = times[-1] + float(path.spent[-1])
         option = Option("cut", "", ends, ends, 0.0, float(levels[count]), 0.0, 0.0, part.cuts)
-        yield option, lambda: self.grant_cut(c, part, times, None, rest)
+        yield option, lambda: self.grant_cut(c, part, times, meets, rest)
 
     def grant_cut(
         self, c: CombineState, leg: _Leg, times: list[float], meets: Any, rest: Pass | None = None
@@ -746,9 +741,12 @@ class _Scheduler:
         return {first + i: t for i, t in enumerate(cut)}
 
     def comes_beside(
-        self, c: CombineState, k: CartState, leg: _Leg, levels: Array, start: Start
-    ) -> tuple[Option, Any] | None:
-        """A cart drives beside the combine in its pass, over cut ground, and is poured into."""
+        self, c: CombineState, k: CartState, leg: _Leg, levels: Array, meets: list[list[int]],
+        times: list[float] | None, start: Start,
+    ) -> tuple[Option, Any] | None:  # fmt: skip
+        """A cart drives beside the combine in its pass, over cut ground, and is poured into. meets: who is
+        met on the leg; times: its first ones [s]
+        """
         ahead, left = beside(c.spec, k.spec)
         run = self.free_lane(c, k, leg)
         if run is None:
@@ -773,14 +771,12 @@ class _Scheduler:
         lane = self.lane(k, leg, goal, first, last)
         after = trip.after | self.cut_by(lane, start.time, c.time, to)
         trip = replace(trip, path=trip.path.then(lane), after=after)
-        meets = self.table.meets(leg.path, c.spec.name)
         begin = c.time
         full = int(np.searchsorted(levels, c.spec.tank + LEFT_KG, side="right")) - 1  # that the tank takes
         for _ in range(3):
-            mark = self.table.mark()
-            times = self.table.earliest(c.spec.name, leg.path, begin, meets=meets, after=leg.after)
             if times is None:
                 return None
+            mark = self.table.mark()
             self.table.commit(c.spec.name, leg.path, times, meets)
             self.calls_back(start)
             found, late = self.meets_there(c, leg, trip, to, (first, last), levels, times, full)
@@ -788,6 +784,7 @@ class _Scheduler:
             if found is not None or late <= 0.0 or full >= len(leg.masses):
                 break
             begin = max(begin, times[0]) + late + PARAMS.early_s
+            times = self.table.earliest(c.spec.name, leg.path, begin, meets=meets, after=leg.after)
         if found is None or times is None:
             return None
         granted = times
@@ -1215,6 +1212,11 @@ class _Scheduler:
                     c.place, c.home, c.time = place, place, times[-1] + float(path.spent[-1])
                     return True
         return False
+
+
+def _levels(c: CombineState, leg: _Leg) -> Array:
+    """Of a combine's tank, before each segment of its pass and behind the last [kg]."""
+    return c.tank + np.concatenate([[0.0], np.cumsum(leg.masses)])
 
 
 def _strips(task: Pass, width: float, marks: Array) -> Any:
