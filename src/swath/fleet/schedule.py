@@ -124,6 +124,16 @@ class CartState:
         home = Start(self.home, self.time)
         return [home] if self.loaded is None else [self.loaded, home]
 
+    @property
+    def room(self) -> float:
+        """That is left in its box [kg]."""
+        return self.spec.load - self.load
+
+    @property
+    def leaves(self) -> float:
+        """Least load that is worth the way to the truck [kg]."""
+        return min(self.spec.leave, (1.0 - PARAMS.room) * self.spec.load)
+
 
 @dataclass
 class _Trip:
@@ -255,9 +265,8 @@ class _Scheduler:
             self.table.stand(k.spec.name, standing(k.home, k.spec.body, 0.0, "home"))
         self.homes = {k.spec.name: run_of(k.spec.body, k.home, 0.0, WIDE) for k in self.carts}
         self.places = list(self.service_places()) if self.carts else []
-        self.runs: dict[
-            str, dict[Pass, tuple[Path, Any, Array]]
-        ] = {}  # of each combine along passes it may cut next
+        # of each combine along the passes that it may cut next, see `run_along`
+        self.runs: dict[str, dict[Pass, tuple[Path, Any, Array]]] = {}
         self.vain: dict[Place, int] = {}  # how often in a row nobody could be emptied there
         self.inner = list(along_passes(plan)) if self.carts else []
 
@@ -294,7 +303,7 @@ class _Scheduler:
         room = 0
         while any(not c.is_done for c in self.combines):
             for k in self.carts:  # who came home with its load, since the way to the truck was not free
-                if self.is_full(k):
+                if k.load >= k.leaves:
                     self.empties(k)
             busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: (c.time, c.spec.name))
             if self.goes_on(busy) or self.goes_on(busy, patience=PARAMS.tries):
@@ -413,7 +422,7 @@ class _Scheduler:
 
     def state(self, c: CombineState, options: tuple[Option, ...]) -> State:
         """What a dispatcher is told."""
-        carts = {k.spec.name: (k.starts[0].time, k.spec.load - k.load) for k in self.carts}
+        carts = {k.spec.name: (k.starts[0].time, k.room) for k in self.carts}
         others = {
             o.spec.name: Ahead(o.time, o.tank, o.spec.tank, self.fills(o))
             for o in self.combines
@@ -423,10 +432,7 @@ class _Scheduler:
         far = math.dist(c.place[:2], self.ground.dock[:2])
         ways = {k.spec.name: far / k.spec.drive.straight for k in self.carts}
         at_truck = {k.spec.name: self.job.truck.dock_s + k.spec.leave / k.spec.out for k in self.carts}
-        boxes = {
-            k.spec.name: (k.spec.load, min(k.spec.leave, (1.0 - PARAMS.room) * k.spec.load))
-            for k in self.carts
-        }
+        boxes = {k.spec.name: (k.spec.load, k.leaves) for k in self.carts}
         places = {o.spec.name: o.place[:2] for o in self.combines}
         places |= {k.spec.name: k.starts[0].place[:2] for k in self.carts}
         return State(
@@ -646,7 +652,7 @@ class _Scheduler:
 
     def likely(self, c: CombineState) -> list[CartState]:
         """Carts with room, those that are free first."""
-        room = [k for k in self.carts if k.spec.load - k.load > PARAMS.room * k.spec.load]
+        room = [k for k in self.carts if k.room > PARAMS.room * k.spec.load]
         return sorted(room, key=lambda k: (self.comes(k, c), k.spec.name))[: PARAMS.carts]
 
     @staticmethod
@@ -819,7 +825,7 @@ class _Scheduler:
         it has taken a load [s]
         """
         empties, home, _ = exits
-        return (home, k.spec.load) if empties else (over, k.spec.load - k.load - load)
+        return (home, k.spec.load) if empties else (over, k.room - load)
 
     def hands_over(self, c: CombineState, k: CartState, poured: Poured) -> None:
         """Grain from a tank into a box."""
@@ -900,7 +906,7 @@ class _Scheduler:
         meet = next((first + i for i, x in enumerate(late) if x <= 0.0), None)
         if meet is None or meet > full:
             return None, late[min(full, last - 1) - first] if full >= first else 0.0
-        room, level = k.spec.load - k.load, float(levels[meet])
+        room, level = k.room, float(levels[meet])
         amounts: list[float] = []
         for i in range(meet, last):
             spent = into[leg.first + i + 1] - into[leg.first + i]
@@ -930,17 +936,11 @@ class _Scheduler:
         self, trip: _Trip, time: float, load: float
     ) -> tuple[Path, list[float], tuple[bool, float, list[Poured]]] | None:
         """A trip with what follows: to the truck if the load is worth it, then to the cart's place."""
-        for empties in (True, False) if self.is_full(trip.cart, load) else (False,):
+        for empties in (True, False) if load >= trip.cart.leaves else (False,):
             found = self.home_by(trip, time, load, empties)
             if found is not None:
                 return found
         return None
-
-    @staticmethod
-    def is_full(k: CartState, load: float | None = None) -> bool:
-        """Whether a load is worth the way to the truck."""
-        load = k.load if load is None else load
-        return load >= min(k.spec.leave, (1.0 - PARAMS.room) * k.spec.load)
 
     def home_by(
         self, trip: _Trip, time: float, load: float, empties: bool
@@ -1020,21 +1020,21 @@ class _Scheduler:
                 yield at_truck
             return
         found: list[tuple[Option, Any]] = []
-        looked = 0
+        looked, most, likely = 0, self.patience * PARAMS.places, self.likely(c)
         for place in self.by_way(c):
-            for k in self.likely(c):
-                if looked < self.patience * PARAMS.places and self.has_room(c, k, place):
+            for k in likely:
+                if looked < most and self.has_room(c, k, place):
                     looked += 1
                     one = self.served(k, partial(self.stands, c, k, place))
                     found += [one] if one is not None else []
                     self.vain[place] = 0 if one is not None else self.vain.get(place, 0) + 1
-            if len(found) >= min(2, len(self.carts)):
+            if looked >= most or len(found) >= min(2, len(self.carts)):
                 break
         yield from found
 
     def by_way(self, c: CombineState) -> list[Place]:
         """Places to be emptied at, those first to which it and a cart there and back have not far."""
-        k = self.likely(c)[0] if self.likely(c) else self.carts[0]
+        k = next(iter(self.likely(c)), self.carts[0])
         start = k.starts[0]
         come, go = self.far(k, start.place, c.time)
         ahead, left = beside(c.spec, k.spec)
@@ -1106,7 +1106,7 @@ class _Scheduler:
         way = self.way(c.spec, c.place, place, c.time, "way to unload")
         if way is None:
             return None
-        amount = min(c.tank, k.spec.load - k.load)
+        amount = min(c.tank, k.room)
         pour = amount / c.spec.auger
         path = way.then(standing(way.track.end, c.spec.body, 0.0, "waits for cart"))
         path = path.then(standing(way.track.end, c.spec.body, pour, "pours standing"))
@@ -1161,7 +1161,7 @@ class _Scheduler:
             return None
         begin, first = came[at], len(trip.exact)
         trip = replace(trip, path=path, exact={**trip.exact, at: begin}, after=after)
-        found = self.away(trip, begin + pour, k.load + min(c.tank, k.spec.load - k.load))
+        found = self.away(trip, begin + pour, k.load + min(c.tank, k.room))
         return None if found is None else (*found, first, at)
 
     def is_room(self, machine: Combine | Cart, place: Place, time: float) -> bool:
