@@ -134,16 +134,16 @@ def test_who_always_lets_others_go_first_is_asked_once_and_the_job_ends():
         def decide(self, state: State) -> Option | None:
             return None if state.may_wait else Greedy().decide(state)
 
-    schedule = schedule_of(read_job("small-echelon")[0], dispatcher=Polite())
+    schedule = schedule_of(read_job("small-two-combines")[0], dispatcher=Polite())
     assert schedule.delivered == pytest.approx(schedule.harvested)
     assert looked_at(schedule).contact == {}
 
 
 def test_two_combines_on_a_small_field_do_not_wait_for_each_other():
     """They set out on ground as it is cut: half of the time that both have is that of cutting."""
-    worked = by_events(schedule_of(read_job("small-echelon")[0]))
+    worked = by_events(schedule_of(read_job("small-two-combines")[0]))
     assert worked.efficiency > 0.5
-    again = by_events(schedule_of(read_job("small-echelon")[0]))
+    again = by_events(schedule_of(read_job("small-two-combines")[0]))
     assert (again.ends, again.cut) == (worked.ends, worked.cut)
 
 

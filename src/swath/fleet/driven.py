@@ -60,14 +60,12 @@ class _Held:
 
 
 class Grants:
-    """Hands out the segments of an order; `granted` says how far a machine may go. Five verbs, after the
-    blockade of open-rmf:
+    """Hands out the segments of an order; `granted` says how far a machine may go. Three verbs, after those
+    of the blockade of open-rmf:
 
     set       a machine's path under a reservation: the segments that it will enter, in order
     ready     it wants to go as far as a segment
     reached   it has entered a segment, and with it left all before
-    release   it needs no more of its path than up to a segment
-    cancel    it no longer wants to go on: what it was granted and has not entered is free again
 
     Every message names its reservation; one of an older reservation is ignored, and one that comes late or
     twice changes nothing, since what was reached or asked for only grows. A machine that hears nothing stands
@@ -102,25 +100,12 @@ class Grants:
             self._entered.update(held.path[held.at + 1 : held.place[segment] + 1])
             held.at = held.place[segment]
 
-    def release(self, machine: str, reservation: int, segment: int) -> None:
-        """A path ends with a segment that its machine may go to: nothing behind it is granted any more."""
-        held = self._of(machine, reservation)
-        if held is not None and held.place.get(segment, -1) >= held.granted:
-            held.wants = min(held.wants, held.place[segment])
-
-    def cancel(self, machine: str, reservation: int) -> None:
-        """A machine stands where it is: what it was granted and has not entered is free again."""
-        held = self._of(machine, reservation)
-        if held is not None:
-            self._asked.difference_update(held.path[held.at + 1 :])
-            held.wants = held.granted = held.at
-
     def granted(self, machine: str) -> int | None:
         """The segment that a machine may go as far as, None before its first."""
         held = self._held.get(machine)
         if held is None:
             return None
-        while held.granted < held.wants and self._is_free(held.path[held.granted + 1]):
+        while held.granted < held.wants and self.waits_for(held.path[held.granted + 1]) is None:
             held.granted += 1
         return held.path[held.granted] if held.granted >= 0 else None
 
@@ -139,10 +124,6 @@ class Grants:
                 if other not in self._entered and not (waits and member == segment):
                     return member, other
         return None
-
-    def _is_free(self, segment: int) -> bool:
-        """Whether all that comes before a segment is left, and who enters with it is there and ready, too."""
-        return self.waits_for(segment) is None
 
 
 @dataclass

@@ -124,6 +124,16 @@ class CartState:
         home = Start(self.home, self.time)
         return [home] if self.loaded is None else [self.loaded, home]
 
+    @property
+    def room(self) -> float:
+        """That is left in its box [kg]."""
+        return self.spec.load - self.load
+
+    @property
+    def leaves(self) -> float:
+        """Least load that is worth the way to the truck [kg]."""
+        return min(self.spec.leave, (1.0 - PARAMS.room) * self.spec.load)
+
 
 @dataclass
 class _Trip:
@@ -255,9 +265,8 @@ class _Scheduler:
             self.table.stand(k.spec.name, standing(k.home, k.spec.body, 0.0, "home"))
         self.homes = {k.spec.name: run_of(k.spec.body, k.home, 0.0, WIDE) for k in self.carts}
         self.places = list(self.service_places()) if self.carts else []
-        self.runs: dict[
-            str, dict[Pass, tuple[Path, Any, Array]]
-        ] = {}  # of each combine along passes it may cut next
+        # of each combine along the passes that it may cut next, see `run_along`
+        self.runs: dict[str, dict[Pass, tuple[Path, Any, Array]]] = {}
         self.vain: dict[Place, int] = {}  # how often in a row nobody could be emptied there
         self.inner = list(along_passes(plan)) if self.carts else []
 
@@ -294,7 +303,7 @@ class _Scheduler:
         room = 0
         while any(not c.is_done for c in self.combines):
             for k in self.carts:  # who came home with its load, since the way to the truck was not free
-                if self.is_full(k):
+                if k.load >= k.leaves:
                     self.empties(k)
             busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: (c.time, c.spec.name))
             if self.goes_on(busy) or self.goes_on(busy, patience=PARAMS.tries):
@@ -367,27 +376,35 @@ class _Scheduler:
                 return self.takes(c, list(self.emptied(c)))
             c.is_done = self.goes_home(c)
             return c.is_done
-        options = self.first(c, legs, part=False)
+        options = self.first(c, legs, self.cuts)
         spent = min((o.ends - o.cuts for o, _ in options), default=math.inf) - c.time
         if c.tank > LEFT_KG and spent > PARAMS.long_s + c.tank / c.spec.auger:
             options += self.emptied(c)
         if not options:
-            options = self.first(c, self.next_legs(c) or iter(()), part=True)
+            options = self.first(c, legs, partial(self.cuts_part, anywhere=True))
         return self.takes(c, options)
 
-    def first(self, c: CombineState, legs: Iterator[_Leg], *, part: bool) -> list[tuple[Option, Any]]:
+    def first(
+        self, c: CombineState, legs: Sequence[_Leg],
+        options_on: Callable[[CombineState, _Leg], Iterator[tuple[Option, Any]]],
+    ) -> list[tuple[Option, Any]]:  # fmt: skip
         """What can be done on the first leg on which anything can, and on others of its kind that may save
-        time; part: or a part, wherever that ends
+        time; each on ground that is cut now, and on what is cut when all have done what is granted to them.
         """
         options: list[tuple[Option, Any]] = []
         spent, kind = math.inf, ""
+        moments = self.moments(c)
         for leg in legs:
-            if options and (leg.task.kind != kind or leg.least + PARAMS.saves_s > spent):
-                break
-            found = list(self.cuts(c, leg, part))
-            options += found
-            spent = min((o.ends - o.cuts - c.time for o, _ in options), default=math.inf)
-            kind = leg.task.kind
+            length = math.nan
+            for time in moments:
+                if options and (leg.task.kind != kind or leg.least + PARAMS.saves_s > spent):
+                    return options
+                found = self.with_way(c, leg, time)
+                if found is None or abs(found.path.track.length - length) < 0.1:
+                    continue
+                length, kind = found.path.track.length, leg.task.kind
+                options += options_on(c, found)
+                spent = min((o.ends - o.cuts - c.time for o, _ in options), default=math.inf)
         return options
 
     def takes(self, c: CombineState, options: list[tuple[Option, Any]]) -> bool:
@@ -405,7 +422,7 @@ class _Scheduler:
 
     def state(self, c: CombineState, options: tuple[Option, ...]) -> State:
         """What a dispatcher is told."""
-        carts = {k.spec.name: (k.starts[0].time, k.spec.load - k.load) for k in self.carts}
+        carts = {k.spec.name: (k.starts[0].time, k.room) for k in self.carts}
         others = {
             o.spec.name: Ahead(o.time, o.tank, o.spec.tank, self.fills(o))
             for o in self.combines
@@ -415,10 +432,7 @@ class _Scheduler:
         far = math.dist(c.place[:2], self.ground.dock[:2])
         ways = {k.spec.name: far / k.spec.drive.straight for k in self.carts}
         at_truck = {k.spec.name: self.job.truck.dock_s + k.spec.leave / k.spec.out for k in self.carts}
-        boxes = {
-            k.spec.name: (k.spec.load, min(k.spec.leave, (1.0 - PARAMS.room) * k.spec.load))
-            for k in self.carts
-        }
+        boxes = {k.spec.name: (k.spec.load, k.leaves) for k in self.carts}
         places = {o.spec.name: o.place[:2] for o in self.combines}
         places |= {k.spec.name: k.starts[0].place[:2] for k in self.carts}
         return State(
@@ -484,18 +498,14 @@ class _Scheduler:
         here = c.place.x, c.place.y
         return sorted(passes, key=lambda p: (round(math.dist(here, p.start), 2), p.start))[: PARAMS.tries]
 
-    def next_legs(self, c: CombineState) -> Iterator[_Leg] | None:
-        """Ways to next passes and these passes, as far as there are ways; None where nothing is left for
-        it.
+    def next_legs(self, c: CombineState) -> list[_Leg] | None:
+        """Next passes without ways to them: headland first, then those first that cost the least time beside
+        that of cutting; None where nothing is left for it.
         """
         self.drop_empty()
         passes = self.candidates(c)
-        return self.legs(c, passes) if passes else None
-
-    def legs(self, c: CombineState, passes: Sequence[Pass]) -> Iterator[_Leg]:
-        """Legs to passes: headland first, then those first that cost the least time beside that of cutting;
-        on ground that is cut now, and on what is cut when all have done what is granted to them.
-        """
+        if not passes:
+            return None
         reach = self.reach(c)
         cuts: list[tuple[bool, float, int, _Leg]] = []
         known = self.runs.get(c.spec.name, {})
@@ -507,13 +517,7 @@ class _Scheduler:
                 way = reach(leg.path.track.start) / c.spec.drive.straight
                 leg.least = way + leg.lost
                 cuts.append((task.kind != HEADLAND, round(leg.least, 0), len(cuts), leg))
-        for *_, leg in sorted(cuts, key=lambda cut: cut[:3]):
-            length = math.nan
-            for time in self.moments(c):
-                found = self.with_way(c, leg, time)
-                if found is not None and not abs(found.path.track.length - length) < 0.1:
-                    length = found.path.track.length
-                    yield found
+        return [leg for *_, leg in sorted(cuts, key=lambda cut: cut[:3])]
 
     def moments(self, c: CombineState) -> list[float]:
         """When a combine may set out: now, or when all have done what is granted to them."""
@@ -629,29 +633,26 @@ class _Scheduler:
         return self.table.segments[self.table.last[name]]
 
     # what a combine can do
-    def cuts(self, c: CombineState, leg: _Leg, part: bool) -> Iterator[tuple[Option, Any]]:
+    def cuts(self, c: CombineState, leg: _Leg) -> Iterator[tuple[Option, Any]]:
         """Cut on: alone where the tank takes it, with carts beside; as much of it as the tank takes."""
-        levels = c.tank + np.concatenate([[0.0], np.cumsum(leg.masses)])
-        fits = bool(levels[-1] <= c.spec.tank + LEFT_KG)
+        levels = _levels(c, leg)
         meets = self.table.meets(leg.path, c.spec.name)
-        if fits:
-            times = self.table.earliest(c.spec.name, leg.path, c.time, meets=meets, after=leg.after)
-            if times is None:
-                return
-            ends = times[-1] + float(leg.path.spent[-1])
-            option = Option("cut", "", ends, ends, 0.0, float(levels[-1]), 0.0, 0.0, leg.cuts)
-            yield option, lambda: self.grant_cut(c, leg, times, meets)
-        if levels[-1] >= c.spec.call:
-            for k in self.likely(c):
-                found = self.served(k, partial(self.comes_beside, c, k, leg, levels))
-                if found is not None:
-                    yield found
-        if not fits and self.is_for_part(c):
-            yield from self.cuts_part(c, leg, levels, part)
+        times = self.table.earliest(c.spec.name, leg.path, c.time, meets=meets, after=leg.after)
+        if times is not None:
+            if levels[-1] <= c.spec.tank + LEFT_KG:
+                ends = times[-1] + float(leg.path.spent[-1])
+                option = Option("cut", "", ends, ends, 0.0, float(levels[-1]), 0.0, 0.0, leg.cuts)
+                yield option, lambda: self.grant_cut(c, leg, times, meets)
+            if levels[-1] >= c.spec.call:
+                for k in self.likely(c):
+                    found = self.served(k, partial(self.comes_beside, c, k, leg, levels, meets, times))
+                    if found is not None:
+                        yield found
+        yield from self.cuts_part(c, leg)
 
     def likely(self, c: CombineState) -> list[CartState]:
         """Carts with room, those that are free first."""
-        room = [k for k in self.carts if k.spec.load - k.load > PARAMS.room * k.spec.load]
+        room = [k for k in self.carts if k.room > PARAMS.room * k.spec.load]
         return sorted(room, key=lambda k: (self.comes(k, c), k.spec.name))[: PARAMS.carts]
 
     @staticmethod
@@ -661,14 +662,13 @@ class _Scheduler:
         far = math.dist(start.place[:2], c.place[:2])
         return max(start.time + far / k.spec.drive.straight, c.time)
 
-    def cuts_part(
-        self, c: CombineState, leg: _Leg, levels: Array, anywhere: bool
-    ) -> Iterator[tuple[Option, Any]]:
-        """As much of a pass as the tank takes; what is left is a pass of its own. anywhere: not only up to
-        where a cart can come beside
+    def cuts_part(self, c: CombineState, leg: _Leg, anywhere: bool = False) -> Iterator[tuple[Option, Any]]:
+        """As much of a pass as the tank takes, where it does not take all; what is left is a pass of its own.
+        anywhere: not only up to where a cart can come beside
         """
+        levels = _levels(c, leg)
         count = int(np.searchsorted(levels, c.spec.tank, side="right")) - 1
-        if count < 1:
+        if levels[-1] <= c.spec.tank + LEFT_KG or not self.is_for_part(c) or count < 1:
             return
         if not anywhere and self.carts:
             lanes = [self.free_lane(c, k, leg) for k in self.likely(c)]
@@ -677,7 +677,8 @@ class _Scheduler:
         path = leg.path.until(leg.first + count)
         masses, density, strips = leg.masses[:count], leg.density[:count], leg.strips[:count]
         part = replace(leg, path=path, masses=masses, density=density, strips=strips)
-        times = self.table.earliest(c.spec.name, path, c.time, after=leg.after)
+        meets = self.table.meets(path, c.spec.name)
+        times = self.table.earliest(c.spec.name, path, c.time, meets=meets, after=leg.after)
         if times is None:
             return
         share = count / len(leg.masses)
@@ -685,7 +686,7 @@ class _Scheduler:
         rest = Pass(middle, leg.task.end, leg.task.width, leg.task.kind, leg.task.land, leg.task.combine)  # type: ignore[arg-type]
         ends = times[-1] + float(path.spent[-1])
         option = Option("cut", "", ends, ends, 0.0, float(levels[count]), 0.0, 0.0, part.cuts)
-        yield option, lambda: self.grant_cut(c, part, times, None, rest)
+        yield option, lambda: self.grant_cut(c, part, times, meets, rest)
 
     def grant_cut(
         self, c: CombineState, leg: _Leg, times: list[float], meets: Any, rest: Pass | None = None
@@ -746,9 +747,12 @@ class _Scheduler:
         return {first + i: t for i, t in enumerate(cut)}
 
     def comes_beside(
-        self, c: CombineState, k: CartState, leg: _Leg, levels: Array, start: Start
-    ) -> tuple[Option, Any] | None:
-        """A cart drives beside the combine in its pass, over cut ground, and is poured into."""
+        self, c: CombineState, k: CartState, leg: _Leg, levels: Array, meets: list[list[int]],
+        times: list[float] | None, start: Start,
+    ) -> tuple[Option, Any] | None:  # fmt: skip
+        """A cart drives beside the combine in its pass, over cut ground, and is poured into. meets: who is
+        met on the leg; times: its first ones [s]
+        """
         ahead, left = beside(c.spec, k.spec)
         run = self.free_lane(c, k, leg)
         if run is None:
@@ -773,14 +777,12 @@ class _Scheduler:
         lane = self.lane(k, leg, goal, first, last)
         after = trip.after | self.cut_by(lane, start.time, c.time, to)
         trip = replace(trip, path=trip.path.then(lane), after=after)
-        meets = self.table.meets(leg.path, c.spec.name)
         begin = c.time
         full = int(np.searchsorted(levels, c.spec.tank + LEFT_KG, side="right")) - 1  # that the tank takes
         for _ in range(3):
-            mark = self.table.mark()
-            times = self.table.earliest(c.spec.name, leg.path, begin, meets=meets, after=leg.after)
             if times is None:
                 return None
+            mark = self.table.mark()
             self.table.commit(c.spec.name, leg.path, times, meets)
             self.calls_back(start)
             found, late = self.meets_there(c, leg, trip, to, (first, last), levels, times, full)
@@ -788,6 +790,7 @@ class _Scheduler:
             if found is not None or late <= 0.0 or full >= len(leg.masses):
                 break
             begin = max(begin, times[0]) + late + PARAMS.early_s
+            times = self.table.earliest(c.spec.name, leg.path, begin, meets=meets, after=leg.after)
         if found is None or times is None:
             return None
         granted = times
@@ -822,7 +825,7 @@ class _Scheduler:
         it has taken a load [s]
         """
         empties, home, _ = exits
-        return (home, k.spec.load) if empties else (over, k.spec.load - k.load - load)
+        return (home, k.spec.load) if empties else (over, k.room - load)
 
     def hands_over(self, c: CombineState, k: CartState, poured: Poured) -> None:
         """Grain from a tank into a box."""
@@ -903,7 +906,7 @@ class _Scheduler:
         meet = next((first + i for i, x in enumerate(late) if x <= 0.0), None)
         if meet is None or meet > full:
             return None, late[min(full, last - 1) - first] if full >= first else 0.0
-        room, level = k.spec.load - k.load, float(levels[meet])
+        room, level = k.room, float(levels[meet])
         amounts: list[float] = []
         for i in range(meet, last):
             spent = into[leg.first + i + 1] - into[leg.first + i]
@@ -933,17 +936,11 @@ class _Scheduler:
         self, trip: _Trip, time: float, load: float
     ) -> tuple[Path, list[float], tuple[bool, float, list[Poured]]] | None:
         """A trip with what follows: to the truck if the load is worth it, then to the cart's place."""
-        for empties in (True, False) if self.is_full(trip.cart, load) else (False,):
+        for empties in (True, False) if load >= trip.cart.leaves else (False,):
             found = self.home_by(trip, time, load, empties)
             if found is not None:
                 return found
         return None
-
-    @staticmethod
-    def is_full(k: CartState, load: float | None = None) -> bool:
-        """Whether a load is worth the way to the truck."""
-        load = k.load if load is None else load
-        return load >= min(k.spec.leave, (1.0 - PARAMS.room) * k.spec.load)
 
     def home_by(
         self, trip: _Trip, time: float, load: float, empties: bool
@@ -1023,21 +1020,21 @@ class _Scheduler:
                 yield at_truck
             return
         found: list[tuple[Option, Any]] = []
-        looked = 0
+        looked, most, likely = 0, self.patience * PARAMS.places, self.likely(c)
         for place in self.by_way(c):
-            for k in self.likely(c):
-                if looked < self.patience * PARAMS.places and self.has_room(c, k, place):
+            for k in likely:
+                if looked < most and self.has_room(c, k, place):
                     looked += 1
                     one = self.served(k, partial(self.stands, c, k, place))
                     found += [one] if one is not None else []
                     self.vain[place] = 0 if one is not None else self.vain.get(place, 0) + 1
-            if len(found) >= min(2, len(self.carts)):
+            if looked >= most or len(found) >= min(2, len(self.carts)):
                 break
         yield from found
 
     def by_way(self, c: CombineState) -> list[Place]:
         """Places to be emptied at, those first to which it and a cart there and back have not far."""
-        k = self.likely(c)[0] if self.likely(c) else self.carts[0]
+        k = next(iter(self.likely(c)), self.carts[0])
         start = k.starts[0]
         come, go = self.far(k, start.place, c.time)
         ahead, left = beside(c.spec, k.spec)
@@ -1109,7 +1106,7 @@ class _Scheduler:
         way = self.way(c.spec, c.place, place, c.time, "way to unload")
         if way is None:
             return None
-        amount = min(c.tank, k.spec.load - k.load)
+        amount = min(c.tank, k.room)
         pour = amount / c.spec.auger
         path = way.then(standing(way.track.end, c.spec.body, 0.0, "waits for cart"))
         path = path.then(standing(way.track.end, c.spec.body, pour, "pours standing"))
@@ -1164,7 +1161,7 @@ class _Scheduler:
             return None
         begin, first = came[at], len(trip.exact)
         trip = replace(trip, path=path, exact={**trip.exact, at: begin}, after=after)
-        found = self.away(trip, begin + pour, k.load + min(c.tank, k.spec.load - k.load))
+        found = self.away(trip, begin + pour, k.load + min(c.tank, k.room))
         return None if found is None else (*found, first, at)
 
     def is_room(self, machine: Combine | Cart, place: Place, time: float) -> bool:
@@ -1215,6 +1212,11 @@ class _Scheduler:
                     c.place, c.home, c.time = place, place, times[-1] + float(path.spent[-1])
                     return True
         return False
+
+
+def _levels(c: CombineState, leg: _Leg) -> Array:
+    """Of a combine's tank, before each segment of its pass and behind the last [kg]."""
+    return c.tank + np.concatenate([[0.0], np.cumsum(leg.masses)])
 
 
 def _strips(task: Pass, width: float, marks: Array) -> Any:
