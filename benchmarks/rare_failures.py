@@ -3,8 +3,8 @@
     python -m benchmarks.rare_failures --repeats 400 --budget 2000
 
 Limits in closed form stand in for runs, each broken with probability 1e-4: a half space of normal variables,
-the sum of uniform ones, a corner, two regions on opposite sides. Plain runs beside it: their expected half
-width is 1.96 / sqrt(runs * probability).
+the sum of uniform ones, a corner, two regions on opposite sides, four corners (with which the method was not
+built). Plain runs beside it: their expected half width is 1.96 / sqrt(runs * probability).
 """
 
 import argparse
@@ -45,6 +45,12 @@ def two_sides(d: int) -> Margin:
     return lambda z: np.minimum(first - z[:, 0], second + z[:, 0]) / first
 
 
+def corners(d: int) -> Margin:
+    """Uniform variables: each is large or small, in any of the 2^d combinations."""
+    side = 0.5 * RARE ** (1.0 / d)
+    return lambda z: 2.0 * (np.max(0.5 - np.abs(ndtr(z) - 0.5), axis=1) - side)
+
+
 SHAPES: dict[str, tuple[Callable[[int], Margin], int]] = {
     "half space, 2": (half_space, 2),
     "half space, 6": (half_space, 6),
@@ -52,6 +58,7 @@ SHAPES: dict[str, tuple[Callable[[int], Margin], int]] = {
     "sum of uniform, 6": (simplex, 6),
     "corner, 2": (corner, 2),
     "two regions, 2": (two_sides, 2),
+    "four corners, 2": (corners, 2),
 }
 
 

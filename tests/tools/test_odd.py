@@ -414,7 +414,9 @@ def test_requirements_lead_to_runs_and_runs_to_requirements(tmp_path: Path):
     assert ("R-9", "1", "not judged") in judged
     assert ("R-9", "3", "fail") in judged
     assert rows[0]["again"] == "swath test again out 00000000"
-    for name, text in (("R-8: [distanse_m]", "distance_m"), ("R-8: []", "names of limits")):
+    assert odd.case.file.vary[RAIN].drawn_values == ["no_rain", "drizzle", "showers", "downpour"]
+    wrong = (("R-8: [distanse_m]", "distance_m"), ("R-8: []", "names of limits"), ("R-8: [combine]", "limit"))
+    for name, text in wrong:
         with pytest.raises(InputError, match=text):
             read_odd(write_odd(tmp_path / "wrong", binding.replace("R-8: [distance_m]", name)))
 

@@ -7,7 +7,7 @@ to: a link there goes, what it leads to stays. Errors of writing name their file
 import io
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -88,3 +88,9 @@ def own_folder(path: Path) -> Path:
     """As `no_link`, made where it is missing."""
     no_link(path).mkdir(parents=True, exist_ok=True)
     return path
+
+
+def check_folder(path: Path, files: Collection[str], what: str) -> None:
+    """InputError for an `--out` in which other files lie than these. what: that may lie there, in words"""
+    if path.exists() and (not path.is_dir() or any(f.name not in files for f in path.iterdir())):
+        raise InputError("--out", str(path), f"expected a new or empty folder, or {what}")

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
-from swath.core.whole_file import new_file, write_whole
+from swath.core.whole_file import check_folder, new_file, write_whole
 from swath.documents.yaml_document import dump
 from swath.judge.summary import json_safe
 from swath.report.html import Figure, Table, signed, write_tables
@@ -35,9 +34,7 @@ def begin_comparison(out: Path, files: Sequence[str], fig: Any, results: Mapping
     out: a new or empty folder, or one that an earlier comparison wrote, with no other `files`. Raises
     InputError for another.
     """
-    if out.exists() and (not out.is_dir() or any(p.name not in files for p in out.iterdir())):
-        expected = "expected a new or empty folder, or that of an earlier comparison"
-        raise InputError("--out", str(out), expected)
+    check_folder(out, files, "that of an earlier comparison")
     out.mkdir(parents=True, exist_ok=True)
     with new_file(out / "comparison.png") as file:
         fig.savefig(file, format="png", dpi=130, metadata={"Software": None})

@@ -11,7 +11,6 @@ from swath.signals import F64
 from swath.tools.compare_scans.clouds import Cloud, axis_track
 from swath.tools.height_map.poses import PoseTrack
 
-ALIGNED = ("pose", "path", "icp")
 TURN_MAX = 0.6 * pi  # of a path, away from its first heading: more is a headland [rad]
 STEP_M, SMOOTH_M = 0.5, 2.0  # of a path: between its points; standard deviation of the weights along it
 MOVED_M = 0.2

@@ -201,7 +201,8 @@ def _in_metres(points: F64, wkt: str, to_local: Any, path: Path, notes: list[str
         if odd := [u for u in lengths if not METRE.match(u)]:
             raise InputError("scans", path.name, f"expected metres, its system has {odd[0]}", file=path)
     else:
-        notes.append("the file names no unit: its coordinates are taken as metres")
+        place = " of the field" if to_local is not None else ""
+        notes.append(f"the file names no unit: its coordinates are taken as metres{place}")
     if to_local is None or is_local:
         return points
     lon_lat = transform(points[:, :2], wkt, "EPSG:4326")

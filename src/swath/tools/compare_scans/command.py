@@ -51,16 +51,17 @@ def add(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compare, print, write."""
+    from swath.core.whole_file import check_folder
     from swath.terminal.progress import progress_bar
     from swath.terminal.tables import table
     from swath.tools.compare_scans.clouds import read_cloud
     from swath.tools.compare_scans.compare import Grid, compare_clouds
-    from swath.tools.compare_scans.page import HEAD, check_folder, number_rows, write_comparison
+    from swath.tools.compare_scans.page import FILES, HEAD, number_rows, write_comparison
 
     grid = Grid(**{k: v for k in ("cell_m", "block_m") if (v := getattr(args, k)) is not None})
     white = _white(args.white)
     if args.out is not None:
-        check_folder(args.out)
+        check_folder(args.out, FILES, "that of an earlier comparison")
     with progress_bar("comparing") as progress:
         a, b = (read_cloud(getattr(args, which), _reading(args, which)) for which in "ab")
         made = compare_clouds(

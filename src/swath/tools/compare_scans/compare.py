@@ -16,6 +16,7 @@ from math import ceil, floor, isfinite
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
@@ -122,9 +123,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class _Binned:
-    """A cloud in the cells. cell, block (n,); height; bright; left: numbers of the cells' left edges begin at
-    low * cell_m
-    """
+    """A cloud in the cells. cell, block: numbers (n,); height [m]; bright: intensity, nan = unknown"""
 
     cell: Any
     block: Any
@@ -275,11 +274,6 @@ def _numbers(
     return made, rows
 
 
-def _mean(values: list[float]) -> float:
-    found = [v for v in values if isfinite(v)]
-    return float(np.mean(found)) if found else float("nan")
-
-
 def _about(height: F64, bright: F64, area: float) -> dict[str, float]:
     """One cloud in one cell, see `DIFFERENCES`. penetration: mean depth of the crop's echoes below the top"""
     p5, p50, top = np.percentile(height, [5.0, 50.0, TOP])
@@ -348,7 +342,7 @@ class _Spread:
             weight = np.bincount(self.rng.integers(0, blocks, blocks), minlength=blocks).astype(np.float32)
             told = [self._told(k, weight) for k in (0, 1)]
             for name in DIFFERENCES:
-                drawn.setdefault(name, []).append(_nanmean(told[1][name]) - _nanmean(told[0][name]))
+                drawn.setdefault(name, []).append(_mean(told[1][name]) - _mean(told[0][name]))
             progress((number + 1) / DRAWS)
         found: dict[str, Any] = {n: (float(np.percentile(drawn[n], 95.0)),) for n in ("w1_m", "ks")}
         found["w1_cells"] = np.nanpercentile(np.array(drawn["w1_cells"]), 95.0, axis=0)
@@ -385,8 +379,10 @@ def _cdf(counts: Any) -> F64:
         return np.asarray(np.cumsum(counts, axis=1) / counts.sum(axis=1, keepdims=True))
 
 
-def _nanmean(values: F64) -> float:
-    found = values[np.isfinite(values)]
+def _mean(values: ArrayLike) -> float:
+    """Of the finite ones, nan where there is none."""
+    found = np.asarray(values, dtype=float)
+    found = found[np.isfinite(found)]
     return float(found.mean()) if len(found) else float("nan")
 
 

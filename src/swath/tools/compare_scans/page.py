@@ -5,12 +5,20 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.errors import InputError
-from swath.core.whole_file import new_file, write_whole
+from swath.core.whole_file import check_folder, new_file, write_whole
 from swath.report.html import signed, write_page
 from swath.report.plots import BLUE, FAINT, GREY, INK, ORANGE, STYLE, as_image, figure
 from swath.signals import F64
-from swath.tools.compare_scans.compare import BIN_M, DRAWS, FEWEST, FEWEST_BLOCKS, TOP, Comparison, Number
+from swath.tools.compare_scans.compare import (
+    BIN_M,
+    DISTANCES,
+    DRAWS,
+    FEWEST,
+    FEWEST_BLOCKS,
+    TOP,
+    Comparison,
+    Number,
+)
 from swath.tools.distributions import GROUND_BELOW
 
 FILES = ("results.json", "profiles.png", "map.png", "report.html")
@@ -28,13 +36,6 @@ WORDS = {
 }
 
 
-def check_folder(out: Path) -> None:
-    """InputError for a folder that holds other things."""
-    if out.exists() and (not out.is_dir() or any(p.name not in FILES for p in out.iterdir())):
-        expected = "expected a new or empty folder, or that of an earlier comparison"
-        raise InputError("--out", str(out), expected)
-
-
 def number_rows(made: Comparison) -> list[list[str]]:
     """Of each number: what, A, B, difference or distance, its interval, what it means."""
     return [_row(n) for n in made.numbers]
@@ -43,7 +44,7 @@ def number_rows(made: Comparison) -> list[list[str]]:
 def _row(n: Number) -> list[str]:
     name, scale, unit, digits = WORDS[n.name]
     label = f"{name} [{unit}]" if unit else name
-    if n.name.endswith(("w1_m", "ks", "_w1")):
+    if n.name in DISTANCES:
         noise = f"noise up to {n.spread[0] * scale:.{digits}f}" if n.spread else ""
         return [label, "", "", signed(scale * n.difference, digits), "", f"{noise}{_beyond(n)}"]
     ends = " to ".join(signed(scale * v, digits) for v in n.spread)
@@ -59,7 +60,7 @@ def _beyond(n: Number) -> str:
 
 def write_comparison(made: Comparison, out: Path) -> list[Path]:
     """Write results.json, profiles.png, map.png, report.html. InputError for a folder of something else."""
-    check_folder(out)
+    check_folder(out, FILES, "that of an earlier comparison")
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "results.json", made.json() + "\n")
     pictures = {"profiles.png": draw_profiles(made), "map.png": draw_map(made)}

@@ -249,6 +249,15 @@ def read_case(path: Path) -> Case:
     return case
 
 
+def limits_of(expect: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The limits under `expect`: machine or `field`, "" where none is named, and name of the metric."""
+    found: list[tuple[str, str]] = []
+    for name, limit in expect.items():
+        of_machine = isinstance(limit, dict) and all(isinstance(own, dict | list) for own in limit.values())
+        found += [(name, inner) for inner in limit] if of_machine else [("", name)]
+    return found
+
+
 def find_cases(source: str, tags: Sequence[str] = ()) -> list[Case]:
     """Cases by name: `catalogue` for all that are bundled, one of them, a case file, or a folder of them.
 

@@ -207,10 +207,9 @@ def _work(args: argparse.Namespace) -> int:
 
 
 def _report(args: argparse.Namespace) -> int:
-    from swath.core.errors import InputError
     from swath.tools.function_test.estimate import open_estimate
     from swath.tools.function_test.odd.campaign import open_campaign
-    from swath.tools.function_test.odd.trace import write_cod
+    from swath.tools.function_test.odd.trace import FOLDER, write_cod
     from swath.tools.function_test.search import open_search
     from swath.tools.function_test.session import open_session
 
@@ -220,7 +219,7 @@ def _report(args: argparse.Namespace) -> int:
         if found is None:
             raise InputError("--cod", str(args.folder), "expected the folder of a campaign over an ODD")
         count = write_cod(args.folder, found.odd, found.results)
-        print(f"COD tables of {count} runs  {args.folder}/cod")
+        print(f"COD tables of {count} runs  {args.folder / FOLDER}")
     if (searched := open_search(session)) is not None:
         return search_command.tell(searched)
     if (estimated := open_estimate(args.folder)) is not None:

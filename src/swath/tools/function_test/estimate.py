@@ -7,9 +7,8 @@ folder `cheap`; a few rounds at the dear level correct it, and the last round, f
 comes, is of dear runs.
 """
 
-import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import isnan, nan
 from pathlib import Path
@@ -20,17 +19,16 @@ import numpy as np
 from swath.core.errors import InputError, MissingExtra
 from swath.core.random import Stream
 from swath.core.whole_file import no_link, write_whole
-from swath.documents.hints import near_miss
 from swath.signals import F64
-from swath.tools.function_test.case import Case, Point, Scalar, Varied, find_cases
+from swath.tools.function_test.case import Case, Point, Scalar, Varied
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.judged import UNJUDGED
 from swath.tools.function_test.margin import margin_of
 from swath.tools.function_test.plan import AS_SET, Plan, code_hash
 from swath.tools.function_test.pool import Done
 from swath.tools.function_test.rare import DEFENSIVE, ESS_LEAST, Hunt, Mixture, Rate, log_exposure, rate_of
-from swath.tools.function_test.search import limits_of
-from swath.tools.function_test.session import PLAN, Session, check_empty, read_asked
+from swath.tools.function_test.search import one_case
+from swath.tools.function_test.session import PLAN, Session, claim_folder, read_asked
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
 
 ESTIMATE, CHEAP = "estimate.json", "cheap"
@@ -160,9 +158,8 @@ class Estimated:
         """Why no number is given and what would be needed; empty where one is."""
         rate, unknown, said = self.rate, self.unknown, list[str]()
         if unknown.failures and unknown.value > UNKNOWN_MOST * rate.value:
-            first = next(
-                r for r, m in zip(self.last.results, self.last.margins, strict=True) if r and isnan(m)
-            )
+            each = zip(self.last.results, self.last.margins, strict=True)
+            first = next(result for result, margin in each if isnan(margin))
             said.append(
                 f"{unknown.failures} runs of the last round were not judged or came to an error, with a "
                 f"probability of {unknown.value:.2g}: {first['reason']}; a dearer level or less variation is "
@@ -194,10 +191,25 @@ class Estimated:
 
     @property
     def blind(self) -> float:
-        """Probability above which a region of failures that no margin leads to would have been met in the
+        """Probability above which a region of failures that the search overlooked would have been met in the
         last round, with 95 %: 3 over its runs drawn as the exposure.
         """
         return min(1.0, 3.0 / (DEFENSIVE * max(1, len(self.weights))))
+
+    @cached_property
+    def telling(self) -> dict[str, float]:
+        """How far the failures of each parameter lie from its exposure, most first: Kullback-Leibler
+        divergence of normal densities in normal space [nat]; 0 without failures.
+        """
+        names, fails = list(self.case.file.vary), self.last.margins < 0.0
+        if not self.rate.failures:
+            return dict.fromkeys(names, 0.0)
+        share = self.weights[fails] / np.sum(self.weights[fails])
+        places = self.last.places[fails]
+        mean = share @ places
+        variance = np.maximum(share @ (places - mean) ** 2, 1e-6)
+        apart = 0.5 * (mean**2 + variance - 1.0 - np.log(variance))
+        return dict(sorted(zip(names, apart.tolist(), strict=True), key=lambda pair: -pair[1]))
 
     @property
     def results(self) -> list[Result]:
@@ -255,32 +267,21 @@ class _Rounds:
     def __init__(self, folder: Path, asked: Estimate, case: Case, do: Callable[[Session], None]) -> None:
         self._folder, self._asked, self._do = folder, asked, do
         self._distributions = {name: distribution_of(varied) for name, varied in case.file.vary.items()}
-        self._stream = Stream(asked.seed, f"estimate {case.name}")
+        self.rng = Stream(asked.seed, f"estimate {case.name}").at()
         self.rounds: list[Round] = []
         self._chosen: dict[str, list[tuple[int, Point]]] = {"": [], CHEAP: []}
-        self._drawn = 0
-
-    @property
-    def dimensions(self) -> int:
-        """Of normal space."""
-        return len(self._distributions)
-
-    def rng(self) -> np.random.Generator:
-        """Of the next round."""
-        return self._stream.at(len(self.rounds))
 
     def hunt(self, hunt: Hunt, level: str) -> Mixture:
         """Search at a level; what the next ones are drawn from."""
         while hunt.left:
-            found = self.do(hunt.next(self.rng()), level)
+            found = self.do(hunt.next(self.rng), level)
             hunt.tell(found.places, found.margins)
             self.rounds.append(found)
-        return hunt.last(self.rng())
+        return hunt.last(self.rng)
 
-    def do(self, places: F64, level: str, first: int | None = None) -> Round:
-        """Runs at places. first: number of the seed of the first one, None = seeds that no run had"""
-        start = self._drawn + 1 if first is None else first
-        self._drawn = max(self._drawn, start + len(places) - 1)
+    def do(self, places: F64, level: str) -> Round:
+        """Runs at places, with the seeds that follow those of the rounds so far."""
+        start = 1 + sum(len(r.places) for r in self.rounds)
         chosen: list[tuple[int, Point]] = [(start + n, self._point(place)) for n, place in enumerate(places)]
         session = self._session(level, tuple(chosen))
         if not self._chosen[level]:
@@ -324,7 +325,7 @@ def run_estimate(folder: Path, asked: Estimate, workers: int, done: Done, client
     the folder holds something else.
     """
     case = check(asked)
-    _claim(folder, asked)
+    claim_folder(folder / ESTIMATE, asked, "an estimate")
     return _gone_through(folder, asked, case, lambda s: s.do(workers, done, client))
 
 
@@ -346,49 +347,27 @@ def _gone_through(folder: Path, asked: Estimate, case: Case, do: Callable[[Sessi
     rounds = _Rounds(folder, asked, case, do)
     start = None
     if asked.cheap:
-        start = rounds.hunt(Hunt(rounds.dimensions, asked.cheap_budget), CHEAP)
-    density = rounds.hunt(Hunt(rounds.dimensions, asked.before, start), "")
-    places = density.draw(rounds.rng(), asked.budget - asked.before)
-    first = sum(len(r.places) for r in rounds.rounds) + 1
-    last = rounds.do(places, "", first)
-    cheap = rounds.do(places, CHEAP, first).margins if asked.cheap else None
+        start = rounds.hunt(Hunt(len(case.file.vary), asked.cheap_budget), CHEAP)
+    density = rounds.hunt(Hunt(len(case.file.vary), asked.before, start), "")
+    places = density.draw(rounds.rng, asked.budget - asked.before)
+    last = rounds.do(places, "")
+    cheap = rounds.do(places, CHEAP).margins if asked.cheap else None
     weights = np.exp(log_exposure(places) - density.log_density(places))
     return Estimated(folder, asked, case, rounds.rounds, last, weights, cheap)
 
 
 def check(asked: Estimate) -> Case:
     """The one case of an estimate. Raises InputError for what cannot be estimated."""
-    cases = find_cases(asked.case)
-    if len(cases) != 1:
-        raise InputError("case", asked.case, f"expected one case, there are {len(cases)}")
-    (case,) = cases
+    case = one_case(asked.case, asked.limit)
     if not case.file.vary:
         raise InputError("vary", None, "expected a parameter that varies", file=case.document.file)
     for name, value in (("--budget", asked.budget), ("--cheap-budget", asked.cheap_budget)):
         if value < LEAST and (name == "--budget" or asked.cheap):
             raise InputError(name, value, f"expected {LEAST} runs or more")
-    names = limits_of(case)
-    if asked.limit and asked.limit not in names:
-        expected = f"expected one of {', '.join(names)}{near_miss(asked.limit, names)}"
-        raise InputError("--limit", asked.limit, expected, file=case.document.file)
     Plan(asked.case, sets=asked.sets).check()
     if asked.cheap:
         Plan(asked.case, sets=(*asked.sets, *asked.cheap), level=AS_SET).check()
     return case
-
-
-def _claim(folder: Path, asked: Estimate) -> None:
-    """Make the folder one of this estimate. InputError where there is another one."""
-    file = folder / ESTIMATE
-    before = read_asked(file, Estimate, "an estimate")
-    if before is not None:
-        if before != asked:
-            expected = "expected a new folder: this one holds another estimate, or one of other code"
-            raise InputError("--out", str(folder), expected)
-        return
-    check_empty(folder, "an estimate")
-    folder.mkdir(parents=True, exist_ok=True)
-    write_whole(file, json.dumps(asdict(asked), indent=2, sort_keys=True) + "\n")
 
 
 def _normal_share(place: F64) -> F64:
@@ -397,17 +376,3 @@ def _normal_share(place: F64) -> F64:
     except ImportError:
         raise MissingExtra("test", "swath test estimate") from None
     return np.asarray(ndtr(place))
-
-
-def telling(found: Estimated) -> Mapping[str, float]:
-    """How far the failures of each parameter lie from its exposure, most first: Kullback-Leibler divergence
-    of normal densities in normal space [nat].
-    """
-    fails = found.last.margins < 0.0
-    share = found.weights[fails] / np.sum(found.weights[fails])
-    places = found.last.places[fails]
-    mean = share @ places
-    variance = np.maximum(share @ (places - mean) ** 2, 1e-6)
-    apart = 0.5 * (mean**2 + variance - 1.0 - np.log(variance))
-    pairs = zip(found.case.file.vary, apart.tolist(), strict=True)
-    return dict(sorted(pairs, key=lambda pair: -pair[1]))

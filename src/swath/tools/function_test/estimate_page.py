@@ -10,7 +10,7 @@ from swath import __version__
 from swath.core.whole_file import write_whole
 from swath.report.html import write_page
 from swath.signals import F64
-from swath.tools.function_test.estimate import Estimated, telling
+from swath.tools.function_test.estimate import Estimated
 from swath.tools.function_test.verdict import BROKEN, SHOWN
 
 SIDE = 360.0  # of the picture [px]
@@ -23,7 +23,7 @@ def write_estimate(path: Path, found: Estimated, at_most: float | None = None) -
     """Write the page. at_most: the probability that is claimed"""
     rate, verdict = found.rate, found.verdict(at_most)
     given = not found.refusals
-    names = list(telling(found)) if rate.failures else list(found.case.file.vary)
+    names = list(found.telling)
     cheap = found.cheap_rate
     return write_page(
         path,
@@ -103,7 +103,6 @@ def _axis(found: Estimated, name: str) -> dict[str, str]:
 def _parameter(found: Estimated, name: str) -> dict[str, Any]:
     """Its exposure, and where nine tenths of the failures lie, by weight."""
     varied = found.case.file.vary[name]
-    told = telling(found)[name] if found.rate.failures else 0.0
     fails = found.last.margins < 0.0
     values = np.array([point[name] for point in found.last.points], dtype=object)[fails]
     share = found.weights[fails] / max(float(np.sum(found.weights[fails])), 1e-300)
@@ -118,7 +117,7 @@ def _parameter(found: Estimated, name: str) -> dict[str, Any]:
         span = "{:g} to {:g}".format(*varied.range)
     exposure = ", ".join(f"{of:g}" for of in varied.exposure) or "all alike"
     return {"name": name, "key": varied.key, "range": span, "exposure": exposure, "lie": lie or "–",
-            "telling": told}  # fmt: skip
+            "telling": found.telling[name]}  # fmt: skip
 
 
 def _failed(found: Estimated) -> list[dict[str, str]]:

@@ -34,7 +34,7 @@ TAILS, TAIL = 0.25, 1.8  # share of the fitted components that is this much wide
 MOST_REGIONS = 4  # components of a fitted mixture
 COVERED = 3.0  # standard deviations around a component within which a run belongs to it
 INFLATED = 1.2  # of the covariances of fitted components
-PRIOR = 4.0  # runs that the exposure's own covariance counts for in a fitted one
+PRIOR, PRIOR_VARIANCE = 4.0, 0.3  # runs that this variance counts for in a fit: failures are narrower than 1
 ESS_LEAST = 30.0  # effective failures that a probability is told from
 
 
@@ -232,7 +232,7 @@ def _maximised(places: F64, share: F64, sure: float, count: int, rng: np.random.
     nearest = np.argmin([np.sum((places - c) ** 2, axis=1) for c in centres], axis=0)
     belongs = (nearest[:, None] == np.arange(count)).astype(float)
     before = -np.inf
-    prior = PRIOR * _PRIOR_VARIANCE * np.eye(dimensions)
+    prior = PRIOR * PRIOR_VARIANCE * np.eye(dimensions)
     for _ in range(40):
         each = belongs * share[:, None]
         mass = np.sum(each, axis=0) + 1e-9
@@ -249,9 +249,6 @@ def _maximised(places: F64, share: F64, sure: float, count: int, rng: np.random.
             break
         before = now
     return made
-
-
-_PRIOR_VARIANCE = 0.3  # of a component before runs say otherwise: failures are narrower than the exposure
 
 
 @dataclass(frozen=True)

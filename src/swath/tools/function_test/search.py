@@ -5,9 +5,8 @@ workers do them nor on who is first. A search that was stopped is gone through a
 in a journal taken from there, and goes on where it was.
 """
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +17,13 @@ from swath.core.whole_file import write_whole
 from swath.documents.hints import near_miss
 from swath.signals import F64
 from swath.tools.function_test.boundary import Boundary, first_points, next_points, sobol_points
-from swath.tools.function_test.case import Case, Point, Scalar, find_cases
+from swath.tools.function_test.case import Case, Point, Scalar, find_cases, limits_of
 from swath.tools.function_test.journal import TABLE, Result, read_table
 from swath.tools.function_test.judged import UNJUDGED
 from swath.tools.function_test.margin import margin
 from swath.tools.function_test.plan import Plan, code_hash
 from swath.tools.function_test.pool import Done
-from swath.tools.function_test.session import PLAN, Session, check_empty, read_asked
+from swath.tools.function_test.session import PLAN, Session, claim_folder, read_asked
 from swath.tools.function_test.verdict import describe, lower_bound, verdict
 
 SEARCH = "search.json"
@@ -142,7 +141,7 @@ def run_search(
     client: of dask, None = on `workers` processes here
     """
     case = _check(search, budget)
-    _claim(folder, search)
+    claim_folder(folder / SEARCH, search, "a search")
     seeds, points = case.seeds, list[Point]()
     ranges = ranges_of(case)
     found = Searched(folder, search, case, [])
@@ -180,41 +179,24 @@ def _point(case: Case, ranges: Mapping[str, tuple[float, float]], row: F64) -> d
 
 def _check(search: Search, budget: int) -> Case:
     """The one case of a search. Raises InputError for what cannot be searched."""
-    cases = find_cases(search.case)
-    if len(cases) != 1:
-        raise InputError("case", search.case, f"expected one case, there are {len(cases)}")
-    (case,) = cases
+    case = one_case(search.case, search.limit)
     if not ranges_of(case):
         expected = "expected a parameter with a range, whose boundary is to be found"
         raise InputError("vary", ", ".join(case.file.vary) or None, expected, file=case.document.file)
     if budget < FEWEST:
         raise InputError("--budget", budget, f"expected {FEWEST} runs or more")
-    names = limits_of(case)
-    if search.limit and search.limit not in names:
-        expected = f"expected one of {', '.join(names)}{near_miss(search.limit, names)}"
-        raise InputError("--limit", search.limit, expected, file=case.document.file)
     Plan(search.case, sets=search.sets).check()
     return case
 
 
-def limits_of(case: Case) -> list[str]:
-    """Names of the limits of a case; those of a machine stand under its name."""
-    names: list[str] = []
-    for name, limit in case.file.expect.items():
-        inner = isinstance(limit, dict) and all(isinstance(value, dict) for value in limit.values())
-        names += list(limit) if inner else [name]
-    return names
-
-
-def _claim(folder: Path, search: Search) -> None:
-    """Make the folder one of this search. InputError where there is another one."""
-    file = folder / SEARCH
-    before = read_asked(file, Search, "a search")
-    if before is not None:
-        if before != search:
-            expected = "expected a new folder: this one holds another search, or one of other code"
-            raise InputError("--out", str(folder), expected)
-        return
-    check_empty(folder, "a search")
-    folder.mkdir(parents=True, exist_ok=True)
-    write_whole(file, json.dumps(asdict(search), indent=2, sort_keys=True) + "\n")
+def one_case(source: str, limit: str) -> Case:
+    """The one case of a source. limit: "", or the name of one that it has. InputError for another."""
+    cases = find_cases(source)
+    if len(cases) != 1:
+        raise InputError("case", source, f"expected one case, there are {len(cases)}")
+    (case,) = cases
+    names = [name for _, name in limits_of(case.file.expect)]
+    if limit and limit not in names:
+        expected = f"expected one of {', '.join(names)}{near_miss(limit, names)}"
+        raise InputError("--limit", limit, expected, file=case.document.file)
+    return case

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -145,6 +145,20 @@ def check_empty(folder: Path, what: str) -> None:
     """InputError for a folder in which something lies. what: that could have gone on there"""
     if folder.is_dir() and any(folder.iterdir()):
         raise InputError("--out", str(folder), f"expected a new or empty folder, or one of {what}")
+
+
+def claim_folder(file: Path, asked: Any, what: str) -> None:
+    """Make a folder that of a search or estimate, by the file with what is asked. InputError where it holds
+    another one. what: in words
+    """
+    before = read_asked(file, type(asked), what)
+    if before is None:
+        check_empty(file.parent, what)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(file, json.dumps(asdict(asked), indent=2, sort_keys=True) + "\n")
+    elif before != asked:
+        expected = f"expected a new folder: this one holds another {what.split()[-1]}, or one of other code"
+        raise InputError("--out", str(file.parent), expected)
 
 
 def read_asked(file: Path, kind: type[Asked], what: str) -> Asked | None:

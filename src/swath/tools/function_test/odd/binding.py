@@ -23,7 +23,7 @@ from swath.documents.yaml_document import Document, dump, read_document
 from swath.runtime.met import QUANTITIES, check_quantities
 from swath.signals import F64
 from swath.tools.function_test.case import FORMAT as CASE_FORMAT
-from swath.tools.function_test.case import Case, CaseFile, Claim
+from swath.tools.function_test.case import Case, CaseFile, Claim, limits_of
 from swath.tools.function_test.files import from_beside
 from swath.tools.function_test.odd.openodd import Domain, Value, read_domain
 
@@ -260,9 +260,9 @@ class Odd:
 
 def _varied(axis: Axis) -> dict[str, Any]:
     bound = axis.bound
-    exposure = {"exposure": list(bound.exposure)} if bound.exposure else {}
+    exposure = list(bound.exposure) or [1.0] * axis.count
     if bound.values:
-        return {"at": [axis.labels[0]], "sets": bound.values, **exposure}
+        return {"at": [axis.labels[0]], "sets": bound.values, "exposure": exposure}
     shift = {"scale": bound.scale, "offset": bound.offset}
     more = {} if (bound.scale, bound.offset) == (1.0, 0.0) else shift
     ends = [axis.edges[0], axis.edges[-1]]
@@ -272,7 +272,7 @@ def _varied(axis: Axis) -> dict[str, Any]:
         "range": ends,
         **more,
         "buckets": list(axis.edges),
-        **exposure,
+        "exposure": exposure,
     }
 
 
@@ -318,19 +318,14 @@ def read_odd(path: Path) -> Odd:
 
 def _check_requirements(made: OddFile, document: Document) -> None:
     """InputError for a requirement without a limit, or with one that is not under `expect`."""
-    known = [name for name, limit in made.expect.items() if "." not in name]
-    for machine, limits in made.expect.items():
-        known += (
-            [f"{machine}.{name}" for name, own in limits.items() if isinstance(own, dict)]
-            if isinstance(limits, dict)
-            else []
-        )
+    found = limits_of(made.expect)
+    known = list(dict.fromkeys([*(n for _, n in found), *(f"{m}.{n}" for m, n in found if m)]))
     for requirement, limits in made.requirements.items():
         where = ("requirements", requirement)
         if not limits:
             raise document.error(where, None, "expected the names of limits under `expect`")
         for name in limits:
-            if name not in known and name.rpartition(".")[2] not in known:
+            if name not in known and ("", name.rpartition(".")[2]) not in found:
                 raise document.error(where, name, f"expected a limit under `expect`{near_miss(name, known)}")
 
 

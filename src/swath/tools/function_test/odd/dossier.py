@@ -366,7 +366,7 @@ def again_all(found: Conducted) -> str:
     asked = found.campaign
     more = [f"--set {shlex.quote(text)}" for text in asked.sets]
     more += [f"--level {asked.level}"] if asked.level else []
-    line = f"swath test run --odd {found.folder.name}/{ODD_FILE} --runs {asked.budgets[-1]}"
+    line = f"swath test run --odd {shlex.quote(f'{found.folder.name}/{ODD_FILE}')} --runs {asked.budgets[-1]}"
     return " ".join([line, *more, "--out DIR"])
 
 
