@@ -123,16 +123,9 @@ def test_the_page_knows_scans_straw_obstacles_and_charts(finished):
 
 
 def test_the_report_of_the_run_has_all_its_pictures(finished):
-    titles = re.findall(
-        r'<img src="data:[^"]*" alt="([^"]*)"', (finished[0] / "report.html").read_text("utf-8")
-    )
-    assert titles == [
-        "Field map",
-        "Steering and detection",
-        "Scans",
-        "The stand",
-        "Driving",
-    ]
+    page = (finished[0] / "report.html").read_text("utf-8")
+    titles = re.findall(r'<img src="data:[^"]*" alt="([^"]*)"', page)
+    assert titles == ["Field map", "Steering and detection", "Scans", "The stand", "Driving"]
 
 
 MIB = 1 << 20
@@ -177,11 +170,8 @@ def test_the_page_of_a_run_four_times_as_long_takes_no_more_memory_and_tells_the
         peaks.append(tracemalloc.get_traced_memory()[1] / MIB)
         tracemalloc.stop()
         assert values["duration"] == pytest.approx(0.02 * (rows - 1))
-        assert {
-            "t_s": round(0.02 * (rows - 4321), 3),
-            "machine": "combine",
-            "text": "header end 75.0 cm off",
-        } in (values["moments"])
+        t_s, text = round(0.02 * (rows - 4321), 3), "header end 75.0 cm off"
+        assert {"t_s": t_s, "machine": "combine", "text": text} in values["moments"]
         assert arrays["track_0"].shape[1] <= 3001
         assert arrays["track_0"][values["machines"][0]["columns"].index("t_s"), -1] == pytest.approx(
             values["duration"]

@@ -193,6 +193,7 @@ def las(tmp_path):
     return write
 
 
+@pytest.mark.drawn
 def test_las_against_las(las, tmp_path, capsys):
     a, b = (las(f"{k}.laz", stand(k, top=0.9 + 0.05 * k)) for k in (1, 2))
     out = tmp_path / "out"

@@ -114,6 +114,7 @@ def test_a_level_and_a_metric_of_an_installed_package_run(swath, tmp_path):
     (tmp_path / "s.yaml").write_text(SCENARIO)
     done = swath("run", "s.yaml", "--no-report", "--no-replay", "--quiet", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    assert not list((tmp_path / "out").glob("*.html"))
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["fastest_wheel_m_s"] > 2.0
     assert {"name": "fastest_wheel_m_s", "result": "pass"}.items() <= summary["expect"][0].items()

@@ -16,6 +16,8 @@ from swath.scenario.overrides import layered
 from swath.scenario.scenario import load_scenario
 from tests.replay.page_data import data_of
 
+pytestmark = pytest.mark.drawn  # whichever test comes first makes the report
+
 CHEAP = [f"{name}.lidar.{key}" for name in ("west", "east") for key in ("sub_rays=1", "step_deg=2")]
 SHORT = ["run.distance_m=11", "east.speed.speed_kmh=7", *CHEAP]
 
@@ -74,7 +76,6 @@ def test_a_limit_of_one_machine_fails_the_run(tmp_path):
     assert ("west", "distance_m") not in failed
 
 
-@pytest.mark.drawn
 def test_tracks_and_report_show_every_machine(finished):
     table = pq.read_table(finished.folder / "tracks.parquet")
     assert set(table["machine"].to_pylist()) == {"west", "east", "tractor"}

@@ -268,7 +268,7 @@ def _dragged(x: Array, y: Array, heading: Array, first: float, body: Body) -> Ar
         tx, ty = u - share * dx, v - share * dy
         along.append((dx, dy))
     dx, dy = np.array(along).reshape(-1, 2).T
-    return np.unwrap(np.concatenate([[first], np.arctan2(dy, dx)]))
+    return np.unwrap(np.concatenate([[first], arctan2(dy, dx)]))
 
 
 def behind(first: Track, then: Track, body: Body) -> Track:

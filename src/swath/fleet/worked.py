@@ -92,8 +92,8 @@ class Worked:
             one, two = machines[a].body, machines[b].body
             near = np.flatnonzero(np.hypot(*(at_a[:, :2] - at_b[:, :2]).T) < one.reach + two.reach)
             parts = (near[i : i + AT_ONCE] for i in range(0, len(near), AT_ONCE))
-            count = sum(int(_over(one.outlines(at_a[n]), two.outlines(at_b[n])).sum()) for n in parts)
-            if count:
+            count = math.fsum(_over(one.outlines(at_a[n]), two.outlines(at_b[n])).sum() for n in parts)
+            if count > 0.0:
                 found[a, b] = count * float(self.clock[1] - self.clock[0])
         return found
 
@@ -107,7 +107,8 @@ class Worked:
     def efficiency(self) -> float:
         """Field efficiency: area over what all headers could cut meanwhile at the speed the crop allows."""
         schedule = self.schedule
-        grain = schedule.harvested / max(math.fsum(area for _, _, area in schedule.cut), 1e-9)
+        area = math.fsum(area for *_, area in schedule.cut)
+        grain = math.fsum(mass for _, mass, _ in schedule.cut) / max(area, 1e-9)  # tanks may begin with some
         rate = math.fsum(c.width * c.speed_in(grain * c.width) for c in schedule.machines.combines)
         return schedule.plan.area / (rate * self.cut) if self.cut > 0.0 else math.nan
 

@@ -59,7 +59,6 @@ class Recorder:
         scenario: str = "",
     ) -> None:
         self.folder = folder
-        self._period = PERIOD
         self._machines, self._more = machines, extra or {}
         self.file = McapFile(folder / RECORDING_FILE) if detail != "none" else None
         sources = [*machines, replace(machines[0], name=SCENE, mounting={}, outputs={})]
@@ -102,8 +101,7 @@ class Recorder:
     @cached_property
     def tracks(self) -> dict[str, Tracks]:
         """Of each machine."""
-        more = self._more
-        return {m.name: Tracks(m, self._period, tuple(more.get(m.name, ()))) for m in self._machines}
+        return {m.name: Tracks(m, PERIOD, tuple(self._more.get(m.name, ()))) for m in self._machines}
 
     def defer(self) -> None:
         """From now on `write_next` writes run.mcap, sample by sample; nothing waits longer than LATEST.
@@ -215,7 +213,7 @@ class Recorder:
 
     def _tell_time(self, file: McapFile, t: int) -> None:
         """`/clock`, as often as the thinned messages."""
-        period = self._period if file.taps or self._detail == "standard" else BESIDE_PERIOD
+        period = PERIOD if file.taps or self._detail == "standard" else BESIDE_PERIOD
         self._clock_due = (t // period + 1) * period
         file.write("/clock", t, Draft(t, (), (), lambda: _clock(file, t)))
 
@@ -223,7 +221,7 @@ class Recorder:
         """What takes the samples of an output, of which this is the first."""
         sink = self._empty_sink(slot, output)
         about, detail = signal.about, self._detail
-        sink.period = self._period if about.is_thinned else 0
+        sink.period = PERIOD if about.is_thinned else 0
         if about.samples == "full" and detail != "full":
             sink.period = LARGE_PERIOD if detail == "exact" else BULKY_PERIOD
         is_wanted = about.samples in ("exact", detail) and is_recordable(signal)

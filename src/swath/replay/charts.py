@@ -163,7 +163,7 @@ def events_of(summary: Mapping[str, Any], tracks: Mapping[str, Columns]) -> list
 def telling_rows(piece: Columns, limits: Sequence[Mapping[str, Any]]) -> list[int]:
     """Rows of a piece of a machine's tracks that `worst_moments` and `events_of` may tell of.
 
-    limits: entries `expect` of the summary, on this machine
+    limits: that fail, entries `expect` of the summary
     """
     found = {len(piece["t_s"]) - 1, *(w.row_of(piece)[0] for w in WORST if w.column in piece)}
     for entry in limits:

@@ -33,7 +33,7 @@ class Driven:
 def driven(world: World, file: Path, summary: Mapping[str, Any]) -> dict[str, Driven]:
     """What machines did, from a tracks.parquet of any length."""
     found: dict[str, Driven] = {}
-    limits = [entry for entry in summary.get("expect") or [] if entry["result"] == "fail"]
+    limits = [entry for entry in summary.get("expect") or [] if result_of(entry) == "fail"]
     for piece in track_pieces(file):
         names = piece.pop("machine")
         for name in dict.fromkeys(names.tolist()):

@@ -181,12 +181,13 @@ class Listener:
     """Epochs out of a stream of sentences, however it is cut. An epoch is complete when it has all kinds of
     sentences that the two before it had, or one of another time of day begins.
 
-    wrong: lines so far that were no sentence, or had another checksum
+    epoch: the newest, still None before the first; wrong: lines so far that were no sentence, or had another
+    checksum
     """
 
     wrong: int = 0
-    _rest: bytes = b""
     epoch: Epoch | None = None
+    _rest: bytes = b""
     _is_told: bool = False
     _kinds: tuple[set[str], ...] = field(default_factory=lambda: (set(), set(), set()))  # newest epoch first
     _done: list[Epoch] = field(default_factory=list)

@@ -67,8 +67,8 @@ class CloudPoints:
 
 
 def real_points(message: Any) -> tuple[NDArray[np.void], F64, F64, int]:
-    """The rows of a sensor_msgs/PointCloud2 whose points are any, these (n, 3) and their ranges (n,) [m], and
-    how many are left out: at 0 or nan.
+    """Rows of a sensor_msgs/PointCloud2, their points (n, 3) and ranges (n,) [m], without those at 0 or nan,
+    and how many these are.
     """
     table = cloud_table(message)
     points = np.stack([table[n].astype(np.float64) for n in "xyz"], axis=1)
