@@ -562,13 +562,13 @@ def beside(runs: list[dict[str, Any]]) -> None:
         cells = []
         for mine in ([of[i] for i in groups[name]] for of in told):
             n = [v for v, _ in mine]
-            low = interval([s for _, s in mine], lambda v: np.abs(v[:, 0]) < 1.96 * v[:, 1])
+            cover = interval([s for _, s in mine], lambda v: np.abs(v[:, 0]) < 1.96 * v[:, 1])
             cells.append(
                 (
                     *(str(sum(bool(v[k]) for v in n)) for k in ("holds", "safe")),
                     *(str(sum(v[k] > 1.0 for v in n)) for k in ("wrong", "hazard")),
                     f"{np.mean([v['sure'] for v in n]):.2f}",
-                    f"{low[0]:.3f} ({low[1]:.2f} to {low[2]:.2f})",
+                    f"{cover[0]:.3f} ({cover[1]:.2f} to {cover[2]:.2f})",
                 )
             )
         row = " | ".join(", ".join(c) for c in zip(*cells, strict=True))

@@ -22,7 +22,7 @@ from swath.runtime.credibility import Credibility, Scene
 from swath.runtime.met import QUANTITIES
 from swath.scenario.catalogue import CATALOGUE
 from swath.scenario.scenario import load_scenario
-from swath.sensing import CHECKED as MOTION_OF_SENSORS
+from swath.sensing import SPEED, TURN
 from swath.sensing.gnss.antenna import Place as Antenna
 from swath.sensing.imu.strapdown import GRAVITY
 from swath.sensing.imu.strapdown import Place as Unit
@@ -34,7 +34,6 @@ from tests.machine.machine_fakes import STREAM, Ground, site
 from tests.machine.process_rig import state
 from tests.sensing.driven_states import circle, feed, setup_of, straight
 
-SPEED, TURN = MOTION_OF_SENSORS
 SPEEDS = [SPEED.low * KMH, 1.0 * KMH, 7.0 * KMH, SPEED.high * KMH]
 RATES = [TURN.low * DEG, -1.0 * DEG, 1.0 * DEG, TURN.high * DEG]
 ROOT = Path(__file__).parents[2]
@@ -119,7 +118,7 @@ def test_ground_speed(level, speed):
     assert found.speed == pytest.approx(speed, rel=1e-6)
 
 
-@pytest.mark.parametrize("speed", SPEEDS[1:])
+@pytest.mark.parametrize("speed", [headers.SPEED.low * KMH, *SPEEDS[1:-1], headers.SPEED.high * KMH])
 @pytest.mark.parametrize("level", ["fixed_height", "height_control"])
 def test_headers_take_what_grows_on_their_way(level, speed):
     """0.8 kg/m2 of grain on 12 m."""
@@ -130,10 +129,10 @@ def test_headers_take_what_grows_on_their_way(level, speed):
         here = state((k + 1) * dt, 0.02 * speed * k, speed)
         grain += header.step(k * dt, dt, {"state": (here,)})["flow"].grain
     lost = {"fixed_height": 1e-9, "height_control": 0.01}[level]
-    assert grain == pytest.approx(0.8 * 12.0 * 0.02 * speed * (count - 1), rel=lost)
+    assert grain == pytest.approx(0.8 * 12.0 * 0.02 * abs(speed) * (count - 1), rel=lost)
 
 
-@pytest.mark.parametrize("speed", [SPEEDS[1], SPEEDS[-1]])
+@pytest.mark.parametrize("speed", [SPEEDS[1], headers.SPEED.high * KMH])
 @pytest.mark.parametrize("stems", [headers.PROFILE_STEMS.low, headers.PROFILE_STEMS.high])
 def test_profile_header_takes_what_plants_give(stems, speed):
     field = made_field(stand=uniform.Params(stems_per_m2=stems))

@@ -34,7 +34,7 @@ from swath.field.weeds import weed_crop
 from swath.field.wind import Sway, make_sway
 
 Array = NDArray[np.float64]
-FEW = 4  # points whose ground is looked up without a page
+FEW = 4  # points at most whose ground is looked up without a page, beside a profile
 FAR = 1e6  # places beyond this are refused [m]
 PROFILED = 16.0  # of the ground on a profile's way that is held at a time [m]
 
@@ -172,7 +172,7 @@ class Field:
         return np.asarray(low + (high - low) * fv)
 
     def ground_at(self, x: Any, y: Any) -> Array:
-        """The same bits for a few points, for which no page is made."""
+        """As `ground_height`, to the bit, without pages; the time grows with the square of the points."""
         u, v = (a / self.maker.node for a in self._points(x, y))
         iu, iv, k = np.floor(u), np.floor(v), np.arange(u.size)
         columns, rows = (self.maker.node * np.concatenate([a, a + 1.0], axis=None) for a in (iu, iv))

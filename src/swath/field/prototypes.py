@@ -143,8 +143,8 @@ class Index:
 class PlacedPlants:
     """Plants, primitives and lists of cells, each made when it is first asked for.
 
-    draw: plants whose stems stand at xy (n, 2) [m] in the tiles `tile` (n,); size: of a tile [m]; the others
-    as in `Index`
+    draw: plants whose stems stand at xy (n, 2) [m] in the tiles `tile` (n,); size: of a tile [m]; counts:
+    tiles, columns and bins of the index
     """
 
     def __init__(

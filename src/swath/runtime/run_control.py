@@ -207,4 +207,5 @@ class RunControl(RunHook):
             listener()
 
     def now(self) -> int:
+        """Time of the run, 0 before it began [ns]."""
         return self._run.world.graph.t if self._run is not None else 0

@@ -2,7 +2,6 @@
 
 from swath.core.registry import Checked
 
-CHECKED = (
-    Checked("ground_speed_kmh", -0.5, 14.4, "tests/levels/test_ranges.py"),
-    Checked("yaw_rate_deg_s", -25.9, 25.9, "tests/levels/test_ranges.py"),
-)  # of sensors of motion, against closed forms
+SPEED = Checked("ground_speed_kmh", -0.5, 14.4, "tests/levels/test_ranges.py")
+TURN = Checked("yaw_rate_deg_s", -25.9, 25.9, "tests/levels/test_ranges.py")
+CHECKED = SPEED, TURN  # of sensors of motion, against closed forms, in the ranges of motion levels

@@ -635,13 +635,11 @@ auto update = [&]() {
   if (sq(lean - h.lean) + sq(width - h.width) > sq(SAME)) from = 0, h.lean = lean, h.width = width;
   for (int k = from; k < n; ++k) {
     if (!(node(k).scans > 0.0)) continue;
-    float *score = grid(k) + 2 * L * W + 2 * W, *like = score + 2 * (C + 1), best = -1e30f;
+    float *score = grid(k) + 2 * L * W + 2 * W, *like = score + 2 * (C + 1), best = 0.0f;  // of no crop at all
     score_of(k, score);
     for (int j = 0; j <= C; ++j) best = score[j] > best ? score[j] : best;
-    const float none = -most(best, 0.0);  // of no crop at all
-    best = -none;
     for (int j = 0; j <= C; ++j) score[j] -= best, like[j] = score[j] > -40.0f ? (float)::exp((D)score[j]) : 0.0f;
-    like[C] = none > -40.0f ? (float)::exp((D)none) : 0.0f;
+    like[C] = best < 40.0f ? (float)::exp(-(D)best) : 0.0f;
   }
   for (int sweep = 0; sweep < 2; ++sweep) {
     smooth();

@@ -108,8 +108,8 @@ class Params:
     lost_m: standard deviation from which on there is no edge
     hold_m: how far beyond the last place seen the edge is held
     lean_sd: scale of the prior of leans, aside per height [1]; shape_alike: nodes that show a lean alike
-    misfit: deviation of the feet of crop whose side leans, of how far that leans over its height [1], as no
-    side is a plane (0.2 of it on drawn cases); height_sd: scale of an upright crop's height, of the usual [1]
+    misfit: deviation of the feet of a side that leans, per metre that its top is aside of them [1], as no
+    side is a plane (0.2 on drawn cases); height_sd: scale of an upright crop's height, of the usual [1]
     row_seen: amplitude of the rows' first harmonic at which they count half [1]
     delay: way into the crop until half a spot is covered, of the mean free path, where stops scatter as those
     of a Poisson process [1]

@@ -6,7 +6,7 @@ from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
-from swath.sensing import CHECKED
+from swath.sensing import SPEED
 from swath.signals import GroundSpeed, MachineState
 
 
@@ -35,4 +35,4 @@ class IdealGroundSpeed(KeepsState):
 
 
 LEVEL = Level(IdealGroundSpeed, Params, "true forward speed", cost="none", tolerance="exact",
-              checked=CHECKED[:1])  # fmt: skip
+              checked=(SPEED,))  # fmt: skip

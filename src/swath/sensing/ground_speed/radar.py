@@ -23,7 +23,7 @@ from swath.core.schedule import NS
 from swath.documents.data_sheets import read_sheet
 from swath.documents.sheet_fields import Quantity
 from swath.field.site_setup import SiteSetup
-from swath.sensing import CHECKED
+from swath.sensing import SPEED
 from swath.sensing.mount import Length, LevelMount, poses_at
 from swath.signals import GroundSpeed, MachineState
 
@@ -155,5 +155,5 @@ LEVEL = Level(
     summary="Doppler shift of the ground in a slanted beam, with pitch, scale error and noise",
     cost="60 us per sample",
     tolerance="f = 2 f0 v cos(depression) / c; equal to ideal without noise on level ground",
-    checked=CHECKED[:1],
+    checked=(SPEED,),
 )
