@@ -158,7 +158,9 @@ class Explained:
     why: str
 
 
-INSIDE, GONE, TOO_FEW = "lies in it", "not broken without it", "too few runs without it"
+INSIDE = "inside a cause"
+GONE = "no longer broken without the runs of the causes"
+TOO_FEW = "too few runs outside of the causes to say"
 AS_THE_REST = "as all the rest is: no cause can be separated"
 WHYS = (INSIDE, GONE, TOO_FEW, AS_THE_REST)
 

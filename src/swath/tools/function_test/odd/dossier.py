@@ -246,8 +246,8 @@ def _overall(tried: Sequence[Driven]) -> str:
     early, late = sum(run.passes for run in tried[:half]), sum(run.passes for run in tried[half:])
     return (
         f"{early + late} of {len(tried)} runs pass, {early} of the first {half} and {late} of the other "
-        f"{len(tried) - half}. This share depends on the design, which spreads runs over all pairs of buckets "
-        "and then fills rare ones: it is not the share at work"
+        f"{len(tried) - half}. This share depends on the design, which spreads runs over all pairs of "
+        "buckets and then fills rare ones: it is not the share at work"
     )
 
 
