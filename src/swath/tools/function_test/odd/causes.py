@@ -99,7 +99,10 @@ def _contrast_of(counted: int, failed: int, runs: int, failures: int) -> float:
 
 
 def _is_in(drawn: Flags, spans: Sequence[Span]) -> Flags:
-    return np.all([drawn[:, first : last + 1].any(axis=1) for first, last in spans], axis=0)
+    found = np.ones(len(drawn), dtype=np.bool_)
+    for first, last in spans:
+        found &= drawn[:, first : last + 1].any(axis=1)
+    return found
 
 
 def _widened(odd: Odd, spans: tuple[Span, ...], drawn: Flags, fails: Flags, claim: Claim) -> tuple[Span, ...]:
