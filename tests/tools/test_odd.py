@@ -46,7 +46,7 @@ from swath.tools.function_test.odd.cells import (
 from swath.tools.function_test.odd.check import check
 from swath.tools.function_test.odd.coverage import Coverage, driven_of
 from swath.tools.function_test.odd.design import Design
-from swath.tools.function_test.odd.dossier import summary_of, write_dossier
+from swath.tools.function_test.odd.dossier import _causes, summary_of, write_dossier
 from swath.tools.function_test.odd.openodd import attributes_of
 from swath.tools.function_test.odd.trace import DEGREE_M, broken_by, trace_rows, traced, write_cod
 from swath.tools.function_test.verdict import BROKEN, SHOWN
@@ -330,7 +330,17 @@ def test_causes_are_what_contrasts_with_the_rest(tmp_path: Path, monkeypatch: py
         return u < (0.9 if float(run.point[SPEED]) > 6.0 else 0.2)
 
     rain, slope = f"{RAIN} showers", f"{SLOPE} -16 to -8 %"
-    assert set(cause_texts(monkeypatch, tmp_path / "two", 200, seed, two)) == {rain, slope}
+    found = conducted(monkeypatch, tmp_path / "two" / "out", small_odd(tmp_path / "two"), 200, seed, two)
+    first, second = found.causes()
+    assert {first.text, second.text} == {rain, slope}
+    assert first.counted + first.rest_counted == sum(run.counts for run in found.coverage.runs)
+    assert second.counted + second.rest_counted == first.rest_counted
+    rows = _causes(found, [first, second])
+    assert [row["here"] for row in rows] == [
+        first.counted,
+        second.counted,
+    ]  # they drove where they were drawn
+    assert not set(rows[0]["ids"]) & set(rows[1]["ids"])
     assert cause_texts(monkeypatch, tmp_path / "wide", 200, seed, adjacent) == [f"{SPEED} from 6 km/h on"]
 
 

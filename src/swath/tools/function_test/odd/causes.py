@@ -171,7 +171,7 @@ WHYS = (INSIDE, GONE, TOO_FEW, AS_THE_REST)
 def explained(coverage: Coverage, cells: Sequence[OddCell], causes: Sequence[Cause],
               claim: Claim) -> dict[str, Explained]:  # fmt: skip
     """Of each broken cell, by its text, what remains of it without the runs of the causes."""
-    runs = [(run, set(coverage.main(run).tolist()), _cause_of(coverage, run, causes))
+    runs = [(run, set(coverage.main(run).tolist()), cause_of(coverage, run, causes))
             for run in coverage.runs if run.counts]  # fmt: skip
     enough, found = needed(claim.pass_rate, claim.confidence), dict[str, Explained]()
     for cell in cells:
@@ -193,7 +193,8 @@ def explained(coverage: Coverage, cells: Sequence[OddCell], causes: Sequence[Cau
     return found
 
 
-def _cause_of(coverage: Coverage, run: Driven, causes: Sequence[Cause]) -> Cause | None:
+def cause_of(coverage: Coverage, run: Driven, causes: Sequence[Cause]) -> Cause | None:
+    """The strongest cause that a run was drawn for, None for none."""
     drawn = drawn_for(coverage.odd, run)
     return next((cause for cause in causes if cause.has(drawn)), None)
 
@@ -202,7 +203,7 @@ def without(coverage: Coverage, causes: Sequence[Cause]) -> Coverage:
     """What the runs drove that belong to no cause."""
     rest = Coverage(coverage.odd)
     for run in coverage.runs:
-        if _cause_of(coverage, run, causes) is None:
+        if cause_of(coverage, run, causes) is None:
             rest.add(run)
     return rest
 

@@ -31,6 +31,7 @@ from swath.tools.function_test.odd.causes import (
     WHYS,
     Cause,
     Explained,
+    cause_of,
     drawn_for,
     excluded,
     explained,
@@ -93,9 +94,8 @@ def summary_of(found: Conducted, cells: Sequence[OddCell]) -> Summary:
         f"counted ({100 * driven / max(1, pairs):.1f} %)"
     ]
     causes = found.causes()
-    for cause in causes:
-        here = _where(found, cause)
-        warning = f"; only {here} drove mainly there" if here < (1.0 - ELSEWHERE) * cause.counted else ""
+    for cause, _, here, is_elsewhere in _runs_of(found, causes):
+        warning = f"; only {here} drove mainly there" if is_elsewhere else ""
         lines.append(
             f"cause: {cause.text}: {cause.failed} of {cause.counted} runs drawn there fail, elsewhere "
             f"{cause.rest_failed} of {cause.rest_counted}{warning}"
@@ -110,10 +110,15 @@ def summary_of(found: Conducted, cells: Sequence[OddCell]) -> Summary:
     return Summary(VERDICTS, rows, lines)
 
 
-def _where(found: Conducted, cause: Cause) -> int:
-    """Runs drawn for a cause that drove mainly there, too."""
-    runs = [run for run in found.coverage.runs if run.counts and cause.has(drawn_for(found.odd, run))]
-    return sum(cause.has(set(found.coverage.main(run).tolist())) for run in runs)
+def _runs_of(found: Conducted, causes: Sequence[Cause]) -> Iterable[tuple[Cause, list[Driven], int, bool]]:
+    """Of each cause the runs drawn for it and no stronger one, how many of these drove mainly there, and
+    whether those are too few to take the cause for what was driven.
+    """
+    coverage = found.coverage
+    for number, cause in enumerate(causes, 1):
+        runs = [r for r in coverage.runs if r.counts and cause_of(coverage, r, causes[:number]) is cause]
+        here = sum(cause.has(set(coverage.main(run).tolist())) for run in runs)
+        yield cause, runs, here, here < (1.0 - ELSEWHERE) * len(runs)
 
 
 def _told(of: Mapping[str, Explained]) -> Iterable[str]:
@@ -161,7 +166,7 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
             "runs": f"{len(runs)} of {found.campaign.budgets[-1]}",
             "runs that pass": str(passed),
             "claim for each cell": f"{share} of its runs pass, {sure} confidence",
-            "pairs of buckets driven": f"{driven} of {pairs} ({100 * driven / max(1, pairs):.1f} %)",
+            f"pairs of buckets driven {HIT_M:g} m or counted": f"{driven} of {pairs} ({100 * driven / max(1, pairs):.1f} %)",
             "fewest runs counted for a pair": str(_fewest(cells)),
             "requirement": found.odd.file.requirement or None,
             "ODD version": found.odd.domain.version or None,
@@ -258,27 +263,20 @@ def _left_over(outside: Coverage, causes: Sequence[Cause]) -> str:
 
 
 def _causes(found: Conducted, causes: Sequence[Cause]) -> list[dict[str, Any]]:
-    """Rows of causes; a run is named once."""
-    rows, named = list[dict[str, Any]](), set[str]()
-    for cause in causes:
-        failing = sorted(
-            (run.result for run in found.coverage.runs
-             if run.counts and not run.passes and cause.has(drawn_for(found.odd, run))),
-            key=lambda result: str(result["id"]),
-        )  # fmt: skip
-        shown = [result for result in failing if str(result["id"]) not in named][:3]
-        named |= {str(result["id"]) for result in shown}
-        here = _where(found, cause)
+    """Rows of causes."""
+    rows = []
+    for cause, runs, here, is_elsewhere in _runs_of(found, causes):
+        failing = sorted((run.result for run in runs if not run.passes), key=lambda result: str(result["id"]))
         rows.append(
             {
                 "text": cause.text,
                 "inside": f"{cause.failed} of {cause.counted}",
                 "outside": f"{cause.rest_failed} of {cause.rest_counted}",
                 "here": here,
-                "elsewhere": here < (1.0 - ELSEWHERE) * cause.counted,
+                "elsewhere": is_elsewhere,
                 "p": f"{cause.p:.1e}",
-                "reason": str(shown[0]["reason"]) if shown else "",
-                "ids": [str(result["id"])[:8] for result in shown],
+                "reason": str(failing[0]["reason"]),
+                "ids": [str(result["id"])[:8] for result in failing[:3]],
             }
         )
     return rows
