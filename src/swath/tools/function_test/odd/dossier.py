@@ -166,7 +166,7 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
             "runs": f"{len(runs)} of {found.campaign.budgets[-1]}",
             "runs that pass": str(passed),
             "claim for each cell": f"{share} of its runs pass, {sure} confidence",
-            f"pairs of buckets driven {HIT_M:g} m or counted": f"{driven} of {pairs} ({100 * driven / max(1, pairs):.1f} %)",
+            f"pairs of buckets driven {HIT_M:g} m or counted": f"{driven} of {pairs}",
             "fewest runs counted for a pair": str(_fewest(cells)),
             "requirement": found.odd.file.requirement or None,
             "ODD version": found.odd.domain.version or None,
