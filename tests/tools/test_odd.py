@@ -344,6 +344,14 @@ def test_causes_are_what_contrasts_with_the_rest(tmp_path: Path, monkeypatch: py
     assert cause_texts(monkeypatch, tmp_path / "wide", 200, seed, adjacent) == [f"{SPEED} from 6 km/h on"]
 
 
+def test_a_range_contrasts_where_no_single_bucket_of_it_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def fails(run: Any, u: float) -> bool:
+        return u < (0.25 if float(run.point[SPEED]) < 4.0 else 0.7)
+
+    texts = cause_texts(monkeypatch, tmp_path, 160, 1, fails)
+    assert texts == [f"{SPEED} from 4 km/h on"]
+
+
 def test_where_all_fails_alike_no_cause_is_separated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     odd, called = small_odd(tmp_path), 0
     for seed in range(8):

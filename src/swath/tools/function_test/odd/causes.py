@@ -1,15 +1,16 @@
 """Causes of failures, by contrast: where runs fail that were drawn there, and not elsewhere.
 
 A cell is a cause where its runs fail more often than those outside it (Fisher's exact test, one-sided), and
-exclude the claim by themselves, both after Bonferroni over all cells. A run belongs to the cell that it was
-drawn for: where it drove may be what the function made of it. The strongest contrast comes first; the next
-cause has to contrast among the runs of none before, on both sides. Neighbours of a cause along an attribute
-that pass the same two tests are one range with it.
+exclude the claim by themselves, both after Bonferroni over all cells and all ranges of adjacent buckets. A
+run belongs to the cell that it was drawn for: where it drove may be what the function made of it. The
+strongest contrast comes first; the next cause has to contrast among the runs of none before, on both sides.
+Neighbours of a cause along an attribute that pass the same two tests are one range with it.
 """
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,28 +61,48 @@ def causes_of(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[Ca
     fails = np.array([not run.passes for run in runs], dtype=bool)
     left = np.ones(len(runs), dtype=bool)
     rows, columns = np.nonzero(np.triu(odd.possible))
+    cells = [
+        tuple((p, p) for p in dict.fromkeys(pair))
+        for pair in zip(rows.tolist(), columns.tolist(), strict=True)
+    ]
+    ranges = list(_ranges(odd))
+    cells += [(span,) for span in ranges]
+    in_ranges = np.stack([_is_in(drawn, [span]) for span in ranges], axis=1) if ranges else drawn[:, :0]
+    simpler = np.array([sum(last - first + 1 for first, last in spans) for spans in cells])
     wrong, found = 1.0 - claim.confidence, list[Cause]()
+
+    def counts(some: Flags) -> NDArray[np.int64]:
+        own = drawn[some].astype(np.int64)
+        return np.concatenate([(own.T @ own)[rows, columns], in_ranges[some].sum(axis=0)])
+
     while True:
-        inside, failing = drawn[left].astype(np.int64), drawn[left & fails].astype(np.int64)
-        counted, failed = (inside.T @ inside)[rows, columns], (failing.T @ failing)[rows, columns]
+        counted, failed = counts(left), counts(left & fails)
         chances = _contrast(counted, failed, int(left.sum()), int((left & fails).sum()))
-        p = np.minimum(1.0, len(rows) * chances)
+        p = np.minimum(1.0, len(cells) * chances)
         sure = (
             number
-            for number in np.lexsort((rows != columns, p))
+            for number in np.lexsort((simpler, p))
             if p[number] <= wrong
-            and len(rows) * p_broken(int(counted[number]), int(failed[number]), claim, is_complete) <= wrong
+            and len(cells) * p_broken(int(counted[number]), int(failed[number]), claim, is_complete) <= wrong
         )
         if (best := next(sure, None)) is None:
             return found
-        places = dict.fromkeys((int(rows[best]), int(columns[best])))
-        spans = _widened(odd, tuple((place, place) for place in places), drawn[left], fails[left], claim)
+        spans = _widened(odd, cells[best], drawn[left], fails[left], claim)
         is_in = _is_in(drawn, spans)
         here, there = left & is_in, left & ~is_in
         n, k, others, k_others = (int(some.sum()) for some in (here, here & fails, there, there & fails))
-        chance = min(1.0, len(rows) * _contrast_of(n, k, n + others, k + k_others))
+        chance = min(1.0, len(cells) * _contrast_of(n, k, n + others, k + k_others))
         found.append(Cause(spans, _text(odd, spans), n, k, others, k_others, chance))
         left = there
+
+
+def _ranges(odd: Odd) -> Iterator[Span]:
+    """Of each number two or more adjacent buckets inside the ODD, but not all."""
+    for axis in odd.axes:
+        inside = [n for n in range(axis.first, axis.first + axis.count) if odd.possible[n, n]]
+        for first, last in combinations(inside if axis.edges else (), 2):
+            if 1 < last - first + 1 < len(inside) and set(range(first, last)) <= set(inside):
+                yield first, last
 
 
 def _contrast(counted: NDArray[np.int64], failed: NDArray[np.int64], runs: int,
