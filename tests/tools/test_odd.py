@@ -344,12 +344,16 @@ def test_causes_are_what_contrasts_with_the_rest(tmp_path: Path, monkeypatch: py
     assert cause_texts(monkeypatch, tmp_path / "wide", 200, seed, adjacent) == [f"{SPEED} from 6 km/h on"]
 
 
-def test_a_range_contrasts_where_no_single_bucket_of_it_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_range_contrasts_where_no_single_bucket_of_it_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
+):
     def fails(run: Any, u: float) -> bool:
-        return u < (0.25 if float(run.point[SPEED]) < 4.0 else 0.7)
+        return u < (0.4 if float(run.point[SPEED]) < 6.0 else 0.8)
 
-    texts = cause_texts(monkeypatch, tmp_path, 160, 1, fails)
-    assert texts == [f"{SPEED} from 4 km/h on"]
+    assert cause_texts(monkeypatch, tmp_path, 160, seed, fails) == [f"{SPEED} from 6 km/h on"]
+    monkeypatch.setattr("swath.tools.function_test.odd.causes._ranges", lambda odd: iter(()))
+    assert not cause_texts(monkeypatch, tmp_path / "single", 160, seed, fails)
 
 
 def test_where_all_fails_alike_no_cause_is_separated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
