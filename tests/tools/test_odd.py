@@ -3,6 +3,7 @@
 import csv
 import json
 import shutil
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,7 @@ from tests.tools.odd_files import (
 pytest.importorskip("openodd", reason="needs the extra odd")
 
 from swath.tools.function_test.odd.binding import find_odd, read_odd
+from swath.tools.function_test.odd.causes import AS_THE_REST, explained
 from swath.tools.function_test.odd.cells import (
     NEVER,
     needed_each,
@@ -44,7 +46,7 @@ from swath.tools.function_test.odd.cells import (
 from swath.tools.function_test.odd.check import check
 from swath.tools.function_test.odd.coverage import Coverage, driven_of
 from swath.tools.function_test.odd.design import Design
-from swath.tools.function_test.odd.dossier import causes, write_dossier
+from swath.tools.function_test.odd.dossier import _causes, summary_of, write_dossier
 from swath.tools.function_test.odd.openodd import attributes_of
 from swath.tools.function_test.odd.trace import DEGREE_M, broken_by, trace_rows, traced, write_cod
 from swath.tools.function_test.verdict import BROKEN, SHOWN
@@ -300,8 +302,10 @@ def test_planted_fault_is_found_and_its_cell_is_the_only_cause(
         monkeypatch, tmp_path / "out", odd, 250, seed, lambda run, u: is_planted(run) or u < 0.01
     )
     cells = found.cells()
-    assert [c.text for c in causes(cells)] == [f"{SLOPE} 8 to 16 %, {DENSITY} 50 to 150 1/m2"]
-    assert all(c.cause for c in cells if c.verdict == BROKEN)
+    assert [c.text for c in found.causes()] == [f"{SLOPE} 8 to 16 %, {DENSITY} 50 to 150 1/m2"]
+    why = explained(found.coverage, cells, found.causes(), found.claim)
+    assert {cell.text for cell in cells if cell.verdict == BROKEN} == set(why)
+    assert all(of.cause for of in why.values())
     write_dossier(found, cells)
     shown = read_odd(found.folder / "shown.odd.yaml")
     inside = {SLOPE: 12.0, DENSITY: 300.0, RAIN: "no_rain", "process.speed": 5.0, "weather.fog": "false"}
@@ -310,6 +314,107 @@ def test_planted_fault_is_found_and_its_cell_is_the_only_cause(
     assert shown.domain.holds({**inside, DENSITY: 100.0, SLOPE: 4.0})
     assert not shown.domain.holds({**inside, "weather.fog": "true"})  # as before
     assert {f.kind for f in check(shown)} <= {"not simulated", "not drawn"}
+
+
+def cause_texts(monkeypatch: pytest.MonkeyPatch, folder: Path, runs: int, seed: int, fails: Any) -> list[str]:
+    found = conducted(monkeypatch, folder / "out", small_odd(folder), runs, seed, fails)
+    return [cause.text for cause in found.causes()]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_causes_are_what_contrasts_with_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int):
+    def two(run: Any, u: float) -> bool:
+        return u < (0.95 if run.point[RAIN] == "showers" or float(run.point[SLOPE]) < -8.0 else 0.1)
+
+    def adjacent(run: Any, u: float) -> bool:
+        return u < (0.9 if float(run.point[SPEED]) > 6.0 else 0.2)
+
+    rain, slope = f"{RAIN} showers", f"{SLOPE} -16 to -8 %"
+    found = conducted(monkeypatch, tmp_path / "two" / "out", small_odd(tmp_path / "two"), 200, seed, two)
+    first, second = found.causes()
+    assert {first.text, second.text} == {rain, slope}
+    assert first.counted + first.rest_counted == sum(run.counts for run in found.coverage.runs)
+    assert second.counted + second.rest_counted == first.rest_counted
+    rows = _causes(found, [first, second])
+    assert [row["here"] for row in rows] == [
+        first.counted,
+        second.counted,
+    ]  # they drove where they were drawn
+    assert not set(rows[0]["ids"]) & set(rows[1]["ids"])
+    assert cause_texts(monkeypatch, tmp_path / "wide", 200, seed, adjacent) == [f"{SPEED} from 6 km/h on"]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_range_contrasts_where_no_single_bucket_of_it_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
+):
+    def fails(run: Any, u: float) -> bool:
+        return u < (0.4 if float(run.point[SPEED]) < 6.0 else 0.8)
+
+    assert cause_texts(monkeypatch, tmp_path, 160, seed, fails) == [f"{SPEED} from 6 km/h on"]
+    monkeypatch.setattr("swath.tools.function_test.odd.causes._ranges", lambda odd: iter(()))
+    assert not cause_texts(monkeypatch, tmp_path / "single", 160, seed, fails)
+
+
+def test_where_all_fails_alike_no_cause_is_separated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    odd, called = small_odd(tmp_path), 0
+    for seed in range(8):
+        found = conducted(monkeypatch, tmp_path / str(seed), odd, 200, seed, lambda run, u: u < 0.67)
+        called += bool(found.causes())
+    assert called <= 2  # more than 2 of 8 has a chance of 0.6 % at 5 % each
+    cells = found.cells()
+    why = explained(found.coverage, cells, [], found.claim)
+    assert sum(cell.verdict == BROKEN for cell in cells) == len(why) > 20
+    assert {of.why for of in why.values()} == {AS_THE_REST}
+    if not found.causes():
+        assert f"{len(why)} cells broken {AS_THE_REST}" in summary_of(found, cells).lines
+        assert "no cause can be separated" in write_dossier(found, cells).read_text()
+
+
+def test_a_cause_is_what_was_drawn_and_not_where_a_failing_run_drove(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def fails(run: Any, u: float) -> bool:
+        return float(run.point[SLOPE]) > 8.0
+
+    found = conducted(monkeypatch, tmp_path / "out", small_odd(tmp_path), 200, 1, fails)
+    axes = [axis.name for axis in found.odd.axes]
+    coverage = Coverage(found.odd)
+    for run in found.coverage.runs:
+        if not run.passes:  # what fails sinks to the thinnest stand and rolls to the other side
+            run.main[axes.index(DENSITY)] = run.main[axes.index(SLOPE)] = 0
+        coverage.add(run)
+    found = replace(found, coverage=coverage)
+    cells = found.cells()
+    assert next(c for c in cells if c.text == f"{DENSITY} 50 to 150 1/m2").verdict == BROKEN
+    (cause,) = found.causes()
+    assert cause.text == f"{SLOPE} 8 to 16 %"
+    assert (cause.failed, cause.rest_failed) == (cause.counted, 0)
+    told = summary_of(found, cells).lines
+    assert any("only 0 drove mainly there" in line and cause.text in line for line in told)
+    page = write_dossier(found, cells).read_text()
+    assert "(!)" in page
+    assert "mainly in another bucket" in page
+
+
+def test_a_range_is_left_out_as_one_condition(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    found = conducted(
+        monkeypatch,
+        tmp_path / "out",
+        small_odd(tmp_path),
+        300,
+        2,
+        lambda run, u: float(run.point[SPEED]) > 6.0,
+    )
+    write_dossier(found, found.cells())
+    shown = read_odd(found.folder / "shown.odd.yaml")
+    assert "process.speed: '[6 .. 10] km/h'" in (found.folder / "shown.openodd.yaml").read_text().replace(
+        '"', "'"
+    )
+    at = {SLOPE: 4.0, DENSITY: 300.0, RAIN: "no_rain", "weather.fog": "false"}
+    assert shown.domain.holds({**at, SPEED: 5.0})
+    assert not shown.domain.holds({**at, SPEED: 7.0})
+    assert not shown.domain.holds({**at, SPEED: 9.5})
 
 
 def test_nothing_planted_nothing_broken_and_all_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -340,7 +445,9 @@ def test_a_longer_campaign_after_a_look_is_judged_by_the_e_process(
             conducted(monkeypatch, tmp_path / "twice", other, 100, 1, lambda run, u: False)
 
 
-def test_a_campaign_resumes_and_says_the_same_bytes(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_a_campaign_resumes_and_says_the_same_bytes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
     odd = write_odd(tmp_path)
     line = ["test", "run", "--odd", str(odd), "--runs", "8", "--workers", "1", "--out"]
     assert main([*line, str(tmp_path / "a")]) == 3
@@ -360,7 +467,22 @@ def test_a_campaign_resumes_and_says_the_same_bytes(tmp_path: Path, capsys: pyte
     assert suite.find("properties/property").get("value") == "R-7"
     row = rows_of(out / "runs.csv")[0]
     assert main(["test", "again", str(out), row["run"][:8]]) == 0
-    assert "the same digest" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "the same digest" in told
+    assert told.count(row["digest"]) == 2
+    assert "other code" not in (out / "dossier.html").read_text()
+    summary = json.loads((out / "kept" / row["run"] / "summary.json").read_text())["summary"]
+    assert f"(R-7): side_slope {row[SLOPE]}" in summary
+    with monkeypatch.context() as other:
+        for module in ("plan", "odd.dossier"):
+            other.setattr(f"swath.tools.function_test.{module}.code_hash", lambda: "f" * 64)
+        assert main(["test", "again", str(out), row["run"][:8]]) == 0
+        told = capsys.readouterr().out
+        assert f"this is {'f' * 64}" in told
+        assert "the digest may differ" in told
+        assert main(["test", "report", str(out)]) == 3
+        assert "The runs were made by other code" in (out / "dossier.html").read_text()
+    assert main(["test", "report", str(out)]) == 3
     moved = shutil.move(out, tmp_path / "b")
     assert main(["test", "report", str(moved)]) == 3
     assert (Path(moved) / "cells.csv").read_bytes() == before["cells.csv"]
@@ -406,7 +528,17 @@ def test_requirements_lead_to_runs_and_runs_to_requirements(tmp_path: Path):
         "R-8": (2, 1, 0),
         "R-9": (0, 2, 1),
     }
-    assert told["R-9"].worst is results[1]  # a way that is not driven counts as far beyond as 3 times a limit
+    assert told["R-9"].worst is results[2]  # 3 times a limit is farther beyond it than a way not driven
+    assert told["R-9"].why == "combine.lateral_rms_m 0.3"
+    open_one = result_at(4, 5.0, 0.0)
+    open_one["expect"][1] |= {"value": None, "result": "fail", "reason": "nothing was measured"}
+    after = {t.name: t for t in traced(odd.file, [*results, open_one])}
+    assert (after["R-7"].broken, after["R-7"].unmeasured) == (3, 0)  # its way is broken, too
+    assert broken_by(odd.file, open_one) == ["R-7", "R-8", "R-9"]
+    open_one["expect"][0] |= {"value": 12.0, "result": "pass"}
+    after = {t.name: t for t in traced(odd.file, [*results, open_one])}
+    assert [(after[n].broken, after[n].unmeasured) for n in ("R-7", "R-8", "R-9")] == [(2, 1), (1, 0), (2, 1)]
+    assert broken_by(odd.file, open_one) == []
     assert [broken_by(odd.file, r) for r in results] == [[], ["R-7", "R-8", "R-9"], ["R-7", "R-9"]]
     rows = list(trace_rows(odd.file, results, "out"))
     assert len(rows) == 3 * (2 + 1 + 2)

@@ -4,6 +4,7 @@ import argparse
 import os
 from collections import Counter
 from contextlib import nullcontext
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -258,18 +259,50 @@ def _again(args: argparse.Namespace) -> int:
     from swath.core.whole_file import no_link
     from swath.replay.writer import ReplayWriter
     from swath.report.report import ReportWriter
+    from swath.runtime.credibility import outside_of
     from swath.runtime.job import run_job
+    from swath.tools.function_test.judged import verdict_of
+    from swath.tools.function_test.odd.campaign import CAMPAIGN, Campaign
     from swath.tools.function_test.one_run import scenario_of
-    from swath.tools.function_test.session import open_session
+    from swath.tools.function_test.plan import code_hash, commit
+    from swath.tools.function_test.session import open_session, read_asked
 
-    session = open_session(args.folder)
+    session = open_session(args.folder, same_code=False)
     planned, result = session.run_of(args.name)
+    made, here = session.plan.code, code_hash()
+    if made != here:
+        campaign = read_asked(args.folder / CAMPAIGN, Campaign, "a campaign")
+        of = f" (commit {campaign.commit})" if campaign is not None and campaign.commit else ""
+        mine = f" (commit {commit()})" if commit() else ""
+        print(f"note    these runs were made by code {made}{of}, this is {here}{mine}: the digest may "
+              "differ. To make the same bytes, install the version that made them.")  # fmt: skip
     out = args.out or no_link(no_link(args.folder / "kept") / planned.id)
+    scenario = scenario_of(planned)
+    scenario = replace(scenario, summary=_told_of(args.folder, planned, scenario.summary))
     hooks = [ReportWriter(), ReplayWriter()]
-    done = run_job(scenario_of(planned), out, progress=True, hooks=hooks)
-    same = result is not None and result["digest"] == done.summary["digest"]
+    done = run_job(scenario, out, progress=True, hooks=hooks)
+    before = ("", "") if result is None else (result["digest"], result["verdict"])
+    verdict, _ = verdict_of(done.summary["expect"], outside_of(done.summary))
+    same = before[0] == done.summary["digest"]
+    print(f"in the test {before[0] or 'no digest'}, {before[1] or 'not done'}")
+    print(f"now         {done.summary['digest']}, {verdict}")
     print(f"{done.folder}: {'the same digest as in the test' if same else 'another digest than in the test'}")
     return 0 if same else 1
+
+
+def _told_of(folder: Path, run: Any, base: str) -> str:
+    """The summary of a run made again: the scenario's own holds for it only where nothing is varied."""
+    from swath.core.errors import shortened
+    from swath.documents.yaml_document import read_document
+    from swath.tools.function_test.odd.campaign import ODD_FILE
+
+    if not run.point:
+        return base
+    odd = folder / ODD_FILE
+    requirement = read_document(odd).data.get("requirement") if odd.is_file() else ""
+    of = f" ({requirement})" if requirement else ""
+    point = ", ".join(f"{name.rpartition('.')[2]} {value}" for name, value in run.point.items())
+    return shortened(f"Run {run.id[:8]} of {run.case}{of}: {point}", LONGEST_SUMMARY)
 
 
 def finish(folder: Path, session: Any, *, again: bool) -> int:
@@ -312,6 +345,7 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     return next((EXIT[v] for v in (BROKEN, NOT_SHOWN, NOT_JUDGED) if v in verdicts), 0)
 
 
+LONGEST_SUMMARY = 500  # characters, as a scenario takes it
 _CASES = "a case file, a folder of them, `catalogue`, or one of its cases"
 _DESCRIPTION = """Function tests: cases with varied parameters and seeds, each judged as shown, broken, not
 shown (too few runs) or not judged (a level was outside the range in which it was checked). Exit code 0 all

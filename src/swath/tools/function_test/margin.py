@@ -27,15 +27,15 @@ def margin(result: Mapping[str, Any], limit: str = "") -> float:
     return min((margin_of(entry) for entry in entries), default=1.0)
 
 
-def margin_of(entry: Entry) -> float:
-    """Of a value to its limit, as in the entry of a result."""
+def margin_of(entry: Entry, *, is_bounded: bool = True) -> float:
+    """Of a value to its limit, as in the entry of a result. is_bounded: to -1..1"""
     value, fails = entry["value"], entry["result"] == "fail"
     if value is None or not isfinite(value):
         return -1.0 if fails else 1.0
     scaled = _scaled(entry["name"], entry["limit"], float(value))
     if scaled is None:
         return -1.0 if fails else 1.0
-    found = min(1.0, max(-1.0, scaled))
+    found = min(1.0, max(-1.0, scaled)) if is_bounded else scaled
     return min(found, -1e-9) if fails else max(found, 0.0)
 
 

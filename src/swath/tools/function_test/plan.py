@@ -7,6 +7,8 @@ however often a plan is interrupted, and not found where anything has changed.
 
 import hashlib
 import json
+import shutil
+import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache, cached_property
@@ -221,6 +223,19 @@ def code_hash() -> str:
     root = Path(swath.__file__).parent
     files = sorted(p for p in root.rglob("*") if p.suffix in CODE and "__pycache__" not in p.parts)
     return _sha(f"{p.relative_to(root).as_posix()} {file_hash(p)}" for p in files)
+
+
+@cache
+def commit() -> str:
+    """Of the git checkout that this package lies in, `-dirty` behind it with changes; "" = none."""
+    root, git = Path(swath.__file__).parent, shutil.which("git")
+    if git is None or not any((folder / ".git").exists() for folder in root.parents):
+        return ""
+    tracked = [git, "-C", str(root), "ls-files", "--error-unmatch", "__init__.py"]
+    if subprocess.run(tracked, capture_output=True, check=False).returncode:
+        return ""
+    asked = [git, "-C", str(root), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
+    return subprocess.run(asked, capture_output=True, check=False, text=True).stdout.strip()
 
 
 def _base(case: Case, code: str) -> str:

@@ -18,10 +18,11 @@ from swath.core.whole_file import write_whole
 from swath.tools.function_test.case import Claim, Point
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.odd.binding import Odd, read_odd
+from swath.tools.function_test.odd.causes import Cause, causes_of
 from swath.tools.function_test.odd.cells import OddCell, judged, needed_each
 from swath.tools.function_test.odd.coverage import Coverage, coverage_of, driven_of
 from swath.tools.function_test.odd.design import Design
-from swath.tools.function_test.plan import Plan, code_hash
+from swath.tools.function_test.plan import Plan, code_hash, commit
 from swath.tools.function_test.pool import Done
 from swath.tools.function_test.session import PLAN, Session, check_empty, read_asked
 
@@ -34,6 +35,7 @@ RUNS, LEAST = 400, 8  # of a campaign, by default and at least
 class Campaign:
     """What a campaign asks. revision: of the ODD and its binding; budgets: numbers of runs, each longer one
     after a look at what the shorter one showed; sets, level: as in a plan; seed: of the draws
+    commit: of the checkout that the code came from, "" = unknown
     """
 
     odd: str
@@ -43,6 +45,7 @@ class Campaign:
     sets: tuple[str, ...] = ()
     level: str = ""
     code: str = field(default_factory=code_hash)
+    commit: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,10 @@ class Conducted:
     def cells(self) -> list[OddCell]:
         """All cells, judged."""
         return judged(self.coverage, self.claim, is_complete=self.is_complete)
+
+    def causes(self) -> list[Cause]:
+        """Where runs fail more than elsewhere, the strongest contrast first."""
+        return causes_of(self.coverage, self.claim, is_complete=self.is_complete)
 
 
 def conduct(
@@ -146,6 +153,7 @@ def _claim_folder(folder: Path, campaign: Campaign, odd: Odd) -> Campaign:
         campaign = replace(before, budgets=(*before.budgets, *campaign.budgets)) if is_longer else before
     else:
         check_empty(folder, "a campaign")
+        campaign = replace(campaign, commit=commit())
         folder.mkdir(parents=True, exist_ok=True)
         names = [f"{number}.openodd.yaml" for number in range(len(odd.domain.documents))]
         for name, document in zip(names, odd.domain.documents, strict=True):

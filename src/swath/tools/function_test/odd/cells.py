@@ -13,7 +13,6 @@ doi:10.1214/aoms/1177728178). Where runs of the plan are missing, or it was made
 e-process of `verdict` takes its place: the reciprocal of its capital is a p-value at every moment.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import exp
@@ -25,6 +24,7 @@ from swath.tools.function_test.odd.coverage import Coverage
 from swath.tools.function_test.paired import holm
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, log_capital, needed
 
+Span = tuple[int, int]  # the first and the last of adjacent buckets of an attribute, numbered among all
 NEVER = "never driven"
 VERDICTS = (SHOWN, BROKEN, NOT_SHOWN, NEVER)
 
@@ -33,8 +33,7 @@ VERDICTS = (SHOWN, BROKEN, NOT_SHOWN, NEVER)
 class OddCell:
     """A judged cell. places: numbers of its one or two buckets among all; text: `side_slope 7 to 14, ...`
 
-    counted, failed: runs; p_broken, p_shown: before the correction; cause: the text of the cell that explains
-    its failures, "" where none does
+    counted, failed: runs; p_broken, p_shown: before the correction
     """
 
     places: tuple[int, ...]
@@ -48,7 +47,11 @@ class OddCell:
     verdict: str
     p_broken: float
     p_shown: float
-    cause: str = ""
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """Of each bucket its number twice: the first and the last."""
+        return tuple((place, place) for place in self.places)
 
 
 def judged(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[OddCell]:
@@ -71,7 +74,6 @@ def judged(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[OddCe
     is_shown, is_pair = np.zeros(len(places), dtype=bool), np.array([i != j for i, j in places])
     for family in (is_pair, ~is_pair):
         is_shown[family] = false_discovery_control(shown[family], method="by") <= wrong
-    causes = causes_of(coverage, [place for n, place in enumerate(places) if n in surely_broken], claim)
     cells, driven = [], coverage.driven
     for number, (i, j) in enumerate(places):
         own = (i,) if i == j else (i, j)
@@ -80,12 +82,10 @@ def judged(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[OddCe
             BROKEN if number in surely_broken else SHOWN if is_shown[number]
             else NOT_SHOWN if driven[i, j] else NEVER
         )  # fmt: skip
-        cause = causes.get((i, j))
         cells.append(
             OddCell(own, named(coverage, own), tuple(axis.layer for axis, _ in axes), int(counted[number]),
                     int(failed[number]), float(coverage.metres[i, j]), float(coverage.seconds[i, j]),
-                    int(coverage.hits[i, j]), verdict, float(broken[number]), float(shown[number]),
-                    "" if cause is None else named(coverage, cause))
+                    int(coverage.hits[i, j]), verdict, float(broken[number]), float(shown[number]))
         )  # fmt: skip
     return cells
 
@@ -120,59 +120,3 @@ def needed_each(count: int, claim: Claim) -> int:
     """Runs without a failure in each of `count` cells that show all of them."""
     correction = float(np.sum(1.0 / np.arange(1, count + 1)))  # of Benjamini & Yekutieli, all equally likely
     return needed(claim.pass_rate, 1.0 - (1.0 - claim.confidence) / correction)
-
-
-def causes_of(
-    coverage: Coverage, broken: list[tuple[int, int]], claim: Claim
-) -> dict[tuple[int, int], tuple[int, ...]]:
-    """Of each broken cell the cell that explains it, itself where nothing else does.
-
-    The cell with the least likely failures comes first, of equals the simpler one; its runs are taken away,
-    and what is then no more broken by itself, at the claim's confidence, is explained by it; and so on with
-    the rest.
-    """
-    runs = [(set(coverage.main(run).tolist()), run.passes) for run in coverage.runs if run.counts]
-    left, found = list(broken), dict[tuple[int, int], tuple[int, ...]]()
-    while left:
-        chances = {cell: _chance(cell, runs, claim) for cell in left}
-        first = min(left, key=lambda cell: (chances[cell], cell[0] != cell[1], cell))
-        runs = [(main, passes) for main, passes in runs if not main >= set(first)]
-        limit = 1.0 - claim.confidence
-        explained = [cell for cell in left if cell == first or _chance(cell, runs, claim) > limit]
-        found.update(dict.fromkeys(explained, tuple(dict.fromkeys(first))))
-        left = [cell for cell in left if cell not in explained]
-    return found
-
-
-def _chance(cell: tuple[int, int], runs: Sequence[tuple[set[int], bool]], claim: Claim) -> float:
-    inside = [passes for main, passes in runs if main >= set(cell)]
-    return p_broken(len(inside), sum(not passes for passes in inside), claim, True)
-
-
-def remaining(coverage: Coverage, cells: list[OddCell], claim: Claim, *, is_complete: bool) -> list[OddCell]:
-    """All cells judged by the runs outside the causes of what is broken.
-
-    The causes were found with the runs that then show the rest: a new campaign on what remains confirms it.
-    """
-    causes = {cell.cause for cell in cells if cell.verdict == BROKEN}
-    broken = [cell.places for cell in cells if cell.text in causes]
-    if not broken:
-        return cells
-    rest = Coverage(coverage.odd)
-    for run in coverage.runs:
-        if not any(coverage.is_in(run, places) for places in broken):
-            rest.add(run)
-    return judged(rest, claim, is_complete=is_complete)
-
-
-def excluded(cells: list[OddCell], rest: list[OddCell]) -> list[OddCell]:
-    """The cells to leave out of the ODD so that the function is shown in what remains: the causes of what is
-    broken, buckets that are not shown by the runs outside of those (rest: as `remaining`), and pairs that
-    nothing has driven.
-    """
-    causes = {cell.cause for cell in cells if cell.verdict == BROKEN}
-    broken = [cell for cell in cells if cell.text in causes]
-    buckets = [c for c in rest if len(c.places) == 1 and c.verdict != SHOWN and c.text not in causes]
-    whole = {c.places[0] for c in (*buckets, *broken) if len(c.places) == 1}
-    pairs = [c for c in cells if len(c.places) == 2 and c.verdict == NEVER and not whole & set(c.places)]
-    return [*broken, *buckets, *pairs]

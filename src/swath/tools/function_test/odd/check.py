@@ -86,6 +86,11 @@ def _axis(odd: Odd, axis: Axis) -> list[Finding]:
     return found
 
 
+def not_drawn(odd: Odd) -> list[Finding]:
+    """Parts of attributes that no draw comes from."""
+    return [found for axis in odd.axes for found in _axis(odd, axis) if found.kind == NOT_DRAWN]
+
+
 def _refused(odd: Odd) -> list[Finding]:
     """Values at the ends of the buckets that the scenario does not take."""
     middle = {a.name: a.value(a.count // 2, 0.5) for a in odd.axes}

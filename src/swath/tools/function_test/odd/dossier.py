@@ -22,18 +22,38 @@ from swath.core.whole_file import write_whole
 from swath.report.html import write_page
 from swath.runtime.credibility import span
 from swath.runtime.met import QUANTITIES
-from swath.terminal.outcome import result_of
 from swath.tools.function_test.cells import cells_of
 from swath.tools.function_test.judged import beyond
 from swath.tools.function_test.junit import write_junit
 from swath.tools.function_test.odd.campaign import ODD_FILE, Conducted
-from swath.tools.function_test.odd.cells import NEVER, VERDICTS, OddCell, excluded, needed_each, remaining
-from swath.tools.function_test.odd.coverage import HIT_M, INSIDE, Driven
+from swath.tools.function_test.odd.causes import (
+    AS_THE_REST,
+    WHYS,
+    Cause,
+    Explained,
+    cause_of,
+    drawn_for,
+    excluded,
+    explained,
+    without,
+)
+from swath.tools.function_test.odd.cells import NEVER, VERDICTS, OddCell, judged, needed_each
+from swath.tools.function_test.odd.check import not_drawn
+from swath.tools.function_test.odd.coverage import HIT_M, INSIDE, Coverage, Driven
 from swath.tools.function_test.odd.restricted import write_restricted
-from swath.tools.function_test.odd.trace import Traced, again, broken_by, trace_rows, traced
+from swath.tools.function_test.odd.trace import (
+    NOT_MEASURED,
+    Traced,
+    again,
+    broken_by,
+    said_of,
+    trace_rows,
+    traced,
+)
 from swath.tools.function_test.one_run import scenario_of
 from swath.tools.function_test.page import write_matrix
-from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, lower_bound
+from swath.tools.function_test.plan import code_hash, commit
+from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
 
 COLOURS = {SHOWN: "#2f9e77", BROKEN: "#d55e00", NOT_SHOWN: "#e3cf86", NEVER: "#c9ced4"}
 CLEAN = "#bfe0c9"  # of a pair that is not shown and in which no run fails
@@ -67,14 +87,22 @@ def summary_of(found: Conducted, cells: Sequence[OddCell]) -> Summary:
     ):
         rows.append((name, *(str(sum(c.verdict == v for c in some)) for v in VERDICTS)))
     driven, pairs = found.coverage.pair_share
-    judged = [run for run in found.coverage.runs if run.is_judged]
-    passed = sum(run.passes for run in judged)
+    tried = [run for run in found.coverage.runs if run.is_judged]
+    passed = sum(run.passes for run in tried)
     lines = [
-        f"{passed} of {len(judged)} runs pass; {driven} of {pairs} pairs of buckets driven "
-        f"({100 * driven / max(1, pairs):.1f} %)"
+        f"{passed} of {len(tried)} runs pass; {driven} of {pairs} pairs of buckets driven {HIT_M:g} m or "
+        f"counted ({100 * driven / max(1, pairs):.1f} %)"
     ]
-    lines += [f"broken: {cell.text}: {cell.failed} of {cell.counted} runs fail" for cell in causes(cells)]
-    if unjudged := len(found.coverage.runs) - len(judged):
+    causes = found.causes()
+    for cause, _, here, is_elsewhere in _runs_of(found, causes):
+        warning = f"; only {here} drove mainly there" if is_elsewhere else ""
+        lines.append(
+            f"cause: {cause.text}: {cause.failed} of {cause.counted} runs drawn there fail, elsewhere "
+            f"{cause.rest_failed} of {cause.rest_counted}{warning}"
+        )
+    lines += _told(explained(found.coverage, cells, causes, found.claim))
+    lines += _elsewhere(found)
+    if unjudged := len(found.coverage.runs) - len(tried):
         lines.append(f"{unjudged} runs not judged: a level was outside the range in which it was checked")
     short = _short(found, cells)
     if short:
@@ -82,10 +110,22 @@ def summary_of(found: Conducted, cells: Sequence[OddCell]) -> Summary:
     return Summary(VERDICTS, rows, lines)
 
 
-def causes(cells: Sequence[OddCell]) -> list[OddCell]:
-    """The broken cells that explain all broken ones, surest first."""
-    named = {cell.cause for cell in cells if cell.verdict == BROKEN}
-    return sorted((c for c in cells if c.text in named), key=lambda c: (c.p_broken, c.places))
+def _runs_of(found: Conducted, causes: Sequence[Cause]) -> Iterable[tuple[Cause, list[Driven], int, bool]]:
+    """Of each cause the runs drawn for it and no stronger one, how many of these drove mainly there, and
+    whether those are too few to take the cause for what was driven.
+    """
+    coverage = found.coverage
+    for number, cause in enumerate(causes, 1):
+        runs = [r for r in coverage.runs if r.counts and cause_of(coverage, r, causes[:number]) is cause]
+        here = sum(cause.has(set(coverage.main(run).tolist())) for run in runs)
+        yield cause, runs, here, here < (1.0 - ELSEWHERE) * len(runs)
+
+
+def _told(of: Mapping[str, Explained]) -> Iterable[str]:
+    """How many broken cells there are of each kind."""
+    for why in WHYS:
+        if count := sum(e.why == why for e in of.values()):
+            yield f"{count} cells broken {why}" if why == AS_THE_REST else f"{count} broken cells: {why}"
 
 
 def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
@@ -93,16 +133,19 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
     ODD.
     """
     folder, claim = found.folder, found.claim
-    rest = remaining(found.coverage, cells, claim, is_complete=found.is_complete)
-    out = excluded(cells, rest)
+    causes = found.causes()
+    outside = without(found.coverage, causes)
+    rest = judged(outside, claim, is_complete=found.is_complete) if causes else cells
+    why = explained(found.coverage, cells, causes, claim)
+    out = excluded(cells, causes, rest)
     restricted = write_restricted(folder, found.odd, out)
-    _csv(folder / "cells.csv", _cell_rows(found, cells))
+    _csv(folder / "cells.csv", _cell_rows(found, cells, why))
     _csv(folder / "runs.csv", _run_rows(found))
     _csv(folder / "requirements.csv", trace_rows(found.odd.file, found.results, folder.name))
     found.session.table()
     plan = found.session.plan
     tested = cells_of(plan.found, plan.candidates, plan.counts, found.results)
-    _junit(write_junit(folder / "junit.xml", tested), found, cells)
+    _junit(write_junit(folder / "junit.xml", tested), found, cells, why)
     write_matrix(folder / "report.html", tested)
     runs = found.coverage.runs
     tried = [run for run in runs if run.is_judged]
@@ -110,7 +153,6 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
     share, sure = f"{100 * claim.pass_rate:g} %", f"{100 * claim.confidence:g} %"
     shown_now, shown_left = _shown(found, cells), _shown(found, rest)
     driven, pairs = found.coverage.pair_share
-    broken = causes(cells)
     failing = [run for run in tried if not run.passes]
     left = [run for run in runs if run.outside is not None]
     return write_page(
@@ -124,14 +166,14 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
             "runs": f"{len(runs)} of {found.campaign.budgets[-1]}",
             "runs that pass": str(passed),
             "claim for each cell": f"{share} of its runs pass, {sure} confidence",
-            "pairs of buckets driven": f"{driven} of {pairs} ({100 * driven / max(1, pairs):.1f} %)",
+            f"pairs of buckets driven {HIT_M:g} m or counted": f"{driven} of {pairs}",
+            "fewest runs counted for a pair": str(_fewest(cells)),
             "requirement": found.odd.file.requirement or None,
             "ODD version": found.odd.domain.version or None,
             "LiDAR level": found.campaign.level or "that of the scenario",
             "swath": __version__,
         },
-        overall=f"{passed} of {len(tried)} runs pass. So, with {sure} confidence, at least "
-        f"{100 * lower_bound(passed, len(tried), claim.confidence):.3g} % of all runs drawn like these pass",
+        overall=_overall(tried),
         claim={"share": share, "sure": sure, "wrong": f"{100 * (1.0 - claim.confidence):g} %"},
         test="the exact binomial test" if found.is_complete else "an e-process (see above)",
         hit_m=f"{HIT_M:g}",
@@ -139,7 +181,9 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         short=_short(found, cells),
         shown=[(*a, b) for a, (_, b) in zip(shown_now, shown_left, strict=True)],
         nothing_left=[name for name, where in shown_left if where == NOWHERE],
-        broken=[_cause(found, cells, cell) for cell in broken],
+        broken=_causes(found, causes),
+        left_over=_left_over(outside, causes),
+        why=list(_told(why)),
         never=[c.text for c in cells if c.verdict == NEVER][:LISTED],
         never_count=sum(c.verdict == NEVER for c in cells),
         not_simulated=[(n, b.not_simulated) for n, b in found.odd.file.attributes.items() if b.not_simulated],
@@ -153,6 +197,9 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         failed_count=len(failing),
         rules=found.odd.domain.rules(),
         restricted={"name": restricted.name, "cells": [c.text for c in out[:LISTED]], "count": len(out)},
+        not_drawn=[(finding.name, finding.text) for finding in not_drawn(found.odd)],
+        nowhere=_in_no_bucket(found),
+        other_code=found.campaign.code != code_hash(),
         believe=_believe(found),
         by_limit=_by_limit(found),
         unjudged=_unjudged(found),
@@ -170,13 +217,17 @@ def _short(found: Conducted, cells: Sequence[OddCell]) -> str:
     """How many runs would show all pairs, where these did not."""
     pairs = [c for c in cells if len(c.places) == 2]
     need = needed_each(len(pairs), found.claim)
-    least = min((c.counted for c in pairs), default=0)
     if all(c.verdict in (SHOWN, BROKEN) for c in pairs):
         return ""
     return (
         f"{needed_each(1, found.claim)} runs without a failure show a single cell; for all {len(pairs)} "
-        f"pairs together each needs {need}, the least driven has {least}"
+        f"pairs together each needs {need}, the one with the fewest counted runs has {_fewest(cells)}"
     )
+
+
+def _fewest(cells: Sequence[OddCell]) -> int:
+    """Runs that count for the pair for which fewest do."""
+    return min((c.counted for c in cells if len(c.places) == 2), default=0)
 
 
 def _shown(found: Conducted, cells: Sequence[OddCell]) -> list[tuple[str, str]]:
@@ -194,44 +245,74 @@ def _shown(found: Conducted, cells: Sequence[OddCell]) -> list[tuple[str, str]]:
     return said
 
 
-def _cause(found: Conducted, cells: Sequence[OddCell], cell: OddCell) -> dict[str, Any]:
-    runs = [run for run in found.coverage.runs if found.coverage.is_in(run, cell.places)]
-    failing = [run for run in runs if run.is_judged and not run.passes]
-    failing.sort(key=lambda run: str(run.result["id"]))
-    return {
-        "text": cell.text,
-        "failed": cell.failed,
-        "counted": cell.counted,
-        "drawn": sum(set(cell.places) <= _drawn(found, run) for run in runs if run.counts),
-        "p": f"{cell.p_broken:.1e}",
-        "least": f"{100 * lower_bound(cell.failed, cell.counted, found.claim.confidence):.0f} %",
-        "reason": str(failing[0].result["reason"]) if failing else "",
-        "ids": [str(run.result["id"])[:8] for run in failing[:3]],
-        "explains": sum(c.cause == cell.text for c in cells) - 1,
-    }
+def _overall(tried: Sequence[Driven]) -> str:
+    """Runs that pass, early and late: the design draws what is rare later."""
+    half = len(tried) // 2
+    early, late = sum(run.passes for run in tried[:half]), sum(run.passes for run in tried[half:])
+    return (
+        f"{early + late} of {len(tried)} runs pass, {early} of the first {half} and {late} of the other "
+        f"{len(tried) - half}. This share depends on the design, which spreads runs over all pairs of "
+        "buckets and then fills rare ones: it is not the share at work"
+    )
 
 
-def _drawn(found: Conducted, run: Driven) -> set[int]:
-    """Numbers of the buckets in which a run was meant to drive."""
-    return {axis.first + axis.bucket_of(run.result["point"][axis.name]) for axis in found.odd.axes}
+def _left_over(outside: Coverage, causes: Sequence[Cause]) -> str:
+    runs = [run for run in outside.runs if run.counts]
+    failed = sum(not run.passes for run in runs)
+    return f"Of the runs in none of these, {failed} of {len(runs)} fail" if causes else ""
+
+
+def _causes(found: Conducted, causes: Sequence[Cause]) -> list[dict[str, Any]]:
+    """Rows of causes."""
+    rows = []
+    for cause, runs, here, is_elsewhere in _runs_of(found, causes):
+        failing = sorted((run.result for run in runs if not run.passes), key=lambda result: str(result["id"]))
+        rows.append(
+            {
+                "text": cause.text,
+                "inside": f"{cause.failed} of {cause.counted}",
+                "outside": f"{cause.rest_failed} of {cause.rest_counted}",
+                "here": here,
+                "elsewhere": is_elsewhere,
+                "p": f"{cause.p:.1e}",
+                "reason": str(failing[0]["reason"]),
+                "ids": [str(result["id"])[:8] for result in failing[:3]],
+            }
+        )
+    return rows
+
+
+def _in_no_bucket(found: Conducted) -> list[list[str]]:
+    """Of each attribute the way [m] that lies in none of its buckets, and in how many runs."""
+    rows = []
+    for number, axis in enumerate(found.odd.axes):
+        ways = [float(run.metres[run.steps[:, number] < 0].sum()) for run in found.coverage.runs]
+        if any(ways):
+            rows.append([axis.name, f"{sum(ways):.0f}", str(sum(way > 0.0 for way in ways))])
+    return rows
 
 
 def _by_limit(found: Conducted) -> list[list[str]]:
-    """Of each limit how many runs break it, and how many of these no other one."""
-    broken = [
-        list(
-            dict.fromkeys(
-                f"{e['subject']}.{e['name']}" for e in run.result["expect"] if result_of(e) == "fail"
-            )
-        )
-        for run in found.coverage.runs
-        if run.is_judged
+    """Of each limit how many runs break it, how many of these no other one, and in how many it was not
+    measured.
+    """
+    broken, unmeasured, nothing = Counter[str](), Counter[str](), 0
+    alone = Counter[str]()
+    for run in found.coverage.runs:
+        if not run.is_judged:
+            continue
+        said = [(f"{e['subject']}.{e['name']}", said_of(e)) for e in run.result["expect"]]
+        own = list(dict.fromkeys(name for name, what in said if what == "fail"))
+        broken.update(own)
+        alone.update(own if len(own) == 1 else [])
+        unmeasured.update(list(dict.fromkeys(name for name, what in said if what == NOT_MEASURED)))
+        nothing += any(what == NOT_MEASURED for _, what in said)
+    rows = [
+        [n, str(broken[n]), str(alone[n]), str(unmeasured[n])] for n, _ in (broken + unmeasured).most_common()
     ]
-    counts = Counter(name for names in broken for name in names)
-    alone = Counter(names[0] for names in broken if len(names) == 1)
     errors = sum(run.result["verdict"] == "error" for run in found.coverage.runs)
-    rows = [[name, str(count), str(alone[name])] for name, count in counts.most_common()]
-    return [*rows, *([["run came to nothing", str(errors), ""]] if errors else [])]
+    rows += [["ended before a limit was measured", "", "", str(nothing)]] if nothing else []
+    return [*rows, *([["run came to nothing", str(errors), "", ""]] if errors else [])]
 
 
 def _elsewhere(found: Conducted) -> Iterable[str]:
@@ -277,7 +358,7 @@ def _layers(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
 def _attributes(found: Conducted, cells: Sequence[OddCell]) -> list[dict[str, Any]]:
     """Of each attribute its buckets: verdict, runs, way and time; those outside the ODD too."""
     by_place = {c.places[0]: c for c in cells if len(c.places) == 1}
-    drawn = [_drawn(found, run) for run in found.coverage.runs]
+    drawn = [drawn_for(found.odd, run) for run in found.coverage.runs]
     out = []
     for axis in found.odd.axes:
         buckets = []
@@ -293,7 +374,8 @@ def _attributes(found: Conducted, cells: Sequence[OddCell]) -> list[dict[str, An
                     f"{cell.seconds:.0f} s",
                 )
             )
-            share = f"{100 * axis.exposure[bucket]:.0f} %"
+            stated = bool(axis.bound.exposure)
+            share = f"exposure {100 * axis.exposure[bucket]:.0f} %" if stated else "no exposure stated"
             place = axis.first + bucket
             buckets.append(
                 {
@@ -357,8 +439,9 @@ def _run(folder: str, run: Driven) -> dict[str, str]:
 
 
 def _requirement(folder: str, told: Traced) -> list[str]:
-    worst = "" if told.worst is None else again(folder, told.worst)
-    return [told.name, "; ".join(told.limits), *map(str, (told.kept, told.broken, told.unjudged)), worst]
+    worst = "" if told.worst is None else f"{again(folder, told.worst)}: {told.why}"
+    counts = (told.kept, told.broken, told.unmeasured, told.unjudged)
+    return [told.name, "; ".join(told.limits), *map(str, counts), worst]
 
 
 def again_all(found: Conducted) -> str:
@@ -426,16 +509,23 @@ def _digests(found: Conducted) -> list[tuple[str, str]]:
     odd = found.odd.domain.revision
     return [
         ("ODD (SHA-256 of its OpenODD documents)", odd),
-        ("code of swath", found.campaign.code),
+        ("code of swath that made the runs", _code(found.campaign.code, found.campaign.commit)),
+        ("code of swath that made this page", _code(code_hash(), commit())),
         ("seed of the draws", str(found.campaign.seed)),
     ]
 
 
-def _cell_rows(found: Conducted, cells: Sequence[OddCell]) -> Iterable[Mapping[str, Any]]:
+def _code(code: str, of: str) -> str:
+    return f"{code}, commit {of}" if of else f"{code}, commit unknown"
+
+
+def _cell_rows(found: Conducted, cells: Sequence[OddCell],
+               why: Mapping[str, Explained]) -> Iterable[Mapping[str, Any]]:  # fmt: skip
     for cell in cells:
         axes = [found.odd.bucket_axis[place] for place in cell.places]
         names = [axis.name for axis, _ in axes] + [""] * (2 - len(axes))
         labels = [axis.labels[bucket] for axis, bucket in axes] + [""] * (2 - len(axes))
+        told = why.get(cell.text)
         yield {
             "attribute": names[0],
             "bucket": labels[0],
@@ -449,7 +539,10 @@ def _cell_rows(found: Conducted, cells: Sequence[OddCell]) -> Iterable[Mapping[s
             "seconds": f"{cell.seconds:.1f}",
             "p_broken": f"{cell.p_broken:.3g}",
             "p_shown": f"{cell.p_shown:.3g}",
-            "cause": cell.cause,
+            "cause": "" if told is None or told.cause is None else told.cause.text,
+            "why": "" if told is None else told.why,
+            "runs_without_causes": "" if told is None else told.counted,
+            "failed_without_causes": "" if told is None else told.failed,
         }
 
 
@@ -481,7 +574,8 @@ def _csv(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
     write_whole(path, text.getvalue())
 
 
-def _junit(path: Path, found: Conducted, cells: Sequence[OddCell]) -> None:
+def _junit(path: Path, found: Conducted, cells: Sequence[OddCell],
+           why: Mapping[str, Explained]) -> None:  # fmt: skip
     """Put the buckets and the broken pairs into a JUnit file, as a suite of their own."""
     root = ET.fromstring(path.read_text(encoding="utf-8"))
     suite = ET.SubElement(root, "testsuite", name=f"ODD {found.odd.name}")
@@ -492,7 +586,8 @@ def _junit(path: Path, found: Conducted, cells: Sequence[OddCell]) -> None:
     for cell in told:
         test = ET.SubElement(suite, "testcase", classname=f"ODD {found.odd.name}", name=cell.text)
         if cell.verdict == BROKEN:
-            cause = f"; explained by {cell.cause}" if cell.cause != cell.text else ""
+            of = why[cell.text]
+            cause = f"; {of.why}" if of.cause is None else f"; cause: {of.cause.text}, {of.why}"
             ET.SubElement(test, "failure", message=f"{cell.failed} of {cell.counted} runs fail{cause}")
         elif cell.verdict != SHOWN:
             ET.SubElement(

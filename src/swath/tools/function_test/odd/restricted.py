@@ -7,14 +7,15 @@ from typing import Any
 from swath.core.whole_file import write_whole
 from swath.documents.yaml_document import dump
 from swath.tools.function_test.odd.binding import Odd
-from swath.tools.function_test.odd.cells import OddCell
+from swath.tools.function_test.odd.causes import Cause
+from swath.tools.function_test.odd.cells import OddCell, Span
 from swath.tools.function_test.odd.openodd import MODULES, TAXONOMY
 
 NAME = "shown"
 
 
-def write_restricted(folder: Path, odd: Odd, out: Sequence[OddCell]) -> Path:
-    """Write shown.openodd.yaml and its binding shown.odd.yaml, which is returned. out: cells to leave out"""
+def write_restricted(folder: Path, odd: Odd, out: Sequence[Cause | OddCell]) -> Path:
+    """Write shown.openodd.yaml and its binding shown.odd.yaml, which is returned. out: what to leave out"""
     taxonomy: dict[str, Any] = {}
     modules: dict[str, Any] = {}
     rest: dict[str, Any] = {}
@@ -27,7 +28,7 @@ def write_restricted(folder: Path, odd: Odd, out: Sequence[OddCell]) -> Path:
                 target |= value or {}
     names = [f"not_shown_{number + 1}" for number in range(len(out))]
     for name, cell in zip(names, out, strict=True):
-        modules[name] = {"INCLUDE_AND": dict(_condition(odd, place) for place in cell.places)}
+        modules[name] = {"INCLUDE_AND": dict(_condition(odd, span) for span in cell.spans)}
     module: dict[str, Any] = {"INCLUDE_AND": dict.fromkeys(odd.domain.roots, True)}
     if names:
         module["EXCLUDE_OR"] = dict.fromkeys(names, True)
@@ -37,12 +38,12 @@ def write_restricted(folder: Path, odd: Odd, out: Sequence[OddCell]) -> Path:
     return write_whole(folder / f"{NAME}.odd.yaml", dump(binding))
 
 
-def _condition(odd: Odd, place: int) -> tuple[str, Any]:
-    """A concept and the expression that holds in a bucket of it; the upper edge belongs to the next one."""
-    axis, bucket = odd.bucket_axis[place]
+def _condition(odd: Odd, span: Span) -> tuple[str, Any]:
+    """A concept and the expression that holds in buckets of it; the upper edge belongs to the next one."""
+    axis, bucket = odd.bucket_axis[span[0]]
     if odd.domain.attributes[axis.name].values == ("true", "false"):
         return axis.name, axis.labels[bucket] == "true"
     if not axis.edges:
         return axis.name, [axis.labels[bucket]]
     unit = f" {axis.bound.unit}" if axis.bound.unit else ""
-    return axis.name, f"[{axis.edges[bucket]:g} .. {axis.edges[bucket + 1]:g}]{unit}"
+    return axis.name, f"[{axis.edges[bucket]:g} .. {axis.edges[span[1] - axis.first + 1]:g}]{unit}"

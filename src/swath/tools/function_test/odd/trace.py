@@ -14,22 +14,25 @@ from swath.tools.function_test.odd.binding import Odd, OddFile
 from swath.tools.function_test.odd.openodd import export_tables
 
 FOLDER = "cod"
+NOT_MEASURED = "not measured"
 DEGREE_M = 111_319.49  # of longitude at the equator of WGS 84
 
 
 @dataclass
 class Traced:
-    """What runs say of a requirement. limits: as text; kept, broken, unjudged: counts of runs
-    worst: the run nearest to a limit or farthest beyond one, by margin
+    """What runs say of a requirement. limits: as text; kept, broken, unmeasured, unjudged: counts of runs
+    worst: the run nearest to a limit or farthest beyond one, by margin; why: that limit and its value
     """
 
     name: str
     limits: dict[str, None] = field(default_factory=dict)
     kept: int = 0
     broken: int = 0
+    unmeasured: int = 0
     unjudged: int = 0
     worst: Result | None = None
     margin: float = 2.0
+    why: str = ""
 
 
 def requirements_of(file: OddFile, entry: Mapping[str, Any]) -> list[str]:
@@ -39,9 +42,15 @@ def requirements_of(file: OddFile, entry: Mapping[str, Any]) -> list[str]:
     return [*([file.requirement] if file.requirement else []), *own]
 
 
+def said_of(entry: Mapping[str, Any]) -> str:
+    """The result of a limit; `not measured`, too, where it fails because there was no value."""
+    said = result_of(entry)
+    return NOT_MEASURED if said == "fail" and entry["value"] is None else said
+
+
 def broken_by(file: OddFile, result: Result) -> list[str]:
     """Identifiers of the requirements that a run breaks."""
-    found = [n for e in result["expect"] if result_of(e) == "fail" for n in requirements_of(file, e)]
+    found = [n for e in result["expect"] if said_of(e) == "fail" for n in requirements_of(file, e)]
     return list(dict.fromkeys(found))
 
 
@@ -60,14 +69,17 @@ def traced(file: OddFile, results: Iterable[Result]) -> list[Traced]:
 
 
 def _add(told: Traced, result: Result, entries: Sequence[Mapping[str, Any]]) -> None:
-    said = {result_of(entry) for entry in entries}
+    said = {said_of(entry) for entry in entries}
     told.limits.update(dict.fromkeys(f"{e['name']} {limit_text(e)}{window_text(e)}" for e in entries))
     told.broken += "fail" in said
-    told.unjudged += "fail" not in said and NOT_JUDGED in said
+    told.unmeasured += "fail" not in said and NOT_MEASURED in said
+    told.unjudged += not {"fail", NOT_MEASURED} & said and NOT_JUDGED in said
     told.kept += said == {"pass"}
-    margin = min((margin_of(e) for e in entries if result_of(e) != NOT_JUDGED), default=2.0)
-    if margin < told.margin:
-        told.worst, told.margin = result, margin
+    for entry in entries:
+        margin = margin_of(entry, is_bounded=False)
+        if said_of(entry) in ("pass", "fail") and entry["value"] is not None and margin < told.margin:
+            told.worst, told.margin = result, margin
+            told.why = f"{entry['subject']}.{entry['name']} {entry['value']:.4g}"
 
 
 def trace_rows(file: OddFile, results: Iterable[Result], folder: str) -> Iterable[Mapping[str, Any]]:
@@ -79,7 +91,7 @@ def trace_rows(file: OddFile, results: Iterable[Result], folder: str) -> Iterabl
                     "requirement": name,
                     "run": result["id"],
                     "limit": f"{entry['subject']}.{entry['name']} {limit_text(entry)}{window_text(entry)}",
-                    "result": result_of(entry),
+                    "result": said_of(entry),
                     "value": entry["value"],
                     "again": again(folder, result),
                 }
