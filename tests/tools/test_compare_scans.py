@@ -1,6 +1,7 @@
 """`swath compare scans`: closed forms, noise, clouds that were turned and moved, wrong frames and units."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -119,6 +120,17 @@ def test_ground_depth_and_returns():
     assert made.number("penetration_m").a == pytest.approx(0.225, abs=0.005)  # top at 0.975, mean at 0.75
     assert made.number("returns_per_m2").a == pytest.approx(COUNT / (30 * 8), rel=0.02)
     assert made.facts["beams without crop return"][1] == pytest.approx(0.2 + 0.8 * 0.3, abs=0.01)
+
+
+def test_means_are_over_the_cells_that_both_have():
+    """Only A has crop echoes right of the edge, 0.05 m deep: the depth of both is that of the stand."""
+    a, b = stand(7, low=0.5), stand(8, low=0.5, top=1.1)
+    b = replace(b, height=np.where(b.height < 0.3, 0.0, b.height))
+    number = compare_clouds(a, b, grid=Grid(cell_m=0.5)).number("penetration_m")
+    assert number.a == pytest.approx(0.225, abs=0.005)
+    assert number.difference == pytest.approx(0.045, abs=0.006)
+    low, high = number.spread
+    assert 0.0 < low < number.difference < high
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -58,8 +58,8 @@ class Grid:
 
 @dataclass(frozen=True)
 class Number:
-    """A quantity of both, as means over the cells. spread: interval of b - a, or (noise,) of a distance; ()
-    where there are too few blocks
+    """A quantity of both, as means over the cells in which both have it. spread: interval of b - a, or
+    (noise,) of a distance; () where there are too few blocks
     """
 
     name: str
@@ -258,7 +258,9 @@ def _numbers(
         lit = [v[np.isfinite(v)] for v in light]
         row["intensity_w1"] = wasserstein1(*lit) if min(map(len, lit)) >= FEWEST else float("nan")
         rows.append(row)
-    spread = _Spread(binned, here, used, grid, seed).of_all(progress)
+    of_both = {n: np.array([(row[f"{n}_a"], row[f"{n}_b"]) for row in rows]) for n in DIFFERENCES}
+    known = {name: np.isfinite(values).all(axis=1) for name, values in of_both.items()}
+    spread = _Spread(binned, here, used, grid, seed).of_all(known, progress)
     if "w1_cells" in spread:
         for row, noise in zip(rows, spread["w1_cells"], strict=True):
             row["w1_noise_m"] = float(noise)
@@ -268,8 +270,8 @@ def _numbers(
         if isfinite(value):
             made.append(Number(name, value, value, value, tuple(spread.get(name, ()))))
     for name in DIFFERENCES:
-        one, other = (_mean([row[f"{name}_{letter}"] for row in rows]) for letter in "ab")
-        if isfinite(one) and isfinite(other):
+        one, other = (_mean(values) for values in of_both[name][known[name]].T)
+        if isfinite(one):
             made.append(Number(name, one, other, other - one, tuple(spread.get(name, ()))))
     return made, rows
 
@@ -319,9 +321,9 @@ class _Spread:
         self.ground = int(np.clip(round((GROUND_BELOW - self.low) / BIN_M), 0, bins))
         self.rng = Stream(seed, "compare scans").at()
 
-    def of_all(self, progress: Callable[[float], None]) -> dict[str, Any]:
+    def of_all(self, known: dict[str, Any], progress: Callable[[float], None]) -> dict[str, Any]:
         """Noise of each distance (1,), interval of each difference (2,), and `w1_cells`: noise by cell; {}
-        where there are too few blocks.
+        where there are too few blocks. known: cells that count for a difference
         """
         blocks = self.counts.shape[1]
         if blocks < FEWEST_BLOCKS:
@@ -342,7 +344,7 @@ class _Spread:
             weight = np.bincount(self.rng.integers(0, blocks, blocks), minlength=blocks).astype(np.float32)
             told = [self._told(k, weight) for k in (0, 1)]
             for name in DIFFERENCES:
-                drawn.setdefault(name, []).append(_mean(told[1][name]) - _mean(told[0][name]))
+                drawn.setdefault(name, []).append(_mean((told[1][name] - told[0][name])[known[name]]))
             progress((number + 1) / DRAWS)
         found: dict[str, Any] = {n: (float(np.percentile(drawn[n], 95.0)),) for n in ("w1_m", "ks")}
         found["w1_cells"] = np.nanpercentile(np.array(drawn["w1_cells"]), 95.0, axis=0)
