@@ -53,6 +53,17 @@ def test_all_grain_that_is_cut_is_somewhere_all_the_time(level, done):
         assert held[m.name][1].max() <= most + 0.02 * most
 
 
+@pytest.mark.parametrize("percent", [0.0, 60.0])
+def test_efficiency_is_by_the_crop_of_the_field_not_by_what_tanks_begin_with(percent):
+    job = drawn_job(130, (0.5, 1.0))
+    combines = {n: replace(c, tank_start_percent=percent) for n, c in job.combines.items()}
+    w = by_events(schedule_of(replace(job, combines=combines, field=replace(job.field, yield_t_ha=25.0))))
+    (combine,) = w.schedule.machines.combines
+    rate = combine.width * combine.speed_in(2.5 * combine.width)
+    assert combine.speed_in(2.0 * combine.width) > 1.1 * combine.speed_in(2.5 * combine.width)
+    assert w.efficiency == pytest.approx(w.schedule.plan.area / (rate * w.cut), rel=1e-6)
+
+
 @pytest.mark.parametrize("level", LEVELS)
 def test_ways_are_those_of_the_paths_and_litres_are_of_a_combine_harvest(level, done):
     took = used(done[level])

@@ -6,7 +6,7 @@ runs with the least margins (cross-entropy method, Rubinstein & Kroese 2004, ISB
 that fall to 0 as in subset simulation, Au & Beck 2001, doi:10.1016/S0266-8920(01)00019-4), one everywhere,
 one away from the failures that are known, so that a second region of failure is looked for as hard as the
 first. What comes before the last round only says where to look. The last round is drawn from one density q
-that stands fast, with runs as the exposure has them among it (defensive, Owen & Zhou 2000,
+that is fixed by then, with runs as the exposure has them among it (defensive, Owen & Zhou 2000,
 doi:10.1080/01621459.2000.10473909), and the mean of its weights p / q over failures is an unbiased estimate
 of their probability, whatever the rounds before found.
 """
