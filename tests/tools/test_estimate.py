@@ -193,7 +193,7 @@ def test_another_estimate_in_the_folder_is_refused(case_file, tmp_path, runs):
     runs(Formula())
     out = tmp_path / "out"
     run_estimate(out, Estimate(str(case_file), budget=20), 1, none)
-    with pytest.raises(InputError, match="another estimate"):
+    with pytest.raises(InputError, match=r"another estimate \(budget 20, now 21\)"):
         run_estimate(out, Estimate(str(case_file), budget=21), 1, none)
     with pytest.raises(InputError, match="expected one of edge_rmse_m"):
         run_estimate(out, Estimate(str(case_file), limit="edge_rms_m"), 1, none)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError
-from swath.core.whole_file import new_file, write_whole
+from swath.core.whole_file import check_folder, new_file, write_whole
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
 from swath.fleet.replay import COLOURS, write_replay
@@ -21,9 +21,12 @@ FILES = ("results.json", "job.png", "report.html", "replay.html", "plan.json", "
 
 
 def check_target(out: Path) -> None:
-    """InputError unless a folder is new, empty, or that of an earlier job."""
-    if out.exists() and (not out.is_dir() or any(p.name not in FILES for p in out.iterdir())):
-        raise InputError("--out", str(out), "expected a new or empty folder, or that of an earlier job")
+    """Make a folder. InputError unless it is new, empty, or that of an earlier job, and can be made."""
+    check_folder(out, FILES, "that of an earlier job")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError("--out", str(out), f"expected a folder that can be made: {error.strerror}") from None
 
 
 def result_rows(w: Worked) -> list[tuple[str, str, str]]:

@@ -157,7 +157,9 @@ def claim_folder(file: Path, asked: Any, what: str) -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, json.dumps(asdict(asked), indent=2, sort_keys=True) + "\n")
     elif before != asked:
-        expected = f"expected a new folder: this one holds another {what.split()[-1]}, or one of other code"
+        was, now = asdict(before), asdict(asked)
+        other = "; ".join(f"{k} {was[k]!s:.40}, now {now[k]!s:.40}" for k in now if was[k] != now[k])
+        expected = f"expected a new folder: this one holds another {what.split()[-1]} ({other})"
         raise InputError("--out", str(file.parent), expected)
 
 
