@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.portable import product
 from swath.core.whole_file import write_whole
+from swath.fleet.bodies import PARAMS as GAPS
+from swath.fleet.bodies import Place
 from swath.fleet.files import PlanSettings
 from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import Combine
@@ -176,6 +178,7 @@ class _Planner:
         self, ground: Ground, combines: Sequence[Combine], widths: list[float], settings: PlanSettings
     ) -> None:
         self.ground, self.combines, self.widths, self.settings = ground, combines, widths, settings
+        self.narrowest = min(combines, key=lambda c: c.width)
         self.rest: Any = ground.field
         self.passes: list[Pass] = []
         self.land = 0
@@ -221,7 +224,7 @@ class _Planner:
         crop = shapely.intersection_all([band, ring, self.rest])
         spans = [(s, e) for s, e in _spans(crop, a, u) if e > 0.0 and s < length]
         for start, end in _bridged(spans, PARAMS.bridge_m):
-            for s, e in self._clear(a + 0.5 * width * right, u, width + self.settings.overlap_m, start, end):
+            for s, e in self._clear(a + 0.5 * width * right, u, start, end):
                 line = a + 0.5 * width * right + s * u, a + 0.5 * width * right + e * u
                 if self._crop_in(*line, width) > PARAMS.least_m2:
                     if (self.settings.headland == "counterclockwise") == (self.ground.frame.side > 0.0):
@@ -233,16 +236,17 @@ class _Planner:
         return float(line.buffer(0.5 * width, cap_style="flat").intersection(self.rest).area)
 
     def _clear(
-        self, at: Array, u: Array, width: float, start: float, end: float
+        self, at: Array, u: Array, start: float, end: float, combine: int = -1
     ) -> list[tuple[float, float]]:
-        """Stretches of a header's line, from `at` along u, on which it keeps off holes and on open ground
-        [m].
+        """Stretches of a line, from `at` along u [m], on which the header of a combine, by default of the
+        narrowest, keeps off holes, and whose ends it can get to and away from.
         """
         shapely = shapely_here()
         if self.ground.holes.is_empty:
             return [(start, end)]
         line = shapely.LineString([at + start * u, at + end * u])
-        strip = line.buffer(0.5 * width + PARAMS.hole_m, cap_style="flat")
+        c = self.combines[combine] if combine >= 0 else self.narrowest
+        strip = line.buffer(0.5 * c.width + PARAMS.hole_m, cap_style="flat")
         met = [
             (s - PARAMS.hole_m, e + PARAMS.hole_m)
             for s, e in _spans(strip.intersection(self.ground.holes), at, u, SLIVER)
@@ -254,7 +258,17 @@ class _Planner:
             begin = max(begin, e)
         if begin < end:
             free.append((begin, end))
-        return [(s, e) for s, e in free if e - s > 0.5]
+        return [(s, e) for s, e in free if e - s > 0.5 and self._can_turn(c, at + s * u, at + e * u)]
+
+    def _can_turn(self, c: Combine, start: Array, end: Array) -> bool:
+        """Whether a combine can stand at both ends of a pass, driven there or back."""
+        heading = math.atan2(end[1] - start[1], end[0] - start[0])
+        for along in (heading, heading + math.pi):
+            ends = [Place(*at, along, along).ahead(-c.knife) for at in (start, end)]
+            outlines = shapely_here().polygons(c.body.outlines(np.array(ends), GAPS.search_m))
+            if shapely_here().contains(self.ground.open, outlines).all():
+                return True
+        return False
 
     def along(self, lines: Sequence[Array]) -> None:
         """Passes of others, in their order; combines share them out by what they can cut an hour."""
@@ -267,7 +281,7 @@ class _Planner:
             strip = shapely_here().LineString([a, b]).buffer(0.5 * header, cap_style="flat")
             crop = strip.intersection(self.rest)
             for start, end in _bridged(_spans(crop, a, u, PARAMS.least_m2), PARAMS.bridge_m):
-                for s, e in self._clear(a, u, header, start, end):
+                for s, e in self._clear(a, u, start, end, number):
                     self.add(a + s * u, a + e * u, header, LAND, 0, number)
 
     def bands(self) -> None:
@@ -284,7 +298,7 @@ class _Planner:
         width, header = self.widths[number], self.combines[number].width
         count = max(1, math.ceil((north - south) / width - 1e-6))
         pitch = (north - south) / count
-        strips = [self._stretches(south + (i + 0.5) * pitch, pitch, header) for i in range(count)]
+        strips = [self._stretches(south + (i + 0.5) * pitch, pitch, number) for i in range(count)]
         for cell in _cells(strips):
             most = self.settings.land_passes if self.settings.order == "lands" else len(cell)
             for first in range(0, len(cell), most):
@@ -294,19 +308,18 @@ class _Planner:
                     self.add(start, end, header, LAND, self.land, number)
                 self.land += 1
 
-    def _stretches(self, y: float, pitch: float, header: float) -> list[_Stretch]:
+    def _stretches(self, y: float, pitch: float, combine: int) -> list[_Stretch]:
         """The parts of a strip in which there is crop, off holes."""
         shapely = shapely_here()
         west, _, east, _ = self.rest.bounds if not self.rest.is_empty else (0.0, 0.0, 0.0, 0.0)
         crop = self.rest.intersection(shapely.box(west - 1.0, y - 0.5 * pitch, east + 1.0, y + 0.5 * pitch))
         at, u = np.array([0.0, y]), np.array([1.0, 0.0])
         spans = _bridged(_spans(crop, at, u, PARAMS.least_m2), PARAMS.bridge_m)
-        return [_Stretch(y, s, e) for start, end in spans for s, e in self._clear(at, u, header, start, end)]
+        return [_Stretch(y, s, e) for start, end in spans for s, e in self._clear(at, u, start, end, combine)]
 
     def clean_up(self) -> None:
         """Passes along edges for what is left, as long as they cut anything worth it."""
-        width = min(range(len(self.widths)), key=lambda i: self.widths[i])
-        header = self.combines[width].width
+        header = self.narrowest.width
         for _ in range(400):
             parts = [p for p in _parts(self.rest) if p.area > PARAMS.least_m2]
             best = max(
@@ -338,7 +351,7 @@ class _Planner:
         for at, u in lines:
             far = shapely.LineString([at + t * u for t in _reach(part, at, u)])
             for s, e in _spans(far.buffer(0.5 * header, cap_style="flat").intersection(part), at, u):
-                for start, end in self._clear(at, u, header, s, e):
+                for start, end in self._clear(at, u, s, e):
                     line = at + start * u, at + end * u
                     found.append((self._crop_in(*line, header), *line))
         return found

@@ -27,7 +27,7 @@ from swath.fleet.files import JobFile
 from swath.fleet.ground import PARAMS as GROUND
 from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import Cart, Combine, Machines, beside, machines_of
-from swath.fleet.plan import CLEAN, HEADLAND, Pass, Plan, plan_of, strip_of
+from swath.fleet.plan import CLEAN, HEADLAND, SLIVER, Pass, Plan, plan_of, strip_of
 from swath.fleet.plan import PARAMS as PLAN
 from swath.fleet.service import along_passes, service_places
 from swath.fleet.table import Path, Table, segments, standing
@@ -201,7 +201,7 @@ class Schedule:
 class _Leg:
     """What a combine is about to do: a path, what it cuts of which pass, and from which segment on; after:
     earliest times of segments [s]; lost: see `_Scheduler.lost`; lanes: of carts beside it, as far as they
-    were looked for; least: way and what is lost, if nobody is in the way [s]
+    were looked for; least: way and what is lost, if nobody is in the way [s]; of: the pass of the plan
     """
 
     path: Path
@@ -214,6 +214,7 @@ class _Leg:
     lost: float = 0.0
     lanes: dict[str, tuple[int, int] | None] = field(default_factory=dict)
     least: float = 0.0
+    of: Pass | None = None
 
     @property
     def cuts(self) -> float:
@@ -264,17 +265,21 @@ class _Scheduler:
         for k in self.carts:
             self.table.stand(k.spec.name, standing(k.home, k.spec.body, 0.0, "home"))
         self.homes = {k.spec.name: run_of(k.spec.body, k.home, 0.0, WIDE) for k in self.carts}
-        self.places = list(self.service_places()) if self.carts else []
+        self.places = list(self.service_places())
         # of each combine along the passes that it may cut next, see `run_along`
         self.runs: dict[str, dict[Pass, tuple[Path, Any, Array]]] = {}
         self.vain: dict[Place, int] = {}  # how often in a row nobody could be emptied there
         self.inner = list(along_passes(plan)) if self.carts else []
 
     def service_places(self) -> Iterator[Place]:
-        """Where a combine can stand with a cart beside it, outside of the crop and off all who wait."""
+        """Where a combine can stand, with a cart beside it if there are any, outside of the crop and off all
+        who wait.
+        """
         homes = [(w.body, self.kept[w.name].place) for w in self.waits()]
         docks = [(w.body, w.dock) for w in self.waits() if w.dock is not None]
         c = max(self.machines.combines, key=lambda c: c.width)
+        if not self.carts:
+            return service_places(self.ground, c.body, c.body, (0.0, 0.0), homes + docks)
         k = max(self.machines.carts, key=lambda k: k.body.half_width)
         return service_places(self.ground, c.body, k.body, beside(c, k), homes + docks)
 
@@ -374,8 +379,12 @@ class _Scheduler:
         if legs is None:
             if c.tank > LEFT_KG:
                 return self.takes(c, list(self.emptied(c)))
-            c.is_done = self.goes_home(c)
-            return c.is_done
+            waits = any(self.fits(c, p) for p in self.clean)  # until others have cut what is before that
+            if waits and c.place == c.home:
+                return False
+            is_home = self.goes_home(c)
+            c.is_done = is_home and not waits
+            return is_home
         options = self.first(c, legs, self.cuts)
         spent = min((o.ends - o.cuts for o, _ in options), default=math.inf) - c.time
         if c.tank > LEFT_KG and spent > PARAMS.long_s + c.tank / c.spec.auger:
@@ -466,6 +475,11 @@ class _Scheduler:
         return self.shared, self.clean, *(c.todo for c in self.combines)
 
     @property
+    def tries(self) -> int:
+        """Passes of a kind that a combine looks at."""
+        return PARAMS.tries * self.patience
+
+    @property
     def left(self) -> int:
         """Passes that are left."""
         return sum(len(passes) for passes in self.todo())
@@ -473,17 +487,22 @@ class _Scheduler:
     def candidates(self, c: CombineState) -> list[Pass]:
         """Passes that a combine may cut next, the best first: headland, its own, others' lands, the rest."""
         low = min((p.land for p in self.shared), default=0)
-        first = self.nearest(c, [p for p in self.shared if p.land == low]) + c.todo[: PARAMS.tries]
+        first = self.nearest(c, [p for p in self.shared if p.land == low]) + c.todo[: self.tries]
         if c.todo:
             return first
         others = sorted((o for o in self.combines if len(o.todo) > 1), key=lambda o: -len(o.todo))
         for other in others:
-            fits = [p for p in reversed(other.todo) if p.width <= c.spec.width + 1e-6]
+            fits = [p for p in reversed(other.todo) if self.fits(c, p)]
             if fits:
-                return first + fits[: PARAMS.tries]
+                return first + fits[: self.tries]
         if first or any(o.todo for o in self.combines):
             return first
-        return self.nearest(c, [p for p in self.clean if p.width <= c.spec.width + 1e-6])
+        return self.nearest(c, [p for p in self.clean if self.fits(c, p)])
+
+    @staticmethod
+    def fits(c: CombineState, task: Pass) -> bool:
+        """Whether a combine's header takes a pass."""
+        return task.width <= c.spec.width + 1e-6
 
     def drop_empty(self) -> None:
         """Passes whose crop others have cut are no longer to be driven."""
@@ -496,7 +515,7 @@ class _Scheduler:
     def nearest(self, c: CombineState, passes: list[Pass]) -> list[Pass]:
         """Passes by how far off their starts are."""
         here = c.place.x, c.place.y
-        return sorted(passes, key=lambda p: (round(math.dist(here, p.start), 2), p.start))[: PARAMS.tries]
+        return sorted(passes, key=lambda p: (round(math.dist(here, p.start), 2), p.start))[: self.tries]
 
     def next_legs(self, c: CombineState) -> list[_Leg] | None:
         """Next passes without ways to them: headland first, then those first that cost the least time beside
@@ -509,11 +528,12 @@ class _Scheduler:
         reach = self.reach(c)
         cuts: list[tuple[bool, float, int, _Leg]] = []
         known = self.runs.get(c.spec.name, {})
-        tasks = [task for p in passes for task in (p, p.reversed())]
+        tasks = [self.begun(c.spec, task) for p in passes for task in (p, p.reversed())]
         self.runs[c.spec.name] = {task: known[task] for task in tasks if task in known}
-        for task in tasks:
+        for n, task in enumerate(tasks):
             leg = self.only_cut(c, task)
             if leg is not None:
+                leg.of = passes[n // 2]
                 way = reach(leg.path.track.start) / c.spec.drive.straight
                 leg.least = way + leg.lost
                 cuts.append((task.kind != HEADLAND, round(leg.least, 0), len(cuts), leg))
@@ -523,6 +543,17 @@ class _Scheduler:
         """When a combine may set out: now, or when all have done what is granted to them."""
         late = max(self.last_of(name).into for name in self.names())
         return [c.time] if late <= c.time else [c.time, late]
+
+    def begun(self, c: Combine, task: Pass) -> Pass:
+        """A pass that begins as much earlier as crop stands between a body and its header, which is raised
+        up to there.
+        """
+        back, body = c.knife - c.body.own[0].front, c.body.own[0].left - c.body.own[0].right
+        u = math.cos(task.heading), math.sin(task.heading)
+        before = replace(task, start=(task.start[0] - back * u[0], task.start[1] - back * u[1]))
+        between = replace(before, end=task.start, width=body)
+        crop = self.ground.crop_on(between, np.array([strip_of(between)]))
+        return before if crop[0] > SLIVER else task
 
     def only_cut(self, c: CombineState, task: Pass) -> _Leg | None:
         """A pass alone; None where a combine can do nothing on it."""
@@ -610,7 +641,8 @@ class _Scheduler:
                     near += [p.buffer(GAPS.near_m, join_style="mitre") for p in s.path.swept[s.index]]
                 else:
                     shapes += wide
-        find = partial(self.finder.find, body, drive, start, stand=shapes, near=near, time=time)
+        most = WAYS.poses * self.patience**2
+        find = partial(self.finder.find, body, drive, start, stand=shapes, near=near, time=time, most=most)
         kept = self.kept[name]
         for way, area in zip(kept.ways, kept.areas, strict=True):
             begins, ends = (math.dist(a[:2], b[:2]) < 0.01 for a, b in ((start, way.start), (goal, way.end)))
@@ -700,14 +732,14 @@ class _Scheduler:
         self.schedule.cut.append((c.spec.name, float(masses.sum()), float(areas.sum())))
         self.schedule.grain.update(zip(numbers[leg.first :], masses.tolist(), strict=True))
         c.place, c.time = leg.path.track.end, float(into[-1])
-        self._take_off(leg.task, rest)
+        self._take_off(leg.of, rest)
         return numbers
 
-    def _take_off(self, task: Pass, rest: Pass | None) -> None:
+    def _take_off(self, task: Pass | None, rest: Pass | None) -> None:
         """A pass is no longer to be cut; what is left of it is."""
         for todo in self.todo():
             for i, p in enumerate(todo):
-                if p in (task, task.reversed()):
+                if p == task:
                     todo[i : i + 1] = [] if rest is None else [rest]
                     return
 
