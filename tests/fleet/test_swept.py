@@ -1,5 +1,7 @@
 """What bodies sweep, and who meets whom on it, against shapely."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -13,20 +15,23 @@ TOWED = (Rectangle(-1.1, 1.1, -1.2, 1.2), Rectangle(0.0, 5.0, -0.15, 0.15))
 BODIES = (Body(OWN, (), 1), Body(OWN[:1], TOWED, -1, -1.0, 5.0))
 
 
-def drawn(rng, body):
-    """A path of bends and straights: places, first and last samples of its segments."""
+def drawn(rng, body, quarters=None):
+    """A path of bends and straights, or straight along an axis: places, first and last samples of segments."""
     pieces = [(float(rng.choice([0.0, 0.1, -0.1])), float(rng.uniform(1.0, 20.0))) for _ in range(5)]
     heading = rng.uniform(-3.0, 3.0)
+    if quarters is not None:
+        pieces, heading = [(0.0, float(rng.uniform(20.0, 60.0)))], 0.5 * math.pi * quarters
     places = driven(Place(*rng.uniform(-60.0, 60.0, 2), heading, heading), pieces, body).places
     cuts = np.unique([0, *rng.integers(1, len(places) - 1, 9), len(places) - 1])
     return places, cuts[:-1], cuts[1:]
 
 
+@pytest.mark.parametrize("quarters", [None, *range(-6, 6)])
 @pytest.mark.parametrize("body", BODIES)
-def test_an_outline_is_the_convex_hull_of_all_corners(body):
+def test_an_outline_is_the_convex_hull_of_all_corners(body, quarters):
     import shapely
 
-    places, first, last = drawn(np.random.default_rng(1), body)
+    places, first, last = drawn(np.random.default_rng(1), body, quarters)
     swept = swept_by(body, places, first, last, GAP)
     assert (
         swept.until(3).then(swept_by(body, places, first[3:], last[3:], GAP))[:].tolist() == swept[:].tolist()
