@@ -16,7 +16,7 @@ BODIES = (Body(OWN, (), 1), Body(OWN[:1], TOWED, -1, -1.0, 5.0))
 
 
 def drawn(rng, body, quarters=None):
-    """A path of bends and straights, or straight along an axis: places, first and last samples of segments."""
+    """A path of bends and straights, or along an axis: places, first and last samples of segments."""
     pieces = [(float(rng.choice([0.0, 0.1, -0.1])), float(rng.uniform(1.0, 20.0))) for _ in range(5)]
     heading = rng.uniform(-3.0, 3.0)
     if quarters is not None:

@@ -42,25 +42,27 @@ LEFT_KG = 1e-6  # of grain, that is none
 
 @dataclass(frozen=True)
 class Params:
-    """cut_m: longest segment of a pass; align_s: until a cart that has come beside is in line; tries,
-    places: passes, and places to pour at, that are looked at, the nearest first, and tries times as many
-    places before anybody makes room; join, joins: segments of a pass between places at which a cart may come
-    beside, and how many; early_s: of what a combine waits for a cart beyond what is known; soon_s: within
-    which a machine stands that a way leads around; part: of a tank, up to which a combine begins a pass that
-    its tank does not take; long_s: beside cutting, from where on it may be emptied before instead; behind:
-    share in the cost of a place of a cart's way to the truck, which keeps nobody waiting; again_s: more cost
-    of a place at which nobody could be emptied; line_deg: of a trailer that comes beside a header; saves_s:
-    less than which is no reason to look at another pass; rests: power of two, most grants to others before
-    who can do nothing looks again; out_percent: of the field that is left where no way leads; carts: that are
-    looked at, those that can come first; room: of a box, less of which no combine pours into, nor is waited
-    for; load: of a tank, or all but that of the room in a box, less than which nobody comes beside for;
-    lane_m: kept all round a cart that comes beside. Estimates, but for line_deg: a box of 9 m then swings by
-    less than the gap beside a header.
+    """cut_m: longest segment of a pass; align_s: until a cart that has come beside is in line; tries, places:
+    passes, and places to pour at, that are looked at, the nearest first, and tries times as many before
+    anybody makes room; poses: of a search before passes are left out, as `ways.Params` has them; join,
+    joins: segments of a pass between places at which a cart may come beside, and how many; early_s: of
+    what a combine waits for a cart beyond what is known; soon_s: within which a machine stands that a way
+    leads around; part: of a tank, up to which a combine begins a pass that its tank does not take; long_s:
+    beside cutting, from where on it may be emptied before instead; behind: share in the cost of a place of
+    a cart's way to the truck, which keeps nobody waiting; again_s: more cost of a place at which nobody
+    could be emptied; line_deg: of a trailer that comes beside a header; saves_s: less than which is no
+    reason to look at another pass; rests: power of two, most grants to others before who can do nothing
+    looks again; out_percent: of the field that is left where no way leads; carts: that are looked at,
+    those that can come first; room: of a box, less of which no combine pours into, nor is waited for;
+    load: of a tank, or all but that of the room in a box, less than which nobody comes beside for; lane_m:
+    kept all round a cart that comes beside. Estimates, but for line_deg: a box of 9 m then swings by less
+    than the gap beside a header.
     """
 
     cut_m: float = 8.0
     align_s: float = 10.0
     tries: int = 4
+    poses: int = 96_000
     places: int = 8
     join: int = 4
     joins: int = 2
@@ -245,7 +247,7 @@ class _Scheduler:
         self.table = self.schedule.table
         self.rests: dict[str, int] = {}  # grants to others before a combine looks again for what it can do
         self.failed: dict[str, int] = {}  # how often in a row it could do nothing
-        self.patience = 1
+        self.patience, self.poses = 1, WAYS.poses
         self._far: dict[tuple[Drive, Place, bool, int], Far] = {}
         self.dropped = -1  # windows of crop that were cut when passes were last looked through
         self.truck_free, self.truck_room = 0.0, math.inf
@@ -315,8 +317,9 @@ class _Scheduler:
                 room = 0
                 continue
             if room > 2 * len(self.combines) or not self.makes_room(room):
-                self.leave_out(busy)
                 room = -1
+                if not self.goes_on(busy, patience=PARAMS.tries, poses=PARAMS.poses):
+                    self.leave_out(busy)
             room += 1
         last = max(c.time for c in self.combines)
         for k in sorted(self.carts, key=lambda k: k.time):
@@ -332,11 +335,11 @@ class _Scheduler:
         self.schedule.ends = max((p.ends for p in self.schedule.poured if p.target == "truck"), default=0.0)
         self.schedule.renumber(self.table.clear())
 
-    def goes_on(self, busy: Sequence[CombineState], patience: int = 1) -> bool:
+    def goes_on(self, busy: Sequence[CombineState], patience: int = 1, poses: int = WAYS.poses) -> bool:
         """One combine does its next thing, who is free first; who could do nothing looks again when others
-        have done something, less and less often. patience: how much more they look at
+        have done something, less and less often. patience: how much more they look at; poses: of a search
         """
-        self.patience = patience
+        self.patience, self.poses = patience, poses
         for c in sorted(busy, key=lambda c: self.rests.get(c.spec.name, 0) > 0):
             name = c.spec.name
             if self.turn(c):
@@ -641,8 +644,9 @@ class _Scheduler:
                     near += [p.buffer(GAPS.near_m, join_style="mitre") for p in s.path.swept[s.index]]
                 else:
                     shapes += wide
-        most = WAYS.poses * self.patience**2
-        find = partial(self.finder.find, body, drive, start, stand=shapes, near=near, time=time, most=most)
+        find = partial(
+            self.finder.find, body, drive, start, stand=shapes, near=near, time=time, most=self.poses
+        )
         kept = self.kept[name]
         for way, area in zip(kept.ways, kept.areas, strict=True):
             begins, ends = (math.dist(a[:2], b[:2]) < 0.01 for a, b in ((start, way.start), (goal, way.end)))
