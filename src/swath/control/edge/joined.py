@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from swath.control.edge.likelihood_ratio import FLOOR, TOLERANCE, UNSURE, LikelihoodRatio
+from swath.control.edge.likelihood_ratio import TOLERANCE, UNSURE, LikelihoodRatio
 from swath.control.edge.likelihood_ratio import Params as ScannerParams
 from swath.control.edge.overhang import HeightOverhang
 from swath.control.edge.profile import crop_sign
@@ -173,14 +173,15 @@ class Joined(KeepsState):
         found = [edge for edge, *_ in both]
         if len(found) < 2:
             return found[0] if found else edges[0]
-        weights = [1.0 / max(edge.offset_sd**2 - FLOOR**2 - sd**2, least**2) for edge, sd, least in both]
+        floor = self._p.each.closed_m
+        weights = [1.0 / max(edge.offset_sd**2 - floor**2 - sd**2, least**2) for edge, sd, least in both]
         whole = fsum(weights)
         offset = _mean(weights, [edge.offset for edge in found])
         apart = fsum(w * (edge.offset - offset) ** 2 for w, edge in zip(weights, found, strict=True))
         is_one = chance_of(apart, len(found) - 1) >= self._p.chance
         scale = 1.0 if is_one else apart / (len(found) - 1)
         alike = fsum(w * sd for w, (_, sd, _) in zip(weights, both, strict=True)) / whole
-        sd = hypot(sqrt(scale / whole), FLOOR, alike)
+        sd = hypot(sqrt(scale / whole), floor, alike)
         agreed = max(edge.confidence / _within(edge.offset_sd) for edge in found)
         sure = _within(sd) * min(agreed, 1.0)
         best = max(zip(weights, found, strict=True), key=lambda pair: pair[0])[1]
