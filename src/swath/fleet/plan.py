@@ -264,7 +264,7 @@ class _Planner:
         """Whether a combine can stand at both ends of a pass, driven there or back."""
         heading = math.atan2(end[1] - start[1], end[0] - start[0])
         for along in (heading, heading + math.pi):
-            ends = [Place(*at, along, along).ahead(-c.knife) for at in (start, end)]
+            ends = [Place(float(x), float(y), along, along).ahead(-c.knife) for x, y in (start, end)]
             outlines = shapely_here().polygons(c.body.outlines(np.array(ends), GAPS.search_m))
             if shapely_here().contains(self.ground.open, outlines).all():
                 return True
