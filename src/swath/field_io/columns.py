@@ -130,11 +130,11 @@ class ColumnMap:
     def told(self) -> dict[str, Any]:
         """What was taken for what, as plain data: `columns` and `not_used`."""
         taken = {k: {"column": c.column, "unit": c.unit, "unit_by": c.by} for k, c in self.columns.items()}
-        checks = {
+        beside = {
             k: {"column": c.column, "unit": c.unit, "unit_by": "a check"} for k, c in self.beside.items()
         }
         used = {c.column for c in (*self.columns.values(), *self.beside.values())}
-        return {"columns": {**checks, **taken}, "not_used": [n for n in self.header if n not in used]}
+        return {"columns": {**beside, **taken}, "not_used": [n for n in self.header if n not in used]}
 
 
 def _profile(name: str, **columns: str) -> ColumnMap:
@@ -324,10 +324,9 @@ TOLD = ("column", "is", "unit", "unit by")
 
 def told_rows(source: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
     """Rows under TOLD of `ColumnMap.told`: what was taken for what, then what was not used."""
-    taken = [(c["column"], key, c["unit"], c["unit_by"]) for key, c in source["columns"].items()]
     plain = [
-        (column, key, *((unit, by) if unit not in ("text", "1") else ("", "")))
-        for column, key, unit, by in taken
+        (c["column"], key, *((c["unit"], c["unit_by"]) if c["unit"] not in ("text", "1") else ("", "")))
+        for key, c in source["columns"].items()
     ]
     rest = source["not_used"]
     more = [(f"and {len(rest) - MOST_TOLD} more", "not used", "", "")] if len(rest) > MOST_TOLD else []

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, some_of
 from swath.field.projection import known_crs, transform, utm_epsg
 from swath.field_io.columns import QUANTITIES, UNITS, Column, ColumnMap
 from swath.field_io.table import Table
@@ -27,10 +27,11 @@ DDMM = "ddmm"  # degrees and minutes as NMEA 0183 writes them: 5215.1234 is 52 d
 FARTHEST_M = 20e3  # from the median position: no field is that large
 MIRRORED = ("deg W", "deg S")
 BEYOND_DEG = 6.0  # where a system is still used beside its own area: the next zone
+MOST_PLACED = 0.9  # and with so many they are that
 LEAST_PLACED = 0.5  # of the positions: with less on one place of the earth they are something else
 _ANGLE = re.compile(
     r"([NSEW]?)\s*([+-]?\d+(?:\.\d+)?)(?:[\s°d:]+(\d+(?:\.\d+)?))?(?:[\s'’′m:]+(\d+(?:\.\d+)?))?"
-    r"[\s\"”″'’′°s]*([NSEW]?)",
+    r"[\s\"”″'’′°]*([NSEW]?)",
     re.IGNORECASE,
 )
 
@@ -103,7 +104,7 @@ def _angle(text: str) -> float:
     if found is None or (found[1] and found[5]):
         return np.nan
     degrees, minutes, seconds = (float(part or 0.0) for part in found.group(2, 3, 4))
-    if abs(degrees) > 180.0 or minutes >= 60.0 or seconds >= 60.0:
+    if abs(degrees) > 180.0 or minutes > 60.0 or seconds > 60.0:  # 60 is how 59.9999 may be printed
         return np.nan
     size = abs(degrees) + minutes / 60.0 + seconds / 3600.0
     sign = -1.0 if (found[1] or found[5]).upper() in ("S", "W") and (found[1] or found[5]) else 1.0
@@ -199,29 +200,29 @@ def check_places(
     if not against:
         return []
     doubts = [w.text for w in against]
-    better = []
-    for other in others():
-        same = other.lon_lat.shape == own.lon_lat.shape and np.allclose(
-            other.lon_lat, own.lon_lat, equal_nan=True, rtol=0.0, atol=1e-9
-        )
-        is_mirrored = any(unit in other.name for unit in MIRRORED)
-        if not same and other.share() > 0.9 and ("course" in logged.raw or not is_mirrored):
+    better: list[Reading] = []
+    signs = (False, True) if "course" in logged.raw else (False,)
+    for is_mirrored in signs:
+        for other in [] if better else others():
+            same = np.allclose(other.lon_lat, own.lon_lat, equal_nan=True, rtol=0.0, atol=1e-9)
+            if same or other.share() < MOST_PLACED or is_mirrored != any(m in other.name for m in MIRRORED):
+                continue
             seen = _witnesses(other, drive, logged)
-            if all(w.agrees for w in seen) and len(seen) > 1:
-                better.append(other)
+            better += [other] if all(w.agrees for w in seen) and len(seen) > 1 else []
     columns = [found.columns[k] for k in ("lat", "lon", "easting", "northing") if k in found.columns]
     is_said = (columns and all(c.is_given for c in columns)) or bool(found.axes)
-    named = " and ".join(f"{c.column} in {c.unit}" for c in columns) or "of the shapes"
-    where = place(own.lon_lat)
+    named = ", ".join(f"{c.column} in {c.unit}" for c in columns) or "as in the shapes"
     if is_said or not better:
         told = doubts if better else [w.text for w in against if w.is_news]
         return [f"positions: {named}, though {'; '.join(told)}"] if told else []
-    ways = "; or ".join(f"{o.name}, at {place(o.lon_lat)}: {o.entries}" for o in better)
-    expected = (
-        f"expected positions that agree with the rest of the log: {'; '.join(doubts)}. All agrees with {ways}"
-        " (entries of --columns MAP.yaml; units said there are taken as they are)"
+    ways = some_of((other.name for other in better), 2, " or ")
+    expected = f"expected what the log shows: {some_of(doubts, 2, '; ')}; all agrees with {ways}"
+    error = InputError("log.positions", named, expected, file=path)
+    error.others = tuple(
+        InputError("--columns MAP.yaml", None, f"for {o.name}, at {place(o.lon_lat)}, write {o.entries}")
+        for o in better
     )
-    raise InputError("log.positions", f"{named}, at {where}", expected, file=path)
+    raise error
 
 
 @dataclass(frozen=True)
@@ -241,7 +242,11 @@ def _witnesses(
     reading: Reading, drive: Callable[[Reading], tuple[Array, Drive] | None], logged: Logged
 ) -> list[_Seen]:
     share = reading.share()
-    seen = [_Seen(share < LEAST_PLACED, share > 0.9, f"{100 * (1 - share):.0f} % of them are at no place")]
+    seen = [
+        _Seen(
+            share < LEAST_PLACED, share >= MOST_PLACED, f"{100 * (1 - share):.0f} % of them are at no place"
+        )
+    ]
     driven = None if seen[0].contradicts else drive(reading)
     if driven is None:
         return seen
