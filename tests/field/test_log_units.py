@@ -321,7 +321,8 @@ CUT = {
     "Speed_mph_": ("speed", "mph", False), "Yld_Mass_W": ("yield", "kg/ha", True),
     "Yld_Vol_Dr": ("dry_yield", "bu/ac", True), "Ertrag__t_": ("yield", "t/ha", False),
     "Ertrag_t_h": ("yield", "t/ha", False), "Vitesse__k": ("speed", "m/s", True),
-    "Track_deg_": ("course", "deg", True), "Elevation_": ("elevation", "m", True), "Largeur_de": ("header_width", "m", True),
+    "Track_deg_": ("course", "deg", True), "Elevation_": ("elevation", "m", True),
+    "Largeur_de": ("header_width", "m", True),
 }  # fmt: skip
 
 
