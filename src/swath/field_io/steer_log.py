@@ -134,18 +134,14 @@ def _in_blocks(log: SteerLog, label: Any, longest: float, path: Path) -> SteerLo
 
 def _find(table: Table, path: Path, columns: Path | None) -> ColumnMap:
     header = list(table.columns)
-    given, dropped, axes = ({}, set(), {}) if columns is None else read_map(columns, header)
+    given, dropped, said = ({}, set(), {}) if columns is None else read_map(columns, header)
     taken = {c.column for c in given.values()}
     found = guess([name for name in header if name not in taken], path).columns
     bare = {name.lower().removesuffix("_m").removesuffix(" [m]"): name for name in header}
     if not {"lat", "easting"} & {*found, *given} and {"x", "y"} <= bare.keys():
         found |= {"easting": Column(bare["x"], "m"), "northing": Column(bare["y"], "m")}
-    return ColumnMap(
-        {k: c for k, c in {**found, **given}.items() if k not in dropped},
-        "usual names",
-        **axes,
-        header=tuple(header),
-    )
+    kept = {k: c for k, c in {**found, **given}.items() if k not in dropped}
+    return ColumnMap(kept, "usual names", said.get("crs", ""), said.get("axes", ""), header=tuple(header))
 
 
 def _require(found: ColumnMap, table: Table, path: Path) -> None:
