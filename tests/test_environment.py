@@ -298,6 +298,54 @@ def test_an_action_that_is_none_is_refused_and_drives_nothing(action, speed):
     env.close()
 
 
+@pytest.mark.parametrize(
+    "make",
+    [
+        swath.Env,
+        lambda name, **words: gymnasium.make(f"swath/{name}", **words),
+        swath.VectorEnv,
+        lambda name, **words: gymnasium.make_vec(f"swath/{name}", **words),
+    ],
+)
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("perod_s", "did you mean 'period_s'"),
+        ("period_ms", "expected in s"),
+        ("reward", "unknown keyword, expected one of sets, machine"),
+    ],
+)
+def test_a_keyword_that_is_not_known_is_named_with_the_nearest(make, word, said):
+    with pytest.raises(InputError, match=f"{word} = 1: unknown keyword.*{said}"):
+        make("straight", **{word: 1})
+
+
+def test_an_autoreset_mode_that_is_none_is_named():
+    with pytest.raises(InputError, match="autoreset_mode = Never: expected one of NextStep"):
+        swath.VectorEnv("straight", autoreset_mode="Never")
+
+
+def test_an_action_outside_its_space_is_cut_and_told_once():
+    within, beyond = (swath.Env("straight", sets=SETS) for _ in range(2))
+    for env in (within, beyond):
+        env.reset(seed=1)
+    seen = within.step(np.ones(1, np.float32))[0]
+    with pytest.warns(
+        UserWarning, match=r"an action lies 6 outside its space, -1 to 1, and is cut.*ClipAction"
+    ):
+        assert np.array_equal(beyond.step(np.array([7.0]))[0], seen)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        beyond.step(np.array([7.0]))
+        within.step(np.array([1.0 + 1e-7]))
+    many = swath.VectorEnv("straight", num_envs=2, sets=IN_STEP)
+    many.reset(seed=1)
+    with pytest.warns(UserWarning, match="an action lies 2 outside its space"):
+        many.step(np.array([[0.0], [-3.0]]))
+    for env in (within, beyond, many):
+        env.close()
+
+
 def test_the_same_seed_and_actions_give_the_same_and_left_is_left():
     env = swath.Env("straight", sets=SETS)
     first, _, _ = episode(env, [0.3])
