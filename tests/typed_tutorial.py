@@ -1,8 +1,8 @@
 """A tutorial as its reader uses it: `python -m tests.typed_tutorial PAGE OUT`, in an empty folder.
 
 Listings in `yaml` or `python` are saved under the last name above them that ends in .yaml or .py; those in
-`sh` run in their order, and what each prints is OUT/NUMBER.txt. Plain lines of `swath` run in this one
-process, which loads the packages once; all others in bash.
+`sh` run in their order, and what each prints is OUT/NUMBER.txt. Lines of `swath` alone, or with TELLING
+behind, run in this one process, which loads the packages once; all others in bash.
 """
 
 import os
@@ -20,6 +20,8 @@ from swath.commands.main import main
 LISTING = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 NAME = re.compile(r"`([\w-]+\.(?:yaml|py))`")
 OF_SHELL = re.compile(r"[|&;<>$(){}*?~`]")
+QUOTED = re.compile(r"'[^']*'")
+TELLING = ' || echo "exit code $?"'
 
 
 def listings(text: str) -> Iterator[tuple[str, str, str]]:
@@ -32,8 +34,8 @@ def listings(text: str) -> Iterator[tuple[str, str, str]]:
 
 
 def is_own(line: str) -> bool:
-    """Whether a line is one of swath alone."""
-    return line.startswith("swath ") and not OF_SHELL.search(line)
+    """Whether a line is one of swath alone, or one that tells its exit code."""
+    return line.startswith("swath ") and not OF_SHELL.search(QUOTED.sub("", line.removesuffix(TELLING)))
 
 
 def type_lines(content: str) -> None:
@@ -46,8 +48,11 @@ def type_lines(content: str) -> None:
                 raise SystemExit(done.returncode)
             continue
         for line in group:
-            if code := main(shlex.split(line, comments=True)[1:]):
+            code = main(shlex.split(line.removesuffix(TELLING), comments=True)[1:])
+            if code and not line.endswith(TELLING):
                 raise SystemExit(code)
+            if code:
+                print(f"exit code {code}")
 
 
 @contextmanager

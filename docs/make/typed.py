@@ -99,7 +99,8 @@ def shortened(words: list[str]) -> list[str]:
         case ["test", "run"] if words[2] == "catalogue":
             return [*words, "--plan-only"]
         case ["test", "run"]:
-            return [*words, *sets, "--draw", "2", "--seeds", "1", "--workers", "1"]
+            draw = "2" if "--with" in words else "1"  # candidates are compared over what both met
+            return [*words, *sets, "--draw", draw, "--seeds", "1", "--workers", "1"]
         case ["test", "search"]:
             return [*words, *sets, "--budget", "8", "--workers", "1"]
         case ["test", "estimate"]:

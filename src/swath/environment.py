@@ -1,6 +1,7 @@
 """A scenario as an environment of gymnasium: somebody else's policy steers (extra `gym`)."""
 
 import dataclasses
+import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import fsum, tan
@@ -16,6 +17,7 @@ from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.together import Given, InWorlds, KeepsRows, Samples, field_of
 from swath.core.units import KMH
+from swath.documents.hints import unknown_key
 from swath.judge.evaluation import Evaluation
 from swath.judge.windows import FIELD
 from swath.record.tracks import Tracks
@@ -30,7 +32,7 @@ from swath.signals import Signal, SpeedCommand, SteerCommand
 
 try:
     import gymnasium
-    from gymnasium import spaces
+    from gymnasium import logger, spaces
 except ImportError as error:
     raise MissingExtra("gym", "swath.Env") from error
 
@@ -41,6 +43,7 @@ OBSERVED = (  # name, largest size; the edge's offset counts from the header end
 OF_EDGE = ("offset", "heading", "curvature", "confidence", "offset_sd")
 OF_ODOMETRY = ("speed", "yaw_rate", "steer_angle")
 TRACK_PERIOD = NS // 50
+OUTSIDE = 1e-6  # of an action beyond its space: more than float32 rounds off
 Seen = np.ndarray | dict[str, np.ndarray]
 
 
@@ -150,6 +153,7 @@ class Task:
             seen["picture"] = spaces.Box(0, 255, shape=self._picture_shape(first), dtype=np.uint8)
         if scan:
             seen["scan"] = self._scan_space(first)
+        self._has_warned = False
         self.seen = spaces.Dict(seen) if picture or scan else self.values
         self.action = spaces.Box(-1.0, 1.0, shape=(2 if speed else 1,), dtype=np.float32)
 
@@ -174,7 +178,9 @@ class Task:
         return Driven(seed, world, steer, speed, tightest, self.top, wanted)
 
     def checked(self, actions: Any, shape: tuple[int, ...]) -> np.ndarray:
-        """Actions within the space. InputError for what is no finite number, or of another shape."""
+        """Actions within the space, the first outside it with a warning. InputError for what is no finite
+        number, or of another shape.
+        """
         told, count = np.asarray(actions, dtype=float), shape[-1]
         if len(shape) == 1:
             told = told.reshape(-1)
@@ -183,6 +189,12 @@ class Task:
             expected = f"expected {count} finite number{'s' * (count > 1)}{each}"
             raise InputError("action", actions, expected)
         cut: np.ndarray = np.clip(told, -1.0, 1.0)
+        if not self._has_warned and (far := float(np.abs(told - cut).max())) > OUTSIDE:
+            self._has_warned = True
+            logger.warn(
+                f"an action lies {far:.3g} outside its space, -1 to 1, and is cut, as all such from now on: "
+                "gymnasium.wrappers.ClipAction says that this is meant, RescaleAction maps another range"
+            )
         return cut
 
     def values_of(self, edge: Samples | None, odometry: Samples | None, wanted: np.ndarray) -> np.ndarray:
@@ -229,6 +241,14 @@ class Task:
             expected = "expected a scanner of level profile, empirical or plants"
             raise InputError(self.lidar, None, expected)
         return spaces.Box(0.0, part.range_limits[1], shape=(len(part.azimuth),), dtype=np.float32)
+
+
+def known_words(of: type, words: Mapping[str, Any], more: Sequence[str] = ()) -> None:
+    """InputError for keywords that neither the class nor `more` has, with the nearest that it has."""
+    known = [p.name for p in inspect.signature(of).parameters.values() if p.kind is p.KEYWORD_ONLY]
+    for name, value in words.items():
+        if name not in (*known, *more):
+            raise InputError(name, value, unknown_key(name, (*known, *more), "unknown keyword"))
 
 
 @dataclass
@@ -302,7 +322,9 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         scan: bool = False,
         seeds: Sequence[int] | None = None,
         render_mode: str | None = None,
+        **unknown: Any,
     ) -> None:
+        known_words(Env, unknown)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError("render_mode", render_mode, "expected rgb_array or None")
         self.render_mode = render_mode
@@ -334,7 +356,8 @@ class Env(gymnasium.Env):  # type: ignore[misc]
 
     def step(self, action: np.ndarray) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
         """Drive for one period. Returns observation, reward, terminated, truncated, info. InputError for an
-        action that is no finite number or not one for each axis of the space; what is out of it is cut.
+        action that is no finite number or not one for each axis of the space; what is out of it is cut, the
+        first time with a warning of gymnasium.
         """
         world, task = self._running(), self.task
         self._driven.tell(task.checked(action, self.action_space.shape).tolist())

@@ -9,7 +9,7 @@ import numpy as np
 
 from swath.core.errors import InputError, MissingExtra
 from swath.core.schedule import NS
-from swath.environment import Driven, Score, Seen, Task, scan_of
+from swath.environment import Driven, Score, Seen, Task, known_words, scan_of
 from swath.runtime.worlds import Worlds, groups_in_step
 
 try:
@@ -60,7 +60,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         if render_mode is not None or task.get("picture"):
             key, value = ("picture", True) if render_mode is None else ("render_mode", render_mode)
             raise InputError(key, value, 'expected vectorization_mode="sync" or "async" with it')
+        known_words(Task, task, ("num_envs", "autoreset_mode", "render_mode"))
         self.task = Task(scenario, **task)
+        modes = [mode.value for mode in AutoresetMode]
+        if autoreset_mode not in (*AutoresetMode, *modes):
+            raise InputError("autoreset_mode", autoreset_mode, f"expected one of {', '.join(modes)}")
         self.num_envs, self.mode = num_envs, AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.mode}
         self.single_observation_space, self.single_action_space = self.task.seen, self.task.action

@@ -15,7 +15,7 @@ DRY = {"wheat": 0.135, "maize": 0.155, "soy": 0.13}
 
 
 class Harvest:
-    """Passes there and back with 20 s between them; one entry per record, shape (n,).
+    """Passes there and back, `azimuth_deg` from north, 20 s between them; an entry per record, shape (n,).
 
     t [s]; lat, lon [deg]; z [m]; flow at the sensor [kg/s], late [s] behind the cut; wet: what a monitor
     makes of it, as harvested [kg/m2]; moisture: share of the wet mass
@@ -24,6 +24,7 @@ class Harvest:
     def __init__(
         self, lat=48.0, lon=11.0, *, width=9.0, speed=2.0, level=0.54, moisture=0.14, passes=12, length=250.0,
         seed=1, begun=datetime(2024, 7, 20, 10), z=300.0, interval=1.0, late=0,
+        azimuth_deg=0.0,
     ):  # fmt: skip
         self.width, self.speed, self.moisture = width, speed, moisture
         self.begun, self.late = begun, late
@@ -38,7 +39,11 @@ class Harvest:
         self.t, x, y = np.array(rows).T
         epsg = utm_epsg(lon, lat)
         east, north = transform([[lon, lat]], "EPSG:4326", f"EPSG:{epsg}")[0]
-        self.lon, self.lat = Origin(epsg, east, north).to_lon_lat(np.column_stack([x, y])).T
+        turn = np.radians(azimuth_deg)
+        right, ahead = (np.cos(turn), -np.sin(turn)), (np.sin(turn), np.cos(turn))
+        local = np.outer(x, right) + np.outer(y, ahead)
+        self.lon, self.lat = Origin(epsg, east, north).to_lon_lat(local).T
+        self.course = (azimuth_deg + 180.0 * (np.rint(x / width) % 2)) % 360.0
         self.z = z + 0.01 * x + 0.02 * y
         waves = sum(0.07 * np.sin(x / a + y / b + p) for a, b, p in ((40, 90, 1), (70, -23, 2), (-31, 37, 3)))
         grown = level * (1 + waves) * (1 + 0.03 * rng.standard_normal(len(x)))

@@ -8,32 +8,32 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Template:
-    """A file of `examples`. what: for the help; try_it: a command that runs it, with {file} for its name."""
+    """A file of `examples`. what: for the help; try_it: words of a command, with {file} for its name."""
 
     source: str
     what: str
-    try_it: str
+    try_it: tuple[str, ...]
 
 
 TEMPLATES = {
-    "scenario": Template("my_scenario.yaml", "a scenario", "swath run {file}"),
+    "scenario": Template("my_scenario.yaml", "a scenario", ("run", "{file}")),
     "detector": Template(
         "my_edge_detector.py",
         "an edge detector",
-        "swath run straight --set combine.edge.level={file}:MyEdgeDetector",
+        ("run", "straight", "--set", "combine.edge.level={file}:MyEdgeDetector"),
     ),
     "steering": Template(
         "my_steering_law.py",
         "a steering law",
-        "swath run straight --set combine.steer.level={file}:MySteeringLaw",
+        ("run", "straight", "--set", "combine.steer.level={file}:MySteeringLaw"),
     ),
     "sensor": Template(
         "my_scanner.yaml",
         "the data sheet of a scanner",
-        "swath scan straight --set combine.lidar.sensor={file}",
+        ("scan", "straight", "--set", "combine.lidar.sensor={file}"),
     ),
     "evaluator": Template(
-        "my_evaluator.py", "a metric", "swath run straight --set 'evaluators=[{file}:SteeringReversals]'"
+        "my_evaluator.py", "a metric", ("run", "straight", "--set", "evaluators=[{file}:SteeringReversals]")
     ),
 }
 
@@ -57,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
     import shutil
 
     from swath.core.errors import InputError
+    from swath.core.shell import command
     from swath.core.whole_file import write_whole
 
     template = TEMPLATES.get(args.kind)
@@ -74,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
         from swath.commands.schema import write_schema
 
         write_schema(out.parent / "scenario.schema.json")
-    print(f"{out}: try it with\n  {template.try_it.format(file=out)}")
+    print(f"{out}: try it with\n  {command(*(word.format(file=out) for word in template.try_it))}")
     return 0
 
 

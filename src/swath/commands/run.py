@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from swath.terminal.options import add_allow, add_ros2_network, add_scenario_options, load
@@ -89,6 +90,7 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Exit code: 0 all limits pass, 1 a limit fails, 3 none fails but one was not measured."""
     from swath.core.errors import InputError, SwathError
+    from swath.core.shell import command
     from swath.runtime.folder import choose_run_folder, remove_empty
 
     if args.paused and not (args.ros2 or args.view):
@@ -107,7 +109,8 @@ def run(args: argparse.Namespace) -> int:
 
     events = read_events(args.events) if args.events is not None else []
     if args.events is None and (changed := _changed_on_the_way(args.scenario)) is not None:
-        print(f"swath: {changed} was changed on its way, --events {changed} repeats that", file=sys.stderr)
+        how = f"--events {quote(str(changed))}"
+        print(f"swath: {changed} was changed on its way, {how} repeats that", file=sys.stderr)
     if not args.quiet and (code := code_of(scenario)):
         print(f"code that runs with your rights: {', '.join(map(str, code))}", flush=True)
     pages = [] if scenario.run.record == "none" else _pages(args)
@@ -132,7 +135,7 @@ def run(args: argparse.Namespace) -> int:
         raise (scenario.locate(error) if isinstance(error, InputError) else error) from error
     except KeyboardInterrupt as error:
         is_kept = (out / "summary.json").is_file()
-        kept = f"; what was recorded is in {out}, to look at: swath report {out}" if is_kept else ""
+        kept = f"; what was recorded is in {out}, to look at: {command('report', out)}" if is_kept else ""
         raise type(error)(f"stopped{kept}") from None
     if args.quiet:
         print(out)

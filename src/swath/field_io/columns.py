@@ -19,6 +19,7 @@ import unicodedata
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from swath.core import units
 from swath.core.errors import InputError, some_of
@@ -30,17 +31,20 @@ WHEAT_LB_PER_BUSHEL = 60.0  # legal weight of a bushel of wheat in the USA; othe
 UNITS: dict[str, dict[str, float]] = {
     **{kind: factors(kind) for kind in ("length", "speed", "time", "mass flow", "rotation", "volume flow")},
     "degrees": {symbol: factor / DEG for symbol, factor in factors("angle").items()},
+    "position": {"deg": 1.0, "rad": 1.0 / DEG, "ddmm": 0.01, "1e-7 deg": 1e-7, "deg W": -1.0, "deg S": -1.0},
     "yield": {**factors("mass per area"), "bu/ac": WHEAT_LB_PER_BUSHEL * POUND / ACRE},
     "share": {"%": 0.01, "1": 1.0},
     "number": {"1": 1.0},
     "curvature": {"1/m": 1.0, "1/km": 1e-3},
     "text": {"text": 1.0},
 }
-"""Factor from each unit to the one used inside: m, m/s, s, deg, kg/s, kg/m2, share, rad/s, m3/s."""
+"""Factor from each unit to the one used inside: m, m/s, s, deg, kg/s, kg/m2, share, rad/s, m3/s. ddmm:
+degrees and minutes in one number, see coordinates.py; deg W, deg S: > 0 west, south.
+"""
 
 QUANTITIES: dict[str, str] = {
-    "lat": "degrees",
-    "lon": "degrees",
+    "lat": "position",
+    "lon": "position",
     "easting": "length",
     "northing": "length",
     "elevation": "length",
@@ -53,6 +57,7 @@ QUANTITIES: dict[str, str] = {
     "record": "number",
     "speed": "speed",
     "distance": "length",
+    "course": "degrees",
     "header_width": "length",
     "grain_flow": "mass flow",
     "yield": "yield",
@@ -72,8 +77,10 @@ QUANTITIES: dict[str, str] = {
 }
 """Canonical name -> kind of unit. work_state: a word that says whether the header works ('In', 'On', '1');
 section: of the header, each with a record of its own; yield: as harvested; dry_yield: at the moisture of the
-trade. steer_command: wanted angle of the steered axle, command_curvature: of the wanted path, both > 0 left.
+trade. course: of the way, clockwise from north. steer_command: wanted angle of the steered axle,
+command_curvature: of the wanted path, both > 0 left.
 """
+MOST_TOLD = 30  # columns that are not used, one by one
 FLOWS = ("grain_flow", "yield", "dry_yield")  # the first one that a log has counts
 
 
@@ -82,7 +89,7 @@ class Column:
     """A column of the file and the unit its numbers have.
 
     is_assumed: nothing in the file says the unit; of_format: logs of its form usually have it; is_given: the
-    user says it
+    user says it; is_shown: the data shows it
     """
 
     column: str
@@ -90,11 +97,25 @@ class Column:
     is_assumed: bool = False
     of_format: bool = False
     is_given: bool = False
+    is_shown: bool = False
+
+    @property
+    def by(self) -> str:
+        """How the unit is known, in a word."""
+        if self.is_given:
+            return "--columns"
+        if self.is_shown:
+            return "the data"
+        if self.is_assumed:
+            return "its form" if self.of_format else "usual"
+        return "its name"
 
 
 @dataclass(frozen=True)
 class ColumnMap:
     """Canonical name -> column. profile: how it was found. crs: of easting and northing, '' = not stated.
+
+    axes: 'xy' or 'yx', the order of the two numbers of a shape, '' = not stated; header: all columns
 
     beside: further columns of grain that do not count, but say something of the units of that which does
     """
@@ -102,7 +123,18 @@ class ColumnMap:
     columns: dict[str, Column]
     profile: str
     crs: str = ""
+    axes: str = ""
     beside: dict[str, Column] = field(default_factory=dict)
+    header: tuple[str, ...] = ()
+
+    def told(self) -> dict[str, Any]:
+        """What was taken for what, as plain data: `columns` and `not_used`."""
+        taken = {k: {"column": c.column, "unit": c.unit, "unit_by": c.by} for k, c in self.columns.items()}
+        beside = {
+            k: {"column": c.column, "unit": c.unit, "unit_by": "a check"} for k, c in self.beside.items()
+        }
+        used = {c.column for c in (*self.columns.values(), *self.beside.values())}
+        return {"columns": {**beside, **taken}, "not_used": [n for n in self.header if n not in used]}
 
 
 def _profile(name: str, **columns: str) -> ColumnMap:
@@ -199,6 +231,10 @@ _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
         " vitesseavancement",
     )),
     "distance": ("m", ("dist distance strecke wegstrecke fahrstrecke",)),
+    "course": ("deg", (
+        "course heading headingdeg coursedeg trackdeg trackangle trackdegrees courseoverground cog azimuth"
+        " bearing gpscourse gpsheading kurs fahrtrichtung cap",
+    )),
     "header_width": ("m", (
         "swath swathwidth swathwdth swthwidth swthwdth headerwidth cutwidth cuttingwidth workwidth"
         " workingwidth width schnittbreite arbeitsbreite schneidwerksbreite largeur largeurcoupe"
@@ -261,7 +297,15 @@ _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
 _NAMES = {key: [set(names.split()) for names in tiers] for key, (_, tiers) in _USUAL.items()}
 _CUT = 10  # letters of a column's name in a shapefile (dBASE)
 _LEAST_OF_NAME = 5  # letters by which a name that is cut off is known
-_BESIDE = ("crop", "section", "date", "engine_load", "engine_speed", "fuel")  # what known logs may also hold
+_BESIDE = (
+    "course",
+    "crop",
+    "section",
+    "date",
+    "engine_load",
+    "engine_speed",
+    "fuel",
+)  # what known logs may also hold
 _WORDS = ("machine", "crop", "section", "date", "time", "work_state", "pass")  # brackets in them: no units
 _LOG_SUFFIXES = {
     "ms": "m/s", "km_h": "km/h", "kph": "km/h", "kn": "kn", "sec": "s", "kgs": "kg/s", "th": "t/h",
@@ -273,6 +317,20 @@ _SYMBOLS = {symbol for kind in UNITS.values() for symbol in kind}
 _ENDS = sorted(
     {s for s in SUFFIXES if units.UNITS[s].symbol in _SYMBOLS} | {*_LOG_SUFFIXES}, key=len, reverse=True
 )
+
+
+TOLD = ("column", "is", "unit", "unit by")
+
+
+def told_rows(source: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    """Rows under TOLD of `ColumnMap.told`: what was taken for what, then what was not used."""
+    plain = [
+        (c["column"], key, *((c["unit"], c["unit_by"]) if c["unit"] not in ("text", "1") else ("", "")))
+        for key, c in source["columns"].items()
+    ]
+    rest = source["not_used"]
+    more = [(f"and {len(rest) - MOST_TOLD} more", "not used", "", "")] if len(rest) > MOST_TOLD else []
+    return [*plain, *((name, "not used", "", "") for name in rest[:MOST_TOLD]), *more]
 
 
 class ColumnsMissing(InputError):
@@ -299,7 +357,7 @@ def find_columns(
     """
     known = (p for p in PROFILES if all(c.column in header for c in p.columns.values()))
     base = next((p for p in known if has_points or "lat" in p.columns), None)
-    given, dropped, crs = ({}, set(), "") if columns is None else read_map(columns, header)
+    given, dropped, stated_axes = ({}, set(), {}) if columns is None else read_map(columns, header)
     whole = {k: c for k, c in given.items() if c.column}
     of_base = {} if base is None else {k: _checked(c) for k, c in base.columns.items()}
     taken = {c.column for c in (*whole.values(), *of_base.values())}
@@ -323,7 +381,8 @@ def find_columns(
     found |= {k: _with_unit(k, c.unit, found, columns) for k, c in given.items() if not c.column}
     name = base.profile if base else "usual names"
     _require(found, header, path, has_points, needs_width)
-    return ColumnMap(found, name if columns is None else f"map {columns.name}, {name}", crs, beside)
+    profile = name if columns is None else f"map {columns.name}, {name}"
+    return ColumnMap(found, profile, **stated_axes, beside=beside, header=tuple(header))
 
 
 def _checked(of_format: Column) -> Column:
@@ -410,8 +469,8 @@ def _spelled(kind: str) -> list[tuple[str, str]]:
     ]
 
 
-def read_map(path: Path, header: Sequence[str]) -> tuple[dict[str, Column], set[str], str]:
-    """Columns of a YAML file, what it drops (null), and its crs; all is checked. Raises InputError."""
+def read_map(path: Path, header: Sequence[str]) -> tuple[dict[str, Column], set[str], dict[str, str]]:
+    """Columns of a YAML file, what it drops (null), its crs and axes; all is checked. Raises InputError."""
     document = read_document(path)
     raw = document.data
     if not isinstance(raw, dict) or not raw:
@@ -419,12 +478,15 @@ def read_map(path: Path, header: Sequence[str]) -> tuple[dict[str, Column], set[
     crs = raw.get("crs", "")
     if not isinstance(crs, str):
         raise document.error(("crs",), crs, "expected text like EPSG:32612")
-    entries = {key: value for key, value in raw.items() if key != "crs"}
+    axes = raw.get("axes", "")
+    if axes not in ("", "xy", "yx"):
+        raise document.error(("axes",), axes, "expected xy or yx, the order of the two numbers of a shape")
+    entries = {key: value for key, value in raw.items() if key not in ("crs", "axes")}
     found = {key: _entry(key, value, header, document) for key, value in entries.items()}
     return (
         {key: column for key, column in found.items() if column is not None},
         {key for key, column in found.items() if column is None},
-        crs,
+        {"crs": crs, "axes": axes},
     )
 
 

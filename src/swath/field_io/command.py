@@ -64,10 +64,12 @@ def add(parsers: Any) -> Any:
 def run_import(args: argparse.Namespace) -> int:
     """Make the folder and say what came out."""
     from swath.core.errors import InputError
+    from swath.core.shell import command
+    from swath.field_io.columns import TOLD, told_rows
     from swath.field_io.importer import Settings, import_log
     from swath.field_io.pass_case import write_pass_case
     from swath.field_io.pass_scenario import write_pass_scenario
-    from swath.terminal.tables import wide_console
+    from swath.terminal.tables import table, wide_console
 
     if not args.replace and (args.out / "field.yaml").is_file():
         expected = "expected a new or empty folder: this field may hold changes; --replace makes it anew"
@@ -79,15 +81,17 @@ def run_import(args: argparse.Namespace) -> int:
     report = import_log(args.log, args.out, **files, settings=settings)
     console = wide_console()
     console.print(report)
+    if "columns" in report.source:
+        table("columns", TOLD, told_rows(report.source))
     try:
         write_pass_scenario(args.out)
-        console.print(f"drive in it: swath run {args.out}", highlight=False)
+        console.print(f"drive in it: {command('run', args.out)}", highlight=False)
     except InputError as error:
         console.print(f"no scenario written: {error}", highlight=False)
         return 0
     try:
         case = write_pass_case(args.out)
-        console.print(f"along many of them: swath test run {case} --out DIR", highlight=False)
+        console.print(f"along many of them: {command('test', 'run', case, '--out', 'DIR')}", highlight=False)
     except InputError as error:
         console.print(f"no function test written: {error}", highlight=False)
     return 0

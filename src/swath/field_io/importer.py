@@ -14,12 +14,13 @@ from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
 from swath.field.crop import Crop
 from swath.field.crop_sheet import load_crop
-from swath.field.projection import Origin
+from swath.field.projection import Origin, transform
 from swath.field.raster import Raster
 from swath.field_io import folder, outline
 from swath.field_io.agopengps import is_agopengps
 from swath.field_io.clean import Cleaned, clean, clean_map
 from swath.field_io.columns import FLOWS, ColumnsMissing
+from swath.field_io.coordinates import place
 from swath.field_io.dem import against_log, read_dem
 from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import Maps, crop_height, make_grid, make_maps
@@ -316,8 +317,8 @@ def _report(
     grain = cleaned.grain[cleaned.kept] * 10.0
     map_kg = _mapped_kg(maps, polygon)
     logged_kg = float((log.flow * log.duration).sum())
-    columns = {k: f"{c.column} [{c.unit}]" for k, c in log.column_map.columns.items()}
     field = {
+        "place": _place(polygon, log.epsg),
         "area_ha": polygon.area / 1e4,
         "passes": len(tracks),
         "pass_length_m": sum(t.length for t in tracks),
@@ -342,11 +343,17 @@ def _report(
     }
     rows = {"read": log.row_count, "broken": log.broken, "records": len(log)}
     digest = _digest(path)
-    source = {"file": path.name, "sha256": digest, "profile": log.column_map.profile, "columns": columns}
+    profile = log.column_map.profile
+    source = {"file": path.name, "sha256": digest, "profile": profile, **log.column_map.told()}
     return ImportReport(
         out, source, rows, _machines(cleaned, tracks), cleaned.counts, int(cleaned.kept.sum()), field, crop,
         terrain, notes,
     )  # fmt: skip
+
+
+def _place(polygon: Any, epsg: int) -> str:
+    """Where a field is, in words. polygon [m]"""
+    return place(transform([polygon.centroid.coords[0]], f"EPSG:{epsg}", "EPSG:4326"))
 
 
 def _mapped_kg(maps: Maps, polygon: Any) -> float:

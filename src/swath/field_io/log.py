@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, capped
-from swath.field.projection import known_crs, transform, utm_epsg
+from swath.field.projection import transform, utm_epsg
 from swath.field_io import trade
 from swath.field_io.clock import MILLISECONDS, days_of, of_digits, over_midnight, seconds_of, spread, usable
-from swath.field_io.columns import FLOWS, QUANTITIES, UNITS, ColumnMap, find_columns
+from swath.field_io.columns import FLOWS, QUANTITIES, UNITS, Column, ColumnMap, find_columns
+from swath.field_io.coordinates import Logged, Others, Reading, check_places, numbers, reading_of
 from swath.field_io.machines import separate_machines
 from swath.field_io.records import (
     PAUSE,
@@ -27,12 +28,11 @@ from swath.field_io.records import (
     unrounded,
 )
 from swath.field_io.table import Table, read_table
-from swath.field_io.witnesses import Drive, clock_unit, drive_of, settle_units
+from swath.field_io.witnesses import CLOCK_UNITS, Drive, clock_unit, drive_of, settle_units
 
 Array = NDArray[np.float64]
 FEWEST_RECORDS = 30  # below, there is no pass to speak of
 MOST_NOTES = 20  # of what could not be read
-FARTHEST_M = 20e3  # from the median position: no field is that large
 PLAUSIBLE: dict[str, tuple[float, float]] = {
     "speed": (0.0, 15.0), "header_width": (0.0, 20.0), "grain_flow": (0.0, 60.0), "yield": (0.0, 5.0),
     "moisture": (0.0, 0.6), "elevation": (-500.0, 9000.0), "crop_height": (0.0, 5.0), "duration": (0.0, 1e5),
@@ -131,15 +131,18 @@ def read_log(
         raise InputError(
             "log", len(table.row_number), f"expected at least {FEWEST_RECORDS} whole rows", file=path
         )
-    lon_lat, crs_note = _lon_lat(table, found, path)
+    places, crs_note, others_of_places = reading_of(table, found, path)
+    lon_lat = places.lon_lat
     sheet, others, note = _crop(table, found, crop, path)
     notes += [note] if note else []
-    found, values, first, more = _settled(table, found, lon_lat, header_width, sheet, path, as_map)
+    found, values, first, more = _settled(
+        table, found, places, others_of_places, header_width, sheet, path, as_map
+    )
     notes += more
     found, note = _as_harvested(values, found, sheet)
     notes += [note] if note else []
     broken = dict(table.broken)
-    reasons = {"other_section": ~first, "other_crop": others, **_broken(lon_lat, values, found)}
+    reasons = {"other_section": ~first, "other_crop": others, **_broken(places, values, found)}
     _refuse_whole_crop(values["grain_flow"], path)
     good = np.ones(len(lon_lat), dtype=bool)
     for reason, bad in reasons.items():
@@ -181,8 +184,8 @@ def _why(broken: dict[str, int], found: ColumnMap) -> str:
 
 
 def _settled(
-    table: Table, found: ColumnMap, lon_lat: Array, header_width: float | None, sheet: str, path: Path,
-    as_map: bool,
+    table: Table, found: ColumnMap, places: Reading, others: Others,
+    header_width: float | None, sheet: str, path: Path, as_map: bool,
 ) -> tuple[ColumnMap, dict[str, Array], NDArray[np.bool_], list[str]]:  # fmt: skip
     """Columns with their units settled, all quantities in SI units, the first record of each place and time
     (shape (n,): it has the widths and flows of all sections), and notes.
@@ -191,22 +194,38 @@ def _settled(
     numeric = {k: c for k, c in {**found.beside, **found.columns}.items() if QUANTITIES[k] != "text"}
     raw = {k: table.numbers(c.column) for k, c in numeric.items() if k not in ("lat", "lon", "time")}
     clock, day, unit, notes = _clock(table, found)
-    first = _joined_sections(found, lon_lat, raw, clock)
-    finite, on_earth, away = _places(lon_lat)
-    rows = np.flatnonzero(first & finite & on_earth & ~away)
+    first = _joined_sections(found, places.lon_lat, raw, clock)
     machine = declared_machines(table, found)[1]
     by = raw.get("record", np.arange(count, dtype=float)) if clock is None else clock
-    order = np.zeros(0, dtype=np.int64) if as_map else rows[np.lexsort((by[rows], day[rows], machine[rows]))]
     cutting = _cutting(raw, not_working(table, found), count)
-    drive = Drive((0.0, 0.0), order[:0], order[:0], np.zeros(0))
-    if len(order) >= FEWEST_RECORDS:
+
+    def order_of(reading: Reading) -> NDArray[np.int64]:
+        finite, on_earth, away = reading.placed()
+        rows = np.flatnonzero(first & finite & on_earth & ~away)
+        return rows[:0] if as_map else rows[np.lexsort((by[rows], day[rows], machine[rows]))]
+
+    def driven(reading: Reading) -> tuple[Array, Drive] | None:
+        order, lon_lat = order_of(reading), reading.lon_lat
+        if len(order) < FEWEST_RECORDS:
+            return None
         epsg = utm_epsg(*np.median(lon_lat[order], axis=0))
         position = np.full((count, 2), np.nan)
         position[order] = transform(lon_lat[order], "EPSG:4326", f"EPSG:{epsg}")
-        check_order(np.arange(len(order), dtype=float), machine[order], *position[order].T)
-        drive = drive_of(position, lon_lat, order, machine, cutting)
+        return position, drive_of(position, lon_lat, order, machine, cutting)
+
+    order, known = order_of(places), driven(places)
+    drive = Drive((0.0, 0.0), order[:0], order[:0], np.zeros(0)) if known is None else known[1]
     notes += _step_wise(raw, order, drive)
     columns, seconds, pace = dict(found.columns), None, None
+    if not as_map:
+        logged = Logged(
+            columns, raw, *_way_time(columns, raw, clock, day, unit, order), cutting, header_width
+        )
+        notes += check_places(
+            places, others, lambda r: known if r is places else driven(r), logged, found, path
+        )
+    if known is not None:
+        check_order(np.arange(len(order), dtype=float), machine[order], *known[0][order].T)
     if clock is not None:
         if not unit:
             unit, note = clock_unit(columns["time"], clock, drive, path)
@@ -230,6 +249,22 @@ def _settled(
         values["duration"] = np.full(count, period)
         more.append(f"no time: records taken as {period:.2f} s apart, by speed and positions")
     return found, values, first, notes + more
+
+
+def _way_time(
+    columns: dict[str, Column], raw: dict[str, Array], clock: Array | None, day: Array, unit: str,
+    order: NDArray[np.int64],
+) -> tuple[Array | None, tuple[str, ...]]:  # fmt: skip
+    """Time of each row, of the clock or of durations that add up, None without either; its possible units."""
+    if clock is not None:
+        said = columns["time"]
+        units = (unit,) if unit else CLOCK_UNITS if said.is_assumed else (said.unit,)
+        return clock + day / UNITS["time"][unit or said.unit], units
+    if "duration" not in raw:
+        return None, ()
+    time = np.full(len(day), np.nan)
+    time[order] = np.cumsum(raw["duration"][order])
+    return time, (columns["duration"].unit,)
 
 
 def _cutting(raw: dict[str, Array], idle: NDArray[np.bool_] | None, count: int) -> NDArray[np.bool_]:
@@ -391,6 +426,8 @@ def si_values(table: Table, found: ColumnMap, key: str) -> Array:
     column = found.columns.get(key)
     if column is None:
         return np.full(len(table.row_number), np.nan)
+    if key in ("lat", "lon"):
+        return numbers(table, column)
     values = table.numbers(column.column)
     if key == "time" and np.isfinite(values).sum() < 0.5 * len(values):
         date = found.columns.get("date")
@@ -409,48 +446,9 @@ def si_values_within(table: Table, found: ColumnMap, key: str, limits: Limits) -
     return np.where((values >= low) & (values <= high), values, np.nan)
 
 
-def _lon_lat(table: Table, found: ColumnMap, path: Path) -> tuple[Array, str]:
-    """Lon/lat [deg], shape (n, 2), not finite where a row has none; and what was assumed."""
-    if "lat" in found.columns and "lon" in found.columns:
-        return np.stack([si_values(table, found, "lon"), si_values(table, found, "lat")], axis=1), ""
-    if table.points is not None:
-        points, text = table.points, table.crs or found.crs
-        if not text:
-            inside = np.nanmax(np.abs(points), axis=0, initial=0.0) <= (180.0, 90.0)
-            if not inside.all():
-                raise InputError(
-                    "crs", None, "expected a .prj in the archive or crs in the column map", file=path
-                )
-            return points, "no .prj: positions taken as WGS 84"
-    else:
-        points, text = (
-            np.stack([si_values(table, found, "easting"), si_values(table, found, "northing")], axis=1),
-            found.crs,
-        )
-        if not text:
-            raise InputError(
-                "crs", None, "expected crs: EPSG:... in the column map for easting, northing", file=path
-            )
-    return transform(points, known_crs(text), "EPSG:4326"), ""
-
-
-def _places(lon_lat: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Positions that are numbers, that are on earth, and of these far from the others, shape (n,)."""
-    lon, lat = lon_lat.T
-    finite = np.asarray(np.isfinite(lon_lat).all(axis=1))
-    on_earth = np.asarray(
-        (np.abs(lon) <= 180.0) & (np.abs(lat) <= 84.0) & ((lon != 0.0) | (lat != 0.0)) & finite
-    )
-    if not on_earth.any():
-        return finite, on_earth, np.zeros(len(lon_lat), dtype=bool)
-    centre = np.median(lon_lat[on_earth], axis=0)
-    away = np.hypot((lon - centre[0]) * np.cos(np.radians(centre[1])), lat - centre[1]) * 111.2e3
-    return finite, on_earth, np.asarray(on_earth & (away > FARTHEST_M))
-
-
-def _broken(lon_lat: Array, values: dict[str, Array], found: ColumnMap) -> dict[str, NDArray[np.bool_]]:
+def _broken(places: Reading, values: dict[str, Array], found: ColumnMap) -> dict[str, NDArray[np.bool_]]:
     """Reason -> rows, shape (n,), that cannot be used."""
-    finite, on_earth, away = _places(lon_lat)
+    finite, on_earth, away = places.placed()
     reasons = {
         "position_not_a_number": ~finite,
         "position_out_of_range": finite & ~on_earth,

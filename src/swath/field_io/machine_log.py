@@ -49,6 +49,7 @@ class MachineLog:
     measured: dict[str, Array]
     machine_names: tuple[str, ...]
     notes: tuple[str, ...]
+    column_map: ColumnMap
 
     def __len__(self) -> int:
         return len(self.time)
@@ -92,18 +93,9 @@ def read_machine_log(path: Path, columns: Path | None = None) -> MachineLog:
     notes += [f"{c.column}: unit taken as {c.unit}" for c in assumed]
     width = values["header_width"]
     return MachineLog(
-        machine[order],
-        time,
-        duration,
-        gap,
-        speed,
-        width,
-        flow,
-        grade,
-        measured,
-        names,
-        (*table.notes, *notes),
-    )
+        machine[order], time, duration, gap, speed, width, flow, grade, measured, names,
+        (*table.notes, *notes), found,
+    )  # fmt: skip
 
 
 def _clock(

@@ -16,6 +16,7 @@ from swath.field.projection import Origin, transform, utm_epsg
 from swath.field.raster import Raster
 from swath.field_io import outline, trade
 from swath.field_io.agopengps import HEADLAND_LINE, is_agopengps, read_agopengps
+from swath.field_io.coordinates import place
 from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import make_grid
 from swath.field_io.passes import Track, row_azimuth, straight_windows
@@ -121,7 +122,11 @@ def plan_field(
     about = {
         "source": {"file": path.name, "profile": notes[0].partition(":")[0], "field": part.name},
         "machines": [{"name": "as given", "header_width_m": used}],
-        "field": {"area_ha": polygon.area / 1e4, "guidance_lines": len(tracks)},
+        "field": {
+            "place": place(origin.to_lon_lat([[0.0, 0.0]])),
+            "area_ha": polygon.area / 1e4,
+            "guidance_lines": len(tracks),
+        },
         "crop": {"name": sheet, "stems_per_m2": stems, "grain_g_per_stem": 1000.0 * facts.yields.grain_mass},
         "terrain": info,
         "notes": [*notes, *ground.notes],

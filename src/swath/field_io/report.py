@@ -9,9 +9,10 @@ from typing import Any
 class ImportReport:
     """Outcome of an import. Each section is a plain dict; keys carry their unit.
 
-    source: file, profile, columns. rows: read, broken (reason -> count), records. machines: per machine.
-    removed: reason -> count. kept: records that count. field: area, passes, spacing, direction.
-    crop: yield, mass, stems. terrain: where heights come from and how good they are. notes: assumptions.
+    source: file, profile, columns and those not used (see `ColumnMap.told`). rows: read, broken (reason ->
+    count), records. machines: per machine. removed: reason -> count. kept: records that count. field: place,
+    area, passes, spacing, direction. crop: yield, mass, stems. terrain: where heights come from and how good
+    they are. notes: assumptions.
     """
 
     out: Path
@@ -36,6 +37,7 @@ class ImportReport:
         heights = ", {lowest_m:.1f} to {highest_m:.1f} m".format(**terrain) if "lowest_m" in terrain else ""
         if not self.rows:
             return [
+                ("place", "", field["place"]),
                 ("area", f"{field['area_ha']:.2f} ha", self.source["profile"]),
                 ("guidance lines", f"{field['guidance_lines']}", ""),
                 ("crop", crop["name"], f"{crop['stems_per_m2']:.3g} stems/m2 everywhere"),
@@ -55,6 +57,7 @@ class ImportReport:
                  f"flow delay {m['flow_delay_s']:+.1f}{_error(m)} s, {m['flow_delay_method']}")
                 for m in self.machines
             ),
+            ("place", "", field["place"]),
             ("area", f"{field['area_ha']:.2f} ha", f"row direction {field['row_azimuth_deg']:.1f} deg"),
             ("passes", f"{field['passes']}", f"{field['pass_length_m'] / 1000:.1f} km{spacing}"),
             ("yield", f"{crop['yield_t_ha']:.2f} t/ha", percentiles),

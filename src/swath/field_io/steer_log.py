@@ -49,6 +49,7 @@ class SteerLog:
     measured: tuple[str, ...]
     period: float
     notes: tuple[str, ...]
+    column_map: ColumnMap
 
     def __len__(self) -> int:
         return len(self.time)
@@ -105,7 +106,7 @@ def read_steer_log(
     log = SteerLog(
         time[order] - time[order[0]], np.zeros(len(order), bool), np.zeros(len(order), np.int64),
         values["speed"][order], command[order], values["steer_angle"][order] * DEG, values["yaw_rate"][order],
-        place[order], ("angle", *measured), 0.0, (*table.notes, *([note] if note else [])),
+        place[order], ("angle", *measured), 0.0, (*table.notes, *([note] if note else [])), found,
     )  # fmt: skip
     return _in_blocks(log, None if label is None else label[order], longest_block, path)
 
@@ -133,13 +134,14 @@ def _in_blocks(log: SteerLog, label: Any, longest: float, path: Path) -> SteerLo
 
 def _find(table: Table, path: Path, columns: Path | None) -> ColumnMap:
     header = list(table.columns)
-    given, dropped, crs = ({}, set(), "") if columns is None else read_map(columns, header)
+    given, dropped, said = ({}, set(), {}) if columns is None else read_map(columns, header)
     taken = {c.column for c in given.values()}
     found = guess([name for name in header if name not in taken], path).columns
     bare = {name.lower().removesuffix("_m").removesuffix(" [m]"): name for name in header}
     if not {"lat", "easting"} & {*found, *given} and {"x", "y"} <= bare.keys():
         found |= {"easting": Column(bare["x"], "m"), "northing": Column(bare["y"], "m")}
-    return ColumnMap({k: c for k, c in {**found, **given}.items() if k not in dropped}, "usual names", crs)
+    kept = {k: c for k, c in {**found, **given}.items() if k not in dropped}
+    return ColumnMap(kept, "usual names", said.get("crs", ""), said.get("axes", ""), header=tuple(header))
 
 
 def _require(found: ColumnMap, table: Table, path: Path) -> None:

@@ -60,12 +60,16 @@ class Thresholds:
     Of agreement, derived:
     agrees: two measures of one thing; km/h and ft/s, the nearest of the units, lie 10 % apart
     alike: ratio of two units; where they are nearer, what contradicts one may have another cause
+    every_way: the way by the log over the way by positions, largest over smallest of all directions; 1.06 in
+    the logs above
     header_over_spacing: passes overlap by up to 30 %, and hardly leave anything between
 
     What can be in the middle of a harvest, estimated:
     speed [m/s]; header [m]: from plot combines to the widest drapers; height [m]: of fields
     moisture: share of the wet mass of grain
     drive [km/h]: in the mean of a log, stops and turns included
+    same_course: length of the mean of unit vectors that point one way
+    beside_deg: of a course beside the way, by the grid's convergence and a compass; agrees, contradicts
     american [deg]: west, east, south, north of where acres are usual
     """
 
@@ -82,12 +86,15 @@ class Thresholds:
     least_regular: float = 0.6
     agrees: Range = (0.94, 1.065)
     alike: float = 1.25
+    every_way: Range = (1.1, 1.15)
     header_over_spacing: Range = (0.88, 1.45)
     speed: Range = (0.3, 6.0)
     header: Range = (1.2, 18.5)
     height: Range = (-430.0, 5500.0)
     moisture: Range = (0.05, 0.45)
     drive: Range = (0.2, 50.0)
+    same_course: float = 0.8
+    beside_deg: Range = (25.0, 30.0)
     american: tuple[float, float, float, float] = (-170.0, -50.0, 24.0, 72.0)
 
 
@@ -343,7 +350,7 @@ class _Bench:
             self._is_in_form &= (unit in US_CUSTOMARY) == (column.unit in US_CUSTOMARY)
         is_news = not (column.of_format and unit == column.unit and pool)
         self.notes += [text] if is_news else []
-        self.columns[key] = replace(column, unit=unit, is_assumed=False)
+        self.columns[key] = replace(column, unit=unit, is_assumed=False, is_shown=True)
         self._votes += [unit] if sure and pool else []
 
     def _fitting(self, key: str, units: Sequence[str], witnesses: list[Witness]) -> list[str]:

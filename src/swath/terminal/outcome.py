@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from swath.terminal.tables import number, table
@@ -42,7 +43,7 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
     for note in summary.get("notes", []):
         print(f"note    {note}")
     if events := summary.get("events"):
-        print(f"events  {len(events)}, listed in summary.json; repeat them with --events {out}")
+        print(f"events  {len(events)}, listed in summary.json; repeat them with --events {quote(str(out))}")
     print(f"digest  {summary.get('digest', '-')}")
     for page in ("report", "replay"):
         if (out / f"{page}.html").is_file():

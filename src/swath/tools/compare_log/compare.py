@@ -84,6 +84,7 @@ class LogComparison:
             },
             "plain_coefficients": self.coefficients,
             "notes": list(self.log.notes),
+            **self.log.column_map.told(),
         }
 
 

@@ -28,7 +28,8 @@ class SteeringComparison:
         """All but the series, for JSON."""
         series = ("measured", "before", "after")
         parts = {p.name: {k: v for k, v in asdict(p).items() if k not in series} for p in self.parts}
-        return {"model": self.model, "log": self.log_name, "parts": parts, "notes": list(self.notes)}
+        return {"model": self.model, "log": self.log_name, "parts": parts, "notes": list(self.notes),
+                **self.log.column_map.told()}  # fmt: skip
 
 
 def compare_steering(

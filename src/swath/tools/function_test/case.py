@@ -19,6 +19,7 @@ from pydantic import Field
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
+from swath.core.shell import command
 from swath.documents.hints import near_miss
 from swath.documents.validation import validate
 from swath.documents.yaml_document import Document, read_document
@@ -281,7 +282,7 @@ def _paths(source: str) -> list[Path]:
         return [bundled[source]]
     path = Path(source)
     if path.suffix == ".py":
-        how = f"swath test run bend --set combine.edge.level={source}:Class --out DIR"
+        how = command("test", "run", "bend", "--set", f"combine.edge.level={source}:Class", "--out", "DIR")
         raise InputError(
             "cases", source, f"expected cases; a part of your own goes into them by --set: {how}"
         )

@@ -7,7 +7,6 @@ made again from its name.
 
 import csv
 import io
-import shlex
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from xml.etree import ElementTree as ET
 
 from swath import __version__
 from swath.core.errors import InputError
+from swath.core.shell import command
 from swath.core.whole_file import write_whole
 from swath.report.html import write_page
 from swath.runtime.credibility import span
@@ -447,10 +447,10 @@ def _requirement(folder: str, told: Traced) -> list[str]:
 def again_all(found: Conducted) -> str:
     """The command that makes the whole campaign once more, in a new folder."""
     asked = found.campaign
-    more = [f"--set {shlex.quote(text)}" for text in asked.sets]
-    more += [f"--level {asked.level}"] if asked.level else []
-    line = f"swath test run --odd {shlex.quote(f'{found.folder.name}/{ODD_FILE}')} --runs {asked.budgets[-1]}"
-    return " ".join([line, *more, "--out DIR"])
+    sets = [word for text in asked.sets for word in ("--set", text)]
+    level = ("--level", asked.level) if asked.level else ()
+    file = f"{found.folder.name}/{ODD_FILE}"
+    return command("test", "run", "--odd", file, "--runs", asked.budgets[-1], *sets, *level, "--out", "DIR")
 
 
 def _levels(found: Conducted) -> list[list[str]]:

@@ -1,11 +1,11 @@
 """From a requirement to the runs that judge it, and back; and what the runs met, as tables of OpenODD."""
 
-import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from swath.core.shell import command
 from swath.runtime.met import SUMMARY as MET
 from swath.terminal.outcome import NOT_JUDGED, limit_text, result_of, window_text
 from swath.tools.function_test.journal import Result
@@ -99,7 +99,7 @@ def trace_rows(file: OddFile, results: Iterable[Result], folder: str) -> Iterabl
 
 def again(folder: str, result: Result) -> str:
     """The command that makes a run once more."""
-    return f"swath test again {shlex.quote(folder)} {str(result['id'])[:8]}"
+    return command("test", "again", folder, str(result["id"])[:8])
 
 
 def write_cod(folder: Path, odd: Odd, results: Iterable[Result]) -> int:

@@ -1,0 +1,225 @@
+"""Positions with exchanged axes, other units, other signs: refused with the entry that mends them, anywhere
+on earth and in any direction; right ones are read.
+"""
+
+import re
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+pytest.importorskip("pyproj")
+pytest.importorskip("shapefile")
+
+from swath.core.errors import InputError
+from swath.field.projection import transform, utm_epsg
+from swath.field_io.columns import Column
+from swath.field_io.coordinates import in_degrees, numbers, place
+from swath.field_io.log import read_log
+from swath.field_io.table import read_table
+from tests.field.unit_logs import Harvest, shapes, table
+from tests.shared_data import DATA
+
+SEEDS = range(12)
+
+
+def drawn(seed, *, is_slanted=False):
+    """A harvest somewhere on earth, in some direction; is_slanted: 20 degrees and more off north and east."""
+    rng = np.random.default_rng(seed)
+    lat = float(rng.uniform(15, 68)) * rng.choice([-1, 1])
+    turn = 90.0 * rng.integers(4) + rng.uniform(20, 70) if is_slanted else rng.uniform(0, 360)
+    return Harvest(lat, float(rng.uniform(-179, 179)), azimuth_deg=float(turn),
+                   width=float(rng.uniform(5, 13)), speed=float(rng.uniform(1.2, 2.6)), seed=seed, passes=8,
+                   length=160.0)  # fmt: skip
+
+
+def minutes(degrees):
+    """Degrees as NMEA 0183 writes them."""
+    whole = np.trunc(degrees)
+    return 100.0 * whole + 60.0 * (degrees - whole)
+
+
+WRONG = {
+    "exchanged": lambda lat, lon: (lon, lat),
+    "rad": lambda lat, lon: (np.radians(lat), np.radians(lon)),
+    "ddmm": lambda lat, lon: (minutes(lat), minutes(lon)),
+    "1e-7 deg": lambda lat, lon: (1e7 * lat, 1e7 * lon),
+    "exchanged, ddmm": lambda lat, lon: (minutes(lon), minutes(lat)),
+    "deg W": lambda lat, lon: (lat, -lon),
+    "deg S": lambda lat, lon: (-lat, lon),
+}  # fmt: skip
+
+
+def witnesses(h):
+    """All that a log may hold about its way."""
+    return {
+        "time_s": h.t, "speed_m_s": h.speed * h.one, "distance_m": h.speed * h.one,
+        "width_m": h.width * h.one, "heading_deg": h.course, "flow_kg_s": h.flow,
+    }  # fmt: skip
+
+
+def written(path, lat, lon, columns):
+    """Text; positions of ten decimals."""
+    cells = {"lat": [f"{v:.10f}" for v in lat], "lon": [f"{v:.10f}" for v in lon]}
+    return table(path / "log.csv", cells | columns)
+
+
+def off(log, h):
+    """Farthest from the true place [m]."""
+    true = transform(np.column_stack([h.lon, h.lat]), "EPSG:4326", f"EPSG:{log.epsg}")
+    return float(np.abs(log.position - true).max()) if len(log) == len(true) else np.inf
+
+
+def mended(log, h, error, path, *more):
+    """How far off the log is [m] by each reading that an error offers."""
+    for other in error.others:
+        entries = re.findall(r"\w+: \{.*?\}", str(other))
+        (path / "map.yaml").write_text("\n".join([*more, *entries]))
+        yield off(read_log(log, path / "map.yaml"), h)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_right_positions_are_read_without_a_word_whatever_the_log_holds(tmp_path, seed):
+    h = drawn(seed)
+    held = np.random.default_rng(seed).random(3) < 0.5
+    left = np.array(["speed_m_s", "distance_m", "heading_deg"])[held]
+    columns = {name: values for name, values in witnesses(h).items() if name not in left}
+    log = read_log(written(tmp_path, h.lat, h.lon, columns))
+    assert off(log, h) < 0.01
+    assert not [note for note in log.notes if note.startswith("positions")]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("wrong", WRONG)
+def test_wrong_positions_are_refused_with_entries_that_mend_them(tmp_path, wrong, seed):
+    h = drawn(seed, is_slanted=wrong.startswith("deg"))  # a compass may lie 20 degrees beside the way
+    log = written(tmp_path, *WRONG[wrong](h.lat, h.lon), witnesses(h))
+    with pytest.raises(InputError) as refused:
+        read_log(log)
+    assert refused.value.key == "log.positions"
+    assert min(mended(log, h, refused.value, tmp_path)) < 0.01, refused.value.others
+
+
+@pytest.mark.parametrize("held", ["speed_m_s", "distance_m", "width_m", "heading_deg"])
+@pytest.mark.parametrize("azimuth", [0.0, 90.0])
+def test_one_witness_is_enough_where_it_lies_across_the_stretched_axis(tmp_path, held, azimuth):
+    h = Harvest(52.0, 9.0, azimuth_deg=azimuth, passes=8, length=160.0)
+    columns = {"time_s": h.t, "width_m": h.width * h.one, "flow_kg_s": h.flow, held: witnesses(h)[held]}
+    log = written(tmp_path, h.lon, h.lat, columns)
+    is_seen = held == "heading_deg" or azimuth == 0.0 or held != "width_m"
+    if not is_seen:  # passes along the stretched axis, their spacing is right
+        assert read_log(log).epsg == utm_epsg(52.0, 9.0)
+        return
+    with pytest.raises(InputError, match=r"positions = lat in deg, .*lat and lon exchanged") as refused:
+        read_log(log)
+    assert min(mended(log, h, refused.value, tmp_path)) < 0.01
+
+
+def test_what_the_user_says_counts_and_the_doubt_is_told(tmp_path):
+    h = Harvest(52.0, 9.0)
+    log = written(tmp_path, h.lon, h.lat, witnesses(h))
+    (tmp_path / "map.yaml").write_text("lat: {unit: deg}\nlon: {unit: deg}\n")
+    read = read_log(log, tmp_path / "map.yaml")
+    assert read.epsg == utm_epsg(52.0, 9.0)
+    told = next(note for note in read.notes if note.startswith("positions"))
+    assert re.match(r"positions: lat in deg, lon in deg, though .*passes lie 14\.", told)
+
+
+GRID = {"cm": (100.0, False), "km": (1e-3, False), "exchanged": (1.0, True), "exchanged, cm": (100.0, True)}
+
+
+@pytest.mark.parametrize("wrong", GRID)
+@pytest.mark.parametrize("seed", range(4))
+def test_eastings_and_northings_in_other_units_or_order_are_refused(tmp_path, wrong, seed):
+    h = drawn(seed)
+    epsg = utm_epsg(float(np.median(h.lon)), float(np.median(h.lat)))
+    grid = transform(np.column_stack([h.lon, h.lat]), "EPSG:4326", f"EPSG:{epsg}") * GRID[wrong][0]
+    x, y = grid.T[::-1] if GRID[wrong][1] else grid.T
+    places = {"easting": [f"{v:.9f}" for v in x], "northing": [f"{v:.9f}" for v in y]}
+    log = table(tmp_path / "log.csv", places | witnesses(h))
+    crs = f"crs: EPSG:{epsg}"
+    (tmp_path / "crs.yaml").write_text(crs)
+    with pytest.raises(InputError, match=r"log\.positions") as refused:
+        read_log(log, tmp_path / "crs.yaml")
+    assert min(mended(log, h, refused.value, tmp_path, crs)) < 0.1, refused.value.others
+
+
+def test_a_zone_far_away_is_refused_and_the_next_one_is_read(tmp_path):
+    h = Harvest(52.0, 9.0)
+    grid = transform(np.column_stack([h.lon, h.lat]), "EPSG:4326", "EPSG:32632")
+    places = {"easting": grid[:, 0], "northing": grid[:, 1]}
+    log = table(tmp_path / "log.csv", places | witnesses(h))
+    (tmp_path / "crs.yaml").write_text("crs: EPSG:2056")  # Switzerland
+    with pytest.raises(InputError, match="position_out_of_range"):
+        read_log(log, tmp_path / "crs.yaml")
+    beside = transform(np.column_stack([h.lon, h.lat]), "EPSG:4326", "EPSG:32633")
+    log = table(tmp_path / "log.csv", {"easting": beside[:, 0], "northing": beside[:, 1]} | witnesses(h))
+    (tmp_path / "crs.yaml").write_text("crs: EPSG:32633")
+    assert off(read_log(log, tmp_path / "crs.yaml"), h) < 0.01
+
+
+def test_shapes_with_x_and_y_exchanged_are_refused_and_read_by_axes(tmp_path):
+    h = Harvest(52.0, 9.0)
+    h.lat, h.lon = h.lon, h.lat
+    log = shapes(tmp_path / "s", h, witnesses(h))
+    with pytest.raises(InputError, match="all agrees with x and y exchanged") as refused:
+        read_log(log)
+    (other,) = refused.value.others
+    assert re.search(r"x and y exchanged, at 52\.\d+ N, 9\..*, write axes: yx", str(other))
+    h.lat, h.lon = h.lon, h.lat
+    (tmp_path / "map.yaml").write_text("axes: yx")
+    assert off(read_log(log, tmp_path / "map.yaml"), h) < 0.01
+    (tmp_path / "map.yaml").write_text("axes: zx")
+    with pytest.raises(InputError, match="axes = zx: expected xy or yx"):
+        read_log(log, tmp_path / "map.yaml")
+
+
+TEXTS = {
+    "degrees, minutes, seconds": lambda v, a, b: f"{int(v)}°{int(v % 1 * 60)}'{v * 60 % 1 * 60:.6f}\"{b}",
+    "degrees and minutes": lambda v, a, b: f"{b}{int(v)} {v % 1 * 60:.8f}",
+    "degrees and a letter": lambda v, a, b: f"{v:.9f} {b}",
+}
+
+
+@pytest.mark.parametrize("form", TEXTS)
+@pytest.mark.parametrize("at", [(52.0, 9.0), (-35.0, 147.0), (42.0, -93.5), (-32.0, -63.5)])
+def test_degrees_as_text_with_letters_are_read(tmp_path, form, at):
+    h = Harvest(*at, passes=4, length=120.0)
+    north = [TEXTS[form](abs(v), v, "N" if v > 0 else "S") for v in h.lat]
+    east = [TEXTS[form](abs(v), v, "E" if v > 0 else "W") for v in h.lon]
+    assert off(read_log(table(tmp_path / "a.csv", {"lat": north, "lon": east} | witnesses(h))), h) < 0.01
+
+
+def test_words_and_impossible_angles_are_no_position(tmp_path):
+    texts = ["52°75'", "N52 S", "somewhere", "252.0 N", "52 15 61", ""]
+    path = table(tmp_path / "a.csv", {"lat": texts, "lon": texts, "x": texts})
+    assert np.isnan(numbers(read_table(path), Column("lat", "deg"))).all()
+
+
+@pytest.mark.parametrize("degrees", [52.252057, -0.5, 179.99, -33.0])
+def test_nmea_degrees_and_minutes(degrees):
+    assert in_degrees(minutes(np.array([degrees])), "ddmm")[0] == pytest.approx(degrees, abs=1e-12)
+
+
+def test_a_place_is_told_with_its_hemisphere_and_zone():
+    assert place(np.array([[9.87654, 52.1]])) == "52.1000 N, 9.8765 E (UTM zone 32N, EPSG:32632)"
+    south_west = np.array([[-63.5, -32.0], [np.nan, 1.0]])
+    assert place(south_west) == "32.0000 S, 63.5000 W (UTM zone 20S, EPSG:32720)"
+    assert place(np.array([[9.0, 5215.1]])).endswith("which is not on earth")
+
+
+SI = DATA / "wheat_combine_logs_msu"
+REAL = {
+    "Montana 2018": (SI / "si" / "farmerI_henrys_2018_wheat.csv.gz", {}),
+    "Montana 2014": (SI / "si" / "farmerB_sec1west_2014_winterwheat.csv.gz", {}),
+    "Montana, shapefile": (SI / "raw" / "FarmerI_YL18_YLD_2018_henrys.zip", {}),
+    "Minnesota": (DATA / "agridat_cereal" / "gartner.corn.txt", {"header_width": 9.144, "crop": "maize"}),
+}
+
+
+@pytest.mark.parametrize("log", REAL)
+def test_measured_logs_are_read_without_a_doubt_of_their_positions(log):
+    path, options = REAL[log]
+    if not path.is_file():
+        pytest.skip("needs real yield logs: SWATH_DATA")
+    assert not [note for note in read_log(path, **options).notes if note.startswith("positions")]
