@@ -37,6 +37,14 @@ def test_a_drawn_job_ends_with_all_grain_at_the_truck_and_no_contact(seed, level
     assert (found.hole, found.outside, found.hasty) == (0.0, 0.0, 0)
 
 
+@pytest.mark.parametrize("seed", [755, 759])
+def test_fields_whose_passes_end_at_a_pond_are_worked(seed):
+    schedule = schedule_of(drawn_job(seed, (0.6, 2.5)))
+    found = looked_at(schedule, driven(schedule))
+    assert (found.contact, found.hole, found.outside) == ({}, 0.0, 0.0)
+    assert found.left < 0.005
+
+
 def test_driven_bodies_keep_to_their_paths_and_say_what_they_do_all_the_time(schedules):
     worked = driven(schedules[130])
     assert worked.stray < 0.02
