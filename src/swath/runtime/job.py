@@ -1,5 +1,4 @@
-"""Jobs: a scenario driven into a folder, from assembly or from a saved moment of an earlier run to its summary.
-"""
+"""Jobs: a scenario driven into a folder, from assembly or a saved moment of an earlier run to its summary."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence

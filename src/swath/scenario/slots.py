@@ -387,6 +387,9 @@ GONE_SLOTS = {  # of version 0.2, and what to use instead
 }
 EXAMPLES = {"consensus": "Consensus", "mixture": "Mixture", "threshold": "Threshold"}
 GONE = {
+    "heap.volume": "`cones` holds what a surface at the angle of repose holds",
+    "field_map.earlier_pass": "`file` reads a grid of what was measured, `error` draws one",
+    "box.gnss_link": "`rim` finds the box with a LiDAR",
     "cooperate.oscillate": "`by_profile` levels the heap by what it sees of it",
     "steer.station_or_path": "`station` keeps beside another machine, `path` follows a path",
     "speed.job": "`constant` with `guard: {when_lost: path}` goes on along a path",
