@@ -271,7 +271,7 @@ def heights(out: Path) -> Made:
     from swath.report.plots import STYLE
     from swath.tools.lab.comparison import compare_levels
     from swath.tools.lab.lab import Settings, run_lab
-    from swath.tools.lab.plots import histograms_figure
+    from swath.tools.lab.page import histograms_figure
 
     lab = run_lab(Settings(DENSITIES, SCANNERS, (DEPRESSION,), seeds=2, seed=SEED))
     cases = compare_levels(lab, None)
