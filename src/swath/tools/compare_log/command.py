@@ -128,7 +128,7 @@ def _run_steering(args: argparse.Namespace) -> int:
 
     from swath.core.errors import InputError
     from swath.terminal.tables import table
-    from swath.tools.compare_log.steering import compare_steering
+    from swath.tools.compare_log.steering_fit import compare_steering
     from swath.tools.compare_log.steering_page import fitted_rows, left_rows, write_steering
 
     for key in _OF_THE_ENGINE:
