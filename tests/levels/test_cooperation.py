@@ -9,7 +9,7 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.field.site_setup import Bodies
-from swath.machine.heap.surface import Surface, largest_heap
+from swath.machine.heap.open_box import Surface, largest_heap
 from swath.machine.machine_sheet import load_machine
 from swath.signals import (
     HeapState,
