@@ -10,8 +10,8 @@ from swath.core.component import Inputs, KeepsState, Outputs
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.site_setup import SiteSetup
+from swath.sensing.echo import Weather
 from swath.sensing.scanner import Scanner, ScannerParams
-from swath.sensing.weather import Weather
 from swath.signals import F64, MachineState
 
 

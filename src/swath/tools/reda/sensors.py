@@ -13,12 +13,12 @@ from swath.core.units import DEG
 from swath.field.memory_layout import Organ
 from swath.field.site_setup import Body
 from swath.rays.engine import RayCaster
+from swath.sensing.echo import Weather
 from swath.sensing.lidar import plants
 from swath.sensing.mount import Mount
 from swath.sensing.radar import rays
 from swath.sensing.radar.ideal import RadarMount
 from swath.sensing.radar.solid_rays import aimed, distances
-from swath.sensing.weather import Weather
 from swath.signals import F64, MachineState
 from swath.signals.setup import ControlSetup
 from swath.tools.reda.scene import EDGE_M, RIG, Scene
