@@ -27,8 +27,7 @@ from swath.field.stored_changes import Key
 from swath.rays.height_cells import UNTOUCHED
 from swath.rays.height_grid import TILE, HeightGrid, load_height_grid
 from swath.rays.heights import SOLID, UNMEASURED, HeightCaster
-from swath.sensing.lidar.scanning import ScanningLidar
-from swath.sensing.scanner import ScannerParams
+from swath.sensing.scanner import ScannerParams, ScanningLidar
 from swath.sensing.single import SingleRays
 from swath.signals import F64
 
