@@ -5,8 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from swath.core.registry import Level
-from swath.judge.evaluator import NEVER, EvaluatorSetup, KeptRows, Metric
-from swath.judge.statistics import even_path, mean
+from swath.judge.evaluator import NEVER, EvaluatorSetup, KeptRows, Metric, even_path, mean
 from swath.signals import F64, CropFlow, GuidanceState, MachineState, Signal
 
 GROUP = "Passes"
