@@ -36,9 +36,8 @@ from swath.replay.charts import CHARTS, events_of
 from swath.replay.collect import origin_of
 from swath.replay.live.data import COLUMNS, ECHO_UNIT, live_data, starting_rows
 from swath.replay.machines import derived, thinned
-from swath.replay.pack import packed
 from swath.replay.things import things_of
-from swath.replay.writer import render
+from swath.replay.writer import packed, render
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.request_queue import Reply
 from swath.runtime.run_control import RunControl
