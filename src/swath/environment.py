@@ -356,7 +356,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         """
         if self.render_mode is None:
             return None
-        from swath.report.top_view import top_view
+        from swath.report.field_plot import top_view
 
         return top_view(self._running(), self.task.machine)
 
