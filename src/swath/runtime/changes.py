@@ -32,9 +32,8 @@ from swath.field.solids import merge
 from swath.runtime.assembly import exchange, make_part
 from swath.runtime.world import World
 from swath.scenario.catalogue import CATALOGUE
-from swath.scenario.code import code_of
 from swath.scenario.resolved import SlotChoice
-from swath.scenario.scenario import Scenario, parse_scenario
+from swath.scenario.scenario import Scenario, code_of, parse_scenario
 
 
 def folder_of(scenario: Scenario) -> Path:
