@@ -201,8 +201,7 @@ def write_replay(world: World, folder: Path, summary: Mapping[str, Any], *, out:
 def view(folder: Path, *, out: Path | None = None) -> Path:
     """The page of a finished run, from its folder alone. InputError where it is none."""
     from swath.runtime.assembly import assemble
-    from swath.scenario.scenario import load_scenario, slots_without_code
-    from swath.scenario.slot_names import slot_names
+    from swath.scenario.scenario import load_scenario, slot_names, slots_without_code
 
     check_run_folder(folder, "scenario.yaml", "tracks.parquet")
     file = folder / "summary.json"
