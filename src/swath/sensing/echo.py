@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from swath.core import portable
 from swath.kernels import address, repeatable, start_warp
-from swath.rays.spots import Spots
+from swath.rays.hits import Spots
 from swath.signals import F64
 
 
