@@ -31,10 +31,9 @@ from swath.record.read import feed as feeds
 from swath.record.read.feed import Demux, Feed, Record, Timed
 from swath.record.read.fields import Context, is_on_clock, number_at, stamp_in, stamp_of
 from swath.record.read.files import Log, open_log
-from swath.record.read.fixes import read_fixes, states_of_fixes
+from swath.record.read.fixes import TangentPlane, ToLocal, field_plane, read_fixes, states_of_fixes
 from swath.record.read.frames import GROUND, own_mounting, static_links, static_mounting
 from swath.record.read.messages import maker_for, message_names
-from swath.record.read.tangent_plane import TangentPlane, ToLocal, field_plane
 from swath.sensing.mount import Mount
 from swath.signals import F64, Fix, Image, Inertial, MachineState, Scan, Signal
 from swath.signals.flat import build, flat_fields
