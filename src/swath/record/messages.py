@@ -14,8 +14,7 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.field.projection import Origin
 from swath.field.track import EdgeShape
-from swath.record.message_factory import MessageFactory, plain_names
-from swath.record.templates import Draft
+from swath.record.message_factory import Draft, MessageFactory, plain_names
 from swath.signals import F64, Signal
 from swath.signals.setup import MachineGeometry
 
