@@ -18,13 +18,15 @@ from swath.field_io.machine_log import MachineLog, read_machine_log
 from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine
 from swath.signals import MachineLoad
-from swath.tools.compare_log.along_log import Drive, run_engine, run_process
-from swath.tools.compare_log.statistics import (
+from swath.tools.compare_log.along_log import (
     FEWEST,
     Array,
+    Drive,
     Mask,
     SeriesStatistics,
     regressions,
+    run_engine,
+    run_process,
     statistics_of,
     usable,
 )
