@@ -15,12 +15,12 @@ from swath.field.boundary import Region
 from swath.field.crop import Crop
 from swath.field.cut_field import Cutter
 from swath.field.cut_result import Corner, Cut, StemIndex, cells_inside, corners_of
+from swath.field.edge import Edges, check_edges, named_edges
 from swath.field.edge_defects import BrokenEdge, Gap
 from swath.field.field_setup import HasExtent, Stand, Terrain
 from swath.field.footprint import Block, Footprint
 from swath.field.grain import GrainPiles
 from swath.field.height_bounds import update_tops
-from swath.field.initial_edges import Edges, check_edges, named_edges
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.pages import KeptPages, PageStore
 from swath.field.profile import Profile, refused
