@@ -38,8 +38,7 @@ from swath.replay.machines import derived, thinned
 from swath.replay.things import things_of
 from swath.replay.writer import origin_of, packed, render
 from swath.runtime.hooks import ActiveRun, RunHook
-from swath.runtime.request_queue import Reply
-from swath.runtime.run_control import RunControl
+from swath.runtime.run_control import Reply, RunControl
 from swath.runtime.world import World
 from swath.signals import F64, MachineLoad, ScanTruth
 
