@@ -24,8 +24,7 @@ from swath.judge.together import EvaluationOfAll, kind_of
 from swath.record.digest import Digests
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import Running
-from swath.runtime.loop import REPORT_EVERY
-from swath.runtime.world import World
+from swath.runtime.world import REPORT_EVERY, World
 from swath.scenario.scenario import Scenario
 from swath.signals import MachineState
 
