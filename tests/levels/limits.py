@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import pytest
 
 from swath.core.errors import MissingExtra
-from swath.scenario.catalogue import CATALOGUE
+from swath.scenario.slots import CATALOGUE
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ def run(args: argparse.Namespace) -> int:
     """Print the metrics, the columns and the events."""
     from swath.core.errors import InputError
     from swath.documents.hints import unknown_key
-    from swath.scenario.catalogue import CATALOGUE
+    from swath.scenario.slots import CATALOGUE
 
     judged = CATALOGUE.judged()
     metrics = judged.metrics

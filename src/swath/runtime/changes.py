@@ -31,9 +31,9 @@ from swath.field.obstacles import things_of
 from swath.field.solids import merge
 from swath.runtime.assembly import exchange, make_part
 from swath.runtime.world import World
-from swath.scenario.catalogue import CATALOGUE
 from swath.scenario.resolved import SlotChoice
 from swath.scenario.scenario import Scenario, code_of, parse_scenario
+from swath.scenario.slots import CATALOGUE
 
 
 def folder_of(scenario: Scenario) -> Path:

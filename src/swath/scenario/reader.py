@@ -13,7 +13,6 @@ from swath.documents.data_sheets import find_sheet
 from swath.documents.hints import near_miss, unknown_key
 from swath.documents.validation import known_keys
 from swath.documents.yaml_document import Document, KeyPath, read_document
-from swath.scenario.catalogue import Catalogue
 from swath.scenario.expectations import read_evaluators, read_expect
 from swath.scenario.machine_types import BY_SECTION, slots_of
 from swath.scenario.resolved import FieldSection, LevelChoice, MachineSection, RealTimeSection, SlotChoice
@@ -28,7 +27,7 @@ from swath.scenario.sections import (
     StartAlongEdge,
     StartPose,
 )
-from swath.scenario.slots import GONE_SLOTS, PEER, SlotKind
+from swath.scenario.slots import GONE_SLOTS, PEER, Catalogue, SlotKind
 from swath.scenario.versions import SECTIONS
 
 MOST_MACHINES = 50

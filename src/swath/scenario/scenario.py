@@ -23,12 +23,12 @@ from swath.core.errors import InputError
 from swath.core.foreign_code import Gate, NamesCode, file_of, is_allowed, present_gate
 from swath.documents.data_sheets import expected_name, find_sheet, sheet_names
 from swath.documents.yaml_document import Document, dump, key_path, parse, read_document
-from swath.scenario.catalogue import CATALOGUE, Catalogue
 from swath.scenario.expectations import plain_expect
 from swath.scenario.overrides import apply_overrides
 from swath.scenario.reader import read_sections
 from swath.scenario.resolved import Expectation, FieldSection, LevelChoice, MachineSection, RealTimeSection
 from swath.scenario.sections import Run
+from swath.scenario.slots import CATALOGUE, Catalogue
 from swath.scenario.versions import FORMAT, lift_machines
 
 

@@ -70,7 +70,7 @@ class Made:
 
 def levels(out: Path) -> Made:
     """Every kind of part with its levels, and who else may stand in for it."""
-    from swath.scenario.catalogue import CATALOGUE
+    from swath.scenario.slots import CATALOGUE
 
     slots = [slot.name for slot in CATALOGUE.slots]
     rows, count = [], 0
