@@ -18,7 +18,7 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the levels."""
     from swath.core.errors import InputError
-    from swath.documents.hints import near_miss
+    from swath.documents.validation import near_miss
     from swath.scenario.slots import CATALOGUE
 
     slots = [slot.name for slot in CATALOGUE.slots]

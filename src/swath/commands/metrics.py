@@ -17,7 +17,7 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the metrics, the columns and the events."""
     from swath.core.errors import InputError
-    from swath.documents.hints import unknown_key
+    from swath.documents.validation import unknown_key
     from swath.scenario.slots import CATALOGUE
 
     judged = CATALOGUE.judged()

@@ -110,7 +110,7 @@ def _bundled_name(name: str) -> str:
 def _kind_of(name: str) -> str:
     from swath.core.errors import InputError
     from swath.documents.data_sheets import sheet_names
-    from swath.documents.hints import near_miss
+    from swath.documents.validation import near_miss
 
     kinds = {sheet: kind for kind in KINDS for sheet in sheet_names(kind)}
     if name not in kinds:

@@ -15,8 +15,8 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.core.foreign_code import load_python
 from swath.documents.data_sheets import Sheet, read_sheet, sheet_names
-from swath.documents.hints import near_miss
 from swath.documents.sheet_fields import Entry, entries
+from swath.documents.validation import near_miss
 from swath.field.crop import REFLECTANCE, Crop, Habit, Head, Organs, StemFacts, YieldFacts
 
 PACKAGE = "swath.field.plants"

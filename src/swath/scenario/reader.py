@@ -10,8 +10,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.documents.data_sheets import find_sheet
-from swath.documents.hints import near_miss, unknown_key
-from swath.documents.validation import known_keys
+from swath.documents.validation import known_keys, near_miss, unknown_key
 from swath.documents.yaml_document import Document, KeyPath, read_document
 from swath.scenario.expectations import read_evaluators, read_expect
 from swath.scenario.machine_types import BY_SECTION, slots_of

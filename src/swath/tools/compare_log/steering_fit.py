@@ -26,7 +26,7 @@ from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import DEG, split_unit
 from swath.documents.data_sheets import Sheet
-from swath.documents.hints import near_miss
+from swath.documents.validation import near_miss
 from swath.field.field import Field
 from swath.field.site_setup import SiteSetup
 from swath.field_io.steer_log import SteerLog, read_steer_log
