@@ -5,7 +5,7 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.field.obstacles import Path, SheetObstacle, things_of
-from swath.field.way import Way
+from swath.field.track import Way
 from swath.record.digest import Digest
 from swath.replay.things import things_of as drawn
 from swath.runtime.assembly import assemble

@@ -18,7 +18,7 @@ from swath.field.memory_layout import Solids
 from swath.field.mesh_file import UNITS, UP, base_middle, file_up, read_mesh
 from swath.field.obstacle_sheet import ObstacleSheet, load_obstacle
 from swath.field.solids import PAINT, STONE, WOOD, box_on_ground, mesh, moved, post, stone
-from swath.field.way import Way
+from swath.field.track import Way
 
 Array = NDArray[np.float64]
 PLACE = 1e5  # farthest coordinate of an obstacle [m]
