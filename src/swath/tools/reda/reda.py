@@ -138,7 +138,7 @@ def _cell(sensor: Sensor, looks: int, inside: float, aside: float) -> Cell:
 
 
 def _height(scene: Scene) -> float:
-    from swath.field.obstacle_sheet import load_obstacle
+    from swath.field.obstacles import load_obstacle
 
     return scene.height or load_obstacle(scene.settings.target).height
 
