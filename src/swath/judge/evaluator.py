@@ -27,7 +27,7 @@ from swath.field.edge_defects import Gap
 from swath.field.memory_layout import Solids
 from swath.field.site_setup import Bodies
 from swath.record import packed_columns
-from swath.record.messages import RecordedMachine
+from swath.record.message_factory import RecordedMachine
 from swath.record.tracks import Column, EvenRows
 from swath.signals import F64, Signal
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.schedule import NS
-from swath.record.messages import Sent, Source
+from swath.record.message_factory import Sent, Source
 from swath.signals import Image, Scan, ScanTruth
 
 JPEG_QUALITY = 90

@@ -19,7 +19,7 @@ from swath.judge.evaluators.edge_detection import EdgeDetection, EdgeSeries
 from swath.judge.evaluators.lateral_error import LateralError, PathSeries
 from swath.judge.evaluators.unloading import Unloading, UnloadingSeries
 from swath.judge.windows import FIELD
-from swath.record.messages import RecordedMachine
+from swath.record.message_factory import RecordedMachine
 from swath.record.tracks import SHOWN_ROWS
 from swath.report import page, plots
 from swath.report.field_plot import MapTrack, map_figure, silhouette

@@ -38,7 +38,7 @@ from swath.field.solids import machine_body, trailer_body
 from swath.field.track import EdgeShape
 from swath.machine.body.body import MachineBody, read_body
 from swath.machine.machine_sheet import MachineSheet, load_machine
-from swath.record.messages import OPTICAL_FRAME
+from swath.record.message_factory import OPTICAL_FRAME
 from swath.runtime.faults import displaced, make_fault
 from swath.runtime.field_setup import build_field
 from swath.runtime.field_state import begin_field

@@ -26,7 +26,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG
 from swath.record import positioning_messages as positioning
-from swath.record.messages import OPTICAL_FRAME
+from swath.record.message_factory import OPTICAL_FRAME
 from swath.record.read import feed as feeds
 from swath.record.read.feed import Demux, Feed, Record, Timed
 from swath.record.read.fields import Context, is_on_clock, number_at, stamp_in, stamp_of
