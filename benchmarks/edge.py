@@ -17,7 +17,7 @@ from pathlib import Path
 
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 
 BARLEY = ("field.stand.crop=barley", "field.edge.stubble_height_m=0.15")

@@ -22,7 +22,7 @@ import numpy as np
 from edge_hard import DENSITY, DUST, EDGE, SLOPE, STAND, Watch, bend, gap, lean, patch, teeth, wind
 
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 
 POOLS = {

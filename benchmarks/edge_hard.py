@@ -19,7 +19,8 @@ from swath.core.frames import Pose
 from swath.field.track import EdgeShape
 from swath.judge.evaluators.edge_detection import SURE, WRONG_M
 from swath.runtime.assembly import assemble
-from swath.runtime.world import World, drive
+from swath.runtime.loop import drive
+from swath.runtime.world import World
 from swath.scenario.scenario import load_scenario
 from swath.signals import CropEdge, MachineState
 

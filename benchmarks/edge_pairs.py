@@ -41,7 +41,8 @@ from swath.judge.evaluators.edge_detection import DEVIATIONS, SURE
 from swath.judge.evaluators.edge_detection import RIGHT_M as TOLERANCE
 from swath.judge.evaluators.edge_detection import WRONG_M as WRONG
 from swath.runtime.assembly import assemble
-from swath.runtime.world import World, drive
+from swath.runtime.loop import drive
+from swath.runtime.world import World
 from swath.scenario.scenario import load_scenario
 from swath.signals import CropEdge, Inertial, MachineState, Odometry, Scan
 from swath.signals.setup import ControlSetup

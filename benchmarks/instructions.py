@@ -40,7 +40,7 @@ def inside(options: argparse.Namespace) -> None:
     from swath.record.recorder import Recorder
     from swath.runtime.assembly import assemble
     from swath.runtime.evaluation import make_evaluation
-    from swath.runtime.world import drive
+    from swath.runtime.loop import drive
 
     collect_rarely()  # as every process that swath has for itself
     length = f"run.distance_m={SETTLING_M + 10.0 * options.seconds:g}"

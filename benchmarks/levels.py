@@ -25,7 +25,7 @@ from swath.core import graph
 from swath.core.errors import SwathError
 from swath.core.schedule import NS
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.slots import CATALOGUE
 
 SETTLE_S, WINDOW_S = 3.0, 1.0

@@ -24,7 +24,7 @@ from swath.api import load_scenario
 from swath.core.schedule import NS
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.job import run_job
-from swath.runtime.world import driven_m
+from swath.runtime.loop import driven_m
 from swath.signals import Signal
 from swath.terminal.tables import table as print_table
 

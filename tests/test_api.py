@@ -12,7 +12,7 @@ from swath.core.errors import InputError
 from swath.documents.yaml_document import read_document
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive, ticks
+from swath.runtime.loop import drive, ticks
 from swath.scenario.scenario import Scenario
 
 TINY = {

@@ -13,7 +13,7 @@ from swath.control.edge.profile import Reach, make_profile
 from swath.core.component import Outputs
 from swath.field.present_edge import STEP_M, crop_across, edges_of
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 
 HERE = Path(__file__).parent

@@ -252,7 +252,7 @@ def isobus() -> None:
     from swath.link.can.codec import dbc_file
     from swath.link.can.isobus import IsobusMachine
     from swath.runtime.assembly import assemble
-    from swath.runtime.world import drive
+    from swath.runtime.loop import drive
 
     where = own_bus()
     listener, hook = open_bus(where), IsobusMachine(where)

@@ -105,7 +105,7 @@ def draw(case: Case) -> None:
     import matplotlib.pyplot as plt
 
     from swath.runtime.assembly import assemble
-    from swath.runtime.world import drive
+    from swath.runtime.loop import drive
 
     world = assemble(load_scenario(case.scenario, sets=case.sets(case.grid()[-1])))
     drive(world, until_s=0.2)

@@ -21,7 +21,8 @@ from swath.judge.windows import FIELD
 from swath.record.tracks import Tracks
 from swath.runtime.assembly import assemble, exchange
 from swath.runtime.evaluation import make_evaluation
-from swath.runtime.world import World, drive, driven_m, has_arrived
+from swath.runtime.loop import drive, driven_m, has_arrived
+from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 from swath.scenario.slots import kind_of
 from swath.sensing.camera.rays import SceneCamera

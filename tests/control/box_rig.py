@@ -3,7 +3,7 @@
 import numpy as np
 
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import parse_scenario
 from tests.whole.cart_rig import SCENARIO

@@ -7,7 +7,7 @@ from swath.control.edge.canopy_offset import LAYER, TALLEST, CanopyOffset, heigh
 from swath.control.edge.height_step import Rays
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
-from swath.runtime.world import drive as run
+from swath.runtime.loop import drive as run
 from swath.scenario.scenario import load_scenario
 from tests.control.edge_drive import drive, errors
 from tests.evaluated import metrics_of

@@ -4,7 +4,7 @@ import pytest
 
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 
 SCENARIO = """

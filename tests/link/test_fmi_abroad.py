@@ -14,7 +14,7 @@ from swath.link.fmi.child_process import ChildProcess
 from swath.link.fmi.description import read_fmu
 from swath.link.fmi.make_instance import make_instance
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from tests.link.fmu_scenario import process_part, scenario
 from tests.link.made_fmus import CC, FEED, engine_fmu, needs_cc, process_xml, store1_fmu, store_fmu
 

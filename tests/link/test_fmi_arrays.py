@@ -7,7 +7,7 @@ from swath.core.errors import SwathError
 from swath.report.report import ReportWriter
 from swath.runtime.assembly import assemble
 from swath.runtime.job import run_job
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from tests.link.fmu_scenario import TEXT
 from tests.link.made_fmus import engine_fmu, needs_cc, store_fmu

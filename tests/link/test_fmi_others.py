@@ -13,7 +13,7 @@ from swath.link.fmi.description import read_fmu
 from swath.link.fmi.make_instance import make_instance
 from swath.link.fmi.ssp import read_system
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from tests.link.fmu_scenario import scenario
 from tests.link.made_fmus import component, connection, connector, needs_cc, package, store_fmu, system
 

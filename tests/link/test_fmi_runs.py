@@ -10,7 +10,7 @@ from swath.core.errors import InputError, MissingExtra, SwathError
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.job import run_job
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 from tests.evaluated import metrics_of
 from tests.link.fmu_scenario import NO_POWERS, process_part, scenario

@@ -13,7 +13,7 @@ from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.ssp import read_system
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from tests.evaluated import metrics_of
 from tests.link.fmu_scenario import process_part, scenario
 from tests.link.made_fmus import (

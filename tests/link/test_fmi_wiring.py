@@ -9,7 +9,7 @@ from swath.link.fmi.units import Scale
 from swath.link.fmi.wiring import Into
 from swath.link.levels.fmu import Feed
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.signals import CropFlow
 from swath.signals.flat import flat_fields
 from tests.link.fmu_scenario import process_part, scenario

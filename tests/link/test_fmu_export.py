@@ -11,7 +11,7 @@ from swath.core.schedule import NS
 from swath.core.stopping import raise_if_lost
 from swath.runtime.assembly import assemble
 from swath.runtime.job import run_job
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario, parse_scenario
 from swath.signals.flat import flat_fields, read
 from tests.link.fmu_host import Host

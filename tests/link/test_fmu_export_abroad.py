@@ -16,7 +16,7 @@ from swath.core.errors import InputError
 from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import load_machine
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from tests.link.fmu_host import Host
 from tests.link.fmu_scenario import TEXT

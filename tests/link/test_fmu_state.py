@@ -8,7 +8,7 @@ import pytest
 from swath.core.packed_state import pack, unpack
 from swath.link.fmi.export_slave import Fmi2Slave, Fmi3Slave
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from tests.core.same import assert_same
 from tests.whole.small import small
 

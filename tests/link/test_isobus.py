@@ -18,7 +18,7 @@ from swath.link.can.codec import dbc_file
 from swath.link.can.isobus import ADDRESS, DATA, IsobusMachine
 from swath.link.can.task_client import Datum, TaskClient, object_pool
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 from tests.link.can_rig import own_bus
 

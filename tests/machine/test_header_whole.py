@@ -16,7 +16,7 @@ from swath.rays.engine import RayCaster
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario, parse_scenario
 from swath.sensing.lidar.plants import Params as LidarParams
 from swath.sensing.lidar.plants import PlantsLidar

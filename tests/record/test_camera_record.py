@@ -10,7 +10,7 @@ from swath.core.frames import Pose
 from swath.record.digest import Digest
 from swath.record.recorder import Recorder
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from swath.signals import Image, MachineState
 from swath.tools.scan.scan import scan_job

@@ -6,7 +6,7 @@ import pytest
 from swath.record.read import radar as read
 from swath.record.recorder import Recorder
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from swath.signals.radar import RadarTargets
 from tests.record.test_camera_record import read_mcap

@@ -14,7 +14,7 @@ from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
 from swath.runtime.field_state import about
 from swath.runtime.job import run_unrecorded
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import load_scenario
 

@@ -10,7 +10,7 @@ from swath.core.schedule import NS
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
 from swath.runtime.changes import Interventions, Script, read_events
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 
 TEXT = """

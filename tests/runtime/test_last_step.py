@@ -3,7 +3,7 @@
 import pytest
 
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 from swath.signals import CropFlow, MachineLoad
 

@@ -11,7 +11,7 @@ from swath.replay.things import things_of as drawn
 from swath.runtime.assembly import assemble
 from swath.runtime.changes import Interventions, Script
 from swath.runtime.evaluation import make_evaluation
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from swath.signals import OBSTACLE_KINDS
 from tests.field.made_field import made_field

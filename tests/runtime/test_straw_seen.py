@@ -6,7 +6,7 @@ import pytest
 from swath.field.memory_layout import Organ
 from swath.rays.engine import RayCaster
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 
 SCENARIO = """

@@ -1,7 +1,7 @@
 """Some slots of a scenario, the rest put in from outside."""
 
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 
 CALM = ["run.distance_m=20", "run.max_duration_s=4"]

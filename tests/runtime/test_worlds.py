@@ -15,7 +15,7 @@ from swath.core.signal import Signal
 from swath.core.together import InWorlds, OneByOne, Samples
 from swath.record.digest import Columns, Digest, sample_bytes
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.signals import CropEdge, CropFlow, MachineState, Scan, SpeedCommand, SteerCommand
 
 CLOCK = ("wall_s", "real_time_factor", "cost", "expect")

@@ -17,7 +17,7 @@ from swath.rays.height_grid import EVEN, load_height_grid
 from swath.rays.heights import MEASURED, NOTHING, SOLID, UNMEASURED, HeightCaster
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive as run
+from swath.runtime.loop import drive as run
 from swath.scenario.scenario import parse_scenario
 from swath.sensing.lidar.replay import Params, ReplayLidar, scan_seed
 from swath.tools.height_map.build import build_height_map

@@ -17,7 +17,7 @@ from swath.core.errors import InputError
 from swath.field.memory_layout import Organ
 from swath.report.stand3d import Organs
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from swath.tools.field_export.export import Wanted, export
 from swath.tools.field_export.scene import body_corners, plants_near, surface_of

@@ -16,8 +16,8 @@ from pyarrow.parquet import read_table
 from swath.core.errors import InputError
 from swath.runtime.assembly import assemble
 from swath.runtime.job import run_job
+from swath.runtime.loop import drive
 from swath.runtime.pacing import make_pacer, paced
-from swath.runtime.world import drive
 from swath.scenario.scenario import load_scenario
 from tests.fake_clock import FakeClock
 from tests.link.device_rig import free_port

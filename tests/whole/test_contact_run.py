@@ -5,7 +5,7 @@ import pytest
 from swath.judge.evaluator import EvaluatorSetup
 from swath.judge.evaluators.contact import LEVEL
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 
 TEXT = """

@@ -6,7 +6,7 @@ import pytest
 
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from tests.whole.small import small
 
 

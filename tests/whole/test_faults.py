@@ -6,7 +6,7 @@ import pytest
 from swath.core.errors import InputError
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.signals import CropEdge
 from tests.whole.small import small
 

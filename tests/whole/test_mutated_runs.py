@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from swath.core.errors import SwathError
 from swath.documents.yaml_document import dump, parse
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from swath.signals import MachineState
 from tests.whole.small import TEXT

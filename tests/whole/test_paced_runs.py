@@ -8,8 +8,8 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from swath.runtime.pacing import make_pacer, paced
-from swath.runtime.world import drive
 from tests.fake_clock import FakeClock
 from tests.whole.small import small
 

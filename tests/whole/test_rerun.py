@@ -202,7 +202,7 @@ def test_what_was_changed_on_the_way_is_changed_again(tmp_path):
 def test_save_and_load_in_the_middle_of_a_log(recorded):
     from swath.record.digest import Digest
     from swath.runtime.assembly import assemble
-    from swath.runtime.world import drive
+    from swath.runtime.loop import drive
 
     plan = plan_rerun(recorded)
     whole, first = Digest(), Digest()

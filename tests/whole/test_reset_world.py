@@ -3,7 +3,7 @@
 import pickle
 
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from tests.whole.small import TEXT
 

@@ -11,7 +11,7 @@ from swath.replay.writer import ReplayWriter
 from swath.report.report import ReportWriter
 from swath.runtime.assembly import assemble
 from swath.runtime.job import run_job
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import load_scenario
 from tests.replay.page_data import data_of

@@ -9,7 +9,7 @@ import pytest
 from swath.judge.evaluators.unloading import Unloading
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 from swath.signals import HeapState, MachineState, TrailerState, UnloadState
 from tests.whole.cart_rig import SCENARIO, Run

@@ -7,7 +7,7 @@ import pytest
 
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
-from swath.runtime.world import drive
+from swath.runtime.loop import drive
 from tests.whole.small import small
 
 WIND = ("field.stand.wind={speed_m_s: 6, azimuth_deg: 270}", "run.max_duration_s=2.5")

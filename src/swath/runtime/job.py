@@ -32,9 +32,10 @@ from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.inputs import SUMMARY as INPUTS
 from swath.runtime.inputs import inputs_of
 from swath.runtime.kept import KeptFields
+from swath.runtime.loop import Progress, drive, driven_m, has_arrived
 from swath.runtime.pacing import Pacer, make_pacer, paced
 from swath.runtime.saves import read_save, saved_before
-from swath.runtime.world import Progress, World, drive, driven_m, has_arrived
+from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 
 

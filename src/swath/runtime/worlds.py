@@ -24,7 +24,8 @@ from swath.judge.together import EvaluationOfAll, kind_of
 from swath.record.digest import Digests
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import Running
-from swath.runtime.world import REPORT_EVERY, World
+from swath.runtime.loop import REPORT_EVERY
+from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 from swath.signals import MachineState
 

@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     """Say what comes and how large it is, then write it."""
     from swath.core.errors import InputError
     from swath.runtime.assembly import assemble
-    from swath.runtime.world import drive
+    from swath.runtime.loop import drive
     from swath.tools.field_export.export import Wanted, export
 
     for name, low, high in (

@@ -25,7 +25,8 @@ from swath.report.scan_sampler import KeptScan, ScanSampler
 from swath.report.stand3d import COLOURS, GROUND, Stand, stand_figure
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
-from swath.runtime.world import Machine, World, drive
+from swath.runtime.loop import drive
+from swath.runtime.world import Machine, World
 from swath.scenario.scenario import Scenario
 from swath.scenario.slots import kind_of
 from swath.signals import F64, Image, Scan, ScanTruth, Signal
