@@ -39,7 +39,7 @@ from swath.field.site_setup import SiteSetup
 from swath.field.stand import uniform
 from swath.field.terrain import plane
 from swath.sensing.lidar import plants
-from swath.sensing.lidar_sheet import Mount
+from swath.sensing.mount import Mount
 from swath.sensing.radar.solid_rays import aimed, distances
 from swath.signals import MachineState, Odometry
 from swath.signals.setup import ControlSetup, MachineGeometry

@@ -20,7 +20,7 @@ from swath.sensing.field_map.places import true_grain
 from swath.sensing.gnss.antenna import Place as Antenna
 from swath.sensing.imu.strapdown import GRAVITY
 from swath.sensing.imu.strapdown import Place as Unit
-from swath.sensing.lidar_sheet import Mount
+from swath.sensing.mount import Mount
 from swath.signals import OBSTACLE_KINDS, Fix, MachineState, SteerState
 from tests.control import test_objects, test_radar_objects
 from tests.field.made_field import made_field

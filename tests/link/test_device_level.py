@@ -18,7 +18,7 @@ from swath.link.device import cola, lms, nmea, pgn, velodyne
 from swath.link.levels import agopengps
 from swath.link.levels.device import DRIFT, DeviceClock, DeviceSlot, Params
 from swath.machine.machine_sheet import load_machine
-from swath.sensing.lidar_sheet import Mount
+from swath.sensing.mount import Mount
 from swath.signals import Fix, Odometry, Scan, SteerCommand
 from swath.signals.setup import ControlSetup, LinkSetup
 from tests.link.device_rig import STEP, device, drawn_fix, free_port, plane_scan

@@ -15,7 +15,7 @@ from swath.record.read.files import open_log
 from swath.record.read.scans import cloud_table
 from swath.runtime.job import run_job
 from swath.scenario.scenario import load_scenario
-from swath.sensing.lidar_sheet import Mount
+from swath.sensing.mount import Mount
 from swath.sensing.scanner import Scanner, ScannerParams
 from swath.signals import Scan
 from swath.signals.scan import beam_directions

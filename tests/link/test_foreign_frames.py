@@ -15,7 +15,7 @@ from swath.link.levels.log import GeoOrigin, LogPlayer, Params
 from swath.record.read.files import open_log
 from swath.record.read.frames import ground_frame, pose_between, static_links, static_mounting
 from swath.scenario.slots import SLOTS
-from swath.sensing.lidar_sheet import Mount
+from swath.sensing.mount import Mount
 from swath.signals import FIX_QUALITIES
 from swath.signals.setup import ControlSetup, LinkSetup
 from tests.bags import KINDS, NS, PLANE, SPEED, START, Bag

@@ -12,7 +12,7 @@ from swath.link.levels.log import GeoOrigin, LogPlayer, Params
 from swath.record.read.files import open_log
 from swath.record.read.fixes import TangentPlane
 from swath.scenario.slots import SLOTS
-from swath.sensing.lidar_sheet import Mount
+from swath.sensing.mount import Mount
 from swath.signals import MachineState, Odometry, Scan, SpeedCommand, SteerCommand, SteerState
 from swath.signals.setup import ControlSetup, LinkSetup
 from tests.bags import (

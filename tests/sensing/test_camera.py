@@ -20,7 +20,7 @@ from swath.sensing.camera import depth, error
 from swath.sensing.camera.pinhole import OPTICAL
 from swath.sensing.camera.rays import Params, RaysCamera
 from swath.sensing.camera.shading import COLOURS
-from swath.sensing.lidar_sheet import Mount
+from swath.sensing.mount import Mount
 
 TEXT = """
 format: swath scenario 2

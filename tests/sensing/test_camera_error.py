@@ -20,7 +20,7 @@ from swath.sensing.camera import depth, error, rays
 from swath.sensing.camera.error import sunlight
 from swath.sensing.camera.shading import air_light, linear
 from swath.sensing.echo import Weather
-from swath.sensing.lidar_sheet import Mount
+from swath.sensing.mount import Mount
 from swath.signals import OBSTACLE_KINDS, MachineState
 from tests.field.made_field import made_field
 from tests.field.test_solids import MACHINE

@@ -13,7 +13,8 @@ from swath.machine.machine_sheet import load_machine
 from swath.rays.hits import Hits
 from swath.sensing.echo import EchoRule, Weather
 from swath.sensing.lidar.plants import Params, PlantsLidar
-from swath.sensing.lidar_sheet import Mount, load_lidar
+from swath.sensing.lidar_sheet import load_lidar
+from swath.sensing.mount import Mount
 from swath.sensing.scanner import Noise
 from tests.shared_data import DATA
 

@@ -58,7 +58,7 @@ def test_a_degree_of_pitch(degrees):
 
 def test_a_sensor_out_of_the_middle_adds_what_turning_does():
     """On a circle the unit sits 2 m right of the axle's middle: r w faster along its beam."""
-    from swath.sensing.lidar_sheet import Mount
+    from swath.sensing.mount import Mount
     from tests.sensing.driven_states import circle
 
     mount = Mount(at="axle", x_m=0.0, y_m=-2.0, z_m=0.9, pitch_deg=0.0)

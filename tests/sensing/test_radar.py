@@ -13,7 +13,7 @@ from swath.field.obstacles import BoxObstacle, Path, PostObstacle, SheetObstacle
 from swath.field.site_setup import SiteSetup
 from swath.field.stand import maps, uniform
 from swath.rays.engine import RayCaster
-from swath.sensing.lidar_sheet import Mount
+from swath.sensing.mount import Mount
 from swath.sensing.radar import error, ideal
 from swath.sensing.radar.cross_section import rod, trihedral
 from swath.sensing.radar.error import Echo, Scatterers, detection_probability, glint, merged

@@ -10,7 +10,7 @@ from swath.core.random import Stream
 from swath.field.obstacles import PostObstacle, SheetObstacle
 from swath.field.solids import box_on_ground, mesh, post, stone
 from swath.field.stand import uniform
-from swath.sensing.lidar_sheet import Mount
+from swath.sensing.mount import Mount
 from swath.sensing.radar import error, rays
 from swath.sensing.radar.detector import (
     Columns,

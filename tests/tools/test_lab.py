@@ -42,7 +42,7 @@ def test_a_table_of_known_height_is_measured_where_it_is(degrees, tmp_path):
         """A plane 0.4 m above the ground."""
         import numpy as np
         from dataclasses import dataclass, field
-        from swath.sensing.lidar_sheet import Mount
+        from swath.sensing.mount import Mount
         from swath.sensing.scanner import Scanner
 
         @dataclass(frozen=True)

@@ -21,7 +21,8 @@ from swath.core.units import DEG
 from swath.field.site_setup import SiteSetup
 from swath.rays.sight import Sight
 from swath.sensing.echo import Weather
-from swath.sensing.lidar_sheet import LidarSheet, Mount, load_lidar
+from swath.sensing.lidar_sheet import LidarSheet, load_lidar
+from swath.sensing.mount import Mount
 from swath.sensing.sweep import Sweep
 from swath.signals import F32, F64, MachineState, Scan, ScanTruth, beam_directions
 

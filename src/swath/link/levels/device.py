@@ -32,7 +32,7 @@ from swath.field.projection import Origin
 from swath.link.device import cola, lms, nmea, velodyne
 from swath.link.device.address import Address, read_address
 from swath.link.device.wires import Events, Reader, TcpServer, Terminal, UdpSender
-from swath.sensing.lidar_sheet import Mount
+from swath.sensing.mount import Mount
 from swath.signals import Fix, Scan, Signal
 from swath.signals.setup import LinkSetup
 

@@ -34,7 +34,7 @@ from swath.record.read.files import Log, open_log
 from swath.record.read.fixes import TangentPlane, ToLocal, field_plane, read_fixes, states_of_fixes
 from swath.record.read.frames import GROUND, own_mounting, static_links, static_mounting
 from swath.record.read.messages import maker_for, message_names
-from swath.sensing.lidar_sheet import Mount
+from swath.sensing.mount import Mount
 from swath.signals import F64, Fix, Image, Inertial, MachineState, Scan, Signal
 from swath.signals.flat import build, flat_fields
 from swath.signals.radar import RadarTargets

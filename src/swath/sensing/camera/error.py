@@ -45,7 +45,7 @@ from swath.sensing.camera.camera_sheet import CameraSheet, load_camera
 from swath.sensing.camera.pinhole import Pinhole
 from swath.sensing.camera.rays import Channel, SceneCamera, SceneParams, Sight
 from swath.sensing.camera.shading import CLOUD_LIGHT, FULL, encode, sky_share
-from swath.sensing.lidar_sheet import poses_at
+from swath.sensing.mount import poses_at
 from swath.signals import F64, MachineState
 
 

@@ -17,7 +17,7 @@ from swath.core.frames import Pose
 from swath.core.portable import product
 from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
-from swath.sensing.lidar_sheet import poses_at
+from swath.sensing.mount import poses_at
 from swath.signals import F64, FIX_QUALITIES, Fix, MachineState
 
 WINDOW = 20_000_000  # a velocity is the mean over this long before its time [ns]

@@ -24,7 +24,7 @@ from swath.documents.data_sheets import read_sheet
 from swath.documents.sheet_fields import Quantity
 from swath.field.site_setup import SiteSetup
 from swath.sensing import SPEED
-from swath.sensing.lidar_sheet import Length, LevelMount, poses_at
+from swath.sensing.mount import Length, LevelMount, poses_at
 from swath.signals import GroundSpeed, MachineState
 
 LIGHT = 299_792_458.0  # m/s

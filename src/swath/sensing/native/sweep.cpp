@@ -1,6 +1,6 @@
 // Where each beam of a sweep starts and how the sensor is turned: the body of a native function.
 //
-// Positions and Euler angles are linear between neighbouring states, and held outside, as `poses_at` in sensing/lidar_sheet.py; sines and
+// Positions and Euler angles are linear between neighbouring states, and held outside, as `poses_at` in sensing/mount.py; sines and
 // cosines of the small turn from the state before are added to its own.
 // In: states (time [ns], position, rotation), mounting (position, rotation), beam_t [s], end [ns], state_count, count.
 // Out: origins (n, 3), rotations (n, 3, 3).

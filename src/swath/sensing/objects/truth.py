@@ -15,7 +15,7 @@ from swath.core.registry import Level
 from swath.core.units import DEG
 from swath.field.site_setup import Body, SiteSetup
 from swath.rays.engine import RayCaster
-from swath.sensing.lidar_sheet import Length, LevelMount
+from swath.sensing.mount import Length, LevelMount
 from swath.signals import F64, OBSTACLE_KINDS, MachineState, Objects, objects_of
 
 ROWS, COLUMNS = 20, 3  # points on a thing that are looked at from the sensor

@@ -12,7 +12,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import Body, SiteSetup
-from swath.sensing.lidar_sheet import Length, LevelMount, poses_at
+from swath.sensing.mount import Length, LevelMount, poses_at
 from swath.sensing.radar.cross_section import cross_section
 from swath.sensing.radar.radar_sheet import load_radar
 from swath.signals import F64, MachineState

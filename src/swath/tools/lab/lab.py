@@ -26,7 +26,8 @@ from swath.field.crop_sheet import load_crop
 from swath.field.field import Field
 from swath.field.site_setup import SiteSetup
 from swath.scenario.slots import CATALOGUE
-from swath.sensing.lidar_sheet import Mount, load_lidar
+from swath.sensing.lidar_sheet import load_lidar
+from swath.sensing.mount import Mount
 from swath.signals import F64, MachineState, Scan
 from swath.signals.setup import MachineGeometry
 from swath.tools.level_stand import level_stand

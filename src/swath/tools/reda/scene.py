@@ -34,7 +34,7 @@ from swath.field.terrain import plane
 from swath.rays.engine import RayCaster
 from swath.sensing.echo import Weather
 from swath.sensing.lidar import plants
-from swath.sensing.lidar_sheet import Mount
+from swath.sensing.mount import Mount
 from swath.sensing.radar import rays
 from swath.sensing.radar.ideal import RadarMount
 from swath.sensing.radar.solid_rays import aimed, distances
