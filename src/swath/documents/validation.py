@@ -3,7 +3,7 @@
 pydantic does the checking, in strict JSON mode: whole numbers may stand for numbers, nothing else is
 converted; unknown keys and numbers that are not finite are refused, in nested dataclasses too.
 
-Near misses: which key was meant, in which unit, and what a value should have looked like.
+The errors name near misses: which key was meant, in which unit, and what a value should have looked like.
 """
 
 import dataclasses

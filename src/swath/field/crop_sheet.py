@@ -1,8 +1,7 @@
 """Crops from their data sheets: `data/crops/*.yaml`, or the user's own.
 
-Their habits are the files of `field/plants` that define `HABIT`, and files of the user.
-
-Weeds under a crop: how many, how tall, and the plants for it from a weed's sheet.
+Their habits are the files of `field/plants` that define `HABIT`, and files of the user. Weeds under a crop:
+how many, how tall, and the plants for it from a weed's sheet.
 """
 
 import importlib

@@ -1,6 +1,6 @@
 """The crop edge and the boundary as a scenario describes them.
 
-The initial edges of a field together: crop stands where it stands on the crop side of every edge.
+Of several edges together: crop stands where it stands on the crop side of every one.
 """
 
 from collections.abc import Mapping

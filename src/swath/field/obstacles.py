@@ -1,6 +1,6 @@
 """Obstacles of a scenario: their kinds, where they stand, and the way that some of them go.
 
-Data sheets of obstacles: `data/obstacles/*.yaml`, bodies of simple solids, and what they reflect.
+Their data sheets, `data/obstacles/*.yaml`, are bodies of simple solids and what they reflect.
 """
 
 from collections import Counter

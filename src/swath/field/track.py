@@ -4,7 +4,7 @@ Beyond its two ends the track goes straight on for ever, so that it parts the wo
 starts is closed and has an inside and an outside. s [m] runs along the track from its start; offsets are > 0
 on the crop side in `signed_distance` and > 0 to the left in `project`.
 
-The way of a thing that moves: straight from point to point, at one speed.
+`Way` is that of a thing that moves: straight from point to point, at one speed.
 """
 
 from collections.abc import Sequence

@@ -5,9 +5,8 @@ An evaluator is a class made by `Class(setup)`, in a file of its own in `judge/e
 `evaluators`. Beside the members of `Evaluator` it may have those of `HasColumns`, `HasEvents`, `HasLimits`,
 `HasSignals`, `Rests`, `WantsNewest` and `core.abilities.EndsRun` and `HasNotes`.
 
-Rows of numbers of a whole run, in memory that does not grow with its length.
-
-Means and percentiles of what was judged; nan where there is nothing.
+What they keep: rows of numbers of a whole run in memory that does not grow with its length; their means and
+percentiles are nan where there is nothing.
 """
 
 import dataclasses

@@ -1,9 +1,7 @@
 """Machine data sheets: `data/machines/*.yaml` as validated objects in SI.
 
-What a multibody model needs beyond one rigid mass: masses of the parts, grain tank, tyres along and up.
-
-These sections of a machine's data sheet (`bodies`, `tank`, `suspension` and some keys of `mass`, `tyres`,
-`drive`) may be left out; the motion levels that need them then say so.
+What a multibody model needs beyond one rigid mass (`bodies`, `tank`, `suspension` and some keys of `mass`,
+`tyres`, `drive`) may be left out; the motion levels that need it then say so.
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,4 @@
-"""What rays hit, and the options of every cast.
-
-Sub-rays of beams before they are rays: a few numbers per beam, a few per sub-ray.
-"""
+"""What is cast and what comes of it: options, hits, and `Spots`, beams whose sub-rays are not yet rays."""
 
 from dataclasses import dataclass
 from typing import Any, Required, TypedDict

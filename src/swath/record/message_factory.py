@@ -3,17 +3,15 @@
 The message types of a simulation that ROS 2 lacks are made from the fields of the sample itself
 (`swath_msgs/msg/...`); their definition travels in the recording, so a viewer needs no package.
 
-Messages of one topic differ in a few numbers only: those are written into the bytes of the first.
-
-The layout is that of CDR in little-endian order (OMG DDS-RTPS 2.5, 10.2): numbers aligned to their size,
+Messages of one topic differ in a few numbers only: a `Template` writes them into the bytes of the first. The
+layout is that of CDR in little-endian order (OMG DDS-RTPS 2.5, 10.2): numbers aligned to their size,
 counted from the end of the four bytes of the encapsulation header; text and sequences after their length in
 32 bits.
 
-What a recording knows of a machine, and where the messages of one of its outputs go.
-
-Frames (REP 105): `map` (world, ENU), `<machine>/odom` (the same place, in which odometry counts),
-`<machine>/base_link` (ISO 8855, fixed axle on the ground), `<machine>/<sensor slot>`,
-`<machine>/<camera slot>_optical` (x right, y down, z forward).
+`Source` is what a recording knows of a machine, and where the messages of one of its outputs go. Frames (REP
+105): `map` (world, ENU), `<machine>/odom` (the same place, in which odometry counts), `<machine>/base_link`
+(ISO 8855, fixed axle on the ground), `<machine>/<sensor slot>`, `<machine>/<camera slot>_optical` (x right,
+y down, z forward).
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence

@@ -1,9 +1,8 @@
-"""Scans as ROS 2 messages: sensor_msgs/LaserScan and sensor_msgs/PointCloud2.
+"""Scans and images as ROS 2 messages: LaserScan and PointCloud2; Image of each channel and its CameraInfo.
 
-An image as ROS 2 messages: sensor_msgs/Image of each channel, and the sensor_msgs/CameraInfo to them.
-
-Nothing is rounded or renamed: the arrays come back bit for bit, so there are no exact samples beside them.
-The colours are there a second time as JPEG, as drivers of cameras send them (topic of image_transport).
+Of an image nothing is rounded or renamed: the arrays come back bit for bit, so there are no exact samples
+beside them. The colours are there a second time as JPEG, as drivers of cameras send them (topic of
+image_transport).
 """
 
 import io

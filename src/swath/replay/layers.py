@@ -7,7 +7,7 @@ after give. Cells are coarser than the field's.
 Terrain and stand are those of the field's generators, plants those of its tile prototypes: nothing is taken
 from memory that a run has changed.
 
-Which part of the field a replay shows: the tiles about the ways of all machines.
+Shown is what of the field lies about the ways of all machines, tile by tile.
 """
 
 from collections.abc import Iterator, Mapping

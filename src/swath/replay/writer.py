@@ -1,12 +1,11 @@
 """Writes replay.html: after a run, or from its folder.
 
-Arrays and plain values as one text: what a page carries in itself.
+What a page carries in itself is one text of arrays and plain values: a JSON head (length as uint32, little
+endian, then UTF-8) that names type, shape and place of every array, then the arrays. Bytes of equal weight
+lie together (all first bytes of a float32 array, then all second ones ...), which deflates better than the
+plain order. All of it is deflated once and written as base64.
 
-A JSON head (length as uint32, little endian, then UTF-8) that names type, shape and place of every array,
-then the arrays. Bytes of equal weight lie together (all first bytes of a float32 array, then all second ones
-...), which deflates better than the plain order. All of it is deflated once and written as base64.
-
-Everything that the page of a run holds, collected from its world and its folder.
+`collect` takes all of it from the world of a run and its folder.
 """
 
 import base64

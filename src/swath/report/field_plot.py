@@ -1,6 +1,6 @@
 """The map of a field after a run: what stands, what was cut, who drove where.
 
-The field from above as pixels, as it is now: crop, stubble, straw, bodies.
+`top_view` is the field from above as pixels, as it is now: crop, stubble, straw, bodies.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """report.html: one self-contained page about a run; no scripts, prints on paper.
 
-What the cameras of a machine saw: pictures on the way, and how a report shows them.
+Pictures that cameras took on the way are kept for it.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence

@@ -7,8 +7,6 @@
 The ROS 2 services and the live page use the same one. Requests are served between two ticks by the thread of
 the run; none of them changes a result but a change that is listed in `events`. Going back ends the run, and
 another goes on from an earlier moment of it.
-
-Requests from other threads to the thread of the run, which serves them between two ticks.
 """
 
 import queue

@@ -4,7 +4,7 @@ A save is what a world, its digest, evaluators and recorder remember. Of the fie
 `field.bin`, to which a page is added when it was changed since the save before. Tracks and recording are not
 saved: who goes on copies the beginning of theirs.
 
-The run hook of `swath run --save-field`.
+`SavesField` is the run hook of `swath run --save-field`.
 """
 
 import shutil

@@ -6,9 +6,7 @@
 Reading checks everything that can be known without building the field. Every error names the key, its value,
 what was expected, the file and the line.
 
-The code that a scenario brings along: Python files, FMUs, systems of FMUs.
-
-Slots of a scenario by the names that people type.
+`code_of` is what a scenario brings along of code; `find_slots` takes slots by the names that people type.
 """
 
 import dataclasses

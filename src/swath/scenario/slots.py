@@ -5,7 +5,7 @@ a machine has several, `lidar_left` and `lidar_right`. Wires are by the name of 
 connects those of its kind's list whose port it has, an optional one only where the level at the other end
 gives it; a scenario's `wires:` override them. Which slots a machine has unasked: `machine_types.py`.
 
-What a scenario may choose from: the levels of every slot, and the parts of a field.
+`CATALOGUE` is what a scenario may choose from: the levels of every slot, and the parts of a field.
 """
 
 from collections.abc import Mapping, Sequence

@@ -10,12 +10,10 @@ Energies: `percentile` counts the beam's own energy (the weights of the pattern,
 Pulses below the least detectable energy (a 10 % target that fills the spot at the reach given) are not seen,
 by the rules for one echo neither. The rules themselves are compiled: native/receive.cpp.
 
-What floats between scanner and crop: dust, chaff and rain.
-
-Extinction takes energy from every ray, exp(-2 b r) there and back (Beer-Lambert; within 10 % up to an optical
-depth of 1.5 in dust chambers). Puffs of chaff or dust near the cover throw echoes back themselves: the case
-of US 11,002,841, where echoes nearer than a limit count as disturbance and too few useful ones call for
-cleaning.
+What floats between scanner and crop is dust, chaff and rain. Extinction takes energy from every ray, exp(-2
+b r) there and back (Beer-Lambert; within 10 % up to an optical depth of 1.5 in dust chambers). Puffs of
+chaff or dust near the cover throw echoes back themselves: the case of US 11,002,841, where echoes nearer
+than a limit count as disturbance and too few useful ones call for cleaning.
 """
 
 import threading

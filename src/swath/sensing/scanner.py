@@ -2,8 +2,6 @@
 
 Beams of a sweep, where each starts, ports, and what the electronics add to a distance. A level decides only
 which distance a beam has. Noise is that of the data sheet: range, constant bias, angle; and drop-outs.
-
-What every LiDAR level shares: the keys of its scanner, its ports, its sweep, what it saves.
 """
 
 from abc import ABC, abstractmethod

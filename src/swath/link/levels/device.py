@@ -5,7 +5,8 @@ where its packets are heard), a `gnss` by NMEA 0183 (`nmea+tcp://`, `nmea+udp://
 may be a serial port). A sample's time is the device's own, put onto the clock of the run by the arrival that
 was quickest so far.
 
-A slot as a device of its own: what it sends goes out as telegrams, at the pace of the run.
+The other way round, a slot is a device of its own: what it sends goes out as telegrams, at the pace of the
+run.
 
     combine: {lidar: {device: "lms://127.0.0.1:2111"}}      # key of the slot
     swath run S --real-time --device lidar=lms://           # or on the command line

@@ -1,8 +1,7 @@
 """What all levels of a heap share: the box on its machine, what falls into it, what runs over its rim.
 
-The surface of grain in a box with walls, poured slowly: nowhere steeper than the angle of repose.
-
-Grain poured on a point p builds a cone of slope tan(a) about it, as far as that rises above what lies there:
+The surface of grain poured slowly into a box with walls is nowhere steeper than the angle of repose. Grain
+poured on a point p builds a cone of slope tan(a) about it, as far as that rises above what lies there:
 
     h(x) = max(h(x), H - tan(a) |x - p|)
 

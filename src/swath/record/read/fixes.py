@@ -1,10 +1,8 @@
 """Positions of a GNSS receiver as a track of a machine: local metres, heading from the course.
 
-Local metres of positions on the ellipsoid.
-
-Those of a field folder (its projected system and origin), or of the plane that touches the ellipsoid at an
-origin: east, north, up from Earth-centred coordinates (WGS 84; Misra and Enge, Global Positioning System, 2nd
-ed., ch. 4.A).
+Local metres are those of a field folder (its projected system and origin), or of the plane that touches the
+ellipsoid at an origin: east, north, up from Earth-centred coordinates (WGS 84; Misra and Enge, Global
+Positioning System, 2nd ed., ch. 4.A).
 """
 
 from collections.abc import Callable, Iterable

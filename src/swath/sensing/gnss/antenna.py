@@ -1,6 +1,6 @@
 """The antenna of a receiver on its machine: where it is and how fast, from the machine's true states.
 
-The attitude of two antennas on one machine: the direction of their baseline, less how it is fitted.
+Two antennas on one machine give its attitude: the direction of their baseline, less how it is fitted.
 """
 
 from collections.abc import Sequence

@@ -1,9 +1,8 @@
 """Fits the spread table of the LiDAR level `empirical`, and tests it on beams it was not fitted to.
 
-How beams that enter a crop through its side differ from those that enter through its top.
-
-The depth at which a spot is half stopped varies from beam to beam, the more the fewer and thicker the pieces
-of plants it meets: their number is a Poisson number. At the top these are ears, below thin stems, so a beam
+Beams that enter a crop through its side differ from those that enter through its top (`side_spread`). The
+depth at which a spot is half stopped varies from beam to beam, the more the fewer and thicker the pieces of
+plants it meets: their number is a Poisson number. At the top these are ears, below thin stems, so a beam
 through the side wall of a stand has its echo at a depth that varies less. Its median stays where half of the
 spot is stopped (ln 2 for the median of the spot).
 """

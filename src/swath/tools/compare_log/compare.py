@@ -3,9 +3,7 @@
 Keys of the machine's data sheet are fitted by least squares to the measured series. The regression
 load = a + b flow + c speed, without and with a lag, is computed for comparison.
 
-Runs a machine's process and powertrain along a recorded log: its speed, its crop, its slope.
-
-Statistics of a simulated series against the measured one: fit, lag, and regressions for comparison.
+Process and powertrain run along the log: its speed, its crop, its slope.
 """
 
 from collections.abc import Callable, Mapping, Sequence

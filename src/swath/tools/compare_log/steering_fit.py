@@ -1,12 +1,10 @@
-"""Fits steering and motion of a machine to a log, with intervals by bootstrap over its passes.
+"""Compares steering and motion of a machine with a log, and fits them to it, with intervals by bootstrap.
 
 Least squares on what the levels `actuator` and `single_track` make of the log. Each resample of the passes
 takes one step of Gauss and Newton from the solution; the interval of a value is Student's t at passes - 1
 times the standard deviation over resamples, widened by sqrt(passes / (passes - 1)) for the few of them (Efron
 and Tibshirani 1993, An Introduction to the Bootstrap, 5.3). A value that the log does not show is left
 as it was.
-
-Compares steering and motion of a machine with a log of its steering angle, and fits them to it.
 """
 
 from collections.abc import Callable, Sequence

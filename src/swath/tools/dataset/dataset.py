@@ -3,11 +3,9 @@
 A picture is a function of the settings and its number. Its annotations are written last, so what a killed job
 left is known, and a later one makes the rest: the same bytes as in one go, for any number of workers.
 
-A sheet of the first pictures of a data set with masks and boxes drawn over them, to look at.
-
-The pictures of one scene: its world, the camera from place to place, files of each picture.
-
-What varies between the pictures is of each a function of the seed and its number alone.
+A sheet shows the first pictures with masks and boxes drawn over them. Pictures of one scene share its world,
+the camera goes from place to place. What varies between the pictures is of each a function of the seed and
+its number alone.
 """
 
 import io

@@ -1,7 +1,4 @@
-"""Two run folders compared: scenarios, exact samples, metrics, events.
-
-The page of a comparison of two runs: tracks over the way driven, and the tables.
-"""
+"""Two run folders compared: scenarios, exact samples, metrics, events; and the page, with both tracks."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 """What all measured data look like to the builder: sweeps of echoes, and a track of poses.
 
-Measured scans from tables: .npz with a matrix of ranges, .csv with a row per beam, poses in a .csv.
+Tables are .npz with a matrix of ranges, .csv with a row per beam, poses in a .csv.
 
 npz keys: `ranges_m` (scans, beams); `angle_deg` (beams,), in the scan plane from the sensor's x axis to its
 y axis; `scan_time_s` (scans,); optional `elevation_deg` (beams,), `intensity` and `no_return` (scans, beams),

@@ -1,7 +1,4 @@
-"""report.html of `swath lab stand`: the histograms beside each other, and how alike they are.
-
-Figures of `swath lab stand`: histograms of the measured height.
-"""
+"""report.html of `swath lab stand`: the histograms beside each other, and how alike they are."""
 
 from collections.abc import Sequence
 from pathlib import Path

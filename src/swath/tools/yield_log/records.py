@@ -1,6 +1,6 @@
 """The records of a yield monitor, made from the tracks of a run.
 
-A yield log as CSV, or as task data of ISO 11783-10 with one time log.
+They are written as CSV, or as task data of ISO 11783-10 with one time log.
 """
 
 import struct
