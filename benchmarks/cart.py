@@ -19,7 +19,7 @@ from tests.whole.cart_rig import Run
 from tests.whole.test_unload_on_the_go import ALTERNATING, LINKS, QUICK, RADIO
 
 from swath.core.foreign_code import allow_code
-from swath.machine.heap.surface import Surface, largest_heap
+from swath.machine.heap.open_box import Surface, largest_heap
 from swath.machine.machine_sheet import load_machine
 from swath.machine.motion import articulated, kinematic
 from swath.machine.unload import ideal

@@ -29,9 +29,7 @@ from swath.field_io.machine_log import MachineLog, read_machine_log
 from swath.field_io.table import read_table
 from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import MachineSheet, load_machine
-from swath.tools.compare_log.along_log import Drive
-from swath.tools.compare_log.compare import LogRunner, compare_log
-from swath.tools.compare_log.statistics import usable
+from swath.tools.compare_log.compare import Drive, LogRunner, compare_log, usable
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

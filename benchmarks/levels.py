@@ -26,7 +26,7 @@ from swath.core.errors import SwathError
 from swath.core.schedule import NS
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
-from swath.scenario.catalogue import CATALOGUE
+from swath.scenario.slots import CATALOGUE
 
 SETTLE_S, WINDOW_S = 3.0, 1.0
 COMMON = ("run.record=none", "run.distance_m=60", "run.max_duration_s=100")

@@ -108,8 +108,7 @@ def lateness(sets: list[str], seconds: float, priority: int, *, with_ros2: bool)
 
 def control(seconds: float, priority: int) -> dict[str, Any]:
     """The same ticks with nothing to do."""
-    from swath.runtime.clock import scheduling
-    from swath.runtime.pacing import Pacer
+    from swath.runtime.pacing import Pacer, scheduling
     from swath.scenario.sections import RealTime
 
     pacer = Pacer(RealTime(priority=priority or None))

@@ -21,7 +21,7 @@ from swath.field.memory_layout import (
 )
 from swath.field.prototypes import make_library
 from swath.field.wind import Sway
-from swath.rays.spots import Spots
+from swath.rays.hits import Spots
 
 SIDES = 8  # of a prism
 STUBBLE = 15  # code of cut cells [cm]

@@ -7,7 +7,7 @@ import numpy as np
 
 from swath.core.frames import Pose
 from swath.core.units import DEG
-from swath.record.read.tangent_plane import TangentPlane
+from swath.record.read.fixes import TangentPlane
 
 NS = 1_000_000_000
 BEGIN = 1_722_600_000 * NS + 123_456_789

@@ -10,8 +10,7 @@ from pydantic import Field
 
 from swath.core.errors import InputError
 from swath.core.registry import Level, Registry
-from swath.scenario.catalogue import Catalogue
-from swath.scenario.slots import SlotKind
+from swath.scenario.slots import Catalogue, SlotKind
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.record.messages import RecordedMachine
+from swath.record.message_factory import RecordedMachine
 from swath.signals import (
     CropEdge,
     CropFlow,

@@ -252,7 +252,7 @@ def test_levels_is_a_line_for_each_slot_with_its_default(capsys, monkeypatch):
     assert main(["levels"]) == 0
     lines = [line.split(None, 1) for line in capsys.readouterr().out.splitlines() if line.startswith(" ")]
     found = {line[0]: line[1] for line in lines[2:] if len(line) == 2}
-    from swath.scenario.catalogue import CATALOGUE
+    from swath.scenario.slots import CATALOGUE
 
     assert set(found) == {*CATALOGUE.field_levels, *(slot.name for slot in CATALOGUE.slots)}
     assert "plants*" in found["lidar"]

@@ -17,8 +17,8 @@ from swath.documents.validation import validate
 from swath.documents.yaml_document import dump, parse
 from swath.fleet.files import FORMAT as FLEET_FORMAT
 from swath.fleet.files import read_job
-from swath.scenario.catalogue import CATALOGUE
 from swath.scenario.scenario import load_scenario, parse_scenario, scenario_names
+from swath.scenario.slots import CATALOGUE
 from swath.scenario.versions import FORMAT, SECTIONS
 from swath.tools.function_test.candidates import read_candidates
 from swath.tools.function_test.case import FORMAT as CASE_FORMAT

@@ -10,9 +10,8 @@ from matplotlib.patches import Circle
 from swath.core.random import Stream
 from swath.report import plots
 from swath.sensing.beam import spot_pattern, spots
-from swath.sensing.echo import Bundle, Receiver, least_energy, merging_gap, receive
+from swath.sensing.echo import Bundle, Receiver, Weather, disturb, least_energy, merging_gap, receive
 from swath.sensing.lidar_sheet import load_lidar
-from swath.sensing.weather import Weather, disturb
 
 SCANNERS = {
     "sick-lms111": plots.ORANGE,

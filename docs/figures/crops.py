@@ -9,10 +9,9 @@ from matplotlib.colors import to_rgb
 
 from swath.core.random import Stream
 from swath.field.crop import Crop
-from swath.field.crop_sheet import load_crop
+from swath.field.crop_sheet import Weeds, load_crop, weed_crop
 from swath.field.memory_layout import Organ, PlantLibrary, Shape
 from swath.field.prototypes import make_library
-from swath.field.weeds import Weeds, weed_crop
 from swath.report.stand3d import COLOURS, NAMES
 
 INK, GRID = "#33373d", "#d9dbde"

@@ -6,7 +6,7 @@ python -m docs.make.metrics     writes them anew
 from pathlib import Path
 from typing import Any
 
-from swath.scenario.catalogue import CATALOGUE
+from swath.scenario.slots import CATALOGUE
 
 PAGE = Path(__file__).parents[1] / "reference" / "metrics.md"
 BEGIN, END = "<!-- made by docs/make/metrics.py -->\n", "<!-- end -->"

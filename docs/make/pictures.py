@@ -23,8 +23,8 @@ import swath
 from swath.commands.main import main
 from swath.documents.data_sheets import find_sheet
 from swath.documents.yaml_document import read_document
-from swath.scenario.catalogue import CATALOGUE
 from swath.scenario.scenario import scenario_names
+from swath.scenario.slots import CATALOGUE
 
 DOCS = Path(__file__).parents[1]
 FIGURES, GALLERY = DOCS / "figures", DOCS / "figures" / "gallery"

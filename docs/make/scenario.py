@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from swath.scenario.catalogue import CATALOGUE, Catalogue
 from swath.scenario.reference import Row, parameter_rows, rows_of
 from swath.scenario.schema import adopt
 from swath.scenario.sections import (
@@ -23,6 +22,7 @@ from swath.scenario.sections import (
     StartAlongEdge,
     StartPose,
 )
+from swath.scenario.slots import CATALOGUE, Catalogue
 
 Group = tuple[str, tuple[tuple[str, str, str], ...]]  # its name; keys without it, value, meaning
 PAGE = Path(__file__).parents[1] / "reference" / "scenario.md"

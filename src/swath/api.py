@@ -19,8 +19,8 @@ from swath.core.errors import InputError, SwathError
 from swath.core.foreign_code import Gate, allow_code, code_in, through
 from swath.core.random import Stream
 from swath.core.registry import level_here
-from swath.documents.hints import unknown_key
 from swath.documents.packed import read_arrays
+from swath.documents.validation import unknown_key
 from swath.documents.yaml_document import Document, parse_value
 from swath.judge.limits import exit_code_of
 from swath.report.notebook import picture, run_html

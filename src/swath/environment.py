@@ -17,7 +17,7 @@ from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.together import Given, InWorlds, KeepsRows, Samples, field_of
 from swath.core.units import KMH
-from swath.documents.hints import unknown_key
+from swath.documents.validation import unknown_key
 from swath.judge.evaluation import Evaluation
 from swath.judge.windows import FIELD
 from swath.record.tracks import Tracks
@@ -379,7 +379,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         """
         if self.render_mode is None:
             return None
-        from swath.report.top_view import top_view
+        from swath.report.field_plot import top_view
 
         return top_view(self._running(), self.task.machine)
 

@@ -14,7 +14,7 @@ from swath.control.box.grain_profile import BoxLook, fill_of
 from swath.control.cooperate.freeboard import FreeboardTrack
 from swath.control.cooperate.station import Shared
 from swath.core.schedule import NS
-from swath.machine.heap.surface import Surface, largest_heap
+from swath.machine.heap.open_box import Surface, largest_heap
 from swath.machine.machine_sheet import load_machine
 from swath.signals import BoxSeen, HeapState, Odometry, PeerState
 from swath.signals.setup import ControlSetup

@@ -12,7 +12,7 @@ from swath.control.edge.likelihood_ratio import Params as ScannerParams
 from swath.control.edge.stem_lean import StemLean
 from swath.core.errors import InputError
 from swath.core.random import Stream
-from swath.scenario.catalogue import CATALOGUE
+from swath.scenario.slots import CATALOGUE
 from swath.signals import Odometry
 from tests.control.closed_loop import setup_of
 from tests.control.synthetic_edge import Scanner, Stand, mounting

@@ -16,8 +16,7 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.record.message_factory import MessageFactory
-from swath.record.messages import RecordedMachine, Source
+from swath.record.message_factory import MessageFactory, RecordedMachine, Source
 from swath.record.positioning_messages import pose_messages
 from swath.sensing.gnss.error import Loss
 from swath.signals import Fix, Inertial, Odometry, PoseEstimate

@@ -25,7 +25,7 @@ from swath.core import packed_state
 from swath.core.frames import Pose
 from swath.core.packed_state import LENGTH, MAGIC, UnpackableState, pack, saved_type, unpack
 from swath.core.signal import Signal
-from swath.judge.kept_rows import KeptRows
+from swath.judge.evaluator import KeptRows
 from swath.signals import CropEdge, SteerCommand
 from tests.core.same import assert_same
 

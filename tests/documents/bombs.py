@@ -112,8 +112,7 @@ def _arrays(folder: Path, read: Callable[[Path], Any]) -> Any:
 
 
 def _scans(path: Path) -> Any:
-    from swath.tools.height_map.source import Wanted
-    from swath.tools.height_map.tables import open_npz
+    from swath.tools.height_map.source import Wanted, open_npz
 
     return open_npz(path, Wanted(), None)
 

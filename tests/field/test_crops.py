@@ -9,7 +9,7 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.documents.data_sheets import find_sheet, sheet_names
-from swath.field.crop_sheet import load_crop
+from swath.field.crop_sheet import Weeds, load_crop, weed_crop
 from swath.field.edge import StraightEdge, make_edge
 from swath.field.field import make_field
 from swath.field.field_setup import FieldSetup
@@ -19,7 +19,6 @@ from swath.field.plants.cereal import AwnFacts, EarFacts
 from swath.field.prototypes import _ear_heights, make_library
 from swath.field.stand import maps, uniform
 from swath.field.terrain import plane
-from swath.field.weeds import Weeds, weed_crop
 from tests.changed_sheets import changed_sheet
 from tests.field.made_field import STREAM, rectangle
 

@@ -16,7 +16,7 @@ from swath.field.stand import uniform
 from swath.field.terrain import plane
 from swath.judge.evaluators.lateral_error import LateralError
 from swath.machine.machine_sheet import load_machine
-from swath.record.messages import RecordedMachine
+from swath.record.message_factory import RecordedMachine
 from swath.sensing.edge.truth import Params, TruthEdge
 from swath.signals import MachineState
 from tests.evaluated import evaluation_of

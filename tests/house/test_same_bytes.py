@@ -21,8 +21,7 @@ DISPATCHED = re.compile(
 )
 BLAS = re.compile("v?dot|vecdot|inner|matmul|tensordot|kron|convolve|correlate|polyfit|cov|corrcoef")
 POSES = {  # where `@` joins poses
-    "machine/body/sdf.py",
-    "machine/body/urdf.py",
+    "machine/body/body.py",
     "machine/header/header_kinematics.py",
     "record/read/frames.py",
     "sensing/camera/rays.py",

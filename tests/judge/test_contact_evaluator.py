@@ -9,7 +9,7 @@ from swath.field.site_setup import Bodies
 from swath.field.solids import machine_body, post, stone
 from swath.judge.evaluator import EvaluatorSetup
 from swath.judge.evaluators.contact import LEVEL
-from swath.record.messages import RecordedMachine
+from swath.record.message_factory import RecordedMachine
 from swath.signals import MachineState
 from tests.field.test_solids import MACHINE
 

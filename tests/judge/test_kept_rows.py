@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swath.core.packed_state import pack, unpack
-from swath.judge.kept_rows import BLOCK, KeptRows
+from swath.judge.evaluator import BLOCK, KeptRows
 
 
 @pytest.mark.parametrize("count", [0, 1, BLOCK - 1, BLOCK, 3 * BLOCK + 17])

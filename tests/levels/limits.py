@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import pytest
 
 from swath.core.errors import MissingExtra
-from swath.scenario.catalogue import CATALOGUE
+from swath.scenario.slots import CATALOGUE
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,6 @@ LIMITS = {
     "heap": {
         "height_map": Limit("first grain over the rim within 2 % of the closed forms", 0.02),
         "cones": Limit("first grain over the rim within 4 % of height_map", 0.04),
-        "volume": Limit("holds up to 30 % more than one spot of height_map", 0.31),
     },
     # straight on, sensors without error: of the place [m]
     "pose": {
@@ -64,7 +63,6 @@ LIMITS = {
     # of place and height of the rim and of the grain [m]
     "box": {
         "truth": Limit("exact", 1e-9),
-        "gnss_link": Limit("within 3 cm of truth with a link without error", 0.03),
         "rim": Limit("rim within 0.10 m and 1 deg, grain within 0.10 m", 0.10),
     },
     # beyond the outlines of the other machine, up to which echoes go [m]
@@ -123,7 +121,6 @@ LIMITS = {
         "ideal": Limit("exact", EXACT),
         "error": Limit("equal to ideal at correlation 1 without kernel and cells", EXACT),
         "file": Limit("bit for bit the map's values", EXACT),
-        "earlier_pass": Limit("share 0.82 exp(-d / 60 m) of what was measured d beside", 1e-9),
     },
     "objects": {
         "truth": Limit("exact", EXACT),

@@ -8,7 +8,7 @@ import pytest
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.units import KMH
-from swath.scenario.catalogue import CATALOGUE
+from swath.scenario.slots import CATALOGUE
 from swath.signals import Fix, MachineState, Odometry, Station
 from swath.signals.setup import ControlSetup
 from tests.control.closed_loop import Loop, setup_of

@@ -10,7 +10,7 @@ from swath.core.schedule import NS
 from swath.core.units import KMH
 from swath.machine.loops import SpeedLoop
 from swath.machine.machine_sheet import load_machine, with_grain
-from swath.scenario.catalogue import CATALOGUE
+from swath.scenario.slots import CATALOGUE
 from swath.signals import SpeedCommand, SteerState
 from tests.levels.limits import each_level, make
 from tests.machine.machine_fakes import STREAM, Ground, drive, site, slope

@@ -20,8 +20,8 @@ from swath.machine import header as headers
 from swath.runtime.assembly import assemble
 from swath.runtime.credibility import Credibility, Scene
 from swath.runtime.met import QUANTITIES
-from swath.scenario.catalogue import CATALOGUE
 from swath.scenario.scenario import load_scenario
+from swath.scenario.slots import CATALOGUE
 from swath.sensing import SPEED, TURN
 from swath.sensing.gnss.antenna import Place as Antenna
 from swath.sensing.imu.strapdown import GRAVITY

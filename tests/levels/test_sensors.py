@@ -21,7 +21,7 @@ from swath.sensing.gnss.antenna import Place as Antenna
 from swath.sensing.imu.strapdown import GRAVITY
 from swath.sensing.imu.strapdown import Place as Unit
 from swath.sensing.mount import Mount
-from swath.signals import OBSTACLE_KINDS, Fix, MachineState, SteerState, YieldReading
+from swath.signals import OBSTACLE_KINDS, Fix, MachineState, SteerState
 from tests.control import test_objects, test_radar_objects
 from tests.field.made_field import made_field
 from tests.field.test_solids import MACHINE
@@ -90,7 +90,7 @@ def test_radial_speed_of_a_post(level, limit):
 
 @each_level("field_map")
 def test_a_map_of_even_crop(level, limit, tmp_path):
-    """What was grown everywhere, whether it was measured, stored or known."""
+    """What was grown everywhere, whether it was stored or known."""
     origin = Origin(32632, 500_000.0, 5_800_000.0)
     setup = SiteSetup(made_field(), MACHINE, Pose.identity(), "left", 0.2, origin=origin)
     grown = float(true_grain(setup.field, np.array([50.0]), np.array([9.0]))[0])
@@ -99,17 +99,14 @@ def test_a_map_of_even_crop(level, limit, tmp_path):
     own = {
         "error": {"correlation": 1.0, "kernel_m": 0.0, "cell_m": 0.0},
         "file": {"file": str(tmp_path / "map.tif")},
-        "earlier_pass": {"delay_s": 0.0, "width_m": 10.0},
     }
     part = reset(make("field_map", level, setup, **own.get(level, {})))
     nan = float("nan")
     for k in range(1, 40):
         t = k * 200_000_000
         fix = Fix(t, 0.4 * k, 0.0, 4.0, 2.0, 0.0, 0.02, 0.03, 0.1, 4, nan, nan, nan)
-        beside = replace(fix, y=20.0)
-        grain = YieldReading(t, grown * 10.0 * 2.0, 0.14, 0.5)
         state = MachineState(t, Pose.from_euler([0.4 * k, 0.0, 0.0]), 2.0, 0.0, 0.0, 0.0, 0.0)
-        inputs = {"state": state, "fix": fix, "odometry": None, "passed": beside, "grain": grain}
+        inputs = {"state": state, "fix": fix, "odometry": None}
         seen = part.step(t - 200_000_000, 200_000_000, inputs)["map"]
     exact = 1e-6 if level == "file" else limit  # GeoTIFF holds 32 bits
     assert seen.grain[2] == pytest.approx(grown, rel=exact)

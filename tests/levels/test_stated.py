@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from swath.scenario.catalogue import CATALOGUE
+from swath.scenario.slots import CATALOGUE
 from tests.levels.limits import LIMITS
 
 FOLDER = Path(__file__).parent

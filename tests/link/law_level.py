@@ -5,7 +5,7 @@ from pathlib import Path
 
 from swath.core.component import Port
 from swath.core.schedule import NS
-from swath.link.ros2.beams import table_of
+from swath.link.ros2.slotnode import table_of
 from swath.signals import CropEdge, Scan, SteerCommand
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "ros2"

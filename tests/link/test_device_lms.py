@@ -12,9 +12,9 @@ from swath.core.errors import InputError, SwathError
 from swath.link import foxglove
 from swath.link.device import cola, lms
 from swath.link.device.address import read_address
-from swath.link.device.output import PROTOCOLS
 from swath.link.device.wires import BUFFER, MOST_CLIENTS, listening
 from swath.link.levels import agopengps
+from swath.link.levels.device import PROTOCOLS
 from swath.signals import Scan
 from tests.link.device_rig import STEP, device, plane_scan, until
 from tests.link.independent_lms import Lms, Refused, scan_of

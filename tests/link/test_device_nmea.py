@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from swath.core.errors import InputError, SwathError
 from swath.field.projection import origin_at
 from swath.link.device import nmea
-from swath.link.device.output import convergence
+from swath.link.levels.device import convergence
 from swath.signals import Fix
 from tests.link.device_rig import device, drawn_fix, until
 from tests.link.independent_agopengps import position_of

@@ -52,7 +52,7 @@ def test_encrypted_or_packed_in_an_unknown_way(place, tmp_path):
 
 def test_an_archive_that_does_not_fit_on_the_disk_is_not_begun(tmp_path, monkeypatch):
     room = type("Room", (), {"free": 3})()
-    monkeypatch.setattr("swath.link.fmi.archive.shutil.disk_usage", lambda folder: room)
+    monkeypatch.setattr("swath.link.fmi.description.shutil.disk_usage", lambda folder: room)
     with pytest.raises(SwathError, match="it would take 0 MB, there is room for 0"):
         unpack(archive(tmp_path / "a.fmu", modelDescription__xml="<a/>"))
 

@@ -5,9 +5,9 @@ import itertools
 import pytest
 
 from swath.core.errors import InputError
-from swath.link.fmi.part import Feed
 from swath.link.fmi.units import Scale
 from swath.link.fmi.wiring import Into
+from swath.link.levels.fmu import Feed
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.signals import CropFlow

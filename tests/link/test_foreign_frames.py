@@ -11,8 +11,7 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.units import DEG
-from swath.link.levels.log import LogPlayer
-from swath.link.log_sources import GeoOrigin, Params
+from swath.link.levels.log import GeoOrigin, LogPlayer, Params
 from swath.record.read.files import open_log
 from swath.record.read.frames import ground_frame, pose_between, static_links, static_mounting
 from swath.scenario.slots import SLOTS

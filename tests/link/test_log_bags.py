@@ -8,10 +8,9 @@ import pytest
 from swath.core.errors import InputError, MissingExtra
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.link.levels.log import LogPlayer
-from swath.link.log_sources import GeoOrigin, Params
+from swath.link.levels.log import GeoOrigin, LogPlayer, Params
 from swath.record.read.files import open_log
-from swath.record.read.tangent_plane import TangentPlane
+from swath.record.read.fixes import TangentPlane
 from swath.scenario.slots import SLOTS
 from swath.sensing.mount import Mount
 from swath.signals import MachineState, Odometry, Scan, SpeedCommand, SteerCommand, SteerState

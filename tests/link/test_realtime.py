@@ -2,8 +2,7 @@
 
 import pytest
 
-from swath.runtime.clock import scheduling
-from swath.runtime.pacing import Exchange, OverrunError, Pacer
+from swath.runtime.pacing import Exchange, OverrunError, Pacer, scheduling
 from swath.scenario.sections import RealTime
 from tests.fake_clock import FakeClock
 

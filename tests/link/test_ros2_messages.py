@@ -8,8 +8,15 @@ import pytest
 
 from swath.core.component import Port
 from swath.core.errors import SwathError
-from swath.link.ros2.beams import LAYOUT, fill_cloud, scan_of
-from swath.link.ros2.record import check_names, numbers_of, numbers_of_inputs, sample_of
+from swath.link.ros2.slotnode import (
+    LAYOUT,
+    check_names,
+    fill_cloud,
+    numbers_of,
+    numbers_of_inputs,
+    sample_of,
+    scan_of,
+)
 from swath.signals import CropEdge, HeaderState, MachineLoad, Odometry, Scan, SteerCommand
 
 

@@ -8,10 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from swath.core.errors import InputError
 from swath.machine.body import triangles
-from swath.machine.body.body import read_body
+from swath.machine.body.body import read_body, read_sdf, read_urdf
 from swath.machine.body.model_xml import PARTS_MAX
-from swath.machine.body.sdf import read_sdf
-from swath.machine.body.urdf import read_urdf
 from swath.scenario.sections import BodySection
 
 CUBE = "<geometry><box size='1 1 1'/></geometry>"

@@ -12,8 +12,7 @@ from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.core.units import DEG, KMH
 from swath.machine.header import fixed_height
-from swath.machine.header.height_control import HeightControlHeader, Params
-from swath.machine.header.hydraulics import Controller, Cylinder, Feelers
+from swath.machine.header.height_control import Controller, Cylinder, Feelers, HeightControlHeader, Params
 from swath.signals import MachineState
 from tests.machine.machine_fakes import STREAM, Ground, site
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from swath.machine.heap.surface import Surface, largest_heap
+from swath.machine.heap.open_box import Surface, largest_heap
 from swath.signals.setup import OpenBox
 
 SLOPE = math.tan(math.radians(25.0))

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from swath.field.crop_sheet import Weeds
 from swath.field.stand import maps
 from swath.field.terrain import formula
-from swath.field.weeds import Weeds
 from tests.field.made_field import made_field, rectangle
 
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from swath.core.random import Stream
-from swath.field.crop_sheet import load_crop
+from swath.field.crop_sheet import Weeds, load_crop, weed_crop
 from swath.field.memory_layout import Organ, Shape
 from swath.field.mesh_file import read_mesh
 from swath.field.prototypes import make_library
-from swath.field.weeds import Weeds, weed_crop
 from swath.rays.engine import RayCaster
 from tests.rays.hand_field import HandField, make_pages
 from tests.rays.reference import cast_slowly

@@ -3,7 +3,7 @@
 import pytest
 from mcap.reader import make_reader
 
-from swath.record.templates import Template
+from swath.record.message_factory import Template
 from swath.runtime.job import run_job
 from tests.whole.small import small
 

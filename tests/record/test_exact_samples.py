@@ -12,12 +12,11 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.record import packed_columns
 from swath.record.mcap_file import McapFile
-from swath.record.message_factory import MessageFactory
+from swath.record.message_factory import Draft, MessageFactory
 from swath.record.read.feed import exact_samples, exact_topic, own_outputs
 from swath.record.read.mcap_log import McapLog
 from swath.record.recorder import Recorder
 from swath.record.samples import Blocks, is_recordable, signal_type, unpack
-from swath.record.templates import Draft
 from swath.signals import F64, Scan, ScanTruth, Signal
 from tests.fake_run import ArcEdge, GridField, drive, machine
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swath.judge.kept_rows import KeptRows
+from swath.judge.evaluator import KeptRows
 from swath.record.tracks import PIECE, SHOWN_ROWS, Column, EvenRows, Tracks, read_tracks, track_pieces
 from swath.record.tracks import write_tracks as write
 from swath.signals import MachineState

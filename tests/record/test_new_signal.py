@@ -16,12 +16,11 @@ from swath.core.frozen import frozen
 from swath.core.random import Stream
 from swath.core.signal import About, Quantity, Signal
 from swath.link.fmi.description import Description, Variable
-from swath.link.fmi.part import samples_of
 from swath.link.fmi.units import parse_unit
 from swath.link.fmi.wiring import make_wiring
-from swath.link.levels.log import LogPlayer
-from swath.link.log_sources import Params
-from swath.link.ros2.record import numbers_of, sample_of
+from swath.link.levels.fmu import samples_of
+from swath.link.levels.log import LogPlayer, Params
+from swath.link.ros2.slotnode import numbers_of, sample_of
 from swath.record.recorder import Recorder
 from swath.record.tracks import read_tracks
 from swath.signals import F64

@@ -3,7 +3,7 @@
 import base64
 import re
 
-from swath.replay.pack import unpacked
+from swath.replay.writer import unpacked
 
 
 def data_of(page):

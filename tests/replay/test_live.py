@@ -22,8 +22,7 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.record.tracks import read_tracks
 from swath.replay.live.data import ECHO_UNIT
-from swath.replay.live.frames import LARGEST
-from swath.replay.live.view import LiveView
+from swath.replay.live.view import LARGEST, LiveView
 from swath.runtime.changes import read_events
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job

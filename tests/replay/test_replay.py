@@ -21,12 +21,10 @@ from swath.judge.summary import read_summary
 from swath.record.mcap_file import McapFile
 from swath.record.scan_messages import cloud_message
 from swath.record.tracks import PIECE, read_tracks
-from swath.replay.area import area_about
 from swath.replay.charts import events_of, worst_moments
-from swath.replay.collect import collect
-from swath.replay.pack import packed, unpacked
+from swath.replay.layers import area_about
 from swath.replay.things import things_of
-from swath.replay.writer import ReplayWriter, render, view
+from swath.replay.writer import ReplayWriter, collect, packed, render, unpacked, view
 from swath.report.report import ReportWriter
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swath.core.frames import Pose
-from swath.report.pictures import MOST, SHOWN, KeptPicture, PictureSampler, pictures_figure
+from swath.report.report import MOST, SHOWN, KeptPicture, PictureSampler, pictures_figure
 from swath.signals import OBSTACLE_KINDS, MachineState
 from swath.signals.image import ImageBoxes, empty_image
 from tests.fake_run import machine

@@ -8,7 +8,7 @@ import pytest
 from swath.commands.main import main
 from swath.core.errors import SwathError
 from swath.runtime.pacing import Pacer
-from swath.runtime.request_queue import RequestQueue
+from swath.runtime.run_control import RequestQueue
 from swath.scenario.sections import RealTime
 
 

@@ -10,8 +10,7 @@ from swath.core.errors import InputError
 from swath.core.foreign_code import allow_code, only_code
 from swath.runtime.assembly import assemble
 from swath.runtime.changes import Interventions
-from swath.scenario.code import code_of
-from swath.scenario.scenario import load_scenario, parse_scenario
+from swath.scenario.scenario import code_of, load_scenario, parse_scenario
 
 HEAD = """
 format: swath scenario 2

@@ -8,9 +8,9 @@ from docs.make.scenario import reference
 
 from swath.core.errors import InputError
 from swath.documents.yaml_document import parse, read_document
-from swath.scenario.catalogue import CATALOGUE
 from swath.scenario.scenario import find_scenario, load_scenario, parse_scenario, scenario_names
 from swath.scenario.schema import scenario_schema
+from swath.scenario.slots import CATALOGUE
 
 DOCS = Path(__file__).parents[2] / "docs" / "reference"
 

@@ -84,8 +84,8 @@ def test_meanings_of_a_docstring():
 
 
 def test_the_reference_has_every_key_of_every_level_once_a_slot():
-    from swath.scenario.catalogue import CATALOGUE
     from swath.scenario.reference import parameter_rows
+    from swath.scenario.slots import CATALOGUE
 
     page = reference()
     for kind in (*CATALOGUE.field_levels, *(slot.name for slot in CATALOGUE.slots)):

@@ -17,10 +17,10 @@ from swath.field.site_setup import Bodies, SiteSetup
 from swath.field.solids import mesh
 from swath.field.stand import maps
 from swath.sensing.camera import depth, error, rays
-from swath.sensing.camera.image_sensor import sunlight
+from swath.sensing.camera.error import sunlight
 from swath.sensing.camera.shading import air_light, linear
+from swath.sensing.echo import Weather
 from swath.sensing.mount import Mount
-from swath.sensing.weather import Weather
 from swath.signals import OBSTACLE_KINDS, MachineState
 from tests.field.made_field import made_field
 from tests.field.test_solids import MACHINE

@@ -11,12 +11,11 @@ from swath.core.random import Stream
 from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import load_machine
 from swath.rays.hits import Hits
-from swath.sensing.echo import EchoRule
+from swath.sensing.echo import EchoRule, Weather
 from swath.sensing.lidar.plants import Params, PlantsLidar
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.mount import Mount
 from swath.sensing.scanner import Noise
-from swath.sensing.weather import Weather
 from tests.shared_data import DATA
 
 NEAR, FAR = 3.0, 4.2

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from swath.rays.spots import Spots
+from swath.rays.hits import Spots
 from swath.sensing.beam import spot_pattern
 from swath.sensing.echo import Bundle, Receiver, least_energy, merging_gap, receive
 

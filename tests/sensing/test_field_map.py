@@ -1,6 +1,6 @@
 """Field maps: what they hold, where they are looked up, and how much of it is right."""
 
-from math import exp, pi
+from math import pi
 
 import numpy as np
 import pytest
@@ -12,14 +12,12 @@ from swath.field.projection import Origin
 from swath.field.raster import Raster
 from swath.field.site_setup import SiteSetup
 from swath.field.stand import maps
-from swath.sensing.field_map.earlier_pass import EarlierPass
-from swath.sensing.field_map.earlier_pass import Params as PassParams
 from swath.sensing.field_map.error import ErrorMap
 from swath.sensing.field_map.error import Params as ErrorParams
 from swath.sensing.field_map.file import FileMap
 from swath.sensing.field_map.file import Params as FileParams
 from swath.sensing.field_map.places import true_grain
-from swath.signals import Fix, YieldReading
+from swath.signals import Fix
 from tests.field.made_field import made_field, rectangle
 from tests.field.test_solids import MACHINE
 
@@ -102,24 +100,3 @@ def test_a_file_comes_back_bit_for_bit(setup, tmp_path):
     x, y = (a.ravel() for a in np.meshgrid(*raster.centres()))
     assert (part.look_up(0, x, y, 0.0).grain == values.ravel().astype(float)).all()
     assert np.isnan(part.look_up(0, np.array([99.0]), np.array([0.0]), 0.0).grain).all()
-
-
-def test_an_earlier_pass_counts_by_its_distance(setup):
-    """A pass with a step from 0.6 to 1.0 kg/m2, seen d beside it: r0 exp(-d / 60 m) is left of it."""
-    part = made(EarlierPass, PassParams(delay_s=2.0, width_m=10.0), setup)
-    speed = 2.0
-    for k in range(1, 500):
-        t = k * DT
-        x = 2.0 * t / NS - 100.0
-        value = 0.6 if x - speed * 2.0 < 0.0 else 1.0
-        reading = YieldReading(t, value * 10.0 * speed, 0.14, 0.5)
-        part.step(t - DT, DT, {"fix": fix(x, 0.0, t=t), "passed": fix(x, 0.0, t=t), "grain": reading})
-    values = np.array(part._values)
-    mean, far = values[:, 2].mean(), np.array([-90.0, 90.0])
-    for d in (12.0, 24.0, 48.0):
-        found = part.look_up(500 * DT, far, np.full(2, d), 0.0)
-        share = (found.grain - mean) / (np.array([0.6, 1.0]) - mean)
-        assert share == pytest.approx(0.82 * exp(-d / 60.0), abs=0.03)
-        assert found.sd == pytest.approx(
-            values[:, 2].std() * (1 - (0.82 * exp(-d / 60)) ** 2) ** 0.5, rel=0.05
-        )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swath.record.read.tangent_plane import TangentPlane
+from swath.record.read.fixes import TangentPlane
 from swath.sensing.gnss.receiver_errors import RECEIVERS
 from tests.shared_data import DATA
 

@@ -9,7 +9,7 @@ import pytest
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.sensing.camera.camera_sheet import load_camera
-from swath.sensing.camera.image_sensor import ImageSensor, photon_rate
+from swath.sensing.camera.error import ImageSensor, photon_rate
 
 SIZE = (120, 160)
 CARDS = ("camera-global-3um45", "camera-rolling-wide", "camera_60deg.yaml")

@@ -5,7 +5,7 @@ from dataclasses import MISSING, fields, is_dataclass
 import pytest
 
 from swath import load_scenario
-from swath.scenario.catalogue import CATALOGUE
+from swath.scenario.slots import CATALOGUE
 
 LEVELS = [
     (kind, name)

@@ -7,7 +7,7 @@ from swath.core.errors import InputError
 from swath.runtime.assembly import assemble
 from swath.runtime.job import run_unrecorded
 from swath.scenario.scenario import load_scenario, parse_scenario
-from swath.sensing.weather import Weather
+from swath.sensing.echo import Weather
 from tests.levels.limits import make
 from tests.sensing.replay_rig import drive, wasserstein
 

@@ -12,7 +12,6 @@ from swath.field.solids import box_on_ground, mesh, post, stone
 from swath.field.stand import uniform
 from swath.sensing.mount import Mount
 from swath.sensing.radar import error, rays
-from swath.sensing.radar.clutter import Clutter
 from swath.sensing.radar.detector import (
     Columns,
     Grid,
@@ -24,6 +23,7 @@ from swath.sensing.radar.detector import (
     window,
 )
 from swath.sensing.radar.error import detection_probability, merged
+from swath.sensing.radar.rays import Clutter
 from swath.sensing.radar.solid_rays import distances, facing
 from swath.sensing.radar.stand_loss import BIN, DB, StandLoss
 from tests.sensing.driven_states import circle, feed, state, straight

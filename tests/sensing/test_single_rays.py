@@ -7,10 +7,10 @@ import pytest
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
+from swath.sensing.echo import Weather
 from swath.sensing.lidar import empirical
 from swath.sensing.mount import poses_at
 from swath.sensing.sweep import ROOM, Sweep
-from swath.sensing.weather import Weather
 from swath.signals import MachineState
 from tests.sensing.test_empirical import scan, site
 

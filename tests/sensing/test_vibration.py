@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from swath.core.random import Stream
-from swath.sensing.imu.error import ErrorImu, Params
+from swath.sensing.imu.error import AXES, ErrorImu, Params, Shaking, Vibration
 from swath.sensing.imu.strapdown import Place
-from swath.sensing.imu.vibration import AXES, Shaking, Vibration
 from tests.sensing.driven_states import setup_of, standing, state
 
 STEP = 10_000_000

@@ -2,10 +2,9 @@ import numpy as np
 import pytest
 
 from swath.core.random import Stream
-from swath.sensing.echo import Bundle, Receiver, least_energy, receive
+from swath.sensing.echo import Bundle, Receiver, Weather, disturb, least_energy, receive
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.scanner import Noise
-from swath.sensing.weather import Weather, disturb
 
 NAN = np.nan
 

@@ -16,9 +16,15 @@ from swath.core.units import RPM
 from swath.field_io.machine_log import read_machine_log
 from swath.machine.machine_sheet import load_machine, open_machine, read_machine
 from swath.machine.powertrain.power_balance import full_torque, governed_torque
-from swath.tools.compare_log.along_log import Drive, run_engine, run_process
-from swath.tools.compare_log.compare import compare_log
-from swath.tools.compare_log.statistics import best_lag, compare_series, usable
+from swath.tools.compare_log.compare import (
+    Drive,
+    best_lag,
+    compare_log,
+    compare_series,
+    run_engine,
+    run_process,
+    usable,
+)
 from tests.shared_data import DATA
 
 WHEAT = DATA / "wheat_combine_logs_msu" / "si" / "farmerI_henrys_2018_wheat.csv.gz"

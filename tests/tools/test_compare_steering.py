@@ -11,8 +11,7 @@ from swath.commands.main import main
 from swath.core.units import DEG
 from swath.field_io.steer_log import read_steer_log
 from swath.machine.machine_sheet import open_machine, read_machine
-from swath.tools.compare_log.steering import compare_steering
-from swath.tools.compare_log.steering_fit import run_motion, run_steering
+from swath.tools.compare_log.steering_fit import compare_steering, run_motion, run_steering
 
 pytestmark = pytest.mark.usefixtures("code_allowed_in_module")
 

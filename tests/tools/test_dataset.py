@@ -22,8 +22,7 @@ from swath.tools.dataset.coco import (
     run_lengths,
     unpacked,
 )
-from swath.tools.dataset.dataset import make_dataset, missing, settings_of
-from swath.tools.dataset.overview import write_overview
+from swath.tools.dataset.dataset import make_dataset, missing, settings_of, write_overview
 
 SETS = ("combine.camera={level: rays, reach_m: 14, mount: {at: axle, x_m: 2, z_m: 3, pitch_deg: 20}}",)
 SMALL = {"count": 4, "per_scene": 2, "width": 64, "height": 48, "sets": SETS}

@@ -13,7 +13,7 @@ def numbers(text):
 
 
 def test_the_levels_are_those_of_the_registry(tmp_path):
-    from swath.scenario.catalogue import CATALOGUE
+    from swath.scenario.slots import CATALOGUE
 
     kinds = [*CATALOGUE.field_levels, *(slot.name for slot in CATALOGUE.slots)]
     made = FIGURES["levels"](tmp_path)

@@ -9,9 +9,18 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.rays.engine import RayCaster
 from swath.tools.reda import reda
-from swath.tools.reda.scene import EDGE_M, Condition, Scene, Settings, places
+from swath.tools.reda.scene import (
+    EDGE_M,
+    CameraSensor,
+    Condition,
+    RadarSensor,
+    Scene,
+    Settings,
+    make_sensor,
+    places,
+    visible,
+)
 from swath.tools.reda.scores import Cell, lower_end, scores_of
-from swath.tools.reda.sensors import CameraSensor, RadarSensor, make_sensor, visible
 
 ONE = Settings(repeats=1, looks=10)
 

@@ -216,7 +216,7 @@ def test_save_and_load_in_the_middle_of_a_log(recorded):
 
 
 def test_a_link_level_is_listed():
-    from swath.scenario.catalogue import CATALOGUE
+    from swath.scenario.slots import CATALOGUE
 
     assert "log" in CATALOGUE.registry.links()
     level = CATALOGUE.registry.get("steer", "log")

@@ -21,7 +21,7 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print a page as it is, or path and title of all."""
     from swath.core.errors import InputError
-    from swath.documents.hints import near_miss
+    from swath.documents.validation import near_miss
     from swath.terminal.tables import table
 
     found = pages()

@@ -18,8 +18,8 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the levels."""
     from swath.core.errors import InputError
-    from swath.documents.hints import near_miss
-    from swath.scenario.catalogue import CATALOGUE
+    from swath.documents.validation import near_miss
+    from swath.scenario.slots import CATALOGUE
 
     slots = [slot.name for slot in CATALOGUE.slots]
     kinds = [*CATALOGUE.field_levels, *slots]
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _links(kind: str, slots: list[str]) -> list[str]:
     """Levels that every slot of a machine has: FMU, ROS 2 ..."""
-    from swath.scenario.catalogue import CATALOGUE
+    from swath.scenario.slots import CATALOGUE
 
     return list(CATALOGUE.registry.links()) if kind in slots else []
 
@@ -72,8 +72,7 @@ def _ports(name: str) -> None:
     """Inputs and outputs of the slot, with the fields of their samples."""
     from dataclasses import fields
 
-    from swath.scenario.catalogue import CATALOGUE
-    from swath.scenario.slots import PEER, kind_of
+    from swath.scenario.slots import CATALOGUE, PEER, kind_of
 
     kind = next((slot for slot in CATALOGUE.slots if slot.name == name), None)
     if kind is None:
@@ -98,8 +97,8 @@ def _ports(name: str) -> None:
 
 def _keys(kind: str, name: str) -> list[dict[str, str]]:
     """The keys of a level; none of one of an installed package, which is not loaded to be listed."""
-    from swath.scenario.catalogue import CATALOGUE
     from swath.scenario.reference import parameter_rows
+    from swath.scenario.slots import CATALOGUE
 
     if name in CATALOGUE.registry.installed(kind):
         return []
@@ -108,8 +107,8 @@ def _keys(kind: str, name: str) -> list[dict[str, str]]:
 
 
 def _parameters(kind: str) -> None:
-    from swath.scenario.catalogue import CATALOGUE
     from swath.scenario.reference import parameter_rows
+    from swath.scenario.slots import CATALOGUE
 
     for name in CATALOGUE.registry.names(kind):
         rows = parameter_rows(CATALOGUE.registry.get(kind, name).params)

@@ -17,8 +17,8 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the metrics, the columns and the events."""
     from swath.core.errors import InputError
-    from swath.documents.hints import unknown_key
-    from swath.scenario.catalogue import CATALOGUE
+    from swath.documents.validation import unknown_key
+    from swath.scenario.slots import CATALOGUE
 
     judged = CATALOGUE.judged()
     metrics = judged.metrics

@@ -103,9 +103,8 @@ def run(args: argparse.Namespace) -> int:
     out = choose_run_folder(scenario.name, scenario.seed, args.out)
     from swath.runtime.changes import read_events
     from swath.runtime.job import run_job
-    from swath.runtime.saves import EVERY_S, Saves
-    from swath.runtime.saves_field import SavesField
-    from swath.scenario.code import code_of
+    from swath.runtime.saves import EVERY_S, Saves, SavesField
+    from swath.scenario.scenario import code_of
 
     events = read_events(args.events) if args.events is not None else []
     if args.events is None and (changed := _changed_on_the_way(args.scenario)) is not None:

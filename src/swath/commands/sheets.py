@@ -69,7 +69,7 @@ def _check(file: str) -> int:
     from swath.documents.data_sheets import read_sheet
     from swath.documents.yaml_document import read_document
     from swath.field.crop_sheet import load_crop
-    from swath.field.obstacle_sheet import load_obstacle
+    from swath.field.obstacles import load_obstacle
     from swath.machine.machine_sheet import load_machine
     from swath.sensing.camera.camera_sheet import load_camera
     from swath.sensing.ground_speed.radar import load_ground_radar
@@ -110,7 +110,7 @@ def _bundled_name(name: str) -> str:
 def _kind_of(name: str) -> str:
     from swath.core.errors import InputError
     from swath.documents.data_sheets import sheet_names
-    from swath.documents.hints import near_miss
+    from swath.documents.validation import near_miss
 
     kinds = {sheet: kind for kind in KINDS for sheet in sheet_names(kind)}
     if name not in kinds:

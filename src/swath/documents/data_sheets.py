@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from swath.core.errors import MIGRATED_BY, InputError
-from swath.documents.hints import near_miss
 from swath.documents.sheet_fields import Entry, build, entries, model_of
-from swath.documents.validation import validate
+from swath.documents.validation import near_miss, validate
 from swath.documents.yaml_document import Document, KeyPath, key_path, read_document
 
 FORM = '{value: 4.7, tag: S, source: "the maker\'s manual"}'

@@ -1,15 +1,60 @@
-"""Crops from their data sheets: `data/crops/*.yaml`, or the user's own."""
+"""Crops from their data sheets: `data/crops/*.yaml`, or the user's own.
 
+Their habits are the files of `field/plants` that define `HABIT`, and files of the user. Weeds under a crop:
+how many, how tall, and the plants for it from a weed's sheet.
+"""
+
+import importlib
 import math
+import pkgutil
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Annotated, Any
 
+from annotated_types import Ge, Gt, Le
+
+from swath.core.errors import InputError
+from swath.core.foreign_code import load_python
 from swath.documents.data_sheets import Sheet, read_sheet, sheet_names
 from swath.documents.sheet_fields import Entry, entries
+from swath.documents.validation import near_miss
 from swath.field.crop import REFLECTANCE, Crop, Habit, Head, Organs, StemFacts, YieldFacts
-from swath.field.habits import find_habit
+from swath.field.plants.parts import LeafFacts
+
+PACKAGE = "swath.field.plants"
+
+
+def habit_names() -> list[str]:
+    """Names of the built-in habits: the files of `field/plants` that define `HABIT`."""
+    files = [f"{PACKAGE}.{i.name}" for i in pkgutil.iter_modules(importlib.import_module(PACKAGE).__path__)]
+    return [f.rpartition(".")[2] for f in files if "HABIT" in vars(importlib.import_module(f))]
+
+
+def find_habit(sheet: Sheet) -> Habit:
+    """The habit that a crop's sheet names: a built-in one, or a `file.py` beside the sheet with `HABIT`.
+
+    Raises InputError when there is none of this name.
+    """
+    name = sheet.value("habit") or "cereal"
+    if isinstance(name, str) and name.endswith(".py"):
+        file = sheet.path.parent / name
+        try:
+            module: Any = load_python("habit", file)
+        except InputError as error:
+            raise sheet.error("habit", error.expected) from error
+    elif name in habit_names():
+        module = importlib.import_module(f"{PACKAGE}.{name}")
+    else:
+        names = habit_names()
+        expected = f"expected one of {', '.join(names)}, or a file.py that defines HABIT"
+        raise sheet.error("habit", expected + near_miss(name, names))
+    habit = vars(module).get("HABIT")
+    if not isinstance(habit, Habit):
+        raise sheet.error("habit", f"expected a file that defines HABIT, a {Habit.__name__}")
+    return habit
+
 
 ALIKE = 0.6  # share of equal numbers that makes a data sheet a copy of another; wheat and barley share 0.42
 
@@ -112,3 +157,40 @@ def _with_yields(crop: Crop, sheet: Sheet) -> Crop:
         grain, straw_to_grain, exponent, y.grain_density, y.swath_density, y.grain_moisture, bare
     )
     return replace(crop, yields=facts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weeds:
+    """Weeds wherever the crop was sown, its stubble included. plants_per_m2; height_m: mean, ground to the
+    highest leaf; crop: name of the weed's sheet.
+    """
+
+    plants_per_m2: Annotated[float, Ge(0.0), Le(1000.0)] = 20.0
+    height_m: Annotated[float, Gt(0.02), Le(2.0)] = 0.4
+    crop: str = "weed"
+
+
+def weed_crop(weeds: Weeds, folder: Path | None = None) -> Crop:
+    """The weed's sheet, its plants grown to the wanted height: widths and leaves with the square root of it,
+    so that mass goes with the square (length times width squared).
+    """
+    crop = load_crop(weeds.crop, folder)
+    if not crop.habit.has_stem:
+        raise InputError("weeds.crop", weeds.crop, "expected a crop whose plants have a stem")
+    ratio = weeds.height_m / crop.stand.height
+    wide = ratio**0.5
+    stem = replace(
+        crop.stem,
+        diameter_base=crop.stem.diameter_base * wide,
+        diameter_top=crop.stem.diameter_top * wide,
+    )
+    organs, leaf = crop.organs, crop.organs.of(LeafFacts)
+    if leaf is not None:
+        organs = organs.replaced(replace(leaf, length=leaf.length * wide, width=leaf.width * wide))
+    return replace(
+        crop,
+        stand=replace(crop.stand, density=weeds.plants_per_m2, height=weeds.height_m),
+        stem=stem,
+        organs=organs,
+        yields=replace(crop.yields, bare_mass=crop.yields.bare_mass * ratio**2),
+    )

@@ -13,14 +13,15 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.boundary import Region
 from swath.field.crop import Crop
+from swath.field.crop_sheet import weed_crop
 from swath.field.cut_field import Cutter
 from swath.field.cut_result import Corner, Cut, StemIndex, cells_inside, corners_of
+from swath.field.edge import Edges, check_edges, named_edges
 from swath.field.edge_defects import BrokenEdge, Gap
 from swath.field.field_setup import HasExtent, Stand, Terrain
 from swath.field.footprint import Block, Footprint
 from swath.field.grain import GrainPiles
 from swath.field.height_bounds import update_tops
-from swath.field.initial_edges import Edges, check_edges, named_edges
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.pages import KeptPages, PageStore
 from swath.field.profile import Profile, refused
@@ -30,7 +31,6 @@ from swath.field.stored_changes import Change, Key
 from swath.field.straw import StrawLayer, write_depth
 from swath.field.tile_generator import PageMaker
 from swath.field.track import EdgeShape
-from swath.field.weeds import weed_crop
 from swath.field.wind import Sway, make_sway
 
 Array = NDArray[np.float64]

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from swath.core.ability import ByMembers
 from swath.core.random import Stream
 from swath.core.units import DEG
-from swath.field.crop_sheet import load_crop
-from swath.field.weeds import Weeds
+from swath.field.crop_sheet import Weeds, load_crop
 
 Array = NDArray[np.float64]
 

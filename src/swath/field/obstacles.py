@@ -1,7 +1,10 @@
-"""Obstacles of a scenario: their kinds, where they stand, and the way that some of them go."""
+"""Obstacles of a scenario: their kinds, where they stand, and the way that some of them go.
+
+Their data sheets, `data/obstacles/*.yaml`, are bodies of simple solids and what they reflect.
+"""
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Annotated, Any, Literal, get_args, get_type_hints
 
@@ -12,13 +15,69 @@ from pydantic import Field as PydanticField
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.core.portable import product
+from swath.core.portable import power, product
 from swath.core.units import DEG, KMH
+from swath.documents.data_sheets import read_sheet
+from swath.documents.sheet_fields import Key, Quantity
 from swath.field.memory_layout import Solids
 from swath.field.mesh_file import UNITS, UP, base_middle, file_up, read_mesh
-from swath.field.obstacle_sheet import ObstacleSheet, load_obstacle
 from swath.field.solids import PAINT, STONE, WOOD, box_on_ground, mesh, moved, post, stone
-from swath.field.way import Way
+from swath.field.track import Way
+
+Six = tuple[float, float, float, float, float, float]
+Seven = tuple[float, float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObstacleSheet:
+    """A thing with its foot at the origin, x forward, y left, z up.
+
+    length, width, height: of the whole [m]; reflectance: at 905 nm
+    rcs_24, rcs_77: radar cross section at 24 and 77 GHz [dBsm]
+    boxes, ellipsoids: rows of middle x, y, z and length, width, height [m]
+    capsules: rows of two ends x, y, z each and the radius [m]
+    """
+
+    format: str
+    kind: Literal["obstacle"] = "obstacle"
+    name: str
+    note: str = ""
+    length: Annotated[float, Quantity("m", 0.01, 200)]
+    width: Annotated[float, Quantity("m", 0.01, 200)]
+    height: Annotated[float, Quantity("m", 0.01, 100)]
+    reflectance: Annotated[float, Quantity("", 0, 1)]
+    rcs_24: Annotated[float, Quantity("", -60, 60, key="rcs_24_ghz_dbsm")]
+    rcs_77: Annotated[float, Quantity("", -60, 60, key="rcs_77_ghz_dbsm")]
+    boxes: Annotated[list[Six], Key("body.boxes_m")] = field(default_factory=list)
+    ellipsoids: Annotated[list[Six], Key("body.ellipsoids_m")] = field(default_factory=list)
+    capsules: Annotated[list[Seven], Key("body.capsules_m")] = field(default_factory=list)
+
+    def solids(self, size: tuple[float, float, float], reflectance: float) -> Solids:
+        """The body stretched to a length, width and height [m]; a radius goes with the mean of x and y."""
+        scale = np.array(size) / np.array([self.length, self.width, self.height])
+        boxes, round_ = (np.array(rows, dtype=float).reshape(-1, 6) for rows in (self.boxes, self.ellipsoids))
+        rods = np.array(self.capsules, dtype=float).reshape(-1, 7)
+        sides = np.tile(np.eye(3), (len(boxes), 1, 1)), np.tile(np.eye(3), (len(round_), 1, 1))
+        return Solids(
+            box_centre=scale * boxes[:, :3],
+            box_axes=sides[0],
+            box_half=0.5 * scale * boxes[:, 3:],
+            box_reflectance=np.full(len(boxes), reflectance),
+            ellipsoid_centre=scale * round_[:, :3],
+            ellipsoid_axes=sides[1],
+            ellipsoid_half=0.5 * scale * round_[:, 3:],
+            ellipsoid_reflectance=np.full(len(round_), reflectance),
+            capsule_a=scale * rods[:, :3],
+            capsule_b=scale * rods[:, 3:6],
+            capsule_radius=float(power(scale[0] * scale[1], 0.5)) * rods[:, 6],
+            capsule_reflectance=np.full(len(rods), reflectance),
+        )
+
+
+def load_obstacle(kind: str) -> ObstacleSheet:
+    """The sheet of a kind of obstacle."""
+    return read_sheet("obstacles", kind).read(ObstacleSheet)
+
 
 Array = NDArray[np.float64]
 PLACE = 1e5  # farthest coordinate of an obstacle [m]

@@ -16,10 +16,10 @@ from swath.core import portable
 from swath.core.component import KeepsState, State
 from swath.core.errors import InputError
 from swath.core.units import DEG
+from swath.field.crop_sheet import Weeds
 from swath.field.cut_result import Cut
 from swath.field.edge_defects import BrokenEdge
 from swath.field.memory_layout import STANDING
-from swath.field.weeds import Weeds
 from swath.kernels import filled, repeatable, shared, start_warp
 
 Array = NDArray[np.float64]

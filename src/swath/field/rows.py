@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.field.edge import edge_key
 from swath.field.edge_defects import BrokenEdge
-from swath.field.initial_edges import edge_key
 from swath.field.track import EdgeShape
 
 Array = NDArray[np.float64]

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.boundary import Region
+from swath.field.edge import Edges, code_at, code_within
 from swath.field.field_setup import Stand, Terrain
 from swath.field.hashing import hash_cells
-from swath.field.initial_edges import Edges, code_at, code_within
 from swath.field.memory_layout import (
     MIRROR_X,
     MIRROR_Y,

@@ -10,7 +10,7 @@ from swath.fleet.bodies import PARAMS as GAPS
 from swath.fleet.bodies import Body, Drive, body_of
 from swath.fleet.files import CartSettings, CombineSettings, JobFile
 from swath.machine.drivetrain_sheet import drivetrain_of
-from swath.machine.heap.surface import largest_heap, slope_of
+from swath.machine.heap.open_box import largest_heap, slope_of
 from swath.machine.machine_sheet import MachineSheet, dynamics_of, load_machine
 from swath.signals.setup import Pipe
 

@@ -11,8 +11,7 @@ from swath.core.whole_file import write_whole
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
 from swath.fleet.worked import CUT, SHOWN, WAIT, Worked, grain, state_of, stays
-from swath.replay.pack import packed
-from swath.replay.writer import render
+from swath.replay.writer import packed, render
 from swath.report.plots import BLUE, CROP, GREEN, GREY, ORANGE, PURPLE, SKY
 
 Array = NDArray[np.float64]

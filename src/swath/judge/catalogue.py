@@ -1,6 +1,6 @@
 """Which evaluators there are, and the metrics, columns and events that they make known.
 
-`scenario/catalogue.py` reads this at run time, so that `expect:` knows every metric.
+`scenario/slots.py` reads this at run time, so that `expect:` knows every metric.
 """
 
 from collections.abc import Iterable, Sequence

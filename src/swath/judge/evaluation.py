@@ -22,7 +22,7 @@ from swath.judge.evaluator import (
 )
 from swath.judge.limits import NO_SAMPLE, check_metric, check_samples, entry_of, window_of
 from swath.judge.windows import FIELD, EventFeed, WindowedEvaluator, concerns, restore, state_of
-from swath.record.messages import RecordedMachine
+from swath.record.message_factory import RecordedMachine
 from swath.record.tracks import Column
 from swath.scenario.resolved import Expectation
 from swath.scenario.sections import Limit

@@ -4,21 +4,114 @@ An evaluator is a class made by `Class(setup)`, in a file of its own in `judge/e
 `LEVEL = Level(Class, None, summary="...")`, or in a user's file, named `my.py:Class` under the scenario's key
 `evaluators`. Beside the members of `Evaluator` it may have those of `HasColumns`, `HasEvents`, `HasLimits`,
 `HasSignals`, `Rests`, `WantsNewest` and `core.abilities.EndsRun` and `HasNotes`.
+
+What they keep: rows of numbers of a whole run in memory that does not grow with its length; their means and
+percentiles are nan where there is nothing.
 """
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+import zlib
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
+import numpy as np
+
 from swath.core.ability import ByMembers
 from swath.core.errors import SwathError
+from swath.core.packed_state import saved_type
+from swath.core.unnamed_file import UnnamedFile
 from swath.field.edge_defects import Gap
 from swath.field.memory_layout import Solids
 from swath.field.site_setup import Bodies
-from swath.record.messages import RecordedMachine
-from swath.record.tracks import Column
-from swath.signals import Signal
+from swath.record import packed_columns
+from swath.record.message_factory import RecordedMachine
+from swath.record.tracks import Column, EvenRows
+from swath.signals import F64, Signal
+
+STEP_M = 0.1  # spacing of the interpolated path
+
+
+def rms(values: F64) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def mean(values: Any) -> float:
+    """Mean."""
+    return float(np.mean(values)) if len(values) else float("nan")
+
+
+def ratio(part: float, whole: float) -> float:
+    """part / whole."""
+    return part / whole if whole > 0.0 else float("nan")
+
+
+def even_path(distance: F64, value: F64, *, start: float = 0.0, step: float = STEP_M) -> tuple[F64, F64]:
+    """Distances [m] every `step` from `start` on and the values interpolated there; empty when too short."""
+    if len(distance) < 2 or distance[-1] < start:
+        return np.zeros(0), np.zeros(0)
+    at = np.arange(start, distance[-1], step)
+    at = at[at >= distance[0]]
+    return at, np.interp(at, distance, value)
+
+
+BLOCK = 2048  # rows that are compressed together
+
+
+@saved_type("_width", "_newest", "older")
+class KeptRows:
+    """Rows of `width` real numbers, in the order they come; older ones lie compressed, to the last bit, in a
+    file that has no name.
+    """
+
+    def __init__(self, width: int) -> None:
+        self._width = width
+        self._older: list[tuple[str, int, int, int]] = []  # how packed, rows; place, bytes in the file
+        self._newest = array("d")
+        self._file = UnnamedFile()
+
+    def __bool__(self) -> bool:
+        return bool(self._older or self._newest)
+
+    @property
+    def older(self) -> list[tuple[str, int, bytes]]:
+        """How packed, rows, bytes of the blocks in the file; setting them begins a new file."""
+        return [*self._blocks()]
+
+    @older.setter
+    def older(self, blocks: Iterable[tuple[str, int, bytes]]) -> None:
+        self._older, self._file = [], UnnamedFile()
+        for block in blocks:
+            self._put(*block)
+
+    def add(self, row: Iterable[float]) -> None:
+        """Add a row, or rows one after the other."""
+        self._newest.extend(row)
+        if len(self._newest) >= BLOCK * self._width:
+            block = np.array(self._newest).reshape(-1, self._width)
+            how, data = packed_columns.pack(block)
+            self._put(how, len(block), zlib.compress(data))
+            del self._newest[:]
+
+    def table(self, most: int | None = None) -> F64:
+        """All rows, (n, width). most: spread evenly, where there are more"""
+        rows = EvenRows(most)
+        for how, count, data in self._blocks():
+            shape = count, self._width
+            rows.add({"": packed_columns.unpack(zlib.decompress(data), how, np.dtype("<f8"), shape)})
+        rows.add({"": np.array(self._newest, dtype=float).reshape(-1, self._width)})
+        return rows.columns().get("", np.zeros((0, self._width)))
+
+    def _put(self, how: str, count: int, data: bytes) -> None:
+        self._older.append((how, count, self._file.append(data), len(data)))
+
+    def _blocks(self) -> Iterator[tuple[str, int, bytes]]:
+        """How packed, rows, bytes."""
+        for how, count, at, size in self._older:
+            yield how, count, self._file.read(at, size)
+
 
 SETTLING_M = 10.0  # driven before a run is judged: the machine starts beside its path
 NEVER = 1 << 62  # ns, until when an evaluator rests that has nothing to judge

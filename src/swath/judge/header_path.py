@@ -6,9 +6,9 @@ import numpy as np
 
 from swath.core.packed_state import saved_type
 from swath.core.together import Samples
-from swath.judge.kept_rows import KeptRows
+from swath.judge.evaluator import KeptRows
 from swath.judge.together import Table
-from swath.record.messages import RecordedMachine
+from swath.record.message_factory import RecordedMachine
 from swath.signals import F64, MachineState
 
 PATH_M = 0.02  # spacing of the stored path

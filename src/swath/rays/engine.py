@@ -13,11 +13,10 @@ from swath.field.memory_layout import Solids
 from swath.field.solids import NOTHING, solid_count
 from swath.rays.device import ThreadPool, ray_device, start_warp, thread_count
 from swath.rays.field_arrays import LiveScene
-from swath.rays.hits import CastOptions, Hits
+from swath.rays.hits import CastOptions, Hits, Spots
 from swath.rays.packets.packing import SUB_RAYS_MAX, Packing, pack_bundles, pack_image
 from swath.rays.packets.traversal import PacketTraversal, can_compile
 from swath.rays.refusals import check_origins, check_range
-from swath.rays.spots import Spots
 
 F64 = NDArray[np.float64]
 Rays = tuple[ArrayLike, ArrayLike]

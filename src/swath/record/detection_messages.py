@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.record.messages import Sent, Source, own_messages
+from swath.record.message_factory import Draft, Sent, Source, own_messages
 from swath.record.scan_messages import cloud_message
-from swath.record.templates import Draft
 from swath.signals import OBSTACLE_KINDS, CropEdge, Objects, Obstacles
 from swath.signals.radar import RadarTargets
 

@@ -21,8 +21,7 @@ from swath.core.unnamed_file import UnnamedFile
 from swath.core.whole_file import open_to_write, write_whole
 from swath.documents.packed import readable
 from swath.documents.yaml_document import dump
-from swath.record.message_factory import MessageFactory
-from swath.record.templates import Draft, Template
+from swath.record.message_factory import Draft, MessageFactory, Template
 
 NAME = "metadata.yaml"
 

@@ -2,20 +2,141 @@
 
 The message types of a simulation that ROS 2 lacks are made from the fields of the sample itself
 (`swath_msgs/msg/...`); their definition travels in the recording, so a viewer needs no package.
+
+Messages of one topic differ in a few numbers only: a `Template` writes them into the bytes of the first. The
+layout is that of CDR in little-endian order (OMG DDS-RTPS 2.5, 10.2): numbers aligned to their size,
+counted from the end of the four bytes of the encapsulation header; text and sequences after their length in
+32 bits.
+
+`Source` is what a recording knows of a machine, and where the messages of one of its outputs go. Frames (REP
+105): `map` (world, ENU), `<machine>/odom` (the same place, in which odometry counts), `<machine>/base_link`
+(ISO 8855, fixed axle on the ground), `<machine>/<sensor slot>`, `<machine>/<camera slot>_optical` (x right,
+y down, z forward).
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import fields
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from functools import cache
-from typing import Any, get_type_hints
+from struct import Struct, calcsize
+from typing import Any, Literal, NamedTuple, get_type_hints
 
 import numpy as np
 
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.core.signal import per_signal
+from swath.field.projection import Origin
+from swath.field.track import EdgeShape
 from swath.record.samples import DEFINITION, MSGTYPE
 from swath.signals import F32, F64, U8, U16, Signal
+from swath.signals.setup import MachineGeometry
+
+STAMPS = ("header.stamp.sec", "clock.sec")
+HEAD = 4  # bytes of the encapsulation header
+CODES = {
+    "bool": "?",
+    "byte": "B",
+    "octet": "B",
+    "char": "b",
+    "int8": "b",
+    "uint8": "B",
+    "int16": "h",
+    "uint16": "H",
+    "int32": "i",
+    "uint32": "I",
+    "int64": "q",
+    "uint64": "Q",
+    "float32": "f",
+    "float64": "d",
+}
+
+
+class Draft(NamedTuple):
+    """A message that is only built when somebody wants it as an object.
+
+    t: its stamp [ns]; values: the numbers at `paths`; build: makes the message itself
+    paths: of fields, `pose.position.x`, `points.3.x`. All else is the same in every message of the topic.
+    variant: which of the topic's forms it has, of messages whose other contents differ
+    """
+
+    t: int
+    paths: tuple[str, ...]
+    values: Sequence[float]
+    build: Callable[[], Any]
+    variant: Hashable = None
+
+
+class Template:
+    """The bytes of a message, and where its stamp and its numbers stand. data: of a whole message, CDR"""
+
+    def __init__(self, store: Any, message: Any, data: bytes, paths: Sequence[str]) -> None:
+        self._data = data
+        places = {path: (at, code) for path, at, code in _leaves(store, message)}
+        stamp = next(path for path in places if path.endswith(STAMPS))
+        self._stamp, self._at = Struct("<iI"), places[stamp][0]
+        self._runs: list[tuple[Struct, int, slice]] = []
+        first = 0
+        for i, path in enumerate(paths):
+            at, code = places[path]
+            follows = i + 1 < len(paths) and places[paths[i + 1]][0] == at + calcsize(code)
+            if not follows:
+                codes = "".join(places[p][1] for p in paths[first : i + 1])
+                self._runs.append((Struct("<" + codes), places[paths[first]][0], slice(first, i + 1)))
+                first = i + 1
+
+    def fill(self, t: int, values: Sequence[float]) -> bytes:
+        """The bytes of the message with another stamp [ns] and other numbers."""
+        data = bytearray(self._data)
+        self._stamp.pack_into(data, self._at, *divmod(max(int(t), 0), NS))
+        for layout, at, part in self._runs:
+            layout.pack_into(data, at, *values[part])
+        return bytes(data)
+
+
+def _leaves(store: Any, message: Any) -> Iterator[tuple[str, int, str]]:
+    """(path, offset in the bytes, struct code) of all numbers of a message."""
+    walk = _Walk(store)
+    yield from walk.fields("", message)
+
+
+class _Walk:
+    """Goes through a message as CDR does. at: offset behind the encapsulation header"""
+
+    def __init__(self, store: Any) -> None:
+        self.store, self.at = store, 0
+
+    def fields(self, path: str, message: Any) -> Iterator[tuple[str, int, str]]:
+        for name, kind in self.store.fielddefs[message.__msgtype__][1]:
+            yield from self._field(f"{path}{name}", kind, getattr(message, name))
+
+    def _field(self, path: str, kind: Any, value: Any) -> Iterator[tuple[str, int, str]]:
+        from rosbags.interfaces import Nodetype
+
+        node, detail = kind
+        if node == Nodetype.NAME:
+            yield from self.fields(path + ".", value)
+        elif node == Nodetype.BASE:
+            yield from self._number(path, detail[0], value)
+        else:
+            if node == Nodetype.SEQUENCE:
+                self._skip(4)
+            for i, element in enumerate(value):
+                yield from self._field(f"{path}.{i}", detail[0], element)
+
+    def _number(self, path: str, name: str, value: Any) -> Iterator[tuple[str, int, str]]:
+        if name == "string":
+            self._skip(4)
+            self.at += len(value.encode()) + 1
+            return
+        size = calcsize(CODES[name])
+        at = self._skip(size)
+        yield path, HEAD + at, CODES[name]
+
+    def _skip(self, size: int) -> int:
+        at = self.at = -(-self.at // size) * size
+        self.at += size
+        return at
+
 
 FIELD_TYPES = {
     float: "float64",
@@ -199,3 +320,106 @@ def _field_kinds(signal: type[Signal]) -> dict[str, str]:
     hints = get_type_hints(signal)
     names = [f.name for f in fields(signal) if f.name != "t" and hints[f.name] in FIELD_TYPES]
     return {name: FIELD_TYPES[hints[name]] for name in names}
+
+
+UNKNOWN = 1e6  # variance of what nobody knows
+EXACT = 1e-12  # variance of what is exact: ROS 2 reads a covariance of zeros as unknown
+OPTICAL_FRAME = "_optical"  # after the name of a camera's own frame, as REP 103 asks
+
+
+@dataclass(frozen=True)
+class RecordedMachine:
+    """What the recording needs to know of a machine.
+
+    name: its key in the scenario; geometry: its data sheet; edge_side: `left` or `right`
+    mounting: sensor slot (without the machine's name) -> pose_machine_sensor
+    origin: where on Earth the world's origin lies, if that is known
+    outputs: `slot.output` -> type of its samples, in the order of the slots
+    edge: the initial edge that it follows; start: where it stood at first
+    scanners: slot -> (time from scan to scan [s], least range, greatest range [m]) of its data sheet
+    lines: what a viewer draws on the field, name -> points (n, 3) in the world [m]
+    is_first: of the machines of the run
+    errors: slot -> `KnowsErrors.errors` of its part, where that knows how far off it may be
+    triangles: of its body where that is from a file, in the machine frame (n, 3, 3) [m]
+    """
+
+    name: str
+    geometry: MachineGeometry
+    edge_side: str
+    mounting: Mapping[str, Pose] = field(default_factory=dict)
+    origin: Origin | None = None
+    outputs: Mapping[str, type[Signal]] = field(default_factory=dict)
+    edge: EdgeShape | None = None
+    start: Pose = field(default_factory=Pose.identity)
+    scanners: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    errors: Mapping[str, Callable[[Any], Mapping[str, tuple[float, float]]]] = field(default_factory=dict)
+    lines: Mapping[str, F64] = field(default_factory=dict)
+    is_first: bool = True
+    triangles: F64 = field(default_factory=lambda: np.zeros((0, 3, 3)))
+
+
+@dataclass(frozen=True)
+class Source:
+    """An output of a slot of a machine, and what makes messages of its samples."""
+
+    make: MessageFactory
+    machine: RecordedMachine
+    slot: str
+    output: str
+
+    @property
+    def slot_topic(self) -> str:
+        """`/machine/slot`."""
+        return f"/{self.machine.name}/{self.slot.replace('.', '/')}"
+
+    @property
+    def topic(self) -> str:
+        """`/machine/slot/output`."""
+        return f"{self.slot_topic}/{self.output}"
+
+    @property
+    def base(self) -> str:
+        """Frame of the machine."""
+        return f"{self.machine.name}/base_link"
+
+    @property
+    def odom(self) -> str:
+        """Frame in which odometry counts."""
+        return f"{self.machine.name}/odom"
+
+    @property
+    def frame(self) -> str:
+        """Frame of the sensor."""
+        return f"{self.machine.name}/{self.slot}"
+
+    def frame_of(self, signal: type[Signal]) -> str:
+        """The frame that a signal declares."""
+        frames = {"base": self.base, "sensor": self.frame, "world": "map"}
+        return frames.get(signal.about.frame, self.frame + OPTICAL_FRAME)
+
+
+class Sent(NamedTuple):
+    """A message of a topic, or its draft.
+
+    delivery: `latched` stays for late readers, `announced` only says it will come
+    """
+
+    topic: str
+    message: Any
+    delivery: Literal["", "latched", "announced"] = ""
+
+
+Maker = Callable[[Source], Callable[[Any], Iterator[Sent]]]  # called with each sample of one output
+
+
+def own_messages(source: Source, signal: Signal) -> Iterator[Sent]:
+    """Any sample as one `swath_msgs/msg/<Class>` with all its fields, in the frame that it declares."""
+    names = plain_names(type(signal))
+
+    def build() -> Any:
+        return source.make.of_signal(signal, source.frame_of(type(signal)))
+
+    if names is None:
+        yield Sent(source.topic, build())
+    else:
+        yield Sent(source.topic, Draft(signal.t, names, [getattr(signal, name) for name in names], build))

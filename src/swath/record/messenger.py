@@ -8,12 +8,11 @@ from functools import partial
 from typing import Any
 
 from swath.record.detection_messages import edge_messages, object_messages, obstacle_messages, radar_messages
-from swath.record.image_messages import image_messages
 from swath.record.mcap_file import McapFile
-from swath.record.messages import Maker, RecordedMachine, Sent, Source, own_messages
+from swath.record.message_factory import Maker, RecordedMachine, Sent, Source, own_messages
 from swath.record.motion_messages import OdometryMessages, StateMessages, speed_messages, steering_messages
 from swath.record.positioning_messages import fix_messages, imu_messages, pose_messages
-from swath.record.scan_messages import scan_messages, truth_messages
+from swath.record.scan_messages import image_messages, scan_messages, truth_messages
 from swath.signals import (
     CropEdge,
     Fix,

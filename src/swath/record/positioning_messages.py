@@ -6,9 +6,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.record.message_factory import MessageFactory
-from swath.record.messages import EXACT, UNKNOWN, Sent, Source
-from swath.record.templates import Draft
+from swath.record.message_factory import EXACT, UNKNOWN, Draft, MessageFactory, Sent, Source
 from swath.signals import F64, FIX_QUALITIES, Fix, Inertial, PoseEstimate
 
 STATUS = {"none": -1, "single": 0, "dgps": 1, "float": 2, "fix": 2}  # sensor_msgs/NavSatStatus

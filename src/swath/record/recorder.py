@@ -14,11 +14,9 @@ from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.record.formats import ABOUT, RECORDING
 from swath.record.mcap_file import McapFile
-from swath.record.message_factory import plain_names
-from swath.record.messages import RecordedMachine
+from swath.record.message_factory import Draft, RecordedMachine, plain_names
 from swath.record.messenger import Messenger
 from swath.record.samples import BLOCK_NS, Blocks, is_recordable
-from swath.record.templates import Draft
 from swath.record.tracks import Column, Tracks, read_tracks, write_tracks
 from swath.signals import Signal
 

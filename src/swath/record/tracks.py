@@ -24,7 +24,7 @@ from swath.core.unnamed_file import UnnamedFile
 from swath.core.whole_file import new_file
 from swath.documents.packed import readable
 from swath.record.formats import TRACKS, check_format
-from swath.record.messages import RecordedMachine
+from swath.record.message_factory import RecordedMachine
 from swath.signals import MachineState, Signal
 
 Latest = Mapping[type[Signal], Any]  # newest sample of each type

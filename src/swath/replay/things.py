@@ -12,7 +12,7 @@ from swath.field.contact import bounds, frames_along, parts_of
 from swath.field.memory_layout import Solids
 from swath.field.obstacles import Path, Thing
 from swath.field.obstacles import things_of as things_in
-from swath.field.way import Way
+from swath.field.track import Way
 from swath.replay.machines import Columns
 from swath.runtime.changes import OBSTACLES
 from swath.runtime.world import World

@@ -8,7 +8,7 @@ import numpy as np
 
 from swath.core.frames import Pose
 from swath.field.memory_layout import PAGE_NODES, PAGE_TILES, Solids
-from swath.record.messages import RecordedMachine
+from swath.record.message_factory import RecordedMachine
 from swath.signals import F64, CropEdge, MachineState, Scan, ScanTruth, Signal
 
 SPACING_M = 2.0  # between kept scans at first; doubles whenever MOST are kept

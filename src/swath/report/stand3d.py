@@ -23,7 +23,7 @@ from swath.field.memory_layout import (
     PlantLibrary,
     Shape,
 )
-from swath.record.messages import RecordedMachine
+from swath.record.message_factory import RecordedMachine
 from swath.report.plots import BLUE, INK, ORANGE, figure
 from swath.report.scan_sampler import KeptScan
 from swath.signals import F64

@@ -10,12 +10,12 @@
 Keys and values are those of `--set`. Each change takes effect before the tick at t; what was done is kept in
 `events` and does the same again through `Script`. Of code that is not swath's, and of files that are read,
 only those come in which the scenario names, or who started the run: a change may be somebody else's, over
-ROS 2 or in a recording.
+ROS 2 or in a recording, and files are read with the user's rights.
 """
 
 import dataclasses
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -31,11 +31,54 @@ from swath.field.obstacles import things_of
 from swath.field.solids import merge
 from swath.runtime.assembly import exchange, make_part
 from swath.runtime.world import World
-from swath.scenario.catalogue import CATALOGUE
-from swath.scenario.code import code_of
-from swath.scenario.named_files import files_of, folder_of, named_files
 from swath.scenario.resolved import SlotChoice
-from swath.scenario.scenario import Scenario, parse_scenario
+from swath.scenario.scenario import Scenario, code_of, parse_scenario
+from swath.scenario.slots import CATALOGUE
+
+
+def folder_of(scenario: Scenario) -> Path:
+    """The folder that paths in a scenario start from."""
+    return scenario.file.parent if scenario.file is not None else Path.cwd()
+
+
+def named_files(value: Any, base: Path) -> set[Path]:
+    """What among the texts of a value, however deep, is there as a file or folder, absolute.
+
+    A single word without a dot or slash is a level, a name or a kind, even where something is called so; for
+    `file.py:Class` see `code.py`.
+    """
+    return {path for text in _texts(value) if (path := _there(text, base)) is not None}
+
+
+def files_of(scenario: Scenario) -> set[Path]:
+    """Files and folders that a scenario names."""
+    base = folder_of(scenario)
+    machines = [machine.plain() for machine in scenario.machines.values()]
+    return named_files([scenario.field.plain(), *machines], base)
+
+
+def _there(text: str, base: Path) -> Path | None:
+    if ".py:" in text or not any(mark in text for mark in "./\\~"):
+        return None
+    try:
+        path = (base / Path(text).expanduser()).resolve()
+        return path if path.exists() else None
+    except (OSError, ValueError, RuntimeError):
+        return None
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        value = vars(value)
+    if isinstance(value, str | Path):
+        yield str(value)
+    elif isinstance(value, dict):
+        for part in value.values():
+            yield from _texts(part)
+    elif isinstance(value, list | tuple | set | frozenset):
+        for part in value:
+            yield from _texts(part)
+
 
 OBSTACLES = "obstacles"
 MOST_SECONDS = 1e9  # of a run

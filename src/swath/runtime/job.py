@@ -1,4 +1,4 @@
-"""Jobs: a scenario driven into a folder, from its assembly to the finished summary."""
+"""Jobs: a scenario driven into a folder, from assembly or a saved moment of an earlier run to its summary."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -9,12 +9,14 @@ from typing import Any
 
 from swath import __version__
 from swath.core.abilities import ReadsFiles
-from swath.core.errors import InputError
+from swath.core.errors import InputError, SwathError
 from swath.core.graph import Observer
+from swath.core.packed_state import UnpackableState
 from swath.core.schedule import NS
 from swath.core.stopping import stoppable, unstopped
 from swath.core.whole_file import write_whole
 from swath.documents.contents import hashes
+from swath.judge.evaluation import Evaluation
 from swath.judge.limits import exit_code_of
 from swath.judge.summary import make_summary, write_summary
 from swath.judge.windows import FIELD
@@ -32,9 +34,53 @@ from swath.runtime.inputs import inputs_of
 from swath.runtime.kept import KeptFields
 from swath.runtime.loop import Progress, drive, driven_m, has_arrived
 from swath.runtime.pacing import Pacer, make_pacer, paced
-from swath.runtime.resume import Resumed, UnusableSave
+from swath.runtime.saves import read_save, saved_before
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
+
+
+class UnusableSave(SwathError):
+    """A save turned out not to fit after it was taken over: the run has to begin at the start."""
+
+
+@dataclass(frozen=True)
+class Resumed:
+    """Brings a run to a saved moment. The run has been assembled, and nothing has seen it yet."""
+
+    world: World
+    digest: Digest
+    evaluation: Evaluation
+    recorder: Recorder
+    changes: Interventions
+
+    def load(self, start: Start, events: Sequence[Mapping[str, Any]]) -> int:
+        """Load the newest save before the branch; 0 where there is none. Returns how many events it holds.
+
+        UnusableSave.
+        """
+        for data in saved_before(start.folder, start.at) if start.saves else ():
+            try:
+                state = read_save(data, start.folder, self.evaluation.shared)
+            except UnpackableState:
+                continue
+            done = len(state["events"])
+            if list(events[:done]) == state["events"]:
+                self._take(state, start.folder)
+                return done
+        return 0
+
+    def _take(self, state: Mapping[str, Any], folder: Path) -> None:
+        try:
+            self.world.reset()
+            for event in state["events"]:
+                self.changes.set(round(event["t_s"] * NS), event["set"], event["value"])
+            self.world.load(state["world"])
+            self.digest.load(state["digest"])
+            self.evaluation.load(state["evaluation"])
+            self.recorder.load(state["recorder"], folder)
+        except (SwathError, LookupError, TypeError, ValueError, AttributeError) as error:
+            raise UnusableSave(f"a save of {folder} does not fit ({error})") from error
+
 
 CHANGED = "# changed on the way: swath run THIS --events THIS repeats it, THIS being the folder of the run\n"
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.signal import Signal
-from swath.documents.hints import near_miss
+from swath.documents.validation import near_miss
 from swath.field.field import Field
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import Machine

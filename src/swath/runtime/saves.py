@@ -3,6 +3,8 @@
 A save is what a world, its digest, evaluators and recorder remember. Of the field it holds only places in
 `field.bin`, to which a page is added when it was changed since the save before. Tracks and recording are not
 saved: who goes on copies the beginning of theirs.
+
+`SavesField` is the run hook of `swath run --save-field`.
 """
 
 import shutil
@@ -18,9 +20,30 @@ from swath.core.errors import InputError, SwathError
 from swath.core.packed_state import MAGIC, UnpackableState, pack, unpack
 from swath.core.schedule import NS
 from swath.core.whole_file import new_file, open_to_append, own_folder, write_whole
+from swath.field.state_file import write_state
+from swath.runtime.field_state import about
 from swath.runtime.folder import PAGES, SAVED, SAVES
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
+
+
+class SavesField(RunHook):
+    """Writes the field's state after a run."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        self._world: World | None = None
+
+    def begin(self, run: ActiveRun) -> None:
+        """Remember whose field it is."""
+        self._world = run.world
+
+    def finish(self, summary: Mapping[str, Any]) -> None:
+        """Write it, also of a run that was stopped."""
+        if self._world is not None:
+            self.file.parent.mkdir(parents=True, exist_ok=True)
+            write_state(self.file, self._world.field.save(), about(self._world.scenario))
+
 
 EVERY_S = 5.0
 SHORTEST_S = 0.1

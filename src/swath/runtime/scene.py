@@ -13,7 +13,7 @@ from swath.core.random import Stream
 from swath.core.schedule import NS, Slot, from_hz
 from swath.field.obstacles import Path, Thing
 from swath.field.site_setup import Bodies
-from swath.field.way import Way
+from swath.field.track import Way
 from swath.record.recorder import SCENE
 from swath.signals import OBSTACLE_KINDS, MachineState, Obstacles
 

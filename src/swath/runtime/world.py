@@ -21,7 +21,7 @@ from swath.machine.body.body import MachineBody
 from swath.machine.header.header_kinematics import HeaderKinematics
 from swath.machine.machine_sheet import MachineSheet
 from swath.machine.towing import pose_of
-from swath.record.messages import RecordedMachine
+from swath.record.message_factory import RecordedMachine
 from swath.runtime.scene import Walkers
 from swath.scenario.resolved import MachineSection
 from swath.scenario.scenario import Scenario

@@ -10,7 +10,7 @@ from typing import Any
 
 from swath.core.errors import InputError, SwathError
 from swath.core.registry import installed
-from swath.documents.hints import near_miss, unknown_key
+from swath.documents.validation import near_miss, unknown_key
 from swath.documents.yaml_document import KeyPath
 from swath.scenario.resolved import Expectation, MachineSection
 from swath.scenario.section_reader import SectionReader

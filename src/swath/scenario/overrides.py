@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from swath.core.errors import InputError, SwathError, shortened
-from swath.documents.hints import unknown_key
-from swath.documents.validation import known_keys
+from swath.documents.validation import known_keys, unknown_key
 from swath.documents.yaml_document import Document, KeyPath, Place, key_path, parse_value
-from swath.scenario.catalogue import Catalogue
 from swath.scenario.sections import SlotCommon
+from swath.scenario.slots import Catalogue
 from swath.scenario.versions import SECTIONS, short_key
 
 

@@ -5,26 +5,28 @@
 
 Reading checks everything that can be known without building the field. Every error names the key, its value,
 what was expected, the file and the line.
+
+`code_of` is what a scenario brings along of code; `find_slots` takes slots by the names that people type.
 """
 
 import dataclasses
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.core.foreign_code import Gate, present_gate
+from swath.core.foreign_code import Gate, NamesCode, file_of, is_allowed, present_gate
 from swath.documents.data_sheets import expected_name, find_sheet, sheet_names
 from swath.documents.yaml_document import Document, dump, key_path, parse, read_document
-from swath.scenario.catalogue import CATALOGUE, Catalogue
 from swath.scenario.expectations import plain_expect
 from swath.scenario.overrides import apply_overrides
 from swath.scenario.reader import read_sections
-from swath.scenario.resolved import Expectation, FieldSection, MachineSection, RealTimeSection
+from swath.scenario.resolved import Expectation, FieldSection, LevelChoice, MachineSection, RealTimeSection
 from swath.scenario.sections import Run
+from swath.scenario.slots import CATALOGUE, Catalogue
 from swath.scenario.versions import FORMAT, lift_machines
 
 
@@ -186,3 +188,65 @@ def find_scenario(source: str | Path) -> Path:
         raise InputError("scenario", str(source), expected_name("scenarios", str(source))) from None
     expected = "expected a run folder, it has no scenario.yaml" if path.is_dir() else "there is no such file"
     raise InputError("scenario", str(source), expected)
+
+
+def code_of(scenario: Scenario) -> list[Path]:
+    """Files with code that a scenario names, without crop habits, which data sheets name."""
+    references = [r for _, choice in _choices(scenario) for r in _named(choice)]
+    references += [reference for reference in scenario.evaluators if ".py:" in reference]
+    return list(dict.fromkeys(file_of(reference, _base(scenario)) for reference in references))
+
+
+def slots_without_code(scenario: Scenario) -> list[str]:
+    """Full names of the slots that can be made with what may run."""
+    base = _base(scenario)
+    slots = [(f"{m.name}.{slot}", c) for m in scenario.machines.values() for slot, c in m.slots.items()]
+    return [name for name, choice in slots if all(is_allowed(r, base) for r in _named(choice))]
+
+
+def _choices(scenario: Scenario) -> Iterator[tuple[str, LevelChoice]]:
+    """Every level that a scenario chose, with its key."""
+    for name, ground in (("field.terrain", scenario.field.terrain), ("field.stand", scenario.field.stand)):
+        if ground is not None:
+            yield name, ground
+    for machine in scenario.machines.values():
+        yield from ((f"{machine.name}.{slot}", choice) for slot, choice in machine.slots.items())
+    if scenario.realtime is not None:
+        yield from scenario.realtime.cheaper
+
+
+def _base(scenario: Scenario) -> Path:
+    return scenario.file.parent if scenario.file is not None else Path.cwd()
+
+
+def _named(choice: LevelChoice) -> list[str]:
+    own = [choice.level] if ".py:" in choice.level else []
+    return [*own, *choice.params.foreign_code] if isinstance(choice.params, NamesCode) else own
+
+
+def slot_names(scenario: Scenario) -> tuple[str, ...]:
+    """Full names of all slots of machines, in the order in which they run: `combine.process`."""
+    return tuple(f"{m.name}.{slot}" for m in scenario.machines.values() for slot in m.slots)
+
+
+def find_slots(scenario: Scenario, wanted: Sequence[str], *, key: str) -> tuple[str, ...]:
+    """Full names in the order in which they run. `process` will do where there is one machine.
+
+    key: what the user wrote them under. InputError where there is no such slot, or none is named.
+    """
+    there = slot_names(scenario)
+    found = set()
+    for slot in wanted:
+        full = [name for name in there if slot in (name, name.rpartition(".")[2])]
+        if len(full) != 1:
+            raise InputError(key, slot, f"expected one of {', '.join(there)}")
+        found.add(full[0])
+    if not found:
+        raise InputError(key, None, f"expected one or more of {', '.join(there)}")
+    return tuple(name for name in there if name in found)
+
+
+def short_names(scenario: Scenario) -> dict[str, str]:
+    """Full name -> the name without its machine, where there is only one."""
+    is_one = len(scenario.machines) == 1
+    return {name: name.partition(".")[2] if is_one else name for name in slot_names(scenario)}

@@ -13,7 +13,6 @@ from typing import Any
 from swath.core.registry import installed
 from swath.core.units import split_unit
 from swath.documents.validation import schema_of
-from swath.scenario.catalogue import CATALOGUE, Catalogue
 from swath.scenario.sections import (
     FieldCommon,
     Head,
@@ -25,6 +24,7 @@ from swath.scenario.sections import (
     StartAlongEdge,
     StartPose,
 )
+from swath.scenario.slots import CATALOGUE, Catalogue
 from swath.scenario.versions import FORMAT
 
 Node = dict[str, Any]

@@ -10,11 +10,10 @@ from swath.core.errors import InputError, SwathError
 from swath.core.foreign_code import NamesCode, is_allowed, is_left, refusal
 from swath.core.registry import Level
 from swath.documents.data_sheets import find_sheet
-from swath.documents.hints import unknown_key
-from swath.documents.validation import known_keys, validate
+from swath.documents.validation import known_keys, unknown_key, validate
 from swath.documents.yaml_document import Document, KeyPath, read_document
-from swath.scenario.catalogue import Catalogue
 from swath.scenario.resolved import UnreadParams
+from swath.scenario.slots import Catalogue
 
 SHEETS = {"machine": "machines", "sensor": "sensors", "crop": "crops"}
 NAME = re.compile(r"^[A-Za-z_][A-Za-z0-9_-]{0,40}$")  # of a machine or an edge

@@ -4,8 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
-from swath.documents.hints import NAME_PATTERN, WIRE_PATTERN
-from swath.documents.validation import STRICT
+from swath.documents.validation import NAME_PATTERN, STRICT, WIRE_PATTERN
 
 Seconds = Annotated[float, Field(ge=0, le=1e6)]
 Share = Annotated[float, Field(ge=0, le=100)]

@@ -6,7 +6,7 @@ machine may have the name of a section.
 
 from swath.core.errors import MIGRATED_BY, InputError
 from swath.documents.data_sheets import KINDS, VERSION
-from swath.documents.hints import unknown_key
+from swath.documents.validation import unknown_key
 from swath.documents.yaml_document import Document, KeyPath
 
 FORMAT = "swath scenario 2"

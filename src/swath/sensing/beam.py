@@ -16,7 +16,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.portable import log1p
-from swath.rays.spots import Spots
+from swath.rays.hits import Spots
 from swath.signals import F64
 
 Profile = Literal["uniform", "gaussian"]

@@ -14,9 +14,8 @@ from swath.core.random import Stream
 from swath.kernels import filled
 from swath.rays.heights import HeightCaster
 from swath.rays.single.buffers import BeamBuffer
-from swath.sensing.echo import least_energy
+from swath.sensing.echo import Weather, disturb, least_energy
 from swath.sensing.scanner import Scanner
-from swath.sensing.weather import Weather, disturb
 from swath.signals import F32, F64
 
 ANY = -1

@@ -17,7 +17,7 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
 
     evaluators: of the scenario's own
     """
-    from swath.scenario.catalogue import CATALOGUE
+    from swath.scenario.slots import CATALOGUE
 
     known = CATALOGUE.judged(evaluators).metrics
     machines = summary.get("machines", {})

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from swath.core.registry import Level
 from swath.core.units import DEG
+from swath.field.crop_sheet import Weeds
 from swath.field.field_setup import FieldSetup, drilled, from_azimuth
 from swath.field.plants.drawing import Detail
-from swath.field.weeds import Weeds
 from swath.field.wind import Wind
 
 Array = NDArray[np.float64]

@@ -17,9 +17,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.together import Samples, field_of
 from swath.field.present_edge import SIDE_M, STEP_M, Holes, crop_across, edges_of
-from swath.judge.evaluator import EvaluatorSetup, Metric
-from swath.judge.kept_rows import KeptRows
-from swath.judge.statistics import mean, rms
+from swath.judge.evaluator import EvaluatorSetup, KeptRows, Metric, mean, rms
 from swath.judge.together import Bits, Table
 from swath.kernels import of_worlds, repeatable, shared
 from swath.record.tracks import Column

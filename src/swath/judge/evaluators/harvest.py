@@ -7,9 +7,8 @@ import numpy as np
 from swath.core import portable
 from swath.core.registry import Level
 from swath.core.together import Samples, field_of
-from swath.judge.evaluator import EvaluatorSetup, Metric
+from swath.judge.evaluator import EvaluatorSetup, Metric, ratio
 from swath.judge.header_path import HeaderPath, HeaderPaths
-from swath.judge.statistics import ratio
 from swath.judge.together import Bits
 from swath.signals import CropFlow, MachineState, Signal
 

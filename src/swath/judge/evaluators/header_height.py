@@ -6,8 +6,7 @@ import numpy as np
 
 from swath.core.registry import Level
 from swath.core.together import Samples, field_of
-from swath.judge.evaluator import EvaluatorSetup, Metric
-from swath.judge.kept_rows import KeptRows
+from swath.judge.evaluator import EvaluatorSetup, KeptRows, Metric
 from swath.judge.together import Bits
 from swath.signals import CropFlow, HeaderState, MachineState, Signal
 

@@ -7,9 +7,8 @@ import numpy as np
 
 from swath.core.registry import Level
 from swath.core.together import Samples
-from swath.judge.evaluator import EvaluatorSetup, Metric
+from swath.judge.evaluator import EvaluatorSetup, Metric, even_path, mean, rms
 from swath.judge.header_path import HeaderPath, HeaderPaths
-from swath.judge.statistics import even_path, mean, rms
 from swath.judge.together import Bits
 from swath.record.tracks import Column
 from swath.signals import F64, CropFlow, MachineState, Signal

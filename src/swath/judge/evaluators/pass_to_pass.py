@@ -5,9 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from swath.core.registry import Level
-from swath.judge.evaluator import NEVER, EvaluatorSetup, Metric
-from swath.judge.kept_rows import KeptRows
-from swath.judge.statistics import even_path, mean
+from swath.judge.evaluator import NEVER, EvaluatorSetup, KeptRows, Metric, even_path, mean
 from swath.signals import F64, CropFlow, GuidanceState, MachineState, Signal
 
 GROUP = "Passes"

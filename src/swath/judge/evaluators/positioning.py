@@ -8,9 +8,7 @@ import numpy as np
 from swath.core.portable import solve
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.judge.evaluator import EvaluatorSetup, Event, Metric
-from swath.judge.kept_rows import KeptRows
-from swath.judge.statistics import mean, rms
+from swath.judge.evaluator import EvaluatorSetup, Event, KeptRows, Metric, mean, rms
 from swath.signals import F64, FIX_QUALITIES, Fix, GuidanceState, MachineState, PoseEstimate, Signal
 
 GROUP = "Positioning"

@@ -10,7 +10,7 @@ from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
 from swath.core.errors import InputError
-from swath.documents.hints import unknown_key
+from swath.documents.validation import unknown_key
 
 LOOPBACK = "127.0.0.1"
 TRANSPORTS = ("tcp", "udp", "pty")

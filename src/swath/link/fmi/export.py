@@ -32,8 +32,7 @@ from swath.documents.yaml_document import dump
 from swath.link.fmi.export_slave import FILE, Fmi3Slave, references
 from swath.link.fmi.export_variables import Variable, list_variables
 from swath.link.fmi.units import BASE, parse_unit
-from swath.scenario.scenario import Scenario
-from swath.scenario.slot_names import find_slots
+from swath.scenario.scenario import Scenario, find_slots
 
 NAMES = ("libpython3.so", "libpython3.dylib")
 

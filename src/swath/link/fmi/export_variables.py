@@ -18,8 +18,7 @@ from swath.core.units import split_unit
 from swath.link.fmi.units import known_unit
 from swath.runtime.assembly import assemble, outside_of
 from swath.runtime.world import World
-from swath.scenario.scenario import Scenario
-from swath.scenario.slot_names import short_names
+from swath.scenario.scenario import Scenario, short_names
 from swath.signals.flat import amounts, flat_fields, read
 
 Key = tuple[str, ...]

@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from swath.core.stopping import unstopped
-from swath.link.fmi.archive import unpack_archive
 from swath.link.fmi.calls import FmuError, Group, Library, log_categories, make_groups
-from swath.link.fmi.description import Description, Variable
+from swath.link.fmi.description import Description, Variable, unpack_archive
 
 Numbers = Sequence[float]
 Steps = Sequence[tuple[float, float, Numbers]]  # t, length [s], inputs

@@ -12,8 +12,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from swath.core.errors import InputError
-from swath.link.fmi.archive import BROKEN, reason, unpack_archive
-from swath.link.fmi.description import Description, read_fmu
+from swath.link.fmi.description import BROKEN, Description, read_fmu, reason, unpack_archive
 from swath.link.fmi.units import BASE, Scale, Unit, parse_unit, scale
 
 _SSP = "{http://ssp-standard.org/SSP1/SystemStructure"

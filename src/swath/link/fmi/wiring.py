@@ -7,7 +7,7 @@ from typing import Any
 
 from swath.core.component import Port
 from swath.core.errors import InputError
-from swath.documents.hints import near_miss
+from swath.documents.validation import near_miss
 from swath.link.fmi.description import Description, Variable
 from swath.link.fmi.units import Scale, Unit, describe, parse_unit, scale
 from swath.signals.flat import FlatField, amounts, flat_fields

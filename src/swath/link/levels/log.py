@@ -3,44 +3,331 @@
 From our own run.mcap every sample comes back bit for bit at the moment it was published. From any other
 recording, messages become samples as `record/read/messages.py` says; a sample comes out at the first step
 after its message was received.
+
+In which frame samples of somebody else's recording are is checked by what they show: gravity, and the ground.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import islice
+from math import cos, hypot, isfinite, nan
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.portable import product
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.link.log_sources import (
-    FIX,
-    Params,
-    Source,
-    choose_sources,
-    numbers_of,
-    recording_path,
-    to_local,
-)
-from swath.record.messages import OPTICAL_FRAME
+from swath.core.units import DEG
+from swath.record import positioning_messages as positioning
+from swath.record.message_factory import OPTICAL_FRAME
 from swath.record.read import feed as feeds
 from swath.record.read.feed import Demux, Feed, Record, Timed
 from swath.record.read.fields import Context, is_on_clock, number_at, stamp_in, stamp_of
 from swath.record.read.files import Log, open_log
-from swath.record.read.fixes import read_fixes, states_of_fixes
-from swath.record.read.frame_checks import Lift, check_gravity, lift_of
+from swath.record.read.fixes import TangentPlane, ToLocal, field_plane, read_fixes, states_of_fixes
 from swath.record.read.frames import GROUND, own_mounting, static_links, static_mounting
-from swath.record.read.messages import maker_for
-from swath.signals import Fix, Image, Inertial, MachineState, Scan
+from swath.record.read.messages import maker_for, message_names
+from swath.sensing.mount import Mount
+from swath.signals import F64, Fix, Image, Inertial, MachineState, Scan, Signal
 from swath.signals.flat import build, flat_fields
 from swath.signals.radar import RadarTargets
 from swath.signals.setup import LinkSetup
+
+GRAVITY = 9.81  # m/s2
+NEAR_GRAVITY = 0.15  # of it, by which a mean force may be off: bias, scale, braking
+UPRIGHT_DEG = 45.0  # no machine at work leans as far
+DATUM_M = 0.5  # heights that differ by less from the terrain's differ by their errors
+CONSTANT_M = 1.0  # from the 5th to the 95th percentile: what differs by more is no other datum
+UNKNOWN_SD_M = 3.5  # of the height of a receiver without corrections (docs/explanation/sensors.md)
+# Where the force of an upright machine points in the unit's axes -> what turns them to forward, left, up.
+LIKELY = {
+    (2, 1): "z up, but turned by `mount` or /tf_static: `mount: {at: axle, pitch_deg: 0}`",
+    (2, -1): "z down, as in NED or forward, right, down: `mount: {at: axle, roll_deg: 180, pitch_deg: 0}`",
+    (0, 1): "x up: `mount: {at: axle, pitch_deg: -90}`",
+    (0, -1): "x down: `mount: {at: axle, pitch_deg: 90}`",
+    (1, 1): "y up: `mount: {at: axle, roll_deg: 90, pitch_deg: 0}`",
+    (1, -1): "y down: `mount: {at: axle, roll_deg: -90, pitch_deg: 0}`",
+}
+
+
+def check_gravity(key: str, samples: Iterable[Signal], rotation: F64 | None) -> None:
+    """InputError where the mean specific force is none of a machine that stands upright.
+
+    key: for the message; rotation: of pose_machine_sensor, (3, 3), None = the axes are the machine's. An
+    inertial unit measures the force that carries it, upward: +9.81 in z of x forward, y left, z up (REP 145).
+    """
+    rows = [(s.force_x, s.force_y, s.force_z) for s in samples if isinstance(s, Inertial)]
+    known = np.array([row for row in rows if np.isfinite(row).all()])
+    if len(known) == 0:
+        return
+    own = known.mean(axis=0)
+    force = own if rotation is None else product(rotation, own)
+    size = hypot(*force)
+    seen = "{:.2f}, {:.2f}, {:.2f}".format(*force)
+    if abs(size - GRAVITY) > NEAR_GRAVITY * GRAVITY:
+        raise InputError(f"{key}.force", seen, f"expected {GRAVITY} m/s2 upward in the mean; {_unit(size)}")
+    if force[2] >= cos(UPRIGHT_DEG * DEG) * size:
+        return
+    axis = int(np.argmax(np.abs(own)))
+    likely = LIKELY[axis, 1 if own[axis] > 0 else -1]
+    if abs(own[axis]) < cos(UPRIGHT_DEG * DEG) * size:
+        likely = "aslant: `mount` says how it sits"
+    raise InputError(
+        f"{key}.force", seen, f"expected +{GRAVITY} in z (x forward, y left, z up); it is {likely}"
+    )
+
+
+def _unit(size: float) -> str:
+    if abs(size - 1.0) < NEAR_GRAVITY:
+        return "it is in g: `scale: {inertial.force_x: 9.81, inertial.force_y: 9.81, inertial.force_z: 9.81}`"
+    return "gravity is left out of it" if size < 1.0 else "it is in another unit: `scale`"
+
+
+@dataclass(frozen=True)
+class Lift:
+    """How heights lie against the terrain. above: in the mean [m]; low, high: 5th and 95th percentile
+    ground: height of the terrain at x, y
+    """
+
+    above: float
+    low: float
+    high: float
+    ground: Callable[[F64, F64], F64]
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether another zero of heights explains it."""
+        return self.high - self.low <= CONSTANT_M
+
+    def note(self, *, is_mended: bool) -> str:
+        """What the user should know; is_mended: samples are put where they belong by `lifted`."""
+        side = "above" if self.above > 0 else "below"
+        told = (
+            f"the track lies {abs(self.above):.1f} m {side} the terrain ({self.low:.1f} to {self.high:.1f})"
+        )
+        if self.is_constant:
+            done = "; taken off" if is_mended else ""
+            return f"{told}: another datum of heights (ellipsoid, geoid), or the antenna's height{done}"
+        done = "; put on the terrain" if is_mended else ""
+        return f"{told}: it was not recorded on this terrain{done}"
+
+    def lifted(self, sample: Signal) -> Signal:
+        """A MachineState on the terrain."""
+        if not isinstance(sample, MachineState):
+            return sample
+        x, y, z = sample.pose.position
+        z = z - self.above if self.is_constant else self.ground(np.array([x]), np.array([y]))[0]
+        return replace(sample, pose=Pose(np.array([x, y, z]), sample.pose.rotation))
+
+
+def lift_of(
+    samples: Iterable[Signal], ground: Callable[[F64, F64], F64], antenna: float = 0.0
+) -> Lift | None:
+    """How a track lies over the terrain; None where it lies on it, as far as its errors let that be seen.
+
+    antenna: height above ground of what fixes are of [m]
+    """
+    rows = [row for s in samples if np.isfinite(row := _place(s, antenna)).all()]
+    if not rows:
+        return None
+    x, y, z, sd = np.array(rows).T
+    low, middle, high = (float(v) for v in np.percentile(z - ground(x, y), (5, 50, 95)))
+    slack = 4.0 * float(np.median(sd))
+    if abs(middle) <= DATUM_M + slack and high - low <= CONSTANT_M + 2.0 * slack:
+        return None
+    return Lift(middle, low, high, ground)
+
+
+def _place(sample: Signal, antenna: float) -> tuple[float, float, float, float]:
+    """x, y, z on the ground and sd of the height [m]; nan where there is none."""
+    if isinstance(sample, Fix):
+        sd = sample.vertical_sd if isfinite(sample.vertical_sd) else UNKNOWN_SD_M
+        return sample.x, sample.y, sample.z - antenna, sd
+    if isinstance(sample, MachineState):
+        x, y, z = (float(v) for v in sample.pose.position)
+        return x, y, z, 0.0
+    return nan, nan, nan, nan
+
+
+FIX = "sensor_msgs/msg/NavSatFix"
+BESIDE: dict[type[Signal], str] = {
+    Scan: "_points",
+    Fix: positioning.BESIDE,
+}  # suffix of topics with more detail than the output's own
+
+
+@dataclass(frozen=True)
+class GeoOrigin:
+    """Where local (0, 0, 0) lies: lat_deg, lon_deg on WGS 84, height_m above its ellipsoid."""
+
+    lat_deg: Annotated[float, Ge(-90), Le(90)]
+    lon_deg: Annotated[float, Ge(-180), Le(180)]
+    height_m: Annotated[float, Ge(-1000), Le(10000)] = 0.0
+
+
+@dataclass(frozen=True)
+class Params:
+    """file: .mcap, .bag or .db3; folder: a run folder or the folder of a rosbag 2; one of the two
+
+    slot: machine.slot that was recorded, where it is called otherwise than here (our own recordings)
+    topics: output: topic, or output.number: topic:path.in.message (other recordings)
+    constants: output.number: value, for numbers that no topic has; values: the same, its older name
+    scale: output.number: factor, where a message has other units than SI and radians
+    start_s: where in the recording the run starts, from its first message
+    clock: a sample comes out when its message was received, or at its stamp
+    between: two samples the older one is held, or plain numbers are interpolated
+    end: the run ends after the last sample of a topic, or holds it until the log ends
+    gap_s: longer ones are reported (default: three times the usual interval)
+    mount: of the sensor (default: as recorded)
+    origin: of NavSatFix positions (default: the first one); field_folder: or that of a field folder
+    antenna_m: x, y, z of the receiver on the machine (default: as recorded, or by /tf_static)
+    """
+
+    file: str | None = None
+    folder: str | None = None
+    slot: str | None = None
+    topics: dict[str, str] = field(default_factory=dict)
+    constants: dict[str, bool | float] = field(default_factory=dict)
+    values: dict[str, bool | float] = field(default_factory=dict)
+    scale: dict[str, float] = field(default_factory=dict)
+    start_s: Annotated[float, Ge(0), Le(1e7)] = 0.0
+    clock: Literal["received", "stamp"] = "received"
+    between: Literal["hold", "interpolate"] = "hold"
+    end: Literal["topic", "log"] = "topic"
+    gap_s: Annotated[float, Gt(0), Le(1e6)] | None = None
+    mount: Mount | None = None
+    origin: GeoOrigin | None = None
+    field_folder: str | None = None
+    antenna_m: tuple[float, float, float] | None = None
+
+    @property
+    def fixed(self) -> dict[str, bool | float]:
+        """`constants`, under either name."""
+        return {**self.values, **self.constants}
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where an output comes from. topics: one, or those of its numbers; numbers: name -> (topic, path)."""
+
+    port: Port
+    topics: tuple[str, ...]
+    is_exact: bool = False
+    numbers: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+
+
+def recording_path(params: Params, base: Path) -> Path:
+    """The recording. InputError unless there is exactly one of file and folder."""
+    given = [text for text in (params.file, params.folder) if text is not None]
+    if len(given) != 1:
+        raise InputError("file", params.file, "expected either file or folder")
+    return base / given[0]
+
+
+def choose_sources(
+    params: Params, setup: LinkSetup, log: Log, types: Mapping[str, str], recorded: str
+) -> list[Source]:
+    """What the outputs come from. InputError where the recording has nothing for them."""
+    if params.topics:
+        return _mapped(params, setup, types)
+    found: list[Source] = []
+    ports = {p.name: p for p in setup.outputs}
+    context = Context(setup.control.machine.wheelbase)
+    outputs = feeds.own_outputs(log, recorded)
+    for name, is_exact in outputs.items():
+        if is_exact:
+            port = ports.get(name) or feeds.exact_port(log, recorded, name)
+            found.append(Source(port, (feeds.exact_topic(recorded, name),), is_exact=True))
+    for name, port in ports.items():
+        near = [n for n in (name + BESIDE.get(port.signal, ""), name) if n in outputs]
+        if near and not outputs.get(name):
+            topic = f"/{recorded.replace('.', '/')}/{near[0]}"
+            if maker_for(port.signal, types[topic], context) is not None:
+                found.append(Source(port, (topic,)))
+    if not found:
+        fitting = sorted(
+            types, key=lambda t: not any(_can_be(p.signal, types[t], context) for p in ports.values())
+        )
+        listed = ", ".join(f"{t} ({types[t].rpartition('/')[2]})" for t in fitting) or "nothing"
+        expected = f"expected topics for {', '.join(ports)}, the recording has no {recorded}; it has {listed}"
+        raise InputError("topics", None, expected, file=log.path)
+    return found
+
+
+def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[Source]:
+    """The outputs that `topics` names, in the slot's order."""
+    ports = {p.name: p for p in setup.outputs}
+    context = Context(setup.control.machine.wheelbase)
+    whole: dict[str, str] = {}
+    numbers: dict[str, dict[str, tuple[str, str]]] = {}
+    for key in (*params.topics, *params.fixed):
+        name, _, number = key.partition(".")
+        if name not in ports:
+            raise InputError("topics", key, f"expected output or output.number; outputs: {', '.join(ports)}")
+        if number and number not in flat_fields(ports[name].signal):
+            listed = ", ".join(flat_fields(ports[name].signal))
+            raise InputError("topics", key, f"expected one of {listed} after {name}.")
+    for key, text in params.topics.items():
+        topic, _, path = text.partition(":")
+        name, _, number = key.partition(".")
+        if topic not in types:
+            signal = ports[name].signal
+            fitting = sorted(types, key=lambda t: not _can_be(signal, types[t], context))
+            raise InputError("topics", topic, f"expected one of {', '.join(fitting) or 'none'}")
+        if number:
+            numbers.setdefault(name, {})[number] = (topic, path or "data")
+        else:
+            signal = ports[name].signal
+            if not _can_be(signal, types[topic], context):
+                expected = (
+                    f"expected a topic of {', '.join(message_names(signal))}, or {name}.NUMBER: TOPIC:PATH"
+                )
+                raise InputError("topics", f"{topic} ({types[topic]})", expected)
+            whole[name] = topic
+    if both := sorted(set(whole) & set(numbers)):
+        raise InputError("topics", both[0], "expected a topic for the output or for its numbers, not both")
+    for name, given in numbers.items():
+        fixed = numbers_of(name, params.fixed)
+        lacking = [
+            f.name
+            for f in flat_fields(ports[name].signal).values()
+            if f.default is None and f.name not in given and f.name not in fixed
+        ]
+        if lacking:
+            raise InputError("topics", name, f"expected topics or constants for {', '.join(lacking)} too")
+    made = {n: Source(ports[n], (t,)) for n, t in whole.items()}
+    made |= {
+        n: Source(ports[n], tuple(dict.fromkeys(t for t, _ in given.values())), numbers=given)
+        for n, given in numbers.items()
+    }
+    return [made[name] for name in ports if name in made]
+
+
+def _can_be(signal: type[Signal], msgtype: str, context: Context) -> bool:
+    """Whether messages of a type can be made into samples."""
+    return (msgtype == FIX and signal is MachineState) or maker_for(signal, msgtype, context) is not None
+
+
+def numbers_of(port: str, given: Mapping[str, bool | float]) -> dict[str, bool | float]:
+    """Those of `output.number: value` that belong to an output, by number."""
+    lead = f"{port}."
+    return {key.removeprefix(lead): value for key, value in given.items() if key.startswith(lead)}
+
+
+def to_local(params: Params, base: Path) -> ToLocal | None:
+    """From longitude and latitude to the metres of a field folder or of a plane; None: at the first fix."""
+    if params.field_folder is not None:
+        return field_plane(base / params.field_folder)
+    o = params.origin
+    return None if o is None else TangentPlane(o.lon_deg, o.lat_deg, o.height_m)
+
 
 MOUNTED = (Scan, RadarTargets, Image, Fix, Inertial)  # samples of sensors whose place control is told
 CHECKED = 3000  # samples of a signal that say in which frame it is

@@ -1,18 +1,197 @@
-"""The swath side of a slot played by a ROS 2 node: sends every step, collects the answer with its stamp."""
+"""The swath side of a slot played by a ROS 2 node: sends every step, collects the answer with its stamp.
+
+A scan goes as it is, beam by beam: sensor_msgs/PointCloud2, one row per beam and one column per echo.
+
+LaserScan and a cloud of echoes, which the recording holds, are what ROS users know, but they round the angles
+and leave out beams without an echo. This cloud keeps everything to the last bit: the fields `x`, `y`, `z`,
+`intensity` (float32, what a viewer looks for), `range` (float32) and `azimuth`, `elevation`, `time` (float64)
+of every beam; no echo is nan. The stamp is the end of the sweep.
+
+Other samples go as stamped lists of named numbers, sensor_msgs/JointState with `name` and `position`: ROS 2
+has no message for a crop edge or for what is in a threshing drum. JointState is its one stamped list of
+named float64 numbers; every number of a sample goes over it exactly, and viewers plot it by name. A name is
+`port.field`, e.g. `edge.offset`, `odometry.speed`, `state.pose.yaw`, and `port.t_ns` for the time the sample
+is valid for [ns]. Booleans are 0 and 1. A sample that does not exist has no names.
+"""
 
 import logging
 import time
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from swath.core.component import Inputs, Outputs, Port
-from swath.core.errors import SwathError
+from swath.core.errors import InputError, SwathError
 from swath.core.schedule import NS
-from swath.link.ros2.beams import fill_cloud, scan_of
 from swath.link.ros2.middleware import close_node, latched_qos, open_node, set_stamp, stamp_ns, type_of
-from swath.link.ros2.record import check_names, numbers_of_inputs, numbers_of_setup, sample_of
 from swath.signals import Scan, Signal
+from swath.signals.flat import build, flat_fields, is_bulky, read
 from swath.signals.setup import LinkSetup
+
+AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+
+
+def numbers_of(prefix: str, sample: Signal) -> dict[str, float]:
+    """Every number of a sample by name, with its time; an array as `name.0`, `name.1` ..."""
+    found = {f"{prefix}.t_ns": float(sample.t)}
+    for field in flat_fields(type(sample)).values():
+        value = read(sample, field.name)
+        if field.kind == "array":
+            flat = np.ravel(value)
+            found |= {f"{prefix}.{field.name}.{i}": float(v) for i, v in enumerate(flat)}
+        else:
+            found[f"{prefix}.{field.name}"] = float(value)
+    return found
+
+
+def numbers_of_inputs(inputs: Mapping[str, Any]) -> dict[str, float]:
+    """Every number of a slot's inputs; of a scan or an image only its time, `scan.t_ns`.
+
+    Of a port with history, `port.0.field` is the oldest sample's since the last step, and so on; `port.field`
+    is the newest.
+    """
+    found: dict[str, float] = {}
+    for port, value in inputs.items():
+        samples = value if isinstance(value, tuple) else ((value,) if value is not None else ())
+        if not samples:
+            continue
+        if is_bulky(type(samples[-1])):
+            found[f"{port}.t_ns"] = float(samples[-1].t)
+            continue
+        found |= numbers_of(port, samples[-1])
+        if isinstance(value, tuple):
+            for index, sample in enumerate(samples):
+                found |= numbers_of(f"{port}.{index}", sample)
+    return found
+
+
+def numbers_of_setup(setup: LinkSetup) -> dict[str, float]:
+    """What a node gets first: geometry [m, rad], period [s], mountings of the sensors wired to the slot.
+
+    The names of one mounting begin with `setup.mounting.`, of several with `setup.mounting.PORT.`; an
+    inertial unit does not count and always is `setup.mounting.inertial.`.
+    """
+    control = setup.control
+    names = ("wheelbase", "front_track", "rear_track", "max_steer", "header_width", "knife_x", "header_y")
+    found = {
+        "setup.period": control.period,
+        "setup.edge_is_left": float(control.edge_side == "left"),
+        **{f"setup.{name}": float(getattr(control.machine, name)) for name in names},
+    }
+    alone = len(control.mountings.keys() - {"inertial"}) == 1
+    for port, pose in control.mountings.items():
+        lead = "setup.mounting" if alone and port != "inertial" else f"setup.mounting.{port}"
+        values = (*pose.position.tolist(), *pose.euler())
+        found |= {f"{lead}.{axis}": float(v) for axis, v in zip(AXES, values, strict=True)}
+    return found
+
+
+def sample_of(port: Port, t: int, numbers: Mapping[str, float]) -> Signal | None:
+    """The sample of an output port from an answer, None when no name of it is in there.
+
+    It is valid at t [ns], or when `port.t_ns` says so.
+    Raises SwathError that names what is missing or unknown.
+    """
+    lead = f"{port.name}."
+    own = {name[len(lead) :]: value for name, value in numbers.items() if name.startswith(lead)}
+    valid_at = round(own.pop("t_ns", t))
+    if not own:
+        return None
+    fields = flat_fields(port.signal)
+    values: dict[str, Any] = {}
+    arrays: dict[str, dict[int, float]] = {}
+    for name, value in own.items():
+        first, _, index = name.rpartition(".")
+        if index.isdigit() and first in fields and fields[first].kind == "array":
+            arrays.setdefault(first, {})[int(index)] = value
+        else:
+            values[name] = value
+    values |= {name: [rows[i] for i in sorted(rows)] for name, rows in arrays.items()}
+    try:
+        return build(port.signal, valid_at, values)
+    except InputError as error:
+        raise SwathError(f"{port.name}: {error}") from error
+
+
+def check_names(ports: Iterable[Port], numbers: Mapping[str, float]) -> None:
+    """SwathError for a name that starts with none of the ports."""
+    known = tuple(port.name for port in ports)
+    for name in numbers:
+        if name.partition(".")[0] not in known:
+            raise SwathError(
+                f"{name}: expected a name that starts with {' or '.join(f'{p}.' for p in known)}"
+            )
+
+
+LAYOUT = np.dtype(
+    [
+        *((name, "<f4") for name in ("x", "y", "z", "intensity", "range")),
+        ("pad", "<f4"),
+        *((name, "<f8") for name in ("azimuth", "elevation", "time")),
+    ]
+)
+FLOAT32, FLOAT64 = 7, 8  # sensor_msgs/PointField
+NEEDED = ("range", "azimuth", "elevation", "time")
+
+
+def table_of(scan: Scan) -> np.ndarray[Any, Any]:
+    """The cloud's data, shape (beam_count, echo_count)."""
+    table = np.zeros(scan.ranges.shape, dtype=LAYOUT)
+    points = scan.points()
+    for axis, name in enumerate("xyz"):
+        table[name] = points[:, :, axis]
+    table["intensity"], table["range"] = scan.intensity, scan.ranges
+    for name, column in (("azimuth", scan.azimuth), ("elevation", scan.elevation), ("time", scan.beam_t)):
+        table[name] = column[:, None]
+    return table
+
+
+def fill_cloud(message: Any, scan: Scan, make_field: Any) -> Any:
+    """Fill a PointCloud2 but for its header. make_field: the class sensor_msgs.msg.PointField."""
+    table = table_of(scan)
+    message.height, message.width = table.shape
+    message.fields = [
+        make_field(
+            name=name, offset=int(offset), datatype=FLOAT32 if kind.itemsize == 4 else FLOAT64, count=1
+        )
+        for name, (kind, offset, *_) in (LAYOUT.fields or {}).items()
+        if name != "pad"
+    ]
+    message.is_bigendian, message.is_dense = False, False
+    message.point_step, message.row_step = LAYOUT.itemsize, LAYOUT.itemsize * table.shape[1]
+    message.data = table.tobytes()
+    return message
+
+
+def scan_of(message: Any, t: int) -> Scan:
+    """The scan of such a cloud; fields may lie in any order and be float32 or float64.
+
+    `intensity` may be missing (then nan). SwathError for a cloud that lacks another field.
+    """
+    kinds = {FLOAT32: "f4", FLOAT64: "f8"}
+    order = ">" if message.is_bigendian else "<"
+    fields = {f.name: (order + kinds[f.datatype], f.offset) for f in message.fields if f.datatype in kinds}
+    if missing := [name for name in NEEDED if name not in fields]:
+        raise SwathError(f"a scan's cloud has no field {missing[0]} of float32 or float64")
+    formats, offsets = zip(*fields.values(), strict=True)
+    layout = np.dtype(
+        {
+            "names": list(fields),
+            "formats": list(formats),
+            "offsets": list(offsets),
+            "itemsize": message.point_step,
+        }
+    )
+    table = np.frombuffer(bytes(message.data), dtype=layout).reshape(message.height, message.width)
+    ranges = np.array(table["range"], dtype=np.float32)
+    bright = table["intensity"] if "intensity" in fields else np.full(ranges.shape, np.nan)
+    beam_t, azimuth, elevation = (
+        np.array(table[name][:, 0], dtype=np.float64) for name in ("time", "azimuth", "elevation")
+    )
+    return Scan(t, beam_t, azimuth, elevation, ranges, np.array(bright, dtype=np.float32))
+
 
 JOINT_STATE, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
 DEPTH = 10

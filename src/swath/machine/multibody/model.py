@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from math import fsum, pi
 
 from swath.core.errors import InputError
-from swath.machine.machine_sheet import MachineSheet, masses_of
-from swath.machine.masses import Masses
+from swath.machine.machine_sheet import MachineSheet, Masses, masses_of
 from swath.machine.tyre import GRAVITY
 
 DRIVEN = 1e12  # armature of a joint whose angle is set [kg m2]

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from swath.field.memory_layout import PlantLibrary, Shape
 from swath.kernels import address, filled, repeatable
 from swath.rays.device import ThreadPool, start_warp
-from swath.rays.hits import Hits
+from swath.rays.hits import Hits, Spots
 from swath.rays.packets.packing import Packing
-from swath.rays.spots import Spots
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -1,7 +1,14 @@
-"""Positions of a GNSS receiver as a track of a machine: local metres, heading from the course."""
+"""Positions of a GNSS receiver as a track of a machine: local metres, heading from the course.
 
-from collections.abc import Iterable
+Local metres are those of a field folder (its projected system and origin), or of the plane that touches the
+ellipsoid at an origin: east, north, up from Earth-centred coordinates (WGS 84; Misra and Enge, Global
+Positioning System, 2nd ed., ch. 4.A).
+"""
+
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from math import cos, radians, sin
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,12 +16,61 @@ import numpy as np
 from swath.core import portable
 from swath.core.errors import InputError
 from swath.core.frames import Pose, wrap_angle
+from swath.core.portable import product
 from swath.core.schedule import NS
 from swath.record.read.feed import Timed
 from swath.record.read.fields import stamp_of
 from swath.record.read.motion import steer_angle
-from swath.record.read.tangent_plane import TangentPlane, ToLocal
 from swath.signals import F64, MachineState
+
+AXIS = 6_378_137.0  # semi-major axis of WGS 84 [m]
+FLATTENING = 1.0 / 298.257223563
+
+ToLocal = Callable[[F64], F64]  # (n, 3) longitude, latitude [deg], height [m] -> (n, 3) east, north, up [m]
+
+
+@dataclass(frozen=True)
+class TangentPlane:
+    """East, north and up from a point. lon, lat [deg], height above the ellipsoid [m]."""
+
+    lon: float
+    lat: float
+    height: float = 0.0
+
+    def __call__(self, points: F64) -> F64:
+        """Longitude, latitude [deg] and height [m], (n, 3), as east, north, up [m], (n, 3)."""
+        away = _earth_centred(points) - _earth_centred(self._origin)
+        return np.asarray(product(away, self._axes.T))
+
+    @property
+    def _origin(self) -> F64:
+        return np.array([[self.lon, self.lat, self.height]])
+
+    @property
+    def _axes(self) -> F64:
+        """Rows: east, north, up in Earth-centred axes."""
+        sl, cl = sin(radians(self.lon)), cos(radians(self.lon))
+        sp, cp = sin(radians(self.lat)), cos(radians(self.lat))
+        return np.array([[-sl, cl, 0.0], [-sp * cl, -sp * sl, cp], [cp * cl, cp * sl, sp]])
+
+
+def field_plane(folder: Path) -> ToLocal:
+    """The local metres of a field folder. InputError where it is none, MissingExtra without pyproj."""
+    from swath.field_io.folder import read_origin
+
+    origin = read_origin(folder)
+    return lambda p: np.column_stack([origin.to_local(p[:, :2]), p[:, 2] - origin.height])
+
+
+def _earth_centred(points: F64) -> F64:
+    """From Earth's centre [m], (n, 3)."""
+    lon, lat = np.radians(points[:, 0]), np.radians(points[:, 1])
+    squared = FLATTENING * (2.0 - FLATTENING)
+    across = AXIS / np.sqrt(1.0 - squared * np.sin(lat) ** 2)
+    flat = (across + points[:, 2]) * np.cos(lat)
+    up = (across * (1.0 - squared) + points[:, 2]) * np.sin(lat)
+    return np.stack([flat * np.cos(lon), flat * np.sin(lon), up], axis=1)
+
 
 COURSE_M = 1.0  # the heading is the course over at least this much way
 NO_FIX = -1  # sensor_msgs/NavSatStatus.STATUS_NO_FIX

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from swath.record.messages import UNKNOWN
+from swath.record.message_factory import UNKNOWN
 from swath.record.read.fields import Context, Maker, Makers, stamp_of
-from swath.record.read.tangent_plane import TangentPlane
+from swath.record.read.fixes import TangentPlane
 from swath.signals import F64, FIX_QUALITIES, Fix, Inertial
 
 # Horizontal sd up to which a position is called so [m]

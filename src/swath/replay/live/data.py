@@ -5,13 +5,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from swath.core.schedule import NS
-from swath.replay.area import Area
 from swath.replay.charts import CHARTS, WORST
-from swath.replay.collect import area_of
-from swath.replay.layers import Arrays, Layers, Values
+from swath.replay.layers import Area, Arrays, Layers, Values
 from swath.replay.machines import CUTTING_HEIGHT, POSE, STATE, Columns, cutting_height
 from swath.replay.scans import swath_width
 from swath.replay.things import things_of
+from swath.replay.writer import area_of
 from swath.runtime.world import World
 from swath.signals import F64, MachineState
 

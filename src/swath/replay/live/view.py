@@ -3,28 +3,331 @@
 A page sends JSON: {"id": 1, "do": "pause", "value": true}; do: pause, step, speed, set (with "key" and
 "value"; null takes an obstacle away), branch (as set, with "at_s"), and the word `seen` after each frame. The
 answer has the same id, "ok" and "text"; what has changed goes to all pages.
+
+A frame holds the newest row of every machine, and scans, in at most `LARGEST` bytes.
+
+Bytes of a frame: length of a JSON head (uint32, little endian), the head, padded with blanks to a multiple of
+4, the values of its rows (float32), then the echoes of its scans (int16, in `ECHO_UNIT` about their middle).
+
+The page and its websockets are served on the loopback interface, to whoever knows the token of its address.
 """
 
+import hmac
 import json
+import logging
+import secrets
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from http import HTTPStatus
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
 
-from swath.core.errors import shortened
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import MissingExtra, shortened
 from swath.core.schedule import NS
-from swath.judge.evaluation import incident
-from swath.replay.charts import events_of
-from swath.replay.collect import origin_of
-from swath.replay.live.data import live_data, starting_rows
-from swath.replay.live.frames import Frames
-from swath.replay.live.server import Server, Viewer
-from swath.replay.pack import packed
+from swath.judge.evaluation import Evaluation, incident
+from swath.judge.evaluators.edge_detection import EdgeDetection
+from swath.record.tracks import SHOWN_ROWS, Tracks
+from swath.replay.charts import CHARTS, events_of
+from swath.replay.live.data import COLUMNS, ECHO_UNIT, live_data, starting_rows
+from swath.replay.machines import derived, thinned
 from swath.replay.things import things_of
-from swath.replay.writer import render
+from swath.replay.writer import origin_of, packed, render
 from swath.runtime.hooks import ActiveRun, RunHook
-from swath.runtime.request_queue import Reply
-from swath.runtime.run_control import RunControl
+from swath.runtime.run_control import Reply, RunControl
+from swath.runtime.world import World
+from swath.signals import F64, MachineLoad, ScanTruth
+
+HOST = "127.0.0.1"
+PATIENCE_S = 60.0  # for the world, of a browser that comes before it is there
+
+
+class Viewer:
+    """One page that is open. A frame is sent once the page has dealt with the one before, so that a slow page
+    sees fewer and neither delays the run nor falls behind; everything else is sent in order.
+    """
+
+    def __init__(self, connection: Any) -> None:
+        self.connection = connection
+        self._messages: deque[bytes | str] = deque()
+        self._frame: bytes | None = None
+        self._is_due = threading.Event()
+        self._is_over = False
+        self.is_free = True  # the page has dealt with its last frame
+        self._sender = threading.Thread(target=self._send, name="viewer", daemon=True)
+        self._sender.start()
+
+    def put(self, message: bytes | str) -> None:
+        """Send a message after those before; comes back at once."""
+        self._messages.append(message)
+        self._is_due.set()
+
+    def show(self, frame: bytes) -> None:
+        """Send a frame, in place of one that still waits; comes back at once."""
+        self._frame = frame
+        self._is_due.set()
+
+    def free(self) -> None:
+        """The page has dealt with its last frame."""
+        self.is_free = True
+        self._is_due.set()
+
+    def close(self) -> None:
+        """Send what waits, then nothing more."""
+        self._is_over = True
+        self._is_due.set()
+        self._sender.join(1.0)
+
+    def _send(self) -> None:
+        from websockets.exceptions import ConnectionClosed
+
+        try:
+            while not self._is_over or self._messages:
+                self._is_due.wait()
+                self._is_due.clear()
+                while self._messages:
+                    self.connection.send(self._messages.popleft())
+                if self.is_free and self._frame is not None:
+                    frame, self._frame, self.is_free = self._frame, None, False
+                    self.connection.send(frame)
+        except (ConnectionClosed, OSError):
+            return
+
+
+class Server:
+    """page: the HTML, asked for once somebody opens the address; talk: called with each viewer, in a thread.
+
+    Raises MissingExtra without websockets.
+    """
+
+    def __init__(self, page: Callable[[float], bytes | None], talk: Callable[[Viewer], None]) -> None:
+        try:
+            from websockets.sync.server import serve
+        except ImportError as error:
+            raise MissingExtra("view", "the live page") from error
+        self._page, self._talk = page, talk
+        self._token = secrets.token_urlsafe(24)
+        quiet = logging.getLogger("swath.live")
+        quiet.addHandler(logging.NullHandler())
+        quiet.propagate = False
+        self._server = serve(
+            self._serve,
+            HOST,
+            0,
+            process_request=self._answer,
+            compression=None,
+            max_size=16_384,
+            close_timeout=1,
+            logger=quiet,
+        )
+        self.port = int(self._server.socket.getsockname()[1])
+        self.origin = f"http://{HOST}:{self.port}"
+        self.address = f"{self.origin}/?token={self._token}"
+        self._thread = threading.Thread(target=self._server.serve_forever, name="live", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Close all viewers."""
+        self._server.shutdown()
+        self._thread.join(5.0)
+
+    def _serve(self, connection: Any) -> None:
+        viewer = Viewer(connection)
+        try:
+            self._talk(viewer)
+        finally:
+            viewer.close()
+
+    def _answer(self, connection: Any, request: Any) -> Any:
+        """A page or a refusal, None for a websocket that is welcome."""
+        if refusal := self._refusal(request):
+            return connection.respond(HTTPStatus.FORBIDDEN, refusal + "\n")
+        path = urlsplit(request.path).path
+        if path == "/live":
+            return None
+        if path != "/":
+            return connection.respond(HTTPStatus.NOT_FOUND, "there is only the page\n")
+        html = self._page(PATIENCE_S)
+        if html is None:
+            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "the run has no page yet\n")
+        response = connection.respond(HTTPStatus.OK, "")
+        response.body = html
+        for name, value in {
+            "Content-Type": "text/html; charset=utf-8",
+            "Content-Length": str(len(html)),
+            "Cache-Control": "no-store",
+            "Referrer-Policy": "no-referrer",
+            "X-Frame-Options": "DENY",
+            "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; img-src data:; "
+            f"style-src 'unsafe-inline'; connect-src ws://{HOST}:{self.port}; frame-ancestors 'none'",
+        }.items():
+            if name in response.headers:
+                del response.headers[name]
+            response.headers[name] = value
+        return response
+
+    def _refusal(self, request: Any) -> str:
+        """Why a request is refused, empty where it is not.
+
+        The Host is checked too: a foreign name that resolves to this machine is no way in.
+        """
+        origins, hosts = (request.headers.get_all(name) for name in ("Origin", "Host"))
+        if any(origin != self.origin for origin in origins):
+            return "expected a page of this run"
+        if hosts != [f"{HOST}:{self.port}"]:
+            return "expected the address that swath printed"
+        given = parse_qs(urlsplit(request.path).query).get("token", [""])
+        if not hmac.compare_digest(given[0].encode(), self._token.encode()):
+            return "expected the token of the address that swath printed"
+        return ""
+
+
+LARGEST = 3000  # of a frame [bytes]
+OF_TRUTH = ("edge_true_m", "edge_error_m")  # judged while the run goes on
+OF_HEADER = {curve.column for chart in CHARTS if chart.of_header for curve in chart.curves}
+STRAW, STRAW_S = "straw_kg", 0.2  # on the ground so far; time between two looks at it [s]
+
+
+class Frames:
+    """Makes the frames of one run. tracks: of its recorder, by machine; origin: places count from it [m]
+
+    straw: per machine times [s] and mass on the ground [kg], as `note` has found them
+    """
+
+    def __init__(
+        self, world: World, tracks: Mapping[str, Tracks], origin: F64, evaluation: Evaluation
+    ) -> None:
+        self.world = world
+        self.origin, self._tracks = origin, tracks
+        self._detections = {
+            name: found
+            for name, machine in world.machines.items()
+            if machine.slots_of("edge") and (found := evaluation.find(name, EdgeDetection)) is not None
+        }
+        self.straw: dict[str, list[tuple[float, float]]] = {name: [] for name in world.machines}
+        self.columns = {
+            n: _shown(tracks[n], has_edge=n in self._detections, cuts=machine.cuts)
+            for n, machine in world.machines.items()
+        }
+        self._shift = {name: _shift(columns, origin) for name, columns in self.columns.items()}
+        self._scanners = [f"{n}.{slot}" for n, m in world.machines.items() for slot in m.slots_of("lidar")]
+        self._sent = [-1] * len(self._scanners)
+
+    def frame(self, t: int) -> bytes:
+        """The world before the tick at t [ns]."""
+        rows = [self._rows(name, self._newest(name)) for name in self.columns]
+        head: dict[str, Any] = {"rows": [row.size for row in rows]}
+        if ways := self._ways(t):
+            head["ways"] = ways
+        fresh = self._fresh()
+        room = LARGEST - 4 - len(_json(head)) - 4 * sum(head["rows"]) - 16 - 60 * len(fresh)
+        scans, points = [], []
+        for k, truth in fresh:
+            middle, echoes = self._echoes(truth, max(room, 0) // (6 * len(fresh)))
+            scans.append([k, truth.t / NS, *(round(float(v), 3) for v in middle), len(echoes)])
+            points.append(echoes)
+        head["scans"] = scans
+        return _packed(head, *(row.tobytes() for row in rows), *(p.tobytes() for p in points))
+
+    def history(self) -> bytes:
+        """All rows so far, thinned as in a replay."""
+        tables = []
+        for name in self.columns:
+            own = self._tracks[name].arrays(is_over=False, most=SHOWN_ROWS)
+            tables.append(self._rows(name, self._completed(name, thinned(own)) if len(own["t_s"]) else {}))
+        return _packed({"history": [list(table.shape) for table in tables]}, *(t.tobytes() for t in tables))
+
+    def note(self) -> None:
+        """Keep how much straw lies on the ground."""
+        for name, straw in self.straw.items():
+            load = self.world.graph.latest(f"{name}.process", "load")
+            if isinstance(load, MachineLoad) and (not straw or load.t / NS >= straw[-1][0] + STRAW_S):
+                straw.append((load.t / NS, load.dropped_straw))
+
+    def _newest(self, name: str) -> dict[str, Any]:
+        """One row of a machine, with the true edge where it is known for the edge of that row."""
+        row: dict[str, Any] = dict(self._tracks[name].newest(self.columns[name]))
+        if row:
+            detection, straw, true = self._detections.get(name), self.straw[name], np.nan
+            if detection is not None and detection.newest_t / NS == row["edge_t_s"][0]:
+                true = detection.true_offset
+            row["edge_true_m"] = np.array([true])
+            row[STRAW] = np.array([straw[-1][1] if straw else np.nan])
+        return derived(row, self.world.machines[name].edge_side)
+
+    def _completed(self, name: str, columns: Mapping[str, Any]) -> dict[str, Any]:
+        """Rows of the past, with true edge and straw."""
+        found, straw = dict(columns), np.array(self.straw[name]).reshape(-1, 2)
+        for column in self._detections[name].columns() if name in self._detections else ():
+            found[column.name] = column.later(found) if column.later is not None else found[column.name]
+        empty = np.full(len(found["t_s"]), np.nan)
+        found[STRAW] = np.interp(found["t_s"], *straw.T) if len(straw) else empty
+        return derived(found, self.world.machines[name].edge_side)
+
+    def _rows(self, name: str, columns: Mapping[str, Any]) -> NDArray[np.float32]:
+        """Rows of what is shown of a machine, (rows, columns)."""
+        if not columns:
+            return np.zeros((0, len(self.columns[name])), np.float32)
+        table = np.stack([columns[c] for c in self.columns[name]], axis=1)
+        return (table - self._shift[name]).astype(np.float32)
+
+    def _fresh(self) -> list[tuple[int, ScanTruth]]:
+        """Scans that were not sent yet."""
+        found = []
+        for k, name in enumerate(self._scanners):
+            truth = self.world.graph.latest(name, "truth")
+            if isinstance(truth, ScanTruth) and truth.t != self._sent[k]:
+                self._sent[k] = truth.t
+                found.append((k, truth))
+        return found
+
+    def _echoes(self, truth: ScanTruth, most: int) -> tuple[F64, NDArray[np.int16]]:
+        """Middle [m] and echoes about it, an even choice of at most `most`."""
+        points = truth.points.reshape(-1, 3)
+        points = points[np.isfinite(points[:, 0])]
+        if len(points) > most:
+            points = points[:: -(-len(points) // most)] if most else points[:0]
+        if not len(points):
+            return np.zeros(3), np.zeros((0, 3), np.int16)
+        places = points - self.origin
+        middle = np.round(places.mean(axis=0), 3)
+        return middle, np.clip(np.rint((places - middle) / ECHO_UNIT), -32767, 32767).astype("<i2")
+
+    def _ways(self, t: int) -> dict[str, list[float]]:
+        """t, x, y, z, yaw of what goes."""
+        found = {}
+        for name in self.world.bodies.going():
+            pose = self.world.bodies.pose_of(name)
+            place = [*(pose.position - self.origin), pose.euler()[2]]
+            found[name] = [t / NS, *(round(float(v), 3) for v in place)]
+        return found
+
+
+def _shown(tracks: Tracks, *, has_edge: bool, cuts: bool) -> list[str]:
+    """Columns of the page that are known while a run goes on. cuts: False for a machine without a header"""
+    names = {c.name for c in tracks.columns if c.later is None or c.is_by_row}
+    names -= set() if cuts else OF_HEADER
+    return [*(c for c in COLUMNS if c in names or (has_edge and c in OF_TRUTH)), STRAW]
+
+
+def _shift(columns: Sequence[str], origin: F64) -> list[float]:
+    axes = {"x_m": 0, "y_m": 1, "trailer_x_m": 0, "trailer_y_m": 1}
+    return [float(origin[axes[c]]) if c in axes else 0.0 for c in columns]
+
+
+def _json(head: Mapping[str, Any]) -> bytes:
+    return json.dumps(head, separators=(",", ":")).encode()
+
+
+def _packed(head: Mapping[str, Any], *parts: bytes) -> bytes:
+    text = _json(head)
+    text += b" " * (-len(text) % 4)
+    return b"".join([len(text).to_bytes(4, "little"), text, *parts])
+
 
 SEEN = "seen"
 PERIOD = NS // 25  # between two frames, on the wall [ns]

@@ -39,8 +39,8 @@ from swath.sensing.camera.lighting import SHADOW_REACH, Lighting, LightSetup
 from swath.sensing.camera.orthophoto import Orthophoto
 from swath.sensing.camera.pinhole import OPTICAL, Pinhole, focal_of
 from swath.sensing.camera.shading import encode, sun_direction
+from swath.sensing.echo import Weather
 from swath.sensing.mount import Mount, poses_at
-from swath.sensing.weather import Weather
 from swath.signals import F64, OBSTACLE_KINDS, Image, MachineState
 from swath.signals.image import ImageBoxes, empty_image
 

@@ -16,9 +16,8 @@ from swath.core.schedule import NS
 from swath.core.units import CM
 from swath.field.site_setup import SiteSetup
 from swath.sensing import CHECKED
-from swath.sensing.gnss.antenna import Antenna, Place, fix_of, no_fix
+from swath.sensing.gnss.antenna import Antenna, Place, TwoAntennas, fix_of, no_fix
 from swath.sensing.gnss.receiver_errors import FIGURES, RECEIVERS, Figures
-from swath.sensing.gnss.two_antennas import TwoAntennas
 from swath.signals import F64, FIX_QUALITIES, Fix, MachineState
 
 Centimetres = Annotated[float, Ge(0), Le(10_000)] | None

@@ -7,8 +7,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
 from swath.sensing import CHECKED
-from swath.sensing.gnss.antenna import Antenna, Place, fix_of, no_fix
-from swath.sensing.gnss.two_antennas import TwoAntennas
+from swath.sensing.gnss.antenna import Antenna, Place, TwoAntennas, fix_of, no_fix
 from swath.signals import FIX_QUALITIES, Fix, MachineState
 
 

@@ -1,12 +1,20 @@
-"""IMU with bias, a random walk of the bias, scale error and white noise."""
+"""IMU with bias, a random walk of the bias, scale error, white noise, and what the machine shakes it.
+
+`UNITS` is the noise of inertial units as their data sheets and tests give it. `Vibration` is what engine,
+threshing drum and sieves add: lines at their frequencies. All three hang on the engine and turn with it. A
+unit reports the mean over its period T, so a line of frequency f comes through with sinc(f T). Frequencies:
+engine half a turn (six cylinders, four strokes: the strongest of the low orders on the frame), drum 9.2 Hz
+(550 1/min), sieves 4.5 Hz (270 1/min), all at rated speed, from memory of machine data; sizes and axes are
+estimates within 0.5 to 2 m/s2 RMS at 2 to 30 Hz.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import sqrt
+from math import cos, pi, sqrt
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port, State
 from swath.core.random import Normals, Stream
@@ -18,11 +26,116 @@ from swath.field.site_setup import SiteSetup
 from swath.kernels import repeatable, shared
 from swath.sensing import CHECKED
 from swath.sensing.imu.imu_step import DRAW, FIRST, LAST_TWO, MADE, READING, SIZE, ImuStep
-from swath.sensing.imu.noise_grades import STANDARD_GRAVITY, UNITS
 from swath.sensing.imu.strapdown import Place, Reading, back
-from swath.sensing.imu.vibration import Shaking, Vibration
 from swath.sensing.normals import AllNormals
 from swath.signals import EngineState, Inertial, MachineState
+
+Force = Annotated[float, Ge(0), Le(50)]
+Rate = Annotated[float, Gt(0), Le(50)]
+# How a line's force lies along x, y, z of the machine, and its rate about them; unit vectors.
+AXES = {
+    "engine": ((0.0, 0.6, 0.8), (1.0, 0.0, 0.0)),
+    "drum": ((0.6, 0.0, 0.8), (0.0, 1.0, 0.0)),
+    "sieves": ((0.8, 0.0, 0.6), (0.0, 1.0, 0.0)),
+}
+LINES = tuple(AXES)
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """engine_m_s2, drum_m_s2, sieves_m_s2: root mean square of each
+    engine_hz, drum_hz, sieves_hz: at rated speed; arm_m: a force at frequency f is felt as a turn too,
+    rate = force / (2 pi f arm)
+    """
+
+    engine_m_s2: Force = 0.4
+    drum_m_s2: Force = 0.5
+    sieves_m_s2: Force = 0.6
+    engine_hz: Rate = 15.8
+    drum_hz: Rate = 9.2
+    sieves_hz: Rate = 4.5
+    arm_m: Annotated[float, Gt(0), Le(100)] = 3.0
+
+
+class Shaking(KeepsState):
+    """Three lines whose phases run on with the engine."""
+
+    kept = ("_phases",)
+
+    def __init__(self, v: Vibration) -> None:
+        self._v = v
+        self._lines = [(name, getattr(v, f"{name}_m_s2"), getattr(v, f"{name}_hz")) for name in LINES]
+        self._phases = [0.0] * len(LINES)
+
+    def reset(self, draws: list[float]) -> None:
+        """draws: uniform numbers of [0, 1), one for each line's phase."""
+        self._phases = [2.0 * pi * d for d in draws]
+
+    def take(self, seconds: float, share: float) -> Reading:
+        """(rate [rad/s], force [m/s2]) of the machine's axes, the mean over so many seconds.
+
+        share: engine speed over rated speed
+        """
+        rate, force = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+        for i, (name, size, frequency) in enumerate(self._lines):
+            turn = 2.0 * pi * frequency * share * seconds
+            begin = self._phases[i]
+            self._phases[i] = (begin + turn) % (2.0 * pi)
+            if turn <= 0.0:
+                continue
+            mean = size * share**2 * sqrt(2.0) * (cos(begin) - cos(begin + turn)) / turn
+            about = mean / (2.0 * pi * frequency * share * self._v.arm_m)
+            for axis in range(3):
+                force[axis] += AXES[name][0][axis] * mean
+                rate[axis] += AXES[name][1][axis] * about
+        return (rate[0], rate[1], rate[2]), (force[0], force[1], force[2])
+
+
+STANDARD_GRAVITY = 9.80665  # of the unit g in data sheets [m/s2]
+HOUR = 3600.0
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One kind of sensor; its unit is rad/s or m/s2.
+
+    density: of its white noise [unit/sqrt(Hz)], as data sheets give it: the Allan deviation at 1 s
+    instability: the least Allan deviation [unit]
+    """
+
+    density: float
+    instability: float
+
+    @property
+    def walk(self) -> float:
+        """Density K of a random walk of the bias [unit/sqrt(s)] that gives this least Allan deviation.
+
+        White noise N and such a walk have the Allan variance N^2 / tau + K^2 tau / 3 (IEEE Std 952-1997,
+        annex C), with the minimum 2 N K / sqrt(3).
+        """
+        return self.instability**2 * sqrt(3.0) / (2.0 * self.density) if self.density > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class Unit:
+    """An inertial unit: its gyroscopes [rad/s] and accelerometers [m/s2]."""
+
+    gyro: Axis
+    accel: Axis
+
+
+def _unit(gyro_deg_s: float, gyro_deg_h: float, accel_ug: float, accel_mg: float) -> Unit:
+    accel = Axis(accel_ug * 1e-6 * STANDARD_GRAVITY, accel_mg * 1e-3 * STANDARD_GRAVITY)
+    return Unit(Axis(gyro_deg_s * DEG, gyro_deg_h * DEG / HOUR), accel)
+
+
+# deg/s/sqrt(Hz), deg/h, ug/sqrt(Hz), mg; where they are from: docs/explanation/sensors.md
+UNITS = {
+    "mti-1": _unit(0.007, 10.0, 120.0, 0.03),
+    "adis16470": _unit(0.34 / 60.0, 8.0, 0.037 / 60.0 / STANDARD_GRAVITY * 1e6, 0.013),
+    "bmi088": _unit(0.014, 15.0, 175.0, 0.035),
+}
+
 
 Share = Annotated[float, Ge(0), Le(30)]
 Factor = Annotated[float, Ge(0), Le(1000)]

@@ -25,7 +25,7 @@ from swath.field.memory_layout import Organ
 from swath.field.site_setup import SiteSetup
 from swath.rays.bodies import BodyCaster
 from swath.rays.spread import AXES, SpreadTable
-from swath.sensing.lidar.scanning import OutdoorParams, ScanningLidar
+from swath.sensing.scanner import OutdoorParams, ScanningLidar
 from swath.sensing.single import SingleRays
 from swath.sensing.tables import load_table, table_names, valid_range
 from swath.signals import F64

@@ -17,10 +17,9 @@ from swath.core.registry import Checked, Level
 from swath.field.site_setup import SiteSetup
 from swath.rays.engine import RayCaster
 from swath.sensing.beam import Pattern, random_pattern, spot_pattern, spots, turned_pattern
-from swath.sensing.echo import Bundle, EchoRule, Receiver, Within, least_energy, merging_gap, receive
-from swath.sensing.lidar.scanning import OutdoorParams, ScanningLidar
+from swath.sensing.echo import Bundle, EchoRule, Receiver, Within, disturb, least_energy, merging_gap, receive
 from swath.sensing.lidar_sheet import load_lidar
-from swath.sensing.weather import disturb
+from swath.sensing.scanner import OutdoorParams, ScanningLidar
 from swath.signals import F64
 
 WIDE_ENOUGH = 0.9  # sub-rays that reach as far out, in radii of the spot, stand for the whole of it

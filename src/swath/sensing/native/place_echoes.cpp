@@ -1,6 +1,6 @@
 // World points of echoes: the body of a native function (receive_kernel.py).
 //
-// In: `whole`: addresses of origins (n, 3), axes (n, 3, 3) and offsets (n or 1, s, 5) of `rays/spots.py`, of the hits' distances
+// In: `whole`: addresses of origins (n, 3), axes (n, 3, 3) and offsets (n or 1, s, 5) of `rays/hits.py`, of the hits' distances
 // (n, s), of echoes (n, echoes) and their shares (n, echoes, s), of points (n, echoes, 3), which are written, nan = no echo; n, s,
 // echoes, beams that have offsets of their own (n or 1).
 

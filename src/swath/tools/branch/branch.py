@@ -18,8 +18,7 @@ from swath.runtime.folder import check_run_folder
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import JobResult, run_job
 from swath.runtime.saves import EVERY_S, Saves, is_readable, saves_in
-from swath.scenario.code import code_of
-from swath.scenario.scenario import Scenario, load_scenario
+from swath.scenario.scenario import Scenario, code_of, load_scenario
 
 OUTSIDE = ("ros2", "twist", "ackermann", "can")  # levels whose state another process or box keeps
 

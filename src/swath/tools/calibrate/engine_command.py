@@ -50,7 +50,7 @@ def run_engine_fit(args: argparse.Namespace) -> int:
     from swath.machine.machine_sheet import open_machine
     from swath.terminal.tables import number, table
     from swath.tools.calibrate.engine_fit import KEYS, fit_engine
-    from swath.tools.compare_log.along_log import Drive
+    from swath.tools.compare_log.compare import Drive
 
     if not 10 <= args.resamples <= 100_000:
         raise InputError("--resamples", args.resamples, "expected 10 to 100000")

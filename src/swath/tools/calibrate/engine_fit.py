@@ -23,9 +23,7 @@ from swath.core.units import split_unit
 from swath.documents.data_sheets import Sheet
 from swath.field_io.machine_log import MachineLog
 from swath.machine.machine_sheet import read_machine
-from swath.tools.compare_log.along_log import Drive
-from swath.tools.compare_log.compare import SHOWN, LogRunner
-from swath.tools.compare_log.statistics import SeriesStatistics, compare_series, usable
+from swath.tools.compare_log.compare import SHOWN, Drive, LogRunner, SeriesStatistics, compare_series, usable
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -23,9 +23,9 @@ from swath.tools.calibrate.fit import (
     compare_place,
     fit_stubble,
     make_grid,
+    side_spread,
 )
 from swath.tools.calibrate.overhang import STEP
-from swath.tools.calibrate.side import side_spread
 from swath.tools.calibrate.stand_scans import EchoSettings, Place, Returns, SampleStands
 from swath.tools.distributions import GROUND_BELOW
 

@@ -83,8 +83,7 @@ def run_log(args: argparse.Namespace) -> int:
     from swath.field_io.columns import TOLD, told_rows
     from swath.field_io.steer_log import is_steer_log
     from swath.terminal.tables import number, table
-    from swath.tools.compare_log.along_log import Drive
-    from swath.tools.compare_log.compare import compare_log
+    from swath.tools.compare_log.compare import Drive, compare_log
     from swath.tools.compare_log.page import statistic_rows, write_comparison
 
     for key, low, high in (("straw", 0.0, 10.0), ("friction", 0.0, 50.0), ("flow_floor", 0.0, 200.0)):
@@ -131,7 +130,7 @@ def _run_steering(args: argparse.Namespace) -> int:
     from swath.core.errors import InputError
     from swath.field_io.columns import TOLD, told_rows
     from swath.terminal.tables import table
-    from swath.tools.compare_log.steering import compare_steering
+    from swath.tools.compare_log.steering_fit import compare_steering
     from swath.tools.compare_log.steering_page import fitted_rows, left_rows, write_steering
 
     for key in _OF_THE_ENGINE:

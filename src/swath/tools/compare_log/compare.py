@@ -2,32 +2,275 @@
 
 Keys of the machine's data sheet are fitted by least squares to the measured series. The regression
 load = a + b flow + c speed, without and with a lag, is computed for comparison.
+
+Process and powertrain run along the log: its speed, its crop, its slope.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from math import atan, cos, sin
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.frames import Pose
+from swath.core.random import Stream
+from swath.core.schedule import NS
 from swath.core.units import RPM, split_unit
 from swath.documents.data_sheets import Sheet
+from swath.field.field import Field
+from swath.field.site_setup import SiteSetup
 from swath.field_io.machine_log import MachineLog, read_machine_log
-from swath.machine.drivetrain_sheet import drivetrain_of
+from swath.judge.evaluators.drivetrain import DIESEL
+from swath.machine.drivetrain_sheet import Drivetrain, drivetrain_of
 from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine
-from swath.signals import MachineLoad
-from swath.tools.compare_log.along_log import Drive, run_engine, run_process
-from swath.tools.compare_log.statistics import (
-    FEWEST,
-    Array,
-    Mask,
-    SeriesStatistics,
-    regressions,
-    statistics_of,
-    usable,
-)
+from swath.scenario.slots import REGISTRY
+from swath.signals import CropFlow, MachineLoad, MachineState
+
+Array = NDArray[np.float64]
+
+Mask = NDArray[np.bool_]
+LEAST_SPEED = 0.5  # m/s
+SETTLE = 15.0  # s behind a gap, before the crop has come through
+LAGS = 15  # records to either side in which a lag is searched
+FEWEST = 20  # records to compare at all
+
+
+@dataclass(frozen=True)
+class SeriesStatistics:
+    """Simulated against measured. count: records; r2: 1 - squared error over variance, below 0 is worse than
+    the mean; rmse, bias: in the unit of the quantity, simulated minus measured; r: correlation; lag_s: by
+    which the simulated series has to be delayed to fit best
+    """
+
+    count: int
+    r2: float
+    rmse: float
+    bias: float
+    r: float
+    lag_s: float
+
+
+def usable(log: MachineLog) -> Mask:
+    """Records that count: crop in the machine, driving, every quantity measured, settled after a gap."""
+    flow = log.flow[log.flow > 0.0]
+    least = 0.1 * float(np.median(flow)) if len(flow) else 0.0
+    since = _since_gap(log)
+    good = (log.flow > least) & (log.speed > LEAST_SPEED) & (since > SETTLE)
+    for values in log.measured.values():
+        good &= np.isfinite(values)
+    if good.sum() < FEWEST:
+        raise InputError("log", int(good.sum()), f"expected at least {FEWEST} records at work in the log")
+    return np.asarray(good)
+
+
+def compare_series(measured: Array, simulated: Array, mask: Mask, log: MachineLog) -> SeriesStatistics:
+    """Statistics of a series against the measured one on the records of a mask, shape (n,)."""
+    real, made = measured[mask], simulated[mask]
+    if len(real) < FEWEST:
+        nan = float("nan")
+        return SeriesStatistics(len(real), nan, nan, nan, nan, nan)
+    error = made - real
+    spread = float(((real - real.mean()) ** 2).sum())
+    return SeriesStatistics(
+        count=len(real),
+        r2=1.0 - float((error**2).sum()) / spread if spread > 0.0 else float("nan"),
+        rmse=float(np.sqrt((error**2).mean())),
+        bias=float(error.mean()),
+        r=_correlation(real, made),
+        lag_s=best_lag(simulated, measured, mask, log)[0],
+    )
+
+
+def statistics_of(
+    measured: Array, series: Mapping[str, Array], parts: Mapping[str, Mask], log: MachineLog
+) -> dict[str, dict[str, SeriesStatistics]]:
+    """part -> series -> statistics."""
+    return {
+        p: {k: compare_series(measured, s, mask, log) for k, s in series.items()} for p, mask in parts.items()
+    }
+
+
+def best_lag(cause: Array, effect: Array, mask: Mask, log: MachineLog) -> tuple[float, float]:
+    """(s, r): by how much `effect` is later than `cause` where they correlate best, and how well they do.
+
+    Cross-correlation over whole records within unbroken stretches, the peak refined by a parabola.
+    """
+    block = np.cumsum(log.gap)
+    score = []
+    count = len(log)
+    for k in range(-LAGS, LAGS + 1):
+        late, early = slice(max(k, 0), count + min(k, 0)), slice(max(-k, 0), count - max(k, 0))
+        both = mask[late] & (block[late] == block[early])
+        score.append(_correlation(cause[early][both], effect[late][both]))
+    values = np.nan_to_num(np.array(score), nan=-1.0)
+    peak = int(values.argmax())
+    period = float(np.median(log.duration[~log.gap])) if (~log.gap).any() else 1.0
+    offset = 0.0
+    if 0 < peak < len(values) - 1:
+        low, top, high = values[peak - 1 : peak + 2]
+        curve = low - 2.0 * top + high
+        offset = 0.5 * (low - high) / curve if curve < 0.0 else 0.0
+    return float((peak - LAGS + offset) * period), float(values[peak])
+
+
+def regressions(
+    log: MachineLog, measured: Mapping[str, Array], mask: Mask
+) -> tuple[dict[str, dict[str, Array]], dict[str, dict[str, list[float]]]]:
+    """quantity -> name -> series of plain regressions on flow and speed, fitted on the records of a mask."""
+    series: dict[str, dict[str, Array]] = {}
+    coefficients: dict[str, dict[str, list[float]]] = {}
+    for quantity, values in measured.items():
+        lag, _ = best_lag(log.flow, values, mask, log)
+        period = float(np.median(log.duration))
+        series[quantity], coefficients[quantity] = {}, {}
+        for name, shift in (("regression", 0), ("regression with lag", max(round(lag / period), 0))):
+            terms = np.stack([np.ones(len(log)), _later(log, shift), log.speed], axis=1)
+            found = np.linalg.lstsq(terms[mask], values[mask], rcond=None)[0]
+            series[quantity][name] = terms @ found
+            coefficients[quantity][name] = [*(float(c) for c in found), shift * period]
+    return series, coefficients
+
+
+def _correlation(a: Array, b: Array) -> float:
+    if len(a) < FEWEST or a.std() < 1e-12 or b.std() < 1e-12:
+        return float("nan")
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def _since_gap(log: MachineLog) -> Array:
+    """Time since the last gap [s]."""
+    run = np.cumsum(np.where(log.gap, 0.0, log.duration))
+    return np.asarray(run - np.maximum.accumulate(np.where(log.gap, run, 0.0)))
+
+
+def _later(log: MachineLog, count: int) -> Array:
+    """The flow so many records before, that of the first record of a stretch where there is none."""
+    index = np.arange(len(log))
+    first = np.maximum.accumulate(np.where(log.gap, index, 0))
+    return np.asarray(log.flow[np.maximum(index - count, first)])
+
+
+TANK = 0.5  # of the tank is full all the time: logs do not say when it was emptied
+
+
+@dataclass(frozen=True)
+class Drive:
+    """How a log is driven along.
+
+    process, engine: levels; straw: per grain, by mass; whole_crop: the logged flow is all of the crop, as in
+    a forage harvester, none of it grain
+    load_over: what the measured load is a share of: the torque that the engine could give at its present
+    speed (`present`), or the largest that it can give at any (`largest`)
+    friction: measured load of an engine that gives no torque; flow_floor: logged flow without crop [kg/s]
+    """
+
+    process: str = "threshing"
+    engine: str = "ideal"
+    straw: float = 0.65
+    whole_crop: bool = False
+    load_over: Literal["present", "largest"] = "present"
+    friction: float = 0.0
+    flow_floor: float = 0.0
+
+
+class _Ground:
+    """Takes the straw and forgets it: a log has no field."""
+
+    def deposit_straw(self, polygon: Any, mass: float, /, *, heading: float | None = None) -> None:
+        """Nothing to do."""
+
+
+def run_process(machine: MachineSheet, log: MachineLog, drive: Drive) -> list[MachineLoad]:
+    """Where the crop is, at every record. The crop of a record went in evenly since the one before."""
+    level = REGISTRY.get("process", drive.process)
+    has_outlet = "straw" in level.params.__dataclass_fields__
+    params = level.params(straw="chop") if has_outlet else level.params()
+    loads: list[MachineLoad] = []
+    grain = 0.0 if drive.whole_crop else 1.0
+    straw = 1.0 if drive.whole_crop else drive.straw
+    process = level.component(params, _site(machine))
+    for t, dt, flow, speed, grade, is_first in _records(log):
+        if is_first:
+            process.reset(Stream(0, "log"))
+        h, flow = dt / NS, max(flow - drive.flow_floor, 0.0)
+        cut = CropFlow(t + dt, grain * flow * h, straw * flow * h, 0.0, 0, 1.0, h)
+        inputs = {"flow": (cut,), "state": _state(t + dt, speed, grade), "engine": None}
+        loads.append(process.step(t, dt, inputs)["load"])
+    return loads
+
+
+def run_engine(
+    machine: MachineSheet, log: MachineLog, drive: Drive, loads: list[MachineLoad]
+) -> dict[str, Array]:
+    """engine_load (share), engine_speed [rad/s], fuel [m3/s] along the log, shape (n,) each.
+
+    loads: of `run_process`. Each machine of the log has its own header's width; process and engine start anew
+    behind every gap.
+    """
+    level = REGISTRY.get("powertrain", drive.engine)
+    drivetrain = drivetrain_of(machine)
+    grain = TANK * drivetrain.tank
+    rows = np.empty((len(log), 4))
+    widths = [_width(log, k, machine.header_width) for k in range(len(log.machine_names))]
+    engine: Any = None
+    for i, (t, dt, _, speed, grade, is_first) in enumerate(_records(log)):
+        if is_first:
+            own = replace(machine, header_width=widths[log.machine[i]])
+            engine = level.component(level.params(), _site(own))
+            engine.reset(Stream(0, "log"))
+        load = replace(loads[i], t=t + dt, tank_grain=grain)
+        e = engine.step(t, dt, {"state": _state(t + dt, speed, grade), "load": load})["engine"]
+        rows[i] = e.load, e.speed, e.power, e.fuel
+    share, turning, power, fuel = rows.T
+    if drive.load_over == "largest":
+        share = power / turning / _largest_torque(drivetrain)
+    share = drive.friction + (1.0 - drive.friction) * share
+    return {"engine_load": share, "engine_speed": turning, "fuel": fuel / (1e3 * DIESEL)}
+
+
+def _largest_torque(drivetrain: Drivetrain) -> float:
+    e = drivetrain.engine
+    return (1.0 + e.torque_rise) * e.rated_power / e.rated_speed
+
+
+def _width(log: MachineLog, machine: int, default: float) -> float:
+    widths = log.width[(log.machine == machine) & np.isfinite(log.width)]
+    return float(np.median(widths)) if len(widths) else default
+
+
+def _site(machine: MachineSheet) -> SiteSetup:
+    return SiteSetup(cast(Field, _Ground()), machine, Pose.identity(), "left", 1.0)
+
+
+def _records(log: MachineLog) -> Any:
+    """(t [ns], dt [ns], flow, speed, grade, is_first) of each record; t counts from the last gap."""
+    if not len(log):
+        raise InputError("log", 0, "expected records")
+    t = 0
+    rows = (log.duration, log.flow, log.speed, log.grade, log.gap)
+    for duration, flow, speed, grade, gap in zip(*(r.tolist() for r in rows), strict=True):
+        t = 0 if gap else t
+        dt = round(duration * NS)
+        yield t, dt, flow, speed, grade, gap
+        t += dt
+
+
+def _state(t: int, speed: float, grade: float) -> MachineState:
+    """On the spot, so that no straw is laid, but pitched as the ground is."""
+    if grade == 0.0:
+        return MachineState(t, _LEVEL, speed, 0.0, 0.0, 0.0, 0.0)
+    pitch = -atan(grade)
+    c, s = cos(pitch), sin(pitch)
+    rotation = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    return MachineState(t, Pose(_LEVEL.position, rotation), speed, 0.0, 0.0, 0.0, 0.0)
+
+
+_LEVEL = Pose.identity()
+
 
 SHOWN = {"engine_load": ("%", 100.0), "engine_speed": ("1/min", 1.0 / RPM), "fuel": ("l/h", 3.6e6)}
 """Measured quantity -> unit of all results, factor from SI."""

@@ -12,8 +12,7 @@ from swath.documents.yaml_document import dump
 from swath.report.html import Table
 from swath.report.plots import BLUE, GREY, ORANGE, STYLE, figure
 from swath.tools.compare_log.page import begin_comparison, write_compared
-from swath.tools.compare_log.steering import SteeringComparison
-from swath.tools.compare_log.steering_fit import FittedWith, PartFit
+from swath.tools.compare_log.steering_fit import FittedWith, PartFit, SteeringComparison
 
 FILES = ("results.json", "comparison.png", "report.html", "machine.yaml")
 EXCERPT = 40.0  # s

@@ -39,8 +39,7 @@ def run(args: argparse.Namespace) -> int:
     """Make what is missing; print where it is."""
     from swath.core.errors import InputError
     from swath.terminal.progress import progress_bar
-    from swath.tools.dataset.dataset import make_dataset, settings_of
-    from swath.tools.dataset.overview import write_overview
+    from swath.tools.dataset.dataset import make_dataset, settings_of, write_overview
 
     if args.workers < 1:
         raise InputError("--workers", args.workers, "expected >= 1")

@@ -21,8 +21,7 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the differences and where the page is. Exit code 0, whatever they are."""
     from swath.terminal.tables import table
-    from swath.tools.diff.compare import compare
-    from swath.tools.diff.page import write_diff
+    from swath.tools.diff.compare import compare, write_diff
 
     found = compare(args.first, args.second)
     names = (found.first.label, found.second.label)

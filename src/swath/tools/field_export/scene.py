@@ -16,10 +16,10 @@ from swath.field.memory_layout import Organ, Shape, Solids
 from swath.field.projection import Origin
 from swath.field.site_setup import Sighted
 from swath.machine.body import triangles
+from swath.report.field_plot import ground_colours
 from swath.report.plots import STRAW
 from swath.report.scan_sampler import straw_depth
 from swath.report.stand3d import COLOURS, NAMES, Organs, organs_near
-from swath.report.top_view import ground_colours
 from swath.runtime.world import World
 from swath.signals import F64
 

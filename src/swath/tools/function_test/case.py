@@ -20,8 +20,7 @@ from pydantic import Field
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.shell import command
-from swath.documents.hints import near_miss
-from swath.documents.validation import validate
+from swath.documents.validation import near_miss, validate
 from swath.documents.yaml_document import Document, read_document
 from swath.runtime.met import check_quantities
 from swath.scenario.overrides import layered

@@ -14,7 +14,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
-from swath.documents.hints import near_miss
+from swath.documents.validation import near_miss
 from swath.signals import F64
 from swath.tools.function_test.boundary import Boundary, first_points, next_points, sobol_points
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases, limits_of

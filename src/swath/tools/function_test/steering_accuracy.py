@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from swath.judge.evaluator import even_path
 from swath.judge.evaluators.lateral_error import LateralError
-from swath.judge.statistics import even_path
 from swath.runtime.hooks import ActiveRun, RunHook
 
 SUMMARY = "steering"

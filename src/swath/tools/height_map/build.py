@@ -15,8 +15,7 @@ from swath.tools.height_map.bag import open_bag
 from swath.tools.height_map.gather import BLOCK, Gatherer, Samples, pool
 from swath.tools.height_map.passing import Passing
 from swath.tools.height_map.place import Frame, batches, left_above, placed
-from swath.tools.height_map.source import Echoes, Source, Wanted
-from swath.tools.height_map.tables import open_csv, open_npz
+from swath.tools.height_map.source import Echoes, Source, Wanted, open_csv, open_npz
 
 Array = NDArray[np.float64]
 BELOW_M = 0.2  # low echoes further below the ground of the poses are more than noise and soft ground

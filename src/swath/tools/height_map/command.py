@@ -111,7 +111,7 @@ def _antenna(text: str | None) -> tuple[float, float, float] | None:
 def local_of(folder: Path | None, origin: str | None) -> Any:
     """What makes local metres of longitude, latitude, height; None where neither is given."""
     from swath.core.errors import InputError
-    from swath.record.read.tangent_plane import TangentPlane, field_plane
+    from swath.record.read.fixes import TangentPlane, field_plane
 
     if folder is not None and origin is not None:
         raise InputError("--origin", origin, "expected --field or --origin, not both")

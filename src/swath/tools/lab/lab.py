@@ -20,13 +20,12 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import DEG
-from swath.documents.hints import near_miss, unknown_key
-from swath.documents.validation import known_keys, validate
+from swath.documents.validation import known_keys, near_miss, unknown_key, validate
 from swath.documents.yaml_document import Document
 from swath.field.crop_sheet import load_crop
 from swath.field.field import Field
 from swath.field.site_setup import SiteSetup
-from swath.scenario.catalogue import CATALOGUE
+from swath.scenario.slots import CATALOGUE
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.mount import Mount
 from swath.signals import F64, MachineState, Scan

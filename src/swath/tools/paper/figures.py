@@ -70,7 +70,7 @@ class Made:
 
 def levels(out: Path) -> Made:
     """Every kind of part with its levels, and who else may stand in for it."""
-    from swath.scenario.catalogue import CATALOGUE
+    from swath.scenario.slots import CATALOGUE
 
     slots = [slot.name for slot in CATALOGUE.slots]
     rows, count = [], 0
@@ -271,7 +271,7 @@ def heights(out: Path) -> Made:
     from swath.report.plots import STYLE
     from swath.tools.lab.comparison import compare_levels
     from swath.tools.lab.lab import Settings, run_lab
-    from swath.tools.lab.plots import histograms_figure
+    from swath.tools.lab.page import histograms_figure
 
     lab = run_lab(Settings(DENSITIES, SCANNERS, (DEPRESSION,), seeds=2, seed=SEED))
     cases = compare_levels(lab, None)

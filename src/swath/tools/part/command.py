@@ -31,8 +31,7 @@ def run(args: argparse.Namespace) -> int:
     """Print the columns, or run the slot and print where its outputs are."""
     from swath.core.errors import InputError
     from swath.record.read.files import open_log
-    from swath.scenario.scenario import load_scenario
-    from swath.scenario.slot_names import find_slots
+    from swath.scenario.scenario import find_slots, load_scenario
     from swath.tools.part.isolate import IsolatedPart, is_table
     from swath.tools.rerun.rerun import recorded_scenario
 

@@ -12,8 +12,7 @@ from swath.core.schedule import NS
 from swath.record.read.feed import exact_samples, exact_topic
 from swath.record.read.files import Log
 from swath.runtime.assembly import assemble
-from swath.scenario.scenario import Scenario
-from swath.scenario.slot_names import short_names, slot_names
+from swath.scenario.scenario import Scenario, short_names, slot_names
 from swath.signals import MachineState, Signal
 
 Output = tuple[str, str]  # full name of a slot, its output

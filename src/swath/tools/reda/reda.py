@@ -13,9 +13,8 @@ from swath import __version__
 from swath.core.errors import SwathError
 from swath.core.whole_file import new_file, write_whole
 from swath.runtime.workers import Lost, in_workers
-from swath.tools.reda.scene import Condition, Scene, Settings, places
+from swath.tools.reda.scene import SCANS, Condition, Scene, Sensor, Settings, make_sensor, places
 from swath.tools.reda.scores import Cell, Scores, scores_of
-from swath.tools.reda.sensors import SCANS, Sensor, make_sensor
 
 KEPT = "reda.part.jsonl"  # of a run that is not through
 ASKED = 3.0  # of the places in the crop, for the table [m]
@@ -139,7 +138,7 @@ def _cell(sensor: Sensor, looks: int, inside: float, aside: float) -> Cell:
 
 
 def _height(scene: Scene) -> float:
-    from swath.field.obstacle_sheet import load_obstacle
+    from swath.field.obstacles import load_obstacle
 
     return scene.height or load_obstacle(scene.settings.target).height
 

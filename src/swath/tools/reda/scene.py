@@ -2,29 +2,44 @@
 
 After REDA, a person on a grid of places under changing conditions (doi:10.3390/s22155745); the places, crop
 and weather here are our own.
+
+Of each sensor is counted how often it tells of a person at a place, and of one that is not there.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
+from math import atan2, exp, hypot, log10, tan
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
+from swath.control.objects import cluster
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
+from swath.core.schedule import NS
+from swath.core.units import DEG
 from swath.field.crop_sheet import load_crop
 from swath.field.edge import StraightEdge, make_edge
 from swath.field.field import Field, make_field
 from swath.field.field_setup import FieldSetup
+from swath.field.memory_layout import Organ
 from swath.field.obstacles import Path as ObstaclePath
 from swath.field.obstacles import SheetObstacle, things_of
 from swath.field.site_setup import Body, SiteSetup
 from swath.field.stand import uniform
 from swath.field.terrain import plane
-from swath.signals.setup import MachineGeometry
+from swath.rays.engine import RayCaster
+from swath.sensing.echo import Weather
+from swath.sensing.lidar import plants
+from swath.sensing.mount import Mount
+from swath.sensing.radar import rays
+from swath.sensing.radar.ideal import RadarMount
+from swath.sensing.radar.solid_rays import aimed, distances
+from swath.signals import F64, MachineState
+from swath.signals.setup import ControlSetup, MachineGeometry
 
 EDGE_M = 6.0  # the crop begins so far ahead of the sensors, which stand above the knife
 KNIFE_M = 0.5
@@ -174,3 +189,217 @@ def _field(settings: Settings, condition: Condition, stream: Stream) -> Field:
     )
     ground, stand = plane.Plane(plane.Params(), setup), uniform.Uniform(params, setup)
     return make_field(ground, stand, make_edge(line, setup), crop=crop, stream=stream.child("stand"))
+
+
+GATE_M = 1.0  # a report so far from the person is one of it
+SCANS = 4  # of a LiDAR at each place; the first ones make a thing count
+EMPTY_LOOKS = 24  # without a person
+ROOF_M, HOOD_M = 3.8, 1.6  # heights of LiDAR and camera, and of radars
+FOV_DEG = 70.0  # of the camera, across
+LEAST_CONTRAST = 0.05  # of a dark thing before the horizon: Koschmieder's threshold of visibility
+SEEN_FROM = 13.0  # dB over noise or clutter from which on a radar detects half of the looks, Pfa some 1e-6
+
+
+@dataclass(frozen=True)
+class Answer:
+    """detected: share of the looks at the person; why: what decides it, in words with numbers"""
+
+    detected: float
+    why: str
+
+
+class Sensor(Protocol):
+    """What a kind of sensor does in a scene."""
+
+    def look(self, inside: float, aside: float) -> Answer:
+        """At a person there."""
+
+    def false_share(self, inside: float, aside: float) -> float:
+        """Of looks without a person, those that report one there."""
+
+
+def make_sensor(name: str, scene: Scene) -> Sensor:
+    """A sensor by its name in SENSORS."""
+    if name == "lidar":
+        return LidarSensor(scene)
+    return CameraSensor(scene) if name == "camera" else RadarSensor(scene, name)
+
+
+def visible(scene: Scene, caster: RayCaster, body: Body, eye: F64) -> tuple[float, F64]:
+    """Share of a body's silhouette that crop does not hide from an eye (3,), and its points there (n, 3)."""
+    ways = aimed(body, eye, (12, 12), (35, 35))
+    whole = np.isfinite(distances(body.solids, eye, ways))
+    ways = ways[whole]
+    hits = caster.cast(np.repeat(eye[None], len(ways), axis=0), ways, range_max=60.0, solids=body.solids)
+    seen = hits.organ == Organ.SOLID
+    points = eye + hits.distance[seen, None].astype(np.float64) * ways[seen]
+    return float(np.count_nonzero(seen)) / max(len(ways), 1), points
+
+
+class LidarSensor:
+    """A 16-line scanner on the roof, level `plants`, and what level `objects: cluster` makes of its scans."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        dust, rain = scene.weather
+        params = plants.Params(
+            sensor="velodyne-vlp16",
+            mount=Mount(at="axle", z_m=ROOF_M, pitch_deg=20.0),
+            sector_deg=(-60.0, 60.0),
+            step_deg=0.4,
+            sub_rays=7,
+            weather=Weather(extinction_per_m=dust, rain_mm_h=rain),
+        )
+        self._lidar = plants.PlantsLidar(params, scene.setup)
+        self._eye = self._lidar.mounting.position
+        mountings = {"scan": self._lidar.mounting}
+        self._control = ControlSetup(RIG, mountings, "left", 0.1)
+        self._extinction = params.weather.extinction
+        self._empty: list[list[tuple[float, float]]] | None = None
+
+    def look(self, inside: float, aside: float) -> Answer:
+        found, count, shares = 0, 0, []
+        for repeat in range(self._scene.settings.repeats):
+            body = self._scene.put(inside, aside, repeat=repeat)
+            x, y, _ = body.pose.position.tolist()
+            for objects in self._objects(SCANS, repeat):
+                found += any(hypot(a - x, b - y) < GATE_M for a, b in objects)
+                count += 1
+            shares.append(visible(self._scene, self._lidar.caster, body, self._eye)[0])
+        share, far = float(np.mean(shares)), hypot(x, y)
+        left = exp(-2.0 * self._extinction * far)
+        why = f"{100 * share:.0f} % of the body in sight"
+        if left < 0.9:
+            why += f", {100 * left:.0f} % of an echo's energy comes through the air"
+        return Answer(found / count, why)
+
+    def false_share(self, inside: float, aside: float) -> float:
+        if self._empty is None:
+            self._scene.clear()
+            self._empty = self._objects(EMPTY_LOOKS, 0)
+        x, y = EDGE_M + inside, aside
+        return float(np.mean([any(hypot(a - x, b - y) < GATE_M for a, b in o) for o in self._empty]))
+
+    def _objects(self, scans: int, repeat: int) -> list[list[tuple[float, float]]]:
+        """Places of objects after each scan from the one on that can make a thing count."""
+        self._lidar.reset(self._scene.stream.child("lidar"))
+        part = cluster.Cluster(cluster.Params(reach_m=40.0, side_m=12.0), self._control)
+        part.reset(self._scene.stream.child("objects"))
+        found = []
+        for k in range(scans):
+            t = (100 * repeat + k) * NS // 10
+            states = tuple(_standing(at) for at in (t, t + NS // 10))
+            scan = self._lidar.step(t, NS // 10, {"state": states})["scan"]
+            inputs = {"scan": scan, "odometry": None, "edge": None}
+            objects: Any = part.step(t, NS // 10, inputs)["objects"]
+            found.append(list(zip(objects.x.tolist(), objects.y.tolist(), strict=True)))
+        return found[cluster.Params().confirm - 1 :]
+
+
+class RadarSensor:
+    """A radar above the header, level `rays`: single looks, no following."""
+
+    def __init__(self, scene: Scene, name: str) -> None:
+        self._scene = scene
+        params = rays.Params(
+            sensor=name,
+            mount=RadarMount(x_m=0.0, z_m=HOOD_M),
+            straw_moisture_percent=scene.settings.moisture,
+            rain_mm_h=scene.weather[1],
+        )
+        self._radar = rays.RaysRadar(params, scene.setup)
+        self._bare = rays.RaysRadar(replace(params, stand_loss_percent=0.0), scene.setup)
+        self._stream = scene.stream.child(name)
+        for radar in (self._radar, self._bare):
+            radar.reset(self._stream)
+        states = tuple(_standing(t) for t in (0, NS // 20))
+        self._here = self._radar.locate(NS // 20, {"state": states})
+        self._clutter = self._radar.clutter(*self._here)
+        self._count = 0
+        self._empty: list[list[list[float]]] | None = None
+
+    def look(self, inside: float, aside: float) -> Answer:
+        found, reasons = [], []
+        for repeat in range(self._scene.settings.repeats):
+            body = self._scene.put(inside, aside, repeat=repeat)
+            parts = self._radar.parts(*self._here)
+            x, y, _ = body.pose.position.tolist()
+            looks = range(self._scene.settings.looks)
+            found += [self._is_near(self._detections(parts), x, y) for _ in looks]
+            reasons.append(self._levels(parts, x, y))
+        return Answer(float(np.mean(found)), _why(*np.mean(reasons, axis=0).tolist()))
+
+    def false_share(self, inside: float, aside: float) -> float:
+        if self._empty is None:
+            self._scene.clear()
+            nobody = self._radar.parts(*self._here)
+            self._empty = [self._detections(nobody) for _ in range(EMPTY_LOOKS)]
+        return float(np.mean([self._is_near(rows, EDGE_M + inside, aside) for rows in self._empty]))
+
+    def _detections(self, parts: rays.Parts) -> list[list[float]]:
+        self._count += 1
+        return self._radar.detections(parts, self._clutter, self._stream.at(self._count))
+
+    def _is_near(self, rows: list[list[float]], x: float, y: float) -> bool:
+        far, azimuth = hypot(x, y), atan2(y, x)
+        s = self._radar.sheet
+        across = max(GATE_M, s.azimuth_resolution * far)
+        along = max(GATE_M, s.range_resolution)
+        return any(abs(r[0] - far) < along and abs(r[1] - azimuth) * far < across for r in rows)
+
+    def _levels(self, parts: rays.Parts, x: float, y: float) -> tuple[float, float, float]:
+        """Echo over noise, loss in the crop, clutter of a cell over noise [dB]."""
+        bare = float(self._bare.parts(*self._here).snr.sum())
+        echo = float(parts.snr.sum())
+        s, mean = self._radar.sheet, self._clutter[0]
+        row = round((atan2(y, x) - float(self._radar.grid.azimuths[0])) / s.azimuth_resolution)
+        place = round((hypot(x, y) - s.range_min) / s.range_resolution)
+        inside = 0 <= row < mean.shape[0] and 0 <= place < mean.shape[1]
+        clutter = float(mean[row, place]) if inside else 0.0
+        return _decibel(echo), _decibel(bare) - _decibel(echo), _decibel(clutter)
+
+
+class CameraSensor:
+    """A camera on the roof: height of the person in pixels times the share that the crop leaves in sight, and
+    contrast through the air."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self._caster = scene, RayCaster(scene.field)
+        self._focal = 0.5 * scene.settings.camera_px / tan(0.5 * FOV_DEG * DEG)
+        self._eye = np.array([0.0, 0.0, ROOF_M])
+        dust, rain = scene.weather
+        self._extinction = Weather(extinction_per_m=dust, rain_mm_h=rain).extinction
+
+    def look(self, inside: float, aside: float) -> Answer:
+        found, pixels, contrasts = [], [], []
+        for repeat in range(self._scene.settings.repeats):
+            body = self._scene.put(inside, aside, repeat=repeat)
+            share, _ = visible(self._scene, self._caster, body, self._eye)
+            x, y, _ = body.pose.position.tolist()
+            high = share * self._focal * 2.0 * float(body.half[2]) / x
+            contrast = exp(-self._extinction * hypot(x, y))
+            in_view = abs(atan2(y, x)) < 0.5 * FOV_DEG * DEG
+            need = self._scene.settings.camera_least_px
+            found.append(in_view and high >= need and contrast >= LEAST_CONTRAST)
+            pixels.append(high)
+            contrasts.append(contrast)
+        why = f"{np.mean(pixels):.0f} px of height in sight, contrast {np.mean(contrasts):.2f}"
+        return Answer(float(np.mean(found)), why if in_view else why + ", out of view")
+
+    def false_share(self, inside: float, aside: float) -> float:
+        return 0.0  # a picture's geometry makes no mistakes; a detector would
+
+
+def _why(echo: float, loss: float, clutter: float) -> str:
+    told = f"echo {echo:.0f} dB over noise, crop takes {loss:.0f} dB, clutter {clutter:.0f} dB"
+    if echo < SEEN_FROM:
+        return told + (": lost in the crop" if echo + loss > SEEN_FROM else ": too weak")
+    return told + (": crop and ground are as strong" if echo - max(clutter, 0.0) < SEEN_FROM else "")
+
+
+def _decibel(power: float) -> float:
+    return 10.0 * log10(max(power, 1e-9))
+
+
+def _standing(t: int) -> MachineState:
+    return MachineState(t, Pose.identity(), 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 
-from swath.judge.statistics import mean
+from swath.judge.evaluator import mean
 
 Z = 1.96  # of an interval of 95 %
 

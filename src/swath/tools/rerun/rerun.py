@@ -17,8 +17,7 @@ from swath.runtime.changes import read_events
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import JobResult, run_job
 from swath.scenario.overrides import layered
-from swath.scenario.scenario import Scenario, load_scenario, parse_scenario
-from swath.scenario.slot_names import slot_names
+from swath.scenario.scenario import Scenario, load_scenario, parse_scenario, slot_names
 from swath.scenario.slots import kind_of
 from swath.tools.rerun.comparison import RecordingComparison
 

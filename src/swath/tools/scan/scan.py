@@ -19,7 +19,7 @@ from swath.core.frames import Pose
 from swath.core.whole_file import write_whole
 from swath.field.memory_layout import Organ
 from swath.judge.evaluators.edge_detection import EdgeDetection
-from swath.record.messages import RecordedMachine
+from swath.record.message_factory import RecordedMachine
 from swath.report import plots
 from swath.report.scan_sampler import KeptScan, ScanSampler
 from swath.report.stand3d import COLOURS, GROUND, Stand, stand_figure

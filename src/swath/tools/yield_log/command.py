@@ -37,8 +37,7 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the log, print where it is."""
-    from swath.tools.yield_log.records import place, records_of
-    from swath.tools.yield_log.write import write_csv, write_isoxml
+    from swath.tools.yield_log.records import place, records_of, write_csv, write_isoxml
 
     log = records_of(
         args.run_folder, machine=args.machine, interval=args.interval_s, delay=args.sensor_delay_s,

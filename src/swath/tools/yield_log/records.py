@@ -1,13 +1,23 @@
-"""The records of a yield monitor, made from the tracks of a run."""
+"""The records of a yield monitor, made from the tracks of a run.
 
+They are written as CSV, or as task data of ISO 11783-10 with one time log.
+"""
+
+import struct
+import zlib
 from dataclasses import dataclass
+from datetime import datetime, timedelta
+from decimal import Decimal
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
+from swath import __version__
+from swath.core.errors import InputError, MissingExtra
 from swath.core.foreign_code import code_unread
+from swath.core.whole_file import write_whole
 from swath.field.crop_sheet import load_crop
 from swath.field.projection import Origin, origin_at
 from swath.field_io.folder import read_origin
@@ -134,3 +144,135 @@ def _crop(scenario: Scenario) -> str:
     assert scenario.field.folder is not None
     folder = read(scenario.field.folder)
     return str(folder.path / folder.crop) if folder.crop.endswith(".yaml") else folder.crop
+
+
+BEGUN = datetime(
+    2024, 7, 15, 10, 0, 0
+)  # a run has no date: this one, so that the same run gives the same bytes
+EPOCH = datetime(1980, 1, 1)
+COLUMNS = (
+    "timestamp", "latitude", "longitude", "elevation_m", "speed_kmh", "distance_m", "swath_m",
+    "grain_flow_kg_s", "moisture_pct", "work_state", "machine", "crop",
+)  # fmt: skip
+
+
+class Channel(NamedTuple):
+    """A quantity of the time log. ddi: of ISO 11783-11; scale: unit per count; decimals: that are shown."""
+
+    ddi: int
+    scale: str
+    decimals: int
+    unit: str
+    name: str
+
+
+CHANNELS = (
+    Channel(67, "0.001", 2, "m", "Working width"),
+    Channel(87, "0.000001", 2, "kg/s", "Crop flow"),
+    Channel(99, "0.0001", 1, "%", "Moisture"),
+    Channel(141, "1", 0, "", "Work state"),
+    Channel(397, "0.001", 2, "m/s", "Speed"),
+)
+HARVESTER = 0xA00E_8000_FFE0_0000
+"""NAME of ISO 11783-5: sets its own address, agriculture, harvester, its first function, maker not known; the
+last 21 bits tell machines apart."""
+STRUCTURE = b"SWATH01".hex().upper()
+LOCALIZATION = "FF000000406E65"  # English, decimal points, 24 h, metric (ISO 11783-7, language command)
+LONGEST_NAME = 32  # characters of a designator
+TIME_LOG = """<?xml version="1.0" encoding="UTF-8"?>
+<TIM A="" D="4"><PTN A="" B="" C="" D=""/>
+{listed}
+</TIM>
+"""
+
+
+def write_csv(log: Records, path: Path) -> Path:
+    """Write CSV; names with units, as `swath field import` and farm software read them."""
+    lines = [",".join(COLUMNS)]
+    for i, t in enumerate(log.time):
+        cells = (
+            (BEGUN + timedelta(seconds=float(t))).isoformat(timespec="milliseconds"), f"{log.lat[i]:.8f}",
+            f"{log.lon[i]:.8f}", f"{log.height[i]:.3f}", f"{3.6 * log.speed[i]:.3f}",
+            f"{log.distance[i]:.3f}", f"{log.width:.3f}", f"{log.flow[i]:.4f}", f"{100 * log.moisture:.2f}",
+            "on" if log.working[i] else "off", log.machine, Path(log.crop).stem,
+        )  # fmt: skip
+        lines.append(",".join(cells))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, ("\n".join(lines) + "\n").encode())
+    return path
+
+
+def write_isoxml(log: Records, folder: Path) -> Path:
+    """Write TASKDATA.XML and TLG00001 into a new or empty folder. Raises InputError for another one."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError("--out", str(folder), "expected a new or empty folder, or a name that ends in .csv")
+    text = _task_data(log)
+    folder.mkdir(parents=True, exist_ok=True)
+    listed = "\n".join(f'<DLV A="{c.ddi:04X}" B="" C="DET1"/>' for c in CHANNELS)
+    write_whole(folder / "TLG00001.xml", TIME_LOG.format(listed=listed))
+    write_whole(folder / "TLG00001.bin", b"".join(_record(log, i) for i in range(len(log.time))))
+    write_whole(folder / "TASKDATA.XML", text)
+    return folder
+
+
+def _task_data(log: Records) -> str:
+    """TASKDATA.XML: one machine, one field of the size of the ground that was cut, its crop and one task."""
+    try:
+        from isoxml.models.base import v4 as iso
+        from isoxml.util.isoxml_io import isoxml_to_text
+    except ImportError as error:
+        raise MissingExtra("geo", "ISOXML task data") from error
+    name, machine = log.name[:LONGEST_NAME], log.machine[:LONGEST_NAME]
+    client = (HARVESTER | zlib.crc32(log.machine.encode()) & 0x1F_FFFF).to_bytes(8, "big")
+    first = 2  # object ids: the element is 1, then channels, then their presentations
+    presented = first + len(CHANNELS)
+    device = iso.Device(
+        id="DVC1", designator=machine, client_name=client, software_version=f"swath {__version__}",
+        structure_label=STRUCTURE, localization_label=LOCALIZATION,
+        elements=[
+            iso.DeviceElement(
+                id="DET1", object_id=1, type=iso.DeviceElementType.Device, designator=machine, number=0,
+                parent_object_id=0,
+                device_object_references=[iso.DeviceObjectReference(first + k) for k in range(len(CHANNELS))],
+            )
+        ],
+        process_data=[
+            iso.DeviceProcessData(
+                object_id=first + k, ddi=c.ddi.to_bytes(2, "big"), property=1, trigger_methods=1,
+                designator=c.name, device_value_presentation_object_id=presented + k,
+            )
+            for k, c in enumerate(CHANNELS)
+        ],
+        value_presentations=[
+            iso.DeviceValuePresentation(presented + k, 0, Decimal(c.scale), c.decimals, c.unit or None)
+            for k, c in enumerate(CHANNELS)
+        ],
+    )  # fmt: skip
+    cut = float((log.distance * log.width)[log.working].sum())
+    task = iso.Task(
+        id="TSK1", designator=name, partfield_id_ref="PFD1", status=iso.TaskStatus.Completed,
+        device_allocations=[iso.DeviceAllocation(client_name_value=client, device_id_ref="DVC1")],
+        time_logs=[iso.TimeLog(filename="TLG00001", type=iso.TimeLogType.BinaryTimelogFileType1)],
+    )  # fmt: skip
+    data = iso.Iso11783TaskData(
+        management_software_manufacturer="swath", management_software_version=__version__,
+        data_transfer_origin=iso.Iso11783TaskDataDataTransferOrigin.MICS,
+        task_controller_manufacturer="swath", task_controller_version=__version__,
+        crop_types=[iso.CropType(id="CTP1", designator=Path(log.crop).stem[:LONGEST_NAME])],
+        devices=[device], tasks=[task],
+        partfields=[iso.Partfield(id="PFD1", designator=name, area=round(cut), crop_type_id_ref="CTP1")],
+    )  # fmt: skip
+    return str(isoxml_to_text(data))
+
+
+def _record(log: Records, i: int) -> bytes:
+    """Time, place and all channels of a record (ISO 11783-10, annex D)."""
+    when = BEGUN + timedelta(seconds=float(log.time[i])) - EPOCH
+    values = (log.width, log.flow[i], 100.0 * log.moisture, float(log.working[i]), log.speed[i])
+    head = struct.pack(
+        "<IHiiiB", when.seconds * 1000 + when.microseconds // 1000, when.days, round(log.lat[i] * 1e7),
+        round(log.lon[i] * 1e7), round(log.height[i] * 1e3), 4,
+    )  # fmt: skip
+    counts = np.rint([v / float(c.scale) for v, c in zip(values, CHANNELS, strict=True)]).astype(int)
+    pairs = b"".join(struct.pack("<Bi", k, int(count)) for k, count in enumerate(counts))
+    return head + struct.pack("<B", len(counts)) + pairs

@@ -17,8 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from swath.core.errors import InputError
-from swath.documents.hints import near_miss
-from swath.documents.validation import validate
+from swath.documents.validation import near_miss, validate
 from swath.documents.yaml_document import Document, dump, read_document
 from swath.runtime.met import QUANTITIES, check_quantities
 from swath.signals import F64
