@@ -1,7 +1,7 @@
 """The builder: poses give the ground and the frame of the grid, echoes give the heights in its cells."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,16 +10,15 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.rays.height_grid import LIMIT_M, NODE_CELLS, NONE, TILE, HeightGrid, lattice_height
-from swath.tools.height_map import ground
 from swath.tools.height_map.bag import open_bag
 from swath.tools.height_map.gather import BLOCK, Gatherer, Samples, pool
+from swath.tools.height_map.ground import Params as GroundParams
+from swath.tools.height_map.ground import around, ground_of_poses, low_echoes
 from swath.tools.height_map.passing import Passing
 from swath.tools.height_map.place import Frame, batches, left_above, placed
 from swath.tools.height_map.source import Echoes, Source, Wanted, open_csv, open_npz
 
 Array = NDArray[np.float64]
-BELOW_M = 0.2  # low echoes further below the ground of the poses are more than noise and soft ground
-LOWEST_M = -1.0  # an echo further below the ground is none
 TIMES_MAX = 1 << 25  # numbers that are held of how often beams passed
 COUNTED = (
     "scans",
@@ -40,7 +39,7 @@ class Settings:
 
     per_cell: heights that are kept of one cell; reach_m: echoes further from the way are left out
     ground: where the wheels stood (`pose`), or that corrected by the lowest `echoes`; seed: of the choice
-    passing: correct for the beams that went through a cell without an echo
+    passing: correct for the beams that went through a cell without an echo; grounds: what counts as ground
     """
 
     cell_m: float = 0.05
@@ -52,6 +51,7 @@ class Settings:
     ground: Literal["pose", "echoes"] = "pose"
     passing: bool = True
     seed: int = 1
+    grounds: GroundParams = field(default_factory=GroundParams)
 
     def __post_init__(self) -> None:
         """InputError for a value that cannot be used."""
@@ -89,14 +89,14 @@ def build_height_map(
     Raises InputError when nothing usable was measured.
     """
     frame = Frame(source.track, settings.cell_m, settings.reach_m)
-    base = ground.ground_of_poses(source.track, *frame.nodes())
+    base = ground_of_poses(source.track, *frame.nodes(), settings.grounds)
     frame.z0 = float(np.floor(base.min()))
     lattice = base - frame.z0
     samples, counts = _gather(source, settings, frame, lattice, progress)
     if settings.ground == "echoes":
-        lattice, samples = _corrected(lattice, samples)
+        lattice, samples = _corrected(lattice, samples, settings.grounds)
     else:
-        _check_ground(counts["notes"], lattice, samples)
+        _check_ground(counts["notes"], lattice, samples, settings.grounds)
     pools = _cells(source, samples, settings, frame, lattice, progress)
     quantiles = np.stack(pools.quantiles)
     about = {
@@ -104,7 +104,7 @@ def build_height_map(
         "driven_m": round(source.track.length, 3),
         **counts,
         "measured_cells": int(np.count_nonzero(quantiles[..., 0] != NONE)),
-        "settings": {k: getattr(settings, k) for k in settings.__dataclass_fields__},
+        "settings": asdict(settings),
     }
     return HeightGrid(
         origin=np.array([*frame.origin, frame.z0]),
@@ -130,7 +130,7 @@ def _gather(
         here = placed(source, echoes, frame, lattice)
         cell = np.floor(here.points[:, :2] / frame.cell).astype(np.int64)
         inside = ((cell >= 0) & (cell < (frame.width, frame.length))).all(axis=1)
-        is_low, is_high = here.height < LOWEST_M, here.height > LIMIT_M
+        is_low, is_high = here.height < settings.grounds.lowest_m, here.height > LIMIT_M
         good = inside & ~is_low & ~is_high
         counts["scans"] += echoes.scan_count
         counts["beams_without_echo"] += echoes.silent_count
@@ -147,10 +147,11 @@ def _gather(
     return gatherer.finish(), {**counts, "notes": dict(source.notes)}
 
 
-def _check_ground(notes: dict[str, int], lattice: Array, samples: Samples) -> None:
+def _check_ground(notes: dict[str, int], lattice: Array, samples: Samples, by: GroundParams) -> None:
     """Notes where echoes lie below what the wheels stood on: no crop is there."""
-    low = float(np.median(ground.low_echoes(samples, (lattice.shape[0], lattice.shape[1]), NODE_CELLS)))
-    if low < -BELOW_M:
+    shape = (lattice.shape[0], lattice.shape[1])
+    low = float(np.median(low_echoes(samples, shape, NODE_CELLS, by)))
+    if low < -by.below_m:
         where = f"the lowest echoes lie {-low:.2f} m below the ground that the poses give"
         notes[f"{where}: poses above the ground, or --mount; --ground echoes takes theirs"] = 1
 
@@ -161,10 +162,10 @@ def _tell(progress: Progress, echoes: Echoes, source: Source) -> None:
         progress(float(np.clip((np.nanmax(echoes.time) - begin) / span, 0.0, 1.0)))
 
 
-def _corrected(lattice: Array, samples: Samples) -> tuple[Array, Samples]:
+def _corrected(lattice: Array, samples: Samples, by: GroundParams) -> tuple[Array, Samples]:
     """The ground moved to the lowest echoes, heights counted from there."""
     shape = (lattice.shape[0], lattice.shape[1])
-    shift = ground.low_echoes(samples, shape, NODE_CELLS)
+    shift = low_echoes(samples, shape, NODE_CELLS, by)
     r, c = np.divmod(samples.key, samples.width)
     moved = samples.height - 1e3 * lattice_height(shift, float(NODE_CELLS), c + 0.5, r + 0.5)
     height = np.clip(np.round(moved), -32000, 32000).astype(np.int16)
@@ -251,6 +252,6 @@ def _own(samples: Samples, column: int, row: int) -> tuple[NDArray[np.uint16], N
     at = r[near] - row + 1, c[near] - column + 1
     count[at] = np.minimum(samples.counts[low:high][near], 65535)
     light[at] = samples.intensity[low:high][near]
-    mean = ground.around(light.astype(np.float64))
+    mean = around(light.astype(np.float64))
     light = np.where(np.isnan(light), mean, light).astype(np.float32)
     return count[1:-1, 1:-1], light[1:-1, 1:-1]

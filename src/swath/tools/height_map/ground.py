@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,22 +13,41 @@ from swath.tools.height_map.gather import Samples
 from swath.tools.height_map.poses import PoseTrack
 
 Array = NDArray[np.float64]
-STEP_M = 0.25  # between poses that count
-SMOOTH_M = 2.0  # standard deviation of the weights along the way
 BLOCK = 16  # nodes along a block that is worked on at once
-LOW_SHARE = 0.05  # of the heights in a patch lie below what is taken for the ground
-FEWEST = 12  # echoes in a patch that has a say
-PLANT_M = 0.3  # patches whose low echoes are this much above the lowest nearby show no ground [m]
-NEAR = 3  # patches on each side that are nearby
 
 
-def ground_of_poses(track: PoseTrack, x: Array, y: Array) -> Array:
+@dataclass(frozen=True)
+class Params:
+    """What counts as ground: estimates, tried on stands of known ground (tests/tools/test_replay_build.py).
+
+    step_m: between poses that count; smooth_m: standard deviation of the weights along the way
+    low_share: of the heights in a patch lie below what is taken for the ground
+    fewest: echoes in a patch that has a say
+    plant_m: patches whose low echoes are this much above the lowest within `nearby` patches show no ground
+    below_m: low echoes further below the ground of the poses are more than noise and soft ground
+    lowest_m: an echo below this is none
+    """
+
+    step_m: float = 0.25
+    smooth_m: float = 2.0
+    low_share: float = 0.05
+    fewest: int = 12
+    plant_m: float = 0.3
+    nearby: int = 3
+    below_m: float = 0.2
+    lowest_m: float = -1.0
+
+
+USUAL = Params()
+
+
+def ground_of_poses(track: PoseTrack, x: Array, y: Array, params: Params = USUAL) -> Array:
     """Height [m] of the planes that the machine stood on at world points x, y, (ny, nx).
 
     Weighted mean over the way: nearest poses count most, gaussian along the way; a pose's plane is its x-y
     plane, so the roll of the machine carries the slope sideways.
     """
-    place, normal = _planes(track)
+    place, normal = _planes(track, params.step_m)
     height = np.zeros(x.shape)
     for j in range(0, x.shape[0], BLOCK):
         for i in range(0, x.shape[1], BLOCK):
@@ -35,30 +55,30 @@ def ground_of_poses(track: PoseTrack, x: Array, y: Array) -> Array:
             px, py = x[part].ravel(), y[part].ravel()
             far = np.hypot(place[:, 0] - px.mean(), place[:, 1] - py.mean())
             size = np.hypot(np.ptp(px), np.ptp(py))
-            near = far <= far.min() + size + 3.0 * SMOOTH_M
-            height[part] = _blend(place[near], normal[near], px, py).reshape(x[part].shape)
+            near = far <= far.min() + size + 3.0 * params.smooth_m
+            height[part] = _blend(place[near], normal[near], px, py, params.smooth_m).reshape(x[part].shape)
     return height
 
 
-def _planes(track: PoseTrack) -> tuple[Array, Array]:
-    """Points (n, 3) and slopes (n, 2) of the ground every STEP_M of way."""
+def _planes(track: PoseTrack, step: float) -> tuple[Array, Array]:
+    """Points (n, 3) and slopes (n, 2) of the ground every `step` [m] of way."""
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track.position[:, :2], axis=0).T))])
-    index = np.unique(np.searchsorted(way, np.arange(0.0, way[-1] + STEP_M, STEP_M)).clip(max=len(way) - 1))
+    index = np.unique(np.searchsorted(way, np.arange(0.0, way[-1] + step, step)).clip(max=len(way) - 1))
     up = rotation_matrices(*track.angle[index].T)[:, :, 2]
     steep = np.abs(up[:, 2]) < 0.5
     slope = np.where(steep[:, None], 0.0, -up[:, :2] / np.where(steep, 1.0, up[:, 2])[:, None])
     return track.position[index], slope
 
 
-def _blend(place: Array, slope: Array, x: Array, y: Array) -> Array:
+def _blend(place: Array, slope: Array, x: Array, y: Array, smooth: float) -> Array:
     dx, dy = x[:, None] - place[:, 0], y[:, None] - place[:, 1]
     square = dx**2 + dy**2
-    weight = np.exp(-0.5 * (square - square.min(axis=1, keepdims=True)) / SMOOTH_M**2)
+    weight = np.exp(-0.5 * (square - square.min(axis=1, keepdims=True)) / smooth**2)
     level = place[:, 2] + slope[:, 0] * dx + slope[:, 1] * dy
     return np.asarray((weight * level).sum(axis=1) / weight.sum(axis=1))
 
 
-def low_echoes(samples: Samples, shape: tuple[int, int], node_cells: int) -> Array:
+def low_echoes(samples: Samples, shape: tuple[int, int], node_cells: int, params: Params = USUAL) -> Array:
     """What the lowest echoes say of the ground at lattice nodes [m] against the one that heights count from.
 
     Per patch of node_cells x node_cells cells the low share of the heights; patches where that is well above
@@ -74,11 +94,11 @@ def low_echoes(samples: Samples, shape: tuple[int, int], node_cells: int) -> Arr
     if len(patch):
         first = np.flatnonzero(np.diff(patch, prepend=-1))
         count = np.diff(first, append=len(patch))
-        enough = count >= FEWEST
-        flat[patch[first[enough]]] = height[first[enough] + (LOW_SHARE * count[enough]).astype(int)]
+        enough = count >= params.fewest
+        flat[patch[first[enough]]] = height[first[enough] + (params.low_share * count[enough]).astype(int)]
     low = flat.reshape(ny, nx)
     with np.errstate(invalid="ignore"):
-        low[low > _windows(low, NEAR, np.nanmin) + PLANT_M] = np.nan
+        low[low > _windows(low, params.nearby, np.nanmin) + params.plant_m] = np.nan
     if np.isnan(low).all():
         return np.zeros(shape)
     smooth = around(grown(low))
