@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from swath.fleet.bodies import Drive, Place, body_of
 from swath.fleet.driven import Grants
+from swath.fleet.machines import Drive, Place, body_of
 from swath.fleet.schedule import schedule_of
 from swath.fleet.table import Table, order_of, segments, standing
 from swath.fleet.ways import straight, times_along

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.fleet.bodies import body_of
 from swath.fleet.files import CombineSettings, FieldSettings, JobFile, PlanSettings, TruckSettings
 from swath.fleet.ground import Ground, shapely_here
-from swath.fleet.machines import machines_of
+from swath.fleet.machines import body_of, machines_of
 from swath.fleet.plan import HEADLAND, LAND, PARAMS, plan_of, read_plan, strip_of
 from tests.fleet.drawn import drawn_job
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swath.fleet.bodies import Drive, Place, body_of
 from swath.fleet.ground import Grid
+from swath.fleet.machines import Drive, Place, body_of
 from swath.fleet.ways import (
     PARAMS,
     Finder,

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
-from swath.fleet.bodies import Body, Place
-from swath.fleet.field_files import PARAMS as SQUARES
+from swath.fleet.files import PARAMS as SQUARES
 from swath.fleet.files import JobFile
+from swath.fleet.machines import Body, Place
 from swath.kernels import filled, launch
 
 Array = NDArray[np.float64]
@@ -265,6 +265,19 @@ def cells_of(area: Any, grid: Grid, shape: tuple[int, int]) -> tuple[slice, slic
     x = grid.west + grid.cell * (np.arange(i.start, i.stop) + 0.5)
     y = grid.south + grid.cell * (np.arange(j.start, j.stop) + 0.5)
     return i, j, shapely_here().contains_xy(area, *np.meshgrid(x, y, indexing="ij"))
+
+
+def run_of(body: Body, place: Place, ahead: float, gap: float = 0.3) -> Any:
+    """The ground of a body from a place to one straight ahead [m], < 0 behind it, wider by a gap."""
+    shapely = shapely_here()
+    outlines = body.outlines(np.array([place, place.ahead(ahead)]), gap)
+    return shapely.convex_hull(shapely.multipoints(outlines.reshape(-1, 2)))
+
+
+def fits(area: Any, body: Body, place: Place) -> bool:
+    """Whether a body at a place is in an area, half a metre off its edge."""
+    shapely = shapely_here()
+    return bool(shapely.contains(area, shapely.polygons(body.outlines(np.array([place]), 0.5)[0])).all())
 
 
 def frame_of(job: JobFile) -> Frame:

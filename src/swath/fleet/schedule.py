@@ -20,21 +20,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.fleet.bodies import PARAMS as GAPS
-from swath.fleet.bodies import Drive, Place, body_of
 from swath.fleet.dispatcher import Ahead, Dispatcher, Option, State, dispatcher_of
 from swath.fleet.files import JobFile
 from swath.fleet.ground import PARAMS as GROUND
-from swath.fleet.ground import Ground, shapely_here
-from swath.fleet.machines import Cart, Combine, Machines, beside, machines_of
+from swath.fleet.ground import Ground, run_of, shapely_here
+from swath.fleet.machines import PARAMS as GAPS
+from swath.fleet.machines import Cart, Combine, Drive, Machines, Place, beside, body_of, machines_of
 from swath.fleet.plan import CLEAN, HEADLAND, Pass, Plan, plan_of, strip_of
 from swath.fleet.plan import PARAMS as PLAN
-from swath.fleet.service import along_passes, service_places
 from swath.fleet.table import Path, Table, segments, standing
 from swath.fleet.ways import PARAMS as WAYS
 from swath.fleet.ways import Far, Finder, Track, behind, driven, straight, times_along
 from swath.fleet.yard import PARAMS as YARD
-from swath.fleet.yard import WIDE, Waits, run_of, waiting_places
+from swath.fleet.yard import WIDE, Waits, along_passes, service_places, waiting_places
 
 Array = NDArray[np.float64]
 LEFT_KG = 1e-6  # of grain, that is none

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.fleet.bodies import PARAMS as GAPS
-from swath.fleet.bodies import Body, Place
 from swath.fleet.ground import shapely_here
+from swath.fleet.machines import PARAMS as GAPS
+from swath.fleet.machines import Body, Place
 from swath.fleet.ways import Track, joined
 from swath.kernels import filled, launch
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from swath.control.turns import TurnLimits, clothoid
 from swath.control.turns.dubins import Place as Pose
 from swath.core.portable import arctan2
-from swath.fleet.bodies import PARAMS as GAPS
-from swath.fleet.bodies import Body, Drive, Place, Rectangle
 from swath.fleet.ground import Grid, cells_of
+from swath.fleet.machines import PARAMS as GAPS
+from swath.fleet.machines import Body, Drive, Place, Rectangle
 from swath.kernels import filled, launch, member_array
 
 Array = NDArray[np.float64]

@@ -1,25 +1,25 @@
-"""Waiting places: where each machine stands at the start, at the end, and a cart between two loads.
+"""Where machines stand: at the start, at the end, a cart between two loads; a combine that is emptied.
 
-They are along the outer edge of open ground, off the strip around the field, which is a way, if there is room
-elsewhere; carts, who come back to theirs, first. Every place
-has a way in and a way out, to and from the field's gate, and the truck for who empties there, searched with
-all places before it taken. The ground of the ways of carts is kept clear of later places, since they come
-and go; combines leave theirs once, the last one first. Who drives or stands elsewhere in a yard is not
-looked at here.
+Waiting places are along the outer edge of open ground, off the strip around the field, which is a way, if
+there is room elsewhere; carts, who come back to theirs, first. Every place has a way in and a way out, to and
+from the field's gate, and the truck for who empties there, searched with all places before it taken. The
+ground of the ways of carts is kept clear of later places, since they come and go; combines leave theirs once,
+the last one first. Who drives or stands elsewhere in a yard is not looked at here.
 """
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.fleet.bodies import Body, Drive, Place
-from swath.fleet.ground import Ground, shapely_here
+from swath.fleet.ground import Ground, fits, run_of, shapely_here
+from swath.fleet.machines import Body, Drive, Place
+from swath.fleet.plan import HEADLAND, Plan
 from swath.fleet.ways import PARAMS as WAYS
 from swath.fleet.ways import Finder, Track
 
@@ -33,7 +33,10 @@ class Params:
     than a cell of the search and two gaps of bodies; edges_m: that a place is off the outer edge, the
     second so far that a trailer comes straight to it along a round one; spots_m: between places that are
     looked at; tries: of the nearest that ways are searched to, and then of each `apart`th farther off; poses:
-    that such a search looks at, so that a place is one to which a way is found fast
+    that such a search looks at, so that a place is one to which a way is found fast. Of places to be emptied
+    at: inner_m, outer_m: between those on headland passes and around the field; off_m: of the latter from the
+    field; about_m: reach of those about the gate; every_m: between them; clear_m: kept off who waits.
+    Estimates: so many that one is near, so few that they are looked through at once.
     """
 
     dock_m: float = 25.0
@@ -45,6 +48,12 @@ class Params:
     tries: int = 60
     apart: int = 4
     poses: int = 3000
+    inner_m: float = 60.0
+    outer_m: float = 30.0
+    off_m: tuple[float, ...] = (7.0, 9.0, 12.0, 14.0)
+    about_m: float = 40.0
+    every_m: float = 10.0
+    clear_m: float = 2.0
 
 
 PARAMS = Params()
@@ -185,14 +194,56 @@ def _swept(way: Track, body: Body, gap: float = WIDE + 0.5) -> Any:
     return shapely.union_all(shapely.polygons(outlines.reshape(-1, *outlines.shape[2:])))
 
 
-def run_of(body: Body, place: Place, ahead: float, gap: float = 0.3) -> Any:
-    """The ground of a body from a place to one straight ahead [m], < 0 behind it, wider by a gap."""
+def service_places(
+    ground: Ground,
+    combine: Body,
+    cart: Body,
+    beside: tuple[float, float],
+    waits: Sequence[tuple[Body, Place]],
+) -> Iterator[Place]:
+    """Places of a combine on ground without crop, a cart beside it, so far ahead and leftward [m]; off who
+    waits or empties, bodies at their places.
+    """
     shapely = shapely_here()
-    outlines = body.outlines(np.array([place, place.ahead(ahead)]), gap)
-    return shapely.convex_hull(shapely.multipoints(outlines.reshape(-1, 2)))
+    taken = [shapely.polygons(b.outlines(np.array([p]), PARAMS.clear_m)[0]) for b, p in waits]
+    bare = shapely.difference(ground.open, ground.field)
+    bare = shapely.difference(bare, shapely.union_all(np.concatenate(taken)))
+    shapely.prepare(bare)
+    for place in _beside_field(ground):
+        if fits(bare, combine, place) and fits(bare, cart, place.ahead(*beside)):
+            yield place
 
 
-def fits(area: Any, body: Body, place: Place) -> bool:
-    """Whether a body at a place is in an area, half a metre off its edge."""
+def along_passes(plan: Plan) -> Iterator[Place]:
+    """Places on headland passes, in both directions."""
+    for p in plan.passes:
+        if p.kind == HEADLAND:
+            count = max(1, int(p.length / PARAMS.inner_m))
+            for share in (np.arange(count) + 0.5) / count:
+                x, y = ((1.0 - share) * a + share * b for a, b in zip(p.start, p.end, strict=True))
+                for h in (p.heading, p.heading + math.pi):
+                    yield Place(float(x), float(y), h, h)
+
+
+def _beside_field(ground: Ground) -> Iterator[Place]:
+    """Places beside the outlines, along them in both directions, and about the gate and the truck."""
     shapely = shapely_here()
-    return bool(shapely.contains(area, shapely.polygons(body.outlines(np.array([place]), 0.5)[0])).all())
+    for part in shapely.get_parts(ground.field):
+        points = shapely.get_coordinates(shapely.orient_polygons(part, exterior_cw=False).exterior)
+        for a, b in pairwise(points):
+            length, heading = math.dist(a, b), math.atan2(*(b - a)[::-1])
+            count = max(1, int(length / PARAMS.outer_m))
+            for i in range(count):
+                middle = a + (i + 0.5) / count * (b - a)
+                for out in PARAMS.off_m:
+                    for turn in (0.0, math.pi):
+                        h = heading + turn
+                        x, y = middle + out * np.array([math.sin(heading), -math.cos(heading)])
+                        yield Place(float(x), float(y), h, h)
+    x0, y0 = ground.gate
+    steps = np.arange(-PARAMS.about_m, PARAMS.about_m + 1.0, PARAMS.every_m)
+    for x in steps:
+        for y in steps:
+            for h in (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi):
+                h = h + ground.dock.heading
+                yield Place(x0 + float(x), y0 + float(y), h, h)
