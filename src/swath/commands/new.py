@@ -33,7 +33,7 @@ TEMPLATES = {
         "swath scan straight --set combine.lidar.sensor={file}",
     ),
     "evaluator": Template(
-        "my_evaluator.py", "a metric", "swath run straight --set 'evaluators=[{file}:SteeringReversals]'"
+        "my_evaluator.py", "a metric", "swath run straight --set evaluators=[{file}:SteeringReversals]"
     ),
 }
 
@@ -54,6 +54,7 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the template, say how to run it."""
+    import shlex
     import shutil
 
     from swath.core.errors import InputError
@@ -74,7 +75,8 @@ def run(args: argparse.Namespace) -> int:
         from swath.commands.schema import write_schema
 
         write_schema(out.parent / "scenario.schema.json")
-    print(f"{out}: try it with\n  {template.try_it.format(file=out)}")
+    words = (word.format(file=out) for word in template.try_it.split())
+    print(f"{out}: try it with\n  {shlex.join(words)}")
     return 0
 
 

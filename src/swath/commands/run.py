@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from swath.terminal.options import add_allow, add_ros2_network, add_scenario_options, load
@@ -132,7 +133,9 @@ def run(args: argparse.Namespace) -> int:
         raise (scenario.locate(error) if isinstance(error, InputError) else error) from error
     except KeyboardInterrupt as error:
         is_kept = (out / "summary.json").is_file()
-        kept = f"; what was recorded is in {out}, to look at: swath report {out}" if is_kept else ""
+        kept = (
+            f"; what was recorded is in {out}, to look at: swath report {quote(str(out))}" if is_kept else ""
+        )
         raise type(error)(f"stopped{kept}") from None
     if args.quiet:
         print(out)

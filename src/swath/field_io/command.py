@@ -2,6 +2,7 @@
 
 import argparse
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 
@@ -81,13 +82,13 @@ def run_import(args: argparse.Namespace) -> int:
     console.print(report)
     try:
         write_pass_scenario(args.out)
-        console.print(f"drive in it: swath run {args.out}", highlight=False)
+        console.print(f"drive in it: swath run {quote(str(args.out))}", highlight=False)
     except InputError as error:
         console.print(f"no scenario written: {error}", highlight=False)
         return 0
     try:
         case = write_pass_case(args.out)
-        console.print(f"along many of them: swath test run {case} --out DIR", highlight=False)
+        console.print(f"along many of them: swath test run {quote(str(case))} --out DIR", highlight=False)
     except InputError as error:
         console.print(f"no function test written: {error}", highlight=False)
     return 0

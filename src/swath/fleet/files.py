@@ -146,8 +146,8 @@ class FleetSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class JobKeys:
-    """A job as written. format: `swath fleet 1`; name, summary: of the job, on its page; field, plan,
-    combines, carts, truck, fleet: see there
+    """A job as written. format: `swath fleet 1`; name: of the job (default: that of its file); summary: on its
+    page; field, plan, combines, carts, truck, fleet: see there
     """
 
     format: str
@@ -157,7 +157,7 @@ class JobKeys:
     carts: dict[str, CartSettings] = made(default_factory=dict)
     plan: PlanSettings = PlanSettings()
     fleet: FleetSettings = FleetSettings()
-    name: str = "job"
+    name: str = ""
     summary: str = ""
 
 
@@ -217,7 +217,8 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
 
     Raises InputError with key, value, file and line; its `others` are what else is wrong.
     """
-    document = read_document(job_sheet(name))
+    file = job_sheet(name)
+    document = read_document(file)
     document.kind = "job"
     if not isinstance(document.data, dict):
         raise document.error((), None, "expected a mapping of keys")
@@ -233,7 +234,7 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
         errors[0].others = tuple(errors[1:])
         raise errors[0]
     assert isinstance(keys, JobKeys)
-    job = JobFile(**vars(keys))
+    job = JobFile(**vars(replace(keys, name=keys.name or file.stem)))
     if not job.combines:
         raise document.error(("combines",), None, "expected at least one combine")
     given = [bool(job.field.boundary_m), job.field.file is not None, job.field.log is not None]

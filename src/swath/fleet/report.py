@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.whole_file import check_folder, new_file, write_whole
+from swath.documents.json_file import read_object
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
 from swath.fleet.worked import CUT, SHOWN, STATES, WAIT, Worked, checked, grain, litres_per_ha, stays, used
@@ -29,9 +30,12 @@ DOES = plots.CROP, plots.SKY, plots.PURPLE, "#8cccb0", plots.GREEN, plots.BLUE
 COLOURS = dict(zip(SHOWN, (*DOES, plots.ORANGE, "#f2a97c", "#8c2d04", plots.GREY), strict=True))
 
 
-def check_target(out: Path) -> None:
-    """Make a folder. InputError unless it is new, empty, or that of an earlier job, and can be made."""
-    check_folder(out, FILES, "that of an earlier job")
+def check_target(out: Path, name: str) -> None:
+    """Make a folder. InputError unless it is new, empty, or that of the job of this name, and can be made."""
+    check_folder(out, FILES, result := f"that of an earlier {name}")
+    kept = out / "results.json"
+    if kept.is_file() and (has := read_object(kept, "--out", "results of a job").get("name")) != name:
+        raise InputError("--out", str(out), f"expected a new or empty folder, or {result}, not of {has}")
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -133,8 +137,7 @@ def to_dict(w: Worked) -> dict[str, Any]:
 
 def write_result(w: Worked, name: str, summary: str, out: Path) -> None:
     """Write the files of a job."""
-    check_target(out)
-    out.mkdir(parents=True, exist_ok=True)
+    check_target(out, name)
     fig = draw(w)
     with new_file(out / "job.png") as file:
         fig.savefig(file, format="png", dpi=130, metadata={"Software": None})

@@ -7,6 +7,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from swath.core.errors import InputError
@@ -146,7 +147,7 @@ def _run(args: argparse.Namespace) -> int:
         session = begin(args.out, plan, args.candidates)
     left = sum(1 for _ in session.left())
     if args.plan_only:
-        print(f"{left} runs to do: swath test work {args.out} --shard 1/N ... N/N")
+        print(f"{left} runs to do: swath test work {quote(str(args.out))} --shard 1/N ... N/N")
         return 0
     with progress(left) as done, engine(args.cluster, args.workers) as client:
         session.do(max(1, args.workers), done, client)
@@ -340,7 +341,8 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
         print(f"open loop: {first} steers, the others see its scans and do not act on the machine")
     failed = next((cell.worst for cell in cells if cell.failed.count and cell.worst), None)
     if failed is not None and not session.plan.shadow:
-        print(f"`swath test again {folder} {failed.id[:8]}` makes that run once more, with its own report")
+        again = f"swath test again {quote(str(folder))} {failed.id[:8]}"
+        print(f"`{again}` makes that run once more, with its own report")
     print(f"report  {page}")
     return next((EXIT[v] for v in (BROKEN, NOT_SHOWN, NOT_JUDGED) if v in verdicts), 0)
 
