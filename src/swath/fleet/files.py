@@ -146,7 +146,7 @@ class FleetSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class JobKeys:
-    """A job as written. format: `swath fleet 1`; name: of the job (default: that of its file); summary: on its
+    """A job as written. format: `swath fleet 1`; name: of the job (default: its file's); summary: on its
     page; field, plan, combines, carts, truck, fleet: see there
     """
 

@@ -42,7 +42,7 @@ const int mode = (int)m[26], patch_count = (int)m[33], near_count = (int)m[36], 
 const D stray = m[32], around_own[2] = {m[46], m[47]}, around_towed[2] = {m[48], m[49]};
 // estimates of ways.py: m, s, -, rad, 1/m, steps, poses
 const D SHOT = m[34], LATER = m[35], WEIGHT = m[40], BEND = m[41], PER_M = m[42], LONG = m[43], AFTER = m[44], OFF = m[45], ROUGH = m[51];
-const D* stands = m + 52;  // x, y, radius
+const D* stands = m + 53;  // x, y, radius
 const int ratio = (int)(COARSE / cell + 0.5), cx = (nx + ratio - 1) / ratio, cy = (ny + ratio - 1) / ratio;
 out[0] = 0.0;
 
@@ -327,13 +327,13 @@ auto words_to = [&](D x, D y, D c, D s, D run_in, D (*parts)[4]) {
 };
 const D run_in_line = has_trailer && tolerance > -1.0 ? drawbar * __builtin_log(BEND / __builtin_acos(tolerance)) : 0.0;
 // samples of a path to the goal, and when it is there; whether it ends in line is known before where it leads is looked at
-constexpr int MOST = 2048;
-State sample[MOST];
-D time_at[MOST];
+const int most_samples = (int)m[52];
+State* sample = (State*)its.sample_rows.data;
+D* time_at = (D*)(sample + most_samples);
 int samples = 0;
 auto keep = [&](const State& q, D when) {
-  if (samples < MOST) { sample[samples] = q; time_at[samples] = when; }
-  return ++samples <= MOST;
+  if (samples < most_samples) { sample[samples] = q; time_at[samples] = when; }
+  return ++samples <= most_samples;
 };
 // how far back from the goal, or a run-in before it, whoever tows can have come on the left and the right bend: on a longer
 // last bend something is in its way, whatever is before

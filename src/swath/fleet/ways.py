@@ -564,8 +564,10 @@ class Finder:
         circles = np.array([s.bounds for s in stand]).reshape(-1, 4)
         middle, size = 0.5 * (circles[:, :2] + circles[:, 2:]), circles[:, 2:] - circles[:, :2]
         circles = np.column_stack([middle, 0.5 * np.hypot(*size.T) + 1.0])
-        numbers = np.zeros(52 + circles.size)
-        numbers[:52] = (
+        far = grid.cell * math.hypot(*self._taken.shape)  # no Dubins path is longer than this and its bends
+        samples = math.ceil(far + 15.0 * drive.radius + 10.0 * body.drawbar)  # 1 m apart
+        numbers = np.zeros(53 + circles.size)
+        numbers[:53] = (
             start.x, start.y, math.cos(start.heading), math.sin(start.heading),
             pin[0] - body.drawbar * math.cos(start.trailer), pin[1] - body.drawbar * math.sin(start.trailer),
             goal.x, goal.y, math.cos(goal.heading), math.sin(goal.heading),
@@ -575,12 +577,12 @@ class Finder:
             len(track), *self._taken.shape, p.step_m, p.headings, p.stray_m, len(patches) // 7, p.shot_m,
             p.later_s, len(self._near), self._reach_cells, len(stand), self._lane, p.weight, p.bend_rad,
             p.poses_m, p.long, p.after, p.off_m, *_circle(body.own, gap), *_circle(body.towed, gap),
-            4 * ROOM, p.rough_m,
+            4 * ROOM, p.rough_m, samples,
         )  # fmt: skip
-        numbers[52:] = circles.ravel()
+        numbers[53:] = circles.ravel()
         sides = np.concatenate([np.concatenate([[len(n)], n.ravel()]) for n in self._near] or [NOTHING])
         changed = {"numbers": numbers, "near_sides": sides, "track_rows": track.ravel()}
-        changed |= {"body": points, "patch_rows": patches}
+        changed |= {"body": points, "patch_rows": patches, "sample_rows": np.empty(7 * samples)}
         for name, array in changed.items():
             setattr(self._its, name, member_array(ground_kernel.Search, name, array))
         launch(ground_kernel.find_way, self._its)
