@@ -197,13 +197,14 @@ class Schedule:
 
 @dataclass
 class _Leg:
-    """What a combine is about to do: a path, what it cuts of which pass, and from which segment on; after:
-    earliest times of segments [s]; lost: see `_Scheduler.lost`; lanes: of carts beside it, as far as they
-    were looked for; least: way and what is lost, if nobody is in the way [s]
+    """What a combine is about to do: a path, what it cuts of which pass, as driven and as planned, and from
+    which segment on; after: earliest times of segments [s]; lost: see `_Scheduler.lost`; lanes: of carts
+    beside it, as far as they were looked for; least: way and what is lost, if nobody is in the way [s]
     """
 
     path: Path
     task: Pass
+    planned: Pass
     masses: Array
     density: Array
     strips: Any
@@ -507,10 +508,10 @@ class _Scheduler:
         reach = self.reach(c)
         cuts: list[tuple[bool, float, int, _Leg]] = []
         known = self.runs.get(c.spec.name, {})
-        tasks = [task for p in passes for task in (p, p.reversed())]
-        self.runs[c.spec.name] = {task: known[task] for task in tasks if task in known}
-        for task in tasks:
-            leg = self.only_cut(c, task)
+        tasks = [(p, task) for p in passes for task in (p, p.reversed())]
+        self.runs[c.spec.name] = {task: known[task] for _, task in tasks if task in known}
+        for planned, task in tasks:
+            leg = self.only_cut(c, planned, task)
             if leg is not None:
                 way = reach(leg.path.track.start) / c.spec.drive.straight
                 leg.least = way + leg.lost
@@ -522,7 +523,7 @@ class _Scheduler:
         late = max(self.last_of(name).into for name in self.names())
         return [c.time] if late <= c.time else [c.time, late]
 
-    def only_cut(self, c: CombineState, task: Pass) -> _Leg | None:
+    def only_cut(self, c: CombineState, planned: Pass, task: Pass) -> _Leg | None:
         """A pass alone; None where a combine can do nothing on it."""
         runs = self.runs[c.spec.name]
         if task not in runs:
@@ -533,7 +534,7 @@ class _Scheduler:
         masses = self.ground.crop_on((c.spec.name, task), strips) * density
         length = task.length / len(strips)
         cut = replace(cut, spent=length / np.array([c.spec.speed_in(kg / length) for kg in masses]))
-        leg = _Leg(cut, task, masses, density, strips, 0)
+        leg = _Leg(cut, task, planned, masses, density, strips, 0)
         leg.lost = self.lost(c, leg)
         return leg if math.isfinite(leg.lost) else None
 
@@ -698,16 +699,16 @@ class _Scheduler:
         self.schedule.cut.append((c.spec.name, float(masses.sum()), float(areas.sum())))
         self.schedule.grain.update(zip(numbers[leg.first :], masses.tolist(), strict=True))
         c.place, c.time = leg.path.track.end, float(into[-1])
-        self._take_off(leg.task, rest)
+        self._take_off(leg.planned, rest)
         return numbers
 
     def _take_off(self, task: Pass, rest: Pass | None) -> None:
         """A pass is no longer to be cut; what is left of it is."""
         for todo in self.todo():
-            for i, p in enumerate(todo):
-                if p in (task, task.reversed()):
-                    todo[i : i + 1] = [] if rest is None else [rest]
-                    return
+            if task in todo:
+                i = todo.index(task)
+                todo[i : i + 1] = [] if rest is None else [rest]
+                return
 
     @staticmethod
     def served(
