@@ -25,23 +25,20 @@ ROWS = 128  # of cells that are looked at together
 EDGE = 2.0  # m, up to which the distance to closed ground is kept
 AT_ONCE = 8  # strips that are cut, whose cells are looked at anew together
 SQUARE_M_PER_HA_T = 0.1  # t/ha in kg/m2
+LONGEST_M, MOST_M2 = 10_000.0, 1e7  # of all ground in its frame: its cells take less than half a gigabyte
 GRAIN = 1e-4  # m, that places in the frame are rounded to, so that turning a field changes no decision
 
 
 @dataclass(frozen=True)
 class Params:
-    """yard_m: radius of open ground at the truck and where the way to it leaves the field; road_m: half width
-    of that way; truck_m: from the middle of a cart to that of the truck beside it; rough_m: that a pass
-    may lead over the edge, the gap around bodies and rounding. Estimates from yards seen. longest_m, most_m2:
-    of all ground in its frame, so that its cells take less than half a gigabyte
+    """yard_m: radius of open ground at the truck and where the way to it leaves the field; road_m: half
+    width of that way; truck_m: from the middle of a cart to that of the truck beside it. Estimates from
+    yards seen.
     """
 
     yard_m: float = 45.0
     road_m: float = 10.0
     truck_m: float = 4.5
-    rough_m: float = 0.25
-    longest_m: float = 10_000.0
-    most_m2: float = 1e7
 
 
 PARAMS = Params()
@@ -131,7 +128,7 @@ class Ground:
         self.west, self.south = math.floor(west) - 2.0, math.floor(south) - 2.0
         self.shape: tuple[int, int] = int((east - self.west) / CELL) + 5, int((north - self.south) / CELL) + 5
         self.grid = self._raster(shapely)
-        self.rough = self.open.buffer(PARAMS.rough_m)
+        self.rough = self.open.buffer(0.5 * CELL)  # the gap around bodies, and rounding
         shapely.prepare([self.open, self.rough])
         self._mean = SQUARE_M_PER_HA_T * job.field.yield_t_ha
         self._yields = _yields_of(job)
@@ -310,8 +307,8 @@ def _anticlockwise(points: Array) -> Array:
 
 def _check_size(length: float, width: float) -> None:
     longest, area = max(length, width), length * width
-    if longest > PARAMS.longest_m or area > PARAMS.most_m2:
-        most = f"{PARAMS.longest_m / 1000.0:.0f} km and {PARAMS.most_m2 / 1e4:.0f} ha"
+    if longest > LONGEST_M or area > MOST_M2:
+        most = f"{LONGEST_M / 1000.0:.0f} km and {MOST_M2 / 1e4:.0f} ha"
         expected = f"expected field and truck in a rectangle of at most {most}"
         raise InputError("field", f"{longest / 1000.0:.1f} km, {area / 1e4:.0f} ha", expected)
 

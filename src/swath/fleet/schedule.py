@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.fleet.dispatcher import Ahead, Dispatcher, Option, State, dispatcher_of
 from swath.fleet.files import JobFile
+from swath.fleet.ground import CELL, Ground, run_of, shapely_here
 from swath.fleet.ground import PARAMS as GROUND
-from swath.fleet.ground import Ground, run_of, shapely_here
 from swath.fleet.machines import PARAMS as GAPS
 from swath.fleet.machines import Cart, Combine, Drive, Machines, Place, beside, body_of, machines_of
 from swath.fleet.plan import CLEAN, HEADLAND, Pass, Plan, plan_of, strip_of
 from swath.fleet.plan import PARAMS as PLAN
+from swath.fleet.table import PARAMS as TABLE
 from swath.fleet.table import Path, Table, segments, standing
 from swath.fleet.ways import PARAMS as WAYS
 from swath.fleet.ways import Far, Finder, Track, behind, driven, straight, times_along
@@ -40,29 +41,22 @@ LEFT_KG = 1e-6  # of grain, that is none
 
 @dataclass(frozen=True)
 class Params:
-    """cut_m: longest segment of a pass; align_s: until a cart that has come beside is in line; tries,
-    places: passes, and places to pour at, that are looked at, the nearest first, and tries times as many
-    places before anybody makes room; join, joins: segments of a pass between places at which a cart may come
-    beside, and how many; early_s: of what a combine waits for a cart beyond what is known; soon_s: within
-    which a machine stands that a way leads around; part: of a tank, up to which a combine begins a pass that
-    its tank does not take; long_s: beside cutting, from where on it may be emptied before instead; behind:
-    share in the cost of a place of a cart's way to the truck, which keeps nobody waiting; again_s: more cost
-    of a place at which nobody could be emptied; line_deg: of a trailer that comes beside a header; saves_s:
-    less than which is no reason to look at another pass; rests: power of two, most grants to others before
-    who can do nothing looks again; out_percent: of the field that is left where no way leads; carts: that are
-    looked at, those that can come first; room: of a box, less of which no combine pours into, nor is waited
-    for; load: of a tank, or all but that of the room in a box, less than which nobody comes beside for;
-    lane_m: kept all round a cart that comes beside. Estimates, but for line_deg: a box of 9 m then swings by
-    less than the gap beside a header.
+    """cut_m: longest segment of a pass; align_s: until a cart that has come beside is in line; tries: passes
+    that are looked at, the nearest first; few: of carts that can come first, and of places to come beside
+    at; soon_s: within which a machine stands that a way leads around; part: of a tank, up to which a combine
+    begins a pass that its tank does not take; long_s: beside cutting, from where on it may be emptied before
+    instead; behind: share in the cost of a place of a cart's way to the truck, which keeps nobody waiting;
+    again_s: more cost of a place at which nobody could be emptied; line_deg: of a trailer that comes beside
+    a header; saves_s: less than which is no reason to look at another pass; out_percent: of the field that
+    is left where no way leads; load: of a tank, or all but that of the room in a box, less than which nobody
+    comes beside for; lane_m: kept all round a cart that comes beside. Estimates, but for line_deg: a box of
+    9 m then swings by less than the gap beside a header.
     """
 
     cut_m: float = 8.0
     align_s: float = 10.0
     tries: int = 4
-    places: int = 8
-    join: int = 4
-    joins: int = 2
-    early_s: float = 2.0
+    few: int = 2
     soon_s: float = 30.0
     part: float = 0.5
     long_s: float = 90.0
@@ -70,12 +64,16 @@ class Params:
     again_s: float = 60.0
     line_deg: float = 2.0
     saves_s: float = 20.0
-    rests: int = 3
     out_percent: float = 0.5
-    carts: int = 2
-    room: float = 0.05
     load: float = 0.1
     lane_m: float = 0.3
+
+    @property
+    def places(self) -> int:
+        """To pour at, that are looked at, and `tries` times as many before anybody makes room; as often
+        others are granted something at most before who can do nothing looks again.
+        """
+        return 2 * self.tries
 
 
 PARAMS = Params()
@@ -130,7 +128,7 @@ class CartState:
     @property
     def leaves(self) -> float:
         """Least load that is worth the way to the truck [kg]."""
-        return min(self.spec.leave, (1.0 - PARAMS.room) * self.spec.load)
+        return min(self.spec.leave, (1.0 - PARAMS.load) * self.spec.load)
 
 
 @dataclass
@@ -338,7 +336,7 @@ class _Scheduler:
                 self.failed.pop(name, None)
                 return True
             self.failed[name] = self.failed.get(name, 0) + 1
-            self.rests[name] = 2 ** min(self.failed[name], PARAMS.rests) - 1
+            self.rests[name] = min(2 ** self.failed[name], PARAMS.places) - 1
         return False
 
     def makes_room(self, turn: int) -> bool:
@@ -603,7 +601,7 @@ class _Scheduler:
         for other in self.names():
             s = self.last_of(other)
             if other != name and (other == beside or s.into < time + PARAMS.soon_s):
-                wide = [p.buffer(YARD.wide_m, join_style="mitre") for p in s.path.swept[s.index]]
+                wide = [p.buffer(CELL, join_style="mitre") for p in s.path.swept[s.index]]
                 is_near = other == beside or shapely_here().intersects(own, wide).any()
                 if is_near:
                     near += [p.buffer(GAPS.near_m, join_style="mitre") for p in s.path.swept[s.index]]
@@ -651,8 +649,8 @@ class _Scheduler:
 
     def likely(self, c: CombineState) -> list[CartState]:
         """Carts with room, those that are free first."""
-        room = [k for k in self.carts if k.room > PARAMS.room * k.spec.load]
-        return sorted(room, key=lambda k: (self.comes(k, c), k.spec.name))[: PARAMS.carts]
+        room = [k for k in self.carts if k.room > PARAMS.load * k.spec.load]
+        return sorted(room, key=lambda k: (self.comes(k, c), k.spec.name))[: PARAMS.few]
 
     @staticmethod
     def comes(k: CartState, c: CombineState) -> float:
@@ -762,13 +760,14 @@ class _Scheduler:
         if math.isinf(go(end.ahead(ahead, left))):
             return None
         trip = None
-        for join in range(first, last - 1, PARAMS.join):
+        apart = max(round(YARD.outer_m * len(leg.masses) / leg.task.length), 1)
+        for join in range(first, last - 1, apart):
             place = Place(*leg.path.track.places[leg.path.first[leg.first + join]].tolist())
             goal, first = place.ahead(ahead, left), join
             if math.isinf(come(goal)):
                 continue
             trip = self.sets_out(k, start, c, goal)
-            if trip is not None or join - run[0] >= PARAMS.joins * PARAMS.join:
+            if trip is not None or join - run[0] >= PARAMS.few * apart:
                 break
         if trip is None:
             return None
@@ -788,7 +787,7 @@ class _Scheduler:
             self.table.back(mark)
             if found is not None or late <= 0.0 or full >= len(leg.masses):
                 break
-            begin = max(begin, times[0]) + late + PARAMS.early_s
+            begin = max(begin, times[0]) + late + 2.0 * TABLE.gap_s
             times = self.table.earliest(c.spec.name, leg.path, begin, meets=meets, after=leg.after)
         if found is None or times is None:
             return None

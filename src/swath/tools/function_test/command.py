@@ -341,8 +341,8 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
         print(f"open loop: {first} steers, the others see its scans and do not act on the machine")
     failed = next((cell.worst for cell in cells if cell.failed.count and cell.worst), None)
     if failed is not None and not session.plan.shadow:
-        again = f"swath test again {quote(str(folder))} {failed.id[:8]}"
-        print(f"`{again}` makes that run once more, with its own report")
+        command = f"swath test again {quote(str(folder))} {failed.id[:8]}"
+        print(f"`{command}` makes that run once more, with its own report")
     print(f"report  {page}")
     return next((EXIT[v] for v in (BROKEN, NOT_SHOWN, NOT_JUDGED) if v in verdicts), 0)
 
