@@ -45,8 +45,8 @@ class Params:
     that are looked at, the nearest first; few: of carts that can come first, and of places to come beside
     at; soon_s: within which a machine stands that a way leads around; part: of a tank, up to which a combine
     begins a pass that its tank does not take; long_s: beside cutting, from where on it may be emptied before
-    instead; behind: share in the cost of a place of a cart's way to the truck, which keeps nobody waiting;
-    again_s: more cost of a place at which nobody could be emptied; line_deg: of a trailer that comes beside
+    instead, and more cost of a place at which nobody could be emptied; behind: share in the cost of a place of a cart's way to the truck, which keeps nobody waiting;
+    line_deg: of a trailer that comes beside
     a header; saves_s: less than which is no reason to look at another pass; out_percent: of the field that
     is left where no way leads; load: of a tank, or all but that of the room in a box, less than which nobody
     comes beside for; lane_m: kept all round a cart that comes beside. Estimates, but for line_deg: a box of
@@ -61,7 +61,6 @@ class Params:
     part: float = 0.5
     long_s: float = 90.0
     behind: float = 0.25
-    again_s: float = 60.0
     line_deg: float = 2.0
     saves_s: float = 20.0
     out_percent: float = 0.5
@@ -1043,7 +1042,7 @@ class _Scheduler:
             own = reach(place) / c.spec.drive.straight if place != c.place else 0.0
             cart = start.time - c.time + come(at) / k.spec.drive.straight
             rest = PARAMS.behind * go(at) / k.spec.drive.straight
-            return round(max(own, cart) + own + rest + PARAMS.again_s * self.vain.get(place, 0), 1), place
+            return round(max(own, cart) + own + rest + PARAMS.long_s * self.vain.get(place, 0), 1), place
 
         return sorted((c.place, *self.places, *self.inner), key=cost)
 

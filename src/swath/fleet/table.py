@@ -32,13 +32,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """gap_s: between who leaves a shared place and who enters it; straight_m, bend_m: longest segment, so
+    """gap_s: between who leaves a shared place and who enters it; straight_m: longest segment, a third of it in bends, so
     that waiting places are near each other and ground is not held for long. Estimates.
     """
 
     gap_s: float = 1.0
     straight_m: float = 9.0
-    bend_m: float = 3.0
 
 
 PARAMS = Params()
@@ -260,7 +259,7 @@ def _cuts(track: Track) -> NDArray[np.int64]:
     ways = track.ways.tolist()
     for i in range(1, len(distance) - 1):
         bends = bends or bent[i - 1]
-        most = PARAMS.bend_m if bends else PARAMS.straight_m
+        most = PARAMS.straight_m / 3.0 if bends else PARAMS.straight_m
         changed = ways[i] != ways[i - 1] or bent[i] != bent[i - 1]
         if changed or distance[i + 1] - distance[begin] > most:
             cuts.append(i)
