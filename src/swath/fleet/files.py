@@ -32,20 +32,11 @@ FORMAT = "swath fleet 1"
 SIMPLER = 0.3  # m, within which points of an outline from a file are left out
 LINES = ("LineString", "MultiLineString")
 AREAS = ("Polygon", "MultiPolygon", "GeometryCollection")
+SQUARE = 10.0  # m, side of those in which the yield of a log is averaged, about a header wide
 SHORT = 1.0  # m between the ends of a line, below which it has no direction
 Metre = Annotated[float, Ge(-1e7), Le(1e7)]
 Ring = Annotated[list[tuple[Metre, Metre]], MinLen(3)]
 Line = Annotated[list[tuple[Metre, Metre]], MinLen(2)]
-
-
-@dataclass(frozen=True)
-class Params:
-    """yield_m: side of the squares in which the yield of a log is averaged, about a header's width."""
-
-    yield_m: float = 10.0
-
-
-PARAMS = Params()
 
 
 @dataclass(frozen=True)
@@ -492,7 +483,7 @@ def _in_squares(position: Any, grain: Any) -> tuple[tuple[tuple[float, float, fl
     """Mean yields of squares, and what is to be told of them. position (n, 2) [m]; grain (n,) [kg/m2]"""
     if not len(grain):
         return (), []
-    side = PARAMS.yield_m
+    side = SQUARE
     squares, number = np.unique(np.floor(position / side), axis=0, return_inverse=True)
     mean = np.bincount(number.ravel(), grain) / np.bincount(number.ravel())
     low, high = np.percentile(10.0 * mean, [5.0, 95.0])

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
-from swath.fleet.files import PARAMS as SQUARES
-from swath.fleet.files import JobFile
+from swath.fleet.files import SQUARE, JobFile
 from swath.fleet.machines import Body, Place
 from swath.kernels import filled, launch
 
@@ -186,7 +185,7 @@ class Ground:
             return np.full(len(strips), self._mean)
         shapely, (corner, share) = shapely_here(), self._yields
         middles = self.frame.to_map(shapely.get_coordinates(shapely.centroid(strips)))
-        i, j = np.clip((middles - corner) / SQUARES.yield_m, 0.0, np.array(share.shape) - 1.0).astype(int).T
+        i, j = np.clip((middles - corner) / SQUARE, 0.0, np.array(share.shape) - 1.0).astype(int).T
         return np.asarray(self._mean * share[i, j])
 
     def crop_on(self, key: Any, strips: Any) -> Array:
@@ -235,8 +234,8 @@ def _yields_of(job: JobFile) -> tuple[Array, Array] | None:
     if not job.yields:
         return None
     rows = np.array(job.yields)
-    corner = rows[:, :2].min(axis=0) - 0.5 * SQUARES.yield_m
-    cells = ((rows[:, :2] - corner) / SQUARES.yield_m).astype(int)
+    corner = rows[:, :2].min(axis=0) - 0.5 * SQUARE
+    cells = ((rows[:, :2] - corner) / SQUARE).astype(int)
     share = np.ones(cells.max(axis=0) + 1)
     share[tuple(cells.T)] = rows[:, 2] / rows[:, 2].mean()
     return corner, share

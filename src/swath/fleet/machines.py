@@ -48,7 +48,17 @@ class Params:
     @property
     def beside_m(self) -> float:
         """Between the strip of a header and a cart beside it: no less is granted."""
-        return 2.0 * self.gap_m + self.near_m
+        return self.lane_m + self.near_m
+
+    @property
+    def lane_m(self) -> float:
+        """That a cart beside is off crop and closed ground: its gap and that of the combine."""
+        return 2.0 * self.gap_m
+
+    @property
+    def rim_m(self) -> float:
+        """Kept off holes, and around who waits: the gap of a search, and as much for what cells are off."""
+        return 2.0 * self.search_m
 
 
 PARAMS = Params()

@@ -45,12 +45,10 @@ class Params:
     that are looked at, the nearest first; few: of carts that can come first, and of places to come beside
     at; soon_s: within which a machine stands that a way leads around; part: of a tank, up to which a combine
     begins a pass that its tank does not take; long_s: beside cutting, from where on it may be emptied before
-    instead, and more cost of a place at which nobody could be emptied; behind: share in the cost of a place of a cart's way to the truck, which keeps nobody waiting;
-    line_deg: of a trailer that comes beside
-    a header; saves_s: less than which is no reason to look at another pass; out_percent: of the field that
-    is left where no way leads; load: of a tank, or all but that of the room in a box, less than which nobody
-    comes beside for; lane_m: kept all round a cart that comes beside. Estimates, but for line_deg: a box of
-    9 m then swings by less than the gap beside a header.
+    instead, and more cost of a place at which nobody could be emptied; behind: share in the cost of a place
+    of a cart's way to the truck, which keeps nobody waiting; saves_s: less than which is no reason to look
+    at another pass; out_percent: of the field that is left where no way leads; load: of a tank, or all but
+    that of the room in a box, less than which nobody comes beside for. Estimates.
     """
 
     cut_m: float = 8.0
@@ -61,11 +59,9 @@ class Params:
     part: float = 0.5
     long_s: float = 90.0
     behind: float = 0.25
-    line_deg: float = 2.0
     saves_s: float = 20.0
     out_percent: float = 0.5
     load: float = 0.1
-    lane_m: float = 0.3
 
     @property
     def places(self) -> int:
@@ -724,7 +720,7 @@ class _Scheduler:
         and driven as soon as its ground is cut, so that the cart is there when it is needed.
         """
         late = max(start.time, c.time)
-        path = self.way(k.spec, start.place, goal, late, "to combine", c.spec.name, PARAMS.line_deg)
+        path = self.way(k.spec, start.place, goal, late, "to combine", c.spec.name, WAYS.line_deg / 3.0)
         if path is None:
             return None
         exact = {}
@@ -858,7 +854,7 @@ class _Scheduler:
         return leg.lanes[k.spec.name]
 
     def _lane_beside(self, c: CombineState, k: CartState, leg: _Leg) -> tuple[int, int] | None:
-        shapely, body, gap = shapely_here(), k.spec.body, PARAMS.lane_m
+        shapely, body, gap = shapely_here(), k.spec.body, GAPS.lane_m
         ahead, left = beside(c.spec, k.spec)
         begin = leg.path.track.places[leg.path.first[leg.first :]]
         ends = leg.path.track.places[leg.path.last[leg.first :]]

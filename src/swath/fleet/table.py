@@ -32,8 +32,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """gap_s: between who leaves a shared place and who enters it; straight_m: longest segment, a third of it in bends, so
-    that waiting places are near each other and ground is not held for long. Estimates.
+    """gap_s: between who leaves a shared place and who enters it; straight_m: longest segment, a third of it
+    in bends, so that waiting places are near each other and ground is not held for long. Estimates.
     """
 
     gap_s: float = 1.0

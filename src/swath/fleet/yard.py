@@ -50,7 +50,7 @@ class Params:
 
 
 PARAMS = Params()
-WIDE = 2.0 * GAPS.search_m + CELL  # that a waiting place is wider than its machine [m]
+WIDE = GAPS.rim_m + CELL  # that a waiting place is wider than its machine [m]
 
 
 @dataclass(frozen=True)
