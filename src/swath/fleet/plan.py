@@ -210,14 +210,8 @@ class _Planner:
         length = math.dist(a, b)
         u = (b - a) / length
         right = np.array([u[1], -u[0]])
-        band = shapely.Polygon(
-            [
-                a - 3 * width * u,
-                b + 3 * width * u,
-                b + 3 * width * u + width * right,
-                a - 3 * width * u + width * right,
-            ]
-        )
+        far, wide = 3 * width * u, width * right
+        band = shapely.Polygon([a - far, b + far, b + far + wide, a - far + wide])
         crop = shapely.intersection_all([band, ring, self.rest])
         spans = [(s, e) for s, e in _spans(crop, a, u) if e > 0.0 and s < length]
         for start, end in _bridged(spans, PARAMS.bridge_m):
