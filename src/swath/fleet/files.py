@@ -25,7 +25,8 @@ from swath.core.errors import InputError
 from swath.documents.data_sheets import find_sheet
 from swath.documents.json_file import read_json
 from swath.documents.validation import validate
-from swath.documents.yaml_document import Document, parse_value, read_document
+from swath.documents.yaml_document import Document, read_document
+from swath.scenario.overrides import change_of, put
 from swath.scenario.section_reader import NAME
 
 FORMAT = "swath fleet 1"
@@ -214,7 +215,8 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
     if not isinstance(document.data, dict):
         raise document.error((), None, "expected a mapping of keys")
     for change in changes:
-        _set(document, change)
+        flag, path, value = change_of(f"--set {change}", change)
+        put(document.data, path, _from_here(value), flag)
     notes = tuple(_without_gone(document))
     if name in RENAMED:
         notes = (f"{name} is called {RENAMED[name]} now: nothing drives in echelon", *notes)
@@ -255,20 +257,6 @@ def base_of(document: Document) -> Path | None:
     """Folder that relative paths of a job start from."""
     place = document.place(("format",))
     return None if place is None or place.file is None else Path(place.file).parent
-
-
-def _set(document: Document, change: str) -> None:
-    """Change one key of a job as read."""
-    key, equals, text = change.partition("=")
-    path = key.strip().split(".")
-    node = document.data
-    if not equals or not all(path):
-        raise InputError("--set", change, "expected KEY=VALUE")
-    for part in path[:-1]:
-        node = node.setdefault(part, {})
-        if not isinstance(node, dict):
-            raise InputError("--set", change, f"expected a section, {part} is none")
-    node[path[-1]] = _from_here(parse_value(text, "--set"))
 
 
 def _from_here(value: Any) -> Any:
