@@ -308,9 +308,9 @@ def _field_of(*ring: tuple[float, float]) -> Callable[[Path], Any]:
 
 def _job(width: float, height: float) -> Callable[[Path], Any]:
     def run(folder: Path) -> Any:
-        from swath.fleet.bodies import body_of
         from swath.fleet.files import read_job
         from swath.fleet.ground import Ground
+        from swath.fleet.machines import body_of
         from swath.machine.machine_sheet import load_machine
 
         ring = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]]

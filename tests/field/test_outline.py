@@ -220,7 +220,7 @@ FIELDS = {
 
 @pytest.mark.parametrize("name", FIELDS)
 def test_a_job_takes_all_outlines_and_leaves_islands_out(name, tmp_path):
-    from swath.fleet.field_files import read_field
+    from swath.fleet.files import read_field
 
     polygons, area, parts = FIELDS[name]
     field = read_field(geojson(tmp_path / "a.geojson", *polygons), 9.0)

@@ -32,7 +32,7 @@ from swath.field_io.taskdata import (
     drawn,
     pivot_radius,
 )
-from swath.fleet.field_files import read_field
+from swath.fleet.files import read_field
 from tests.field.made_taskdata import (
     COMBINE,
     EAST_M,

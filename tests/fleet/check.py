@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from swath.fleet.bodies import Body
 from swath.fleet.ground import shapely_here
+from swath.fleet.machines import Body
 from swath.fleet.schedule import Schedule
 
 STEP = 0.1  # s

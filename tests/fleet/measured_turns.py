@@ -12,8 +12,7 @@ import pytest
 from swath.control.turns import clothoid, limits_of
 from swath.control.turns.dubins import Place as Pose
 from swath.control.turns.dubins import shortest
-from swath.fleet.bodies import Drive, Place, body_of
-from swath.fleet.machines import PARAMS
+from swath.fleet.machines import PARAMS, Drive, Place, body_of
 from swath.fleet.ways import driven, joined, rolled, straight, times_along
 from swath.machine.loops import approach
 from swath.machine.machine_sheet import dynamics_of, load_machine

@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 
-from swath.fleet.bodies import PARAMS as GAPS
 from swath.fleet.files import JobFile
 from swath.fleet.ground import PARAMS as GROUND
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import PARAMS, Machines, machines_of
+from swath.fleet.machines import PARAMS as GAPS
 
 SPOTS = 4.0  # m between places that are looked at
 TURNS = 8  # directions

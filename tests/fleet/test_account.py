@@ -9,8 +9,16 @@ import numpy as np
 import pytest
 
 from swath.fleet.driven import driven
-from swath.fleet.replay import NEAR, collected, thinned, write_replay
-from swath.fleet.report import machine_rows, pair_rows, result_rows, to_dict
+from swath.fleet.report import (
+    NEAR,
+    collected,
+    machine_rows,
+    pair_rows,
+    result_rows,
+    thinned,
+    to_dict,
+    write_replay,
+)
 from swath.fleet.schedule import schedule_of
 from swath.fleet.worked import (
     IDLE,

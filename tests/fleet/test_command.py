@@ -24,6 +24,21 @@ def test_draws_are_of_events_alone(capsys):
     assert "expected the level events, not driven" in capsys.readouterr().err
 
 
+def test_results_of_another_job_are_not_replaced(capsys, tmp_path):
+    for name in ("north", "south"):
+        (tmp_path / f"{name}.yaml").write_text(
+            "format: swath fleet 1\nfield: {boundary_m: [[0, 0], [60, 0], [60, 40], [0, 40]]}\n"
+            "combines: {combine: {}}\ntruck: {x_m: 20, y_m: -30}\n"
+        )
+    out = ["--out", str(tmp_path / "out of both")]
+    assert main(["fleet", "run", str(tmp_path / "north.yaml"), *out]) == 0
+    before = (tmp_path / "out of both" / "results.json").read_bytes()
+    assert main(["fleet", "run", str(tmp_path / "north.yaml"), *out]) == 0
+    assert main(["fleet", "run", str(tmp_path / "south.yaml"), *out]) == 2
+    assert "an earlier south, not of north" in " ".join(capsys.readouterr().err.split())
+    assert (tmp_path / "out of both" / "results.json").read_bytes() == before
+
+
 @pytest.mark.parametrize(("gap", "told"), [(0.0, False), (1.0, True)])
 def test_a_recorded_day_prints_what_is_predicted_and_why_what_is_not(capsys, tmp_path, gap, told):
     log = log_of(tmp_path, gap_in_turns=gap)

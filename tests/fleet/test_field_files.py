@@ -10,10 +10,9 @@ import pytest
 pytest.importorskip("rasterio")
 
 from swath.core.errors import InputError
-from swath.fleet.bodies import body_of
 from swath.fleet.files import read_job
 from swath.fleet.ground import Ground, shapely_here
-from swath.fleet.machines import machines_of
+from swath.fleet.machines import body_of, machines_of
 from swath.fleet.plan import HEADLAND, plan_of
 from tests.field.test_plan import EAST_M, NORTH_M, taskdata
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.fleet.bodies import body_of
 from swath.fleet.files import CombineSettings, FieldSettings, JobFile, PlanSettings, TruckSettings
 from swath.fleet.ground import Ground, shapely_here
-from swath.fleet.machines import machines_of
-from swath.fleet.plan import HEADLAND, LAND, PARAMS, plan_of, read_plan, strip_of
+from swath.fleet.machines import PARAMS as GAPS
+from swath.fleet.machines import body_of, machines_of
+from swath.fleet.plan import HEADLAND, LAND, plan_of, read_plan, strip_of
 from tests.fleet.drawn import drawn_job
 
 SQUARE = [(0.0, 0.0), (150.0, 0.0), (150.0, 100.0), (0.0, 100.0)]
@@ -139,5 +139,5 @@ def test_rounds_go_the_other_way_where_the_plan_says_so():
 def test_all_is_cut_beside_the_straight_sides_of_a_pond():
     """But for the gap that headers keep off it."""
     ground, plan = planned(drawn_job(700, (0.6, 2.5)))
-    around = ground.holes.buffer(1.1 * PARAMS.hole_m)
+    around = ground.holes.buffer(1.1 * GAPS.rim_m)
     assert 0.0 < plan.left < around.area - ground.holes.area

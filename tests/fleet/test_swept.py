@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from swath.fleet.bodies import Body, Place, Rectangle
+from swath.fleet.machines import Body, Place, Rectangle
 from swath.fleet.table import Taken, swept_by
 from swath.fleet.ways import driven
 

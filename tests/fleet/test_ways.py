@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swath.fleet.bodies import Drive, Place, body_of
 from swath.fleet.ground import Grid
+from swath.fleet.machines import Drive, Place, body_of
 from swath.fleet.ways import (
     PARAMS,
     Finder,
@@ -56,6 +56,14 @@ def test_on_open_ground_the_shortest_way_is_the_dubins_path(goal, length):
     way = finder.find(COMBINE, DRIVE, start, end)
     assert way.length == pytest.approx(length, abs=0.01)
     assert way.end[:2] == pytest.approx(goal[:2], abs=1e-6)
+
+
+def test_a_dubins_path_of_any_length_is_taken_at_once():
+    free, edge = np.full((5600, 80), -1.0, np.float32), np.full((5600, 80), 9.0, np.float32)
+    finder = Finder(Grid(0.0, 0.0, 0.5, edge, free))
+    way = finder.find(COMBINE, DRIVE, Place(20.0, 15.0, 0.0, 0.0), Place(2770.0, 25.0, 0.0, 0.0), most=2)
+    assert way is not None
+    assert 2750.0 < way.length < 2750.1
 
 
 def test_no_way_leads_through_crop_that_stands_and_one_around_it_is_found():

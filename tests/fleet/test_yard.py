@@ -3,12 +3,11 @@
 import pytest
 
 from swath.core.errors import InputError
-from swath.fleet.bodies import body_of
-from swath.fleet.ground import Ground, shapely_here
-from swath.fleet.machines import machines_of
+from swath.fleet.ground import Ground, run_of, shapely_here
+from swath.fleet.machines import body_of, machines_of
 from swath.fleet.ways import PARAMS as WAYS
 from swath.fleet.ways import Finder
-from swath.fleet.yard import WIDE, Waits, at_gate, run_of, waiting_places
+from swath.fleet.yard import WIDE, Waits, at_gate, waiting_places
 from tests.fleet.drawn import drawn_job
 
 

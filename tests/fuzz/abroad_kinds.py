@@ -86,7 +86,7 @@ def _plan_lines(folder: Path) -> None:
 
 
 def _read_plan(folder: Path) -> Any:
-    from swath.fleet.field_files import read_field
+    from swath.fleet.files import read_field
 
     name = "plan.geojson" if (folder / "plan.geojson").is_file() else "log"
     return read_field(folder / name, 9.0)

@@ -70,7 +70,7 @@ def run_job(args: argparse.Namespace) -> int:
         raise InputError("--spread", args.spread, f"expected the level events, not {args.level}")
     job, document = read_job(args.job, tuple(args.sets))
     if args.out is not None:
-        check_target(args.out)
+        check_target(args.out, job.name)
     schedule = schedule_of(job, base_of(document))
     worked = driven(schedule) if args.level == "driven" else by_events(schedule)
     if args.spread is not None:

@@ -27,19 +27,19 @@ Array = NDArray[np.float64]
 STEP = 0.1  # s
 NEAR = 0.03  # m, that a machine stands before where it may go
 STILL = 1e-3  # m/s, at which it stands
+STUCK = 600.0  # s without anybody moving or pouring, after which it is said who waits for whom
 
 
 @dataclass(frozen=True)
 class Params:
     """back_m: length over which a machine steers back to its path, two steps at the fastest; station_s: time
-    over which a cart makes up what it is off its station; reach: of the box, how far off its middle grain may
-    land; stuck_s: without anybody moving or pouring, after which it is said who waits for whom. Estimates.
+    over which a cart makes up what it is off its station; reach: of the box, how far off its middle grain
+    may land. Estimates.
     """
 
     back_m: float = 2.0
     station_s: float = 2.0
     reach: float = 0.25
-    stuck_s: float = 600.0
 
 
 PARAMS = Params()
@@ -363,7 +363,7 @@ class _Drive:
                         cut = self.time + STEP
             self.pour()
             self.time += STEP
-            if self.time - self.last > PARAMS.stuck_s:
+            if self.time - self.last > STUCK:
                 raise InputError("level", "driven", f"expected machines that go on; {self.who_waits()}")
         for name, m in self.movers.items():
             rows[name].extend((m.x, m.y, m.heading, m.trailer))

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
-from swath.fleet.bodies import Body, Place
-from swath.fleet.field_files import PARAMS as SQUARES
-from swath.fleet.files import JobFile
+from swath.fleet.files import SQUARE, JobFile
+from swath.fleet.machines import Body, Place
 from swath.kernels import filled, launch
 
 Array = NDArray[np.float64]
@@ -25,23 +24,20 @@ ROWS = 128  # of cells that are looked at together
 EDGE = 2.0  # m, up to which the distance to closed ground is kept
 AT_ONCE = 8  # strips that are cut, whose cells are looked at anew together
 SQUARE_M_PER_HA_T = 0.1  # t/ha in kg/m2
+LONGEST_M, MOST_M2 = 10_000.0, 1e7  # of all ground in its frame: its cells take less than half a gigabyte
 GRAIN = 1e-4  # m, that places in the frame are rounded to, so that turning a field changes no decision
 
 
 @dataclass(frozen=True)
 class Params:
-    """yard_m: radius of open ground at the truck and where the way to it leaves the field; road_m: half width
-    of that way; truck_m: from the middle of a cart to that of the truck beside it; rough_m: that a pass
-    may lead over the edge, the gap around bodies and rounding. Estimates from yards seen. longest_m, most_m2:
-    of all ground in its frame, so that its cells take less than half a gigabyte
+    """yard_m: radius of open ground at the truck and where the way to it leaves the field; road_m: half
+    width of that way; truck_m: from the middle of a cart to that of the truck beside it. Estimates from
+    yards seen.
     """
 
     yard_m: float = 45.0
     road_m: float = 10.0
     truck_m: float = 4.5
-    rough_m: float = 0.25
-    longest_m: float = 10_000.0
-    most_m2: float = 1e7
 
 
 PARAMS = Params()
@@ -131,7 +127,7 @@ class Ground:
         self.west, self.south = math.floor(west) - 2.0, math.floor(south) - 2.0
         self.shape: tuple[int, int] = int((east - self.west) / CELL) + 5, int((north - self.south) / CELL) + 5
         self.grid = self._raster(shapely)
-        self.rough = self.open.buffer(PARAMS.rough_m)
+        self.rough = self.open.buffer(0.5 * CELL)  # the gap around bodies, and rounding
         shapely.prepare([self.open, self.rough])
         self._mean = SQUARE_M_PER_HA_T * job.field.yield_t_ha
         self._yields = _yields_of(job)
@@ -189,7 +185,7 @@ class Ground:
             return np.full(len(strips), self._mean)
         shapely, (corner, share) = shapely_here(), self._yields
         middles = self.frame.to_map(shapely.get_coordinates(shapely.centroid(strips)))
-        i, j = np.clip((middles - corner) / SQUARES.yield_m, 0.0, np.array(share.shape) - 1.0).astype(int).T
+        i, j = np.clip((middles - corner) / SQUARE, 0.0, np.array(share.shape) - 1.0).astype(int).T
         return np.asarray(self._mean * share[i, j])
 
     def crop_on(self, key: Any, strips: Any) -> Array:
@@ -238,8 +234,8 @@ def _yields_of(job: JobFile) -> tuple[Array, Array] | None:
     if not job.yields:
         return None
     rows = np.array(job.yields)
-    corner = rows[:, :2].min(axis=0) - 0.5 * SQUARES.yield_m
-    cells = ((rows[:, :2] - corner) / SQUARES.yield_m).astype(int)
+    corner = rows[:, :2].min(axis=0) - 0.5 * SQUARE
+    cells = ((rows[:, :2] - corner) / SQUARE).astype(int)
     share = np.ones(cells.max(axis=0) + 1)
     share[tuple(cells.T)] = rows[:, 2] / rows[:, 2].mean()
     return corner, share
@@ -265,6 +261,19 @@ def cells_of(area: Any, grid: Grid, shape: tuple[int, int]) -> tuple[slice, slic
     x = grid.west + grid.cell * (np.arange(i.start, i.stop) + 0.5)
     y = grid.south + grid.cell * (np.arange(j.start, j.stop) + 0.5)
     return i, j, shapely_here().contains_xy(area, *np.meshgrid(x, y, indexing="ij"))
+
+
+def run_of(body: Body, place: Place, ahead: float, gap: float = 0.3) -> Any:
+    """The ground of a body from a place to one straight ahead [m], < 0 behind it, wider by a gap."""
+    shapely = shapely_here()
+    outlines = body.outlines(np.array([place, place.ahead(ahead)]), gap)
+    return shapely.convex_hull(shapely.multipoints(outlines.reshape(-1, 2)))
+
+
+def fits(area: Any, body: Body, place: Place) -> bool:
+    """Whether a body at a place is in an area, half a metre off its edge."""
+    shapely = shapely_here()
+    return bool(shapely.contains(area, shapely.polygons(body.outlines(np.array([place]), 0.5)[0])).all())
 
 
 def frame_of(job: JobFile) -> Frame:
@@ -297,8 +306,8 @@ def _anticlockwise(points: Array) -> Array:
 
 def _check_size(length: float, width: float) -> None:
     longest, area = max(length, width), length * width
-    if longest > PARAMS.longest_m or area > PARAMS.most_m2:
-        most = f"{PARAMS.longest_m / 1000.0:.0f} km and {PARAMS.most_m2 / 1e4:.0f} ha"
+    if longest > LONGEST_M or area > MOST_M2:
+        most = f"{LONGEST_M / 1000.0:.0f} km and {MOST_M2 / 1e4:.0f} ha"
         expected = f"expected field and truck in a rectangle of at most {most}"
         raise InputError("field", f"{longest / 1000.0:.1f} km, {area / 1e4:.0f} ha", expected)
 

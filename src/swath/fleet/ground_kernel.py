@@ -33,6 +33,7 @@ class Search:
     near_sides: wp.array(dtype=wp.float64)
     patch_rows: wp.array(dtype=wp.float64)
     track_rows: wp.array(dtype=wp.float64)
+    sample_rows: wp.array(dtype=wp.float64)
     found: wp.array(dtype=wp.float64)
 
 

@@ -23,11 +23,10 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.portable import product
 from swath.core.whole_file import write_whole
-from swath.fleet.bodies import PARAMS as GAPS
-from swath.fleet.bodies import Place
 from swath.fleet.files import PlanSettings
 from swath.fleet.ground import Ground, shapely_here
-from swath.fleet.machines import Combine
+from swath.fleet.machines import PARAMS as GAPS
+from swath.fleet.machines import Combine, Place
 
 Array = NDArray[np.float64]
 HEADLAND, LAND, CLEAN = "headland", "land", "clean"
@@ -36,15 +35,14 @@ SLIVER = 1e-3  # m2, of shapes that only touch
 
 @dataclass(frozen=True)
 class Params:
-    """least_m2: crop for which no pass of its own is made, a thousandth of a hectare; hole_m: kept between
-    a header and a hole; bridge_m: gap without crop that a pass goes on over; edge_m: shortest side of an
-    outline that gets a headland pass of its own. Chosen so that less than 0.5 % of drawn fields is left.
-    bent_m: most that points of a pass of others lie off its straight line; covers: share of a field that
-    lines of its file cover, from which they are its passes; both estimates
+    """least_m2: crop for which no pass of its own is made, a thousandth of a hectare; bridge_m: gap without
+    crop that a pass goes on over; edge_m: shortest side of an outline that gets a headland pass of its own.
+    Chosen so that less than 0.5 % of drawn fields is left. bent_m: most that points of a pass of others lie
+    off its straight line; covers: share of a field that lines of its file cover, from which they are its
+    passes; both estimates
     """
 
     least_m2: float = 2.0
-    hole_m: float = 0.3
     bridge_m: float = 15.0
     edge_m: float = 6.0
     bent_m: float = 0.5
@@ -213,14 +211,8 @@ class _Planner:
         length = math.dist(a, b)
         u = (b - a) / length
         right = np.array([u[1], -u[0]])
-        band = shapely.Polygon(
-            [
-                a - 3 * width * u,
-                b + 3 * width * u,
-                b + 3 * width * u + width * right,
-                a - 3 * width * u + width * right,
-            ]
-        )
+        far, wide = 3 * width * u, width * right
+        band = shapely.Polygon([a - far, b + far, b + far + wide, a - far + wide])
         crop = shapely.intersection_all([band, ring, self.rest])
         spans = [(s, e) for s, e in _spans(crop, a, u) if e > 0.0 and s < length]
         for start, end in _bridged(spans, PARAMS.bridge_m):
@@ -246,9 +238,9 @@ class _Planner:
             return [(start, end)]
         line = shapely.LineString([at + start * u, at + end * u])
         c = self.combines[combine] if combine >= 0 else self.narrowest
-        strip = line.buffer(0.5 * c.width + PARAMS.hole_m, cap_style="flat")
+        strip = line.buffer(0.5 * c.width + GAPS.rim_m, cap_style="flat")
         met = [
-            (s - PARAMS.hole_m, e + PARAMS.hole_m)
+            (s - GAPS.rim_m, e + GAPS.rim_m)
             for s, e in _spans(strip.intersection(self.ground.holes), at, u, SLIVER)
         ]
         free, begin = [], start
@@ -340,7 +332,7 @@ class _Planner:
             for a, b in pairwise(points):
                 if shapely.LineString([a, b]).distance(part) < 2.0 and math.dist(a, b) > 0.5:
                     u = (b - a) / math.dist(a, b)
-                    lines.append((a + (0.5 * header + PARAMS.hole_m) * np.array([u[1], -u[0]]), u))
+                    lines.append((a + (0.5 * header + GAPS.rim_m) * np.array([u[1], -u[0]]), u))
         middle = shapely.get_coordinates(part.representative_point())[0]
         for u in (np.array([1.0, 0.0]), np.array([0.0, 1.0])):
             left = np.array([-u[1], u[0]])

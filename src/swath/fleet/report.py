@@ -1,4 +1,4 @@
-"""What a job comes to, in words, numbers and a picture: tables, results.json, report.html."""
+"""What a job comes to, in words, numbers and pictures: tables, results.json, report.html, replay.html."""
 
 import json
 import math
@@ -6,23 +6,35 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.whole_file import check_folder, new_file, write_whole
+from swath.documents.json_file import read_object
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
-from swath.fleet.replay import COLOURS, write_replay
-from swath.fleet.worked import CUT, SHOWN, STATES, Worked, checked, litres_per_ha, used
+from swath.fleet.worked import CUT, SHOWN, STATES, WAIT, Worked, checked, grain, litres_per_ha, stays, used
 from swath.judge.summary import json_safe
+from swath.replay.writer import packed, render
+from swath.report import plots
 from swath.report.html import write_page
-from swath.report.plots import BLUE, GREY, INK, ORANGE, STYLE, as_image, figure
 
+Array = NDArray[np.float64]
 FILES = ("results.json", "job.png", "report.html", "replay.html", "plan.json", "draws.json")
+SCRIPTS = ("data", "timeline", "job")
+EVERY = 5  # samples of driven bodies, which are 0.1 s apart
+NEAR = (0.05, 0.05, 0.01, 0.01)  # m, m, rad, rad that a place may be off the line between those kept
+TOLD = 30.0  # s: longer waits are moments
+DOES = plots.CROP, plots.SKY, plots.PURPLE, "#8cccb0", plots.GREEN, plots.BLUE
+COLOURS = dict(zip(SHOWN, (*DOES, plots.ORANGE, "#f2a97c", "#8c2d04", plots.GREY), strict=True))
 
 
-def check_target(out: Path) -> None:
-    """Make a folder. InputError unless it is new, empty, or that of an earlier job, and can be made."""
-    check_folder(out, FILES, "that of an earlier job")
+def check_target(out: Path, name: str) -> None:
+    """Make a folder. InputError unless it is new, empty, or that of the job of this name, and can be made."""
+    check_folder(out, FILES, result := f"that of an earlier {name}")
+    kept = out / "results.json"
+    if kept.is_file() and (has := read_object(kept, "--out", "results of a job").get("name")) != name:
+        raise InputError("--out", str(out), f"expected a new or empty folder, or {result}, not of {has}")
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -75,9 +87,9 @@ def pair_rows(w: Worked) -> list[tuple[str, str, str, str]]:
             pairs.setdefault((p.source, p.target), []).append((p.amount, kinds[p.during[0]] == CUT))
     rows = []
     for (source, target), loads in sorted(pairs.items()):
-        grain = math.fsum(kg for kg, _ in loads)
-        moving = 100.0 * math.fsum(kg for kg, on_the_go in loads if on_the_go) / max(grain, 1e-9)
-        rows.append((f"{source}, {target}", str(len(loads)), f"{grain / 1000.0:.1f}", f"{moving:.0f}"))
+        mass = math.fsum(kg for kg, _ in loads)
+        moving = 100.0 * math.fsum(kg for kg, on_the_go in loads if on_the_go) / max(mass, 1e-9)
+        rows.append((f"{source}, {target}", str(len(loads)), f"{mass / 1000.0:.1f}", f"{moving:.0f}"))
     return rows
 
 
@@ -124,8 +136,7 @@ def to_dict(w: Worked) -> dict[str, Any]:
 
 def write_result(w: Worked, name: str, summary: str, out: Path) -> None:
     """Write the files of a job."""
-    check_target(out)
-    out.mkdir(parents=True, exist_ok=True)
+    check_target(out, name)
     fig = draw(w)
     with new_file(out / "job.png") as file:
         fig.savefig(file, format="png", dpi=130, metadata={"Software": None})
@@ -137,7 +148,7 @@ def write_result(w: Worked, name: str, summary: str, out: Path) -> None:
     write_page(
         out / "report.html", "fleet.html.j2", name=name, summary=summary, level=w.level,
         results=result_rows(w), head=head, machines=rows, waits=wait_rows(w), loads=pair_rows(w),
-        image=as_image(fig, kind="png", dpi=130), notes=checked(w),
+        image=plots.as_image(fig, kind="png", dpi=130), notes=checked(w),
     )  # fmt: skip
 
 
@@ -145,8 +156,8 @@ def draw(w: Worked) -> Any:
     """Map above, timelines below."""
     import matplotlib as mpl
 
-    with mpl.rc_context(STYLE):
-        fig = figure(11.0, 7.6 + 0.5 * len(w.spans))
+    with mpl.rc_context(plots.STYLE):
+        fig = plots.figure(11.0, 7.6 + 0.5 * len(w.spans))
         grid = fig.add_gridspec(2, 1, height_ratios=(6.0, 0.9 + 0.5 * len(w.spans)))
         _map(fig, fig.add_subplot(grid[0]), w)
         _timelines(fig.add_subplot(grid[1]), w)
@@ -161,7 +172,7 @@ def _map(fig: Any, ax: Any, w: Worked) -> None:
     for part in shapely_here().get_parts(ground.field):
         for k, ring in enumerate([part.exterior, *part.interiors]):
             x, y = ground.frame.to_map(np.asarray(ring.coords)).T
-            ax.fill(x, y, color="white" if k else "#F7F4EC", ec=INK, lw=1.0, zorder=0)
+            ax.fill(x, y, color="white" if k else "#F7F4EC", ec=plots.INK, lw=1.0, zorder=0)
     shades = mpl.colormaps["viridis"]
     cuts: dict[str, list[tuple[float, float]]] = {
         name: [(s.begin, s.end) for s in spans if s.state == CUT] for name, spans in w.spans.items()
@@ -179,12 +190,12 @@ def _map(fig: Any, ax: Any, w: Worked) -> None:
                 continue
             label = "ways of carts" if towed else "ways of combines"
             ax.plot(
-                x, y, color=ORANGE if towed else GREY, lw=0.5, zorder=1,
+                x, y, color=plots.ORANGE if towed else plots.GREY, lw=0.5, zorder=1,
                 label=None if label in shown else label,
             )  # fmt: skip
             shown.add(label)
     x, y = ground.frame.to_map(np.array([ground.truck_place[:2]]))[0]
-    ax.plot([x], [y], marker="s", ms=8, color=BLUE, ls="none", label="truck")
+    ax.plot([x], [y], marker="s", ms=8, color=plots.BLUE, ls="none", label="truck")
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=4)
     ax.set_aspect("equal")
     ax.grid(visible=False)
@@ -207,3 +218,115 @@ def _timelines(ax: Any, w: Worked) -> None:
     ax.set(xlabel="time [h]", xlim=(0.0, w.ends / 3600.0))
     ax.grid(visible=False)
     ax.legend(ncol=5, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+
+
+def write_replay(w: Worked, name: str, about: str, out: Path) -> Path:
+    """Write the page of a job into a folder."""
+    values, arrays = collected(w)
+    data = packed({"name": name, "about": about, **values}, arrays)
+    return write_whole(out / "replay.html", render(name, data, body="job", scripts=SCRIPTS))
+
+
+def collected(w: Worked) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Plain values and arrays of the page. Places are metres from the frame's origin, east and north."""
+    machines, ground, held = w.schedule.machines, w.schedule.ground, grain(w)
+    arrays: dict[str, NDArray[Any]] = {"cuts": _cuts(w).astype(np.float32)}
+    shown = []
+    for k, name in enumerate(w.spans):
+        m = machines.by_name[name]
+        arrays[f"track_{k}"] = thinned(_track(w, name)).T.astype(np.float32)
+        arrays[f"fill_{k}"] = np.stack(held[name]).astype(np.float32)
+        body = m.body if ground.frame.side > 0.0 else m.body.mirrored()
+        shown.append({
+            "name": name, "kind": "cart" if isinstance(m, Cart) else "combine",
+            "own": [list(r) for r in body.own], "towed": [list(r) for r in body.towed],
+            "raised": body.raised, "hitch": body.hitch, "drawbar": body.drawbar,
+            "holds": m.load if isinstance(m, Cart) else m.tank,
+            "pipe": None if isinstance(m, Cart) else [m.pipe_x, ground.frame.side * m.pipe_y],
+            "spans": [[SHOWN.index(s.shown), round(s.begin, 1), round(s.end, 1), s.reason]
+                      for s in w.spans[name]],
+        })  # fmt: skip
+    arrays["at_truck"] = np.stack(held["truck"]).astype(np.float32)
+    rings = [r for part in shapely_here().get_parts(ground.field) for r in (part.exterior, *part.interiors)]
+    values: dict[str, Any] = {
+        "duration": max(w.ends, w.cut, 1.0), "machines": shown, "states": list(SHOWN),
+        "colours": list(COLOURS.values()), "moments": [],
+        "events": _moments(w), "rings": [_mapped(w, np.asarray(r.coords)).round(2).tolist() for r in rings],
+        "truck": _mapped(w, np.asarray(ground.truck.exterior.coords)).round(2).tolist(),
+        "pours": [[p.source, p.target, round(p.begins, 1), round(p.ends, 1)] for p in w.poured],
+    }  # fmt: skip
+    return values, arrays
+
+
+def _mapped(w: Worked, points: Array) -> Array:
+    """Points of the frame, turned as they lie on the map."""
+    frame = w.schedule.ground.frame
+    return frame.to_map(points[:, :2]) - frame.to_map([(0.0, 0.0)])
+
+
+def _track(w: Worked, name: str) -> Array:
+    """Time [s], x, y [m], heading, heading of the trailer [rad] of a machine, (n, 5)."""
+    if len(w.clock):
+        rows = np.column_stack([w.clock, w.places[name]])[::EVERY]
+    else:
+        parts = []
+        for s, into, out in stays(w):
+            if s.machine != name:
+                continue
+            a, b = int(s.path.first[s.index]), int(s.path.last[s.index])
+            d = s.path.track.distance[a : b + 1]
+            share = (d - d[0]) / max(d[-1] - d[0], 1e-9)
+            parts.append(np.column_stack([into + share * s.spent, s.path.track.places[a : b + 1]]))
+            parts.append(np.array([[out, *s.path.track.places[b]]]))
+        rows = np.concatenate(parts)
+        rows = rows[np.concatenate([[True], np.diff(rows[:, 0]) > 1e-6])]
+    frame = w.schedule.ground.frame
+    rows[:, 3:] = frame.side * (np.unwrap(rows[:, 3:], axis=0) + frame.direction)
+    rows[:, 1:3] = _mapped(w, rows[:, 1:3])
+    return rows
+
+
+def thinned(rows: Array) -> Array:
+    """Rows of a track without those that lie on the line between their neighbours. (n, 5), times first."""
+    while len(rows) > 2:
+        odd = np.arange(1, len(rows) - 1, 2)
+        before, here, after = rows[odd - 1], rows[odd], rows[odd + 1]
+        share = (here[:, :1] - before[:, :1]) / np.maximum(after[:, :1] - before[:, :1], 1e-9)
+        off = np.abs(before + share * (after - before) - here)[:, 1:]
+        drop = odd[(off < np.array(NEAR)).all(axis=1)]
+        if not len(drop):
+            break
+        rows = np.delete(rows, drop, axis=0)
+    return rows
+
+
+def _cuts(w: Worked) -> Array:
+    """What headers go over: middle of the knife from and to [m], width [m], from and to [s]; (n, 7)."""
+    machines = w.schedule.machines.by_name
+    rows = []
+    for s, into, out in stays(w):
+        if s.kind != CUT:
+            continue
+        m = machines[s.machine]
+        assert not isinstance(m, Cart)
+        a, b = s.path.track.places[s.path.first[s.index]], s.path.track.places[s.path.last[s.index]]
+        knife = m.knife * np.array([math.cos(a[2]), math.sin(a[2])])
+        ends = _mapped(w, np.array([a[:2] + knife, b[:2] + knife])).ravel()
+        rows.append((*ends, m.width, into, min(into + s.spent, out)))
+    return np.array(rows).reshape(-1, 7)
+
+
+def _moments(w: Worked) -> list[dict[str, Any]]:
+    """Loads and long waits, as a page lists them."""
+    found = []
+    for p in w.poured:
+        kind = "change" if p.target == "truck" else "load"
+        text = f"{p.amount / 1000.0:.1f} t into {p.target}"
+        found.append({"machine": p.source, "t_s": p.begins, "end_s": p.ends, "kind": kind, "text": text})
+    for name, spans in w.spans.items():
+        found += [
+            {"machine": name, "t_s": s.begin, "end_s": s.end, "kind": "gap",
+             "text": f"waits {s.end - s.begin:.0f} s for {s.reason}"}
+            for s in spans if s.state == WAIT and s.end - s.begin >= TOLD
+        ]  # fmt: skip
+    return sorted(found, key=lambda e: (e["t_s"], e["machine"]))

@@ -20,21 +20,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.fleet.bodies import PARAMS as GAPS
-from swath.fleet.bodies import Drive, Place, body_of
 from swath.fleet.dispatcher import Ahead, Dispatcher, Option, State, dispatcher_of
 from swath.fleet.files import JobFile
+from swath.fleet.ground import CELL, Ground, run_of, shapely_here
 from swath.fleet.ground import PARAMS as GROUND
-from swath.fleet.ground import Ground, shapely_here
-from swath.fleet.machines import Cart, Combine, Machines, beside, machines_of
+from swath.fleet.machines import PARAMS as GAPS
+from swath.fleet.machines import Cart, Combine, Drive, Machines, Place, beside, body_of, machines_of
 from swath.fleet.plan import CLEAN, HEADLAND, SLIVER, Pass, Plan, plan_of, strip_of
 from swath.fleet.plan import PARAMS as PLAN
-from swath.fleet.service import along_passes, service_places
+from swath.fleet.table import PARAMS as TABLE
 from swath.fleet.table import Path, Table, segments, standing
 from swath.fleet.ways import PARAMS as WAYS
 from swath.fleet.ways import Far, Finder, Track, behind, driven, straight, times_along
 from swath.fleet.yard import PARAMS as YARD
-from swath.fleet.yard import WIDE, Waits, run_of, waiting_places
+from swath.fleet.yard import WIDE, Waits, along_passes, service_places, waiting_places
 
 Array = NDArray[np.float64]
 LEFT_KG = 1e-6  # of grain, that is none
@@ -42,44 +41,36 @@ LEFT_KG = 1e-6  # of grain, that is none
 
 @dataclass(frozen=True)
 class Params:
-    """cut_m: longest segment of a pass; align_s: until a cart that has come beside is in line; tries, places:
-    passes, and places to pour at, that are looked at, the nearest first, and tries times as many before
-    anybody makes room; poses: of a search before passes are left out, as `ways.Params` has them; join,
-    joins: segments of a pass between places at which a cart may come beside, and how many; early_s: of
-    what a combine waits for a cart beyond what is known; soon_s: within which a machine stands that a way
+    """cut_m: longest segment of a pass; align_s: until a cart that has come beside is in line; tries: passes
+    that are looked at, the nearest first; poses: of a search before passes are left out; few: of carts
+    that can come first, and of places to come beside at; soon_s: within which a machine stands that a way
     leads around; part: of a tank, up to which a combine begins a pass that its tank does not take; long_s:
-    beside cutting, from where on it may be emptied before instead; behind: share in the cost of a place of
-    a cart's way to the truck, which keeps nobody waiting; again_s: more cost of a place at which nobody
-    could be emptied; line_deg: of a trailer that comes beside a header; saves_s: less than which is no
-    reason to look at another pass; rests: power of two, most grants to others before who can do nothing
-    looks again; out_percent: of the field that is left where no way leads; carts: that are looked at,
-    those that can come first; room: of a box, less of which no combine pours into, nor is waited for;
-    load: of a tank, or all but that of the room in a box, less than which nobody comes beside for; lane_m:
-    kept all round a cart that comes beside. Estimates, but for line_deg: a box of 9 m then swings by less
-    than the gap beside a header.
+    beside cutting, from where on it may be emptied before instead, and more cost of a place at which
+    nobody could be emptied; behind: share in the cost of a place of a cart's way to the truck, which keeps
+    nobody waiting; saves_s: less than which is no reason to look at another pass; out_percent: of the
+    field that is left where no way leads; load: of a tank, or all but that of the room in a box, less than
+    which nobody comes beside for. Estimates.
     """
 
     cut_m: float = 8.0
     align_s: float = 10.0
     tries: int = 4
     poses: int = 96_000
-    places: int = 8
-    join: int = 4
-    joins: int = 2
-    early_s: float = 2.0
+    few: int = 2
     soon_s: float = 30.0
     part: float = 0.5
     long_s: float = 90.0
     behind: float = 0.25
-    again_s: float = 60.0
-    line_deg: float = 2.0
     saves_s: float = 20.0
-    rests: int = 3
     out_percent: float = 0.5
-    carts: int = 2
-    room: float = 0.05
     load: float = 0.1
-    lane_m: float = 0.3
+
+    @property
+    def places(self) -> int:
+        """To pour at, that are looked at, and `tries` times as many before anybody makes room; as often
+        others are granted something at most before who can do nothing looks again.
+        """
+        return 2 * self.tries
 
 
 PARAMS = Params()
@@ -134,7 +125,7 @@ class CartState:
     @property
     def leaves(self) -> float:
         """Least load that is worth the way to the truck [kg]."""
-        return min(self.spec.leave, (1.0 - PARAMS.room) * self.spec.load)
+        return min(self.spec.leave, (1.0 - PARAMS.load) * self.spec.load)
 
 
 @dataclass
@@ -201,13 +192,14 @@ class Schedule:
 
 @dataclass
 class _Leg:
-    """What a combine is about to do: a path, what it cuts of which pass, and from which segment on; after:
-    earliest times of segments [s]; lost: see `_Scheduler.lost`; lanes: of carts beside it, as far as they
-    were looked for; least: way and what is lost, if nobody is in the way [s]; of: the pass of the plan
+    """What a combine is about to do: a path, what it cuts of which pass, as driven and as planned, and from
+    which segment on; after: earliest times of segments [s]; lost: see `_Scheduler.lost`; lanes: of carts
+    beside it, as far as they were looked for; least: way and what is lost, if nobody is in the way [s]
     """
 
     path: Path
     task: Pass
+    planned: Pass
     masses: Array
     density: Array
     strips: Any
@@ -216,7 +208,6 @@ class _Leg:
     lost: float = 0.0
     lanes: dict[str, tuple[int, int] | None] = field(default_factory=dict)
     least: float = 0.0
-    of: Pass | None = None
 
     @property
     def cuts(self) -> float:
@@ -347,7 +338,7 @@ class _Scheduler:
                 self.failed.pop(name, None)
                 return True
             self.failed[name] = self.failed.get(name, 0) + 1
-            self.rests[name] = 2 ** min(self.failed[name], PARAMS.rests) - 1
+            self.rests[name] = min(2 ** self.failed[name], PARAMS.places) - 1
         return False
 
     def makes_room(self, turn: int) -> bool:
@@ -531,12 +522,11 @@ class _Scheduler:
         reach = self.reach(c)
         cuts: list[tuple[bool, float, int, _Leg]] = []
         known = self.runs.get(c.spec.name, {})
-        tasks = [self.begun(c.spec, task) for p in passes for task in (p, p.reversed())]
-        self.runs[c.spec.name] = {task: known[task] for task in tasks if task in known}
-        for n, task in enumerate(tasks):
-            leg = self.only_cut(c, task)
+        tasks = [(p, self.begun(c.spec, task)) for p in passes for task in (p, p.reversed())]
+        self.runs[c.spec.name] = {task: known[task] for _, task in tasks if task in known}
+        for planned, task in tasks:
+            leg = self.only_cut(c, planned, task)
             if leg is not None:
-                leg.of = passes[n // 2]
                 way = reach(leg.path.track.start) / c.spec.drive.straight
                 leg.least = way + leg.lost
                 cuts.append((task.kind != HEADLAND, round(leg.least, 0), len(cuts), leg))
@@ -558,7 +548,7 @@ class _Scheduler:
         crop = self.ground.crop_on(between, np.array([strip_of(between)]))
         return before if crop[0] > SLIVER else task
 
-    def only_cut(self, c: CombineState, task: Pass) -> _Leg | None:
+    def only_cut(self, c: CombineState, planned: Pass, task: Pass) -> _Leg | None:
         """A pass alone; None where a combine can do nothing on it."""
         runs = self.runs[c.spec.name]
         if task not in runs:
@@ -569,7 +559,7 @@ class _Scheduler:
         masses = self.ground.crop_on((c.spec.name, task), strips) * density
         length = task.length / len(strips)
         cut = replace(cut, spent=length / np.array([c.spec.speed_in(kg / length) for kg in masses]))
-        leg = _Leg(cut, task, masses, density, strips, 0)
+        leg = _Leg(cut, task, planned, masses, density, strips, 0)
         leg.lost = self.lost(c, leg)
         return leg if math.isfinite(leg.lost) else None
 
@@ -638,7 +628,7 @@ class _Scheduler:
         for other in self.names():
             s = self.last_of(other)
             if other != name and (other == beside or s.into < time + PARAMS.soon_s):
-                wide = [p.buffer(YARD.wide_m, join_style="mitre") for p in s.path.swept[s.index]]
+                wide = [p.buffer(CELL, join_style="mitre") for p in s.path.swept[s.index]]
                 is_near = other == beside or shapely_here().intersects(own, wide).any()
                 if is_near:
                     near += [p.buffer(GAPS.near_m, join_style="mitre") for p in s.path.swept[s.index]]
@@ -688,8 +678,8 @@ class _Scheduler:
 
     def likely(self, c: CombineState) -> list[CartState]:
         """Carts with room, those that are free first."""
-        room = [k for k in self.carts if k.room > PARAMS.room * k.spec.load]
-        return sorted(room, key=lambda k: (self.comes(k, c), k.spec.name))[: PARAMS.carts]
+        room = [k for k in self.carts if k.room > PARAMS.load * k.spec.load]
+        return sorted(room, key=lambda k: (self.comes(k, c), k.spec.name))[: PARAMS.few]
 
     @staticmethod
     def comes(k: CartState, c: CombineState) -> float:
@@ -736,16 +726,16 @@ class _Scheduler:
         self.schedule.cut.append((c.spec.name, float(masses.sum()), float(areas.sum())))
         self.schedule.grain.update(zip(numbers[leg.first :], masses.tolist(), strict=True))
         c.place, c.time = leg.path.track.end, float(into[-1])
-        self._take_off(leg.of, rest)
+        self._take_off(leg.planned, rest)
         return numbers
 
-    def _take_off(self, task: Pass | None, rest: Pass | None) -> None:
+    def _take_off(self, task: Pass, rest: Pass | None) -> None:
         """A pass is no longer to be cut; what is left of it is."""
         for todo in self.todo():
-            for i, p in enumerate(todo):
-                if p == task:
-                    todo[i : i + 1] = [] if rest is None else [rest]
-                    return
+            if task in todo:
+                i = todo.index(task)
+                todo[i : i + 1] = [] if rest is None else [rest]
+                return
 
     @staticmethod
     def served(
@@ -764,7 +754,7 @@ class _Scheduler:
         and driven as soon as its ground is cut, so that the cart is there when it is needed.
         """
         late = max(start.time, c.time)
-        path = self.way(k.spec, start.place, goal, late, "to combine", c.spec.name, PARAMS.line_deg)
+        path = self.way(k.spec, start.place, goal, late, "to combine", c.spec.name, WAYS.line_deg / 3.0)
         if path is None:
             return None
         exact = {}
@@ -799,13 +789,14 @@ class _Scheduler:
         if math.isinf(go(end.ahead(ahead, left))):
             return None
         trip = None
-        for join in range(first, last - 1, PARAMS.join):
+        apart = max(round(YARD.outer_m * len(leg.masses) / leg.task.length), 1)
+        for join in range(first, last - 1, apart):
             place = Place(*leg.path.track.places[leg.path.first[leg.first + join]].tolist())
             goal, first = place.ahead(ahead, left), join
             if math.isinf(come(goal)):
                 continue
             trip = self.sets_out(k, start, c, goal)
-            if trip is not None or join - run[0] >= PARAMS.joins * PARAMS.join:
+            if trip is not None or join - run[0] >= PARAMS.few * apart:
                 break
         if trip is None:
             return None
@@ -825,7 +816,7 @@ class _Scheduler:
             self.table.back(mark)
             if found is not None or late <= 0.0 or full >= len(leg.masses):
                 break
-            begin = max(begin, times[0]) + late + PARAMS.early_s
+            begin = max(begin, times[0]) + late + 2.0 * TABLE.gap_s
             times = self.table.earliest(c.spec.name, leg.path, begin, meets=meets, after=leg.after)
         if found is None or times is None:
             return None
@@ -897,7 +888,7 @@ class _Scheduler:
         return leg.lanes[k.spec.name]
 
     def _lane_beside(self, c: CombineState, k: CartState, leg: _Leg) -> tuple[int, int] | None:
-        shapely, body, gap = shapely_here(), k.spec.body, PARAMS.lane_m
+        shapely, body, gap = shapely_here(), k.spec.body, GAPS.lane_m
         ahead, left = beside(c.spec, k.spec)
         begin = leg.path.track.places[leg.path.first[leg.first :]]
         ends = leg.path.track.places[leg.path.last[leg.first :]]
@@ -1081,7 +1072,7 @@ class _Scheduler:
             own = reach(place) / c.spec.drive.straight if place != c.place else 0.0
             cart = start.time - c.time + come(at) / k.spec.drive.straight
             rest = PARAMS.behind * go(at) / k.spec.drive.straight
-            return round(max(own, cart) + own + rest + PARAMS.again_s * self.vain.get(place, 0), 1), place
+            return round(max(own, cart) + own + rest + PARAMS.long_s * self.vain.get(place, 0), 1), place
 
         return sorted((c.place, *self.places, *self.inner), key=cost)
 

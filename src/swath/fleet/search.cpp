@@ -33,15 +33,16 @@ constexpr int SEARCH = 0, LANES = 1, CHECK = 2;  // what is asked for
 constexpr D FARTHER = 1.3, BEYOND = 60.0;  // bound of the estimate: so many times as far as the start, and so much [m] more
 constexpr D FOLDED = 0.5;  // cosine of a trailer's angle to who tows it, 60 deg
 constexpr D BENT = 0.02;  // share by which what bends at all costs more, so that of two ways alike the straighter one is taken
+constexpr D LONG = 4.0;  // steps of a long straight
 constexpr int NOW_AND_THEN = 16;  // of poses far off the goal, one in so many is joined to it
 const D radius = m[10], turning = m[11], straight = m[12], backwards = m[13], shift = m[14], start_time = m[15];
 const D cell = m[16], west = m[17], south = m[18], hitch = m[20], drawbar = m[21], step = m[30], tolerance = m[25], cells_m = 1.0 / cell;
 const bool has_trailer = m[19] > 0.5, reverses = m[22] > 0.5;
 const int capacity = (int)m[23], nx = (int)m[28], ny = (int)m[29], headings = (int)m[31];
 const int mode = (int)m[26], patch_count = (int)m[33], near_count = (int)m[36], stand_count = (int)m[38];
-const D stray = m[32], around_own[2] = {m[46], m[47]}, around_towed[2] = {m[48], m[49]};
-// estimates of ways.py: m, s, -, rad, 1/m, steps, poses
-const D SHOT = m[34], LATER = m[35], WEIGHT = m[40], BEND = m[41], PER_M = m[42], LONG = m[43], AFTER = m[44], OFF = m[45], ROUGH = m[51];
+const D stray = m[32], around_own[2] = {m[45], m[46]}, around_towed[2] = {m[47], m[48]};
+// estimates of ways.py: m, s, -, rad, 1/m, poses
+const D SHOT = m[34], LATER = m[35], WEIGHT = m[40], BEND = m[41], PER_M = m[42], AFTER = m[43], OFF = m[44], ROUGH = m[50];
 const D* stands = m + 52;  // x, y, radius
 const int ratio = (int)(COARSE / cell + 0.5), cx = (nx + ratio - 1) / ratio, cy = (ny + ratio - 1) / ratio;
 out[0] = 0.0;
@@ -186,7 +187,7 @@ for (int k = 0; k < RING; ++k) first_of[k] = -1;
 int entries = 0, unused = -1, waiting = 0, enough = 1 << 30;
 auto put = [&](int what, int& first) {  // into the list of a bucket
   const int e = unused >= 0 ? unused : entries++;
-  if (e >= (int)m[50]) return false;
+  if (e >= (int)m[49]) return false;
   if (e == unused) unused = follows[e];
   heap[e] = what; follows[e] = first; first = e; ++waiting;
   return true;
@@ -327,13 +328,13 @@ auto words_to = [&](D x, D y, D c, D s, D run_in, D (*parts)[4]) {
 };
 const D run_in_line = has_trailer && tolerance > -1.0 ? drawbar * __builtin_log(BEND / __builtin_acos(tolerance)) : 0.0;
 // samples of a path to the goal, and when it is there; whether it ends in line is known before where it leads is looked at
-constexpr int MOST = 2048;
-State sample[MOST];
-D time_at[MOST];
+const int most_samples = (int)m[51];
+State* sample = (State*)its.sample_rows.data;
+D* time_at = (D*)(sample + most_samples);
 int samples = 0;
 auto keep = [&](const State& q, D when) {
-  if (samples < MOST) { sample[samples] = q; time_at[samples] = when; }
-  return ++samples <= MOST;
+  if (samples < most_samples) { sample[samples] = q; time_at[samples] = when; }
+  return ++samples <= most_samples;
 };
 // how far back from the goal, or a run-in before it, whoever tows can have come on the left and the right bend: on a longer
 // last bend something is in its way, whatever is before

@@ -16,14 +16,15 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.fleet.bodies import PARAMS as GAPS
-from swath.fleet.bodies import Body, Place
 from swath.fleet.ground import shapely_here
+from swath.fleet.machines import PARAMS as GAPS
+from swath.fleet.machines import Body, Place
 from swath.fleet.ways import Track, joined
 from swath.kernels import filled, launch
 
@@ -32,13 +33,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """gap_s: between who leaves a shared place and who enters it; straight_m, bend_m: longest segment, so
-    that waiting places are near each other and ground is not held for long. Estimates.
+    """gap_s: between who leaves a shared place and who enters it; straight_m: longest segment, a third of it
+    in bends, so that waiting places are near each other and ground is not held for long. Estimates.
     """
 
     gap_s: float = 1.0
     straight_m: float = 9.0
-    bend_m: float = 3.0
 
 
 PARAMS = Params()
@@ -260,7 +260,7 @@ def _cuts(track: Track) -> NDArray[np.int64]:
     ways = track.ways.tolist()
     for i in range(1, len(distance) - 1):
         bends = bends or bent[i - 1]
-        most = PARAMS.bend_m if bends else PARAMS.straight_m
+        most = PARAMS.straight_m / 3.0 if bends else PARAMS.straight_m
         changed = ways[i] != ways[i - 1] or bent[i] != bent[i - 1]
         if changed or distance[i + 1] - distance[begin] > most:
             cuts.append(i)
@@ -511,13 +511,12 @@ class Table:
 class Order:
     """The order of a table for execution, without its times.
 
-    spent: least time in each segment [s]; after: for each segment those that are left before it is entered,
-    as numbers of the ones entered then; groups: segments that are entered at once, in an order in which each
+    spent: least time in each segment [s]; before: for each segment those that are entered before it, and
+    whether their time is over then; groups: segments that are entered at once, in an order in which each
     depends on earlier ones alone
     """
 
     spent: Array
-    next: NDArray[np.int64]
     before: list[list[tuple[int, int]]]
     groups: list[list[int]]
 
@@ -554,34 +553,9 @@ def order_of(table: Table) -> Order:
             for m in members[gone]:
                 group_of[m] = group_of[a]
             members[group_of[a]] += members.pop(gone)
-    groups = _sorted(before, group_of, members)
-    spent = np.array([s.spent for s in table.segments])
-    following = np.array([s.next for s in table.segments], np.int64)
-    return Order(spent, following, before, groups)
-
-
-def _sorted(
-    before: list[list[tuple[int, int]]], group_of: list[int], members: dict[int, list[int]]
-) -> list[list[int]]:
-    """Groups, each behind all that it waits for. ValueError for a circle."""
-    needs = {g: {group_of[o] for m in ms for o, _ in before[m]} - {g} for g, ms in members.items()}
-    for g, ms in members.items():
-        if any(group_of[o] == g and o != m for m in ms for o, _ in before[m]):
-            raise ValueError(f"segments {ms} are entered at once and one after the other")
-    follows: dict[int, list[int]] = {g: [] for g in members}
-    for g, others in needs.items():
-        for o in others:
-            follows[o].append(g)
-    left = {g: len(n) for g, n in needs.items()}
-    ready = [g for g, n in left.items() if n == 0]
-    out = []
-    while ready:
-        g = ready.pop()
-        out.append(members[g])
-        for f in follows[g]:
-            left[f] -= 1
-            if left[f] == 0:
-                ready.append(f)
-    if len(out) < len(members):
-        raise ValueError(f"{len(members) - len(out)} segments wait for each other in a circle")
-    return out
+    needs = {g: {group_of[o] for m in ms for o, _ in before[m] if o != m} for g, ms in members.items()}
+    try:
+        groups = [members[g] for g in TopologicalSorter(needs).static_order()]
+    except CycleError as error:
+        raise ValueError(f"segments wait for each other in a circle: {error.args[1]}") from None
+    return Order(np.array([s.spent for s in table.segments]), before, groups)

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from swath.control.turns import TurnLimits, clothoid
 from swath.control.turns.dubins import Place as Pose
 from swath.core.portable import arctan2
-from swath.fleet.bodies import PARAMS as GAPS
-from swath.fleet.bodies import Body, Drive, Place, Rectangle
-from swath.fleet.ground import Grid, cells_of
+from swath.fleet.ground import CELL, Grid, cells_of
+from swath.fleet.machines import PARAMS as GAPS
+from swath.fleet.machines import Body, Drive, Place, Rectangle
 from swath.kernels import filled, launch, member_array
 
 Array = NDArray[np.float64]
@@ -24,8 +24,9 @@ SAMPLE = 0.5  # m between the samples of a track, of which the search looks at e
 ROOM = 60_000  # poses that are kept
 SLOTS = 1 << 17  # for bins in which it keeps one pose of a heading, as in search.cpp
 PATCH = 2.5  # m, radius of parts of a body that are looked up at once; no way depends on it
-COARSE = 2.0  # m, cells of its heuristic, as in search.cpp
-TURNS = 8  # headings of its estimate, as in search.cpp
+COARSE = 2.0  # m, cells of its heuristic, as in search.cpp, and the length of its arcs
+TURNS = 8  # headings of its estimate, as in search.cpp, of which each is three of the search
+DENSE = 0.9 * CELL  # m between points on the sides of a body
 SEARCH, LANES, CHECK = 0, 1, 2  # what it is asked for, as in search.cpp
 NOTHING = np.zeros(2)
 POINT = Body((Rectangle(0.0, 0.0, 0.0, 0.0),))
@@ -33,26 +34,23 @@ POINT = Body((Rectangle(0.0, 0.0, 0.0, 0.0),))
 
 @dataclass(frozen=True)
 class Params:
-    """step_m: of an arc of the search; headings: that it tells apart; poses: half of it are looked at, and
-    more to a goal farther off; body_m: between points on the sides of a body, less than a cell; creep_m_s: at
-    which a bend that cannot be eased is driven; ramp_m: over which bends grow and fade, a combine's steering
-    at walking pace; ease: weight of a bend that is changed against a metre of length; ease_m: of a piece that
-    counts so; shrink: share of a piece that is left at least, sharper: by which a bend changes at most in a
-    step of easing; rolled: times of the least that a way can take, up to which a turn that is rolled through
-    is taken without a search; stray_m: that an eased way may be nearer to closed ground than the searched
-    one; near: radii, within which a turn is tried before a search; line_deg: of a trailer that is in line at
-    the end of a way; of the search: shot_m: to the goal, within which each pose is joined to it, farther off
-    each 16th; later_s: ground that is free so much after the start counts in the estimate of what is left,
-    which counts `weight` times; off_m: more of it where no way with turns is known; rough_m: by what it may
-    be too far with turns; bend_rad: of a trailer at the end of a bend, which comes in line on a straight;
-    poses_m: that are looked at for each metre to the goal; long: steps of a long straight; after: poses that
-    are looked at once a way is found. Estimates, those of the search such that drawn fields are planned fast.
+    """poses: half of it are looked at, and more to a goal farther off, a twelfth of it once a way is found;
+    creep_m_s: at which a bend that cannot be eased is driven; ramp_m: over which bends grow and fade, a
+    combine's steering at walking pace; ease: weight of a bend that is changed against a metre of length;
+    ease_m: of a piece that counts so; shrink: share of a piece that is left at least, sharper: by which a
+    bend changes at most in a step of easing; rolled: times of the least that a way can take, up to which a
+    turn that is rolled through is taken without a search; stray_m: that an eased way may be nearer to closed
+    ground than the searched one; near: radii, within which a turn is tried before a search; line_deg: of a
+    trailer that is in line at the end of a way, a third of it beside a header, where its end is off less
+    than the lane is clear; of the search: shot_m: to the goal, within which each pose is joined to it,
+    farther off each 16th; later_s: ground that is free so much after the start counts in the estimate of
+    what is left, which counts `weight` times; off_m: more of it where no way with turns is known; rough_m:
+    by what it may be too far with turns; bend_rad: of a trailer at the end of a bend, which comes in line on
+    a straight; poses_m: that are looked at for each metre to the goal. Estimates, those of the search such
+    that drawn fields are planned fast.
     """
 
-    step_m: float = 2.0
-    headings: int = 24
     poses: int = 6_000
-    body_m: float = 0.45
     creep_m_s: float = 0.3
     ramp_m: float = 3.0
     ease: float = 0.1
@@ -69,8 +67,6 @@ class Params:
     off_m: float = 300.0
     bend_rad: float = 0.7
     poses_m: float = 3.0
-    long: float = 4.0
-    after: int = 500
     rough_m: float = 12.0
 
 
@@ -564,6 +560,8 @@ class Finder:
         circles = np.array([s.bounds for s in stand]).reshape(-1, 4)
         middle, size = 0.5 * (circles[:, :2] + circles[:, 2:]), circles[:, 2:] - circles[:, :2]
         circles = np.column_stack([middle, 0.5 * np.hypot(*size.T) + 1.0])
+        far = grid.cell * math.hypot(*self._taken.shape)  # no Dubins path is longer than this and its bends
+        samples = math.ceil(far + 15.0 * drive.radius + 10.0 * body.drawbar)  # 1 m apart
         numbers = np.zeros(52 + circles.size)
         numbers[:52] = (
             start.x, start.y, math.cos(start.heading), math.sin(start.heading),
@@ -572,15 +570,15 @@ class Finder:
             drive.radius, drive.turning, drive.straight, drive.backwards or 1.0, drive.shift, time,
             grid.cell, grid.west, grid.south, body.has_trailer, body.hitch, body.drawbar,
             drive.backwards > 0.0, ROOM, most, line, mode,
-            len(track), *self._taken.shape, p.step_m, p.headings, p.stray_m, len(patches) // 7, p.shot_m,
+            len(track), *self._taken.shape, COARSE, 3 * TURNS, p.stray_m, len(patches) // 7, p.shot_m,
             p.later_s, len(self._near), self._reach_cells, len(stand), self._lane, p.weight, p.bend_rad,
-            p.poses_m, p.long, p.after, p.off_m, *_circle(body.own, gap), *_circle(body.towed, gap),
-            4 * ROOM, p.rough_m,
+            p.poses_m, p.poses // 12, p.off_m, *_circle(body.own, gap), *_circle(body.towed, gap),
+            4 * ROOM, p.rough_m, samples,
         )  # fmt: skip
         numbers[52:] = circles.ravel()
         sides = np.concatenate([np.concatenate([[len(n)], n.ravel()]) for n in self._near] or [NOTHING])
         changed = {"numbers": numbers, "near_sides": sides, "track_rows": track.ravel()}
-        changed |= {"body": points, "patch_rows": patches}
+        changed |= {"body": points, "patch_rows": patches, "sample_rows": np.empty(7 * samples)}
         for name, array in changed.items():
             setattr(self._its, name, member_array(ground_kernel.Search, name, array))
         launch(ground_kernel.find_way, self._its)
@@ -588,7 +586,7 @@ class Finder:
     def _points(self, body: Body, gap: float) -> tuple[Array, Array]:
         """Points on a body, and the patches that they are in, as search.cpp has them."""
         if (body, gap) not in self._bodies:
-            points, patches = _patches(body.points(PARAMS.body_m, gap), PATCH)
+            points, patches = _patches(body.points(DENSE, gap), PATCH)
             self._bodies[body, gap] = points.ravel(), patches.ravel()
         return self._bodies[body, gap]
 

@@ -217,23 +217,18 @@ def litres_per_ha(w: Worked) -> float:
 
 def by_events(schedule: Schedule) -> Worked:
     """The schedule by its order alone, each segment in its least time."""
-    order = order_of(schedule.table)
+    order, segments = order_of(schedule.table), schedule.table.segments
     into = order.times(order.spent[:, None])[:, 0]
     spans = {name: _spans(schedule, order, into, name) for name in schedule.table.last}
-    return _worked("events", schedule, into, spans)
-
-
-def _worked(level: str, schedule: Schedule, into: Array, spans: dict[str, list[Span]]) -> Worked:
-    planned = [s.into for s in schedule.table.segments]
+    planned = [s.into for s in segments]
     poured = [
-        replace(p, begins=p.begins + into[p.during[0]] - planned[p.during[0]],
-                ends=p.ends + into[p.during[1]] - planned[p.during[1]])
+        replace(p, begins=p.begins + into[a] - planned[a], ends=p.ends + into[b] - planned[b])
         for p in schedule.poured
-    ]  # fmt: skip
-    segments = schedule.table.segments
+        for a, b in (p.during,)
+    ]
     cut = max((into[s.number] + s.spent for s in segments if s.kind == "cut"), default=0.0)
     ends = max((p.ends for p in poured if p.target == "truck"), default=0.0)
-    return Worked(level, schedule, spans, poured, float(cut), float(ends), into)
+    return Worked("events", schedule, spans, poured, float(cut), float(ends), into)
 
 
 def state_of(segment: Segment) -> str:

@@ -1,25 +1,27 @@
-"""Waiting places: where each machine stands at the start, at the end, and a cart between two loads.
+"""Where machines stand: at the start, at the end, a cart between two loads; a combine that is emptied.
 
-They are along the outer edge of open ground, off the strip around the field, which is a way, if there is room
-elsewhere; carts, who come back to theirs, first. Every place
-has a way in and a way out, to and from the field's gate, and the truck for who empties there, searched with
-all places before it taken. The ground of the ways of carts is kept clear of later places, since they come
-and go; combines leave theirs once, the last one first. Who drives or stands elsewhere in a yard is not
-looked at here.
+Waiting places are along the outer edge of open ground, off the strip around the field, which is a way, if
+there is room elsewhere; carts, who come back to theirs, first. Every place has a way in and a way out, to and
+from the field's gate, and the truck for who empties there, searched with all places before it taken. The
+ground of the ways of carts is kept clear of later places, since they come and go; combines leave theirs once,
+the last one first. Who drives or stands elsewhere in a yard is not looked at here.
 """
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.fleet.bodies import Body, Drive, Place
-from swath.fleet.ground import Ground, shapely_here
+from swath.fleet.ground import CELL, Ground, fits, run_of, shapely_here
+from swath.fleet.ground import PARAMS as GROUND
+from swath.fleet.machines import PARAMS as GAPS
+from swath.fleet.machines import Body, Drive, Place
+from swath.fleet.plan import HEADLAND, Plan
 from swath.fleet.ways import PARAMS as WAYS
 from swath.fleet.ways import Finder, Track
 
@@ -28,27 +30,27 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """dock_m: before and behind the truck, kept clear; gate_m: from the field to who passes the gate;
-    body_m: that the outline of who waits is wider; wide_m: that a way keeps off machines that stand, more
-    than a cell of the search and two gaps of bodies; edges_m: that a place is off the outer edge, the
-    second so far that a trailer comes straight to it along a round one; spots_m: between places that are
-    looked at; tries: of the nearest that ways are searched to, and then of each `apart`th farther off; poses:
-    that such a search looks at, so that a place is one to which a way is found fast
+    """dock_m: before and behind the truck, kept clear; edges_m: that a waiting place is off the outer edge,
+    the second so far that a trailer comes straight to it along a round one; spots_m: between places that are
+    looked at, twice as much about the gate; tries: of the nearest that ways are searched to, and then of
+    each `apart`th farther off; outer_m: between places to be emptied at around the field, twice as much on
+    headland passes; off_m: of them from the field, the first of who passes the gate, too; clear_m: between
+    who waits or is emptied. Estimates: so many that one is near, so few that they are looked through at
+    once.
     """
 
     dock_m: float = 25.0
-    gate_m: float = 7.0
-    body_m: float = 0.3
-    wide_m: float = 0.5
     edges_m: tuple[float, float] = (2.0, 7.0)
     spots_m: float = 5.0
     tries: int = 60
     apart: int = 4
-    poses: int = 3000
+    outer_m: float = 30.0
+    off_m: tuple[float, ...] = (7.0, 9.0, 12.0, 14.0)
+    clear_m: float = 2.0
 
 
 PARAMS = Params()
-WIDE = PARAMS.body_m + PARAMS.wide_m  # that a waiting place is wider than its machine [m]
+WIDE = GAPS.rim_m + CELL  # that a waiting place is wider than its machine [m]
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,7 @@ def _filled(ground: Ground, finder: Finder, machines: Sequence[Waits]) -> dict[s
             continue
         places[m.name] = Home(place, tuple(found), tuple(_swept(t, m.body, 0.0) for t in found))
         taken.append(run_of(m.body, place, 0.0, WIDE))
-        used.append(run_of(m.body, place, 0.0, 2.0))
+        used.append(run_of(m.body, place, 0.0, PARAMS.clear_m))
         if m.body.has_trailer:
             used += [_swept(t, m.body) for t in found]
     return places
@@ -160,7 +162,7 @@ def _ways(ground: Ground, finder: Finder, m: Waits, place: Place, taken: Sequenc
         for ends in ([(place, g) for g in goals], [(g, place) for g in goals]):
             ways = (
                 finder.find(
-                    m.body, m.drive, start, goal, stand=taken, in_line=WAYS.line_deg, most=PARAMS.poses,
+                    m.body, m.drive, start, goal, stand=taken, in_line=WAYS.line_deg, most=WAYS.poses // 2,
                 )
                 for start, goal in ends
             )  # fmt: skip
@@ -174,7 +176,8 @@ def _ways(ground: Ground, finder: Finder, m: Waits, place: Place, taken: Sequenc
 def at_gate(ground: Ground) -> list[Place]:
     """Places at the gate, in each direction: a machine passes in one of them at least."""
     along = ground.dock.heading + 0.5 * math.pi  # from the gate to the truck
-    x, y = ground.gate[0] + PARAMS.gate_m * math.cos(along), ground.gate[1] + PARAMS.gate_m * math.sin(along)
+    (x, y), off = ground.gate, PARAMS.off_m[0]
+    x, y = x + off * math.cos(along), y + off * math.sin(along)
     return [Place(x, y, along + turn, along + turn) for turn in (0.5 * math.pi, -0.5 * math.pi, 0.0, math.pi)]
 
 
@@ -185,14 +188,57 @@ def _swept(way: Track, body: Body, gap: float = WIDE + 0.5) -> Any:
     return shapely.union_all(shapely.polygons(outlines.reshape(-1, *outlines.shape[2:])))
 
 
-def run_of(body: Body, place: Place, ahead: float, gap: float = 0.3) -> Any:
-    """The ground of a body from a place to one straight ahead [m], < 0 behind it, wider by a gap."""
+def service_places(
+    ground: Ground,
+    combine: Body,
+    cart: Body,
+    beside: tuple[float, float],
+    waits: Sequence[tuple[Body, Place]],
+) -> Iterator[Place]:
+    """Places of a combine on ground without crop, a cart beside it, so far ahead and leftward [m]; off who
+    waits or empties, bodies at their places.
+    """
     shapely = shapely_here()
-    outlines = body.outlines(np.array([place, place.ahead(ahead)]), gap)
-    return shapely.convex_hull(shapely.multipoints(outlines.reshape(-1, 2)))
+    taken = [shapely.polygons(b.outlines(np.array([p]), PARAMS.clear_m)[0]) for b, p in waits]
+    bare = shapely.difference(ground.open, ground.field)
+    bare = shapely.difference(bare, shapely.union_all(np.concatenate(taken)))
+    shapely.prepare(bare)
+    for place in _beside_field(ground):
+        if fits(bare, combine, place) and fits(bare, cart, place.ahead(*beside)):
+            yield place
 
 
-def fits(area: Any, body: Body, place: Place) -> bool:
-    """Whether a body at a place is in an area, half a metre off its edge."""
+def along_passes(plan: Plan) -> Iterator[Place]:
+    """Places on headland passes, in both directions."""
+    for p in plan.passes:
+        if p.kind == HEADLAND:
+            count = max(1, int(p.length / (2.0 * PARAMS.outer_m)))
+            for share in (np.arange(count) + 0.5) / count:
+                x, y = ((1.0 - share) * a + share * b for a, b in zip(p.start, p.end, strict=True))
+                for h in (p.heading, p.heading + math.pi):
+                    yield Place(float(x), float(y), h, h)
+
+
+def _beside_field(ground: Ground) -> Iterator[Place]:
+    """Places beside the outlines, along them in both directions, and about the gate and the truck."""
     shapely = shapely_here()
-    return bool(shapely.contains(area, shapely.polygons(body.outlines(np.array([place]), 0.5)[0])).all())
+    for part in shapely.get_parts(ground.field):
+        points = shapely.get_coordinates(shapely.orient_polygons(part, exterior_cw=False).exterior)
+        for a, b in pairwise(points):
+            length, heading = math.dist(a, b), math.atan2(*(b - a)[::-1])
+            count = max(1, int(length / PARAMS.outer_m))
+            for i in range(count):
+                middle = a + (i + 0.5) / count * (b - a)
+                for out in PARAMS.off_m:
+                    for turn in (0.0, math.pi):
+                        h = heading + turn
+                        x, y = middle + out * np.array([math.sin(heading), -math.cos(heading)])
+                        yield Place(float(x), float(y), h, h)
+    x0, y0 = ground.gate
+    far = GROUND.yard_m - PARAMS.spots_m
+    steps = np.arange(-far, far + 1.0, 2.0 * PARAMS.spots_m)
+    for x in steps:
+        for y in steps:
+            for h in (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi):
+                h = h + ground.dock.heading
+                yield Place(x0 + float(x), y0 + float(y), h, h)

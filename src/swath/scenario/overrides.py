@@ -33,7 +33,7 @@ def apply_overrides(
     Choosing another level drops the parameters that only the level before it knew; where that one cannot be
     had, all that the new one does not know. InputError for a key inside a machine that is not there.
     """
-    changes = [_change(flag, text) for flag, text in [*((f"--set {s}", s) for s in sets), *flags.items()]]
+    changes = [change_of(flag, text) for flag, text in [*((f"--set {s}", s) for s in sets), *flags.items()]]
     for number, change in enumerate(changes):
         for other in changes[:number]:
             if contradicts(other, change):
@@ -47,7 +47,7 @@ def apply_overrides(
         _expand(document.data, path, catalogue)
         if path[-1] == "level" and len(path) == 3:
             _drop_foreign(document, path, value, catalogue)
-        _put(document.data, path, value, flag)
+        put(document.data, path, value, flag)
         for place in [p for p in document.places if p[: len(path)] == path]:
             del document.places[place]
         for end in range(1, len(path) + 1):
@@ -67,7 +67,7 @@ def layered(*layers: Sequence[str]) -> list[str]:
     """The changes of several layers as one list; where two contradict each other, the later layer counts."""
     found: list[tuple[str, Change]] = []
     for layer in layers:
-        new = [(text, _change(f"--set {text}", text)) for text in layer]
+        new = [(text, change_of(f"--set {text}", text)) for text in layer]
         for _, change in new:
             found = [kept for text, own in found if (kept := _without(text, own, change))]
         found += new
@@ -81,7 +81,7 @@ def _without(text: str, own: Change, later: Change) -> tuple[str, Change] | None
     if len(own.path) >= len(later.path) or not isinstance(own.value, dict | list):
         return None
     value = deepcopy(own.value)
-    _put(value, later.path[len(own.path) :], later.value, later.flag)
+    put(value, later.path[len(own.path) :], later.value, later.flag)
     text = f"{text.partition('=')[0]}={json.dumps(value)}"
     return text, Change(f"--set {text}", own.path, value)
 
@@ -98,7 +98,7 @@ def contradicts(one: Change, other: Change) -> bool:
 def says_about(text: str, key: str) -> bool:
     """Whether a change such as `combine.lidar.rate_hz=50` says what a key is, whatever the value."""
     nothing = Change(key, key_path(short_key(key)), object())
-    return contradicts(_change(f"--set {text}", text), nothing)
+    return contradicts(change_of(f"--set {text}", text), nothing)
 
 
 def _stated(value: Any, path: KeyPath) -> tuple[Any, ...]:
@@ -119,7 +119,8 @@ def _stated(value: Any, path: KeyPath) -> tuple[Any, ...]:
     return (value,)
 
 
-def _change(flag: str, text: str) -> Change:
+def change_of(flag: str, text: str) -> Change:
+    """What a text such as `combine.lidar.rate_hz=50` changes. InputError, which names the flag."""
     key, equals, value_text = text.partition("=")
     path = key_path(short_key(key.strip()))
     if not equals or "" in path:
@@ -170,7 +171,8 @@ def _kind(path: KeyPath, catalogue: Catalogue) -> str:
     return kind.name if kind is not None else ""
 
 
-def _put(data: Any, path: KeyPath, value: Any, flag: str) -> None:
+def put(data: Any, path: KeyPath, value: Any, flag: str) -> None:
+    """Set a key inside mappings and lists. InputError, which names the flag, where there can be none."""
     for depth, part in enumerate(path):
         is_last = depth == len(path) - 1
         if isinstance(data, list):
