@@ -18,7 +18,7 @@ HEADER = "# yaml-language-server: $schema=scenario.schema.json"
 @pytest.mark.parametrize("kind", TEMPLATES)
 def test_a_template_runs_by_the_command_that_is_printed(kind, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert main(["new", kind]) == 0
+    assert main(["new", kind, f"my own/{TEMPLATES[kind].source}"]) == 0
     said = capsys.readouterr().out.splitlines()
     words = shlex.split(f"{said[-1]} {SHORT} --out out")
     assert words[0] == "swath"
