@@ -13,10 +13,11 @@ from swath.tools.height_map.poses import PoseTrack
 
 TURN_MAX = 0.6 * pi  # of a path, away from its first heading: more is a headland [rad]
 STEP_M, SMOOTH_M = 0.5, 2.0  # of a path: between its points; standard deviation of the weights along it
-MOVED_M = 0.2
+MOVED_M = 0.2  # between points of a path: above the noise of RTK at rest, chosen
 COARSE = 8  # steps between the points among which the nearest is looked for
-AT_ONCE = 1 << 16
-ICP_POINTS, ICP_STEPS, ICP_REST_M = 20_000, 60, 0.3
+AT_ONCE = 1 << 16  # points that are placed together, to save memory
+ICP_POINTS, ICP_STEPS = 20_000, 60  # points that ICP lays on the others; its iterations at most
+ICP_REST_M = 0.3  # RMS from the nearest points above which it found another place, chosen
 ICP_MOVED_M, ICP_TURNED_DEG = 5.0, 5.0  # poses are not so wrong: another place was found
 
 

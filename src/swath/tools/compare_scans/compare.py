@@ -26,16 +26,17 @@ from swath.tools.compare_scans.along import Place, aligned
 from swath.tools.compare_scans.clouds import LOWEST_M, Cloud
 from swath.tools.distributions import GROUND_BELOW, ks_distance, wasserstein1
 
+# Where no source is named: chosen, so that a cell or a spread has echoes enough to be told from.
 FEWEST = 30  # echoes of each cloud in a cell that is compared
-IN_BLOCK, ON_MAP = 3, 12  # of each in a block of it that counts; that is drawn
+IN_BLOCK, ON_MAP = 3, 12  # echoes of each in a block of it that counts; that is drawn
 FEWEST_BLOCKS = 6  # with a cell in both, for a spread
-DRAWS = 400
-BIN_M = 0.01  # of the histograms that spreads come from, and of KS
+DRAWS = 400  # of blocks, for a spread: 10 of them lie beyond each end of 95 %
+BIN_M = 0.01  # [m] of the histograms that spreads come from, and of KS
 TOP = 95.0  # percent of the heights that lie below what counts as the top
 SHIFT_MAX_M, SHIFT_GAIN = 1.5, 0.6  # across; told where it leaves less than this share of what differs
-FEET = 0.3048
+FEET = 0.3048  # [m], international yard and pound agreement of 1959
 NEAR = 0.04  # relative: two clouds whose tops differ by the factor of feet may be in feet
-BINS_MAX = 4000
+BINS_MAX = 4000  # of a histogram: 40 m of heights
 
 DIFFERENCES = ("mean_m", "top_m", "ground_share", "penetration_m", "returns_per_m2", "intensity")
 DISTANCES = ("w1_m", "ks", "intensity_w1")
