@@ -31,10 +31,11 @@ from swath.tools.height_map.poses import PoseTrack
 
 TURN_MAX = 0.6 * pi  # of a path, away from its first heading: more is a headland [rad]
 STEP_M, SMOOTH_M = 0.5, 2.0  # of a path: between its points; standard deviation of the weights along it
-MOVED_M = 0.2
+MOVED_M = 0.2  # between points of a path: above the noise of RTK at rest, chosen
 COARSE = 8  # steps between the points among which the nearest is looked for
-AT_ONCE = 1 << 16
-ICP_POINTS, ICP_STEPS, ICP_REST_M = 20_000, 60, 0.3
+AT_ONCE = 1 << 16  # points that are placed together, to save memory
+ICP_POINTS, ICP_STEPS = 20_000, 60  # points that ICP lays on the others; its iterations at most
+ICP_REST_M = 0.3  # RMS from the nearest points above which it found another place, chosen
 ICP_MOVED_M, ICP_TURNED_DEG = 5.0, 5.0  # poses are not so wrong: another place was found
 
 
@@ -181,16 +182,17 @@ def _sample(points: F64, number: int, most: int = ICP_POINTS) -> F64:
     return np.asarray(points[np.sort(rng.choice(len(points), most, replace=False))])
 
 
+# Where no source is named: chosen, so that a cell or a spread has echoes enough to be told from.
 FEWEST = 30  # echoes of each cloud in a cell that is compared
-IN_BLOCK, ON_MAP = 3, 12  # of each in a block of it that counts; that is drawn
+IN_BLOCK, ON_MAP = 3, 12  # echoes of each in a block of it that counts; that is drawn
 FEWEST_BLOCKS = 6  # with a cell in both, for a spread
-DRAWS = 400
-BIN_M = 0.01  # of the histograms that spreads come from, and of KS
+DRAWS = 400  # of blocks, for a spread: 10 of them lie beyond each end of 95 %
+BIN_M = 0.01  # [m] of the histograms that spreads come from, and of KS
 TOP = 95.0  # percent of the heights that lie below what counts as the top
 SHIFT_MAX_M, SHIFT_GAIN = 1.5, 0.6  # across; told where it leaves less than this share of what differs
-FEET = 0.3048
+FEET = 0.3048  # [m], international yard and pound agreement of 1959
 NEAR = 0.04  # relative: two clouds whose tops differ by the factor of feet may be in feet
-BINS_MAX = 4000
+BINS_MAX = 4000  # of a histogram: 40 m of heights
 
 DIFFERENCES = ("mean_m", "top_m", "ground_share", "penetration_m", "returns_per_m2", "intensity")
 DISTANCES = ("w1_m", "ks", "intensity_w1")

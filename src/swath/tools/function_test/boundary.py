@@ -27,7 +27,7 @@ def sobol_points(count: int, dimensions: int) -> F64:
     try:
         from scipy.stats import qmc
     except ImportError:
-        raise MissingExtra("test", "swath test search") from None
+        raise MissingExtra("test", "spreading runs evenly") from None
     sequence = qmc.Sobol(dimensions, scramble=False)
     sequence.fast_forward(1)
     return np.asarray(sequence.random(count))

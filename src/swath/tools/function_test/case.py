@@ -37,8 +37,8 @@ Point = Mapping[str, Scalar]
 
 @dataclass(frozen=True, kw_only=True)
 class Varied:
-    """A parameter. key: of the scenario, as after `--set`; at: the values of the grid; range: of values
-    drawn.
+    """A parameter. key: of the scenario, as after `--set`; at: the values of the grid, without them the ends
+    of the range, or the names of `sets`; range: of values drawn.
 
     scale, offset: the key gets value * scale + offset; sets: instead of a key, by value, the scenario keys
     and values that it stands for
@@ -49,7 +49,7 @@ class Varied:
     """
 
     key: str = ""
-    at: Annotated[list[Scalar], Field(min_length=1)]
+    at: Annotated[list[Scalar], Field(min_length=1)] = field(default_factory=list)
     range: tuple[float, float] | None = None
     scale: float = 1.0
     offset: float = 0.0
@@ -58,9 +58,14 @@ class Varied:
     buckets: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._check_exposure()
         if self.range is not None and not self.range[0] < self.range[1]:
             raise InputError("range", list(self.range), "expected two numbers, the lower one first")
+        if not self.at:
+            object.__setattr__(self, "at", list(self.range or self.sets))
+        if not self.at:
+            expected = "expected the values of the grid, as [0.5, 1.5], or a range, as `range: [0.5, 1.5]`"
+            raise InputError("at", None, expected)
+        self._check_exposure()
         if bool(self.key) == bool(self.sets):
             raise InputError("key", self.key or None, "expected a key, or `sets`, keys by value")
         if self.sets and (self.range is not None or not set(map(str, self.at)) <= set(self.sets)):

@@ -225,7 +225,7 @@ def _report(args: argparse.Namespace) -> int:
     if (searched := open_search(session)) is not None:
         return search_command.tell(searched)
     if (estimated := open_estimate(args.folder)) is not None:
-        return estimate_command.tell(estimated)
+        return estimate_command.tell_again(estimated)
     if found is not None:
         return _finish_odd(found)
     return finish(args.folder, session, again=True)

@@ -26,7 +26,16 @@ from swath.tools.function_test.judged import UNJUDGED
 from swath.tools.function_test.margin import margin_of
 from swath.tools.function_test.plan import AS_SET, Plan, code_hash
 from swath.tools.function_test.pool import Done
-from swath.tools.function_test.rare import DEFENSIVE, ESS_LEAST, Hunt, Mixture, Rate, log_exposure, rate_of
+from swath.tools.function_test.rare import (
+    DEFENSIVE,
+    ESS_LEAST,
+    OVERLOOKED_MOST,
+    Flags,
+    Hunt,
+    Rate,
+    log_exposure,
+    rate_of,
+)
 from swath.tools.function_test.search import one_case
 from swath.tools.function_test.session import PLAN, Session, claim_folder, read_asked
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
@@ -113,7 +122,8 @@ class Round:
 @dataclass(frozen=True)
 class Estimated:
     """An estimate in its folder. last: the round from which the number comes; weights: of its runs, exposure
-    over density, (n,); cheap_margins: of the same points and seeds at the cheap level, None without one
+    over density, (n,); overlooked: which lie outside the regions that the search found, (n,) of bool;
+    cheap_margins: of the same points and seeds at the cheap level, None without one
     """
 
     folder: Path
@@ -122,6 +132,7 @@ class Estimated:
     rounds: Sequence[Round]
     last: Round
     weights: F64
+    overlooked: Flags
     cheap_margins: F64 | None
 
     @property
@@ -132,7 +143,7 @@ class Estimated:
     @cached_property
     def rate(self) -> Rate:
         """The probability of failure."""
-        return rate_of(self.weights, self.last.margins < 0.0)
+        return rate_of(self.weights, self.last.margins < 0.0, self.overlooked)
 
     @cached_property
     def unknown(self) -> Rate:
@@ -167,13 +178,17 @@ class Estimated:
             )
         if not rate.failures:
             said.append(f"no failure in the {rate.runs} runs of the last round: {self._none_found}")
+        elif rate.overlooked > OVERLOOKED_MOST:
+            met = int(np.sum(self.overlooked & (self.last.margins < 0.0)))
+            said.append(
+                f"{met} failures of the last round, {100 * rate.overlooked:.0f} % of the probability, lie "
+                f"where the search had found none: a longer one is needed: --budget {2 * self.asked.budget}"
+            )
         elif rate.ess < ESS_LEAST:
             more = -(-self.asked.budget * ESS_LEAST / max(rate.ess, 1.0) // 1000) * 1000
-            strayed = rate.strayed > 0.5
-            why = ", most of it where the search had found no failure" if strayed else ""
             said.append(
-                f"{rate.failures} failures are as sure as {rate.ess:.1f} of equal weight{why}, "
-                f"{ESS_LEAST:g} are needed: about --budget {more:.0f}"
+                f"{rate.failures} failures are as sure as {rate.ess:.1f} of equal weight, {ESS_LEAST:g} are "
+                f"needed: about --budget {more:.0f}"
             )
         if self.unseen > UNSEEN_MOST:
             said.append(
@@ -254,7 +269,7 @@ class Estimated:
             "cheap_runs": sum(len(r.margins) for r in self.rounds if r.level)
             + (0 if self.cheap_margins is None else len(self.cheap_margins)),
             "last_round": {"runs": rate.runs, "failures": rate.failures, "effective_failures": rate.ess,
-                           "not_judged": self.unknown.failures},
+                           "not_judged": self.unknown.failures, "overlooked_share": rate.overlooked},
             "cheap": None if cheap is None else {"probability": cheap.value, "low": cheap.low,
                                                  "high": cheap.high, "effective_failures": cheap.ess,
                                                  "unseen_share": self.unseen},
@@ -271,13 +286,13 @@ class _Rounds:
         self.rounds: list[Round] = []
         self._chosen: dict[str, list[tuple[int, Point]]] = {"": [], CHEAP: []}
 
-    def hunt(self, hunt: Hunt, level: str) -> Mixture:
-        """Search at a level; what the next ones are drawn from."""
+    def hunt(self, hunt: Hunt, level: str) -> Hunt:
+        """Search at a level."""
         while hunt.left:
             found = self.do(hunt.next(self.rng), level)
             hunt.tell(found.places, found.margins)
             self.rounds.append(found)
-        return hunt.last(self.rng)
+        return hunt
 
     def do(self, places: F64, level: str) -> Round:
         """Runs at places, with the seeds that follow those of the rounds so far."""
@@ -345,15 +360,16 @@ def open_estimate(folder: Path) -> Estimated | None:
 
 def _gone_through(folder: Path, asked: Estimate, case: Case, do: Callable[[Session], None]) -> Estimated:
     rounds = _Rounds(folder, asked, case, do)
-    start = None
+    count, start = len(case.file.vary), None
     if asked.cheap:
-        start = rounds.hunt(Hunt(len(case.file.vary), asked.cheap_budget), CHEAP)
-    density = rounds.hunt(Hunt(len(case.file.vary), asked.before, start), "")
+        start = rounds.hunt(Hunt(count, asked.cheap_budget), CHEAP).last()
+    hunt = rounds.hunt(Hunt(count, asked.before, start), "")
+    density = hunt.last()
     places = density.draw(rounds.rng, asked.budget - asked.before)
     last = rounds.do(places, "")
     cheap = rounds.do(places, CHEAP).margins if asked.cheap else None
     weights = np.exp(log_exposure(places) - density.log_density(places))
-    return Estimated(folder, asked, case, rounds.rounds, last, weights, cheap)
+    return Estimated(folder, asked, case, rounds.rounds, last, weights, hunt.overlooked(places), cheap)
 
 
 def check(asked: Estimate) -> Case:

@@ -9,6 +9,8 @@ from typing import Any
 from swath.terminal.options import add_sets
 from swath.tools.function_test.progress import CLUSTER, engine, progress
 
+SUMMARY = "summary.json"
+
 
 def add(verbs: Any) -> None:
     """Add the verb."""
@@ -67,6 +69,16 @@ def _estimate(args: argparse.Namespace) -> int:
     return tell(found, args.at_most)
 
 
+def tell_again(found: Any) -> int:
+    """The same from a folder, with the probability that was claimed there last."""
+    from swath.documents.json_file import read_object
+
+    file = found.folder / SUMMARY
+    before = read_object(file, SUMMARY, "a summary") if file.is_file() else {}
+    at_most = before.get("at_most")
+    return tell(found, at_most if isinstance(at_most, float) else None)
+
+
 def tell(found: Any, at_most: float | None = None) -> int:
     """Table, page, JSON, JUnit and the line on the screen; returns the exit code."""
     from swath.core.whole_file import write_whole
@@ -79,7 +91,7 @@ def tell(found: Any, at_most: float | None = None) -> int:
     verdict = found.verdict(at_most)
     plain = {**found.plain, "at_most": at_most, "verdict": verdict or None}
     write_table(found.folder, found.results)
-    write_whole(found.folder / "summary.json", json.dumps(plain, indent=1, allow_nan=False) + "\n")
+    write_whole(found.folder / SUMMARY, json.dumps(plain, indent=1, allow_nan=False) + "\n")
     write_junit(found.folder / "junit.xml", found, at_most)
     page = write_estimate(found.folder / "report.html", found, at_most)
     say(found.text)

@@ -43,6 +43,9 @@ def write_estimate(path: Path, found: Estimated, at_most: float | None = None) -
             "failures in the last round": rate.failures,
             "effective failures": f"{rate.ess:.0f}",
             "half width of the interval": f"{100 * rate.half_width:.0f} %" if given else None,
+            "of the probability where the search found none": f"{100 * rate.overlooked:.0f} %"
+            if rate.failures
+            else None,
             "not judged": found.unknown.failures or None,
             "at the cheap level": None
             if cheap is None

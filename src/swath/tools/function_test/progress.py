@@ -1,27 +1,32 @@
 """What the commands that do runs have in common: a bar over the runs, and where they are done."""
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+LINES = 10  # of progress where there is no terminal
 CLUSTER = "run on dask workers: local, slurm, or the address of a scheduler"
 
 
 @contextmanager
 def progress(count: int) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """A bar over the runs on a terminal; failures are counted in it."""
+    """A bar over the runs on stderr, lines where that is no terminal; failures are counted in it."""
     from rich.console import Console
     from rich.progress import Progress
 
     console = Console(stderr=True)
-    failed = 0
+    failed = ended = 0
     with Progress(console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task(f"{count} runs", total=count)
 
         def done(result: dict[str, Any]) -> None:
-            nonlocal failed
+            nonlocal failed, ended
+            ended += 1
             failed += result["verdict"] in ("fail", "error")
             bar.update(task, advance=1, description=f"{count} runs, {failed} did not pass")
+            if not console.is_terminal and ended * LINES // count > (ended - 1) * LINES // count:
+                print(f"{ended} of {count} runs, {failed} did not pass", file=sys.stderr, flush=True)
 
         yield done
 
