@@ -28,11 +28,8 @@ Flags = NDArray[np.bool_]
 WIDE = (1.5, 2.25)  # scales of the densities that reach beyond the exposure: 2.25 finds 1e-4 in 1 of 20
 FIRST = 0.2  # share of the runs of the search that are spread evenly before anything is known
 ROUNDS, ROUND_LEAST = 12, 16  # of the search after these; runs of a round, which are done together
-NEAR, AWAY, WIDELY = (
-    0.4,
-    0.35,
-    0.25,
-)  # shares of a round: near the failures, away from those known, everywhere
+# Shares of a round: near the failures, away from those known, everywhere
+NEAR, AWAY, WIDELY = 0.4, 0.35, 0.25
 KNOWN_LEAST = 2  # failures from which on a part of each round goes away from them
 CORRECTING = 4  # rounds at the dear level that correct where the cheap one found failures
 # The last round
@@ -41,19 +38,15 @@ STARTED = 0.15  # share drawn as the cheap level proposes
 TAILS, TAIL = 0.25, 1.8  # share of the fitted components that is this much wider: few runs know no tails
 # What a density is fitted to, and how
 ELITE = 0.1  # share of the runs, while the level is above 0 (Au & Beck 2001)
-ELITE_LEAST, ELITE_PER_DIMENSION = (
-    20,
-    3,
-)  # runs at least: a mean and a variance of each dimension, and a reserve
+# Runs at least: a mean and a variance of each dimension, and a reserve
+ELITE_LEAST, ELITE_PER_DIMENSION = 20, 3
 TEMPERED = 0.5  # share of the runs of a fit that stays effective
 MOST_REGIONS = 8  # components of a fitted mixture
 HEAVY = 0.95  # share of the weight from which components start: light outliers are no region
 ALIKE = 0.5  # share of the runs that components get alike, the rest by their weight: few runs know no shares
 INFLATED = 1.2  # of the covariances of fitted components
-PRIOR, PRIOR_VARIANCE = (
-    4.0,
-    0.3,
-)  # runs that this variance counts for: failures are narrower than the exposure's 1
+# Runs that this variance counts for: failures are narrower than the exposure's 1
+PRIOR, PRIOR_VARIANCE = 4.0, 0.3
 COVERED = 3.0  # standard deviations around a component within which a run belongs to it
 DIGITS = 4  # of fitted parameters, so that the last bits of a linear algebra library change no draw
 # Numerics
