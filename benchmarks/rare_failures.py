@@ -128,12 +128,12 @@ def main() -> None:
         found = [estimated(make(d), d, args.budget, seed) for seed in range(args.repeats)]
         shown = [rate for rate in found if rate.is_supported]
         mean = np.mean([rate.value for rate in found]) / RARE
+        width = np.median([rate.half_width for rate in shown] or [np.inf])
         inside = sum(rate.low <= RARE <= rate.high for rate in shown)
-        half = np.median([rate.half_width for rate in shown] or [np.inf])
         print(
             f"{name}: {inside} of {len(shown)} intervals hold it "
             f"({100 * inside / max(1, len(shown)):.1f} %), {len(found) - len(shown)} refused, "
-            f"mean {mean:.3f}, half width {100 * half:.0f} %, "
+            f"mean {mean:.3f}, half width {100 * width:.0f} %, "
             f"{1e3 * (time.process_time() - start) / len(found):.0f} ms each",
             flush=True,
         )

@@ -7,13 +7,13 @@ import warp as wp
 
 CELLS = wp.constant(64)  # along a tile
 STANDING = wp.constant(255)
-REACH_MAX = wp.constant(4)  # tiles, as in tops.py
-SLACK = wp.constant(wp.float64(0.001))  # as in tops.py
+REACH_MAX = wp.constant(4)  # tiles, as in height_bounds.py
+SLACK = wp.constant(wp.float64(0.001))  # as in height_bounds.py
 
 
 @wp.struct
 class Land:
-    """Pages as in `layout.Pages`, code_max: highest code per tile; lengths [m]; sway: as in tops.py."""
+    """As `memory_layout.Pages`; code_max: highest code per tile; [m]; sway: as in height_bounds.py."""
 
     table: wp.array2d(dtype=int)
     table_x: int

@@ -165,7 +165,7 @@ SPEED = ("twist.linear.x",)
 
 
 class StateMessages:
-    """nav_msgs/Odometry and /tf of the truth, before the first what a viewer needs (`scene_messages.py`).
+    """nav_msgs/Odometry and /tf of the truth, before the first what a viewer needs (`scene_messages`).
 
     NavSatFix too, of a field on Earth, where no slot of the machine publishes a Fix.
     """

@@ -45,7 +45,7 @@ def named_files(value: Any, base: Path) -> set[Path]:
     """What among the texts of a value, however deep, is there as a file or folder, absolute.
 
     A single word without a dot or slash is a level, a name or a kind, even where something is called so; for
-    `file.py:Class` see `code.py`.
+    `file.py:Class` see `scenario.code_of`.
     """
     return {path for text in _texts(value) if (path := _there(text, base)) is not None}
 

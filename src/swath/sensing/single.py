@@ -1,7 +1,7 @@
 """A scan with one ray per beam: from the poses of the sensor to what it reports.
 
 `aim` turns the beams and draws their random numbers, a caster of `rays/` fills the buffer, `report` makes a
-scan of it. The rules are those of `noise.py` and `echo.py`, in native code for 16 beams at once.
+scan of it. The rules are those of `scanner.py` and `echo.py`, in native code for 16 beams at once.
 """
 
 from typing import Any

@@ -1,4 +1,4 @@
-// What the electronics make of 16 distances: the body of a native function, after rays/single/vectors.cpp. Rules as in noise.py.
+// What the electronics make of 16 distances: the body of a native function, after rays/single/vectors.cpp. Rules as in scanner.py.
 //
 // In: p, the packet; e and beams (see `Electronics` and `Beams`). Out, in e, nan = no echo: ranges, intensity (n,), points (n, 3)
 // in the world, of the true distance.
