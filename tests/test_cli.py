@@ -6,6 +6,7 @@ import sys
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
+from typing import ClassVar
 
 import pytest
 
@@ -247,9 +248,12 @@ def test_scan(job, capsys):
 
 
 def test_field_commands_hand_on_their_arguments(monkeypatch, capsys, tmp_path):
+    class Report(str):
+        source: ClassVar[dict] = {}
+
     asked = []
     importer = SimpleNamespace(
-        import_log=lambda log, out, **more: asked.append((log.name, out.name, more)) or "3 records",
+        import_log=lambda log, out, **more: asked.append((log.name, out.name, more)) or Report("3 records"),
         show=lambda folder: folder / "overview.png",
         Settings=lambda **given: given,
     )
