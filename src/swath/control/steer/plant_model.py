@@ -88,7 +88,7 @@ class ActuatorModel(KeepsState):
 SURE = 0.05  # m, standard deviation of an offset beyond which the slip observer listens less
 SLIP_LIMIT = 4.0 * DEG  # rad, of the slip observer: a combine crabs by as much on a side slope of 28 %
 STEEPEST = 1.2  # rad, direction of travel beyond which no curvature is sought
-BETTER = 0.85  # of the deviation an edge was known with: below, the edge is taken anew
+BETTER = 0.01  # m, standard deviation of how an edge moves that is told better: above, it is taken anew
 FORGET_M = 3.0  # m of travel over which it is forgotten how well the edge was known
 
 
@@ -128,7 +128,7 @@ class SlipObserver(KeepsState):
 
         weight: 0..1, of the error as evidence; sd: standard deviation of the edge [m], 0 = not told
         """
-        if self._error is None or self._pole == 0.0 or sd < BETTER * self._sd:
+        if self._error is None or self._pole == 0.0 or self._sd**2 - sd**2 > BETTER**2:
             self._error, self._sd = error, sd
             return
         self._sd += min(1.0, travel / FORGET_M) * max(sd - self._sd, 0.0)

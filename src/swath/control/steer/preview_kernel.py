@@ -168,7 +168,7 @@ def observe(
 ) -> State:  # fmt: skip
     """As `SlipObserver.update`."""
     found = state
-    if found.error != found.error or law.pole == ZERO or sd < BETTER * found.sd:
+    if found.error != found.error or law.pole == ZERO or found.sd * found.sd - sd * sd > BETTER * BETTER:
         found.error = error
         found.sd = sd
         return found
