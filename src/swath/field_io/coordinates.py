@@ -261,9 +261,11 @@ def _witnesses(reading: Reading, drive: Driven, logged: Logged) -> list[_Seen]:
         wide = all(not slow <= v <= fast for v in speeds)
         seen.append(_Seen(wide, any(usual[0] <= v <= usual[1] for v in speeds), text))
     way = position[steps.after] - position[steps.here]
-    took = np.ones(len(way)) if logged.time is None else logged.time[steps.after] - logged.time[steps.here]
-    for key, length in (("distance", 1.0), ("speed", took)):
-        if key not in logged.raw or (key == "speed" and logged.time is None):
+    lengths: dict[str, float | Array] = {"distance": 1.0}
+    if logged.time is not None:
+        lengths["speed"] = logged.time[steps.after] - logged.time[steps.here]
+    for key, length in lengths.items():
+        if key not in logged.raw:
             continue
         ratio = logged.raw[key][steps.after] * length / steps.step
         column = logged.columns[key]
