@@ -297,15 +297,8 @@ _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
 _NAMES = {key: [set(names.split()) for names in tiers] for key, (_, tiers) in _USUAL.items()}
 _CUT = 10  # letters of a column's name in a shapefile (dBASE)
 _LEAST_OF_NAME = 5  # letters by which a name that is cut off is known
-_BESIDE = (
-    "course",
-    "crop",
-    "section",
-    "date",
-    "engine_load",
-    "engine_speed",
-    "fuel",
-)  # what known logs may also hold
+# what known logs may also hold
+_BESIDE = ("course", "crop", "section", "date", "engine_load", "engine_speed", "fuel")
 _WORDS = ("machine", "crop", "section", "date", "time", "work_state", "pass")  # brackets in them: no units
 _LOG_SUFFIXES = {
     "ms": "m/s", "km_h": "km/h", "kph": "km/h", "kn": "kn", "sec": "s", "kgs": "kg/s", "th": "t/h",
@@ -357,7 +350,7 @@ def find_columns(
     """
     known = (p for p in PROFILES if all(c.column in header for c in p.columns.values()))
     base = next((p for p in known if has_points or "lat" in p.columns), None)
-    given, dropped, stated_axes = ({}, set(), {}) if columns is None else read_map(columns, header)
+    given, dropped, system = ({}, set(), {}) if columns is None else read_map(columns, header)
     whole = {k: c for k, c in given.items() if c.column}
     of_base = {} if base is None else {k: _checked(c) for k, c in base.columns.items()}
     taken = {c.column for c in (*whole.values(), *of_base.values())}
@@ -382,7 +375,7 @@ def find_columns(
     name = base.profile if base else "usual names"
     _require(found, header, path, has_points, needs_width)
     profile = name if columns is None else f"map {columns.name}, {name}"
-    return ColumnMap(found, profile, **stated_axes, beside=beside, header=tuple(header))
+    return ColumnMap(found, profile, **system, beside=beside, header=tuple(header))
 
 
 def _checked(of_format: Column) -> Column:

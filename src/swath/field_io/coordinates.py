@@ -27,8 +27,8 @@ DDMM = "ddmm"  # degrees and minutes as NMEA 0183 writes them: 5215.1234 is 52 d
 FARTHEST_M = 20e3  # from the median position: no field is that large
 MIRRORED = ("deg W", "deg S")
 BEYOND_DEG = 6.0  # where a system is still used beside its own area: the next zone
-MOST_PLACED = 0.9  # and with so many they are that
-LEAST_PLACED = 0.5  # of the positions: with less on one place of the earth they are something else
+LEAST_PLACED = 0.5  # share of the positions: with less on one place of the earth they are something else
+MOST_PLACED = 0.9  # and with so much they are positions
 _ANGLE = re.compile(
     r"([NSEW]?)\s*([+-]?\d+(?:\.\d+)?)(?:[\s°d:]+(\d+(?:\.\d+)?))?(?:[\s'’′m:]+(\d+(?:\.\d+)?))?"
     r"[\s\"”″'’′°]*([NSEW]?)",
@@ -66,6 +66,10 @@ class Reading:
         """Share of the positions on one place of the earth."""
         finite, on_earth, away = self.placed()
         return float((on_earth & ~away).sum()) / max(int(finite.sum()), 1)
+
+
+Others = Callable[[], list[Reading]]
+Driven = Callable[[Reading], tuple[Array, Drive] | None]
 
 
 @dataclass(frozen=True)
@@ -107,11 +111,8 @@ def _angle(text: str) -> float:
     if abs(degrees) > 180.0 or minutes > 60.0 or seconds > 60.0:  # 60 is how 59.9999 may be printed
         return np.nan
     size = abs(degrees) + minutes / 60.0 + seconds / 3600.0
-    sign = -1.0 if (found[1] or found[5]).upper() in ("S", "W") and (found[1] or found[5]) else 1.0
+    sign = -1.0 if (found[1] or found[5]).upper() in ("S", "W") else 1.0
     return sign * (-size if found[2].startswith("-") else size)
-
-
-Others = Callable[[], list["Reading"]]
 
 
 def reading_of(table: Table, found: ColumnMap, path: Path) -> tuple[Reading, str, Others]:
@@ -159,38 +160,39 @@ def _projected(points: Array, crs: str, name: str = "", entries: str = "") -> Re
 def _of_degrees(table: Table, lat: Column, lon: Column) -> Iterator[Reading]:
     for is_turned in (False, True):
         north, east = (lon, lat) if is_turned else (lat, lon)
-        for unit, other in (*((u, u) for u in UNITS["position"] if u not in MIRRORED), ("deg", "deg W"),
-                            ("deg S", "deg"), ("deg S", "deg W")):  # fmt: skip
-            made = [numbers(table, Column(east.column, other)), numbers(table, Column(north.column, unit))]
-            said = [(f"column: {json.dumps(c.column)}, " if is_turned else "") + f"unit: {u}"
-                    for c, u in ((north, unit), (east, other))]  # fmt: skip
-            units = f" in {unit}" if unit == other else f" in {unit} and {other}"
-            name = ("lat and lon exchanged" if is_turned else "lat and lon") + (
-                "" if is_turned and unit == other == "deg" else units
-            )
-            yield Reading(
-                np.stack(made, axis=1), name=name, entries=f"lat: {{{said[0]}}}, lon: {{{said[1]}}}"
-            )
+        for units in (*((u, u) for u in UNITS["position"] if u not in MIRRORED), ("deg", "deg W"),
+                      ("deg S", "deg"), ("deg S", "deg W")):  # fmt: skip
+            made = [numbers(table, Column(c.column, u)) for c, u in zip((north, east), units, strict=True)]
+            said = _said(("lat", "lon"), (north, east), units, is_turned, "deg")
+            yield Reading(np.stack(made[::-1], axis=1), Reading.area, *said)
 
 
 def _of_metres(raw: Array, pair: tuple[Column, Column], crs: str) -> Iterator[Reading]:
     for is_turned in (False, True):
         for unit in ("m", "cm", "mm", "km", "ft"):
-            order = pair[::-1] if is_turned else pair
-            said = [(f"column: {json.dumps(c.column)}, " if is_turned else "") + f"unit: {unit}"
-                    for c in order]  # fmt: skip
-            name = ("easting and northing exchanged" if is_turned else "easting and northing") + (
-                "" if is_turned and unit == "m" else f" in {unit}"
-            )
-            entries = f"easting: {{{said[0]}}}, northing: {{{said[1]}}}"
             points = (raw[:, ::-1] if is_turned else raw) * UNITS["length"][unit]
-            yield _projected(points, crs, name, entries)
+            order = pair[::-1] if is_turned else pair
+            said = _said(("easting", "northing"), order, (unit, unit), is_turned, "m")
+            yield _projected(points, crs, *said)
+
+
+def _said(
+    keys: tuple[str, str], columns: Sequence[Column], units: tuple[str, str], is_turned: bool, plain: str
+) -> tuple[str, str]:
+    """Name and entries of a reading of two columns, exchanged or not. plain: unit that needs no word then"""
+    name = " and ".join(keys) + " exchanged" * is_turned
+    if not is_turned or set(units) != {plain}:
+        name += f" in {' and '.join(dict.fromkeys(units))}"
+    entries = (
+        f"{key}: {{" + f"column: {json.dumps(c.column)}, " * is_turned + f"unit: {unit}}}"
+        for key, c, unit in zip(keys, columns, units, strict=True)
+    )
+    return name, ", ".join(entries)
 
 
 def check_places(
-    own: Reading, others: Others, drive: Callable[[Reading], tuple[Array, Drive] | None],
-    logged: Logged, found: ColumnMap, path: Path,
-) -> list[str]:  # fmt: skip
+    own: Reading, others: Others, drive: Driven, logged: Logged, found: ColumnMap, path: Path
+) -> list[str]:
     """What the log contradicts of its positions, as notes.
 
     drive: positions [m] and what they show, None where there are too few
@@ -238,15 +240,10 @@ class _Seen:
     is_news: bool = False
 
 
-def _witnesses(
-    reading: Reading, drive: Callable[[Reading], tuple[Array, Drive] | None], logged: Logged
-) -> list[_Seen]:
+def _witnesses(reading: Reading, drive: Driven, logged: Logged) -> list[_Seen]:
     share = reading.share()
-    seen = [
-        _Seen(
-            share < LEAST_PLACED, share >= MOST_PLACED, f"{100 * (1 - share):.0f} % of them are at no place"
-        )
-    ]
+    text = f"{100 * (1 - share):.0f} % of them are at no place"
+    seen = [_Seen(share < LEAST_PLACED, share >= MOST_PLACED, text)]
     driven = None if seen[0].contradicts else drive(reading)
     if driven is None:
         return seen
@@ -264,9 +261,11 @@ def _witnesses(
         wide = all(not slow <= v <= fast for v in speeds)
         seen.append(_Seen(wide, any(usual[0] <= v <= usual[1] for v in speeds), text))
     way = position[steps.after] - position[steps.here]
-    took = np.ones(len(way)) if logged.time is None else logged.time[steps.after] - logged.time[steps.here]
-    for key, length in (("distance", 1.0), ("speed", took)):
-        if key not in logged.raw or (key == "speed" and logged.time is None):
+    lengths: dict[str, float | Array] = {"distance": 1.0}
+    if logged.time is not None:
+        lengths["speed"] = logged.time[steps.after] - logged.time[steps.here]
+    for key, length in lengths.items():
+        if key not in logged.raw:
             continue
         ratio = logged.raw[key][steps.after] * length / steps.step
         column = logged.columns[key]

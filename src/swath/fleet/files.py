@@ -471,10 +471,9 @@ def _in_squares(position: Any, grain: Any) -> tuple[tuple[tuple[float, float, fl
     """Mean yields of squares, and what is to be told of them. position (n, 2) [m]; grain (n,) [kg/m2]"""
     if not len(grain):
         return (), []
-    side = SQUARE
-    squares, number = np.unique(np.floor(position / side), axis=0, return_inverse=True)
+    squares, number = np.unique(np.floor(position / SQUARE), axis=0, return_inverse=True)
     mean = np.bincount(number.ravel(), grain) / np.bincount(number.ravel())
     low, high = np.percentile(10.0 * mean, [5.0, 95.0])
-    told = f"yield varies as in the log, {low:.1f} to {high:.1f} t/ha in 90 % of squares of {side:g} m"
-    middles = side * (squares + 0.5)
+    told = f"yield varies as in the log, {low:.1f} to {high:.1f} t/ha in 90 % of squares of {SQUARE:g} m"
+    middles = SQUARE * (squares + 0.5)
     return tuple(zip(*middles.T.tolist(), mean.tolist(), strict=True)), [f"{told}; elsewhere it is the mean"]
