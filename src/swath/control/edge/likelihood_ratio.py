@@ -59,8 +59,8 @@ class Params:
     edge is not sure there
     slip_percent: by which the wheels turn faster than the ground passes, 2 to 6 % on stubble (uncited)
     closed_m, open_m: standard deviation that a whole run has alike and no fit shows: overhang, mounting,
-    odometry; of closed and of open stands. Such that the 95 % band holds 97 % of the pooled errors of 75 drawn runs
-    with `empirical` (`benchmarks/edge_pairs.py`, final 0 to 74), and 97 % of 60 with `plants`
+    odometry; of closed and of open stands. Such that the 95 % band holds 97 % of the pooled errors of 75
+    drawn runs with `empirical` (`benchmarks/edge_pairs.py`, final 0 to 74), and 97 % of 60 with `plants`
     """
 
     search_m: Annotated[float, Gt(0.1), Le(10)] = 1.5
