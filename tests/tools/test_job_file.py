@@ -53,6 +53,18 @@ def test_a_job_by_its_name_of_0_2_is_read_with_a_line_that_says_the_new_one(old,
     assert capsys.readouterr().out == find_sheet("jobs", new).read_text(encoding="utf-8")
 
 
+def test_set_adds_a_machine_with_its_machine_alone(capsys, tmp_path):
+    out = ["--out", str(tmp_path / "out")]
+    assert main(["fleet", "run", "small-field", "--set", "combines.combin.speed_kmh=5", *out]) == 2
+    assert "did you mean 'combine'?" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    job, _ = read_job(
+        "small-field", ["carts.more.machine=tractor-grain-cart", "combines.combine.speed_kmh=5"]
+    )
+    assert list(job.carts) == ["cart", "more"]
+    assert job.combines["combine"].speed_kmh == 5.0
+
+
 def test_the_schema_is_written_where_the_first_line_of_a_job_says(tmp_path):
     assert all(
         find_sheet("jobs", name).read_text().startswith("# yaml-language-server: $schema=job.schema.json\n")

@@ -12,7 +12,7 @@ truck: {x_m: 20, y_m: -30}
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as made
 from pathlib import Path
@@ -24,7 +24,7 @@ from annotated_types import Ge, Gt, Le, MinLen
 from swath.core.errors import InputError
 from swath.documents.data_sheets import find_sheet
 from swath.documents.json_file import read_json
-from swath.documents.validation import validate
+from swath.documents.validation import near_miss, validate
 from swath.documents.yaml_document import Document, read_document
 from swath.scenario.overrides import change_of, put
 from swath.scenario.section_reader import NAME
@@ -214,9 +214,15 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
     document.kind = "job"
     if not isinstance(document.data, dict):
         raise document.error((), None, "expected a mapping of keys")
+    known = _machines(document.data)
     for change in changes:
         flag, path, value = change_of(f"--set {change}", change)
         put(document.data, path, _from_here(value), flag)
+    for (section, machine), keys in _machines(document.data).items():
+        if (section, machine) not in known and not (isinstance(keys, dict) and "machine" in keys):
+            here = [own for kind, own in known if kind == section]
+            expected = f"expected a machine that is there{near_miss(machine, here)}, or its `machine` with it"
+            raise InputError(f"--set {section}.{machine}", None, expected)
     notes = tuple(_without_gone(document))
     if name in RENAMED:
         notes = (f"{name} is called {RENAMED[name]} now: nothing drives in echelon", *notes)
@@ -257,6 +263,14 @@ def base_of(document: Document) -> Path | None:
     """Folder that relative paths of a job start from."""
     place = document.place(("format",))
     return None if place is None or place.file is None else Path(place.file).parent
+
+
+def _machines(data: Mapping[str, Any]) -> dict[tuple[str, str], Any]:
+    """Machines of a job as written, by section and name."""
+    sections = ((kind, data.get(kind)) for kind in ("combines", "carts"))
+    return {
+        (kind, str(n)): keys for kind, own in sections if isinstance(own, dict) for n, keys in own.items()
+    }
 
 
 def _from_here(value: Any) -> Any:

@@ -250,9 +250,9 @@ class _Planner:
             begin = max(begin, e)
         if begin < end:
             free.append((begin, end))
-        return [(s, e) for s, e in free if e - s > 0.5 and self._can_turn(c, at + s * u, at + e * u)]
+        return [(s, e) for s, e in free if e - s > 0.5 and self._can_stand_at_ends(c, at + s * u, at + e * u)]
 
-    def _can_turn(self, c: Combine, start: Array, end: Array) -> bool:
+    def _can_stand_at_ends(self, c: Combine, start: Array, end: Array) -> bool:
         """Whether a combine can stand at both ends of a pass, driven there or back."""
         heading = math.atan2(end[1] - start[1], end[0] - start[0])
         for along in (heading, heading + math.pi):

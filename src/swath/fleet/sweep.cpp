@@ -14,8 +14,8 @@ int* begins = (int*)its.starts.data;
 const D hitch = m[0], drawbar = m[1];
 const int count = (int)m[2], towed = (int)m[3], rows = (int)m[4], samples = (int)m[5];
 auto before = [](const D* a, const D* b) { return a[0] < b[0] || (a[0] == b[0] && a[1] < b[1]); };
-// corners above each other have the same x, so that their order is that of y; as fine as nothing that is swept
-auto exact = [](D a) { return __builtin_floor(a * 1e7 + 0.5) * 1e-7; };
+// to 0.1 um: corners above each other get the same x, so that rounding does not put them out of the chain's order
+auto rounded = [](D a) { return __builtin_floor(a * 1e7 + 0.5) * 1e-7; };
 int total = 0;
 begins[0] = 0;
 for (int s = 0; s < rows; ++s) {
@@ -38,7 +38,7 @@ for (int s = 0; s < rows; ++s) {
         x -= drawbar * c; y -= drawbar * w;
       }
       for (int k = 0; k < 4; ++k) {
-        const D u = part[k == 1 || k == 2], v = part[2 + (k > 1)], px = exact(x + u * c - v * w), py = exact(y + u * w + v * c);
+        const D u = part[k == 1 || k == 2], v = part[2 + (k > 1)], px = rounded(x + u * c - v * w), py = rounded(y + u * w + v * c);
         D q[2] = {px, py};
         int j = n++;
         for (; j > 0 && before(q, corners + 2 * (j - 1)); --j) { corners[2 * j] = corners[2 * j - 2]; corners[2 * j + 1] = corners[2 * j - 1]; }

@@ -88,7 +88,10 @@ class ActuatorModel(KeepsState):
 SURE = 0.05  # m, standard deviation of an offset beyond which the slip observer listens less
 SLIP_LIMIT = 4.0 * DEG  # rad, of the slip observer: a combine crabs by as much on a side slope of 28 %
 STEEPEST = 1.2  # rad, direction of travel beyond which no curvature is sought
-BETTER = 0.01  # m, standard deviation of how an edge moves that is told better: above, it is taken anew
+BETTER = (
+    0.01  # m, standard deviation of how far an edge moved that is told better now, above which it is taken
+)
+# anew; estimate, with which the demo, a bend and a straight edge were driven
 FORGET_M = 3.0  # m of travel over which it is forgotten how well the edge was known
 
 
