@@ -1,7 +1,7 @@
 """One version everywhere: pyproject.toml, swath.__version__, CITATION.cff, CHANGELOG.md and, where given,
 the tag.
 
-python .ci/versions.py [v0.3.0]    exit code 1 where they differ, or where a tag's changes are still unreleased
+python .ci/versions.py [v0.3.0]    exit code 1 where they differ, or where the tag's changes are unreleased
 
 What is not released calls itself so: `## 0.3.0 (unreleased)` in the changelog is 0.3.0.dev0 elsewhere.
 """
