@@ -163,7 +163,7 @@ def test_run(job, capsys, code):
 def test_a_run_says_which_defaults_it_uses(job, capsys):
     main(["run", "small.yaml"])
     said = capsys.readouterr().out
-    assert said.splitlines()[0].startswith("defaults in use in ")
+    assert "slots use default values: " in said.splitlines()[0]
     assert "--defaults prints them" in said.splitlines()[0]
     assert "echo percentile" not in said
     main(["run", "small.yaml", "--defaults", "--set", "combine.lidar.sub_rays=7"])
