@@ -18,14 +18,7 @@ from swath.signals import F64
 
 Outcome = tuple[float | None, str]  # value, and why it fails, "" where it passes
 NOTHING = "nothing was measured"
-FAILED, OPEN = 1, 3  # exit codes
 NO_SAMPLE = "the window never opened: no sample lies in it"
-
-
-def exit_code_of(expect: Sequence[Mapping[str, Any]]) -> int:
-    """0 all limits pass, 1 one fails, 3 none fails but one was not measured."""
-    results = {entry["result"] for entry in expect}
-    return FAILED if "fail" in results else OPEN if "not measured" in results else 0
 
 
 def window_of(limit: Limit) -> Window:

@@ -17,7 +17,6 @@ from swath.core.stopping import stoppable, unstopped
 from swath.core.whole_file import write_whole
 from swath.documents.contents import hashes
 from swath.judge.evaluation import Evaluation
-from swath.judge.limits import exit_code_of
 from swath.judge.summary import make_summary, write_summary
 from swath.judge.windows import FIELD
 from swath.record.digest import Digest
@@ -37,6 +36,7 @@ from swath.runtime.pacing import Pacer, make_pacer, paced
 from swath.runtime.saves import read_save, saved_before
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
+from swath.terminal.outcome import NOT_JUDGED, exit_code_of, result_of
 
 
 class UnusableSave(SwathError):
@@ -89,7 +89,7 @@ CHANGED = "# changed on the way: swath run THIS --events THIS repeats it, THIS b
 class JobResult:
     """summary: as in summary.json; folder of the run
 
-    exit_code: 0 all limits pass, 1 a limit fails, 3 none fails but one was not measured
+    exit_code: 0 all limits pass, 1 a limit fails, 3 none fails but one was not measured or not judged
     """
 
     summary: dict[str, Any]
@@ -97,10 +97,10 @@ class JobResult:
     folder: Path
 
     def __repr__(self) -> str:
-        results = [entry["result"] for entry in self.summary.get("expect", [])]
+        results = [result_of(entry) for entry in self.summary.get("expect", [])]
         limits = f"{results.count('pass')} of {len(results)} limits pass" if results else "no limits"
-        if open_ := results.count("not measured"):
-            limits += f", {open_} not measured in so short a run"
+        for what in ("not measured", NOT_JUDGED):
+            limits += f", {results.count(what)} {what}" if what in results else ""
         name, seed = self.summary.get("name"), self.summary.get("seed")
         return f"<run of {name}, seed {seed}: {limits}, in {self.folder}>"
 
@@ -137,7 +137,7 @@ def run_job(
             except (Restart, UnusableSave):
                 begun, start = None, None if start is None else replace(start, saves=False)
             else:
-                return JobResult(summary, exit_code_of(summary["expect"]), out)
+                return JobResult(summary, exit_code_of(map(result_of, summary["expect"])), out)
 
 
 def run_unrecorded(

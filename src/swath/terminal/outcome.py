@@ -55,6 +55,14 @@ def result_of(entry: Mapping[str, Any]) -> str:
     return NOT_JUDGED if entry.get("rests_outside") else str(entry["result"])
 
 
+def exit_code_of(results: Iterable[str]) -> int:
+    """Of whatever was judged: 0 where all pass or are shown, 1 where one fails or is broken, else 3: nothing
+    judged, measured or shown is not a pass.
+    """
+    found = set(results)
+    return 1 if found & {"fail", "broken"} else 0 if found <= {"pass", "shown"} else 3
+
+
 def limit_text(entry: Mapping[str, Any]) -> str:
     """The bounds of a limit, with `hold` and `while`."""
     limit = entry["limit"]
