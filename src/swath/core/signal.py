@@ -79,8 +79,8 @@ class About:
 
     frame: `base` (machine), `sensor`, `optical` (of a camera) or `world`
     messages: () = one `swath_msgs/<Class>` with all its fields in that frame
-    is_thinned: messages come at the rate of tracks.parquet at most, not sample by sample
-    is_bulky: beside exact samples, messages in the file come five times a second
+    is_thinned: who listens gets messages at the rate of tracks.parquet at most, not sample by sample
+    is_bulky: in a thinned recording messages come five times a second
     samples: recorded bit for bit with `record: exact`, only with `full` (large truth, for metrics and
     pictures; also no variable of an exported FMU), or never, since its `messages` keep every bit
     track_order: place of its columns in every tracks.parquet; None = at the end, of machines that publish it

@@ -317,7 +317,7 @@ class Running:
         summary = make_summary(
             {
                 "name": scenario.name,
-                "summary": scenario.summary,
+                "summary": scenario.summary + ("; changed on its way" if self.changes.events else ""),
                 "seed": scenario.seed,
                 "swath": __version__,
                 "machine": _machines(world),
@@ -353,6 +353,8 @@ class Running:
         if self.pacer is not None:
             summary["realtime"] = self.pacer.report()
             notes += self.pacer.notes
+        if left_out := self.recorder.left_out:
+            notes.append(f"thinned: in run.mcap these have no message: {left_out}; all are there bit for bit")
         if notes:
             summary["notes"] = notes
         if self.changes.events:

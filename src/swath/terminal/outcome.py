@@ -45,6 +45,8 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
     if events := summary.get("events"):
         print(f"events  {len(events)}, listed in summary.json; repeat them with --events {quote(str(out))}")
     print(f"digest  {summary.get('digest', '-')}")
+    size = sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
+    print(f"folder  {out}, {size / 1e6:.1f} MB")
     for page in ("report", "replay"):
         if (out / f"{page}.html").is_file():
             print(f"{page}  {out / page}.html")

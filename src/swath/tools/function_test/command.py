@@ -299,6 +299,7 @@ def _told_of(folder: Path, run: Any, base: str) -> str:
     """The summary of a run made again: the scenario's own holds for it only where nothing is varied."""
     from swath.core.errors import shortened
     from swath.documents.yaml_document import read_document
+    from swath.scenario.sections import LONGEST_SUMMARY
     from swath.tools.function_test.odd.campaign import ODD_FILE
 
     if not run.point:
@@ -352,7 +353,6 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     return exit_code_of(verdicts)
 
 
-LONGEST_SUMMARY = 500  # characters, as a scenario takes it
 _CASES = "a case file, a folder of them, `catalogue`, or one of its cases"
 _DESCRIPTION = """Function tests: cases with varied parameters and seeds, each judged as shown, broken, not
 shown (too few runs) or not judged (a level was outside the range in which it was checked). Exit code 0 all
