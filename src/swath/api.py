@@ -22,6 +22,7 @@ from swath.core.registry import level_here
 from swath.documents.packed import read_arrays
 from swath.documents.validation import unknown_key
 from swath.documents.yaml_document import Document, parse_value
+from swath.judge.limits import exit_code_of
 from swath.report.notebook import picture, run_html
 from swath.runtime.assembly import assemble
 from swath.runtime.folder import choose_run_folder, choose_scan_folder, remove_empty
@@ -31,7 +32,6 @@ from swath.runtime.workers import Lost, in_workers
 from swath.runtime.worlds import as_ours, drive_together, warn_of_batch
 from swath.scenario.scenario import Scenario, read_scenario
 from swath.scenario.scenario import load_scenario as _load
-from swath.terminal.outcome import exit_code_of, result_of
 from swath.tools.scan.scan import scan_job
 
 if TYPE_CHECKING:
@@ -239,7 +239,7 @@ class BatchRun:
     @property
     def exit_code(self) -> int:
         """0 all limits pass, 1 a limit fails, 2 there is an error, 3 a limit was not measured or judged."""
-        return _BAD_INPUT if self.error is not None else exit_code_of(map(result_of, self.summary["expect"]))
+        return _BAD_INPUT if self.error is not None else exit_code_of(self.summary["expect"])
 
 
 def batch(

@@ -247,7 +247,8 @@ def test_what_was_driven_counts_metres_seconds_and_the_way_out(tmp_path: Path):
     cover = Coverage(odd)
     cover.add(nothing)
     assert not cover.hits.any()
-    assert cover.pair_share == (6, 83)  # a run counts for them, so they are not called never driven
+    assert cover.pair_share == (0, 83)
+    assert not cover.counted.any()  # it is told, and nothing is judged from it
 
 
 def test_numbers_of_runs_and_p_values_are_closed_forms():

@@ -88,7 +88,7 @@ def add(parsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Exit code: 0 all limits pass, 1 a limit fails, 3 none fails but one was not measured."""
+    """Exit code: 0 all limits pass, 1 a limit fails, 3 none fails but one was not measured or judged."""
     from swath.core.errors import InputError, SwathError
     from swath.core.shell import command
     from swath.runtime.folder import choose_run_folder, remove_empty
@@ -252,5 +252,6 @@ def _on_bus(args: argparse.Namespace) -> Iterator[list[Any]]:
 
 
 _DESCRIPTION = """Run a scenario. Exit code: 0 all limits pass, 1 a limit fails, 2 bad input,
-3 no limit fails but one was not measured (in a run of 10 m or less),
+3 no limit fails but one was not measured (in a run of 10 m or less) or not judged (it rests on a level
+outside the range in which it was checked),
 130 stopped by Ctrl-C and 143 by SIGTERM (the folder then holds what was recorded, marked incomplete)."""

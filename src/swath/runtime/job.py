@@ -17,6 +17,7 @@ from swath.core.stopping import stoppable, unstopped
 from swath.core.whole_file import write_whole
 from swath.documents.contents import hashes
 from swath.judge.evaluation import Evaluation
+from swath.judge.limits import exit_code_of
 from swath.judge.summary import make_summary, write_summary
 from swath.judge.windows import FIELD
 from swath.record.digest import Digest
@@ -36,7 +37,7 @@ from swath.runtime.pacing import Pacer, make_pacer, paced
 from swath.runtime.saves import read_save, saved_before
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
-from swath.terminal.outcome import NOT_JUDGED, exit_code_of, result_of
+from swath.terminal.outcome import NOT_JUDGED, result_of
 
 
 class UnusableSave(SwathError):
@@ -137,7 +138,7 @@ def run_job(
             except (Restart, UnusableSave):
                 begun, start = None, None if start is None else replace(start, saves=False)
             else:
-                return JobResult(summary, exit_code_of(map(result_of, summary["expect"])), out)
+                return JobResult(summary, exit_code_of(summary["expect"]), out)
 
 
 def run_unrecorded(

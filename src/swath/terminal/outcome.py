@@ -57,7 +57,7 @@ def result_of(entry: Mapping[str, Any]) -> str:
     return NOT_JUDGED if entry.get("rests_outside") else str(entry["result"])
 
 
-def exit_code_of(results: Iterable[str]) -> int:
+def exit_code(results: Iterable[str]) -> int:
     """Of whatever was judged: 0 where all pass or are shown, 1 where one fails or is broken, else 3: nothing
     judged, measured or shown is not a pass.
     """

@@ -172,7 +172,7 @@ def _run_odd(args: argparse.Namespace) -> int:
 
 def _finish_odd(found: Any) -> int:
     """Dossier, and what it says on the screen; returns the exit code."""
-    from swath.terminal.outcome import exit_code_of
+    from swath.terminal.outcome import exit_code
     from swath.terminal.tables import table
     from swath.tools.function_test.odd.dossier import summary_of, write_dossier
 
@@ -183,7 +183,7 @@ def _finish_odd(found: Any) -> int:
     for line in said.lines:
         print(line)
     print(f"dossier  {page}")
-    return exit_code_of(cell.verdict for cell in cells)
+    return exit_code(cell.verdict for cell in cells)
 
 
 def _work(args: argparse.Namespace) -> int:
@@ -313,7 +313,7 @@ def _told_of(folder: Path, run: Any, base: str) -> str:
 
 def finish(folder: Path, session: Any, *, again: bool) -> int:
     """Table, JUnit file, page and the verdicts on the screen; returns the exit code."""
-    from swath.terminal.outcome import exit_code_of
+    from swath.terminal.outcome import exit_code
     from swath.terminal.tables import table
     from swath.tools.function_test.fidelity import told
     from swath.tools.function_test.junit import write_junit
@@ -350,7 +350,7 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
         line = command("test", "again", folder, failed.id[:8])
         print(f"`{line}` makes that run once more, with its own report")
     print(f"report  {page}")
-    return exit_code_of(verdicts)
+    return exit_code(verdicts)
 
 
 _CASES = "a case file, a folder of them, `catalogue`, or one of its cases"
