@@ -1,4 +1,4 @@
-"""Where a run is written: never over something that is not an earlier run of the same scenario.
+"""Where a run is written: never over something that is not an earlier run of the same scenario and changes.
 
 While a run writes, its folder holds `run.lock`, which says what is run and keeps other runs out. A run that
 was killed leaves that file behind; the lock itself goes with the process.
@@ -11,9 +11,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from swath import __version__
 from swath.core.errors import InputError
 from swath.core.whole_file import PART, open_to_keep
 from swath.documents.json_file import read_object
+from swath.scenario.scenario import changes_in
 
 RUNS = "runs"  # where the folders lie whose place nobody chose
 RUN_FILES = (
@@ -39,19 +41,33 @@ def check_run_folder(folder: Path, *names: str) -> None:
             raise InputError("RUN", str(folder), f"expected a run folder, it has no {name}")
 
 
-def choose_run_folder(name: str, seed: int, out: Path | None = None, *, what: str = "") -> Path:
-    """The folder for a run.
+def choose_run_folder(
+    name: str,
+    seed: int,
+    out: Path | None = None,
+    *,
+    what: str = "",
+    summary: str | None = None,
+    replace: bool = False,
+) -> Path:
+    """The folder for a run. summary: its head line; replace: it may take the place of any other run
 
     Without `out` a fresh one, `runs/<name>-<seed>[-<what>]`, with -2, -3 ... when that exists; it is made at
-    once, so that two runs of the same moment get two. A given
-    `out` must be new, empty, or an earlier run of the scenario `name`, which may have been killed; InputError
-    otherwise, and while another run writes into it.
+    once, so that two runs of the same moment get two. A given `out` must be new, empty, or an earlier run of
+    the scenario `name`, which may have been killed, with the changes that `summary` tells, so that a command
+    may be repeated, also with an edited file; InputError otherwise, and while another run writes into it.
     """
     if out is None:
         return _fresh(f"{name}-{seed}-{what}" if what else f"{name}-{seed}")
-    if not _is_free(out) and run_name(out) != name:
-        expected = f"expected a new or empty folder, or an earlier run of {name}"
-        raise InputError("--out", str(out), expected)
+    if not _is_free(out):
+        was, asked = run_name(out), None if summary is None else changes_in(name, summary)
+        changed = asked
+        if was == name and asked is not None and (told := _changes_of(out)) is not None:
+            changed = told
+        if was is None or (not replace and (was != name or changed != asked)):
+            of = f"{name} with {asked}" if asked else f"{name} as it is" if changed else name
+            expected = f"expected a new or empty folder, or an earlier run of {of}"
+            raise InputError("--out", str(out), expected + ("; --replace writes over it" if was else ""))
     if (out / LOCK).is_file():
         os.close(_lock(out))
     return out
@@ -82,6 +98,18 @@ def run_name(folder: Path) -> str | None:
             return None
         name = data.get("name") if isinstance(data, dict) else None
     return name if isinstance(name, str) else None
+
+
+def _changes_of(folder: Path) -> str | None:
+    """What was changed of the scenario of a run; None where its version of swath did not tell."""
+    from swath.documents.yaml_document import read_document
+
+    with suppress(InputError, KeyError):
+        if read_object(folder / "summary.json", "run", "a summary.json")["swath"] != __version__:
+            return None
+        data = read_document(folder / "scenario.yaml").data
+        return changes_in(data["name"], data["summary"])
+    return None
 
 
 @contextmanager

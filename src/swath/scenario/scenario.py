@@ -172,12 +172,18 @@ def _headline(made: Scenario, changes: Sequence[str]) -> str:
     keys = [text.partition("=")[0].strip() for text in changes]
     if "summary" in keys or not set(keys) - UNTOLD:
         return made.summary
-    start = f"{made.name} with "
-    before = made.summary.removeprefix(start).split("; ") if made.summary.startswith(start) else []
+    start, changed = f"{made.name} with ", changes_in(made.name, made.summary)
+    before = changed.split("; ") if changed else []
     kept = [text for text in before if text.partition("=")[0] not in keys]
     told = [f"{key}={text.partition('=')[2].strip()}" for key, text in zip(keys, changes, strict=True)
             if key not in UNTOLD]  # fmt: skip
     return shortened(start + "; ".join([*kept, *told]), LONGEST_SUMMARY)
+
+
+def changes_in(name: str, summary: str) -> str:
+    """What a head line says of the changes of a scenario, `seed=3; run.distance_m=6`; "" = none."""
+    start = f"{name} with "
+    return summary.removeprefix(start) if summary.startswith(start) else ""
 
 
 def scenario_names() -> list[str]:
