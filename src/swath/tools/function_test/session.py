@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from swath.core.errors import InputError
+from swath.core.output_folder import check_folder
 from swath.core.whole_file import new_file, no_link, own_folder, write_whole
 from swath.documents.contents import changed_since, hashes_by_path
 from swath.documents.json_file import read_object
@@ -230,7 +231,7 @@ def begin(folder: Path, plan: Plan, candidates: Path | None = None) -> Session:
         )
         raise InputError("--out", str(folder), expected)
     if not file.is_file():
-        check_empty(folder, "a function test")
+        check_folder(folder, (PLAN,), "function test")
     plan.check(candidates)
     session = Session(folder, plan)
     old = session.counted()
@@ -240,19 +241,13 @@ def begin(folder: Path, plan: Plan, candidates: Path | None = None) -> Session:
     return session
 
 
-def check_empty(folder: Path, what: str) -> None:
-    """InputError for a folder in which something lies. what: that could have gone on there"""
-    if folder.is_dir() and any(folder.iterdir()):
-        raise InputError("--out", str(folder), f"expected a new or empty folder, or one of {what}")
-
-
 def claim_folder(file: Path, asked: Any, what: str) -> None:
     """Make a folder that of a search or estimate, by the file with what is asked. InputError where it holds
     another one. what: in words
     """
     before = read_asked(file, type(asked), what)
     if before is None:
-        check_empty(file.parent, what)
+        check_folder(file.parent, (file.name,), what.split()[-1])
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, json.dumps(asdict(asked), indent=2, sort_keys=True) + "\n")
     elif before != asked:
