@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swath.core.schedule import NS
 from swath.record.mcap_file import Container
 from swath.record.message_factory import definition
 from swath.record.read.files import open_log

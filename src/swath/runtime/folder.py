@@ -1,5 +1,4 @@
-"""Where a run is written: never over something that is not an earlier run of the same scenario and changes.
-"""
+"""Where a run is written: over nothing but an earlier run of the same scenario with the same changes."""
 
 import atexit
 from collections.abc import Iterator
