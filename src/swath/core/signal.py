@@ -13,11 +13,13 @@ its entry in docs/reference/signals.md.
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cache
+from math import inf
 from typing import Any, ClassVar, Literal, TypeVar, cast, get_type_hints
 
 from swath.core.frozen import frozen
 
 T = TypeVar("T")
+SHARE = 0.0, 1.0  # span of a share
 Frame = Literal["base", "sensor", "optical", "world"]
 
 
@@ -41,6 +43,7 @@ class Quantity:
     unit: of the SI, "" = a plain number; meaning: one line, with the sign
     shape: names or lengths of an array's dimensions
     nan: what nan means; "" = the field is never nan
+    span: least and greatest value that it can have
     is_amount: belongs to the step of the sample (kg in that step), adds up over steps; otherwise a state
     column: name under which it is a column of tracks.parquet as it is; columns: those that are made from it
     """
@@ -51,6 +54,7 @@ class Quantity:
     nan: str = ""
     is_amount: bool = False
     column: str = ""
+    span: tuple[float, float] = (-inf, inf)
     columns: tuple[TrackColumn, ...] = ()
 
     @property
