@@ -3,7 +3,7 @@
     python benchmarks/edge_pairs.py record --pool fitting --number 60 --into scans/
              scans of the drawn cases, driven along the true line; of `plants` unless --lidar empirical, and
              then, too, where that has no table of the crop (a line on stderr says so)
-    python benchmarks/edge_pairs.py detect --from scans/ --levels likelihood_ratio filter --out told.jsonl
+    python benchmarks/edge_pairs.py detect --from scans/ --levels likelihood_ratio otsu --out told.jsonl
     python benchmarks/edge_pairs.py drive --pool final --number 60 --out driven.jsonl        closed loop
     python benchmarks/edge_pairs.py table told.jsonl ... [--each | --beside]     --beside: level beside level
 
@@ -651,7 +651,7 @@ def main() -> None:
         p.add_argument("--first", type=int, default=0)
         p.add_argument("--every", type=int, default=1)
         p.add_argument("--lidar", default="plants", choices=["plants", "empirical"])
-        p.add_argument("--levels", nargs="+", default=["likelihood_ratio", "filter"])
+        p.add_argument("--levels", nargs="+", default=["likelihood_ratio"])
         p.add_argument("--into", type=Path, default=Path("scans"))
         p.add_argument("--from", dest="scans", type=Path, default=Path("scans"))
         p.add_argument("--out", type=Path, default=Path("told.jsonl"))
