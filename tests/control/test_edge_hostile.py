@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from swath.control.edge import likelihood_ratio, otsu
@@ -55,7 +55,7 @@ def check(edge):
 
 
 @pytest.mark.parametrize("level", LEVELS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.tuples(scans(), odometry, st.integers(-3, 60)), min_size=1, max_size=8), st.booleans())
 def test_any_scans(level, sequence, is_warm):
     detector = level.component(level.params(), setup_of("left", 0.04, MOUNT))
