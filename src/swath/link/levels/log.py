@@ -29,10 +29,10 @@ from swath.record import positioning_messages as positioning
 from swath.record.message_factory import OPTICAL_FRAME
 from swath.record.read import feed as feeds
 from swath.record.read.feed import Demux, Feed, Record, Timed
-from swath.record.read.fields import Context, is_on_clock, number_at, stamp_in, stamp_of
+from swath.record.read.fields import Context, number_at
 from swath.record.read.files import Log, open_log
 from swath.record.read.fixes import TangentPlane, ToLocal, field_plane, read_fixes, states_of_fixes
-from swath.record.read.frames import GROUND, own_mounting, static_links, static_mounting
+from swath.record.read.frames import GROUND, Links, frame_of, own_mounting, static_links, static_mounting
 from swath.record.read.messages import maker_for, message_names
 from swath.sensing.mount import Mount
 from swath.signals import F64, Fix, Image, Inertial, MachineState, Scan, Signal
@@ -185,6 +185,7 @@ class Params:
     between: two samples the older one is held, or plain numbers are interpolated
     end: the run ends after the last sample of a topic, or holds it until the log ends
     gap_s: longer ones are reported (default: three times the usual interval)
+    frame: that of the messages to play, where a topic has several (default: that of the first)
     mount: of the sensor (default: as recorded)
     origin: of NavSatFix positions (default: the first one); field_folder: or that of a field folder
     antenna_m: x, y, z of the receiver on the machine (default: as recorded, or by /tf_static)
@@ -202,6 +203,7 @@ class Params:
     between: Literal["hold", "interpolate"] = "hold"
     end: Literal["topic", "log"] = "topic"
     gap_s: Annotated[float, Gt(0), Le(1e6)] | None = None
+    frame: str | None = None
     mount: Mount | None = None
     origin: GeoOrigin | None = None
     field_folder: str | None = None
@@ -354,7 +356,9 @@ class LogPlayer:
         self._shift = self.log.begin() if any(not s.is_exact for s in self._sources) else 0
         self._shift += round(params.start_s * NS)
         self._period = round(setup.control.period * NS)
-        self._context = Context(setup.control.machine.wheelbase, to_local(params, setup.base))
+        local, machine = to_local(params, setup.base), setup.machine_name
+        self._links, self._frame = self._tree()
+        self._context = Context(setup.control.machine.wheelbase, local, self._links, machine)
         self._fixes: dict[str, list[Timed]] = {}
         self._demux: Demux | None = None
         self._told: list[str] = []
@@ -453,6 +457,15 @@ class LogPlayer:
     def _topics(self) -> list[str]:
         return list(dict.fromkeys(t for s in self._sources for t in s.topics))
 
+    def _tree(self) -> tuple[Links, str]:
+        """/tf_static of somebody else's recording, and the frame of the messages that are played."""
+        others = [s for s in self._sources if not s.is_exact]
+        if not others:
+            return {}, ""
+        source = next((s for s in others if s.port.signal in MOUNTED), others[0])
+        links, first = static_links(self.log, source.topics[0])
+        return links, self.params.frame or frame_of(first)
+
     def _check(self) -> None:
         """InputError for what can be known to be wrong before anything is read."""
         for source in self._sources:
@@ -518,7 +531,9 @@ class LogPlayer:
             chosen = found[-1] if found else made.next
             where = ", ".join(source.topics)
             if chosen is None:
-                raise InputError("topics", where, "expected messages in the recording", file=self.log.path)
+                of = f" of frame {self.params.frame}" if self.params.frame else ""
+                expected = f"expected messages{of} in the recording"
+                raise InputError("topics", where, expected, file=self.log.path)
             if found and made.next is None and self.params.start_s > 0 and self.params.end == "topic":
                 expected = f"expected a start before the last message on {where}"
                 raise InputError("start_s", self.params.start_s, expected)
@@ -553,18 +568,18 @@ class LogPlayer:
 
     def _samples(self, source: Source, demux: Demux) -> Iterator[Timed]:
         """The samples of an output on the clock of the log."""
-        records = demux.read(*source.topics)
-        records = records if source.is_exact else self._on_its_clock(records)
+        records, context = demux.read(*source.topics), self._context.again()
         if source.is_exact:
             samples = feeds.exact_samples(records)
         elif source.numbers:
-            samples = self._from_numbers(source, records)
+            samples = self._from_numbers(source, records, context)
         elif self._types[source.topics[0]] == FIX and source.port.signal is MachineState:
-            samples = iter(self._track(source.topics[0]))
+            samples = iter(self._track(source.topics[0], context))
         else:
-            make = maker_for(source.port.signal, self._types[source.topics[0]], self._context)
+            make = maker_for(source.port.signal, self._types[source.topics[0]], context)
             assert make is not None
-            samples = ((t, make(message, t)) for _, t, message in records)
+            made = ((t, make(message, t)) for _, t, message in self._of_one_frame(records))
+            samples = ((t, sample) for t, sample in made if sample is not None)
         if self.params.clock == "stamp" and not source.is_exact:
             samples = ((sample.t, sample) for _, sample in samples)
         if source.port.signal is MachineState and self.params.start_s > 0:
@@ -574,15 +589,19 @@ class LogPlayer:
         lift = self._lifts.get(source.port.name)
         return samples if lift is None else ((t, lift.lifted(sample)) for t, sample in samples)
 
-    def _on_its_clock(self, records: Iterator[Record]) -> Iterator[Record]:
-        """The records; counts those whose stamp is of another clock than the log's."""
+    def _of_one_frame(self, records: Iterator[Record]) -> Iterator[Record]:
+        """The records of one frame: several sensors may write on one topic, and several machines."""
+        frame = self.params.frame
         for topic, t, message in records:
-            stamp = stamp_in(message)
-            if stamp is not None and not is_on_clock(stamp, t):
-                self._context.note(f"stamps of {topic} are not on the clock of the log, its own time counts")
-            yield topic, t, message
+            own = frame_of(message, own=True) or frame_of(message)
+            frame = own if frame is None else frame
+            if own == frame:
+                yield topic, t, message
+            else:
+                told = f"messages of {own} on {topic} left out beside those of {frame}: `frame: {own}`"
+                self._context.note(f"{told} plays them")
 
-    def _from_numbers(self, source: Source, records: Iterator[tuple[str, int, Any]]) -> Iterator[Timed]:
+    def _from_numbers(self, source: Source, records: Iterator[Record], context: Context) -> Iterator[Timed]:
         """A sample whenever one of its numbers came, once all have."""
         name = source.port.name
         known: dict[str, Any] = numbers_of(name, self.params.fixed)
@@ -596,11 +615,11 @@ class LogPlayer:
                         raise InputError("topics", f"{topic}:{path}", expected, file=self.log.path) from None
                     known[number] = value * self.params.scale.get(f"{name}.{number}", 1.0)
             if all(number in known for number in source.numbers):
-                yield t, build(source.port.signal, stamp_of(message, t), known)
+                yield t, build(source.port.signal, context.stamp(message, t), known)
 
-    def _track(self, topic: str) -> list[Timed]:
+    def _track(self, topic: str, context: Context) -> list[Timed]:
         if topic not in self._fixes:
-            fixes = read_fixes(self._on_its_clock(self.log.messages((topic,))))
+            fixes = read_fixes(self._of_one_frame(self.log.messages((topic,))), context)
             local = to_local(self.params, self.setup.base)
             antenna = self.params.antenna_m or self._antenna_of(topic)
             self._fixes[topic] = states_of_fixes(fixes, local, antenna, self._context.wheelbase)
@@ -608,7 +627,7 @@ class LogPlayer:
 
     def _antenna_of(self, topic: str) -> tuple[float, float, float]:
         """By /tf_static; where that does not say, below the antenna is the machine's origin."""
-        found = self._static_mounting(topic)
+        found = self._static_mounting()
         x, y, z = (0.0, 0.0, 0.0) if found is None else found.position.tolist()
         return x, y, z
 
@@ -627,16 +646,15 @@ class LogPlayer:
         source = next((signals[kind] for kind in MOUNTED if kind in signals), None)
         if source is None:
             return None
-        found = None if source.is_exact else self._static_mounting(source.topics[0])
+        found = None if source.is_exact else self._static_mounting()
         if found is None and source.port.signal is Scan:
             expected = "expected where the sensor sits, /tf_static of the recording does not say"
             raise InputError("mount", None, expected)
         return found
 
-    def _static_mounting(self, topic: str) -> Pose | None:
-        links, first = static_links(self.log, topic)
-        frame = str(getattr(getattr(first, "header", None), "frame_id", "")).lstrip("/")
-        found = static_mounting(links, frame, self.setup.machine_name)
+    def _static_mounting(self) -> Pose | None:
+        frame = self._frame
+        found = static_mounting(self._links, frame, self.setup.machine_name)
         if found is None:
             return None
         ground, pose = found
