@@ -101,7 +101,7 @@ def place_of(message: Any) -> tuple[float, float, float]:
 def has_fix(message: Any) -> bool:
     """Whether a NavSatFix has a position: drivers send zeros before the first."""
     lon, lat, _ = place_of(message)
-    is_on_earth = abs(lon) <= 180.0 and abs(lat) <= 90.0 and not lon == lat == 0.0
+    is_on_earth = -180.0 <= lon <= 360.0 and abs(lat) <= 90.0 and not lon == lat == 0.0
     return int(message.status.status) > NO_FIX and is_on_earth
 
 
