@@ -20,7 +20,7 @@ from swath.signals import FIX_QUALITIES
 from swath.signals.setup import ControlSetup, LinkSetup
 from tests.bags import KINDS, NS, PLANE, SPEED, START, Bag
 from tests.fake_run import GEOMETRY
-from tests.foreign_bags import ANTENNA, GRAVITY, drive, fix, tree
+from tests.foreign_bags import ANTENNA, GRAVITY, drive, fix, imu, tree
 
 ORIGIN = GeoOrigin(PLANE.lat, PLANE.lon, PLANE.height)
 
@@ -361,3 +361,43 @@ def test_one_scanner_of_a_topic_is_played(tmp_path):
         assert any("`frame: " in note for note in part.notes)
     with pytest.raises(InputError, match="messages of frame roof in the recording"):
         player(tmp_path / "bag", "lidar", {"scan": "/scan"}, frame="roof", mount=Mount("axle", pitch_deg=0.0))
+
+
+def winding(path, scale, *, has_track=True, seconds=12.0):
+    """A machine at 2 m/s that winds left and right by half a radian; scale: of what its unit says."""
+    bag = Bag(path, "mcap")
+    for k in range(round(seconds * 50)):
+        t = 0.02 * k
+        if has_track:
+            made = bag.odometry(t, Pose.from_euler((2.0 * t, 0.0, 0.0), yaw=0.5 * np.sin(t)), 2.0, 0.0)
+            bag.write("/odom", t, made)
+        bag.write("/imu", t, imu(bag, t, (0.0, 0.0, GRAVITY), (0.0, 0.0, scale * 0.5 * np.cos(t))))
+    bag.close()
+    return path
+
+
+RATES = {  # scale, with a track -> what is said, whether it is refused
+    "rad/s": (1.0, True, "", False),
+    "deg/s": (1.0 / DEG, True, "57.3 times .*in deg/s: .*inertial.rate_z: 0.017453", True),
+    "deg/s, alone": (1.0 / DEG, False, "rad/s: .*in deg/s: .*inertial.rate_z: 0.017453", True),
+    "rad/s, alone": (1.0, False, "", False),
+    "15 % off": (1.15, True, "1.15 times those of the positions", False),
+    "z down": (-1.0, True, "", False),  # no turn of this machine: what gravity says counts
+    "half": (0.4, True, "0.4 times .*`scale`", True),
+}
+
+
+@pytest.mark.parametrize("name", RATES)
+def test_turns_of_an_inertial_unit_are_those_of_the_track(tmp_path, name):
+    scale, has_track, said, is_refused = RATES[name]
+    path = winding(tmp_path / "bag", scale, has_track=has_track)
+    if not is_refused:
+        part = player(path, "imu", {"inertial": "/imu"})
+        assert bool(said) == any("times those of the positions" in note for note in part.notes)
+        assert any(said in note for note in part.notes)
+        return
+    with pytest.raises(InputError, match=said):
+        player(path, "imu", {"inertial": "/imu"})
+    cure = {f"inertial.rate_{n}": 1.0 / scale for n in "xyz"}
+    part = player(path, "imu", {"inertial": "/imu"}, scale=cure)
+    assert outputs(part, 1.0)[-1].rate_z == pytest.approx(0.5 * np.cos(1.0), abs=0.02)

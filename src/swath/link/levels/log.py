@@ -7,9 +7,9 @@ after its message was received.
 In which frame samples of somebody else's recording are is checked by what they show: gravity, and the ground.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
+from itertools import islice, takewhile
 from math import cos, hypot, isfinite, nan
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -25,6 +25,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG
+from swath.core.witness import Pair, judge
 from swath.record import positioning_messages as positioning
 from swath.record.message_factory import OPTICAL_FRAME
 from swath.record.read import feed as feeds
@@ -45,6 +46,13 @@ NEAR_GRAVITY = 0.15  # of it, by which a mean force may be off: bias, scale, bra
 UPRIGHT_DEG = 45.0  # no machine at work leans as far
 DATUM_M = 0.5  # heights that differ by less from the terrain's differ by their errors
 CONSTANT_M = 1.0  # from the 5th to the 95th percentile: what differs by more is no other datum
+LOOKED_S = 300.0  # of a recording in which turns are looked for
+TURN_S, LEAST_TURN = (
+    2.0,
+    10.0 * DEG,
+)  # windows in which turns are compared [s], and of them all, at least [rad]
+TURNS_ALIKE = 0.1, 0.5  # share by which turns may differ: told, refused
+FASTEST_TURN = 1.5  # of a machine at work [rad/s]
 UNKNOWN_SD_M = 3.5  # of the height of a receiver without corrections (docs/explanation/sensors.md)
 # Where the force of an upright machine points in the unit's axes -> what turns them to forward, left, up.
 LIKELY = {
@@ -88,6 +96,38 @@ def _unit(size: float) -> str:
     if abs(size - 1.0) < NEAR_GRAVITY:
         return "it is in g: `scale: {inertial.force_x: 9.81, inertial.force_y: 9.81, inertial.force_z: 9.81}`"
     return "gravity is left out of it" if size < 1.0 else "it is in another unit: `scale`"
+
+
+def turning(samples: Sequence[Inertial], track: Sequence[MachineState], rotation: F64 | None) -> Pair:
+    """The turns that an inertial unit measured against those of a track, over windows of TURN_S; of a unit
+    without a track, against what machines do.
+
+    rotation: of pose_machine_sensor, (3, 3), None = the axes are the machine's
+    """
+    axis = np.array([0.0, 0.0, 1.0]) if rotation is None else rotation[2]
+    table = np.array([(s.t / NS, s.rate_x, s.rate_y, s.rate_z) for s in samples]).reshape(-1, 4)
+    table = table[np.isfinite(table).all(axis=1)]
+    driven = np.array([(s.t / NS, s.pose.euler()[2]) for s in track]).reshape(-1, 2)
+    key, entry = "inertial.rate_z", ", ".join(f"inertial.rate_{n}: {DEG:.6f}" for n in "xyz")
+    entry = f"in deg/s: `scale: {{{entry}}}`"
+    both = [rows[:, 0] for rows in (table, driven) if len(rows)]
+    at = np.arange(max(t[0] for t in both), min(t[-1] for t in both), TURN_S) if len(table) else np.zeros(0)
+    if len(at) < 3:
+        return Pair(key, "", nan, nan)
+    time, rate = table[:, 0], table[:, 1:] @ axis
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))])
+    seen = np.diff(np.interp(at, time, angle))
+    if not len(driven):
+        fastest = float(np.abs(seen).max()) / TURN_S
+        shown = f"turns of {fastest:.2f} rad/s"
+        return Pair(key, shown, fastest / FASTEST_TURN - 1.0, 0.0, 0.0, f"no machine turns so: {entry}")
+    true = np.diff(np.interp(at, driven[:, 0], np.unwrap(driven[:, 1])))
+    if np.hypot.reduce(true) < LEAST_TURN or np.corrcoef(seen, true)[0, 1] < 0.9:
+        return Pair(key, "", nan, nan)
+    factor = float(seen @ true / (true @ true))
+    shown = f"turns are {factor:.3g} times those of the positions"
+    is_degrees = abs(factor * DEG - 1.0) < TURNS_ALIKE[1]
+    return Pair(key, shown, abs(factor - 1.0), *TURNS_ALIKE, entry if is_degrees else "`scale`, or `mount`")
 
 
 @dataclass(frozen=True)
@@ -488,6 +528,8 @@ class LogPlayer:
             if kind is Inertial and not source.is_exact:
                 turn = None if self.mounting is None else self.mounting.rotation
                 check_gravity(name, self._some(source), turn)
+                units, track = self._early(source), self._early(self._track_beside())
+                self._told += [f"{self.setup.slot}: {n}" for n in judge([turning(units, track, turn)])]
             is_track = kind is MachineState or (kind is Fix and not source.is_exact)
             if is_track and self.setup.ground is not None:
                 antenna = 0.0 if kind is MachineState or self.mounting is None else self.mounting.position[2]
@@ -498,6 +540,28 @@ class LogPlayer:
                 if lift is not None and is_mended:
                     self._lifts[name] = lift
         self._context.notes.clear()
+
+    def _track_beside(self) -> Source | None:
+        """What else of the recording tells how the machine turned: poses, else positions."""
+        kinds = ("Odometry", "PoseStamped", "PoseWithCovarianceStamped", "NavSatFix")
+        found = [
+            (kinds.index(k), t) for t, of in self._types.items() if (k := of.rpartition("/")[2]) in kinds
+        ]
+        port = Port("state", MachineState)
+        return Source(port, (min(found)[1],)) if found else None
+
+    def _early(self, source: Source | None) -> list[Any]:
+        """The samples of the first LOOKED_S; none where they cannot be made."""
+        if source is None:
+            return []
+        demux = Demux(open_log(self.log.path).messages, source.topics)
+        end = self._shift + round(LOOKED_S * NS)
+        try:
+            return [s for _, s in takewhile(lambda pair: pair[0] < end, self._samples(source, demux))]
+        except InputError:
+            return []
+        finally:
+            demux.close()
 
     def _some(self, source: Source) -> list[Any]:
         """The first samples from where the run starts; what is not readable is counted when it is played."""
@@ -621,7 +685,8 @@ class LogPlayer:
         if topic not in self._fixes:
             fixes = read_fixes(self._of_one_frame(self.log.messages((topic,))), context)
             local = to_local(self.params, self.setup.base)
-            antenna = self.params.antenna_m or self._antenna_of(topic)
+            is_played = any(topic in source.topics for source in self._sources)
+            antenna = self.params.antenna_m or (self._antenna_of(topic) if is_played else (0.0, 0.0, 0.0))
             self._fixes[topic] = states_of_fixes(fixes, local, antenna, self._context.wheelbase)
         return self._fixes[topic]
 
