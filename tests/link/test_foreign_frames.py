@@ -379,7 +379,7 @@ def winding(path, scale, *, has_track=True, seconds=12.0):
 RATES = {  # scale, with a track -> what is said, whether it is refused
     "rad/s": (1.0, True, "", False),
     "deg/s": (1.0 / DEG, True, "57.3 times .*in deg/s: .*inertial.rate_z: 0.017453", True),
-    "deg/s, alone": (1.0 / DEG, False, "rad/s: .*in deg/s: .*inertial.rate_z: 0.017453", True),
+    "deg/s, alone": (1.0 / DEG, False, "rad/s: .*in deg/s, .*inertial.rate_z: 0.017453", True),
     "rad/s, alone": (1.0, False, "", False),
     "15 % off": (1.15, True, "1.15 times those of the positions", False),
     "z down": (-1.0, True, "", False),  # no turn of this machine: what gravity says counts

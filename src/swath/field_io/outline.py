@@ -300,18 +300,20 @@ def _ordered(shapes: list[Shape], name: str, epsg: int | None) -> tuple[list[Sha
     middle = np.median(shapely.get_coordinates([s.polygon for s in shapes]), axis=0)
     lon, lat = transform(np.array([middle, middle[::-1]]), system, "EPSG:4326").T
     west, south, east, north = area.bounds if area else (-180.0, -90.0, 180.0, 90.0)
-    can_be = np.isfinite(lon) & (lon >= west) & (lon <= east) & (lat >= south) & (lat <= north)
-    is_near = [bool(ok) and epsg in (None, utm_epsg(a, b)) for ok, a, b in zip(can_be, lon, lat, strict=True)]
-    can_be = np.array(is_near) if any(is_near) else can_be
-    swaps = bool(can_be[1] and not can_be[0])
-    if not can_be[1]:
+    both = list(zip(lon, lat, strict=True))
+    can_be = [bool(west <= a <= east and south <= b <= north) for a, b in both]
+    is_near = [can and epsg in (None, utm_epsg(*at)) for can, at in zip(can_be, both, strict=True)]
+    straight, swapped = is_near if any(is_near) else can_be
+    if not swapped:
         return shapes, []
-    where = [f"{place(np.array([[a, b]]))}" for a, b in zip(lon, lat, strict=True)]
-    said = f"order of axes: {name} has north first, GeoJSON east first; taken as {where[swaps]}"
-    if swaps:
-        flipped = [replace(s, polygon=shapely.transform(s.polygon, lambda c: c[:, ::-1])) for s in shapes]
-        return flipped, [f"{said}, as nothing else fits"]
-    return shapes, [f"{said}; the other way round it lies at {where[1]}: then swap its numbers"]
+    where = [place(np.array([at])) for at in both]
+    said = f"order of axes: {name} has north first, GeoJSON east first; taken as"
+    if straight:
+        return shapes, [
+            f"{said} {where[0]}; the other way round it lies at {where[1]}: then swap its numbers"
+        ]
+    flipped = [replace(s, polygon=shapely.transform(s.polygon, lambda c: c[:, ::-1])) for s in shapes]
+    return flipped, [f"{said} {where[1]}, as nothing else fits"]
 
 
 def _from_shapefile(path: Path) -> tuple[list[Shape], str]:

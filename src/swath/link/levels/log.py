@@ -9,7 +9,7 @@ In which frame samples of somebody else's recording are is checked by what they 
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice, takewhile
+from itertools import islice
 from math import cos, hypot, isfinite, nan
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -46,12 +46,13 @@ NEAR_GRAVITY = 0.15  # of it, by which a mean force may be off: bias, scale, bra
 UPRIGHT_DEG = 45.0  # no machine at work leans as far
 DATUM_M = 0.5  # heights that differ by less from the terrain's differ by their errors
 CONSTANT_M = 1.0  # from the 5th to the 95th percentile: what differs by more is no other datum
-LOOKED_S = 300.0  # of a recording in which turns are looked for
+LOOKED = 30_000  # samples of a recording in which turns are looked for: 5 minutes of 100 Hz
 TURN_S, LEAST_TURN = (
     2.0,
     10.0 * DEG,
 )  # windows in which turns are compared [s], and of them all, at least [rad]
 TURNS_ALIKE = 0.1, 0.5  # share by which turns may differ: told, refused
+TURNS_SEEN = 0.9  # correlation of turns that are the same, in another unit
 FASTEST_TURN = 1.5  # of a machine at work [rad/s]
 UNKNOWN_SD_M = 3.5  # of the height of a receiver without corrections (docs/explanation/sensors.md)
 # Where the force of an upright machine points in the unit's axes -> what turns them to forward, left, up.
@@ -104,30 +105,29 @@ def turning(samples: Sequence[Inertial], track: Sequence[MachineState], rotation
 
     rotation: of pose_machine_sensor, (3, 3), None = the axes are the machine's
     """
-    axis = np.array([0.0, 0.0, 1.0]) if rotation is None else rotation[2]
+    key, scale = "inertial.rate_z", ", ".join(f"inertial.rate_{n}: {DEG:.6f}" for n in "xyz")
     table = np.array([(s.t / NS, s.rate_x, s.rate_y, s.rate_z) for s in samples]).reshape(-1, 4)
     table = table[np.isfinite(table).all(axis=1)]
     driven = np.array([(s.t / NS, s.pose.euler()[2]) for s in track]).reshape(-1, 2)
-    key, entry = "inertial.rate_z", ", ".join(f"inertial.rate_{n}: {DEG:.6f}" for n in "xyz")
-    entry = f"in deg/s: `scale: {{{entry}}}`"
     both = [rows[:, 0] for rows in (table, driven) if len(rows)]
     at = np.arange(max(t[0] for t in both), min(t[-1] for t in both), TURN_S) if len(table) else np.zeros(0)
     if len(at) < 3:
         return Pair(key, "", nan, nan)
-    time, rate = table[:, 0], table[:, 1:] @ axis
-    angle = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))])
-    seen = np.diff(np.interp(at, time, angle))
+    rate = table[:, 1:] @ (np.array([0.0, 0.0, 1.0]) if rotation is None else rotation[2])
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(table[:, 0]))])
+    seen = np.diff(np.interp(at, table[:, 0], angle))
     if not len(driven):
         fastest = float(np.abs(seen).max()) / TURN_S
-        shown = f"turns of {fastest:.2f} rad/s"
-        return Pair(key, shown, fastest / FASTEST_TURN - 1.0, 0.0, 0.0, f"no machine turns so: {entry}")
+        entry = f"no machine turns so: in deg/s, `scale: {{{scale}}}`"
+        return Pair(key, f"turns of {fastest:.2f} rad/s", fastest, FASTEST_TURN, FASTEST_TURN, entry)
     true = np.diff(np.interp(at, driven[:, 0], np.unwrap(driven[:, 1])))
-    if np.hypot.reduce(true) < LEAST_TURN or np.corrcoef(seen, true)[0, 1] < 0.9:
+    if np.hypot.reduce(true) < LEAST_TURN or np.corrcoef(seen, true)[0, 1] < TURNS_SEEN:
         return Pair(key, "", nan, nan)
     factor = float(seen @ true / (true @ true))
-    shown = f"turns are {factor:.3g} times those of the positions"
     is_degrees = abs(factor * DEG - 1.0) < TURNS_ALIKE[1]
-    return Pair(key, shown, abs(factor - 1.0), *TURNS_ALIKE, entry if is_degrees else "`scale`, or `mount`")
+    entry = f"in deg/s: `scale: {{{scale}}}`" if is_degrees else "`scale`, or `mount`"
+    shown = f"turns are {factor:.3g} times those of the positions"
+    return Pair(key, shown, abs(factor - 1.0), *TURNS_ALIKE, entry)
 
 
 @dataclass(frozen=True)
@@ -528,8 +528,8 @@ class LogPlayer:
             if kind is Inertial and not source.is_exact:
                 turn = None if self.mounting is None else self.mounting.rotation
                 check_gravity(name, self._some(source), turn)
-                units, track = self._early(source), self._early(self._track_beside())
-                self._told += [f"{self.setup.slot}: {n}" for n in judge([turning(units, track, turn)])]
+                pair = turning(self._some(source, LOOKED), self._track_beside(), turn)
+                self._told += [f"{self.setup.slot}: {note}" for note in judge([pair])]
             is_track = kind is MachineState or (kind is Fix and not source.is_exact)
             if is_track and self.setup.ground is not None:
                 antenna = 0.0 if kind is MachineState or self.mounting is None else self.mounting.position[2]
@@ -541,33 +541,22 @@ class LogPlayer:
                     self._lifts[name] = lift
         self._context.notes.clear()
 
-    def _track_beside(self) -> Source | None:
-        """What else of the recording tells how the machine turned: poses, else positions."""
+    def _track_beside(self) -> list[Any]:
+        """How the machine turned by what else is in the recording: poses, else positions."""
         kinds = ("Odometry", "PoseStamped", "PoseWithCovarianceStamped", "NavSatFix")
         found = [
             (kinds.index(k), t) for t, of in self._types.items() if (k := of.rpartition("/")[2]) in kinds
         ]
-        port = Port("state", MachineState)
-        return Source(port, (min(found)[1],)) if found else None
-
-    def _early(self, source: Source | None) -> list[Any]:
-        """The samples of the first LOOKED_S; none where they cannot be made."""
-        if source is None:
-            return []
-        demux = Demux(open_log(self.log.path).messages, source.topics)
-        end = self._shift + round(LOOKED_S * NS)
         try:
-            return [s for _, s in takewhile(lambda pair: pair[0] < end, self._samples(source, demux))]
-        except InputError:
+            return self._some(Source(Port("state", MachineState), (min(found)[1],)), LOOKED) if found else []
+        except InputError:  # a machine that stands has no course
             return []
-        finally:
-            demux.close()
 
-    def _some(self, source: Source) -> list[Any]:
+    def _some(self, source: Source, most: int = CHECKED) -> list[Any]:
         """The first samples from where the run starts; what is not readable is counted when it is played."""
         demux = Demux(open_log(self.log.path).messages, source.topics)
         late = (s for t, s in self._samples(source, demux) if t >= self._shift)
-        found = list(islice(late, CHECKED))
+        found = list(islice(late, most))
         demux.close()
         return found
 
