@@ -99,7 +99,7 @@ def test_commands_load_nothing_of_the_working_folder(stranger):
 def test_workers_load_the_users_part_and_nothing_else_of_the_folder(stranger):
     """What the case names, and what that imports beside it, is loaded.
 
-    The folder of code that may run is at the end of the path: what is installed comes first. Packages that are
+    The folder of code that may run is at the end of the path: installed packages come first. Those that are
     no more than a folder, which Python takes last, and modules that are not here could come from it.
     """
     folder, mark = stranger
