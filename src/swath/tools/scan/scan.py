@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.output_folder import held
 from swath.core.whole_file import new_file
 from swath.field.memory_layout import Organ
 from swath.judge.evaluators.edge_detection import EdgeDetection
@@ -24,6 +25,7 @@ from swath.report.scan_sampler import KeptScan, ScanSampler
 from swath.report.stand3d import COLOURS, GROUND, Stand, stand_figure
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
+from swath.runtime.folder import SCAN_FILES
 from swath.runtime.loop import drive
 from swath.runtime.world import Machine, World
 from swath.scenario.scenario import Scenario
@@ -239,26 +241,26 @@ def scan_job(
     if tell is not None:
         for note in machine.notes:
             tell(note)
-    out.mkdir(parents=True, exist_ok=True)
     files: list[Path] = []
-    if driven.lidar:
-        scan, truth = driven.latest(driven.lidar, "scan"), driven.latest(driven.lidar, "truth")
-        assert isinstance(scan, Scan)
-        files += write_scan(
-            out,
-            scan,
-            truth if isinstance(truth, ScanTruth) else _no_truth(scan),  # a scan from a log has none
-            driven.sampler.pick(driven.lidar, 1)[-1],
-            mounting=machine.mountings[driven.lidar],
-            machine=machine.recorded(),
-            stand=driven.world.field,
-            edge=_edge_line(driven.world),
-            formats=formats,
-        )
-    if camera:
-        image = driven.latest(driven.camera, "image")
-        assert isinstance(image, Image)
-        files += write_picture(out, image)
+    with held(out, SCAN_FILES, "scan"):
+        if driven.lidar:
+            scan, truth = driven.latest(driven.lidar, "scan"), driven.latest(driven.lidar, "truth")
+            assert isinstance(scan, Scan)
+            files += write_scan(
+                out,
+                scan,
+                truth if isinstance(truth, ScanTruth) else _no_truth(scan),  # a scan from a log has none
+                driven.sampler.pick(driven.lidar, 1)[-1],
+                mounting=machine.mountings[driven.lidar],
+                machine=machine.recorded(),
+                stand=driven.world.field,
+                edge=_edge_line(driven.world),
+                formats=formats,
+            )
+        if camera:
+            image = driven.latest(driven.camera, "image")
+            assert isinstance(image, Image)
+            files += write_picture(out, image)
     return files
 
 
