@@ -320,10 +320,10 @@ class TestRunFolder:
         foreign.mkdir()
         (foreign / "thesis.doc").write_text("")
         other = self.finished(tmp_path / "other", "bend")
-        for out in (foreign, other, foreign / "thesis.doc"):
-            with pytest.raises(
-                InputError, match=r"--out = .*expected a new or empty folder, or an earlier run of small"
-            ):
+        earlier = "expected a new or empty folder, or an earlier run of small"
+        file = "expected a folder, this is a file"
+        for out, expected in ((foreign, earlier), (other, earlier), (foreign / "thesis.doc", file)):
+            with pytest.raises(InputError, match=f"--out = .*{expected}"):
                 choose_run_folder("small", 1, out)
             with pytest.raises(InputError, match="--out"):
                 choose_scan_folder("small", 1, out)
