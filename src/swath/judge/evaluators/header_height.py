@@ -62,19 +62,18 @@ class HeaderHeight:
 
     def metrics(self) -> dict[str, float]:
         """What there is to say; of heights nothing about a header that does not tell its own."""
-        if not self._has_header:
-            return {}
-        heights = [m.name for m in self.METRICS[:3]] if self._is_controlled else []
-        found = dict.fromkeys(heights, float("nan"))
+        found = dict.fromkeys([m.name for m in self.METRICS[:3]] if self._is_controlled else [], float("nan"))
         if self._errors is not None:
             error = self._errors.table()
             size = np.abs(error)
             found["header_in_band"] = float(np.mean(np.abs(error.mean(axis=1)) <= self._band))
             found["header_knife_in_band"] = float(np.mean(size <= self._band))
             found["header_height_p95_error_m"] = float(np.percentile(size, 95.0))
-        whole = self._taken + self._lost + self._left
-        share = (self._lost + self._left) / whole if whole > 0.0 else float("nan")
-        return {**found, "header_left_kg": self._left, "header_loss_percent": 100.0 * share}
+        if self._has_header:
+            whole, lost = self._taken + self._lost + self._left, self._lost + self._left
+            found["header_left_kg"] = self._left
+            found["header_loss_percent"] = 100.0 * lost / whole if whole > 0.0 else float("nan")
+        return found
 
     def _note(self, errors: list[float]) -> None:
         if self._errors is None:

@@ -178,4 +178,5 @@ LEVEL = Level(
     summary="everything leaves at once, a constant share of the grain is lost",
     cost="about 100 us per step, straw included",
     tolerance="no transport delay (10-15 s from knife to tank in the field), no load-dependent loss",
+    given=("mean_loss_percent", "peak_loss_percent"),
 )

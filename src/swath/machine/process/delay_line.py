@@ -124,4 +124,5 @@ LEVEL = Level(
     summary="dead time and first order for grain and straw, a constant share of the grain is lost",
     cost="about 35 us per step, 70 us more when straw is laid",
     tolerance="mean delays exact, spread by less than a step; they and the loss do not depend on the load",
+    given=("mean_loss_percent", "peak_loss_percent"),
 )
