@@ -114,13 +114,14 @@ def test_a_plain_run_needs_no_word_and_lists_what_was_not_checked():
 
 
 def test_lean_is_looked_up_where_beams_meet_the_crop():
-    """A lodged patch ahead, where the machine has not come to."""
-    patch = "{x_m: 4, y_m: 14, radius_m: 6, lean_deg: 60}"
-    stand = f"field.stand={{level: maps, crop: wheat, stems_per_m2: 400, lodged: [{patch}]}}"
-    told = run(CHEAP, stand, distance=3)["credibility"]["slots"]["combine.lidar"]["quantities"]
-    (row,) = [row for row in told if row["quantity"] == "lean_deg"]
+    """A lodged patch ahead, where the machine does not come to."""
+    patch = "{x_m: 4, y_m: 18, radius_m: 5, lean_deg: 60}"
+    stand = f"field.stand={{level: maps, crop: wheat, stems_per_m2: 400, patches: [{patch}]}}"
+    told = run(CHEAP, stand, distance=3)["credibility"]
+    (row,) = [r for r in told["slots"]["combine.lidar"]["quantities"] if r["quantity"] == "lean_deg"]
     assert row["met"][1] > 50.0
     assert row["state"] == OUTSIDE
+    assert told["met"]["combine"]["lean_deg"][1] < 20.0  # beside the machine
 
 
 def test_what_nothing_rests_on_leaves_the_verdict():

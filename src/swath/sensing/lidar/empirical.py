@@ -235,7 +235,7 @@ LEVEL = Level(
     EmpiricalLidar,
     Params,
     "bodies, one ray per beam, with a fitted spread of the measured height",
-    cost="about 1/20 of plants with 37 sub-rays",
+    cost="1/20 to 1/32 of plants with 37 sub-rays",
     tolerance="heights against plants: Wasserstein-1 2 cm, KS 0.10, ground share 0.05",
     checked=CHECKED,
     errors=tuple(KnownError(metric, *BIAS) for metric in BIASED),
