@@ -10,14 +10,16 @@ from pathlib import Path
 
 import pytest
 
+from swath import __version__
 from swath.commands.main import main
 from swath.core.errors import InputError
+from swath.core.output_folder import LOCK
 from swath.core.stopping import Terminated, stoppable, unstopped
 from swath.core.whole_file import NamedFile, write_whole
 from swath.record import mcap_file
 from swath.record.mcap_file import McapFile
 from swath.report.report import ReportWriter
-from swath.runtime.folder import LOCK, choose_run_folder, occupied, run_name
+from swath.runtime.folder import choose_run_folder, occupied, run_name
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
 from tests.link.fmu_scenario import scenario
@@ -148,10 +150,10 @@ def test_two_runs_at_once_into_one_folder(tmp_path):
 
     class Second(RunHook):
         def begin(self, run):
-            with pytest.raises(InputError, match=rf"another run \(process {os.getpid()}, fmu\)") as found:
+            with pytest.raises(InputError, match=rf"process {os.getpid()} \(run of fmu\)") as found:
                 run_job(scenario(SHORT), folder)
             seen.append(found.value)
-            with pytest.raises(InputError, match="another run"):
+            with pytest.raises(InputError, match="does not write to"):
                 choose_run_folder("fmu", 3, folder)
 
     assert run_job(scenario(SHORT), folder, hooks=[Second()]).summary["incomplete"] is False
@@ -198,6 +200,35 @@ def test_a_folder_with_the_users_own_scenario_is_no_run(tmp_path):
     (tmp_path / "scenario.yaml").write_text("name: small\n")
     with pytest.raises(InputError, match="expected a new or empty folder"):
         choose_run_folder("small", 1, tmp_path)
+
+
+def test_a_run_is_replaced_by_the_same_command_and_by_no_other(tmp_path):
+    """With the same changes, also after an edit of the file; other changes ask for --replace."""
+    folder, at, other = tmp_path / "run", "small with seed=3", "small with seed=4"
+
+    def lies(summary, version=__version__):
+        folder.mkdir(exist_ok=True)
+        (folder / "scenario.yaml").write_text(f"name: small\nsummary: {summary}\n")
+        (folder / "summary.json").write_text(json.dumps({"name": "small", "swath": version}))
+
+    lies(at)
+    assert choose_run_folder("small", 3, folder, summary=at) == folder
+    for summary in (other, "as its author says", ""):
+        with pytest.raises(InputError, match="--replace writes over it"):
+            choose_run_folder("small", 3, folder, summary=summary)
+        assert choose_run_folder("small", 3, folder, summary=summary, replace=True) == folder
+    lies("as its author says")
+    assert choose_run_folder("small", 3, folder, summary="as its author says now") == folder
+    with pytest.raises(InputError, match="an earlier run of small with seed=4"):
+        choose_run_folder("small", 4, folder, summary=other)
+    lies("as its author says", "0.1.0")  # a version that did not tell its changes
+    assert choose_run_folder("small", 4, folder, summary=other) == folder
+    with pytest.raises(InputError, match="earlier run of bend"):
+        choose_run_folder("bend", 4, folder, summary="")
+    assert choose_run_folder("bend", 4, folder, summary="", replace=True) == folder
+    (folder / "summary.json").unlink()
+    with pytest.raises(InputError, match="expected a new or empty folder"):
+        choose_run_folder("small", 3, folder, replace=True)  # nobody's run
 
 
 def test_a_killed_process_holds_no_lock(tmp_path):

@@ -120,7 +120,7 @@ class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; returns the exit code.
 
-    0 done, 1 a limit of the scenario failed, 2 bad input, 3 a limit was not measured or a claim not shown,
+    0 done, 1 a limit of the scenario failed, 2 bad input, 3 a limit was not judged or a claim not shown,
     70 a mistake in swath, 130 stopped by Ctrl-C, 143 by SIGTERM.
     """
     debug = os.environ.get("SWATH_DEBUG") == "1"
@@ -196,6 +196,8 @@ def _dispatch(argv: list[str]) -> int:
             print("swath: --no-code is what holds without --allow-code, it can be left out", file=sys.stderr)
         if vars(args).get("ros2_network"):
             held.enter_context(networked())
+        if (holds := vars(args).get("holds")) and args.out is not None:
+            held.enter_context(holds(args.out))
         code: int = args.run(args)
     return code
 

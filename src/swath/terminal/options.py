@@ -1,8 +1,11 @@
 """Options that commands share: which scenario, what is changed in it, where to write."""
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import Any
+
+from swath.core.output_folder import held
 
 
 def add_scenario_options(parser: argparse.ArgumentParser) -> None:
@@ -12,11 +15,29 @@ def add_scenario_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", metavar="N", help="another seed")
 
 
+def add_folder(
+    parser: argparse.ArgumentParser,
+    what: str,
+    *own: str,
+    text: str = "where to write",
+    required: bool = True,
+    alone: bool = True,
+) -> None:
+    """`--out DIR`, which the command has for itself while it runs. what, own, alone: as of `held`"""
+    parser.add_argument("--out", type=Path, required=required, metavar="DIR", help=text)
+    parser.set_defaults(holds=partial(held, own=own, what=what, alone=alone))
+
+
 def add_run_folder(parser: argparse.ArgumentParser) -> None:
     """`--out`, the folder of a run."""
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="where to write (default: a new folder in runs/)"
     )
+
+
+def add_replace(parser: argparse.ArgumentParser) -> None:
+    """`--replace`, for an `--out` in which another run lies."""
+    parser.add_argument("--replace", action="store_true", help="write over another run that lies in DIR")
 
 
 def add_sets(parser: argparse.ArgumentParser, text: str = "change the scenario") -> None:

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_sets
+from swath.terminal.options import add_folder, add_sets
 from swath.tools.function_test.progress import CLUSTER, engine, progress
 
 SUMMARY = "summary.json"
@@ -24,7 +24,7 @@ def add(verbs: Any) -> None:
     estimate.add_argument(
         "case", help="a case file or a bundled case; `exposure` says how often values occur"
     )
-    estimate.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
+    add_folder(estimate, "estimate", text="folder of the results", alone=False)
     estimate.add_argument("--limit", default="", metavar="NAME", help="only this limit (default: any)")
     estimate.add_argument(
         "--budget", type=int, default=2000, metavar="N", help="runs at the level judged (default 2000)"
@@ -82,11 +82,10 @@ def tell_again(found: Any) -> int:
 def tell(found: Any, at_most: float | None = None) -> int:
     """Table, page, JSON, JUnit and the line on the screen; returns the exit code."""
     from swath.core.whole_file import write_whole
+    from swath.terminal.outcome import exit_code
     from swath.terminal.tables import say
-    from swath.tools.function_test.cells import EXIT
     from swath.tools.function_test.estimate_page import write_estimate, write_junit
     from swath.tools.function_test.journal import write_table
-    from swath.tools.function_test.verdict import NOT_SHOWN
 
     verdict = found.verdict(at_most)
     plain = {**found.plain, "at_most": at_most, "verdict": verdict or None}
@@ -103,4 +102,4 @@ def tell(found: Any, at_most: float | None = None) -> int:
     if verdict:
         print(f"at most {at_most:g}: {verdict}")
     print(f"report  {page}")
-    return EXIT[verdict or NOT_SHOWN] if verdict or found.refusals else 0
+    return exit_code([verdict] if verdict else found.refusals)
