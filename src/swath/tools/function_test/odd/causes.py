@@ -118,6 +118,7 @@ def causes_of(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[Ca
             spans, ends = box.spans(odd), tuple(box.ends.values())
             is_in = box.holds(values)
         else:
+            assert best is not None
             spans = _widened(odd, cells[best], drawn[left], fails[left], claim)
             is_in = _is_in(drawn, spans)
         here, there = left & is_in, left & ~is_in
