@@ -88,7 +88,7 @@ class Raster:
         *,
         quantity: Quantity = PLAIN,
         may_be_empty: bool = False,
-        band: int = 1,
+        band: int | None = None,
     ) -> "Raster":
         """A band of a GeoTIFF in SI. origin: (easting, northing) [m] to subtract, None = keep the file's.
 
