@@ -59,6 +59,7 @@ class Formula:
         for w in params.waves:
             heading = from_azimuth(w.azimuth_deg)
             waves += make_wave(w.amplitude_m, w.wavelength_m, heading, w.phase_deg * DEG)
+        self.gd_n0 = gd
         if gd > 0.0:
             waves += make_roughness(gd, params.waviness, setup.stream.child("roughness"))
         self.waves = waves
