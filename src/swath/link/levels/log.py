@@ -205,7 +205,10 @@ BESIDE: dict[type[Signal], str] = {
 
 @dataclass(frozen=True)
 class GeoOrigin:
-    """Where local (0, 0, 0) lies: lat_deg, lon_deg on WGS 84, height_m above its ellipsoid."""
+    """Where local (0, 0, 0) lies, on WGS 84.
+
+    lat_deg: to the north; lon_deg: to the east; height_m: above the ellipsoid
+    """
 
     lat_deg: Annotated[float, Ge(-90), Le(90)]
     lon_deg: Annotated[float, Ge(-180), Le(180)]
