@@ -83,11 +83,12 @@ def _refused(run, fields):
     ("change", "verdicts"),
     [
         ("", {"pass"}),
-        ("expect: {lateral_rms_m: {max: 0.0001}}", {"fail"}),
+        ("expect: {distance_m: {max: 0.5}}", {"fail"}),
+        ("expect: {lateral_rms_m: {max: 0.0001}}", {"not judged"}),
         ("expect: {lateral_p95_m: {max: 0.5, from_m: 0.2, to_m: 0.8}}", None),
         ("met: [ground_speed_kmh, crop_height_m]", {"pass"}),
     ],
-    ids=["passes", "fails", "a part of the way", "what was met"],
+    ids=["passes", "fails", "nothing measured", "a part of the way", "what was met"],
 )
 def test_in_step_a_line_is_what_it_is_alone(case_file, change, verdicts):
     text = case_file.read_text(encoding="utf-8")

@@ -120,7 +120,7 @@ def _check(candidate: str, scenario: Scenario, steered: Scenario, name: str) -> 
     def rest(of: Scenario) -> Any:
         plain = of.plain()
         machine, _, slot = name.partition(".")
-        return {**plain, "machines": {**plain["machines"],
+        return {**plain, "summary": "", "machines": {**plain["machines"],
                 machine: {k: v for k, v in plain["machines"][machine].items() if k != slot}}}  # fmt: skip
 
     if rest(scenario) != rest(steered):
