@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.read_file import open_to_read
 from swath.core.whole_file import write_whole
 from swath.field.crop import Crop
 from swath.field.crop_sheet import load_crop
@@ -416,7 +417,7 @@ def _digest(path: Path) -> str:
     """SHA-256 of the log, of a folder of all its files in the order of their names."""
     made = hashlib.sha256()
     for part in sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]:
-        with part.open("rb") as stream:
+        with open_to_read(part, "log", "a yield log") as stream:
             while block := stream.read(1 << 20):
                 made.update(block)
     return made.hexdigest()
