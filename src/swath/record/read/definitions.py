@@ -25,7 +25,9 @@ class Definitions:
         for name in types:
             self.least(name)
         if self._unrolled > MOST_UNROLLED:
-            raise ValueError(f"arrays of {self._unrolled} texts and messages, at most {MOST_UNROLLED} are read")
+            raise ValueError(
+                f"arrays of {self._unrolled} texts and messages, at most {MOST_UNROLLED} are read"
+            )
 
     def least(self, name: str) -> int:
         """Bytes that a message of a type has at least."""
@@ -63,7 +65,9 @@ def definitions_of(text: bytes, name: str, *, is_idl: bool = False) -> Definitio
 
     if len(text) > MOST_TEXT:
         raise ValueError(f"a definition of {len(text)} bytes")
-    return Definitions(get_types_from_idl(text.decode()) if is_idl else get_types_from_msg(text.decode(), name))
+    return Definitions(
+        get_types_from_idl(text.decode()) if is_idl else get_types_from_msg(text.decode(), name)
+    )
 
 
 def _base_bytes(name: str) -> int:
