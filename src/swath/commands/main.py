@@ -161,9 +161,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         if debug:
             traceback.print_exc()
         if _NO_MEMORY.search(_chain(error)):
-            return _say(
-                f"there is too little memory ({shortened(str(error), 100)}); a run takes 1 GB", BAD_INPUT
-            )
+            said = shortened(str(error), 100)
+            return _say(f"there is too little memory ({said}); a run takes about 1 GB", BAD_INPUT)
         place = user_line(error)
         if place is not None:
             file, line = place
@@ -262,9 +261,7 @@ def code_named(value: Any) -> Iterator[str]:
                 yield from code_in(parse_value(said, key) if equals else text)
 
 
-_NO_MEMORY = re.compile(
-    "MemoryError|[Cc]annot allocate memory|failed to map segment|bad_alloc|[Uu]nable to alloc"
-)
+_NO_MEMORY = re.compile("(?i)MemoryError|cannot allocate|failed to map segment|bad_alloc|unable to allocate")
 
 
 def _chain(error: BaseException | None) -> str:
@@ -275,7 +272,7 @@ def _chain(error: BaseException | None) -> str:
 
 
 def _open_closed() -> None:
-    """Nothing in the place of a closed input or output, which otherwise the next file that is opened takes."""
+    """Nothing in the place of a closed input or output, which the next opened file would take."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(number)

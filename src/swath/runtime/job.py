@@ -169,7 +169,13 @@ def _run_once(
                 begun()
             if start is not None:
                 running.resume(start, events)
-            return _drive(running, progress, events)
+            is_resumed = world.graph.t > 0
+            try:
+                return _drive(running, progress, events)
+            except Exception as error:
+                if isinstance(error, OSError) or not is_resumed:
+                    raise
+                raise UnusableSave(f"a run from a save failed ({error})") from error
     finally:
         world.close()
         world.graph.let_go()

@@ -351,7 +351,7 @@ def _ros_name(name: str) -> str:
 
 
 def _store_of(schema: Any) -> tuple[Any, int]:
-    """A type store of a schema's own definitions, of ROS 2 Jazzy where it has none; least bytes of its type."""
+    """A type store of a schema's own definitions, or of ROS 2 Jazzy; bytes that its type has at least."""
     from rosbags.typesys import Stores, get_typestore
 
     if not schema.data:
