@@ -2,7 +2,7 @@
 
 import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -49,8 +49,8 @@ def is_archive(path: Path) -> bool:
 def member_names(path: Path) -> list[str]:
     """Names in a zip archive, none where it is no whole one."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            return archive.namelist()
+        with zipfile.ZipFile(path) if is_archive(path) else nullcontext() as archive:
+            return [] if archive is None else archive.namelist()
     except Exception:  # a damaged directory may raise anything
         return []
 

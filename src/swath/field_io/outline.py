@@ -24,6 +24,10 @@ LARGEST_BYTES, LARGEST_KML = 1 << 27, 1 << 25
 EMPTY_AREA = 100.0  # m2: less is no field
 LEAST_TOLD = 1.0  # m2: less is left out without a word
 MOST_SHAPES, MOST_PAIRS = 20_000, 100_000  # polygons of a file, and pairs of them that overlap
+USUAL_PAIRS, BLOCK = (
+    8,
+    64,
+)  # boxes of sides that meet that of one, in an honest ring; that are looked up at once
 PROBED = 1000  # records that say which field is meant
 WITHIN = 0.98  # share of a polygon that lies in another, from which on it is one within it
 ISLANDS = 0.5  # share of a field that islands have at most; more are zones or inner lines of it
@@ -183,8 +187,24 @@ def _nested(shapes: list[Shape]) -> tuple[list[Shape], list[Shape], list[Shape]]
 
 def _surfaces(shape: Any) -> Any:
     """The areas of a shape, valid."""
+    return _shapely().union_all(_parts(valid(shape)))
+
+
+def valid(shape: Any) -> Any:
+    """A shape, mended where its rings cross. ValueError where they do so too often: each crossing is a corner
+    more, and a star of n corners has n^2 of them.
+    """
     shapely = _shapely()
-    return shapely.union_all(_parts(shapely.make_valid(shape)))
+    if not shapely.is_valid(shape):
+        corners = shapely.get_coordinates(shape)
+        low, high = np.minimum(corners[:-1], corners[1:]), np.maximum(corners[:-1], corners[1:])
+        boxes = shapely.box(*low.T, *high.T)
+        tree, near = shapely.STRtree(boxes), 0
+        for first in range(0, len(boxes), BLOCK):
+            near += tree.query(boxes[first : first + BLOCK]).shape[1]
+            if near > MOST_PAIRS + USUAL_PAIRS * len(boxes):
+                raise ValueError(f"its {len(corners)} corners make lines that cross too often")
+    return shapely.make_valid(shape)
 
 
 def _parts(shape: Any) -> list[Any]:
@@ -285,7 +305,7 @@ def _from_shapefile(path: Path) -> tuple[list[Shape], str]:
     shapes = []
     for rings in found:
         polygons = [shapely.Polygon(ring) for ring in rings if len(ring) >= 4]
-        shapes += [Shape(p) for p in _parts(shapely.make_valid(shapely.MultiPolygon(polygons)))]
+        shapes += [Shape(p) for p in _parts(valid(shapely.MultiPolygon(polygons)))]
     return shapes, crs
 
 

@@ -172,8 +172,8 @@ def _run_once(
             is_resumed = world.graph.t > 0
             try:
                 return _drive(running, progress, events)
-            except Exception as error:
-                if isinstance(error, OSError) or not is_resumed:
+            except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+                if not is_resumed:
                     raise
                 raise UnusableSave(f"a run from a save failed ({error})") from error
     finally:
