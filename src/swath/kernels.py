@@ -222,7 +222,8 @@ def _is_own(folder: Path) -> bool:
 def _own_temporary() -> Path:
     """A folder in the system's temporary one that nobody else can write to."""
     folder = Path(tempfile.gettempdir()) / f"swath-warp-{os.getuid() if hasattr(os, 'getuid') else -1}"
-    return folder if _is_usable(folder) else Path(tempfile.mkdtemp(prefix="swath-warp-"))
+    is_good = not folder.is_symlink() and _is_usable(folder)
+    return folder if is_good else Path(tempfile.mkdtemp(prefix="swath-warp-"))
 
 
 def _user_cache() -> Path:
