@@ -314,12 +314,12 @@ def test_the_least_length_is_that_of_a_message_without_anything_in_it():
             least, size = definitions.least(name), len(factory.store.serialize_cdr(made, name))
             assert least <= size <= 2 * least + 32
             checked += 1
-    assert checked == 7
+    assert checked > 7
 
 
 def test_a_standard_message_without_a_standard_field_says_so(tmp_path):
     log = written(
-        tmp_path / "a.mcap", "float32 range_min", b"\0\1\0\0" + bytes(8), "sensor_msgs/msg/LaserScan"
+        tmp_path / "a.mcap", "float32 range_min", b"\0\1\0\0" + bytes(4), "sensor_msgs/msg/LaserScan"
     )
     ((_, _, message),) = log.messages(("/x",))
     assert message.range_min == 0.0
