@@ -27,6 +27,7 @@ from swath.commands import (
 from swath.core.collector import collect_rarely
 from swath.core.errors import MIGRATED_BY, InputError, SwathError, fitted, shortened
 from swath.core.foreign_code import SUFFIXES, allow_code, code_in
+from swath.core.processes import skip_folder_settings
 from swath.core.registry import installed, installed_part, user_line
 from swath.core.stopping import Terminated, raise_if_lost, stoppable
 from swath.fleet import command as fleet
@@ -121,7 +122,7 @@ class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; returns the exit code.
 
-    0 done, 1 a limit of the scenario failed, 2 bad input, 3 a limit was not measured or a claim not shown,
+    0 done, 1 a limit of the scenario failed, 2 bad input, 3 a limit was not judged or a claim not shown,
     70 a mistake in swath, 130 stopped by Ctrl-C, 143 by SIGTERM.
     """
     debug = os.environ.get("SWATH_DEBUG") == "1"
@@ -129,6 +130,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _open_closed()
         collect_rarely()
         _name_unknown_settings()
+        skip_folder_settings()
         with stoppable():
             try:
                 code = _dispatch(list(sys.argv[1:] if argv is None else argv))

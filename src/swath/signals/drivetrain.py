@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from swath.core.frozen import frozen
-from swath.core.signal import About, Quantity, Signal
+from swath.core.signal import SHARE, About, Quantity, Signal
 
 
 @frozen
@@ -11,11 +11,13 @@ class MachineLoad(Signal, about=About(track_order=8)):
     """Where the crop is: grain in the tank now, other masses since the start, flows at this moment."""
 
     tank_grain: Annotated[float, Quantity("kg", "grain in the tank", column="tank_grain_kg")]
-    lost_grain: Annotated[float, Quantity("kg", "grain lost over the rear", column="lost_grain_kg")]
+    lost_grain: Annotated[
+        float, Quantity("kg", "grain lost over the rear or the rim of a full tank", column="lost_grain_kg")
+    ]
     dropped_straw: Annotated[float, Quantity("kg", "straw laid or spread")]
     held_grain: Annotated[float, Quantity("kg", "grain inside the machine, not in the tank")]
     held_straw: Annotated[float, Quantity("kg", "straw inside the machine")]
-    grain_flow: Annotated[float, Quantity("kg/s", "into the tank", column="grain_flow_kg_s")]
+    grain_flow: Annotated[float, Quantity("kg/s", "to the tank", column="grain_flow_kg_s")]
     straw_flow: Annotated[float, Quantity("kg/s", "into the swath")]
     unloaded_grain: Annotated[float, Quantity("kg", "grain that left the tank again")] = 0.0
     tank_start: Annotated[float, Quantity("kg", "grain in the tank before the start")] = 0.0
@@ -38,11 +40,18 @@ class MachineLoad(Signal, about=About(track_order=8)):
     cleaning_loss: Annotated[float, Quantity("kg/s", "grain in the chaff over the rear")] = 0.0
     loss_share: Annotated[
         float,
-        Quantity("", "grain lost, of what was fed, for the crop that leaves now, 0..1", column="loss_share"),
+        Quantity(
+            "",
+            "grain lost, of what was fed, for the crop that leaves now, 0..1",
+            column="loss_share",
+            span=SHARE,
+        ),
     ] = 0.0
     tank_level: Annotated[
         float,
-        Quantity("", "filled share of the tank, 0..1; 0 where no tank is modelled", column="tank_level"),
+        Quantity(
+            "", "filled share of the tank, 0..1; 0 where no tank is modelled", column="tank_level", span=SHARE
+        ),
     ] = 0.0
 
     @property
