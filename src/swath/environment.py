@@ -396,8 +396,9 @@ class Env(gymnasium.Env):  # type: ignore[misc]
 
     def _note(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         own = self._tracks.get(slot.partition(".")[0])  # None of a slot of the field
-        for output, signal in outputs.items() if own is not None else ():
-            own.take(t, f"{slot}.{output}", signal)
+        if own is not None:
+            for output, signal in outputs.items():
+                own.take(t, f"{slot}.{output}", signal)
 
     def _observation(self) -> Seen:
         graph, task, own = self._running().graph, self.task, self.task.machine

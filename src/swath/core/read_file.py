@@ -5,13 +5,13 @@ A device has no end and a pipe may never say anything; both are refused before t
 
 import os
 import stat
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 from swath.core.errors import InputError
 
 
-def open_to_read(path: Path, key: str, what: str, most: int | None = None) -> BinaryIO:
+def open_to_read(path: Path, key: str, what: str, most: int | None = None) -> BufferedReader:
     """A file to read. InputError with this key, `expected what`, for what is no regular file or has more
     bytes than `most`, and where it cannot be read.
     """
