@@ -9,9 +9,9 @@ counted from the end of the four bytes of the encapsulation header; text and seq
 32 bits.
 
 `Source` is what a recording knows of a machine, and where the messages of one of its outputs go. Frames (REP
-105): `map` (world, ENU), `<machine>/odom` (the same place, in which odometry counts), `<machine>/base_link`
-(ISO 8855, fixed axle on the ground), `<machine>/<sensor slot>`, `<machine>/<camera slot>_optical` (x right,
-y down, z forward).
+105): `map` (world, axes of a UTM grid), `<machine>/odom` (the same place, in which odometry counts),
+`<machine>/base_link` (ISO 8855, fixed axle on the ground), `<machine>/<sensor slot>`,
+`<machine>/<camera slot>_optical` (x right, y down, z forward).
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
@@ -341,6 +341,7 @@ class RecordedMachine:
     is_first: of the machines of the run
     errors: slot -> `KnowsErrors.errors` of its part, where that knows how far off it may be
     triangles: of its body where that is from a file, in the machine frame (n, 3, 3) [m]
+    crop: `height` and `row_spacing` [m] as control knows them (`ControlSetup`)
     """
 
     name: str
@@ -356,6 +357,7 @@ class RecordedMachine:
     lines: Mapping[str, F64] = field(default_factory=dict)
     is_first: bool = True
     triangles: F64 = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    crop: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ Chassis with six degrees of freedom, rear pendulum axle with two kingpins after 
 feeder and header as masses, grain that shifts the centre of gravity. Equations: docs/explanation/machine.md.
 """
 
+import sys
 from dataclasses import dataclass
 from math import atan2, ceil, fsum, hypot, tan
 from typing import Annotated, Any, Literal
@@ -44,7 +45,8 @@ class Params:
     stiffness_per_rad: cornering stiffness over load; understeer_deg_per_g: front axle more compliant than the
     rear one (> 0) or less; friction: largest side force over load;
     rolling_resistance: over load, on firm soil
-    soil: `firm`, or `brixius` by cone_index_kpa (ASABE D497: 450 soft, 900 tilled, 1200 firm, 1800 hard)
+    soil: `firm`, or `brixius` by its cone index (ASABE D497)
+    cone_index_kpa: strength of the soil under `brixius`: 450 soft, 900 tilled, 1200 firm, 1800 hard
     suspension: front axle on springs; header: fitted; engine: drives and brakes, without it all wheels roll
     grain_kg: in the tank at t = 0, as long as the input `load` is not connected
     start_speed_kmh: speed at t = 0; substep_ms: longest integration step
@@ -349,7 +351,12 @@ def _engine() -> Any:
         import mujoco
     except ImportError:
         raise MissingExtra("multibody", "motion level multibody") from None
+    mujoco.set_mju_user_warning(_warn)  # else it writes into the working folder
     return mujoco
+
+
+def _warn(text: str) -> None:
+    print(f"swath: MuJoCo: {text}", file=sys.stderr)
 
 
 LEVEL = Level(
