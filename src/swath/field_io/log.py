@@ -200,7 +200,7 @@ def _settled(
     clock, day, unit, notes = _clock(table, found)
     _check_units_within(table, found, raw, path)
     machine = declared_machines(table, found)[1]
-    again, other = _joined(found, places.lon_lat, raw, None if clock is None else clock + day, machine)
+    again, other = _joined(table, found, places.lon_lat, raw, None if clock is None else clock + day, machine)
     first = ~again & ~other
     if again.any():
         notes.append(f"{int(again.sum()):,} rows are there twice, and count once")
@@ -387,7 +387,12 @@ def _as_harvested(values: dict[str, Array], found: ColumnMap, sheet: str) -> tup
 
 
 def _joined(
-    found: ColumnMap, lon_lat: Array, raw: dict[str, Array], time: Array | None, machine: NDArray[np.int64]
+    table: Table,
+    found: ColumnMap,
+    lon_lat: Array,
+    raw: dict[str, Array],
+    time: Array | None,
+    machine: NDArray[np.int64],
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Rows that are there a second time, and rows of sections beside the one that stands for all, (n,).
 
@@ -397,6 +402,8 @@ def _joined(
     moment = machine if time is None else np.stack([machine, time], axis=1)
     place = np.column_stack([moment, lon_lat])
     flows = [raw[key] for key in (*FLOWS, "header_width") if key in raw]
+    if "section" in found.columns:
+        flows.append(np.unique(table.texts(found.columns["section"].column), return_inverse=True)[1])
     again, other = ~_first(np.column_stack([place, *flows])), np.zeros(count, dtype=bool)
     if again.mean() < LEAST_COPIED:
         again = other.copy()  # standing, or a clock of coarse steps
