@@ -50,6 +50,12 @@ BIAS = 0.03, "plants", "benchmarks/ranking.py"  # [m], of ten detectors on stand
 LODGED = 1 << 8  # flag of the caster: a beam met crop that leans by more than 20 deg
 
 
+def compared_stems(table: SpreadTable) -> Checked | None:
+    """For how many stems of its crop a table was compared, None where it was not."""
+    ends = COMPARED.get(str(table.about.get("crop")))
+    return None if ends is None else Checked("stems_per_m2", *ends, "tests/sensing/test_empirical.py")
+
+
 @dataclass(frozen=True)
 class Params(OutdoorParams):
     """table: of the spread, by name or as npz file; none = that of the field's crop and the echo rule
@@ -135,9 +141,8 @@ class TableLidar(ScanningLidar):
         del ends["stems_per_m2"]
         source = f"range of its table {self._table_name}"
         found = [Checked(name, low, high, source) for name, (low, high) in ends.items()]
-        compared = COMPARED.get(str(self.table.about.get("crop")))
-        stems = [Checked("stems_per_m2", *compared, "tests/sensing/test_empirical.py")] if compared else []
-        return [*stems, *found]
+        compared = compared_stems(self.table)
+        return found if compared is None else [compared, *found]
 
     def meets(self) -> Mapping[str, F64]:
         """How some echoes of the newest scan met standing crop: depression against the ground, spot, and the
