@@ -43,6 +43,7 @@ _NEEDED = {"grain_flow": "kg/s", "yield": "kg/m2", "speed": "m/s", "header_width
 """A bad value here breaks the row, elsewhere the cell."""
 MANY = 0.2  # of the rows: so many left out for one reason are told
 LATEST = 1e19  # of a number that is a time: nanoseconds of the year 2286
+LEAST_ONCE = 0.99  # of the rows of sections, each once at a time: with less the clock has coarse steps
 LEAST_COPIED = 0.2  # of the rows that are there a second time: with less a machine stood
 LEAST_LEVEL = 1.5  # times: a gap between the values of a column that may be one between two units
 ONE_LEVEL = 0.15  # log: two levels of values are those of two units
@@ -403,13 +404,15 @@ def _joined(
     place = np.column_stack([moment, lon_lat])
     flows = [raw[key] for key in (*FLOWS, "header_width") if key in raw]
     if "section" in found.columns:
-        flows.append(np.unique(table.texts(found.columns["section"].column), return_inverse=True)[1])
+        texts = table.texts(found.columns["section"].column)
+        flows.append(np.unique(texts, return_inverse=True)[1].astype(float))
     again, other = ~_first(np.column_stack([place, *flows])), np.zeros(count, dtype=bool)
     if again.mean() < LEAST_COPIED:
         again = other.copy()  # standing, or a clock of coarse steps
     rows = np.flatnonzero(~again)
     if "section" in found.columns and "header_width" in raw and len(rows):
-        held = np.nan_to_num(np.column_stack([moment if time is not None else place])[rows])
+        is_once = _first(np.column_stack([moment, flows[-1]]))[rows].mean() > LEAST_ONCE
+        held = np.nan_to_num(np.column_stack([moment if is_once else place])[rows])
         index, group = np.unique(held, axis=0, return_index=True, return_inverse=True)[1:]
         group = group.ravel()
         width = np.nan_to_num(raw["header_width"][rows])
