@@ -54,7 +54,7 @@ def test_sections_side_by_side_are_one_header(tmp_path, count, has_id):
     np.testing.assert_allclose(log.position, alone.position, atol=0.02)
 
 
-@pytest.mark.parametrize(("days", "aside"), [(365.0, 0.0), (40.0, 4.5)])
+@pytest.mark.parametrize(("days", "aside"), [(365.0, 0.0)])
 def test_two_harvests_are_refused_or_chosen_between(tmp_path, days, aside):
     h = Harvest()
     later = columns(h, time_s=h.t + 86400 * days, yield_t_ha=15 * h.wet, lon=h.lon + aside / 74600.0)
