@@ -23,7 +23,8 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.foreign_code import code_unread
-from swath.runtime.folder import LOCK, RUN_FILES
+from swath.core.output_folder import LOCK
+from swath.runtime.folder import RUN_FILES
 from swath.scenario.scenario import load_scenario
 
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)

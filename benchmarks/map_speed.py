@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 from tests.control.feed_rig import Bench
 
-from swath.control.speed import feed_rate, joined_ahead, look_ahead, map_ahead
+from swath.control.speed import feed_rate, look_ahead
 from swath.field_io.folder import read
 
 LAWS = {
     "feed_rate": (feed_rate.FeedRate, feed_rate.Params, 0.0),
     "look_ahead": (look_ahead.LookAhead, look_ahead.Params, 10.0),
-    "map_ahead": (map_ahead.MapAhead, map_ahead.Params, 10.0),
-    "joined_ahead": (joined_ahead.JoinedAhead, joined_ahead.Params, 10.0),
+    "map_ahead": (look_ahead.MapAhead, look_ahead.MapParams, 10.0),
+    "joined_ahead": (look_ahead.JoinedAhead, look_ahead.Params, 10.0),
 }
 CORRELATION, SCATTER, NODES_M = 0.68, 0.15, 15.0
 STRAW = 0.8  # per grain
@@ -66,7 +66,7 @@ def spread(law: str, crop: Any, seed: int) -> tuple[float, float]:
         lambda x: float(np.interp(x, at, crop)),
         sight=sight,
         noise=np.random.default_rng(1000 + seed),
-        chart=lambda x: float(np.interp(x, at, chart)),
+        chart=None if law == "look_ahead" else lambda x: float(np.interp(x, at, chart)),
         scatter=SCATTER,
     )
     while bench.x < LENGTH_M - 40.0:

@@ -23,7 +23,8 @@ class Bench:
 
     sight: how far ahead of the knife crop is seen [m], in units of `seen` per kg/m2; 0 = blind
     strength: throughput at which the engine is fully loaded [kg/s]
-    chart: what a map says of the crop, kg/m2 at x; scatter: of what is seen ahead, one sigma relative
+    chart: what a map says of the crop, kg/m2 at x; None = no map
+    scatter: of what is seen ahead, one sigma relative
     """
 
     def __init__(
@@ -42,7 +43,7 @@ class Bench:
     ):
         self.law = law(params, setup_of(period=H))
         self.crop, self.sight, self.seen, self.strength, self.noise = crop, sight, seen, strength, noise
-        self.chart, self.scatter = chart or crop, scatter
+        self.chart, self.scatter = chart, scatter
         self.speed = self.law.reset(Stream(1, "speed"))["command"].speed
         self.line = deque([0.0] * round(delay / H))
         self.x = self.reading = self.t = 0.0
@@ -66,11 +67,13 @@ class Bench:
             if self.noise is not None and self.scatter:
                 amount *= max(1.0 + self.scatter * self.noise.standard_normal(), 0.05)
             ahead = CropAhead(t, KNIFE + self.sight, 1.0, amount)
-        places = [2.0 * k for k in range(1, 1 + int(2.0 * self.sight / 2.0))]
-        grain = np.array([self.chart(self.x + place) for place in places])
-        sure = np.zeros(len(places))
+        chart = None
+        if self.chart is not None:
+            places = np.arange(2.0, 2.0 * self.sight + 1e-9, 2.0)
+            grain, sure = np.array([self.chart(self.x + place) for place in places]), np.zeros(len(places))
+            chart = FieldMap(t, KNIFE + places, grain, sure, sure, float("nan"))
         inputs = {
-            "map": FieldMap(t, KNIFE + np.array(places), grain, sure, sure, float("nan")) if places else None,
+            "map": chart,
             "feed": feed,
             "engine": engine_at(self.reading / self.strength),
             "odometry": Odometry(t, self.speed, 0.0, 0.0),

@@ -76,7 +76,7 @@ def test_look_ahead_learns_what_sight_weighs():
     """1 of sight per second is 12 m of header times 1 / seen kg/m2."""
     bench = Bench(LookAhead, LookParams(throughput_kg_s=36.0), even(1.5), sight=10.0, seen=3.0)
     rows = bench.run(100.0)
-    assert bench.law.factor == pytest.approx(12.0 / 3.0, rel=0.01)
+    assert bench.law.rates(bench.x)[0][1] == pytest.approx(12.0 * 1.5, rel=0.01)
     assert rows[-1][4] == pytest.approx(36.0, rel=0.01)
 
 
@@ -106,11 +106,11 @@ def test_height_of_the_crop_serves_where_nothing_better_is_seen():
     law.reset(Stream(1, "speed"))
     for i in range(200):
         edge = CropEdge(i * STEP, 6.0, 0.0, 0.0, 9.0, 1.0, 0.8, 0.15)
-        inputs = {"edge": edge, "odometry": Odometry(i * STEP, 2.0, 0.0, 0.0)}
+        inputs = {"map": None, "edge": edge, "odometry": Odometry(i * STEP, 2.0, 0.0, 0.0)}
         law.step(
             i * STEP, STEP, {**inputs, "feed": FeedReading(i * STEP, 32.0), "engine": None, "ahead": None}
         )
-    assert law.factor == pytest.approx(32.0 / (0.8 * 2.0), rel=1e-6)
+    assert law.rates(1e3)[0][1] == pytest.approx(32.0 / 2.0, rel=1e-6)
 
 
 @pytest.mark.parametrize(("law", "params"), [(FeedRate, FeedParams), (LookAhead, LookParams)])

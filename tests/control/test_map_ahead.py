@@ -5,7 +5,7 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from swath.control.speed import map_ahead
+from swath.control.speed import look_ahead
 from tests.control.feed_rig import Bench
 
 LENGTH, MEAN = 3000.0, 1.6
@@ -38,8 +38,8 @@ def field(r, cv, seed=1):
 def spread(crop, chart, **params):
     at = np.arange(len(crop), dtype=float)
     bench = Bench(
-        map_ahead.MapAhead,
-        map_ahead.Params(throughput_kg_s=MEAN * 12.0 * 2.0, **(OPEN | params)),
+        look_ahead.MapAhead,
+        look_ahead.MapParams(throughput_kg_s=MEAN * 12.0 * 2.0, **(OPEN | params)),
         lambda x: float(np.interp(x, at, crop)),
         sight=10.0,
         chart=lambda x: float(np.interp(x, at, chart)),

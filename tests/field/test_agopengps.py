@@ -153,7 +153,7 @@ def test_nothing_else_is_overwritten(tmp_path):
     )
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "x").write_text("x")
-    with pytest.raises(InputError, match="expected a new or empty folder, or a field of AgOpenGPS"):
+    with pytest.raises(InputError, match="expected a new or empty folder, or an earlier field of AgOpenGPS"):
         write_agopengps(folder.read(tmp_path / "f"), tmp_path / "mine")
     field = replace(folder.read(tmp_path / "f"), tracks=())
     write_agopengps(field, tmp_path / "a")

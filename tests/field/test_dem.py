@@ -236,6 +236,22 @@ def test_a_log_is_a_witness_of_the_heights(heard, said, tmp_path):
     found, _ = read_dem(write(tmp_path / "a.tif", heights().astype("f4"), unit="m"), GRID)
     x, y = np.meshgrid(np.arange(155.0, 380.0, 5.0), np.arange(155.0, 380.0, 5.0))
     position = np.stack([EAST + x.ravel(), NORTH + y.ravel()], axis=1)
-    log = SimpleNamespace(position=position, elevation=heard(true_height(x, y).ravel()))
-    notes = " ".join(against_log(found, log).notes)
+    log = SimpleNamespace(
+        position=position, elevation=heard(true_height(x, y).ravel()), time=x.ravel() * 10.0
+    )
+    notes = " ".join(against_log(found, log, tmp_path / "a.tif").notes)
     assert said in notes if said else not notes
+
+
+@pytest.mark.parametrize("turned", [lambda z: z[::-1], lambda z: z[::-1, ::-1], lambda z: 600.0 - z])
+@pytest.mark.parametrize("noise", [0.0, 2.0])
+def test_a_turned_map_of_heights_is_refused(turned, noise, tmp_path):
+    x, y = np.meshgrid(np.arange(155.0, 380.0, 5.0), np.arange(155.0, 380.0, 5.0))
+    position = np.stack([EAST + x.ravel(), NORTH + y.ravel()], axis=1)
+    heard = true_height(x, y) + np.random.default_rng(1).normal(0.0, noise, x.shape)
+    log = SimpleNamespace(position=position, elevation=heard.ravel(), time=x.ravel() * 100.0)
+    held, _ = read_dem(write(tmp_path / "a.tif", heights().astype("f4"), unit="m"), GRID)
+    assert not [note for note in against_log(held, log, tmp_path).notes if "hills" in note]
+    other, _ = read_dem(write(tmp_path / "b.tif", turned(heights()).astype("f4"), unit="m"), GRID)
+    with pytest.raises(InputError, match="dem = of the log's hills it shows"):
+        against_log(other, log, tmp_path / "b.tif")

@@ -3,7 +3,10 @@
 import gzip
 import io
 import random
+import shutil
 import zipfile
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -112,6 +115,33 @@ def test_an_old_field_folder_survives_a_failed_import(tmp_path, small, monkeypat
         import_log(small / "log.csv", tmp_path / "f", columns=small / "map.yaml", progress=False)
     assert {p.name: p.read_bytes() for p in (tmp_path / "f").iterdir()} == before
     assert [p.name for p in tmp_path.iterdir()] == ["f"]
+
+
+def test_a_kill_while_files_take_their_places_leaves_no_half_field(tmp_path, small, monkeypatch):
+    out, killed, place = tmp_path / "f", tmp_path / "killed", Path.replace
+    import_log(small / "log.csv", out, columns=small / "map.yaml", progress=False)
+    (out / "letter.txt").write_text("dear")
+    field = folder.read(out)
+    turned, moments = replace(field, row_azimuth=1.0), []
+
+    def seen(path, target):  # what a kill would leave here
+        moments.append(shutil.copytree(out, killed / str(len(moments))))
+        return place(path, target)
+
+    monkeypatch.setattr(Path, "replace", seen)
+    folder.write(turned)
+    monkeypatch.undo()
+    assert len(moments) > len(folder.FILES)
+    azimuths = set()
+    for left in (*moments, out):
+        if (left / "field.yaml").is_file():
+            azimuths.add(round(folder.read(left).row_azimuth, 4))
+            assert (left / "density.tif").is_file()
+        folder.write(replace(turned, path=left))
+        assert folder.read(left).row_azimuth == pytest.approx(1.0, abs=1e-5)
+        assert (left / "letter.txt").read_text() == "dear"
+        assert {f.name for f in left.iterdir()} <= {*folder.FILES, "letter.txt"}
+    assert azimuths == {round(field.row_azimuth, 4), 1.0}
 
 
 def test_broken_rows_are_counted_by_name_and_left_out(tmp_path):

@@ -9,10 +9,11 @@ import pytest
 
 from swath.commands.main import main
 from swath.core.errors import InputError
+from swath.fleet.command import FILES
 from swath.fleet.driven import _Mover, driven
 from swath.fleet.files import FieldSettings, FleetSettings, read_job
 from swath.fleet.ground import shapely_here
-from swath.fleet.report import FILES, write_result
+from swath.fleet.report import write_result
 from swath.fleet.schedule import schedule_of
 from swath.fleet.worked import by_events
 from tests.fleet.check import looked_at

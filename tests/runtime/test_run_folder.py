@@ -12,12 +12,13 @@ import pytest
 
 from swath.commands.main import main
 from swath.core.errors import InputError
+from swath.core.output_folder import LOCK
 from swath.core.stopping import Terminated, stoppable, unstopped
 from swath.core.whole_file import NamedFile, write_whole
 from swath.record import mcap_file
 from swath.record.mcap_file import McapFile
 from swath.report.report import ReportWriter
-from swath.runtime.folder import LOCK, choose_run_folder, occupied, run_name
+from swath.runtime.folder import choose_run_folder, occupied, run_name
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
 from tests.link.fmu_scenario import scenario
@@ -148,10 +149,10 @@ def test_two_runs_at_once_into_one_folder(tmp_path):
 
     class Second(RunHook):
         def begin(self, run):
-            with pytest.raises(InputError, match=rf"another run \(process {os.getpid()}, fmu\)") as found:
+            with pytest.raises(InputError, match=rf"process {os.getpid()} \(run of fmu\)") as found:
                 run_job(scenario(SHORT), folder)
             seen.append(found.value)
-            with pytest.raises(InputError, match="another run"):
+            with pytest.raises(InputError, match="does not write to"):
                 choose_run_folder("fmu", 3, folder)
 
     assert run_job(scenario(SHORT), folder, hooks=[Second()]).summary["incomplete"] is False

@@ -196,6 +196,8 @@ def _dispatch(argv: list[str]) -> int:
             print("swath: --no-code is what holds without --allow-code, it can be left out", file=sys.stderr)
         if vars(args).get("ros2_network"):
             held.enter_context(networked())
+        if (holds := vars(args).get("holds")) and args.out is not None:
+            held.enter_context(holds(args.out))
         code: int = args.run(args)
     return code
 

@@ -4,6 +4,8 @@ A built-in level is a module in one of the slot's packages; its file name is the
 
     LEVEL = Level(SomeComponent, summary="...", cost="...", tolerance="...")
 
+and, where it has other names with other defaults or inputs, `PRESETS`: name -> Level.
+
 A level may also come from an entry point (group `swath.levels`, name `slot.level`; its package is loaded when
 the level is chosen; evaluators, readers of logs and commands come the same way) or from a user's file
 (`path/to/file.py:Class`). In every case the class has a nested or module-level dataclass of parameters,
@@ -112,8 +114,8 @@ class Registry:
         self._links, self._linkable, self._gone = links, tuple(linkable), gone or {}
 
     def names(self, kind: str) -> list[str]:
-        """Names of the built-in levels of a slot kind, in file order; no links."""
-        return [name for package in self._packages(kind) for name in _level_files(package)]
+        """Names of the built-in levels of a slot kind, in alphabetical order; no links."""
+        return [name for package in self._packages(kind) for name in _levels_in(package)]
 
     def installed(self, kind: str) -> dict[str, str]:
         """Levels of a slot kind in installed packages, with the package, which is not loaded for this."""
@@ -121,7 +123,7 @@ class Registry:
 
     def links(self) -> list[str]:
         """Names of the levels that any linkable slot may have."""
-        return [*_level_files(self._links)] if self._links else []
+        return [*_levels_in(self._links)] if self._links else []
 
     def get(self, kind: str, level: str, *, base: Path | None = None) -> Level:
         """The level, from a built-in file, an entry point, or `file.py:Class` (relative to `base`)."""
@@ -133,6 +135,9 @@ class Registry:
         for package in [*self._packages(kind), *linked]:
             if level.isidentifier() and importlib.util.find_spec(f"{package}.{level}") is not None:
                 return self._checked(importlib.import_module(f"{package}.{level}"), kind, level)
+        for package in self._packages(kind):
+            if level in (presets := _levels_in(package)):
+                return presets[level]
         if (loaded := installed_part(kind, level)) is not None:
             return loaded if isinstance(loaded, Level) else _level_of_class(loaded)
         if instead := self._gone.get(f"{kind}.{level}"):
@@ -158,15 +163,16 @@ class Registry:
 
 
 @cache
-def _level_files(package: str) -> tuple[str, ...]:
-    """Names of the files of a package that are levels."""
+def _levels_in(package: str) -> dict[str, Level]:
+    """The levels of a package by name: its files that are one, and their presets."""
     path = importlib.import_module(package).__path__
     files = [i.name for i in pkgutil.iter_modules(path) if not i.name.startswith("_")]
-    return tuple(name for name in files if _is_level(importlib.import_module(f"{package}.{name}")))
-
-
-def _is_level(module: Any) -> bool:
-    return isinstance(getattr(module, "LEVEL", None), Level)
+    found: dict[str, Level] = {}
+    for name in files:
+        module = importlib.import_module(f"{package}.{name}")
+        if isinstance(level := getattr(module, "LEVEL", None), Level):
+            found |= {name: level, **getattr(module, "PRESETS", {})}
+    return dict(sorted(found.items()))
 
 
 def installed(kind: str) -> dict[str, str]:

@@ -7,7 +7,7 @@ to: a link there goes, what it leads to stays. Errors of writing name their file
 import io
 import os
 import stat
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -63,11 +63,15 @@ def new_file(path: Path) -> Iterator[BinaryIO]:
     part = path.with_name(path.name + PART)
     try:
         with open_to_write(part) as file:
+            own = os.fstat(file.fileno())
             yield file
-        part.replace(path)
+        if is_alone := part.exists() and os.path.samestat(own, part.stat()):
+            part.replace(path)
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+    if not is_alone:
+        raise InputError("file", str(path), "expected a file that no other process writes")
 
 
 def write_whole(path: Path, data: str | bytes) -> Path:
@@ -88,9 +92,3 @@ def own_folder(path: Path) -> Path:
     """As `no_link`, made where it is missing."""
     no_link(path).mkdir(parents=True, exist_ok=True)
     return path
-
-
-def check_folder(path: Path, files: Collection[str], what: str) -> None:
-    """InputError for an `--out` in which other files lie than these. what: that may lie there, in words"""
-    if path.exists() and (not path.is_dir() or any(f.name not in files for f in path.iterdir())):
-        raise InputError("--out", str(path), f"expected a new or empty folder, or {what}")

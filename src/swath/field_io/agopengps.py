@@ -6,7 +6,7 @@ github.com/AgOpenGPS-Official/AgOpenGPS.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.output_folder import held
 from swath.core.whole_file import write_whole
 from swath.documents.text_file import read_text
 from swath.field_io.folder import FieldFolder
@@ -254,10 +255,6 @@ def write_agopengps(field: FieldFolder, out: Path) -> None:
     A pass that is straight to 0.3 m becomes an AB line, another a curve; passes named `headland` become the
     headland. InputError where the folder is of something else.
     """
-    if out.exists() and not (out.is_dir() and (is_agopengps(out) or not any(out.iterdir()))):
-        raise InputError(
-            "out", str(out), "expected a new or empty folder, or a field of AgOpenGPS to replace"
-        )
     longitude, latitude = field.origin.to_lon_lat([[0.0, 0.0]])[0].tolist()
     plane = Plane(latitude, longitude)
 
@@ -267,13 +264,9 @@ def write_agopengps(field: FieldFolder, out: Path) -> None:
     rings = [placed(ring) for ring in (field.boundary, *field.holes)]
     headlands = [placed(t.line) for t in field.tracks if t.machine == HEADLAND_LINE]
     passes = [(t, placed(t.line)) for t in field.tracks if t.machine != HEADLAND_LINE]
-    out.mkdir(parents=True, exist_ok=True)
-    rows = [WRITTEN, "$FieldDir", "FieldNew", "$Offsets", "0,0", "Convergence", "0", "StartFix"]
-    _write(out / FIELD, [*rows, f"{latitude!r},{longitude!r}"])
-    _write(out / BOUNDARY, ["$Boundary", *(r for ring in rings for r in ("False", *_points(ring, True)))])
+    head = [WRITTEN, "$FieldDir", "FieldNew", "$Offsets", "0,0", "Convergence", "0", "StartFix"]
     inner = [_points(_opened(ring), True) for ring in headlands[: len(rings)]]
     inner += [["0"]] * (len(rings) - len(inner)) if inner else []
-    _write(out / HEADLAND, ["$Headland", *(row for one in inner for row in one)])
     rows = ["$TrackLines"]
     for track, line in passes:
         way = line[-1] - line[0]
@@ -281,11 +274,15 @@ def write_agopengps(field: FieldFolder, out: Path) -> None:
         heading = math.atan2(way[0], way[1]) % (2.0 * math.pi)
         rows += [f"pass {track.index}", repr(heading), _place(line[0]), _place(line[-1]), "0"]
         rows += ["2" if is_straight else "4", "True", *(["0"] if is_straight else _points(line, False))]
-    _write(out / TRACKS, rows)
-
-
-def _write(file: Path, rows: Sequence[str]) -> None:
-    write_whole(file, "\r\n".join([*rows, ""]))
+    files = {
+        FIELD: [*head, f"{latitude!r},{longitude!r}"],
+        BOUNDARY: ["$Boundary", *(r for ring in rings for r in ("False", *_points(ring, True)))],
+        HEADLAND: ["$Headland", *(row for one in inner for row in one)],
+        TRACKS: rows,
+    }
+    with held(out, tuple(files), "field of AgOpenGPS", alone=not is_agopengps(out)):
+        for name, lines in files.items():
+            write_whole(out / name, "\r\n".join([*lines, ""]))
 
 
 def _opened(ring: Array) -> Array:

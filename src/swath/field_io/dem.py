@@ -5,16 +5,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.witness import Pair, judge, ratio
 from swath.field.band import GROUND, check_ground, horizontal, read_band
 from swath.field.projection import transform
 from swath.field.raster import Raster, open_geotiff
 from swath.field_io.heights import carry_on
 from swath.field_io.log import Log
 
+Array = NDArray[np.float64]
 MOST_READ = 16_000_000  # cells of the file held at once: a finer one is read by means
-APART, RISES = 2.0, (0.5, 2.0)  # m, and times: heights of a log and of a DEM farther apart are told
+APART, RISES = 2.0, 1.0  # m, and times more: heights of a log and of a DEM farther apart are told
+ALIKE = 0.2, 0.7  # that the correlation of both heights lacks to 1, above which it is told, and refused
+FEWEST_HEIGHTS = 100  # of a log that say something of a DEM
+OTHER_PASS = 60.0  # s between records of two passes
 LEAST_KNOWN = 0.8  # share of the cells around the field that must have a height
 
 
@@ -74,24 +80,45 @@ def read_dem(path: Path, grid: Raster) -> tuple[Raster, float]:
     return replace(grid, values=filled, notes=tuple(notes)), share
 
 
-def against_log(raster: Raster, log: Log) -> Raster:
-    """A DEM with a note where the heights of a log lie elsewhere, or rise otherwise, than its own."""
+def against_log(raster: Raster, log: Log, path: Path) -> Raster:
+    """A DEM, with notes where the heights of a log lie elsewhere or rise otherwise.
+
+    Raises InputError where both have hills, and not the same ones.
+    """
     there = raster.sample(*log.position.T)
     known = np.isfinite(there) & np.isfinite(log.elevation)
-    if known.sum() < 100:
+    if known.sum() < FEWEST_HEIGHTS:
         return raster
     dem, logged = there[known], log.elevation[known]
-    off, notes = float(np.median(logged - dem)), list(raster.notes)
-    spread = float(np.subtract(*np.percentile(dem, [90, 10])))
-    rise = float(np.subtract(*np.percentile(logged, [90, 10]))) / max(spread, 1e-9)
-    if abs(off) > APART:
-        why = "geoid against ellipsoid, or a unit?"
-        notes.append(
-            f"the log's heights lie {abs(off):.1f} m {'above' if off > 0 else 'below'} the DEM's: {why}"
-        )
-    if spread > APART and not RISES[0] < rise < RISES[1]:
-        notes.append(f"the log's heights rise {rise:.2f} times as far as the DEM's: is one in another unit?")
-    return replace(raster, notes=tuple(notes))
+    off = float(np.median(logged - dem))
+    rises = [float(np.subtract(*np.percentile(heights, [90, 10]))) for heights in (dem, logged)]
+    alike = float(np.corrcoef(dem, logged)[0, 1]) if min(rises) > APART else np.nan
+    alike /= max(_repeated(log.position[known], logged, log.time[known]), 0.1)
+    place = f"the log's heights lie {abs(off):.1f} m {'above' if off > 0 else 'below'} the DEM's"
+    rise = f"the log's heights rise {rises[1] / max(rises[0], 1e-9):.2f} times as far as the DEM's"
+    hills = f"of the log's hills it shows r = {alike:.2f}"
+    pairs = (
+        Pair("dem", hills, 1.0 - alike, *ALIKE, "is the file turned, or of another field?"),
+        Pair("dem", place, abs(off), APART, entry="geoid against ellipsoid, or a unit?"),
+        Pair(
+            "dem", rise, ratio(*rises) if rises[0] > APART else np.nan, RISES, entry="is one in another unit?"
+        ),
+    )
+    return replace(raster, notes=(*raster.notes, *judge(pairs, path)))
+
+
+def _repeated(position: Array, height: Array, time: Array) -> float:
+    """Correlation of heights with the truth, by those that another pass has beside them; 1 without such."""
+    from scipy.spatial import cKDTree
+
+    some = np.unique(np.linspace(0, len(time) - 1, 2000).astype(int))
+    beside = cKDTree(position).query(position[some], k=min(30, len(time)))[1]
+    is_other = np.abs(time[beside] - time[some, None]) > OTHER_PASS
+    rank, found = is_other.argmax(axis=1), is_other.any(axis=1)
+    if found.sum() < FEWEST_HEIGHTS:
+        return 1.0
+    pairs = height[np.stack([some, beside[np.arange(len(some)), rank]])[:, found]]
+    return float(max(np.corrcoef(pairs)[0, 1], 0.0) ** 0.5)
 
 
 def _window(dataset: Any, flat: Any, grid: Raster) -> Any:

@@ -6,7 +6,6 @@ docs/how-to/field.md describes the files.
 import base64
 import html
 import json
-import os
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.whole_file import write_whole
+from swath.core.output_folder import check_folder, held
+from swath.core.whole_file import PART, write_whole
 from swath.documents.yaml_document import dump
 from swath.field.band import CROP_HEIGHT, GRAIN, GROUND, MOISTURE, STEMS
 from swath.field.projection import Origin, known_crs
@@ -53,6 +53,10 @@ BANDS = {  # name and unit, as GDAL and QGIS show them
 }
 QUANTITIES = {"terrain": GROUND, "stems": STEMS, "height": CROP_HEIGHT, "moisture": MOISTURE, "grain": GRAIN}
 PICTURE = "overview.png"
+HEAD = "field.yaml"  # the last file that a folder gets: with it, it is whole
+FILES = (*RASTERS.values(), "boundary.geojson", "tracks.geojson", "obstacles.geojson", PICTURE, HEAD)
+MADE = ("scenario.yaml", "passes.yaml")  # of a field, beside it
+STAGED = f"field{PART}"  # a folder in it, of what is being made
 
 
 @dataclass(frozen=True)
@@ -133,50 +137,48 @@ def read(path: Path | str) -> FieldFolder:
 def write(field: FieldFolder, picture: Callable[[FieldFolder, Path], None] | None = None) -> None:
     """Write a field folder to field.path, whole or not at all.
 
-    It is made beside its place and then moved there. A field folder already there is replaced; anything else
-    is an InputError. picture: called as picture(field, file) to draw the overview.
+    It is made in a folder there, and its files then take the places of those of the field before; a folder of
+    something else is an InputError. picture: called as picture(field, file) to draw the overview.
     """
     out = field.path
     check_target(out)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    partial = out.with_name(f".{out.name}.{os.getpid()}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
     try:
-        partial.mkdir()
-        _write_parts(field, partial)
-        if picture is not None:
-            picture(field, partial / PICTURE)
-        _move(partial, out)
+        with held(out, FILES[:-1], "field", alone=False):
+            staged = out / STAGED
+            shutil.rmtree(staged, ignore_errors=True)
+            try:
+                staged.mkdir()
+                _write_parts(field, staged)
+                if picture is not None:
+                    picture(field, staged / PICTURE)
+                _take_places(staged, out)
+            finally:
+                shutil.rmtree(staged, ignore_errors=True)
     except OSError as error:
         raise InputError(
             "out", str(out), f"expected a folder that can be written: {error.strerror}"
         ) from error
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
 
 
 def check_target(out: Path) -> None:
-    """Raise InputError unless out is free, empty, or a field folder."""
-    if out.is_dir():
-        if any(out.iterdir()) and not (out / "field.yaml").is_file():
-            raise InputError("out", str(out), "expected a new or empty folder, or a field folder to replace")
-    elif out.exists():
-        raise InputError("out", str(out), "expected a folder, this is a file")
+    """InputError unless out is free, empty, or a field folder, of which others may use the place, too."""
+    if not any((out / name).is_file() for name in (HEAD, f"{HEAD}{PART}")):
+        check_folder(out, (*FILES, STAGED.removesuffix(PART)), "field")
 
 
-def _move(partial: Path, out: Path) -> None:
-    if not out.exists():
-        partial.rename(out)
-        return
-    old = out.with_name(f".{out.name}.{os.getpid()}.old")
-    shutil.rmtree(old, ignore_errors=True)
-    out.rename(old)
-    try:
-        partial.rename(out)
-    except OSError:
-        old.rename(out)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
+def _take_places(staged: Path, out: Path) -> None:
+    """Put the files of a folder in the places of those of the field that was there.
+
+    Between the first and the last there is no field.yaml, so nobody takes half of each for a field.
+    """
+    if (out / HEAD).is_file():
+        (out / HEAD).replace(out / f"{HEAD}{PART}")
+    for name in (*FILES, *MADE):
+        if (staged / name).is_file():
+            (staged / name).replace(out / name)
+        else:
+            (out / name).unlink(missing_ok=True)
+    (out / f"{HEAD}{PART}").unlink(missing_ok=True)
 
 
 def _write_parts(field: FieldFolder, folder: Path) -> None:
@@ -207,7 +209,7 @@ def _write_parts(field: FieldFolder, folder: Path) -> None:
     }
     rest = {k: v for k, v in field.info.items() if k not in head}
     text = dump({**head, **rest}, width=110)
-    write_whole(folder / "field.yaml", text)
+    write_whole(folder / HEAD, text)
 
 
 def _write_json(path: Path, data: dict[str, Any]) -> None:

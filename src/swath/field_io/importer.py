@@ -261,7 +261,7 @@ def _terrain(
     if fit is None:
         raster, info = _ground(grid, dem)
         if dem is not None:
-            return against_log(raster, cleaned.log), info
+            return against_log(raster, cleaned.log, dem), info
         of_passes = np.isfinite(cleaned.log.elevation[cleaned.pass_id >= 0])
         if of_passes.any():
             info["source"] = f"flat: {of_passes.sum():,} of {len(of_passes):,} records have a height"

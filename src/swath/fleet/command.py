@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.terminal.options import add_sets
+from swath.terminal.options import add_folder, add_sets
 
+FILES = ("results.json", "job.png", "report.html", "replay.html", "plan.json", "draws.json")
 LEVELS = {"events": "hours from the order at shared places alone", "driven": "bodies, too"}
 GONE = {  # levels of 0.2
     "kinematic": "it is `driven` now",
@@ -26,12 +27,8 @@ def add(parsers: Any) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     run = verbs.add_parser("run", help="run a job until the field is empty", description=_DESCRIPTION)
     run.add_argument("job", metavar="NAME|FILE", help="bundled job, or a file of `format: swath fleet 1`")
-    run.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="write report.html, replay.html, picture, plan and results.json",
-    )
+    told = "write report.html, replay.html, picture, plan and results.json"
+    add_folder(run, "job", *FILES, text=told, required=False)
     add_sets(run, "change one key")
     told = "; ".join(f"{level}: {what}" for level, what in LEVELS.items())
     run.add_argument("--level", default="events", metavar="L", help=f"{told} (default events)")

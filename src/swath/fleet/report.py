@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.whole_file import check_folder, new_file, write_whole
+from swath.core.whole_file import new_file, write_whole
 from swath.documents.json_file import read_object
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
@@ -20,7 +20,6 @@ from swath.report import plots
 from swath.report.html import write_page
 
 Array = NDArray[np.float64]
-FILES = ("results.json", "job.png", "report.html", "replay.html", "plan.json", "draws.json")
 SCRIPTS = ("data", "timeline", "job")
 EVERY = 5  # samples of driven bodies, which are 0.1 s apart
 NEAR = (0.05, 0.05, 0.01, 0.01)  # m, m, rad, rad that a place may be off the line between those kept
@@ -30,15 +29,11 @@ COLOURS = dict(zip(SHOWN, (*DOES, plots.ORANGE, "#f2a97c", "#8c2d04", plots.GREY
 
 
 def check_target(out: Path, name: str) -> None:
-    """Make a folder. InputError unless it is new, empty, or that of the job of this name, and can be made."""
-    check_folder(out, FILES, result := f"that of an earlier {name}")
+    """InputError for a folder with the results of another job than that of this name."""
     kept = out / "results.json"
     if kept.is_file() and (has := read_object(kept, "--out", "results of a job").get("name")) != name:
-        raise InputError("--out", str(out), f"expected a new or empty folder, or {result}, not of {has}")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError("--out", str(out), f"expected a folder that can be made: {error.strerror}") from None
+        expected = f"expected a new or empty folder, or an earlier {name}, not of {has}"
+        raise InputError("--out", str(out), expected)
 
 
 def result_rows(w: Worked) -> list[tuple[str, str, str]]:
@@ -136,7 +131,7 @@ def to_dict(w: Worked) -> dict[str, Any]:
 
 def write_result(w: Worked, name: str, summary: str, out: Path) -> None:
     """Write the files of a job."""
-    check_target(out, name)
+    out.mkdir(parents=True, exist_ok=True)
     fig = draw(w)
     with new_file(out / "job.png") as file:
         fig.savefig(file, format="png", dpi=130, metadata={"Software": None})

@@ -1,18 +1,13 @@
-"""Where a run is written: never over something that is not an earlier run of the same scenario.
-
-While a run writes, its folder holds `run.lock`, which says what is run and keeps other runs out. A run that
-was killed leaves that file behind; the lock itself goes with the process.
-"""
+"""Where a run is written: never over something that is not an earlier run of the same scenario."""
 
 import atexit
-import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from swath.core.errors import InputError
-from swath.core.whole_file import PART, open_to_keep
+from swath.core.output_folder import LOCK, check_folder, check_free, held
+from swath.core.whole_file import PART
 from swath.documents.json_file import read_object
 
 RUNS = "runs"  # where the folders lie whose place nobody chose
@@ -25,7 +20,7 @@ RUN_FILES = (
     "run.mcap",
     "scenario.yaml",
 )
-LOCK = "run.lock"
+SCAN_FILES = ("scan.*",)
 SAVES, SAVED, PAGES = "saves", ".save", "field.bin"  # a folder, names in it
 
 
@@ -49,11 +44,9 @@ def choose_run_folder(name: str, seed: int, out: Path | None = None, *, what: st
     """
     if out is None:
         return _fresh(f"{name}-{seed}-{what}" if what else f"{name}-{seed}")
-    if not _is_free(out) and run_name(out) != name:
-        expected = f"expected a new or empty folder, or an earlier run of {name}"
-        raise InputError("--out", str(out), expected)
-    if (out / LOCK).is_file():
-        os.close(_lock(out))
+    own = ("*",) if run_name(out) == name else (f"scenario.yaml{PART}",)
+    check_folder(out, own, f"run of {name}")
+    check_free(out)
     return out
 
 
@@ -61,8 +54,7 @@ def choose_scan_folder(name: str, seed: int, out: Path | None = None) -> Path:
     """The folder for a scan: as for a run, a given `out` may hold an earlier scan (files `scan.*`)."""
     if out is None:
         return _fresh(f"{name}-{seed}-scan")
-    if not _is_free(out) and not (out.is_dir() and all(f.name.startswith("scan.") for f in out.iterdir())):
-        raise InputError("--out", str(out), "expected a new or empty folder, or an earlier scan")
+    check_folder(out, SCAN_FILES, "scan")
     return out
 
 
@@ -91,16 +83,9 @@ def occupied(folder: Path, name: str) -> Iterator[None]:
     The folder is made where it is missing. A run that ends without a summary leaves run.lock behind, as one
     that is killed does: it marks the folder as a run's. InputError when another run has the folder.
     """
-    file = _lock(folder)
-    try:
-        os.ftruncate(file, 0)
-        os.write(file, json.dumps({"scenario": name, "pid": os.getpid()}).encode())
+    with held(folder, RUN_FILES, f"run of {name}", alone=False, until=RUN_FILES[0]):
         clear_run_folder(folder)
         yield
-    finally:
-        if (folder / "summary.json").is_file():
-            (folder / LOCK).unlink(missing_ok=True)
-        os.close(file)
 
 
 def clear_run_folder(folder: Path) -> None:
@@ -108,7 +93,7 @@ def clear_run_folder(folder: Path) -> None:
 
     Its scenario.yaml stays until the new one takes its place: a folder without one would be nobody's.
     """
-    for name in (*RUN_FILES[:-1], *(f"{n}{PART}" for n in RUN_FILES)):
+    for name in RUN_FILES[:-1]:
         (folder / name).unlink(missing_ok=True)
     saves = folder / SAVES
     if saves.is_symlink():
@@ -117,49 +102,6 @@ def clear_run_folder(folder: Path) -> None:
         file.unlink(missing_ok=True)
     with suppress(OSError):
         saves.rmdir()
-
-
-def _lock(folder: Path) -> int:
-    """A locked file descriptor of run.lock, which is made where it is missing. InputError where it is taken.
-
-    The lock goes with the process, however that ends. Where the file system has no locks, there is none.
-    """
-    path = folder / LOCK
-    while True:
-        folder.mkdir(parents=True, exist_ok=True)
-        file = open_to_keep(path, os.O_RDWR)
-        try:
-            _take(file, folder)
-            if path.exists() and os.path.samestat(os.fstat(file), path.stat()):
-                return file  # else the run before removed it between the two lines above
-        except BaseException:
-            os.close(file)
-            raise
-        os.close(file)
-
-
-def _take(file: int, folder: Path) -> None:
-    try:
-        import fcntl
-    except ImportError:  # no POSIX system
-        return
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise InputError(
-            "--out", str(folder), f"expected a folder that {_who(file)} does not write to"
-        ) from None
-    except OSError:
-        return
-
-
-def _who(file: int) -> str:
-    """The run that holds a lock, in words."""
-    with suppress(OSError, ValueError, TypeError, KeyError):
-        os.lseek(file, 0, os.SEEK_SET)
-        held = json.loads(os.read(file, 1000))
-        return f"another run (process {int(held['pid'])}, {held['scenario']})"
-    return "another run"
 
 
 def _fresh(name: str) -> Path:
@@ -183,9 +125,3 @@ def remove_empty(folder: Path) -> None:
         folder.rmdir()
         if folder.parent.name == RUNS:
             folder.parent.rmdir()
-
-
-def _is_free(path: Path) -> bool:
-    """Whether there is nothing, or only what a run left that was killed before it began."""
-    leftover = {LOCK, f"scenario.yaml{PART}"}
-    return not path.exists() or (path.is_dir() and {f.name for f in path.iterdir()} <= leftover)

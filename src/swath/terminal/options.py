@@ -1,8 +1,11 @@
 """Options that commands share: which scenario, what is changed in it, where to write."""
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import Any
+
+from swath.core.output_folder import held
 
 
 def add_scenario_options(parser: argparse.ArgumentParser) -> None:
@@ -10,6 +13,19 @@ def add_scenario_options(parser: argparse.ArgumentParser) -> None:
     add_run_folder(parser)
     add_sets(parser, "change the scenario, e.g. combine.speed.speed_kmh=5; may be given several times")
     parser.add_argument("--seed", metavar="N", help="another seed")
+
+
+def add_folder(
+    parser: argparse.ArgumentParser,
+    what: str,
+    *own: str,
+    text: str = "where to write",
+    required: bool = True,
+    alone: bool = True,
+) -> None:
+    """`--out DIR`, which the command has for itself while it runs. what, own, alone: as of `held`"""
+    parser.add_argument("--out", type=Path, required=required, metavar="DIR", help=text)
+    parser.set_defaults(holds=partial(held, own=own, what=what, alone=alone))
 
 
 def add_run_folder(parser: argparse.ArgumentParser) -> None:

@@ -4,7 +4,10 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import add_folder
 from swath.tools.compare_scans import command as scans
+
+FILES = ("results.json", "comparison.png", "report.html", "machine.yaml", "series.parquet")
 
 _DESCRIPTION = (
     "Runs a machine's process and powertrain along a recorded log (its speed, its crop, its slope) and "
@@ -22,7 +25,8 @@ def add(parsers: Any) -> None:
     log = verbs.add_parser("log", help="a machine against a recorded log", description=_DESCRIPTION)
     log.add_argument("model", metavar="MODEL", help="machine: bundled name or data sheet")
     log.add_argument("log", type=Path, metavar="LOG", help="CSV, zipped point shapefile, or ISOXML")
-    log.add_argument("--out", type=Path, metavar="DIR", help="write picture, report, JSON, sheet and series")
+    told = "write picture, report, JSON, sheet and series"
+    add_folder(log, "comparison", *FILES, text=told, required=False)
     log.add_argument("--fit", action="append", default=[], metavar="KEY", help="key of the data sheet to fit")
     log.add_argument(
         "--on",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.whole_file import check_folder, new_file, write_whole
+from swath.core.whole_file import new_file, write_whole
 from swath.documents.yaml_document import dump
 from swath.judge.summary import json_safe
 from swath.report.html import Figure, Table, signed, write_tables
@@ -18,7 +18,6 @@ from swath.tools.compare_log.compare import SHOWN, LogComparison
 Mask = NDArray[np.bool_]
 LABELS = {"engine_load": "engine load", "engine_speed": "engine speed", "fuel": "fuel"}
 WINDOW = 600  # records of the excerpt
-FILES = ("results.json", "comparison.png", "report.html", "machine.yaml", "series.parquet")
 
 
 FITTED = ("key", "start", "fitted", "standard error", "unit")
@@ -28,14 +27,10 @@ REGRESSION = (
 )
 
 
-def begin_comparison(out: Path, files: Sequence[str], fig: Any, results: Mapping[str, Any]) -> None:
-    """Write comparison.png and results.json.
-
-    out: a new or empty folder, or one that an earlier comparison wrote, with no other `files`. Raises
-    InputError for another.
-    """
-    check_folder(out, files, "that of an earlier comparison")
+def begin_comparison(out: Path, fig: Any, results: Mapping[str, Any]) -> None:
+    """Write comparison.png and results.json; what only another kind of comparison writes goes."""
     out.mkdir(parents=True, exist_ok=True)
+    (out / "series.parquet").unlink(missing_ok=True)
     with new_file(out / "comparison.png") as file:
         fig.savefig(file, format="png", dpi=130, metadata={"Software": None})
     text = json.dumps(json_safe(results), indent=2, allow_nan=False)
@@ -51,13 +46,10 @@ def write_compared(
     write_tables(out / "report.html", model, lead, tables, title=title, figures=[picture], notes=notes)
 
 
-def write_comparison(made: LogComparison, out: Path) -> list[Path]:
-    """Write results.json, comparison.png, report.html, machine.yaml (as fitted), series.parquet.
-
-    out: a new or empty folder, or one that an earlier comparison wrote. Raises InputError for another.
-    """
+def write_comparison(made: LogComparison, out: Path) -> None:
+    """Write results.json, comparison.png, report.html, machine.yaml (as fitted), series.parquet."""
     out, fig = Path(out), draw(made)
-    begin_comparison(out, FILES, fig, made.to_dict())
+    begin_comparison(out, fig, made.to_dict())
     fitted = [[f.key, f"{f.start:g}", f"{f.value:g}", f"{f.error:.2g}", f.unit] for f in made.fitted]
     measured = ["quantity", "records", "model", "count", "R²", "RMSE", "bias", "r", "lag [s]"]
     tables = [
@@ -67,7 +59,6 @@ def write_comparison(made: LogComparison, out: Path) -> list[Path]:
     write_compared(out, made.model, f"compared with {made.log_name}", tables, fig, made.log.notes)
     write_whole(out / "machine.yaml", dump(made.sheet, width=110))
     _write_series(made, out / "series.parquet")
-    return [out / name for name in FILES]
 
 
 def _write_series(made: LogComparison, path: Path) -> None:

@@ -14,7 +14,6 @@ from swath.report.plots import BLUE, GREY, ORANGE, STYLE, figure
 from swath.tools.compare_log.page import begin_comparison, write_compared
 from swath.tools.compare_log.steering_fit import FittedWith, PartFit, SteeringComparison
 
-FILES = ("results.json", "comparison.png", "report.html", "machine.yaml")
 EXCERPT = 40.0  # s
 FITTED = ("part", "key", "data sheet", "fitted", "95 % interval", "unit")
 INTERVAL = "Interval: bootstrap over the passes of the log."
@@ -40,13 +39,10 @@ def left_rows(made: SteeringComparison) -> list[list[str]]:
     ]
 
 
-def write_steering(made: SteeringComparison, out: Path) -> list[Path]:
-    """Write results.json, comparison.png, report.html and machine.yaml (as fitted).
-
-    out: a new or empty folder, or one that an earlier comparison wrote. Raises InputError for another.
-    """
+def write_steering(made: SteeringComparison, out: Path) -> None:
+    """Write results.json, comparison.png, report.html and machine.yaml (as fitted)."""
     out, fig = Path(out), draw(made)
-    begin_comparison(out, FILES, fig, made.to_dict())
+    begin_comparison(out, fig, made.to_dict())
     tables = [
         Table("Fitted numbers", FITTED, fitted_rows(made), (2, 3), INTERVAL),
         Table("Residuals", RESIDUALS, left_rows(made), range(2, 6)),
@@ -54,7 +50,6 @@ def write_steering(made: SteeringComparison, out: Path) -> list[Path]:
     lead = f"steering and motion, fitted to {made.log_name}"
     write_compared(out, made.model, lead, tables, fig, made.notes)
     write_whole(out / "machine.yaml", dump(made.sheet.document.data, width=110))
-    return [out / name for name in FILES]
 
 
 def draw(made: SteeringComparison) -> Any:

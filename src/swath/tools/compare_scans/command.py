@@ -4,6 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import add_folder
+
 DESCRIPTION = """
 Echoes of two recordings over one stand, or over stands of one kind, in cells along the path: how far
 apart the heights are, how many beams come back from crop, how deep they go; and how much of that is
@@ -11,12 +13,15 @@ noise. A is what is trusted more. Run folders, .mcap, rosbag, .npz, .csv as for 
 and .laz (extra las)."""
 
 
+FILES = ("results.json", "profiles.png", "map.png", "report.html")
+
+
 def add(verbs: Any) -> None:
     """Add the verb."""
     made = verbs.add_parser("scans", help="two sets of scans of a crop", description=DESCRIPTION)
     made.add_argument("a", type=Path, metavar="A", help="scans that are trusted more")
     made.add_argument("b", type=Path, metavar="B", help="scans that are compared with them")
-    made.add_argument("--out", type=Path, metavar="DIR", help="write report, pictures and JSON")
+    add_folder(made, "comparison", *FILES, text="write report, pictures and JSON", required=False)
     made.add_argument(
         "--align",
         choices=("pose", "path", "icp"),
@@ -51,17 +56,14 @@ def add(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compare, print, write."""
-    from swath.core.whole_file import check_folder
     from swath.terminal.progress import progress_bar
     from swath.terminal.tables import table
     from swath.tools.compare_scans.clouds import read_cloud
     from swath.tools.compare_scans.compare import Grid, compare_clouds
-    from swath.tools.compare_scans.page import FILES, HEAD, number_rows, write_comparison
+    from swath.tools.compare_scans.page import HEAD, number_rows, write_comparison
 
     grid = Grid(**{k: v for k in ("cell_m", "block_m") if (v := getattr(args, k)) is not None})
     white = _white(args.white)
-    if args.out is not None:
-        check_folder(args.out, FILES, "that of an earlier comparison")
     with progress_bar("comparing") as progress:
         a, b = (read_cloud(getattr(args, which), _reading(args, which)) for which in "ab")
         made = compare_clouds(

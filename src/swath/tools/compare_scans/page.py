@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.whole_file import check_folder, new_file, write_whole
+from swath.core.whole_file import new_file, write_whole
 from swath.report.html import signed, write_page
 from swath.report.plots import BLUE, FAINT, GREY, INK, ORANGE, STYLE, as_image, figure
 from swath.signals import F64
@@ -21,7 +21,6 @@ from swath.tools.compare_scans.compare import (
 )
 from swath.tools.distributions import GROUND_BELOW
 
-FILES = ("results.json", "profiles.png", "map.png", "report.html")
 HEAD = ("mean over the cells", "A", "B", "B - A", "95 % interval", "")
 WORDS = {
     "w1_m": ("W1 of heights", 100.0, "cm", 2),
@@ -58,9 +57,8 @@ def _beyond(n: Number) -> str:
     return "; beyond it" if n.difference > n.spread[0] else "; within it"
 
 
-def write_comparison(made: Comparison, out: Path) -> list[Path]:
-    """Write results.json, profiles.png, map.png, report.html. InputError for a folder of something else."""
-    check_folder(out, FILES, "that of an earlier comparison")
+def write_comparison(made: Comparison, out: Path) -> None:
+    """Write results.json, profiles.png, map.png, report.html."""
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "results.json", made.json() + "\n")
     pictures = {"profiles.png": draw_profiles(made), "map.png": draw_map(made)}
@@ -96,7 +94,6 @@ def write_comparison(made: Comparison, out: Path) -> list[Path]:
             "ground_cm": f"{100 * GROUND_BELOW:g}",
         },
     )
-    return [out / name for name in FILES]
 
 
 _ABOUT_PROFILES = (

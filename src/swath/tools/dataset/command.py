@@ -2,10 +2,9 @@
 
 import argparse
 import os
-from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_sets
+from swath.terminal.options import add_folder, add_sets
 
 
 def add(parsers: Any) -> None:
@@ -14,7 +13,7 @@ def add(parsers: Any) -> None:
         "dataset", help="labelled pictures of varied scenarios (COCO)", description=_DESCRIPTION
     )
     parser.add_argument("scenario", metavar="NAME|FILE", help="a bundled scenario, or a YAML file")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to write")
+    add_folder(parser, "data set", "dataset.json", "annotations.json", "overview.png", alone=False)
     parser.add_argument("--count", type=int, default=100, metavar="N", help="pictures (default 100)")
     parser.add_argument(
         "--seed", type=int, default=1, metavar="N", help="another seed, other pictures (default 1)"

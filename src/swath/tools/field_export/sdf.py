@@ -9,6 +9,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 
 from swath.core.frames import Pose
+from swath.core.output_folder import held
 from swath.core.whole_file import write_whole
 from swath.field.memory_layout import Solids
 from swath.field.site_setup import Sighted
@@ -48,8 +49,9 @@ def write_sdf(folder: Path, scene: FieldScene, world: World) -> list[Path]:
         _body(made, body, scene, world, files)
     indent(root)
     files["world.sdf"] = b'<?xml version="1.0"?>\n' + tostring(root, encoding="utf-8") + b"\n"
-    (folder / "meshes").mkdir(parents=True, exist_ok=True)
-    return [write_whole(folder / name, data) for name, data in files.items()]
+    with held(folder, tuple(files), "export", alone=False):
+        (folder / "meshes").mkdir(exist_ok=True)
+        return [write_whole(folder / name, data) for name, data in files.items()]
 
 
 def sdf_size(scene: FieldScene) -> int:

@@ -12,7 +12,7 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.core.foreign_code import code_unread
 from swath.core.shell import command
-from swath.terminal.options import add_sets
+from swath.terminal.options import add_folder, add_sets
 from swath.terminal.tables import add_json
 from swath.tools.function_test import estimate_command, search_command
 from swath.tools.function_test.progress import CLUSTER, engine, progress
@@ -28,7 +28,7 @@ def add(parsers: Any) -> None:
     listing.set_defaults(run=_list)
     run = verbs.add_parser("run", help="do the runs of cases; resumes where it was stopped")
     run.add_argument("cases", nargs="?", help=_CASES)
-    run.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
+    add_folder(run, "function test", text="folder of the results", alone=False)
     run.add_argument("--odd", metavar="ODD", help="instead of cases: a bound ODD, a file or wheat-harvest")
     run.add_argument("--runs", type=int, default=0, metavar="N", help="runs of --odd (default 400)")
     run.add_argument("--with", type=Path, dest="candidates", metavar="FILE", help="candidates to compare")

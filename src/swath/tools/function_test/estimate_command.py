@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_sets
+from swath.terminal.options import add_folder, add_sets
 from swath.tools.function_test.progress import CLUSTER, engine, progress
 
 SUMMARY = "summary.json"
@@ -24,7 +24,7 @@ def add(verbs: Any) -> None:
     estimate.add_argument(
         "case", help="a case file or a bundled case; `exposure` says how often values occur"
     )
-    estimate.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
+    add_folder(estimate, "estimate", text="folder of the results", alone=False)
     estimate.add_argument("--limit", default="", metavar="NAME", help="only this limit (default: any)")
     estimate.add_argument(
         "--budget", type=int, default=2000, metavar="N", help="runs at the level judged (default 2000)"

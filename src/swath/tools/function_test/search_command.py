@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_sets
+from swath.terminal.options import add_folder, add_sets
 from swath.tools.function_test.progress import CLUSTER, engine, progress
 
 
@@ -15,7 +15,7 @@ def add(verbs: Any) -> None:
         "search", help="search the boundary of failure within the parameter ranges of a case"
     )
     search.add_argument("case", help="a case file or a bundled case; parameters with a range are searched")
-    search.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
+    add_folder(search, "search", text="folder of the results", alone=False)
     search.add_argument("--limit", default="", metavar="NAME", help="only this limit (default: all together)")
     search.add_argument("--budget", type=int, default=64, metavar="N", help="runs in total (default 64)")
     search.add_argument("--batch", type=int, default=4, metavar="N", help="runs per round (default 4)")

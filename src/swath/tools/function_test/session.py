@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.output_folder import check_folder
 from swath.core.whole_file import write_whole
 from swath.documents.json_file import read_object
 from swath.documents.text_file import read_text
@@ -134,17 +135,11 @@ def begin(folder: Path, plan: Plan, candidates: Path | None = None) -> Session:
         )
         raise InputError("--out", str(folder), expected)
     if not file.is_file():
-        check_empty(folder, "a function test")
+        check_folder(folder, (PLAN,), "function test")
     plan.check(candidates)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(file, text)
     return Session(folder, plan)
-
-
-def check_empty(folder: Path, what: str) -> None:
-    """InputError for a folder in which something lies. what: that could have gone on there"""
-    if folder.is_dir() and any(folder.iterdir()):
-        raise InputError("--out", str(folder), f"expected a new or empty folder, or one of {what}")
 
 
 def claim_folder(file: Path, asked: Any, what: str) -> None:
@@ -153,7 +148,7 @@ def claim_folder(file: Path, asked: Any, what: str) -> None:
     """
     before = read_asked(file, type(asked), what)
     if before is None:
-        check_empty(file.parent, what)
+        check_folder(file.parent, (file.name,), what.split()[-1])
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, json.dumps(asdict(asked), indent=2, sort_keys=True) + "\n")
     elif before != asked:

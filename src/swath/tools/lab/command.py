@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_sets, former
+from swath.terminal.options import add_folder, add_sets, former
 
 
 def add(parsers: Any) -> None:
@@ -14,7 +14,7 @@ def add(parsers: Any) -> None:
     made = verbs.add_parser(
         "stand", help="measured heights by density, scanner and view", description=_DESCRIPTION
     )
-    made.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to write")
+    add_folder(made, "lab", "lab.csv", "report.html")
     made.add_argument(
         "--stems-per-m2", nargs="+", type=float, metavar="N", help="density of the stands (default 200 600)"
     )
@@ -59,7 +59,6 @@ def run_stand(args: argparse.Namespace) -> int:
     from swath.tools.lab.page import HEAD, comparison_rows, write_lab_report
 
     settings = _settings(args)
-    _check_out(args.out)
     real = None if args.real is None else read_measured(args.real)
     with progress_bar("scanning") as progress:
         lab = run_lab(settings, progress)
@@ -113,14 +112,6 @@ def _sets(texts: list[str]) -> dict[str, Any]:
                 raise InputError(f"--set {text}", None, f"expected a group of keys in {part}")
         into[path[-1]] = parse_value(value, f"--set {text}")
     return found
-
-
-def _check_out(out: Path) -> None:
-    from swath.core.errors import InputError
-
-    own = {"lab.csv", "report.html"}
-    if out.exists() and (not out.is_dir() or not own.issuperset(f.name for f in out.iterdir())):
-        raise InputError("--out", str(out), "expected a new or empty folder, or an earlier lab")
 
 
 _DESCRIPTION = """Scan stands of known density with every level of the LiDAR and compare the

@@ -4,9 +4,12 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_sets
+from swath.terminal.options import add_folder, add_sets
 
 USUAL = "straight"
+
+
+FILES = ("inputs.csv", "outputs.csv")
 
 
 def add(parsers: Any) -> None:
@@ -22,7 +25,8 @@ def add(parsers: Any) -> None:
     parser.add_argument(
         "--scenario", metavar="NAME|FILE", help=f"scenario of the slot (default: that of RUN, else {USUAL})"
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for inputs.csv and outputs.csv")
+    told = "folder for inputs.csv and outputs.csv"
+    add_folder(parser, "part", *FILES, text=told, required=False, alone=False)
     add_sets(parser)
     parser.set_defaults(run=run)
 
@@ -48,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
         if args.input is None:
             _print_columns(part)
         elif args.out is None:
-            raise InputError("--out", None, "expected a folder folder for inputs.csv and outputs.csv")
+            raise InputError("--out", None, "expected a folder for inputs.csv and outputs.csv")
         else:
             _run(part, args.input, log, args.out)
     finally:
@@ -63,8 +67,7 @@ def _run(part: Any, source: Path, log: Any, out: Path) -> None:
     arrivals, end = read_table(source, part) if log is None else (part.recorded(log), log.end())
     comparison = None if log is None else RecordingComparison(log, [part.slot], played=())
     given = part.run(arrivals, end=end, observers=[] if comparison is None else [comparison])
-    out.mkdir(parents=True, exist_ok=True)
-    for name, samples, last in (("inputs.csv", arrivals, end), ("outputs.csv", given, 0)):
+    for name, samples, last in zip(FILES, (arrivals, given), (end, 0), strict=True):
         if not (out / name).exists() or not (out / name).samefile(source):
             write_table(out / name, part, samples, last)
         print(f"{out / name}  {len(samples)} samples")

@@ -1,10 +1,9 @@
 """`swath reda`: where sensors detect a person, by crop and weather."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import former
+from swath.terminal.options import add_folder, former
 
 _DESCRIPTION = """A person on a grid of places before and behind a crop edge, seen by a LiDAR, two radars and
 a camera, for every combination of crop height, density and weather: maps of the share of looks that detect
@@ -17,7 +16,7 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser(
         "reda", help="where sensors detect a person in crop", description=_DESCRIPTION
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to write")
+    add_folder(parser, "result", "reda.part.jsonl", "reda.csv", "scores.csv", "report.html", "reda-*.png")
     parser.add_argument(
         "--crop-height-m", nargs="+", type=float, metavar="M", help="height of the crop (default 0.6 0.85)"
     )
@@ -79,7 +78,6 @@ def run(args: argparse.Namespace) -> int:
     from swath.tools.reda.reda import ASKED, KEPT, run_reda
 
     settings = _settings(args)
-    _check_out(args.out)
     processes = args.workers or os.cpu_count() or 1
     kept = args.out / KEPT
     try:
@@ -109,16 +107,3 @@ def _settings(args: argparse.Namespace) -> Any:
     given |= {"target_height": args.target_height_m, "moisture": args.moisture_percent}
     names = ("target", "crop", "camera_px", "camera_least_px", "least", "repeats", "seed")
     return Settings(**given, **{name: getattr(args, name) for name in names})
-
-
-def _check_out(out: Path) -> None:
-    from swath.core.errors import InputError
-    from swath.tools.reda.reda import KEPT
-
-    known = {KEPT, "reda.csv", "scores.csv", "report.html"}
-    if out.exists() and (not out.is_dir() or any(_is_strange(f.name, known) for f in out.iterdir())):
-        raise InputError("--out", str(out), "expected a new or empty folder, or an earlier result")
-
-
-def _is_strange(name: str, known: set[str]) -> bool:
-    return name not in known and not (name.startswith("reda-") and name.endswith(".png"))

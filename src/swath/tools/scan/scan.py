@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.output_folder import held
 from swath.core.whole_file import write_whole
 from swath.field.memory_layout import Organ
 from swath.judge.evaluators.edge_detection import EdgeDetection
@@ -25,6 +26,7 @@ from swath.report.scan_sampler import KeptScan, ScanSampler
 from swath.report.stand3d import COLOURS, GROUND, Stand, stand_figure
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
+from swath.runtime.folder import SCAN_FILES
 from swath.runtime.loop import drive
 from swath.runtime.world import Machine, World
 from swath.scenario.scenario import Scenario
@@ -254,8 +256,8 @@ def scan_job(
             image = driven.latest(driven.camera, "image")
             assert isinstance(image, Image)
             files += write_picture(parts, image)
-        out.mkdir(parents=True, exist_ok=True)
-        return [write_whole(out / f.name, f.read_bytes()) for f in files]
+        with held(out, SCAN_FILES, "scan"):
+            return [write_whole(out / f.name, f.read_bytes()) for f in files]
     finally:
         shutil.rmtree(parts, ignore_errors=True)
 

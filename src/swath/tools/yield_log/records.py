@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from swath import __version__
 from swath.core.errors import InputError, MissingExtra
 from swath.core.foreign_code import code_unread
+from swath.core.output_folder import held
 from swath.core.whole_file import write_whole
 from swath.field.crop_sheet import load_crop
 from swath.field.projection import Origin, origin_at
@@ -204,14 +205,12 @@ def write_csv(log: Records, path: Path) -> Path:
 
 def write_isoxml(log: Records, folder: Path) -> Path:
     """Write TASKDATA.XML and TLG00001 into a new or empty folder. Raises InputError for another one."""
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError("--out", str(folder), "expected a new or empty folder, or a name that ends in .csv")
     text = _task_data(log)
-    folder.mkdir(parents=True, exist_ok=True)
     listed = "\n".join(f'<DLV A="{c.ddi:04X}" B="" C="DET1"/>' for c in CHANNELS)
-    write_whole(folder / "TLG00001.xml", TIME_LOG.format(listed=listed))
-    write_whole(folder / "TLG00001.bin", b"".join(_record(log, i) for i in range(len(log.time))))
-    write_whole(folder / "TASKDATA.XML", text)
+    with held(folder, ("TASKDATA.XML", "TLG00001.*"), "log; or a name that ends in .csv"):
+        write_whole(folder / "TLG00001.xml", TIME_LOG.format(listed=listed))
+        write_whole(folder / "TLG00001.bin", b"".join(_record(log, i) for i in range(len(log.time))))
+        write_whole(folder / "TASKDATA.XML", text)
     return folder
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.output_folder import check_folder
 from swath.core.whole_file import write_whole
 from swath.tools.function_test.case import Claim, Point
 from swath.tools.function_test.journal import Result
@@ -24,7 +25,7 @@ from swath.tools.function_test.odd.coverage import Coverage, coverage_of, driven
 from swath.tools.function_test.odd.design import Design
 from swath.tools.function_test.plan import Plan, code_hash, commit
 from swath.tools.function_test.pool import Done
-from swath.tools.function_test.session import PLAN, Session, check_empty, read_asked
+from swath.tools.function_test.session import PLAN, Session, read_asked
 
 CAMPAIGN, ODD_FILE, CASE_FILE = "campaign.json", "campaign.odd.yaml", "campaign.yaml"
 ROUND = 50  # runs between two looks at what was driven
@@ -152,7 +153,8 @@ def _claim_folder(folder: Path, campaign: Campaign, odd: Odd) -> Campaign:
         is_longer = campaign.budgets[-1] > before.budgets[-1]
         campaign = replace(before, budgets=(*before.budgets, *campaign.budgets)) if is_longer else before
     else:
-        check_empty(folder, "a campaign")
+        own = ("*.openodd.yaml", ODD_FILE, CASE_FILE, CAMPAIGN)
+        check_folder(folder, own, "campaign")
         campaign = replace(campaign, commit=commit())
         folder.mkdir(parents=True, exist_ok=True)
         names = [f"{number}.openodd.yaml" for number in range(len(odd.domain.documents))]

@@ -1,0 +1,47 @@
+"""Pairs of measures that must agree: the table of them is judged here, whatever they were read from."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from swath.core.errors import InputError
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two measures of one thing. The words of an error are those of `InputError`: key = value: expected."""
+
+    key: str
+    """What the user would change: a column, a topic, a flag."""
+    shown: str
+    """What both say, in words with their units."""
+    residual: float
+    """How far they are apart, 0 = they agree, nan = one of them is not there."""
+    told: float
+    """Residual above which the user is told."""
+    refused: float = np.inf
+    """Residual above which nothing can be made of it."""
+    entry: str = ""
+    """What to write where one of them is wrong."""
+    is_stated: bool = False
+    """The user says what is contradicted: it is told, not refused."""
+
+
+def ratio(one: float, other: float) -> float:
+    """Residual of two measures that are greater than 0: how far the larger over the smaller lies above 1."""
+    return max(one / other, other / one) - 1.0 if one > 0.0 and other > 0.0 else np.nan
+
+
+def judge(pairs: Iterable[Pair], file: Path | None = None) -> list[str]:
+    """What the pairs in doubt say, as notes. Raises InputError for the first pair that is refused."""
+    notes = []
+    for pair in pairs:
+        if pair.residual > pair.refused and not pair.is_stated:
+            raise InputError(
+                pair.key, pair.shown, f"expected both to agree; {pair.entry}".rstrip("; "), file=file
+            )
+        if pair.residual > pair.told:
+            notes.append(f"{pair.key}: {pair.shown}" + (f"; {pair.entry}" if pair.entry else ""))
+    return notes

@@ -1,0 +1,26 @@
+"""Pairs that must agree: what is told, what is refused, what a user may state."""
+
+import numpy as np
+import pytest
+
+from swath.core.errors import InputError
+from swath.core.witness import Pair, judge, ratio
+
+
+def pair(residual, **more):
+    return Pair("width", "one says 9 m, the other 8 m", residual, 0.1, 0.5, "width: {unit: ft}", **more)
+
+
+def test_a_pair_is_silent_told_or_refused_by_its_residual():
+    assert judge([pair(0.1), pair(np.nan)]) == []
+    assert judge([pair(0.2)]) == ["width: one says 9 m, the other 8 m; width: {unit: ft}"]
+    with pytest.raises(
+        InputError, match=r"width = one says .*: expected both to agree; width: \{unit: ft\} \(a"
+    ):
+        judge([pair(0.0), pair(0.6)], "a.csv")
+    assert len(judge([pair(0.6, is_stated=True)])) == 1
+
+
+@pytest.mark.parametrize(("one", "other", "apart"), [(9, 9, 0), (9, 6, 0.5), (6, 9, 0.5), (0, 9, None)])
+def test_a_ratio_is_the_same_either_way(one, other, apart):
+    assert ratio(one, other) == pytest.approx(np.nan if apart is None else apart, nan_ok=True)
