@@ -156,11 +156,13 @@ def run(
     report: bool = True,
     progress: bool = False,
     code: bool = False,
+    replace: bool = False,
 ) -> RunResult:
-    """Run a scenario into a folder, as `swath run` does; a given one may hold an earlier run of it.
+    """Run a scenario into a folder, as `swath run` does; a given one may hold an earlier run of it, with the
+    same changes.
 
-    out: default: a new folder in `runs`; sets, seed, code: as in `load_scenario`; report: write report.html
-    and replay.html; progress: a bar on a terminal or in a notebook
+    out: default: a new folder in `runs`; replace: any other run that is there; sets, seed, code: as in
+    `load_scenario`; report: write report.html and replay.html; progress: a bar on a terminal or in a notebook
     Raises InputError; a limit that fails raises nothing, see `exit_code`.
     """
     if not isinstance(scenario, Scenario):
@@ -168,7 +170,10 @@ def run(
     else:
         _check_alone(sets, seed)
     hooks = _pages() if report and scenario.run.record != "none" else []
-    folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
+    target = None if out is None else Path(out)
+    folder = choose_run_folder(
+        scenario.name, scenario.seed, target, summary=scenario.summary, replace=replace
+    )
     try:
         with collected_rarely():
             made = run_job(scenario, folder, progress=progress, hooks=hooks)
@@ -238,7 +243,7 @@ class BatchRun:
 
     @property
     def exit_code(self) -> int:
-        """0 all limits pass, 1 a limit fails, 2 there is an error, 3 a limit was not measured."""
+        """0 all limits pass, 1 a limit fails, 2 there is an error, 3 a limit was not measured or judged."""
         return _BAD_INPUT if self.error is not None else exit_code_of(self.summary["expect"])
 
 
@@ -419,7 +424,7 @@ def _run_entry(fields: KeptFields, code: bool, numbered: tuple[int, Any]) -> Bat
             if out is None:
                 summary = run_unrecorded(scenario, fields)
             else:
-                folder = choose_run_folder(scenario.name, scenario.seed, Path(out))
+                folder = choose_run_folder(scenario.name, scenario.seed, Path(out), summary=scenario.summary)
                 summary = run_job(scenario, folder, fields=fields).summary
         except InputError as error:
             raise scenario.locate(error) from error

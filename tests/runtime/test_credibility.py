@@ -117,4 +117,4 @@ def test_page_screen_and_function_test_say_the_same():
     assert result_of(doubtful) == UNJUDGED
     assert _head([doubtful])[:2] == ("none", "1 of 1 limits not judged")
     assert _head([doubtful, broken])[:2] == ("fail", "✗ 1 of 2 limits fail")
-    assert exit_code_of([doubtful]) == 1  # of `swath run`, as before
+    assert exit_code_of([doubtful]) == 3  # of `swath run`, as of `swath test`

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from swath import __version__
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.output_folder import LOCK
@@ -199,6 +200,35 @@ def test_a_folder_with_the_users_own_scenario_is_no_run(tmp_path):
     (tmp_path / "scenario.yaml").write_text("name: small\n")
     with pytest.raises(InputError, match="expected a new or empty folder"):
         choose_run_folder("small", 1, tmp_path)
+
+
+def test_a_run_is_replaced_by_the_same_command_and_by_no_other(tmp_path):
+    """With the same changes, also after an edit of the file; other changes ask for --replace."""
+    folder, at, other = tmp_path / "run", "small with seed=3", "small with seed=4"
+
+    def lies(summary, version=__version__):
+        folder.mkdir(exist_ok=True)
+        (folder / "scenario.yaml").write_text(f"name: small\nsummary: {summary}\n")
+        (folder / "summary.json").write_text(json.dumps({"name": "small", "swath": version}))
+
+    lies(at)
+    assert choose_run_folder("small", 3, folder, summary=at) == folder
+    for summary in (other, "as its author says", ""):
+        with pytest.raises(InputError, match="--replace writes over it"):
+            choose_run_folder("small", 3, folder, summary=summary)
+        assert choose_run_folder("small", 3, folder, summary=summary, replace=True) == folder
+    lies("as its author says")
+    assert choose_run_folder("small", 3, folder, summary="as its author says now") == folder
+    with pytest.raises(InputError, match="an earlier run of small with seed=4"):
+        choose_run_folder("small", 4, folder, summary=other)
+    lies("as its author says", "0.1.0")  # a version that did not tell its changes
+    assert choose_run_folder("small", 4, folder, summary=other) == folder
+    with pytest.raises(InputError, match="earlier run of bend"):
+        choose_run_folder("bend", 4, folder, summary="")
+    assert choose_run_folder("bend", 4, folder, summary="", replace=True) == folder
+    (folder / "summary.json").unlink()
+    with pytest.raises(InputError, match="expected a new or empty folder"):
+        choose_run_folder("small", 3, folder, replace=True)  # nobody's run
 
 
 def test_a_killed_process_holds_no_lock(tmp_path):

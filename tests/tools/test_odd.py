@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import shutil
 from dataclasses import replace
 from itertools import combinations
@@ -49,6 +50,7 @@ from swath.tools.function_test.odd.design import Design
 from swath.tools.function_test.odd.dossier import _causes, summary_of, write_dossier
 from swath.tools.function_test.odd.openodd import attributes_of
 from swath.tools.function_test.odd.trace import DEGREE_M, broken_by, trace_rows, traced, write_cod
+from swath.tools.function_test.one_run import scenario_of
 from swath.tools.function_test.verdict import BROKEN, SHOWN
 
 CLAIM = Claim(pass_rate=0.8, confidence=0.95)
@@ -245,7 +247,8 @@ def test_what_was_driven_counts_metres_seconds_and_the_way_out(tmp_path: Path):
     cover = Coverage(odd)
     cover.add(nothing)
     assert not cover.hits.any()
-    assert cover.pair_share == (6, 83)  # a run counts for them, so they are not called never driven
+    assert cover.pair_share == (0, 83)
+    assert not cover.counted.any()  # it is told, and nothing is judged from it
 
 
 def test_numbers_of_runs_and_p_values_are_closed_forms():
@@ -628,3 +631,16 @@ def test_what_a_run_met_is_what_was_set():
     assert told["crop_height_m"][0] == pytest.approx(0.9, abs=0.2)
     with pytest.raises(InputError, match="stems_per_m2"):
         MetHook(["stems_per_m3"])
+
+
+def test_the_level_that_a_binding_sets_is_driven_and_told(tmp_path, monkeypatch):
+    """Also where it cannot carry a limit: such a run is not judged, and no other level is driven instead."""
+    binding = BINDING.replace('combine.lidar: "off"', "combine.lidar: empirical")
+    binding = binding.replace("expect: {", "expect: {edge_rmse_m: {max: 0.05}, ")
+    made = conducted(
+        monkeypatch, tmp_path / "out", small_odd(tmp_path, binding), 8, 1, lambda run, chance: False
+    )
+    driven = {scenario_of(run).machines["combine"].slots["lidar"].level for run in made.session.runs()}
+    assert driven == {"empirical"}
+    page = write_dossier(made, made.cells()).read_text(encoding="utf-8")
+    assert re.search(r"LiDAR level\W+(<[^>]+>\W*)*empirical\b", page)

@@ -120,7 +120,7 @@ class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; returns the exit code.
 
-    0 done, 1 a limit of the scenario failed, 2 bad input, 3 a limit was not measured or a claim not shown,
+    0 done, 1 a limit of the scenario failed, 2 bad input, 3 a limit was not judged or a claim not shown,
     70 a mistake in swath, 130 stopped by Ctrl-C, 143 by SIGTERM.
     """
     debug = os.environ.get("SWATH_DEBUG") == "1"

@@ -9,7 +9,7 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from swath.terminal.options import add_allow, add_ros2_network, add_scenario_options, load
+from swath.terminal.options import add_allow, add_replace, add_ros2_network, add_scenario_options, load
 
 
 def add(parsers: Any) -> None:
@@ -19,6 +19,7 @@ def add(parsers: Any) -> None:
         "scenario", metavar="NAME|FILE", help="a bundled scenario, a YAML file, or a run folder"
     )
     add_scenario_options(parser)
+    add_replace(parser)
     parser.add_argument(
         "--real-time", action="store_true", help="at the pace of real time (section realtime)"
     )
@@ -88,7 +89,7 @@ def add(parsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Exit code: 0 all limits pass, 1 a limit fails, 3 none fails but one was not measured."""
+    """Exit code: 0 all limits pass, 1 a limit fails, 3 none fails but one was not measured or judged."""
     from swath.core.errors import InputError, SwathError
     from swath.core.shell import command
     from swath.runtime.folder import choose_run_folder, remove_empty
@@ -100,7 +101,9 @@ def run(args: argparse.Namespace) -> int:
             "expected together with --ros2 or --view: a ROS 2 service call, or the page, starts a paused run",
         )
     scenario = load(args)
-    out = choose_run_folder(scenario.name, scenario.seed, args.out)
+    out = choose_run_folder(
+        scenario.name, scenario.seed, args.out, summary=scenario.summary, replace=args.replace
+    )
     from swath.runtime.changes import read_events
     from swath.runtime.job import run_job
     from swath.runtime.saves import EVERY_S, Saves, SavesField
@@ -252,5 +255,6 @@ def _on_bus(args: argparse.Namespace) -> Iterator[list[Any]]:
 
 
 _DESCRIPTION = """Run a scenario. Exit code: 0 all limits pass, 1 a limit fails, 2 bad input,
-3 no limit fails but one was not measured (in a run of 10 m or less),
+3 no limit fails but one was not measured (in a run of 10 m or less) or not judged (it rests on a level
+outside the range in which it was checked),
 130 stopped by Ctrl-C and 143 by SIGTERM (the folder then holds what was recorded, marked incomplete)."""

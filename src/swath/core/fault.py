@@ -47,6 +47,12 @@ class Fault:
         return not (self.silent or self.loss or self.latency)
 
 
+NOTHING = Fault(
+    scale={}, bias={}, noise={}, stuck={}, beam_loss=0.0, dead_beams=0.0, hold=(), silent=(), loss=0.0,
+    burst=0.0, latency=0.0,
+)  # fmt: skip
+
+
 class FaultyOutput(KeepsState):
     """A fault at work on the outputs of one slot. InputError for a field that none of them has."""
 

@@ -13,11 +13,13 @@ its entry in docs/reference/signals.md.
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cache
+from math import inf
 from typing import Any, ClassVar, Literal, TypeVar, cast, get_type_hints
 
 from swath.core.frozen import frozen
 
 T = TypeVar("T")
+SHARE = 0.0, 1.0  # span of a share
 Frame = Literal["base", "sensor", "optical", "world"]
 
 
@@ -41,6 +43,7 @@ class Quantity:
     unit: of the SI, "" = a plain number; meaning: one line, with the sign
     shape: names or lengths of an array's dimensions
     nan: what nan means; "" = the field is never nan
+    span: least and greatest value that it can have
     is_amount: belongs to the step of the sample (kg in that step), adds up over steps; otherwise a state
     column: name under which it is a column of tracks.parquet as it is; columns: those that are made from it
     """
@@ -51,6 +54,7 @@ class Quantity:
     nan: str = ""
     is_amount: bool = False
     column: str = ""
+    span: tuple[float, float] = (-inf, inf)
     columns: tuple[TrackColumn, ...] = ()
 
     @property
@@ -79,8 +83,8 @@ class About:
 
     frame: `base` (machine), `sensor`, `optical` (of a camera) or `world`
     messages: () = one `swath_msgs/<Class>` with all its fields in that frame
-    is_thinned: messages come at the rate of tracks.parquet at most, not sample by sample
-    is_bulky: beside exact samples, messages in the file come five times a second
+    is_thinned: who listens gets messages at the rate of tracks.parquet at most, not sample by sample
+    is_bulky: in a thinned recording messages come five times a second
     samples: recorded bit for bit with `record: exact`, only with `full` (large truth, for metrics and
     pictures; also no variable of an exported FMU), or never, since its `messages` keep every bit
     track_order: place of its columns in every tracks.parquet; None = at the end, of machines that publish it

@@ -23,11 +23,22 @@ def with_contents(node: Any) -> Any:
 def hashes(node: Any) -> dict[str, str]:
     """SHA-256 of each file or folder that the data names, by its name; of Python with what lies beside it."""
     found: dict[str, str] = {}
-    for path in dict.fromkeys(_all_named(node)):
-        files = _files(path)
-        value = file_hash(path) if files == [path] else _hash_of([f"{p.name} {file_hash(p)}" for p in files])
-        found[path.name if found.get(path.name, value) == value else path.as_posix()] = value
+    for path, value in hashes_by_path(node).items():
+        name = Path(path).name
+        found[name if found.get(name, value) == value else path] = value
     return dict(sorted(found.items()))
+
+
+def hashes_by_path(node: Any) -> dict[str, str]:
+    """The same by the path of each."""
+    return {path.as_posix(): _hash_of(path) for path in dict.fromkeys(_all_named(node))}
+
+
+def changed_since(made_of: Mapping[str, str]) -> str:
+    """Names of the files and folders that are not as `hashes_by_path` found them then; "" where all are."""
+    is_as_it_was = ((path, _named(path) is not None and _hash_of(Path(path)) == value)
+                    for path, value in made_of.items())  # fmt: skip
+    return ", ".join(sorted({Path(path).name for path, same in is_as_it_was if not same}))
 
 
 def file_hash(path: Path) -> str:
@@ -43,8 +54,11 @@ def _read_hash(path: Path, _changed_ns: int, _size: int) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _hash_of(lines: list[str]) -> str:
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+def _hash_of(path: Path) -> str:
+    files = _files(path)
+    if files == [path]:
+        return file_hash(path)
+    return hashlib.sha256("\n".join(f"{p.name} {file_hash(p)}" for p in files).encode()).hexdigest()
 
 
 def _all_named(node: Any) -> Iterator[Path]:

@@ -15,17 +15,16 @@ from swath.judge.windows import Window
 from swath.scenario.resolved import Expectation
 from swath.scenario.sections import Bounds, Limit
 from swath.signals import F64
+from swath.terminal.outcome import exit_code, result_of
 
 Outcome = tuple[float | None, str]  # value, and why it fails, "" where it passes
 NOTHING = "nothing was measured"
-FAILED, OPEN = 1, 3  # exit codes
 NO_SAMPLE = "the window never opened: no sample lies in it"
 
 
 def exit_code_of(expect: Sequence[Mapping[str, Any]]) -> int:
-    """0 all limits pass, 1 one fails, 3 none fails but one was not measured."""
-    results = {entry["result"] for entry in expect}
-    return FAILED if "fail" in results else OPEN if "not measured" in results else 0
+    """0 all limits pass, 1 one fails, 3 none fails but one was not measured, or not judged."""
+    return exit_code(map(result_of, expect))
 
 
 def window_of(limit: Limit) -> Window:

@@ -333,7 +333,8 @@ class McapFile:
         self._end = self._count = 0
         self._templates: dict[tuple[str, Hashable], Template] = {}
         self._is_torn = False
-        self.taps: list[Tap] = []  # called with every message that is written
+        self.taps: list[Tap] = []  # called with every message that is written while `is_heard`
+        self.is_heard = True
 
     def write(self, topic: str, t: int, message: Any, *, is_latched: bool = False) -> None:
         """Append a message or draft, logged at simulated time t [ns]; after a torn one nothing."""
@@ -346,7 +347,7 @@ class McapFile:
         if topic not in self._channels:
             self._declare(topic, build().__msgtype__, is_latched)
         self._add(topic, t, data)
-        for tap in self.taps:
+        for tap in self.taps if self.is_heard else ():
             tap(topic, t, data, build, is_latched)
 
     @property

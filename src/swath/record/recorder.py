@@ -23,11 +23,11 @@ from swath.signals import Signal
 SCENE = "scene"  # the obstacles of the field, which are recorded beside the machines
 TRACKS_FILE, RECORDING_FILE = "tracks.parquet", "run.mcap"
 SCENARIO = "scenario.yaml"  # attachment of run.mcap
-PERIOD = NS // 50  # between two rows of tracks.parquet, or thinned messages of run.mcap
-BESIDE_PERIOD = NS // 10  # between two messages of an output whose samples are all there beside them
+PERIOD = NS // 50  # between two rows of tracks.parquet, or messages of fast outputs to who listens
+BESIDE_PERIOD = NS // 10  # between two messages of an output in a thinned recording
 BULKY_PERIOD = NS // 5  # the same of a scan
 PHASE = 0.618  # of a block, from output to output: the golden section spreads any number of them
-LARGE_PERIOD = NS * 2 // 5  # between two messages of a large truth, unless everything is wanted
+LARGE_PERIOD = NS * 2 // 5  # the same of a large truth
 LATEST = NS // 10  # that a sample waits to be written, where it may wait
 HEARD_LATEST = NS // 50  # the same where taps hear the messages
 
@@ -38,9 +38,10 @@ class Recorder:
     folder: exists already. machines: whose slots (`name.slot`) are recorded, and the scene with them; slots
     of other names are not
     extra: per machine name, further columns of tracks.parquet
-    detail: `none`: no file, the tracks are in memory alone; `standard` messages only, `exact` samples beside
-    them, messages then at most 10 times a second, of scans 5 times; `full`: samples of the large truth too,
-    of which else there are 2.5 messages a second. With taps of the file messages come as with `standard`.
+    detail: `none`: no file, the tracks are in memory alone; `standard`: a message of every sample; `exact`:
+    the samples bit for bit beside them; `full`: those of the large truth, too; `thinned`: as `exact` with
+    messages at most 10 times a second, of scans 5 times, of large truth 2.5 times. Taps of the file hear
+    fast outputs 50 times a second at most.
     scenario: as resolved, for whoever has run.mcap alone
 
     run.mcap is readable up to its last whole chunk at any time; `close` completes it and writes the tracks.
@@ -101,6 +102,12 @@ class Recorder:
         """Of each machine."""
         return {m.name: Tracks(m, PERIOD, tuple(self._more.get(m.name, ()))) for m in self._machines}
 
+    @property
+    def left_out(self) -> str:
+        """Of a thinned recording how many samples have no message, by slot and output; "" = none."""
+        told = [f"{sink.left_out} of {'.'.join(key)}" for key, sink in self._sinks.items() if sink.left_out]
+        return ", ".join(told)
+
     def defer(self) -> None:
         """From now on `write_next` writes run.mcap, sample by sample; nothing waits longer than LATEST.
 
@@ -131,8 +138,12 @@ class Recorder:
 
     def _write(self, sink: "_Sink", output: str, t: int, signal: Signal) -> None:
         """A sample into run.mcap."""
-        if sink.messenger is not None and self._is_due(sink, t):
-            sink.messenger.write(sink.part, output, t, signal)
+        if sink.messenger is not None and self.file is not None:
+            self.file.is_heard = self._is_due(sink, t)
+            if self.file.is_heard or self._detail != "thinned":
+                sink.messenger.write(sink.part, output, t, signal)
+            else:
+                sink.left_out += 1
         if sink.blocks is not None:
             sink.blocks.add(t, signal)
             if sink.blocks.is_full:
@@ -176,7 +187,7 @@ class Recorder:
             messenger.load(state["makers"][name])
         for key, (timing, blocks) in state["outputs"].items():
             sink = self._sinks[key] = self._empty_sink(*key)
-            sink.period, sink.alone, sink.due = timing
+            sink.period, sink.alone, sink.due, sink.left_out = timing
             if blocks is not None:
                 sink.blocks = self._new_blocks(*key)
                 sink.blocks.load(blocks)
@@ -211,8 +222,8 @@ class Recorder:
 
     def _tell_time(self, file: McapFile, t: int) -> None:
         """`/clock`, as often as the thinned messages."""
-        period = PERIOD if file.taps or self._detail == "standard" else BESIDE_PERIOD
-        self._clock_due = (t // period + 1) * period
+        period = BESIDE_PERIOD if self._detail == "thinned" and not file.taps else PERIOD
+        self._clock_due, file.is_heard = (t // period + 1) * period, True
         file.write("/clock", t, Draft(t, (), (), lambda: _clock(file, t)))
 
     def _sink(self, slot: str, output: str, signal: Signal) -> "_Sink":
@@ -220,15 +231,16 @@ class Recorder:
         sink = self._empty_sink(slot, output)
         about, detail = signal.about, self._detail
         sink.period = PERIOD if about.is_thinned else 0
-        if about.samples == "full" and detail != "full":
-            sink.period = LARGE_PERIOD if detail == "exact" else BULKY_PERIOD
+        is_large = about.samples == "full"
+        if is_large and detail != "full":
+            sink.period = BULKY_PERIOD
         is_wanted = about.samples in ("exact", detail) and is_recordable(signal)
+        is_small = about.is_thinned or plain_names(type(signal)) is not None
+        if is_large:
+            sink.alone = LARGE_PERIOD
         if sink.messenger is not None and detail != "standard" and is_wanted:
             sink.blocks = self._new_blocks(slot, output)
-            is_small = about.is_thinned or plain_names(type(signal)) is not None
-            if detail == "exact":
-                sink.alone = BULKY_PERIOD if about.is_bulky else BESIDE_PERIOD if is_small else 0
-        sink.alone = max(sink.alone, sink.period)
+            sink.alone = BULKY_PERIOD if about.is_bulky else BESIDE_PERIOD if is_small else 0
         return sink
 
     def _empty_sink(self, slot: str, output: str) -> "_Sink":
@@ -253,7 +265,8 @@ class Recorder:
 class _Sink:
     """Where the samples of an output go. part, source: its slot, and with the output, without the machine
 
-    period: between two messages [ns], 0 = all; alone: the same where nobody listens; due: when the next is
+    period: between two messages that taps hear [ns], 0 = all; alone: between two of a thinned recording that
+    nobody listens to; due: when the next is; left_out: samples without a message
     """
 
     part: str
@@ -264,10 +277,11 @@ class _Sink:
     period: int = 0
     alone: int = 0
     due: int = 0
+    left_out: int = 0
 
     def save(self) -> Any:
         """What it is, and the samples that wait for their block."""
-        timing = self.period, self.alone, self.due
+        timing = self.period, self.alone, self.due, self.left_out
         return timing, None if self.blocks is None else self.blocks.save()
 
 

@@ -22,8 +22,10 @@ from swath.core.abilities import (
     HasRange,
     NeedsRealTime,
 )
+from swath.core.checked import CheckedOutput
 from swath.core.component import Port, State
 from swath.core.errors import InputError, SwathError
+from swath.core.fault import NOTHING
 from swath.core.foreign_code import through
 from swath.core.frames import Pose
 from swath.core.graph import Graph, Node
@@ -471,9 +473,13 @@ def _node(
         f"{section.name}.{slot}", from_hz(common.rate_hz), round(common.offset_ms * 1e6), common.latch
     )
     try:
-        return Node(timing, component, wires, make_fault(choice, component))
+        fault = make_fault(choice, component)
     except InputError as error:
         raise InputError(f"{section.name}.{slot}.{error.key}", error.value, error.expected) from error
+    if choice.found.is_link or not type(component).__module__.startswith("swath."):
+        own = NOTHING if fault is None else fault.fault
+        fault = CheckedOutput(timing.name, choice.level, component.outputs, own)
+    return Node(timing, component, wires, fault)
 
 
 def _devices(scenario: Scenario, machines: Mapping[str, Machine]) -> list[Any]:

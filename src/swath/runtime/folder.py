@@ -1,14 +1,16 @@
-"""Where a run is written: never over something that is not an earlier run of the same scenario."""
+"""Where a run is written: over nothing but an earlier run of the same scenario with the same changes."""
 
 import atexit
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from swath import __version__
 from swath.core.errors import InputError
 from swath.core.output_folder import LOCK, check_folder, check_free, held
 from swath.core.whole_file import PART
 from swath.documents.json_file import read_object
+from swath.scenario.scenario import changes_in
 
 RUNS = "runs"  # where the folders lie whose place nobody chose
 RUN_FILES = (
@@ -34,18 +36,31 @@ def check_run_folder(folder: Path, *names: str) -> None:
             raise InputError("RUN", str(folder), f"expected a run folder, it has no {name}")
 
 
-def choose_run_folder(name: str, seed: int, out: Path | None = None, *, what: str = "") -> Path:
-    """The folder for a run.
+def choose_run_folder(
+    name: str,
+    seed: int,
+    out: Path | None = None,
+    *,
+    what: str = "",
+    summary: str | None = None,
+    replace: bool = False,
+) -> Path:
+    """The folder for a run. summary: its head line; replace: it may take the place of any other run
 
     Without `out` a fresh one, `runs/<name>-<seed>[-<what>]`, with -2, -3 ... when that exists; it is made at
-    once, so that two runs of the same moment get two. A given
-    `out` must be new, empty, or an earlier run of the scenario `name`, which may have been killed; InputError
-    otherwise, and while another run writes into it.
+    once, so that two runs of the same moment get two. A given `out` must be new, empty, or an earlier run of
+    the scenario `name`, which may have been killed, with the changes that `summary` tells, so that a command
+    may be repeated, also with an edited file; InputError otherwise, and while another run writes into it.
     """
     if out is None:
         return _fresh(f"{name}-{seed}-{what}" if what else f"{name}-{seed}")
-    own = ("*",) if run_name(out) == name else (f"scenario.yaml{PART}",)
-    check_folder(out, own, f"run of {name}")
+    was, asked = run_name(out), None if summary is None else changes_in(name, summary)
+    lies = _changes_of(out) if was == name and asked is not None else asked
+    if was is not None and not replace and (was != name or lies not in (asked, None)):
+        of = f"{name} with {asked}" if asked else f"{name} as it is" if lies else name
+        expected = f"expected a new or empty folder, or an earlier run of {of}; --replace writes over it"
+        raise InputError("--out", str(out), expected)
+    check_folder(out, (f"scenario.yaml{PART}",) if was is None else ("*",), f"run of {name}")
     check_free(out)
     return out
 
@@ -74,6 +89,18 @@ def run_name(folder: Path) -> str | None:
             return None
         name = data.get("name") if isinstance(data, dict) else None
     return name if isinstance(name, str) else None
+
+
+def _changes_of(folder: Path) -> str | None:
+    """What was changed of the scenario of a run; None where its version of swath did not tell."""
+    from swath.documents.yaml_document import read_document
+
+    with suppress(InputError, KeyError):
+        if read_object(folder / "summary.json", "run", "a summary.json")["swath"] != __version__:
+            return None
+        data = read_document(folder / "scenario.yaml").data
+        return changes_in(data["name"], data["summary"])
+    return None
 
 
 @contextmanager

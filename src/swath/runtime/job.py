@@ -37,6 +37,7 @@ from swath.runtime.pacing import Pacer, make_pacer, paced
 from swath.runtime.saves import read_save, saved_before
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
+from swath.terminal.outcome import NOT_JUDGED, result_of
 
 
 class UnusableSave(SwathError):
@@ -89,7 +90,7 @@ CHANGED = "# changed on the way: swath run THIS --events THIS repeats it, THIS b
 class JobResult:
     """summary: as in summary.json; folder of the run
 
-    exit_code: 0 all limits pass, 1 a limit fails, 3 none fails but one was not measured
+    exit_code: 0 all limits pass, 1 a limit fails, 3 none fails but one was not measured or not judged
     """
 
     summary: dict[str, Any]
@@ -97,10 +98,10 @@ class JobResult:
     folder: Path
 
     def __repr__(self) -> str:
-        results = [entry["result"] for entry in self.summary.get("expect", [])]
+        results = [result_of(entry) for entry in self.summary.get("expect", [])]
         limits = f"{results.count('pass')} of {len(results)} limits pass" if results else "no limits"
-        if open_ := results.count("not measured"):
-            limits += f", {open_} not measured in so short a run"
+        for what in ("not measured", NOT_JUDGED):
+            limits += f", {results.count(what)} {what}" if what in results else ""
         name, seed = self.summary.get("name"), self.summary.get("seed")
         return f"<run of {name}, seed {seed}: {limits}, in {self.folder}>"
 
@@ -317,7 +318,7 @@ class Running:
         summary = make_summary(
             {
                 "name": scenario.name,
-                "summary": scenario.summary,
+                "summary": scenario.summary + ("; changed on its way" if self.changes.events else ""),
                 "seed": scenario.seed,
                 "swath": __version__,
                 "machine": _machines(world),
@@ -353,6 +354,8 @@ class Running:
         if self.pacer is not None:
             summary["realtime"] = self.pacer.report()
             notes += self.pacer.notes
+        if left_out := self.recorder.left_out:
+            notes.append(f"thinned: in run.mcap these have no message: {left_out}; all are there bit for bit")
         if notes:
             summary["notes"] = notes
         if self.changes.events:

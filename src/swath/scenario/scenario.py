@@ -17,7 +17,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, shortened
 from swath.core.foreign_code import Gate, NamesCode, file_of, is_allowed, present_gate
 from swath.documents.data_sheets import expected_name, find_sheet, sheet_names
 from swath.documents.yaml_document import Document, dump, key_path, parse, read_document
@@ -25,9 +25,11 @@ from swath.scenario.expectations import plain_expect
 from swath.scenario.overrides import apply_overrides
 from swath.scenario.reader import read_sections
 from swath.scenario.resolved import Expectation, FieldSection, LevelChoice, MachineSection, RealTimeSection
-from swath.scenario.sections import Run
+from swath.scenario.sections import LONGEST_SUMMARY, Run
 from swath.scenario.slots import CATALOGUE, Catalogue
 from swath.scenario.versions import FORMAT, lift_machines
+
+UNTOLD = {"expect", "evaluators", "name", "run.record"}  # changes that change nothing of what is driven
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +161,29 @@ def read_scenario(
 ) -> Scenario:
     """Check a document and make the scenario."""
     document = lift_machines(document)
+    changes = [*sets, *(flags or {}).values()]
     apply_overrides(document, sets, catalogue, flags or {})
-    return Scenario(document=document, **read_sections(document, catalogue))
+    made = Scenario(document=document, **read_sections(document, catalogue))
+    return dataclasses.replace(made, summary=_headline(made, changes))
+
+
+def _headline(made: Scenario, changes: Sequence[str]) -> str:
+    """What is run, in a line: what its author says of it, or its name with what is changed."""
+    keys = [text.partition("=")[0].strip() for text in changes]
+    if "summary" in keys or not set(keys) - UNTOLD:
+        return made.summary
+    start, changed = f"{made.name} with ", changes_in(made.name, made.summary)
+    before = changed.split("; ") if changed else []
+    kept = [text for text in before if text.partition("=")[0] not in keys]
+    told = [f"{key}={text.partition('=')[2].strip()}" for key, text in zip(keys, changes, strict=True)
+            if key not in UNTOLD]  # fmt: skip
+    return shortened(start + "; ".join([*kept, *told]), LONGEST_SUMMARY)
+
+
+def changes_in(name: str, summary: str) -> str:
+    """What a head line says of the changes of a scenario, `seed=3; run.distance_m=6`; "" = none."""
+    start = f"{name} with "
+    return summary.removeprefix(start) if summary.startswith(start) else ""
 
 
 def scenario_names() -> list[str]:

@@ -8,6 +8,7 @@ from swath.documents.validation import NAME_PATTERN, STRICT, WIRE_PATTERN
 
 Seconds = Annotated[float, Field(ge=0, le=1e6)]
 Share = Annotated[float, Field(ge=0, le=100)]
+LONGEST_SUMMARY = 500  # characters
 Windows = list[tuple[Seconds, Seconds]]
 ByField = dict[str, Annotated[float, Field(ge=-1e6, le=1e6)]]
 
@@ -54,7 +55,7 @@ class Head(BaseModel):
 
     model_config = STRICT
     name: Annotated[str, Field(pattern=NAME_PATTERN, description="default: the file's name")]
-    summary: Annotated[str, Field(max_length=500, description="one line")] = ""
+    summary: Annotated[str, Field(max_length=LONGEST_SUMMARY, description="one line")] = ""
     seed: Annotated[int, Field(ge=0, lt=1 << 63, description="of every random stream")] = 1
 
 
@@ -67,10 +68,10 @@ class Run(BaseModel):
     ] = 120.0
     max_duration_s: Annotated[float, Field(gt=0, le=1e6, description="simulated time [s]")] = 120.0
     record: Annotated[
-        Literal["none", "standard", "exact", "full"],
+        Literal["none", "thinned", "standard", "exact", "full"],
         Field(
-            description="none: summary.json alone; else run.mcap with standard messages; and every sample "
-            "exactly; and the scans' truth too"
+            description="none: summary.json alone; standard: run.mcap with a message of every sample; exact: "
+            "and the samples bit for bit; full: and the scans' truth too; thinned: as exact, few messages"
         ),
     ] = "exact"
     on_contact: Annotated[

@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 
 from swath.core.frozen import frozen
-from swath.core.signal import About, Quantity, Signal
+from swath.core.signal import SHARE, About, Quantity, Signal
 from swath.signals.arrays import F64
 
 _NAN = float("nan")
@@ -37,7 +37,8 @@ class HeapState(Signal, about=About()):
 
     grain: Annotated[float, Quantity("kg", "in the box", column="heap_grain_kg")]
     level: Annotated[
-        float, Quantity("", "over the largest heap that stands on the rim, 0..1", column="heap_level")
+        float,
+        Quantity("", "over the largest heap that stands on the rim, 0..1", column="heap_level", span=SHARE),
     ]
     spilled: Annotated[float, Quantity("kg", "ran over the rim since the start", column="heap_spilled_kg")]
     highest: Annotated[float, Quantity("m", "highest point of the surface above the floor")]
@@ -108,7 +109,7 @@ class PeerState(Signal, about=About()):
     rim_height: Annotated[float, Quantity("m", "of its box above the ground", nan="no box")] = _NAN
     impact_x: Annotated[float, Quantity("m", "where its stream comes down, ahead", nan="no pipe")] = _NAN
     impact_y: Annotated[float, Quantity("m", "leftward", nan="no pipe")] = _NAN
-    tank_level: Annotated[float, Quantity("", "of its tank, 0..1", nan="no tank")] = _NAN
+    tank_level: Annotated[float, Quantity("", "of its tank, 0..1", nan="no tank", span=SHARE)] = _NAN
     tank_grain: Annotated[float, Quantity("kg", "in its tank", nan="no tank")] = _NAN
     is_pouring: Annotated[bool, Quantity("", "grain leaves its pipe")] = False
     is_full: Annotated[bool, Quantity("", "it takes no grain now")] = False
@@ -155,7 +156,9 @@ class BoxSeen(Signal, about=About()):
     y_sd: Annotated[float, Quantity("m", "of y", nan="not seen")]
     heading_sd: Annotated[float, Quantity("rad", "of the heading", nan="not seen")]
     rim_height_sd: Annotated[float, Quantity("m", "of the height of the rim", nan="not seen")]
-    confidence: Annotated[float, Quantity("", "that it is the box, 0..1", column="box_seen_confidence")]
+    confidence: Annotated[
+        float, Quantity("", "that it is the box, 0..1", column="box_seen_confidence", span=SHARE)
+    ]
     profile: Annotated[
         F64,
         Quantity(

@@ -4,7 +4,7 @@ from math import isfinite
 from typing import Annotated
 
 from swath.core.frozen import frozen
-from swath.core.signal import About, Message, Quantity, Signal
+from swath.core.signal import SHARE, About, Message, Quantity, Signal
 
 _NAN = float("nan")
 _EDGE = (
@@ -47,7 +47,7 @@ class CropEdge(Signal, about=About(messages=_EDGE, track_order=5, time_column="e
     ]
     confidence: Annotated[
         float,
-        Quantity("", "P(|offset error| <= 0.10 m), 0..1; 0 = no edge", column="edge_confidence"),
+        Quantity("", "P(|offset error| <= 0.10 m), 0..1; 0 = no edge", column="edge_confidence", span=SHARE),
     ]
     crop_height: Annotated[float, Quantity("m", "of the crop above the ground", nan="unknown")]
     stubble_height: Annotated[float, Quantity("m", "of the stubble above the ground", nan="unknown")]

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from swath.core.frozen import frozen
-from swath.core.signal import Quantity, Signal
+from swath.core.signal import SHARE, Quantity, Signal
 
 
 @frozen
@@ -18,8 +18,8 @@ class YieldReading(Signal):
     """Grain at the top of the elevator."""
 
     flow: Annotated[float, Quantity("kg/s", "grain")]
-    moisture: Annotated[float, Quantity("", "water, share of the wet mass")]
-    tank_level: Annotated[float, Quantity("", "filled share of the tank, 0..1")]
+    moisture: Annotated[float, Quantity("", "water, share of the wet mass", span=SHARE)]
+    tank_level: Annotated[float, Quantity("", "filled share of the tank, 0..1", span=SHARE)]
 
 
 @frozen

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from swath.core.frozen import frozen
-from swath.core.signal import About, Quantity, Signal
+from swath.core.signal import SHARE, About, Quantity, Signal
 
 
 @frozen
@@ -38,11 +38,18 @@ class MachineLoad(Signal, about=About(track_order=8)):
     cleaning_loss: Annotated[float, Quantity("kg/s", "grain in the chaff over the rear")] = 0.0
     loss_share: Annotated[
         float,
-        Quantity("", "grain lost, of what was fed, for the crop that leaves now, 0..1", column="loss_share"),
+        Quantity(
+            "",
+            "grain lost, of what was fed, for the crop that leaves now, 0..1",
+            column="loss_share",
+            span=SHARE,
+        ),
     ] = 0.0
     tank_level: Annotated[
         float,
-        Quantity("", "filled share of the tank, 0..1; 0 where no tank is modelled", column="tank_level"),
+        Quantity(
+            "", "filled share of the tank, 0..1; 0 where no tank is modelled", column="tank_level", span=SHARE
+        ),
     ] = 0.0
 
     @property

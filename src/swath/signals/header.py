@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from swath.core.frozen import frozen
-from swath.core.signal import About, Quantity, Signal, TrackColumn
+from swath.core.signal import SHARE, About, Quantity, Signal, TrackColumn
 from swath.signals.arrays import F64
 
 
@@ -18,7 +18,10 @@ class CropFlow(Signal, about=About(track_order=6)):
     header_fill: Annotated[
         float,
         Quantity(
-            "", "share of the header's width that cuts crop, over the last metre, 0..1", column="header_fill"
+            "",
+            "share of the header's width that cuts crop, over the last metre, 0..1",
+            column="header_fill",
+            span=SHARE,
         ),
     ]
     dt: Annotated[float, Quantity("s", "length of the step", is_amount=True)]
@@ -60,4 +63,4 @@ class HeaderState(Signal, about=About(track_order=7)):
         float,
         Quantity("rad", "of the header against the machine, > 0 left side up", column="header_tilt_rad"),
     ]
-    contact: Annotated[float, Quantity("", "share of the knife in the ground, 0..1")]
+    contact: Annotated[float, Quantity("", "share of the knife in the ground, 0..1", span=SHARE)]

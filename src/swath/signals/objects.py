@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from swath.core.frozen import frozen
-from swath.core.signal import About, Message, Quantity, Signal, TrackColumn
+from swath.core.signal import SHARE, About, Message, Quantity, Signal, TrackColumn
 from swath.signals.arrays import F64, U8
 
 _N = ("object_count",)
@@ -34,7 +34,7 @@ class Objects(Signal, about=About(messages=_MESSAGES)):
     top: Annotated[F64, Quantity("m", "of its box above the ground under the fixed axle", _N)]
     velocity_x: Annotated[F64, Quantity("m/s", "over ground, along the x axis of the machine", _N)]
     velocity_y: Annotated[F64, Quantity("m/s", "over ground, along the y axis of the machine", _N)]
-    confidence: Annotated[F64, Quantity("", "probability that there is something, 0..1", _N)]
+    confidence: Annotated[F64, Quantity("", "probability that there is something, 0..1", _N, span=SHARE)]
     hidden: Annotated[
         F64, Quantity("", "share of it that crop and other things hide from the sensor", _N, "not known")
     ]

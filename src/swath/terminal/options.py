@@ -35,6 +35,11 @@ def add_run_folder(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_replace(parser: argparse.ArgumentParser) -> None:
+    """`--replace`, for an `--out` in which another run lies."""
+    parser.add_argument("--replace", action="store_true", help="write over another run that lies in DIR")
+
+
 def add_sets(parser: argparse.ArgumentParser, text: str = "change the scenario") -> None:
     """`--set KEY=VALUE`, any number of times, as `sets`. text: for the help"""
     parser.add_argument(

@@ -45,6 +45,8 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
     if events := summary.get("events"):
         print(f"events  {len(events)}, listed in summary.json; repeat them with --events {quote(str(out))}")
     print(f"digest  {summary.get('digest', '-')}")
+    size = sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
+    print(f"folder  {out}, {size / 1e6:.1f} MB")
     for page in ("report", "replay"):
         if (out / f"{page}.html").is_file():
             print(f"{page}  {out / page}.html")
@@ -53,6 +55,14 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
 def result_of(entry: Mapping[str, Any]) -> str:
     """`pass`, `fail` or `not measured`; `not judged` where a limit rests on a level outside its range."""
     return NOT_JUDGED if entry.get("rests_outside") else str(entry["result"])
+
+
+def exit_code(results: Iterable[str]) -> int:
+    """Of whatever was judged: 0 where all pass or are shown, 1 where one fails or is broken, else 3: nothing
+    judged, measured or shown is not a pass.
+    """
+    found = set(results)
+    return 1 if found & {"fail", "broken"} else 0 if found <= {"pass", "shown"} else 3
 
 
 def limit_text(entry: Mapping[str, Any]) -> str:

@@ -200,15 +200,18 @@ class Case:
     @cached_property
     def fixed(self) -> dict[str, Any]:
         """Keys and values of the scenario at every point; files beside the case by their absolute paths."""
-        folder = (self.document.file or Path()).parent
-        return {key: from_beside(value, folder) for key, value in self.file.set.items()}
+        found: dict[str, Any] = self.at(self.file.set)
+        return found
+
+    def at(self, value: Any) -> Any:
+        """A value with files beside the case by their absolute paths."""
+        return from_beside(value, (self.document.file or Path()).parent)
 
     def sets(self, point: Point, expect: Mapping[str, Any] | None = None) -> list[str]:
         """Changes of the scenario at a point, as after `--set`. expect: instead of the case's own limits"""
-        folder = (self.document.file or Path()).parent
         fixed = {**self.fixed, "expect": self.file.expect if expect is None else expect}
         changes = [self.file.vary[name].at_value(value) for name, value in point.items()]
-        varied = {key: from_beside(value, folder) for change in changes for key, value in change.items()}
+        varied = {key: value for change in changes for key, value in self.at(change).items()}
         return layered(*([f"{k}={json.dumps(v)}" for k, v in keys.items()] for keys in (fixed, varied)))
 
     def known(self, point: Point) -> str:

@@ -13,15 +13,14 @@ from typing import Any
 from swath.tools.function_test.case import Case
 from swath.tools.function_test.integrity import SUMMARY, pooled
 from swath.tools.function_test.journal import Result
-from swath.tools.function_test.judged import OPEN, UNJUDGED, beyond
+from swath.tools.function_test.judged import ERROR, OPEN, UNJUDGED, beyond
 from swath.tools.function_test.kept_runs import Kept, Region, Sample, Worst, kept
-from swath.tools.function_test.margin import ERROR, is_kept_or_not, margin_of
+from swath.tools.function_test.margin import is_kept_or_not, margin, margin_of
 from swath.tools.function_test.steering_accuracy import SUMMARY as STEERING
 from swath.tools.function_test.steering_accuracy import pooled as pooled_classes
 from swath.tools.function_test.verdict import BROKEN, NOT_JUDGED, NOT_SHOWN, SHOWN, describe, verdict
 
 STEERING_TAG = "steering"  # of cases that stand in the table of steering accuracy
-EXIT = {SHOWN: 0, BROKEN: 1, NOT_SHOWN: 3, NOT_JUDGED: 3}
 KEPT_MAX = 20_000  # runs that are drawn, over all cells
 DRAWN_MAX, DRAWN_LEAST = 1000, 20  # in one cell
 POINTS_MAX = 30  # with a row each in the table of steering accuracy; more are put together
@@ -36,7 +35,8 @@ class Cell:
 
     count: of runs; counted, passed: of those that count for the rate, which are not those at points where a
     failure is known, nor unjudged ones; surprises: runs that passed at points of known failures
-    unjudged: runs with a level outside its checked range; outside: these by slot and quantity
+    unjudged: runs with a level outside its checked range; outside: these by slot and quantity; errors: runs
+    that came to one
     failed: runs that count and did not pass; groups: the same by the first limit that failed
     worst: the run farthest beyond a limit, or nearest to one; an error before all others
     """
@@ -53,6 +53,7 @@ class Cell:
     passed: int = 0
     known: int = 0
     unjudged: int = 0
+    errors: int = 0
     outside: dict[str, Region] = field(default_factory=dict)
     worst: Kept | None = None
     integrity: dict[str, Any] = field(default_factory=lambda: pooled(()))
@@ -73,8 +74,7 @@ class Cell:
         for name, share, entry in shares if result["verdict"] != UNJUDGED else ():
             if name not in self._nearest or share < self._nearest[name][0]:
                 self._nearest[name] = share, entry
-        is_error = result["verdict"] == "error"
-        run = kept(result, ERROR if is_error else min((share for _, share, _ in shares), default=1.0))
+        run = kept(result, margin(result))
         self.count += 1
         self.drawn.add(run)
         if run.verdict != UNJUDGED and (self.worst is None or run.margin < self.worst.margin):
@@ -83,6 +83,9 @@ class Cell:
             self.known += 1
             if run.verdict == "pass":
                 self.surprises.add(run)
+        elif run.verdict == ERROR:
+            self.errors += 1
+            self.groups.setdefault(ERROR, Region()).add(run.point)
         elif run.verdict == UNJUDGED:
             self.unjudged += 1
             for slot, quantity, _ in beyond(result):
@@ -117,8 +120,7 @@ class Cell:
             self.passed += 1
             return
         self.failed.add(run)
-        what = "error" if run.verdict == "error" else run.reason.partition(":")[0]
-        self.groups.setdefault(what, Region()).add(run.point)
+        self.groups.setdefault(run.reason.partition(":")[0], Region()).add(run.point)
 
     @property
     def nearest(self) -> list[tuple[str, float, dict[str, Any]]]:
@@ -143,10 +145,17 @@ class Cell:
             outcome, text = _mean(name, self._values[name], bounds)
             self.means.append(text)
             self.verdict = max(self.verdict, outcome, key=(SHOWN, NOT_SHOWN, BROKEN).index)
+        lost = []
         if self.unjudged:
+            why = (
+                "a level was outside its checked range" if self.outside else "too short to measure something"
+            )
+            lost = [f"{self.unjudged} of {self.count} runs not judged, {why}"]
+        if self.errors and self.worst is not None:
+            lost.append(errors_of(self.errors, self.count, self.worst.reason))
+        if lost:
             self.verdict = BROKEN if self.verdict == BROKEN else NOT_JUDGED
-            about = f"{self.unjudged} of {self.count} runs not judged, a level was outside its checked range"
-            self.text = f"{self.text}; {about}" if self.counted else about
+            self.text = "; ".join([self.text] * bool(self.counted) + lost)
 
 
 def cells_of(cases: Sequence[Case], candidates: Iterable[str], planned: Mapping[str, int],
@@ -160,6 +169,11 @@ def cells_of(cases: Sequence[Case], candidates: Iterable[str], planned: Mapping[
     for cell in cells.values():
         cell.judge()
     return list(cells.values())
+
+
+def errors_of(count: int, of: int, first: str) -> str:
+    """What is told of runs that came to an error."""
+    return f"{count} of {of} runs came to an error, nothing is judged from them: {first}"
 
 
 def _is_kept(entry: dict[str, Any]) -> bool:

@@ -126,9 +126,7 @@ def _do(run: PlannedRun, folder: str, work: Callable[..., Result], code: str, ga
         raise SwathError(f"the worker {socket.gethostname()} has another version of swath than the driver")
     with _LOCK, through(gate):
         journal, fields = _tools(folder)
-        result = work(run, fields)
-        journal.add(result)
-    return result
+        return journal.add(work(run, fields))
 
 
 _LOCK = Lock()  # a worker may have several threads, its journal and its fields are for one

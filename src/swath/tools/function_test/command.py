@@ -172,10 +172,9 @@ def _run_odd(args: argparse.Namespace) -> int:
 
 def _finish_odd(found: Any) -> int:
     """Dossier, and what it says on the screen; returns the exit code."""
+    from swath.terminal.outcome import exit_code
     from swath.terminal.tables import table
-    from swath.tools.function_test.cells import EXIT
     from swath.tools.function_test.odd.dossier import summary_of, write_dossier
-    from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
 
     cells = found.cells()
     page = write_dossier(found, cells)
@@ -184,17 +183,17 @@ def _finish_odd(found: Any) -> int:
     for line in said.lines:
         print(line)
     print(f"dossier  {page}")
-    verdicts = {cell.verdict for cell in cells}
-    return EXIT[BROKEN if BROKEN in verdicts else SHOWN if verdicts == {SHOWN} else NOT_SHOWN]
+    return exit_code(cell.verdict for cell in cells)
 
 
 def _work(args: argparse.Namespace) -> int:
-    from swath.tools.function_test.session import open_session
+    from swath.tools.function_test.session import check_version, open_session
 
     share, _, of = args.shard.partition("/")
     if not (share.isdecimal() and of.isdecimal() and 1 <= int(share) <= int(of)):
         raise InputError("--shard", args.shard, "expected I/N with I from 1 to N")
     session = open_session(args.folder)
+    check_version(args.folder, "folder")
     session.plan.check()
     count = 0
 
@@ -216,6 +215,8 @@ def _report(args: argparse.Namespace) -> int:
     from swath.tools.function_test.session import open_session
 
     session = open_session(args.folder, same_code=False)
+    if session.changed:
+        print(f"note    the stored runs were made by another version of {session.changed}: they stay")
     found = open_campaign(session)
     if args.cod:
         if found is None:
@@ -271,13 +272,16 @@ def _again(args: argparse.Namespace) -> int:
     session = open_session(args.folder, same_code=False)
     planned, result = session.run_of(args.name)
     made, here = session.plan.code, code_hash()
+    if session.changed:
+        print(f"note    the run was made by another version of {session.changed}: the digest may differ")
     if made != here:
         campaign = read_asked(args.folder / CAMPAIGN, Campaign, "a campaign")
         of = f" (commit {campaign.commit})" if campaign is not None and campaign.commit else ""
         mine = f" (commit {commit()})" if commit() else ""
         print(f"note    these runs were made by code {made}{of}, this is {here}{mine}: the digest may "
               "differ. To make the same bytes, install the version that made them.")  # fmt: skip
-    out = args.out or no_link(no_link(args.folder / "kept") / planned.id)
+    version = f"-{session.version}" if session.changed else ""
+    out = args.out or no_link(no_link(args.folder / "kept") / f"{planned.id}{version}")
     scenario = scenario_of(planned)
     scenario = replace(scenario, summary=_told_of(args.folder, planned, scenario.summary))
     hooks = [ReportWriter(), ReplayWriter()]
@@ -295,6 +299,7 @@ def _told_of(folder: Path, run: Any, base: str) -> str:
     """The summary of a run made again: the scenario's own holds for it only where nothing is varied."""
     from swath.core.errors import shortened
     from swath.documents.yaml_document import read_document
+    from swath.scenario.sections import LONGEST_SUMMARY
     from swath.tools.function_test.odd.campaign import ODD_FILE
 
     if not run.point:
@@ -308,12 +313,12 @@ def _told_of(folder: Path, run: Any, base: str) -> str:
 
 def finish(folder: Path, session: Any, *, again: bool) -> int:
     """Table, JUnit file, page and the verdicts on the screen; returns the exit code."""
+    from swath.terminal.outcome import exit_code
     from swath.terminal.tables import table
-    from swath.tools.function_test.cells import EXIT
     from swath.tools.function_test.fidelity import told
     from swath.tools.function_test.junit import write_junit
     from swath.tools.function_test.page import write_matrix
-    from swath.tools.function_test.verdict import BROKEN, NOT_JUDGED, NOT_SHOWN, VERDICTS
+    from swath.tools.function_test.verdict import NOT_JUDGED, VERDICTS
 
     cells = session.cells(again=again)
     session.table()
@@ -334,20 +339,20 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     surprises = sum(cell.surprises.count for cell in cells)
     if surprises:
         print(f"{surprises} runs pass where the cases say that a failure is known")
-    for line in told(Counter((run.case, run.why_dear) for run in session.plan.runs() if run.why_dear)):
+    for line in told(Counter((run.case, run.why_dear) for run in session.runs() if run.why_dear)):
         print(line)
     if session.plan.shadow:
         first = next(iter(session.plan.candidates))
         print(f"open loop: {first} steers, the others see its scans and do not act on the machine")
-    failed = next((cell.worst for cell in cells if cell.failed.count and cell.worst), None)
+    bad = (cell.worst for cell in cells if cell.failed.count or cell.errors)
+    failed = next((worst for worst in bad if worst), None)
     if failed is not None and not session.plan.shadow:
         line = command("test", "again", folder, failed.id[:8])
         print(f"`{line}` makes that run once more, with its own report")
     print(f"report  {page}")
-    return next((EXIT[v] for v in (BROKEN, NOT_SHOWN, NOT_JUDGED) if v in verdicts), 0)
+    return exit_code(verdicts)
 
 
-LONGEST_SUMMARY = 500  # characters, as a scenario takes it
 _CASES = "a case file, a folder of them, `catalogue`, or one of its cases"
 _DESCRIPTION = """Function tests: cases with varied parameters and seeds, each judged as shown, broken, not
 shown (too few runs) or not judged (a level was outside the range in which it was checked). Exit code 0 all

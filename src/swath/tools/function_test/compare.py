@@ -11,7 +11,7 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.judge.catalogue import load_evaluators
 from swath.sensing.lidar.empirical import BIASED
-from swath.tools.function_test.fidelity import CHEAP, LEVEL_BIAS_M, detectors, scanners
+from swath.tools.function_test.fidelity import CHEAP, LEVEL_BIAS_M, levels_of, scanners
 from swath.tools.function_test.journal import TABLE, Result, read_table
 from swath.tools.function_test.judged import UNJUDGED
 from swath.tools.function_test.paired import ALPHA, Difference, difference, holm, paired_values, verdict_test
@@ -128,12 +128,12 @@ def _detectors(source: str) -> tuple[set[tuple[str, str]], bool]:
     folder, candidate = _parts(source)
     found, is_cheap, seen = set[tuple[str, str]](), False, set[str]()
     try:
-        for run in open_session(Path(folder), same_code=False).plan.runs():
+        for run in open_session(Path(folder), same_code=False).runs():
             sets = run.shadows.get(candidate, run.sets if candidate in ("", run.candidate) else None)
             if run.case not in seen and sets is not None:
                 seen.add(run.case)
                 scenario = looked_at(run.scenario, sets)
-                found |= set(detectors(scenario).items())
+                found |= set(levels_of(scenario).items())
                 is_cheap |= bool(scanners(scenario, CHEAP))
     except InputError:  # the table alone is there, or the case is not as it was
         return set(), False

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import InputError, MissingExtra, SwathError
 from swath.core.random import Stream
-from swath.core.whole_file import no_link, write_whole
+from swath.core.whole_file import no_link
 from swath.signals import F64
 from swath.tools.function_test.case import Case, Point, Scalar, Varied
 from swath.tools.function_test.journal import Result
@@ -37,7 +37,7 @@ from swath.tools.function_test.rare import (
     rate_of,
 )
 from swath.tools.function_test.search import one_case
-from swath.tools.function_test.session import PLAN, Session, claim_folder, read_asked
+from swath.tools.function_test.session import Session, claim_folder, read_asked
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
 
 ESTIMATE, CHEAP = "estimate.json", "cheap"
@@ -284,7 +284,7 @@ class _Rounds:
         self._distributions = {name: distribution_of(varied) for name, varied in case.file.vary.items()}
         self.rng = Stream(asked.seed, f"estimate {case.name}").at()
         self.rounds: list[Round] = []
-        self._chosen: dict[str, list[tuple[int, Point]]] = {"": [], CHEAP: []}
+        self._planned = {"": 0, CHEAP: 0}
 
     def hunt(self, hunt: Hunt, level: str) -> Hunt:
         """Search at a level."""
@@ -295,16 +295,18 @@ class _Rounds:
         return hunt
 
     def do(self, places: F64, level: str) -> Round:
-        """Runs at places, with the seeds that follow those of the rounds so far."""
+        """Runs at places, with the seeds that follow those of the rounds so far. SwathError where one of them
+        has no result.
+        """
         start = 1 + sum(len(r.places) for r in self.rounds)
-        chosen: list[tuple[int, Point]] = [(start + n, self._point(place)) for n, place in enumerate(places)]
+        chosen = [(start + n, self._point(place)) for n, place in enumerate(places)]
         session = self._session(level, tuple(chosen))
-        if not self._chosen[level]:
-            session.plan.check()
-        self._chosen[level] += chosen
-        write_whole(session.folder / PLAN, self._session(level, tuple(self._chosen[level])).plan.text)
+        self._planned[level] += len(chosen)
         self._do(session)
         results = session.results()
+        if len(results) != len(places):
+            missing = f"{len(places) - len(results)} of {len(places)} runs of a round have no result"
+            raise SwathError(f"{session.folder}: {missing}; the same command goes on")
         margins = np.array([outcome(result, self._asked.limit) for result in results])
         return Round(level, places, [point for _, point in chosen], margins, results)
 
@@ -312,9 +314,8 @@ class _Rounds:
         folder, sets, at = self._folder, self._asked.sets, ""
         if level:
             folder, sets, at = no_link(folder / CHEAP), (*sets, *self._asked.cheap), AS_SET
-            folder.mkdir(exist_ok=True)
         plan = Plan(self._asked.case, sets=sets, level=at, points=points, code=self._asked.code)
-        return Session(folder, plan)
+        return Session(folder, plan, self._planned[level])
 
     def _point(self, place: F64) -> dict[str, Scalar]:
         shares = _normal_share(place)
@@ -341,7 +342,14 @@ def run_estimate(folder: Path, asked: Estimate, workers: int, done: Done, client
     """
     case = check(asked)
     claim_folder(folder / ESTIMATE, asked, "an estimate")
-    return _gone_through(folder, asked, case, lambda s: s.do(workers, done, client))
+
+    def do(session: Session) -> None:
+        if not session.first:
+            session.plan.check()
+        session.write()
+        session.do(workers, done, client)
+
+    return _gone_through(folder, asked, case, do)
 
 
 def open_estimate(folder: Path) -> Estimated | None:

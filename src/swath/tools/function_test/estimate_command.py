@@ -82,11 +82,10 @@ def tell_again(found: Any) -> int:
 def tell(found: Any, at_most: float | None = None) -> int:
     """Table, page, JSON, JUnit and the line on the screen; returns the exit code."""
     from swath.core.whole_file import write_whole
+    from swath.terminal.outcome import exit_code
     from swath.terminal.tables import say
-    from swath.tools.function_test.cells import EXIT
     from swath.tools.function_test.estimate_page import write_estimate, write_junit
     from swath.tools.function_test.journal import write_table
-    from swath.tools.function_test.verdict import NOT_SHOWN
 
     verdict = found.verdict(at_most)
     plain = {**found.plain, "at_most": at_most, "verdict": verdict or None}
@@ -103,4 +102,4 @@ def tell(found: Any, at_most: float | None = None) -> int:
     if verdict:
         print(f"at most {at_most:g}: {verdict}")
     print(f"report  {page}")
-    return EXIT[verdict or NOT_SHOWN] if verdict or found.refusals else 0
+    return exit_code([verdict] if verdict else found.refusals)

@@ -93,13 +93,13 @@ def chosen_level(scenario: Scenario, wanted: str) -> tuple[list[str], str]:
     return [f"{name}.level={CHEAP}" for name in dear if wanted == CHEAP], ""
 
 
-def detectors(scenario: Scenario) -> dict[str, str]:
-    """Levels of the edge detectors by full name."""
+def levels_of(scenario: Scenario, kind: str = "edge") -> dict[str, str]:
+    """Levels of the slots of a kind by full name."""
     return {
         f"{machine.name}.{slot}": choice.level
         for machine in scenario.machines.values()
         for slot, choice in machine.slots.items()
-        if choice.kind.name == "edge"
+        if choice.kind.name == kind
     }
 
 

@@ -33,7 +33,7 @@ def in_chunks(runs: Iterable[PlannedRun], workers: int) -> Iterator[Chunk]:
         if waiting and (run.case != waiting[0].case or len(waiting) == TOGETHER * workers):
             yield from _shared(waiting, workers)
             waiting = []
-        if _gains(run.scenario, tuple(text for text in run.sets if not _is_number(text))):
+        if _gains(run.scenario, tuple(text for text in run.sets if not is_number(text))):
             waiting.append(run)
         else:
             yield (run,)
@@ -54,7 +54,8 @@ def _gains(scenario: str, sets: tuple[str, ...]) -> bool:
         return False
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a change, as after `--set`, sets a number."""
     try:
         float(text.partition("=")[2])
     except ValueError:

@@ -16,13 +16,16 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from swath.core.errors import InputError
 from swath.core.whole_file import new_file, open_to_append, own_folder
+from swath.documents.contents import changed_since
+from swath.documents.json_file import read_object
 from swath.documents.packed import readable
 from swath.documents.text_file import MAX_BYTES
 
 Result = dict[str, Any]
-PRIVATE = ("cpu_s", "worker")  # of a line: not in the table
-TABLE = "results.parquet"
+PLAN, TABLE = "plan.json", "results.parquet"
+CHANGED = "changed"  # verdict of a run in which a file was changed: it is not written down
 TEXTS = ("id", "case", "candidate", "verdict", "reason", "digest", "point", "expect", "incidents")  # columns
 ROWS = 1024  # of the table that are in memory at a time
 
@@ -32,19 +35,25 @@ class Journal:
 
     def __init__(self, folder: Path, worker: str) -> None:
         own_folder(folder)
-        self.worker = worker
+        self.worker, plan = worker, folder.parent / PLAN
+        self._made_of = read_object(plan, PLAN, "a plan").get("made_of", {}) if plan.is_file() else {}
         path = folder / f"{worker}.jsonl"
         is_torn = path.is_file() and path.stat().st_size > 0 and path.read_bytes()[-1:] != b"\n"
         self._file = open_to_append(path)
         if is_torn:
             self._file.write(b"\n")
 
-    def add(self, result: Result) -> None:
-        """Write a result; it is on the disk when this returns."""
+    def add(self, result: Result) -> Result:
+        """Write a result, which comes back; it is on the disk when this returns. One of a run in which a file
+        of the plan was changed comes back as CHANGED: its name says what it was not made with.
+        """
+        if names := changed_since(self._made_of):
+            return {**result, "verdict": CHANGED, "reason": names}
         line = json.dumps({**result, "worker": self.worker}, allow_nan=False)
         self._file.write(line.encode() + b"\n")
         self._file.flush()
         os.fsync(self._file.fileno())
+        return result
 
     def close(self) -> None:
         """Close the file."""
@@ -131,14 +140,13 @@ def results_of(folder: Path, wanted: Iterable[str]) -> list[Result]:
 
 
 def write_table(folder: Path, results: Iterable[Mapping[str, Any]]) -> Path:
-    """Write results.parquet, a row per run sorted by name; every metric is a column `metric.NAME`."""
-    rows = sorted(results, key=lambda r: str(r["id"]))
-    metrics = {name for row in rows for name in row["metrics"]}
-    return write_rows(folder, iter(rows), metrics)
+    """Write results.parquet, a row per run; every metric is a column `metric.NAME`."""
+    rows = list(results)
+    return write_rows(folder, iter(rows), {name for row in rows for name in row["metrics"]})
 
 
 def write_rows(folder: Path, rows: Iterator[Mapping[str, Any]], metrics: Iterable[str]) -> Path:
-    """Write results.parquet from rows that come in the order of their names, ROWS of them at a time."""
+    """Write results.parquet. InputError where the one that is there holds more."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -147,14 +155,29 @@ def write_rows(folder: Path, rows: Iterator[Mapping[str, Any]], metrics: Iterabl
     fields += [(name, pa.string()) for name in TEXTS[6:]] + [(f"metric.{m}", pa.float64()) for m in names]
     schema = pa.schema(fields)
     path = folder / TABLE
+    least = pq.ParquetFile(path).metadata.num_rows if path.is_file() else 0
+    flat = (
+        {**{n: row[n] for n in (*TEXTS[:6], "seed")},
+         **{n: json.dumps(row[n], sort_keys=True) for n in TEXTS[6:]},
+         **{f"metric.{n}": row["metrics"].get(n) for n in names}}
+        for row in rows
+    )  # fmt: skip
+    return write_parquet(path, schema, flat, least)
+
+
+def write_parquet(path: Path, schema: Any, rows: Iterator[Mapping[str, Any]], least: int = 0) -> Path:
+    """Write rows, ROWS of them at a time. InputError, and the file stays, where they are fewer than these."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    count = 0
     with new_file(path) as file, pq.ParquetWriter(file, schema, compression="zstd") as writer:
         while some := list(islice(rows, ROWS)):
-            columns = {name: [row[name] for row in some] for name in (*TEXTS[:6], "seed")}
-            for name in TEXTS[6:]:
-                columns[name] = [json.dumps(row[name], sort_keys=True) for row in some]
-            for name in names:
-                columns[f"metric.{name}"] = [row["metrics"].get(name) for row in some]
-            writer.write_table(pa.table(columns, schema=schema))
+            writer.write_table(pa.Table.from_pylist(some, schema))
+            count += len(some)
+        if count < least:
+            expected = f"expected {least} runs, as it holds, the journals have {count}: it stays as it is"
+            raise InputError("results", None, expected, file=path)
     return path
 
 

@@ -1,8 +1,9 @@
 """What a run comes to by its limits; stored results judged once more: against the limits that a case has now,
 and of candidates in shadow.
 
-A limit that rests on a level outside the range in which it was checked says nothing, kept or broken. A run is
-`not judged` where there is such a limit and no other one fails.
+A limit that rests on a level outside the range in which it was checked says nothing, kept or broken, nor does
+one of which so short a run measured nothing. A run is `not judged` where there is such a limit and no other
+one fails, and one that came to an error is judged by nothing.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -19,14 +20,15 @@ from swath.tools.function_test.steering_accuracy import SUMMARY as STEERING
 
 OPEN = "open"  # verdict of a run that no limit of its case judges
 UNJUDGED = NOT_JUDGED  # of one with limits that rest on a level outside its range
-UNCOUNTED = (OPEN, UNJUDGED)
+ERROR = "error"  # of one that could not be made, or crashed
+UNCOUNTED = (OPEN, UNJUDGED, ERROR)
 
 
 def verdict_of(entries: Sequence[Mapping[str, Any]], outside: Mapping[str, Any]) -> tuple[str, str]:
     """Verdict and reason of a run by its limits. outside: by slot, as `outside_of` tells it"""
-    broken = [e for e in entries if result_of(e) not in ("pass", UNJUDGED)]
-    if broken:
-        return "fail", f"{broken[0]['subject']}.{broken[0]['name']}: {broken[0]['reason']}"
+    for result, verdict in (("fail", "fail"), ("not measured", UNJUDGED)):
+        if of := next((e for e in entries if result_of(e) == result), None):
+            return verdict, f"{of['subject']}.{of['name']}: {of['reason']}"
     if slots := _rested_on(entries):
         whys = (f"{slot} {why_outside(outside[slot])}" for slot in slots)
         return UNJUDGED, f"{UNJUDGED}: {'; '.join(whys)}"
@@ -59,7 +61,7 @@ class PresentLimits:
 
     def judge(self, result: Result) -> Result:
         """A result against them; what is limited in windows or at every moment stays as it was judged."""
-        if result["verdict"] in ("error", OPEN):
+        if result["verdict"] in (ERROR, OPEN):
             return result
         entries = [self._judged(entry) for entry in result["expect"]]
         verdict, reason = verdict_of(entries, result.get(CREDIBILITY, {}))
@@ -107,7 +109,7 @@ def in_shadow(result: Result, names: Iterable[str]) -> Iterator[Result]:
             **result,
             "id": f"{result['id']}-{name}",
             "candidate": name,
-            "verdict": "error" if result["verdict"] == "error" else verdict,
+            "verdict": ERROR if result["verdict"] == ERROR else verdict,
             "reason": reason,
             "expect": entries,
             "incidents": [],

@@ -45,7 +45,7 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
         shadow=shadow,
         counts={v: sum(c.verdict == v for c in cells) for v in VERDICTS},
         run_count=sum(c.count for c in cells),
-        groups=_groups(failing),
+        groups=_groups(cells),
         charts=[
             {"name": case, "charts": found}
             for case in cases
@@ -144,11 +144,11 @@ def _point(run: Kept) -> str:
     return f"{values}, seed {run.seed}" if values else f"seed {run.seed}"
 
 
-def _groups(failing: Sequence[Cell]) -> list[dict[str, Any]]:
+def _groups(cells: Sequence[Cell]) -> list[dict[str, Any]]:
     """Failures put together by case, candidate and the first limit that failed, most frequent first."""
     found = [
         {"case": cell.case.name, "candidate": cell.candidate, "what": what, "count": region.count,
          "where": region.text}
-        for cell in failing for what, region in cell.groups.items()
+        for cell in cells for what, region in cell.groups.items()
     ]  # fmt: skip
     return sorted(found, key=lambda group: -int(group["count"]))

@@ -2,7 +2,8 @@
 
 The name is a SHA-256 (FIPS 180-4) of the scenario as it is resolved, the contents of every file that it or a
 change of it names, the changes, the seed, and the code of this package. A result is found again under it
-however often a plan is interrupted, and not found where anything has changed.
+however often a plan is interrupted, and not found where anything has changed. What the runs of a plan are
+called is written down when it is made: results are read, told and judged by that, whatever has changed since.
 """
 
 import hashlib
@@ -17,8 +18,8 @@ from typing import Any
 
 import swath
 from swath.core.errors import InputError
-from swath.core.foreign_code import code_unread
-from swath.documents.contents import file_hash, with_contents
+from swath.core.foreign_code import Gate, through
+from swath.documents.contents import file_hash, hashes_by_path, with_contents
 from swath.documents.yaml_document import parse_value
 from swath.scenario.overrides import layered, says_about
 from swath.scenario.scenario import Scenario, load_scenario
@@ -32,14 +33,13 @@ CODE = (".py", ".cpp", ".yaml", ".json", ".npz", ".dbc", ".j2")
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """One run. scenario: bundled name or path; sets: changes, as after `--set`; number: in the plan
+    """One run. scenario: bundled name or path; sets: changes, as after `--set`
     shadows: candidates that go along in open loop, with their changes
     why_dear: why its scanner is at the dear level though the cheap one is asked for, "" where it is not
     met: quantities that are written down along its way
     """
 
     id: str
-    number: int
     case: str
     candidate: str
     point: Mapping[str, Scalar]
@@ -60,7 +60,7 @@ class Plan:
     level: of scanners, "" = those of the scenarios; the cheap one only where it can carry the limits, unless
     AS_SET
     points: (seed, point) of each run instead of all points with all seeds, as a search chose them
-    code: hash of the code that its results come from, "" = this
+    code: hash of the code that its results come from, "" = this; made_of: of the files that it names, by path
     expects: limits of the cases when the plan was made, by case: they belong to the names of the runs; others
     = as the cases have them now
     """
@@ -77,6 +77,7 @@ class Plan:
     points: tuple[tuple[int, Point], ...] = ()
     code: str = ""
     expects: Mapping[str, Any] = field(default_factory=dict)
+    made_of: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def found(self) -> list[Case]:
@@ -85,7 +86,6 @@ class Plan:
 
     def runs(self) -> Iterator[PlannedRun]:
         """Every run, in order: case, seed, point, candidate, so that an early look has seen all points."""
-        number = 0
         for case in self.found:
             base = _base(case, self.code or code_hash())
             changed = {name: layered(self.sets, sets) for name, sets in self.candidates.items()}
@@ -102,10 +102,8 @@ class Plan:
                     told += [["met", *case.file.met]] if case.file.met else []
                     run_id = _sha(told)[:ID_LENGTH]
                     yield PlannedRun(
-                        run_id, number, case.name, name, point, seed, case.scenario, sets, shadows, why,
-                        case.file.met,
-                    )  # fmt: skip
-                    number += 1
+                        run_id, case.name, name, point, seed, case.scenario, sets, shadows, why, case.file.met
+                    )
 
     @property
     def steering(self) -> list[str]:
@@ -119,17 +117,6 @@ class Plan:
         if self.points:
             return dict.fromkeys(sizes, len(self.points))
         return {case.name: sizes[case.name] * len(self._seeds_of(case)) for case in self.found}
-
-    def about(self, number: int) -> dict[str, Any]:
-        """Case, candidate, point and seed of the run with a number, as a result has them."""
-        steering = self.steering
-        place, which = divmod(number, len(steering))
-        for case in self.found:
-            if place < self.counts[case.name]:
-                seed, point = self._point_of(case, place)
-                return {"case": case.name, "candidate": steering[which], "point": dict(point), "seed": seed}
-            place -= self.counts[case.name]
-        raise IndexError(number)
 
     def _points_of(self, case: Case) -> Iterator[tuple[int, Point]]:
         """Seed and point of the runs of a case with each candidate."""
@@ -185,14 +172,19 @@ class Plan:
                 return place
         return None
 
-    @property
-    def text(self) -> str:
-        """As it stands in plan.json, with the code that it was made with. The candidates keep their order, of
-        which the first one may steer.
+    def text_in(self, folder: Path) -> str:
+        """As it stands in plan.json, with the code that it was made with; a case in the folder by its name.
+        The candidates keep their order, of which the first one may steer.
         """
         expects = {case.name: self.expects.get(case.name, case.file.expect) for case in self.found}
         plain = {"format": "swath test plan 1", **asdict(self), "expects": expects}
+        changes = [parse_value(text.partition("=")[2], text)
+                   for sets in (self.sets, *self.candidates.values()) for text in sets]  # fmt: skip
+        named = [[case.scenario, _named_by(case)] for case in self.found]
+        plain["made_of"] = hashes_by_path([changes, named])
         plain["code"] = self.code or code_hash()
+        if Path(self.cases).parent == folder.resolve():
+            plain["cases"] = Path(self.cases).name
         return json.dumps(plain, indent=2) + "\n"
 
 
@@ -213,7 +205,7 @@ def _is_cheap(scenario: str) -> bool:
 
 def looked_at(scenario: str, sets: Sequence[str] = ()) -> Scenario:
     """The scenario without its code: what a run is called must not depend on what may run."""
-    with code_unread():
+    with through(Gate(leaves=True)):
         return load_scenario(scenario, sets=sets)
 
 
@@ -240,6 +232,11 @@ def commit() -> str:
 
 def _base(case: Case, code: str) -> str:
     """Hash of a case's scenario and of what it names."""
+    return _sha([code, json.dumps(with_contents(_named_by(case)), sort_keys=True, default=str)])
+
+
+def _named_by(case: Case) -> list[Any]:
+    """A case's scenario and what it varies, with the files that they name."""
     fixed = [f"{key}={json.dumps(value)}" for key, value in case.fixed.items()]
     try:
         scenario = looked_at(case.scenario, fixed)
@@ -247,7 +244,7 @@ def _base(case: Case, code: str) -> str:
         raise InputError(
             f"{case.name}: {error.key}", error.value, error.expected, file=case.document.file
         ) from error
-    return _sha([code, json.dumps(with_contents(scenario.plain()), sort_keys=True, default=str)])
+    return [scenario.plain(), *(case.at(varied.sets) for varied in case.file.vary.values())]
 
 
 def _contents_of_sets(sets: Sequence[str]) -> str:

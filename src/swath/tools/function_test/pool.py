@@ -46,8 +46,7 @@ def _do(chunks: Iterable[Chunk], folder: Path, workers: int, done: Done, work: W
                 lost += chunk
             else:
                 result = no_result(chunk[0], str(results))
-                journal.add(result)
-                done(result)
+                done(journal.add(result))
     finally:
         journal.close()
     return lost
@@ -58,10 +57,6 @@ def _begin(folder: Path, work: Work) -> Callable[[Chunk], list[dict[str, Any]]]:
     journal, fields = Journal(folder, f"worker-{os.getpid()}"), KeptFields()
 
     def journaled(chunk: Chunk) -> list[dict[str, Any]]:
-        results = []
-        for result in results_in(chunk, fields, work):
-            journal.add(result)
-            results.append(result)
-        return results
+        return [journal.add(result) for result in results_in(chunk, fields, work)]
 
     return journaled

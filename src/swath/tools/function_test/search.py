@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError
-from swath.core.whole_file import write_whole
 from swath.documents.validation import near_miss
 from swath.signals import F64
 from swath.tools.function_test.boundary import Boundary, first_points, next_points, sobol_points
@@ -23,7 +22,7 @@ from swath.tools.function_test.judged import UNJUDGED
 from swath.tools.function_test.margin import margin
 from swath.tools.function_test.plan import Plan, code_hash
 from swath.tools.function_test.pool import Done
-from swath.tools.function_test.session import PLAN, Session, claim_folder, read_asked
+from swath.tools.function_test.session import Session, claim_folder, read_asked
 from swath.tools.function_test.verdict import describe, lower_bound, verdict
 
 SEARCH = "search.json"
@@ -142,6 +141,7 @@ def run_search(
     """
     case = _check(search, budget)
     claim_folder(folder / SEARCH, search, "a search")
+    budget = max(budget, len(Session(folder, Plan(search.case)).counted()))
     seeds, points = case.seeds, list[Point]()
     ranges = ranges_of(case)
     found = Searched(folder, search, case, [])
@@ -153,9 +153,8 @@ def run_search(
             more = first_points(len(ranges), budget)
         points += [_point(case, ranges, row) for row in more]
         chosen = tuple((seeds[i % len(seeds)], point) for i, point in enumerate(points))
-        plan = Plan(search.case, sets=search.sets, level=search.level, points=chosen)
-        write_whole(folder / PLAN, plan.text)
-        session = Session(folder, plan)
+        session = Session(folder, Plan(search.case, sets=search.sets, level=search.level, points=chosen))
+        session.write()
         session.do(workers, done, client)
         found = replace(found, results=session.results())
     return found

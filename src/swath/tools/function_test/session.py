@@ -1,65 +1,144 @@
 """A folder of a function test: plan, journals, table; runs are done, gone on with and judged."""
 
+import hashlib
 import json
+import shutil
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
-
 from swath.core.errors import InputError
 from swath.core.output_folder import check_folder
-from swath.core.whole_file import write_whole
+from swath.core.whole_file import new_file, no_link, own_folder, write_whole
+from swath.documents.contents import changed_since, hashes_by_path
 from swath.documents.json_file import read_object
+from swath.documents.packed import readable
 from swath.documents.text_file import read_text
 from swath.runtime.kept import KeptFields
 from swath.tools.function_test.cells import Cell, cells_of
 from swath.tools.function_test.cluster import run_on_cluster
 from swath.tools.function_test.in_step import in_chunks, results_in
 from swath.tools.function_test.journal import (
+    CHANGED,
+    PLAN,
+    ROWS,
+    TABLE,
     Journal,
     Result,
     Stored,
     finished,
+    read_journals,
     results_of,
+    write_parquet,
     write_rows,
 )
 from swath.tools.function_test.judged import PresentLimits, in_shadow
 from swath.tools.function_test.one_run import do_run
-from swath.tools.function_test.plan import ID_LENGTH, Plan, PlannedRun, plan_of
+from swath.tools.function_test.plan import Plan, PlannedRun, plan_of
 from swath.tools.function_test.pool import Done, run_all
 
-PLAN, JOURNALS = "plan.json", "journal"
+JOURNALS, RUNS, EARLIER = "journal", "runs.parquet", "earlier"
+PAGES = ("report.html", "junit.xml")
+NESTED = ("point", "sets", "shadows", "met")  # of a planned run: JSON in its file
 Asked = TypeVar("Asked")
 
 
 @dataclass(frozen=True)
 class Session:
-    """A plan in its folder."""
+    """A plan in its folder. first: of its runs, those before are of earlier rounds"""
 
     folder: Path
     plan: Plan
+    first: int = 0
 
     @property
     def journals(self) -> Path:
         """Folder of the journals."""
         return self.folder / JOURNALS
 
+    def write(self) -> None:
+        """Write down the plan, behind the rounds before, and what its runs are called."""
+        import pyarrow as pa
+
+        file = own_folder(self.journals) / RUNS
+        before = open_session(self.folder).plan.points[: self.first] if self.first else ()
+        whole = replace(self.plan, points=(*before, *self.plan.points))
+        schema = pa.schema(
+            [(f.name, pa.int64() if f.name == "seed" else pa.string()) for f in fields(PlannedRun)]
+        )
+        write_parquet(file, schema, chain(_rows(file, 0, self.first), map(_row, self.plan.runs())))
+        write_whole(self.folder / PLAN, whole.text_in(self.folder))
+
+    def counted(self) -> set[str]:
+        """Names of the finished runs of the plan that is in the folder; none of a folder of version 0.2."""
+        named = _rows(self.journals / RUNS, 0, None)
+        return {row["id"] for row in named} & finished(self.journals)
+
+    def put_aside(self) -> None:
+        """Move the results into a folder of their own, where they are told, judged and compared as before;
+        runs that the next plan has, too, are found there and here.
+        """
+        folder = no_link(self.folder / EARLIER)
+        aside = own_folder(folder / str(1 + len(list(folder.glob("*")))))
+        own_folder(aside / JOURNALS)
+        for file in (self.folder / PLAN, *self.journals.iterdir()):
+            with file.open("rb") as old, new_file(aside / file.relative_to(self.folder)) as new:
+                shutil.copyfileobj(old, new)
+        for name in (TABLE, *PAGES):
+            if (self.folder / name).is_file():
+                (self.folder / name).rename(aside / name)
+        print(f"note    the runs of other limits or another version of a file are kept in {aside}")
+
+    def runs(self) -> Iterator[PlannedRun]:
+        """The runs of the plan as they were called when it was made, in order."""
+        file = self.journals / RUNS
+        if file.is_file():
+            end = self.first + len(self.plan.points) if self.plan.points else None
+            rows = _rows(file, self.first, end)
+            yield from (PlannedRun(**{**row, **{n: json.loads(row[n]) for n in NESTED}}) for row in rows)
+            return
+        names = {_key(result): result["id"] for result in read_journals(self.journals)}
+        for run in self.plan.runs():  # a folder of version 0.2: by what they are, their names say too much
+            yield replace(run, id=names.get(_key(_about(run)), run.id))
+
+    @property
+    def changed(self) -> str:
+        """Names of the files that are not as they were when its runs were made; "" where all are."""
+        return changed_since(self.plan.made_of)
+
+    @property
+    def version(self) -> str:
+        """Of these files as they are now, in a few letters."""
+        now = json.dumps(hashes_by_path(list(self.plan.made_of)))
+        return hashlib.sha256(now.encode()).hexdigest()[:6]
+
     def left(self) -> Iterator[PlannedRun]:
         """Runs that are in no journal, each once: two candidates may come to the same scenario."""
         done = finished(self.journals)
-        for run in self.plan.runs():
+        for run in self.runs():
             if run.id not in done:
                 done.add(run.id)
                 yield run
 
     def do(self, workers: int, done: Done, client: Any = None) -> None:
-        """Do what is left on worker processes, or those of a client of dask; `done` gets each result."""
+        """Do what is left on worker processes, or those of a client of dask; `done` gets each result.
+
+        InputError where a file of the plan is changed meanwhile.
+        """
+
+        def unchanged(result: Result) -> None:
+            if result["verdict"] == CHANGED:
+                expected = "expected as it was: it was changed while runs were made; those before are kept"
+                raise InputError("file", result["reason"], expected)
+            done(result)
+
         if client is not None:
-            run_on_cluster(self.left(), self.journals, client, done)
+            run_on_cluster(self.left(), self.journals, client, unchanged)
         else:
-            run_all(self.left(), self.journals, workers, done)
+            run_all(self.left(), self.journals, workers, unchanged)
 
     def do_share(self, share: int, of: int, done: Done) -> None:
         """Do what is left of one share of the plan (1..of), in this process."""
@@ -67,8 +146,7 @@ class Session:
         mine = (run for run in self.left() if int(run.id, 16) % of == share - 1)
         for chunk in in_chunks(mine, 1):
             for result in results_in(chunk, fields, do_run):
-                journal.add(result)
-                done(result)
+                done(journal.add(result))
         journal.close()
 
     def results(self) -> list[Result]:
@@ -77,39 +155,36 @@ class Session:
             return list(self._each(stored))
 
     def _each(self, stored: Stored) -> Iterator[Result]:
-        for run in self.plan.runs():
+        for run in self.runs():
             if (found := stored.get(run.id)) is not None:
                 whole = {**found, **_about(run)}  # another candidate may have come to the same scenario
                 yield from (whole, *in_shadow(whole, run.shadows))
 
     def cells(self, *, again: bool = False) -> list[Cell]:
-        """Judged cells; again: against the limits that the cases have now."""
+        """Judged cells; again: against the limits that the cases have now. InputError where one is gone."""
+        there = {case.name for case in self.plan.found}
+        planned = Counter((run.case, run.candidate) for run in self.runs())
+        if gone := sorted({case for case, _ in planned} - there):
+            expected = "expected the cases by whose limits the stored runs are judged; nothing was changed"
+            raise InputError("cases", ", ".join(gone), expected)
+        counts = {case: count for (case, name), count in planned.items() if name == self.plan.steering[0]}
         with Stored(self.journals) as stored:
             results = self._each(stored)
             if again:
                 now = {case.name: PresentLimits(case) for case in self.plan.found}
                 results = (now[result["case"]].judge(result) for result in results)
-            return cells_of(self.plan.found, self.plan.candidates, self.plan.counts, results)
+            return cells_of(self.plan.found, self.plan.candidates, counts, results)
 
     def table(self) -> Path:
-        """Write results.parquet, its rows in the order of their names."""
-        names = np.fromiter((int(run.id, 16) for run in self.plan.runs()), np.uint64)
-        shadows = sorted(set(self.plan.candidates) - set(self.plan.steering))
-
-        def rows() -> Iterator[Result]:
-            for number in np.argsort(names, kind="stable").tolist():
-                if (found := stored.get(f"{int(names[number]):0{ID_LENGTH}x}")) is not None:
-                    whole = {**found, **self.plan.about(number)}
-                    yield from (whole, *in_shadow(whole, shadows))
-
+        """Write results.parquet, its rows in the order of the plan."""
         with Stored(self.journals) as stored:
-            return write_rows(self.folder, rows(), stored.metrics)
+            return write_rows(self.folder, self._each(stored), stored.metrics)
 
     def run_of(self, name: str) -> tuple[PlannedRun, Result | None]:
         """A run by its name or the beginning of it, with its result. InputError when there is none, or
         several.
         """
-        found = {run.id: run for run in self.plan.runs() if run.id.startswith(name)}
+        found = {run.id: run for run in self.runs() if run.id.startswith(name)}
         if len(found) != 1:
             raise InputError(
                 "run", name, f"expected the name of one run of {self.folder}, {len(found)} begin with it"
@@ -122,14 +197,35 @@ def _about(run: PlannedRun) -> dict[str, Any]:
     return {"case": run.case, "candidate": run.candidate, "point": dict(run.point), "seed": run.seed}
 
 
+def _row(run: PlannedRun) -> dict[str, Any]:
+    plain = {f.name: getattr(run, f.name) for f in fields(run)}
+    return {**plain, **{name: json.dumps(plain[name]) for name in NESTED}}
+
+
+def _rows(file: Path, first: int, end: int | None) -> Iterator[dict[str, Any]]:
+    """Rows of a file of planned runs."""
+    if not file.is_file() or end == first:
+        return
+    import pyarrow.parquet as pq
+
+    with readable("runs", "the runs of a plan", file), pq.ParquetFile(file) as found:
+        yield from islice((row for some in found.iter_batches(ROWS) for row in some.to_pylist()), first, end)
+
+
+def _key(about: Result) -> str:
+    """What a run is, whatever it is called."""
+    return json.dumps([about[name] for name in ("case", "candidate", "point", "seed")], sort_keys=True)
+
+
 def begin(folder: Path, plan: Plan, candidates: Path | None = None) -> Session:
     """A session in a new folder, or the one that is there with the same plan. InputError for another plan.
 
-    candidates: the file that names them
+    candidates: the file that names them. Results that do not count any more, of other limits or made by
+    another version of a file, are put aside under `earlier`.
     """
     file = folder / PLAN
-    text = plan.text
-    if file.is_file() and _but_limits(read_text(file, "--out", "a plan")) != _but_limits(text):
+    text = plan.text_in(folder)
+    if file.is_file() and _as_asked(read_text(file, "--out", "a plan")) != _as_asked(text):
         expected = (
             "expected a new folder: in this one lie results of another plan, or of another version of swath"
         )
@@ -137,9 +233,12 @@ def begin(folder: Path, plan: Plan, candidates: Path | None = None) -> Session:
     if not file.is_file():
         check_folder(folder, (PLAN,), "function test")
     plan.check(candidates)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_whole(file, text)
-    return Session(folder, plan)
+    session = Session(folder, plan)
+    old = session.counted()
+    if old and not old <= {run.id for run in plan.runs()}:
+        session.put_aside()
+    session.write()
+    return session
 
 
 def claim_folder(file: Path, asked: Any, what: str) -> None:
@@ -156,6 +255,14 @@ def claim_folder(file: Path, asked: Any, what: str) -> None:
         other = "; ".join(f"{k} {was[k]!s:.40}, now {now[k]!s:.40}" for k in now if was[k] != now[k])
         expected = f"expected a new folder: this one holds another {what.split()[-1]} ({other})"
         raise InputError("--out", str(file.parent), expected)
+    check_version(file.parent)
+
+
+def check_version(folder: Path, key: str = "--out") -> None:
+    """InputError for a folder whose runs were made by another version of a file."""
+    if (folder / PLAN).is_file() and (names := open_session(folder).changed):
+        expected = f"expected a new folder: the runs in this one are of another version of {names}"
+        raise InputError(key, str(folder), expected)
 
 
 def read_asked(file: Path, kind: type[Asked], what: str) -> Asked | None:
@@ -169,13 +276,13 @@ def read_asked(file: Path, kind: type[Asked], what: str) -> Asked | None:
         raise InputError(file.name, None, f"expected {what}: {error}", file=file) from error
 
 
-def _but_limits(text: str) -> str:
-    """A plan without the limits of its cases: runs with other limits are done beside those that are there."""
+def _as_asked(text: str) -> str:
+    """A plan without the limits of its cases and the contents of its files: others are another version."""
     try:
         data: dict[str, Any] = json.loads(text)
     except ValueError:
         return text
-    return json.dumps({key: value for key, value in data.items() if key != "expects"})
+    return json.dumps({key: value for key, value in data.items() if key not in ("expects", "made_of")})
 
 
 def open_session(folder: Path, *, same_code: bool = True) -> Session:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_scenario_options
+from swath.terminal.options import add_replace, add_scenario_options
 
 
 def add(parsers: Any) -> None:
@@ -17,6 +17,7 @@ def add(parsers: Any) -> None:
         help="slots that play the log, e.g. combine.lidar,odometry (default: motion and all sensors)",
     )
     add_scenario_options(parser)
+    add_replace(parser)
     parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
     parser.set_defaults(run=run)
 
@@ -30,7 +31,9 @@ def run(args: argparse.Namespace) -> int:
     slots = None if args.slots is None else [s.strip() for s in args.slots.split(",") if s.strip()]
     rerun = plan_rerun(args.source, slots=slots, sets=args.sets, seed=args.seed)
     scenario = rerun.scenario
-    out = choose_run_folder(scenario.name, scenario.seed, args.out, what="rerun")
+    out = choose_run_folder(
+        scenario.name, scenario.seed, args.out, what="rerun", summary=scenario.summary, replace=args.replace
+    )
     result = rerun.run(out, progress=not args.quiet)
     if args.quiet:
         print(out)

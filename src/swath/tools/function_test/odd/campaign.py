@@ -23,9 +23,9 @@ from swath.tools.function_test.odd.causes import Cause, causes_of
 from swath.tools.function_test.odd.cells import OddCell, judged, needed_each
 from swath.tools.function_test.odd.coverage import Coverage, coverage_of, driven_of
 from swath.tools.function_test.odd.design import Design
-from swath.tools.function_test.plan import Plan, code_hash, commit
+from swath.tools.function_test.plan import AS_SET, Plan, code_hash, commit
 from swath.tools.function_test.pool import Done
-from swath.tools.function_test.session import PLAN, Session, read_asked
+from swath.tools.function_test.session import Session, check_version, read_asked
 
 CAMPAIGN, ODD_FILE, CASE_FILE = "campaign.json", "campaign.odd.yaml", "campaign.yaml"
 ROUND = 50  # runs between two looks at what was driven
@@ -101,8 +101,7 @@ def conduct(
         if not points:
             part.plan.check()
         points += new
-        plan = json.loads(_session(folder, campaign, points).plan.text)
-        write_whole(folder / PLAN, json.dumps({**plan, "cases": CASE_FILE}, indent=2) + "\n")
+        part.write()
         part.do(workers, done, client)
         for result in part.results():
             results.append(result)
@@ -133,7 +132,8 @@ def _session(folder: Path, campaign: Campaign, points: Sequence[Point], first: i
     """The runs at some points, of which the first has this number in the campaign; its seed is one more."""
     chosen = tuple((number, point) for number, point in enumerate(points, first + 1))
     case = str((folder / CASE_FILE).resolve())
-    return Session(folder, Plan(case, sets=campaign.sets, level=campaign.level, points=chosen))
+    level = campaign.level or AS_SET  # what the binding sets is driven; what it cannot carry is not judged
+    return Session(folder, Plan(case, sets=campaign.sets, level=level, points=chosen), first)
 
 
 def _claim_folder(folder: Path, campaign: Campaign, odd: Odd) -> Campaign:
@@ -150,6 +150,7 @@ def _claim_folder(folder: Path, campaign: Campaign, odd: Odd) -> Campaign:
                 "expected a new folder: this one holds another campaign, or one of another ODD or other code"
             )
             raise InputError("--out", str(folder), expected)
+        check_version(folder)
         is_longer = campaign.budgets[-1] > before.budgets[-1]
         campaign = replace(before, budgets=(*before.budgets, *campaign.budgets)) if is_longer else before
     else:

@@ -3,8 +3,7 @@ ODD.
 
 A run has one value of every attribute at each metre: as measured where the attribute has a quantity of the
 run, as set where it has none. It counts for the verdict of the one pair of buckets, of two attributes, in
-which it drove the longest way, so it is counted once; a run that came to nothing counts where it was meant to
-drive.
+which it drove the longest way, so it is counted once; one that came to an error counts nowhere.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,7 +16,7 @@ from swath.runtime.met import EVERY_M
 from swath.runtime.met import SUMMARY as MET
 from swath.signals import F64
 from swath.tools.function_test.journal import Result
-from swath.tools.function_test.judged import UNJUDGED
+from swath.tools.function_test.judged import UNCOUNTED
 from swath.tools.function_test.odd.binding import Axis, Odd
 from swath.tools.function_test.odd.openodd import Value
 
@@ -57,8 +56,8 @@ class Driven:
 
     @property
     def is_judged(self) -> bool:
-        """No limit of it rests on a level outside its checked range."""
-        return bool(self.result["verdict"] != UNJUDGED)
+        """It came to no error, and no limit of it rests on a level outside its checked range."""
+        return self.result["verdict"] not in UNCOUNTED
 
     @property
     def counts(self) -> bool:

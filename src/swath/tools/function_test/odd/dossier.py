@@ -22,8 +22,10 @@ from swath.core.whole_file import write_whole
 from swath.report.html import write_page
 from swath.runtime.credibility import span
 from swath.runtime.met import QUANTITIES
-from swath.tools.function_test.cells import cells_of
-from swath.tools.function_test.judged import beyond
+from swath.tools.function_test.cells import cells_of, errors_of
+from swath.tools.function_test.fidelity import levels_of
+from swath.tools.function_test.in_step import is_number
+from swath.tools.function_test.judged import ERROR, beyond
 from swath.tools.function_test.junit import write_junit
 from swath.tools.function_test.odd.campaign import ODD_FILE, Conducted
 from swath.tools.function_test.odd.causes import (
@@ -52,7 +54,7 @@ from swath.tools.function_test.odd.trace import (
 )
 from swath.tools.function_test.one_run import scenario_of
 from swath.tools.function_test.page import write_matrix
-from swath.tools.function_test.plan import code_hash, commit
+from swath.tools.function_test.plan import code_hash, commit, looked_at
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
 
 COLOURS = {SHOWN: "#2f9e77", BROKEN: "#d55e00", NOT_SHOWN: "#e3cf86", NEVER: "#c9ced4"}
@@ -102,8 +104,11 @@ def summary_of(found: Conducted, cells: Sequence[OddCell]) -> Summary:
         )
     lines += _told(explained(found.coverage, cells, causes, found.claim))
     lines += _elsewhere(found)
-    if unjudged := len(found.coverage.runs) - len(tried):
+    errors = [run.result["reason"] for run in found.coverage.runs if run.result["verdict"] == ERROR]
+    if unjudged := len(found.coverage.runs) - len(tried) - len(errors):
         lines.append(f"{unjudged} runs not judged: a level was outside the range in which it was checked")
+    if errors:
+        lines.append(errors_of(len(errors), len(found.coverage.runs), errors[0]))
     short = _short(found, cells)
     if short:
         lines.append(short)
@@ -170,7 +175,7 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
             "fewest runs counted for a pair": str(_fewest(cells)),
             "requirement": found.odd.file.requirement or None,
             "ODD version": found.odd.domain.version or None,
-            "LiDAR level": found.campaign.level or "that of the scenario",
+            "LiDAR level": _lidar_levels(found),
             "swath": __version__,
         },
         overall=_overall(tried),
@@ -310,7 +315,7 @@ def _by_limit(found: Conducted) -> list[list[str]]:
     rows = [
         [n, str(broken[n]), str(alone[n]), str(unmeasured[n])] for n, _ in (broken + unmeasured).most_common()
     ]
-    errors = sum(run.result["verdict"] == "error" for run in found.coverage.runs)
+    errors = sum(run.result["verdict"] == ERROR for run in found.coverage.runs)
     rows += [["ended before a limit was measured", "", "", str(nothing)]] if nothing else []
     return [*rows, *([["run came to nothing", str(errors), "", ""]] if errors else [])]
 
@@ -453,10 +458,25 @@ def again_all(found: Conducted) -> str:
     return command("test", "run", "--odd", file, "--runs", asked.budgets[-1], *sets, *level, "--out", "DIR")
 
 
+def _lidar_levels(found: Conducted) -> str:
+    """What the scanners of the runs were driven at, and in how many where they differ."""
+    kinds: Counter[tuple[str, ...]] = Counter()
+    for run in found.session.runs():
+        kinds[run.scenario, *(text for text in run.sets if not is_number(text))] += 1
+    levels: Counter[str] = Counter()
+    for (scenario, *sets), count in kinds.items():
+        try:
+            driven = sorted(set(levels_of(looked_at(scenario, sets), "lidar").values()))
+        except InputError:  # a file of it is not there any more
+            driven = ["not known"]
+        levels[", ".join(driven) or "no scanner"] += count
+    return "; ".join(name if len(levels) == 1 else f"{name}: {n} runs" for name, n in levels.items())
+
+
 def _levels(found: Conducted) -> list[list[str]]:
     """Of every slot of the first run its level and the ranges in which that was checked."""
     try:
-        scenario = scenario_of(next(found.session.plan.runs()))
+        scenario = scenario_of(next(found.session.runs()))
     except InputError:  # a file of it is not there any more
         return []
     rows = []

@@ -1,0 +1,103 @@
+"""What a part that is not swath's own sends is checked before anybody reads it: types, finiteness, ranges.
+
+A part of a user, of a package or behind a link may give anything. swath's own parts are held by tests, so
+that only the others pay for this.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from math import inf, isfinite
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from swath.core.component import Outputs, Port
+from swath.core.errors import InputError, shortened
+from swath.core.fault import NOTHING, Fault, FaultyOutput
+from swath.core.frames import Pose
+from swath.core.signal import Quantity, Signal, per_signal
+
+Check = Callable[[Any], bool]
+
+
+class CheckedOutput(FaultyOutput):
+    """Checks the outputs of one slot before a fault is at work on them, if one is.
+
+    slot: its full name; part: where the component comes from, `file.py:Class` or a level
+    """
+
+    def __init__(self, slot: str, part: str, outputs: Sequence[Port], fault: Fault = NOTHING) -> None:
+        super().__init__(fault, outputs)
+        self.slot, self.part = slot, part
+        self._signals = {port.name: port.signal for port in outputs}
+
+    def pass_on(self, t: int, outputs: Outputs) -> Outputs:
+        """As `FaultyOutput`. InputError for what no sample can hold."""
+        if not isinstance(outputs, dict) or not outputs.keys() <= self._signals.keys():
+            raise self._error("", outputs, f"expected a dict of {', '.join(self._signals)}")
+        for name, sample in outputs.items():
+            signal = self._signals[name]
+            if not isinstance(sample, signal):
+                raise self._error(f".{name}", sample, f"expected a {signal.__name__}")
+            for field, fits, expected in _checks(signal):
+                value = getattr(sample, field)
+                try:
+                    is_right = fits(value)
+                except (TypeError, ValueError, AttributeError):
+                    is_right = False
+                if not is_right:
+                    raise self._error(f".{name}.{field}", value, f"expected {expected}")
+        return outputs if self.fault is NOTHING else super().pass_on(t, outputs)
+
+    def _error(self, key: str, value: Any, expected: str) -> InputError:
+        given = value if isinstance(value, float | int) else shortened(repr(value), 80)
+        return InputError(f"{self.slot}{key}", given, expected, file=self.part)
+
+
+@per_signal
+def _checks(signal: type[Signal]) -> list[tuple[str, Check, str]]:
+    """Of each field of a sample type its name, what holds for a right value, and that in words."""
+    hints, found = get_type_hints(signal, include_extras=True), list[tuple[str, Check, str]]()
+    for field in fields(signal):
+        hint = hints[field.name]
+        if get_origin(hint) is not Annotated:
+            continue
+        kind, quantity = get_args(hint)[:2]
+        low, high = quantity.span
+        low = max(low, 0.0) if field.name.endswith("_sd") else low
+        what = "finite" if (low, high) == (-inf, inf) else f"from {low:g} to {high:g}"
+        nan = f", or nan: {quantity.nan}" if quantity.nan else ""
+        if kind is bool:
+            found.append((field.name, lambda value: value in (True, False), "true or false"))
+        elif kind in (float, int):
+            found.append((field.name, _number(low, high, bool(nan)), f"a number, {what}{nan}"))
+        elif kind is Pose:
+            found.append((field.name, _is_pose, "a Pose, finite"))
+        elif get_origin(kind) is np.ndarray:
+            shape = f"({', '.join(map(str, quantity.shape))})"
+            found.append((field.name, _array(low, high, quantity), f"an array {shape}, {what}{nan}"))
+    return found
+
+
+def _number(low: float, high: float, may_be_nan: bool) -> Check:
+    if may_be_nan:
+        return lambda value: (isfinite(value) and low <= value <= high) or value != value
+    return lambda value: isfinite(value) and low <= value <= high
+
+
+def _array(low: float, high: float, quantity: Quantity) -> Check:
+    dimensions, least = len(quantity.shape), np.fmin.reduce if quantity.nan else np.minimum.reduce
+    most = np.fmax.reduce if quantity.nan else np.maximum.reduce
+
+    def fits(value: Any) -> bool:
+        if value.dtype.kind != "f":
+            return value.dtype.kind in "iub" and value.ndim == dimensions
+        ends = least(value, axis=None, initial=inf), most(value, axis=None, initial=-inf)
+        is_within = -inf != ends[0] >= low and inf != ends[1] <= high
+        return value.ndim == dimensions and bool(is_within)
+
+    return fits
+
+
+def _is_pose(value: Pose) -> bool:
+    return bool(np.isfinite(value.position).all() and np.isfinite(value.rotation).all())

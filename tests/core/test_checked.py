@@ -1,0 +1,105 @@
+"""What a part of somebody else sends: types, ranges and finiteness of every sample, with file and field."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from swath.commands.main import main
+from swath.core.checked import CheckedOutput
+from swath.core.component import Port
+from swath.core.errors import InputError
+from swath.signals import CropEdge, SpeedCommand
+from swath.signals.field_map import FieldMap
+
+NAN = float("nan")
+EDGE = CropEdge(0, 0.1, 0.0, 0.0, 5.0, 0.9, 0.8, 0.2)
+CHECKED = CheckedOutput("combine.edge", "/home/me/my.py:Mine", (Port("edge", CropEdge),))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{}, {"offset": NAN, "heading": NAN}, {"confidence": 1}, {"confidence": np.float64(0.5)},
+     {"offset_sd": np.float32(0.1)}, {"is_held": True}, {"is_held": np.bool_(True)}, {"confidence": 0.0}],
+)  # fmt: skip
+def test_what_a_sample_can_hold_passes(change):
+    sent = {"edge": replace(EDGE, **change)}
+    assert CHECKED.pass_on(0, sent) is sent
+    assert CHECKED.pass_on(20_000_000, {}) == {}
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "expected"),
+    [
+        ("confidence", 9, "from 0 to 1"),
+        ("confidence", NAN, "from 0 to 1"),
+        ("confidence", "0.5", "from 0 to 1"),
+        ("offset", float("inf"), "finite, or nan: no edge"),
+        ("offset", "near", "finite, or nan: no edge"),
+        ("offset", None, "finite, or nan: no edge"),
+        ("offset", np.zeros(3), "finite, or nan: no edge"),
+        ("offset_sd", -0.1, "from 0 to inf, or nan: not known"),
+        ("is_held", 0.5, "true or false"),
+    ],
+)
+def test_what_none_can_hold_is_refused_with_file_and_field(field, value, expected):
+    with pytest.raises(InputError) as found:
+        CHECKED.pass_on(0, {"edge": replace(EDGE, **{field: value})})
+    text = str(found.value)
+    assert f"combine.edge.edge.{field} = " in text
+    assert expected in text
+    assert "/home/me/my.py:Mine" in text
+
+
+@pytest.mark.parametrize(
+    "sent", ["text", None, {"edge": "text"}, {"edge": SpeedCommand(0, 1.0)}, {"x": EDGE}]
+)
+def test_another_type_is_refused(sent):
+    with pytest.raises(InputError, match=r"combine\.edge.*my\.py:Mine"):
+        CHECKED.pass_on(0, sent)
+
+
+def test_arrays():
+    checked = CheckedOutput("combine.map", "my.py:Map", (Port("map", FieldMap),))
+    right = FieldMap(0, np.arange(3.0), np.array([NAN, 0.5, 1.0]), np.full(3, NAN), np.zeros(3), 9.0)
+    assert checked.pass_on(0, {"map": right})
+    assert checked.pass_on(0, {"map": replace(right, grain=np.zeros(0), ahead=np.zeros(0))})
+    for field, value in (("ahead", np.array([0.0, NAN])), ("grain", np.array([0.0, np.inf])),
+                         ("grain_sd", np.array([-1.0])), ("ahead", [0.0, 1.0]), ("ahead", np.zeros((2, 2))),
+                         ("ahead", np.array(["a"]))):  # fmt: skip
+        with pytest.raises(InputError, match=rf"map\.{field}"):
+            checked.pass_on(0, {"map": replace(right, **{field: value})})
+
+
+WRONG = """
+from dataclasses import replace
+
+from swath.control.edge import otsu
+
+
+class Mine(otsu.Otsu):
+    \"\"\"Sure of nothing else.\"\"\"
+
+    Params = otsu.EdgeParams
+
+    def step(self, t, dt, inputs):
+        sent = super().step(t, dt, inputs)
+        return {name: replace(edge, confidence=9.0) for name, edge in sent.items()} if t > 1e9 else sent
+"""
+
+
+def test_a_run_with_a_wrong_part_ends_with_its_file_and_field(tmp_path, capsys):
+    (tmp_path / "my.py").write_text(WRONG, encoding="utf-8")
+    sets = [
+        f"combine.edge.level={tmp_path / 'my.py'}:Mine",
+        "combine.lidar.level=empirical",
+        "run.distance_m=6",
+    ]
+    changes = [word for text in sets for word in ("--set", text)]
+    assert (
+        main(["run", "straight", *changes, "--out", str(tmp_path / "run"), "--no-report", "--no-replay"]) == 2
+    )
+    said = capsys.readouterr().err
+    assert "combine.edge.edge.confidence = 9.0: expected a number, from 0 to 1" in said
+    assert "my.py" in said
+    assert "mistake in swath" not in said
