@@ -31,7 +31,7 @@ from annotated_types import Ge, Gt, Le
 
 from swath.control.inclination import CRAB, Inclination
 from swath.control.inertial_memory import SAMPLES, AllInertial
-from swath.control.steer.plant_model import SLIP_LIMIT, ActuatorModel, SlipObserver
+from swath.control.steer.plant_model import PREVIEW, SLIP_LIMIT, ActuatorModel, SlipObserver
 from swath.control.yaw_rate import YawRate
 from swath.core.component import Port, State
 from swath.core.errors import SwathError
@@ -43,8 +43,6 @@ from swath.core.units import CM, DEG
 from swath.kernels import Rows, repeatable, shared
 from swath.signals import CropEdge, Inertial, Odometry, SteerCommand
 from swath.signals.setup import ControlSetup
-
-PREVIEW, STANLEY, PURE_PURSUIT = range(3)  # laws of the kernel
 
 
 @dataclass(frozen=True)

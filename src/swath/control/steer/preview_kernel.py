@@ -6,7 +6,7 @@ import warp as wp
 
 from swath.control import inclination, yaw_rate
 from swath.control.inertial_kernel import incline, turn
-from swath.control.steer import plant_model, preview
+from swath.control.steer import plant_model
 from swath.kernels import constants, exact_code
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
@@ -19,7 +19,7 @@ GRAVITY, CRAWL, BETTER, FORGET = constants(
 )
 SURE, AGAIN, LONGEST = constants(plant_model.SURE, yaw_rate.AGAIN_S, yaw_rate.LONGEST_S)
 STEEPEST, SLIP_LIMIT = constants(plant_model.STEEPEST, plant_model.SLIP_LIMIT)
-STANLEY_LAW, PURSUIT_LAW = constants(preview.STANLEY, preview.PURE_PURSUIT)
+STANLEY_LAW, PURSUIT_LAW = constants(plant_model.STANLEY, plant_model.PURE_PURSUIT)
 
 
 @wp.func_native(exact_code(Path(__file__).parent.parent / "yaw_bias.cpp"))

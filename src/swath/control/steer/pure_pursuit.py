@@ -6,7 +6,8 @@ lies beside where the header end is carried. The circle is the fixed axle's, whe
 It cuts bends: a rival of `preview`, with the same prediction and slip observer.
 """
 
-from swath.control.steer.preview import PURE_PURSUIT, Params, Preview
+from swath.control.steer.plant_model import PURE_PURSUIT
+from swath.control.steer.preview import Params, Preview
 from swath.core.registry import Level
 
 

@@ -7,7 +7,8 @@ mirror image of the steered axle, against the line that it draws when the header
 is the preview distance. A rival of `preview`, which takes both at the header end, with the same prediction.
 """
 
-from swath.control.steer.preview import STANLEY, Params, Preview
+from swath.control.steer.plant_model import STANLEY
+from swath.control.steer.preview import Params, Preview
 from swath.core.registry import Level
 
 
