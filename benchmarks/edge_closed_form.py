@@ -1,4 +1,4 @@
-"""Edge detectors past the closed-form canopy of the tests: accuracy, false alarms, cost of a scan.
+"""Level `otsu` past the closed-form canopy of the tests: accuracy, false alarms, cost of a scan.
 
     python benchmarks/edge_closed_form.py [--scans 300] [--seeds 3]
 
@@ -19,7 +19,6 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "control"))
 from closed_loop import Course
 from edge_drive import EdgeSensor, drive, errors
 
-from swath.control.edge.max_likelihood import MaxLikelihood
 from swath.control.edge.otsu import Otsu
 
 DEG, CM = np.pi / 180.0, 100.0
@@ -102,10 +101,9 @@ def main() -> None:
         "found where there is only crop or only stubble",
         "processor time per scan (200 beams)",
     )
-    cells = [column(level, args.scans, args.seeds) for level in (MaxLikelihood, Otsu)]
-    print("| | max_likelihood | otsu |\n|---|---|---|")
-    for name, one, two in zip(names, *cells, strict=True):
-        print(f"| {name} | {one} | {two} |")
+    print("| | otsu |\n|---|---|")
+    for name, cell in zip(names, column(Otsu, args.scans, args.seeds), strict=True):
+        print(f"| {name} | {cell} |")
 
 
 if __name__ == "__main__":

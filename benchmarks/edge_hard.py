@@ -1,6 +1,6 @@
-"""Hard edges, closed loop: two edge detectors beside each other, on cases that neither was tuned on.
+"""Hard edges, closed loop: edge detectors beside each other, on cases that neither was tuned on.
 
-    python benchmarks/edge_hard.py [--levels max_likelihood likelihood_ratio] [--cases NAME ...]
+    python benchmarks/edge_hard.py [--levels otsu likelihood_ratio] [--cases NAME ...]
 
 Prints a Markdown table, one line per case and level, as soon as a run is over. Lateral error of the header
 end against the edge before any bites, from 8 m on [cm]; `edge`: share of the edge samples with an edge, RMS
@@ -191,7 +191,7 @@ def run(name: str, level: str) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Hard edges: detectors beside each other.")
-    parser.add_argument("--levels", nargs="+", default=["max_likelihood", "likelihood_ratio"])
+    parser.add_argument("--levels", nargs="+", default=["otsu", "likelihood_ratio"])
     parser.add_argument("--cases", nargs="+", default=list(CASES), choices=list(CASES))
     options = parser.parse_args()
     print("| " + " | ".join(HEAD) + " |\n" + "|---" * len(HEAD) + "|")

@@ -3,13 +3,15 @@
     python benchmarks/edge_pairs.py record --pool fitting --number 60 --into scans/
              scans of the drawn cases, driven along the true line; of `plants` unless --lidar empirical, and
              then, too, where that has no table of the crop (a line on stderr says so)
-    python benchmarks/edge_pairs.py detect --from scans/ --levels likelihood_ratio filter --out told.jsonl
+    python benchmarks/edge_pairs.py detect --from scans/ --levels likelihood_ratio otsu --out told.jsonl
     python benchmarks/edge_pairs.py drive --pool final --number 60 --out driven.jsonl        closed loop
     python benchmarks/edge_pairs.py table told.jsonl ... [--each | --beside]     --beside: level beside level
 
-A case depends on its pool and number alone. What is left out while fitting and choosing: two scanners, one
-crop, the edge on the left, mountings above 2.7 m; `final` and `seen` (looked at, to choose by) have all,
-`left_out` only cases with one of them.
+A case depends on its pool and number alone. Pools `building` (looked at) and `judging` (not) draw over all
+axes: stubble of 5 to 45 cm, every crop, scanner, mounting of 1.8 to 3.6 m, side; singles and pairs half and
+half, of twenty cases three and more with a bend. In the others stubble goes with the crop, and what is left
+out while fitting and choosing: two scanners, one crop, the edge on the left, mountings above 2.7 m; `final`
+and `seen` (looked at, to choose by) have all, `left_out` only cases with one of them.
 
 The line that a detector shall tell is the one to be steered along: the edge without its gaps, with the mean
 of its teeth over some metres. Errors count from 8 m on. Sure is a confidence >= 0.5, wrong an error > 30 cm,
@@ -49,7 +51,11 @@ from swath.signals.setup import ControlSetup
 
 Sets = dict[str, Any]
 DISTANCE = 46.0  # m, of a run
-POOLS = {"fitting": 81, "choosing": 4021, "seen": 770077, "final": 6271128, "left_out": 5150}
+POOLS = {
+    "fitting": 81, "choosing": 4021, "seen": 770077, "final": 6271128, "left_out": 5150,
+    "building": 71001, "judging": 71929377,
+}  # fmt: skip
+WIDE, BENDS = ("building", "judging"), (3, 9, 14)  # of twenty cases, with a bend
 SCANNERS = ("sick-lms511-hr", "sick-lms511-sr", "sick-lms111", "sick-lms291", "hokuyo-utm-30lx")
 CROPS = {  # stems per m2, stubble height
     "wheat": (250, 550, 0.15),
@@ -57,7 +63,12 @@ CROPS = {  # stems per m2, stubble height
     "rape": (40, 90, 0.4),
     "soy": (30, 45, 0.08),
     "rye": (250, 450, 0.25),
+    "maize": (7, 11, 0.3),
 }
+ODDS = [0.4, 0.2, 0.15, 0.1, 0.15, 0.0]
+WIDE_ODDS = [0.3, 0.16, 0.14, 0.1, 0.16, 0.14]
+STUBBLE, TALLEST_STUBBLE = (0.05, 0.45), 0.6  # m; of the crop's height
+HEIGHTS = {"wheat": 0.85, "barley": 0.8, "rape": 1.4, "soy": 0.85, "rye": 1.4, "maize": 2.4}  # m, usual
 UNSEEN_SCANNERS, UNSEEN_CROP, UNSEEN_HEIGHT = ("sick-lms291", "hokuyo-utm-30lx"), "rye", 2.7
 TEETH_OVER = 2.0  # m: standard deviation of the weights with which teeth are averaged to a line
 
@@ -200,8 +211,8 @@ def case(pool: str, number: int) -> dict[str, Any]:
     """Kinds, facts and settings of one case. Every fifth is plain, two of five are pairs."""
     rng = np.random.default_rng([POOLS[pool], number])
     while True:
-        drawn = _drawn(rng, number)
-        if pool in ("seen", "final") or is_left_out(drawn) == (pool == "left_out"):
+        drawn = _drawn(rng, number, is_wide=pool in WIDE)
+        if pool in ("seen", "final", *WIDE) or is_left_out(drawn) == (pool == "left_out"):
             return drawn
 
 
@@ -215,23 +226,30 @@ def is_left_out(drawn: Mapping[str, Any]) -> bool:
     )
 
 
-def _drawn(rng: np.random.Generator, number: int) -> dict[str, Any]:
-    scanner, crop = str(rng.choice(SCANNERS)), str(rng.choice(list(CROPS), p=[0.4, 0.2, 0.15, 0.1, 0.15]))
+def _drawn(rng: np.random.Generator, number: int, *, is_wide: bool) -> dict[str, Any]:
+    scanner, crop = str(rng.choice(SCANNERS)), str(rng.choice(list(CROPS), p=WIDE_ODDS if is_wide else ODDS))
     on = str(rng.choice(["left", "right"]))
     height, pitch = rng.uniform(1.9, 3.1), rng.uniform(12, 22)
+    if is_wide:
+        height = rng.uniform(1.8, 3.6)
+        pitch = float(np.degrees(np.arctan2(height, rng.uniform(6.0, 11.0))))
     machine, width = (
         str(rng.choice(["lexion-700-class", "combine-5m"])),
         float(rng.choice([5.4, 6.6, 7.5, 9.0])),
     )
-    speed, count = rng.uniform(3, 12), (0, 1, 1, 2, 2)[number % 5]
+    speed, count = rng.uniform(3, 12), 1 + number % 2 if is_wide else (0, 1, 1, 2, 2)[number % 5]
     side = 1.0 if on == "left" else -1.0
     while True:
         kinds = sorted(str(k) for k in rng.choice(list(KINDS), count, replace=False))
-        if not any(len(group & set(kinds)) > 1 for group in ALIKE) and not (
-            crop in ("soy", "rape") and "low" in kinds
+        if (
+            not any(len(group & set(kinds)) > 1 for group in ALIKE)
+            and not (crop in ("soy", "rape", "maize") and "low" in kinds)
+            and (not is_wide or number % 20 not in BENDS or "bend" in kinds)
         ):
             break
     few, many, stubble = CROPS[crop]
+    if is_wide:
+        stubble = rng.uniform(STUBBLE[0], min(STUBBLE[1], TALLEST_STUBBLE * HEIGHTS[crop]))
     sets: Sets = {
         "run.distance_m": DISTANCE,
         "run.max_duration_s": 90,
@@ -255,7 +273,7 @@ def _drawn(rng: np.random.Generator, number: int) -> dict[str, Any]:
     if "thin" in sets:
         sets[f"{STAND}.stems_per_m2"] *= sets.pop("thin") * (1.0 if few > 100 else 2.0)
     if "tall_stubble" in sets:
-        tall = {"wheat": 0.85, "barley": 0.8, "rye": 1.4}[crop] * sets[f"{STAND}.height_factor"]
+        tall = HEIGHTS[crop] * sets[f"{STAND}.height_factor"]
         sets[f"{EDGE}.stubble_height_m"] = sets.pop("tall_stubble") * tall
     return {
         "number": number,
@@ -266,6 +284,7 @@ def _drawn(rng: np.random.Generator, number: int) -> dict[str, Any]:
         "mount": height,
         "pitch": pitch,
         "speed": speed,
+        "stubble": sets[f"{EDGE}.stubble_height_m"],
         "sets": sets,
     }
 
@@ -651,7 +670,7 @@ def main() -> None:
         p.add_argument("--first", type=int, default=0)
         p.add_argument("--every", type=int, default=1)
         p.add_argument("--lidar", default="plants", choices=["plants", "empirical"])
-        p.add_argument("--levels", nargs="+", default=["likelihood_ratio", "filter"])
+        p.add_argument("--levels", nargs="+", default=["likelihood_ratio"])
         p.add_argument("--into", type=Path, default=Path("scans"))
         p.add_argument("--from", dest="scans", type=Path, default=Path("scans"))
         p.add_argument("--out", type=Path, default=Path("told.jsonl"))

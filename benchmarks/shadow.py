@@ -22,13 +22,13 @@ DETECTORS = (
     "{level: likelihood_ratio}",
     "{level: likelihood_ratio, hold_m: 2}",
     "{level: likelihood_ratio, crab: 0}",
-    "{level: max_likelihood}",
-    "{level: max_likelihood, gate_m: 0.2}",
-    "{level: max_likelihood, gate_m: 0.7}",
-    "{level: max_likelihood, learn_m: 0}",
     "{level: otsu}",
     "{level: otsu, gate_m: 0.2}",
+    "{level: otsu, gate_m: 0.7}",
     "{level: otsu, learn_m: 0}",
+    "{level: otsu, track_m: 4}",
+    "{level: otsu, min_gain: 30}",
+    "{level: otsu, lean_share: 0}",
 )
 
 

@@ -114,24 +114,27 @@ def step_seen(x, height=2.5, count=241):
     return np.concatenate(points), np.concatenate(times)
 
 
-def heading_for_a_wall(path, columns, *, links=None, child="base_link", height=2.5, pose_z=0.0):
+def heading_for_a_wall(
+    path, columns, *, links=None, child="base_link", height=2.5, pose_z=0.0, clocks=(float, float)
+):
     """A turning head on a machine that drives 4.5 s at 3 m/s towards a step.
 
     columns: of stamp [ns] and times after it [s] to (name, kind, values); links: of /tf_static; child: frame
-    whose poses the odometry gives, pose_z above the ground [m]
+    whose poses the odometry gives, pose_z above the ground [m]; clocks: stamps of poses, sweeps [s]
     """
     bag = Bag(path, "mcap")
     links = links or [("base_link", "laser", Pose.from_euler((0.0, 0.0, height)))]
     bag.write("/tf_static", 0.0, tree(bag, *links))
     for k in range(451):
         t = 0.01 * k
-        odometry = bag.odometry(t, Pose.from_euler((3.0 * t, 0.0, pose_z)), 3.0, 0.0)
+        odometry = bag.odometry(clocks[0](t), Pose.from_euler((3.0 * t, 0.0, pose_z)), 3.0, 0.0)
         odometry.child_frame_id = child
         bag.write("/odom", t, odometry)
         if k % 10 == 0:
             points, late = step_seen(3.0 * t, height)
             if len(points):
-                made = cloud(bag, t, points, *columns(stamp_ns(t), late))
+                stamp = clocks[1](t)
+                made = cloud(bag, stamp, points, *columns(stamp_ns(stamp), late))
                 bag.write("/points", t + 1.0 / RATE_HZ, made)
     bag.close()
     return path

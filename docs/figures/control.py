@@ -9,7 +9,6 @@ import numpy as np
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from swath.control.edge.profile import Reach, make_profile
 from swath.core.component import Outputs
 from swath.field.present_edge import STEP_M, crop_across, edges_of
 from swath.runtime.assembly import assemble
@@ -20,6 +19,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parents[1] / "tests" / "control"))
 
 from closed_loop import Course, Loop  # noqa: E402
+from otsu_in_numpy import Reach, make_profile  # noqa: E402
 
 CROP, STUBBLE, EDGE, TRUTH = "#2a7f3e", "#b07d2b", "#c2185b", "#333333"
 

@@ -24,8 +24,9 @@ from swath.commands.main import main as swath
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.field_io.agopengps import read_agopengps
-from swath.record.read.fields import number_at, pose_of_transform
+from swath.record.read.fields import number_at
 from swath.record.read.files import open_log
+from swath.record.read.frames import pose_of_transform
 from swath.report import plots
 from swath.runtime.job import run_job, run_unrecorded
 from swath.scenario.scenario import load_scenario

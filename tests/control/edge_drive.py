@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from swath.control.edge.detector import EdgeParams
-from swath.control.edge.max_likelihood import MaxLikelihood
+from swath.control.edge.otsu import Otsu, Params
 from swath.core.random import Stream
 from swath.signals import Inertial, Odometry
 from tests.control.closed_loop import Course, setup_of
@@ -18,15 +17,15 @@ class EdgeSensor:
     """Scanner and detector on one machine: call with a pose, get the edge."""
 
     def __init__(
-        self, course, *, level=MaxLikelihood, side="left", hz=25, seed=0, roll_sd=0.0, tilt=0.0, outside=0.3,
-        stand=None, scanner=None, params=None, every=1, dust=0.0, kind=EdgeParams, inertial=0,
+        self, course, *, level=Otsu, side="left", hz=25, seed=0, roll_sd=0.0, tilt=0.0, outside=0.3,
+        stand=None, scanner=None, params=None, every=1, dust=0.0, kind=Params, inertial=0,
     ):  # fmt: skip
         sign = 1.0 if side == "left" else -1.0
         self.mounting = mounting(side, outside=outside)
         world = Stand(lambda x, y: -sign * course.left_of(x, y), **(stand or {}))
         self.scanner = Scanner(world, self.mounting, **(scanner or {}))
         self.period = round(1e9 / hz)
-        upright = {"lean_deg": 0.0, "echo_parts": 1} if kind is EdgeParams else {}
+        upright = {"lean_deg": 0.0, "echo_parts": 1} if kind is Params else {}
         self.level = level(kind(**{**upright, **(params or {})}), setup_of(side, 1 / hz, self.mounting))
         self.level.reset(Stream(1, "edge"))
         self.rng = np.random.default_rng(seed)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from swath.control.edge.canopy_offset import LAYER, TALLEST, CanopyOffset, height_at, stopped
-from swath.control.edge.height_step import Rays
+from swath.control.edge.canopy_offset import LAYER, TALLEST, CanopyOffset, Rays, height_at, stopped
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive as run
@@ -18,7 +17,7 @@ NORMAL[1] /= NORMAL[1, -1]
 
 
 TOP, LIMIT = 0.9, 0.45
-CHAIN = ("run.distance_m=25", "combine.lidar.sub_rays=7", "combine.edge=max_likelihood")
+CHAIN = ("run.distance_m=25", "combine.lidar.sub_rays=7", "combine.edge=otsu")
 
 
 def look(rng, parts, pieces, spread, edge, count=80):

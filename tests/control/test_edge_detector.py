@@ -1,13 +1,11 @@
-"""Detectors against a closed-form canopy with a known edge: accuracy, availability, false alarms, mirror."""
+"""`otsu` against a closed-form canopy with a known edge: accuracy, availability, false alarms, mirror."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from swath.control.edge.detector import EdgeParams
-from swath.control.edge.max_likelihood import MaxLikelihood
-from swath.control.edge.otsu import Otsu
+from swath.control.edge.otsu import Otsu, Params
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.signals import Odometry
@@ -15,7 +13,6 @@ from tests.control.closed_loop import Course, setup_of
 from tests.control.edge_drive import EdgeSensor, drive, errors
 from tests.control.synthetic_edge import Scanner, Stand, hazard_table, mounting
 
-LEVELS = [MaxLikelihood, Otsu]
 DEG = np.pi / 180
 
 
@@ -29,11 +26,10 @@ def test_the_canopy_follows_the_closed_form_of_first_returns():
     assert heights.std() == pytest.approx(0.21, abs=0.02)
 
 
-@pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_straight_edge_in_normal_crop(level, side):
+def test_straight_edge_in_normal_crop(side):
     sign = 1 if side == "left" else -1
-    share, rmse, bias, heading = errors(drive(level=level, side=side, scans=200, roll_sd=1 * DEG))
+    share, rmse, bias, heading = errors(drive(side=side, scans=200, roll_sd=1 * DEG))
     assert share == 1.0
     assert rmse < 0.03
     assert abs(bias * sign) < 0.02
@@ -94,11 +90,10 @@ def test_a_rolled_machine_sees_the_same_edge():
     assert errors(drive(tilt=-2 * DEG))[1] < 0.03
 
 
-@pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize(("tip", "where"), [(0.15, 6.0), (0.85, 100.0), (0.85, -100.0)])
 @pytest.mark.parametrize("density", [200.0, 500.0])
-def test_no_edge_in_stubble_or_in_crop_alone(level, tip, where, density):
-    sense = EdgeSensor(Course(y=where), level=level, stand={"tip": tip, "density": density}, roll_sd=1 * DEG)
+def test_no_edge_in_stubble_or_in_crop_alone(tip, where, density):
+    sense = EdgeSensor(Course(y=where), stand={"tip": tip, "density": density}, roll_sd=1 * DEG)
     found = [sense(sense.period * (i + 1), (0.08 * i, 0.1, 0.0), 2.0, 0.0).is_found for i in range(150)]
     assert not any(found)
 
@@ -160,13 +155,12 @@ def mirrored(scan):
     )
 
 
-@pytest.mark.parametrize("level", LEVELS)
-def test_left_and_right_are_mirror_images(level):
+def test_left_and_right_are_mirror_images():
     left, right = mounting("left"), mounting("right")
     scanner = Scanner(Stand(lambda x, y: 6.0 - y), left)
     a, b = (
-        level(EdgeParams(), setup_of("left", 0.04, left)),
-        level(EdgeParams(), setup_of("right", 0.04, right)),
+        Otsu(Params(), setup_of("left", 0.04, left)),
+        Otsu(Params(), setup_of("right", 0.04, right)),
     )
     a.reset(Stream(1, "a"))
     b.reset(Stream(1, "b"))
@@ -226,7 +220,7 @@ def test_a_saved_detector_goes_on_as_if_nothing_had_happened():
     run(sense.level, 0, 20)
     state = sense.level.save()
     straight = run(sense.level, 20, 40)
-    other = MaxLikelihood(EdgeParams(lean_deg=0.0, echo_parts=1), setup_of("left", 0.04, sense.mounting))
+    other = Otsu(Params(lean_deg=0.0, echo_parts=1), setup_of("left", 0.04, sense.mounting))
     other.reset(Stream(1, "edge"))
     other.load(state)
     assert run(other, 20, 40) == straight
@@ -237,7 +231,7 @@ def test_a_saved_detector_goes_on_as_if_nothing_had_happened():
 def test_a_horizontal_scanner_finds_nothing_and_says_so():
     sensor = Pose.from_euler([4.0, 6.3, 2.4])
     scanner = Scanner(Stand(lambda x, y: 6.0 - y), sensor)
-    level = MaxLikelihood(EdgeParams(), setup_of("left", 0.04, sensor))
+    level = Otsu(Params(), setup_of("left", 0.04, sensor))
     first = level.reset(Stream(1, "edge"))["edge"]
     scan = scanner.scan(40_000_000, (0.0, 0.0, 0.0), np.random.default_rng(1))
     edge = level.step(0, 40_000_000, {"scan": scan, "odometry": Odometry(0, 2.0, 0.0, 0.0)})["edge"]

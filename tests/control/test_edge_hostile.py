@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from swath.control.edge.detector import EdgeParams
-from swath.control.edge.max_likelihood import MaxLikelihood
-from swath.control.edge.otsu import Otsu
+from swath.control.edge import likelihood_ratio, otsu
 from swath.core.random import Stream
 from swath.signals import Odometry, Scan
 from tests.control.closed_loop import setup_of
@@ -16,7 +14,7 @@ from tests.control.synthetic_edge import Scanner, Stand, mounting
 PERIOD = 40_000_000
 MOUNT = mounting()
 GOOD = Scanner(Stand(lambda x, y: 6.0 - y), MOUNT)
-LEVELS = [MaxLikelihood, Otsu]
+LEVELS = [likelihood_ratio.LEVEL, otsu.LEVEL]
 
 ranges = st.one_of(
     st.floats(0.0, 40.0),
@@ -57,10 +55,10 @@ def check(edge):
 
 
 @pytest.mark.parametrize("level", LEVELS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.tuples(scans(), odometry, st.integers(-3, 60)), min_size=1, max_size=8), st.booleans())
 def test_any_scans(level, sequence, is_warm):
-    detector = level(EdgeParams(), setup_of("left", 0.04, MOUNT))
+    detector = level.component(level.params(), setup_of("left", 0.04, MOUNT))
     check(detector.reset(Stream(1, "edge"))["edge"])
     rng = np.random.default_rng(0)
     t = 0
@@ -77,17 +75,16 @@ def test_any_scans(level, sequence, is_warm):
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_no_scan_at_all(level):
-    detector = level(EdgeParams(), setup_of("left", 0.04, MOUNT))
+    detector = level.component(level.params(), setup_of("left", 0.04, MOUNT))
     detector.reset(Stream(1, "edge"))
     edge = detector.step(0, PERIOD, {"scan": None, "odometry": Odometry(0, 2.0, 0.0, 0.0)})["edge"]
     assert not edge.is_found
     assert edge.t == PERIOD
 
 
-@pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("share", [0.1, 0.3, 0.6])
-def test_lost_echoes_and_dust_cost_little(level, share):
-    detector = level(EdgeParams(lean_deg=0.0), setup_of("left", 0.04, MOUNT))
+def test_lost_echoes_and_dust_cost_little(share):
+    detector = otsu.Otsu(otsu.Params(lean_deg=0.0), setup_of("left", 0.04, MOUNT))
     detector.reset(Stream(1, "edge"))
     rng = np.random.default_rng(2)
     for i in range(75):

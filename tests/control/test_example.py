@@ -34,29 +34,6 @@ def test_the_template_finds_a_straight_edge(side, sign):
     assert edge.offset == pytest.approx(5.9 * sign, abs=0.15)
 
 
-RIVALS = ("edge/threshold.py:Threshold", "edge/mixture.py:Mixture", "edge/consensus.py:Consensus")
-
-
-@pytest.mark.parametrize("rival", RIVALS)
-@pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
-def test_rivals_of_the_literature_find_a_straight_edge(rival, side, sign):
-    """Within 5 cm from the 30th scan on, and short: at most 80 lines."""
-    level = REGISTRY.get("edge", rival, base=EXAMPLES)
-    mount = mounting(side)
-    params = level.params(lean_deg=0.0, echo_parts=1)  # upright stems, each of which makes an echo
-    detector = level.component(params, setup_of(side, 0.04, mount))
-    detector.reset(Stream(1, "edge"))
-    scanner, rng = Scanner(Stand(lambda x, y: 6.0 - sign * y), mount), np.random.default_rng(1)
-    errors = []
-    for i in range(60):
-        scan = scanner.scan((i + 1) * 40_000_000, (0.08 * i, 0.1 * sign, 0.0), rng)
-        inputs = {"scan": scan, "odometry": Odometry(0, 2.0, 0.0, 0.0)}
-        errors.append(detector.step(i * 40_000_000, 40_000_000, inputs)["edge"].offset - 5.9 * sign)
-    assert np.abs(errors[30:]).max() < 0.05
-    file = EXAMPLES / rival.partition(":")[0]
-    assert len(file.read_text(encoding="utf-8").splitlines()) <= 80
-
-
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_the_template_of_a_law_steers_the_header_end_to_the_edge(side):
     level = REGISTRY.get("steer", "my_steering_law.py:MySteeringLaw", base=EXAMPLES)
@@ -77,7 +54,7 @@ def test_the_template_of_a_law_steers_the_header_end_to_the_edge(side):
 
 
 def test_built_in_levels_are_found_by_file_name():
-    assert {"filter", "joined", "likelihood_ratio", "otsu"} <= set(REGISTRY.names("edge"))
+    assert {"joined", "likelihood_ratio", "otsu"} <= set(REGISTRY.names("edge"))
     assert {"constant", "path", "preview", "pure_pursuit", "stanley"} <= set(REGISTRY.names("steer"))
     for name in REGISTRY.names("edge"):
         level = REGISTRY.get("edge", name)

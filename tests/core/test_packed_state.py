@@ -133,7 +133,7 @@ FOREIGN = {
     "a function": crafted({"object": [0]}, "swath.commands.main:main"),
     "a module that is not loaded": crafted({"type": 0}, "antigravity:x"),
     "other fields": crafted({"object": [0, 1]}, "swath.signals.commands:SteerCommand"),
-    "a tuple of other length": crafted({"named": [0, 1]}, "swath.control.edge.line_fit:Line"),
+    "a tuple of other length": crafted({"named": [0, 1]}, "swath.control.pose.kalman:Wander"),
     "an object as a tuple": crafted({"named": [0, 1, 2, 3]}, "swath.signals.commands:SteerCommand"),
     "an unknown kind": crafted({"call": [0]}, "swath.signals.commands:SteerCommand"),
     "two kinds": crafted({"list": [], "type": 0}),

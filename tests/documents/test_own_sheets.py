@@ -3,8 +3,11 @@
 import pytest
 
 from swath.commands.main import main
+from swath.core.errors import InputError
 from swath.documents.data_sheets import KINDS, find_sheet, read_sheet, sheet_names
 from swath.field.crop_sheet import load_crop
+from swath.sensing.camera.camera_sheet import load_camera
+from swath.sensing.ground_speed.radar import load_ground_radar
 from swath.sensing.lidar_sheet import load_lidar
 
 SCANNER = """format: swath sensor 2
@@ -58,6 +61,14 @@ def test_all_mistakes_of_a_sheet_are_said_at_once_in_the_units_of_their_keys(tmp
     ):
         assert any(part in line for line in lines), part
     assert all("own.yaml:" in line for line in lines)
+
+
+@pytest.mark.parametrize("load", [load_lidar, load_camera, load_ground_radar])
+def test_a_sheet_of_another_kind_is_one_line(load):
+    """Not one for each of its keys, which the kind explains."""
+    with pytest.raises(InputError, match="kind = radar: expected one of") as caught:
+        load("radar-77ghz-front")
+    assert caught.value.others == ()
 
 
 def test_check_names_what_is_no_sheet(tmp_path, capsys):

@@ -170,8 +170,13 @@ def test_nothing_else_is_overwritten(tmp_path):
         ({"Boundary": ["$Boundary", "False", "99999999999"]}, r"how many points follow .*Boundary.txt:3"),
         (
             {"Boundary": ["$Boundary", "False", "3", "1,nan,3"]},
-            r"expected 2 numbers between commas .*Boundary.txt:4",
+            r"expected 2 or 3 numbers between commas, with decimal points .*Boundary.txt:4",
         ),
+        (
+            {"Boundary": ["$Boundary", "False", "3", "1,5,2,5,0,1"]},
+            r"1,5,2,5,0,1: expected 2 or 3 numbers between commas, with decimal points .*Boundary.txt:4",
+        ),
+        ({"Field": ["StartFix", "48,5,10,25"]}, r"expected 2 numbers between commas.*Field.txt:2"),
         ({"TrackLines": ["AB", "0"]}, r"expected [$]TrackLines .*TrackLines.txt:1"),
         (
             {"TrackLines": ["$TrackLines", "AB", "0", "0,0", "1,1", "0", "two"]},

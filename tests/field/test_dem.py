@@ -86,6 +86,37 @@ def test_heights_are_true_whatever_the_file_writes_them_in(tmp_path, name):
     assert ("is in " in notes) != is_metric
 
 
+BANDS = {  # names of the bands, of which the heights are the second -> what is said
+    ("point count", "elevation"): "band 2 of 1 'point count', 2 'elevation' is taken",
+    ("slope", "DTM 2 m"): "band 2 of",
+    ("red", "Höhe"): "band 2 of",
+    (None, None): None,
+    ("ground height", "canopy height"): None,
+}
+
+
+@pytest.mark.parametrize("names", BANDS)
+def test_of_several_bands_the_one_that_is_called_so_counts(tmp_path, names):
+    path = tmp_path / "a.tif"
+    write(path, heights().astype("f4"))
+    with rasterio.open(path) as file:
+        profile, z = file.profile | {"count": 2}, file.read(1)
+    with rasterio.open(path, "w", **profile) as file:
+        file.write(np.stack([np.full_like(z, 3.0), z]))
+        for n, name in enumerate(names, 1):
+            if name:
+                file.set_band_description(n, name)
+    if BANDS[names] is None:
+        with pytest.raises(
+            InputError, match=r"expected one of heights of the ground; there are 1.*gdal_translate"
+        ):
+            off(path)
+        return
+    error, notes = off(path)
+    assert error < 0.25
+    assert BANDS[names] in notes
+
+
 def test_two_units_of_height_are_told(tmp_path):
     path = write(tmp_path / "a.tif", heights().astype("f4"), crs="EPSG:32632+6360", unit="m")
     assert "two units of height: m of the band is taken, not us-ft" in off(path)[1]

@@ -52,8 +52,8 @@ def test_every_row_of_2018_is_accounted_for(henrys):
 def test_2018_was_shifted_by_its_monitor(henrys, west):
     for report, _ in (henrys, west):
         for machine in report.machines:
-            assert abs(machine["flow_delay_s"]) < 2.5
-            assert machine["flow_delay_agreement"] > 0.25
+            assert abs(machine["flow_delay_s"]) < 2.5 or machine["flow_delay_method"].startswith("not known")
+    assert west[0].machines[0]["flow_delay_s"] == pytest.approx(-1.0, abs=0.2)
 
 
 def test_2018_heights_agree_with_another_interpolation(henrys):

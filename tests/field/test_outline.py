@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.field.projection import origin_at
+from swath.field.projection import origin_at, transform
 from swath.field_io.outline import read_outlines
+from swath.field_io.plan import is_outline
+from swath.field_io.shapefiles import read_points
 
 pytest.importorskip("shapefile")
 pytest.importorskip("shapely")
@@ -226,3 +228,62 @@ def test_a_job_takes_all_outlines_and_leaves_islands_out(name, tmp_path):
     field = read_field(geojson(tmp_path / "a.geojson", *polygons), 9.0)
     assert sum(a.area for a in field.areas) / 1e4 == pytest.approx(area, rel=2e-3)
     assert len(field.areas) == parts
+
+
+URN = "urn:ogc:def:crs:EPSG::"
+ORDERS = {  # system, north first -> the field lies there, what is said
+    ("4326", False): ("here", "then swap its numbers"),
+    ("4326", True): ("elsewhere", "the other way round it lies at 48.00"),
+    ("3035", True): ("elsewhere", "the other way round it lies at 48.00"),
+    ("31468", True): ("here", "as nothing else fits"),
+    ("25832", False): ("here", ""),
+}
+
+
+@pytest.mark.parametrize("case", ORDERS)
+@pytest.mark.parametrize("of_log", [False, True])
+def test_the_order_of_axes_that_a_urn_leaves_open(tmp_path, case, of_log):
+    """By the log beside it, else as GeoJSON has it, with the other place named."""
+    code, is_flipped = case
+    ring = transform(np.array(HOME), "EPSG:4326", f"EPSG:{code}")
+    path = geojson(tmp_path / "a.geojson", [(ring[:, ::-1] if is_flipped else ring).tolist()])
+    told = json.loads(path.read_text())
+    told["crs"] = {"type": "name", "properties": {"name": URN + code}}
+    path.write_text(json.dumps(told))
+    found = read_outlines(path, ORIGIN.epsg if of_log else None)
+    where, said = ORDERS[case]
+    if of_log or where == "here":
+        assert found.areas[0].area == pytest.approx(30_000, rel=0.01)
+        assert found.epsg == ORIGIN.epsg
+    if of_log and code in ("4326", "3035"):
+        said = "as nothing else fits" if is_flipped else ""
+    assert said in " ".join(found.notes)
+    assert bool(said) == bool(found.notes)
+
+
+def strips(path, *, names):
+    """Polygons of 120 steps of a header of 9 m, with a yield and other attributes."""
+    features = [
+        {"type": "Feature", "properties": dict.fromkeys(names, 5.4),
+         "geometry": {"type": "Polygon", "coordinates": [box(0, 9, 2 * k, 2 * k + 2)]}}
+        for k in range(120)
+    ]  # fmt: skip
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return path
+
+
+def test_polygons_with_a_yield_each_are_records(tmp_path):
+    import shapefile
+
+    with pytest.raises(InputError, match="120 polygons: expected an outline, each has a yield"):
+        read_outlines(strips(tmp_path / "a.geojson", names=("Yield_t_ha", "Moisture")))
+    assert len(read_outlines(strips(tmp_path / "b.geojson", names=("Zone", "Moisture"))).areas) == 1
+    with shapefile.Writer(str(tmp_path / "c.shp"), shapeType=shapefile.POLYGON) as file:
+        file.field("Yield_t_ha", "N", 12, 4)
+        for k in range(120):
+            file.poly([box(0, 9, 2 * k, 2 * k + 2)])
+            file.record(5.4)
+    assert not is_outline(tmp_path / "c.shp")
+    columns, points, _, _ = read_points(tmp_path / "c.shp", "log")
+    assert columns["Yield_t_ha"] == [5.4] * 120
+    np.testing.assert_allclose(ORIGIN.to_local(points[:2]), [(4.5, 1.0), (4.5, 3.0)], atol=1e-3)

@@ -210,6 +210,22 @@ def test_sections_that_do_not_work_do_not_count(tmp_path):
     assert (log.flow > 0.0).all()
 
 
+ROWS = COMBINE + "".join(section(10 + k, refers=f'<DOR A="{20 + k}"/>') for k in range(18))
+ROWS += "".join(f'<DPT A="{20 + k}" B="0043" C="500"/>' for k in range(18))
+
+
+@pytest.mark.parametrize("logs_width", [False, True])
+def test_condensed_work_states_say_which_sections_work(tmp_path, logs_width):
+    """18 rows of 0.5 m, two bits each, in two numbers; from record 200 on the last six do not work."""
+    first, whole, none = 0x55555555, 0b0101, 0xFFFFFFF0
+    low = lambda k: first if k < 200 else 0x00555555  # noqa: E731
+    high = lambda k: none - (1 << 32) + (whole if k < 200 else 0)  # noqa: E731
+    channels = [*GRAIN, (161, "DET-2", low), (162, "DET-2", high), *([WIDTH] if logs_width else [])]
+    log = read_log(task_data(harvest(tmp_path, channels), device=ROWS))
+    np.testing.assert_allclose(log.width, np.where(np.arange(len(log)) < 200, 9.0, 6.0))
+    assert any("sections at work, 67%" in note for note in log.notes)
+
+
 def test_flows_of_sections_add_up_and_moistures_do_not(tmp_path):
     flow = [(87, f"DET-1{i}", 1e6 * YIELD / 10 * WIDE) for i in (0, 1)]
     moist = [(99, "DET-10", 130_000), (99, "DET-11", 150_000)]

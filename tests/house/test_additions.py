@@ -105,33 +105,12 @@ class TopSpeed:
 
 LEVEL = Level(TopSpeed, None, summary="the highest speed")
 '''
-DETECTOR = '''"""Step at a fixed height."""
-
-import numpy as np
-
-from swath.control.edge.detector import EdgeDetector, EdgeParams
-from swath.core.registry import Level
-from swath.signals import F64
-
-HEIGHT = 0.45  # m
-
-
-def split_at_a_height(z: F64, min_points: int) -> tuple[F64, float]:
-    """Log-odds of a step before each of the points 1..n-1 from the echoes on the wrong side of it."""
-    count, is_high = np.arange(1, len(z)), z > HEIGHT
-    wrong = np.cumsum(is_high)[:-1] + (~is_high).sum() - np.cumsum(~is_high)[:-1]
-    score = np.where((count >= min_points) & (len(z) - count >= min_points), -3.0 * wrong, -np.inf)
-    return score, 3.0 * (min(is_high.sum(), (~is_high).sum()) - float(wrong.min()))
-
-
-class FixedHeight(EdgeDetector):
-    """The chain of the built-in detectors with a fixed threshold."""
-
-    split = staticmethod(split_at_a_height)
-
-
-LEVEL = Level(FixedHeight, EdgeParams, "step at a fixed height", tolerance="0.1 m")
-'''
+DETECTOR = (
+    (SOURCE.parents[1] / "examples" / "my_edge_detector.py").read_text(encoding="utf-8")
+    + """
+LEVEL = Level(MyEdgeDetector, MyEdgeDetector.Params, "step at a fixed height", tolerance="0.1 m")
+""".replace("LEVEL", "from swath.core.registry import Level\n\nLEVEL", 1)
+)
 HABIT = '''"""Asparagus: one thick bare spear."""
 
 import numpy as np

@@ -141,8 +141,6 @@ LIMITS = {
     "edge": {
         "likelihood_ratio": Limit("within 0.05 m RMS of the true edge at 50 to 700 stems/m2", 0.05),
         "joined": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
-        "filter": Limit("within 0.08 m RMS of the true edge at 500 stems/m2", 0.08),
-        "max_likelihood": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
         "otsu": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
         "truth": Limit("15.6 mm cells", 0.0157),
     },

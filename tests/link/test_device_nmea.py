@@ -157,6 +157,78 @@ def test_garbage_is_counted_and_what_comes_after_it_is_read(noise):
     assert abs(listener.epoch.latitude - fix.latitude) < 0.2 * MM
 
 
+GGA = "GNGGA,{t},5206.0000,N,01012.0000,E,4,12,0.8,298.4,M,46.6,M,1.0,0000"
+RMC = "GNRMC,{t},A,5206.0000,N,01012.0000,E,4.0,90.0,150726,,,N"
+VTG = "GNVTG,90.0,T,,M,4.0,N,7.408,K,A"
+
+
+def heard(body, count=4, checked=True):
+    """The newest epoch of some sentences, each of them once more."""
+    listener = nmea.Listener()
+    for k in range(count):
+        for one in body:
+            text = one.format(t=f"10000{k}.00")
+            listener.feed(nmea.sentence(text) if checked else f"${text}\r\n".encode())
+    return listener
+
+
+@pytest.mark.parametrize(
+    ("name", "body", "said"),
+    [
+        ("whole", GGA, {"quality": 4, "height": 345.0}),
+        ("without a height", GGA.replace("298.4", ""), {"height": math.nan, "quality": 4}),
+        ("without a separation", GGA.replace("46.6", ""), {"height": math.nan, "quality": 4}),
+        ("in feet", GGA.replace("298.4,M", "979.00262,F"), {"height": 345.0}),
+        ("without satellites", GGA.replace(",12,", ",00,"), {"quality": 0}),
+        ("its end left away", GGA.rpartition(",46.6")[0], {"height": math.nan, "quality": 4}),
+    ],
+)
+def test_what_a_sentence_does_not_say_is_not_known(name, body, said):
+    listener = heard([body])
+    assert listener.wrong == 0
+    for field, value in said.items():
+        assert getattr(listener.epoch, field) == pytest.approx(value, abs=1e-3, nan_ok=True)
+    is_said = "positions without a height above the ellipsoid" in listener.unknown
+    assert is_said == math.isnan(listener.epoch.height)
+
+
+@pytest.mark.parametrize(
+    "body", [RMC.replace(",A,", ",V,", 1), VTG.replace("K,A", "K,N")], ids=["RMC", "VTG"]
+)
+def test_void_sentences_say_nothing(body):
+    assert math.isnan(heard([GGA, body]).epoch.speed)
+    assert heard([GGA, RMC if "RMC" in body else VTG]).epoch.speed == pytest.approx(4 * 1852 / 3600, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        GGA.replace("5206.0000", "526.0000"), GGA.replace("5206", "5266"), GGA.replace("01012", "1012"),
+        GGA.replace("298.4,M", "298.4,X"), GGA.replace("298.4", "29x.4"), GGA[:44],
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("checked", [True, False])
+def test_a_sentence_counts_whole_or_not_at_all(body, checked):
+    """Of a cut one whose checksum is right the rest was left away; then nothing but the time may be used."""
+    listener = heard([body], checked=checked)
+    if body == GGA[:44] and checked:
+        assert math.isnan(listener.epoch.height)
+    else:
+        assert listener.epoch is None
+        assert listener.wrong == 4 - (not checked)
+
+
+def test_checksums_are_left_away_by_all_lines_or_by_none():
+    right, wrong = GGA.format(t="100000.00"), GGA.format(t="100001.00").replace("5206", "5106")
+    for first in (True, False):
+        listener = nmea.Listener()
+        lines = [f"${wrong}\r\n".encode(), nmea.sentence(right)]
+        listener.feed(b"".join(lines if first else lines[::-1]))
+        assert listener.epoch.latitude == pytest.approx(math.radians(52.1))
+        assert listener.wrong == (not first)
+    assert heard([GGA], checked=False).epoch.latitude == pytest.approx(math.radians(52.1))
+
+
 def test_a_wrong_checksum_is_no_sentence():
     data = nmea.sentences(drawn_fix(0, np.random.default_rng(1)), ("GGA",), BEGUN, 0.0)
     listener = nmea.Listener()

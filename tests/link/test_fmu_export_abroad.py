@@ -84,7 +84,7 @@ def test_the_same_scenario_gives_the_same_bytes(fmus, tmp_path):
 @pytest.mark.filterwarnings("ignore:module .sre_:DeprecationWarning")  # of the grammar that fmpy loads
 def test_arrays_have_a_variable_for_each_element_in_fmi_2(tmp_path):
     text = TEXT.replace("lidar: off", "lidar: {level: plants, sector_deg: [-10, 10], step_deg: 1}")
-    text = text.replace("edge: truth", "edge: max_likelihood")
+    text = text.replace("edge: truth", "edge: likelihood_ratio")
     export_fmu(parse_scenario(text), ["edge"], tmp_path / "edge.fmu", version=2)
     from fmpy.validation import validate_fmu
 

@@ -20,7 +20,7 @@ from swath.signals import FIX_QUALITIES
 from swath.signals.setup import ControlSetup, LinkSetup
 from tests.bags import KINDS, NS, PLANE, SPEED, START, Bag
 from tests.fake_run import GEOMETRY
-from tests.foreign_bags import ANTENNA, GRAVITY, drive, fix, tree
+from tests.foreign_bags import ANTENNA, GRAVITY, drive, fix, imu, tree
 
 ORIGIN = GeoOrigin(PLANE.lat, PLANE.lon, PLANE.height)
 
@@ -319,3 +319,85 @@ def test_a_list_of_topics_begins_with_the_likely_ones(tmp_path):
             player(tmp_path / "bag", "lidar", topics, mount=Mount("axle"))
         assert "..." not in str(caught.value).partition(" (/")[0]
         assert len(str(caught.value)) <= 300
+
+
+def test_odometry_of_a_unit_that_sits_elsewhere_and_looks_back(tmp_path):
+    """True: the machine turns on a circle of 10 m around (0, 10) at 2 m/s, from the origin eastward."""
+    unit = Pose.from_euler((3.0, 0.5, 2.5), yaw=np.pi)
+    rate = 0.2
+
+    def odometry(bag, t):
+        at = Pose.from_euler((10 * np.sin(rate * t), 10 - 10 * np.cos(rate * t), 0.0), yaw=rate * t)
+        made = bag.odometry(t, at @ unit, 0.0, rate)
+        velocity = unit.rotation.T @ (np.array([2.0, 0.0, 0.0]) + np.cross((0, 0, rate), unit.position))
+        made.twist.twist.linear.x, made.twist.twist.linear.y = velocity[:2]
+        made.child_frame_id = "unit"
+        return made
+
+    path = drive(tmp_path / "bag", links=[("base_link", "unit", unit)], odometry=odometry)
+    part = player(path, "motion", {"state": "/odom"})
+    state = outputs(part, 5.0)[-1]
+    np.testing.assert_allclose(state.pose.position, (10 * np.sin(1.0), 10 - 10 * np.cos(1.0), 0.0), atol=1e-6)
+    assert state.pose.euler()[2] == pytest.approx(1.0)
+    assert (state.speed, state.lateral_speed, state.yaw_rate) == pytest.approx((2.0, 0.0, rate), abs=1e-9)
+    assert any("poses of unit brought down to base_link, 2.50 m below it" in note for note in part.notes)
+    assert not any("the terrain" in note for note in part.notes)
+    made = outputs(player(path, "odometry", {"odometry": "/odom"}), 1.0)[-1]
+    assert made.speed == pytest.approx(2.0)
+
+
+def test_one_scanner_of_a_topic_is_played(tmp_path):
+    bag = Bag(tmp_path / "bag", "mcap")
+    bag.write("/tf_static", 0.0, tree(bag, ("base_link", "laser", UP), ("base_link", "rear", ASIDE)))
+    for k in range(20):
+        message = bag.laser(0.1 * k, np.full(61, 5.0 if k % 2 == 0 else 7.0, np.float32))
+        message.header.frame_id = "rear" if k % 2 else "laser"
+        bag.write("/scan", 0.1 * k, message)
+    bag.close()
+    for keys, far, height in (({}, 5.0, 0.6), ({"frame": "rear"}, 7.0, 2.0)):
+        part = player(tmp_path / "bag", "lidar", {"scan": "/scan"}, **keys)
+        assert part.mounting.position[2] == pytest.approx(height)
+        assert {float(scan.ranges[0, 0]) for scan in outputs(part, 1.5)} == {far}
+        assert any("`frame: " in note for note in part.notes)
+    with pytest.raises(InputError, match="messages of frame roof in the recording"):
+        player(tmp_path / "bag", "lidar", {"scan": "/scan"}, frame="roof", mount=Mount("axle", pitch_deg=0.0))
+
+
+def winding(path, scale, *, has_track=True, seconds=12.0):
+    """A machine at 2 m/s that winds left and right by half a radian; scale: of what its unit says."""
+    bag = Bag(path, "mcap")
+    for k in range(round(seconds * 50)):
+        t = 0.02 * k
+        if has_track:
+            made = bag.odometry(t, Pose.from_euler((2.0 * t, 0.0, 0.0), yaw=0.5 * np.sin(t)), 2.0, 0.0)
+            bag.write("/odom", t, made)
+        bag.write("/imu", t, imu(bag, t, (0.0, 0.0, GRAVITY), (0.0, 0.0, scale * 0.5 * np.cos(t))))
+    bag.close()
+    return path
+
+
+RATES = {  # scale, with a track -> what is said, whether it is refused
+    "rad/s": (1.0, True, "", False),
+    "deg/s": (1.0 / DEG, True, "57.3 times .*in deg/s: .*inertial.rate_z: 0.017453", True),
+    "deg/s, alone": (1.0 / DEG, False, "rad/s: .*in deg/s, .*inertial.rate_z: 0.017453", True),
+    "rad/s, alone": (1.0, False, "", False),
+    "15 % off": (1.15, True, "1.15 times those of the positions", False),
+    "z down": (-1.0, True, "", False),  # no turn of this machine: what gravity says counts
+    "half": (0.4, True, "0.4 times .*`scale`", True),
+}
+
+
+@pytest.mark.parametrize("name", RATES)
+def test_turns_of_an_inertial_unit_are_those_of_the_track(tmp_path, name):
+    scale, has_track, said, is_refused = RATES[name]
+    path = winding(tmp_path / "bag", scale, has_track=has_track)
+    if not is_refused:
+        part = player(path, "imu", {"inertial": "/imu"})
+        assert bool(said) == any("times those of the positions" in note for note in part.notes)
+        assert any(said in note for note in part.notes)
+        return
+    with pytest.raises(InputError, match=said):
+        player(path, "imu", {"inertial": "/imu"})
+    cure = {f"inertial.rate_{n}": 1.0 / scale for n in "xyz"}
+    part = player(path, "imu", {"inertial": "/imu"}, scale=cure)
+    assert outputs(part, 1.0)[-1].rate_z == pytest.approx(0.5 * np.cos(1.0), abs=0.02)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from swath.record.read import radar as read
+from swath.record.read.fields import Context
 from swath.record.recorder import Recorder
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
@@ -59,7 +60,7 @@ def test_messages_hold_the_numbers(recorded):
         assert message.radial_speed == sample.radial_speed.tolist()
         assert [f.name for f in cloud.fields][3:6] == ["radial_speed", "rcs", "snr"]
         assert cloud.header.frame_id == "combine/radar"
-        back = read._targets_of_cloud(cloud, sample.t)
+        back = read._targets_of_cloud(Context(3.7), cloud, sample.t)
         assert back.t == sample.t
         for name in ("range", "azimuth", "radial_speed", "rcs", "snr"):
             np.testing.assert_allclose(getattr(back, name), getattr(sample, name), rtol=1e-5, atol=1e-5)
@@ -73,7 +74,7 @@ def test_returns_hold_the_numbers(recorded):
         assert message.header.frame_id == "combine/radar"
         assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == sample.t
         assert [r.elevation for r in message.returns] == [0.0] * len(sample.range)
-        back = read._targets_of_returns(message, sample.t)
+        back = read._targets_of_returns(Context(3.7), message, sample.t)
         for name in ("range", "azimuth", "elevation", "radial_speed", "snr"):
             np.testing.assert_allclose(getattr(back, name), getattr(sample, name), rtol=1e-6, atol=1e-6)
         assert np.isnan(back.rcs).all()

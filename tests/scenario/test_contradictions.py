@@ -66,8 +66,8 @@ def test_on_the_command_line_and_from_python(tmp_path, capsys):
 
 
 def test_a_later_layer_counts_where_they_contradict():
-    case = ["combine.lidar={level: empirical, rate_hz: 10}", "run.distance_m=5", "combine.edge.level=otsu"]
-    user = ["combine.lidar.rate_hz=20", "run={max_duration_s: 9}", "combine.edge=max_likelihood"]
+    case = ["combine.lidar={level: empirical, rate_hz: 10}", "run.distance_m=5", "combine.edge.level=joined"]
+    user = ["combine.lidar.rate_hz=20", "run={max_duration_s: 9}", "combine.edge=otsu"]
     assert layered(case, user) == [
         f"combine.lidar={json.dumps({'level': 'empirical', 'rate_hz': 20})}",
         "run.distance_m=5",

@@ -271,6 +271,10 @@ class TestOverrides:
                 "machines.combin.edge_side=left",
                 "combin: unknown key, did you mean 'combine'? (--set machines.",
             ),
+            (
+                "combin={lidar: {level: empirical}}",
+                "combin: unknown key, did you mean 'combine'? (--set combin={lidar",
+            ),
             ("felds.edge.level=truth", "felds: unknown key, did you mean 'field'? (--set felds."),
             ("tractor.lidar.level=empirical", "tractor: unknown key, expected one of combine, name, summary"),
             ("seed=[[", "--set seed=[[: "),

@@ -35,12 +35,11 @@ expect: {distance_m: {min: 1}, lateral_error_m: {hold: always, max: 0.5}}
 """
 KILLS = """
 import os, signal
-from swath.control.edge.detector import EdgeParams
-from swath.control.edge.otsu import Otsu
+from swath.control.edge.otsu import Otsu, Params
 
 class Kills(Otsu):
     def __init__(self, params, setup):
-        super().__init__(EdgeParams(), setup)
+        super().__init__(Params(), setup)
 
     def reset(self, stream):
         self.is_last = stream.seed == 2

@@ -12,7 +12,7 @@ from swath.tools.height_map.build import Settings, build_height_map, open_source
 from swath.tools.height_map.poses import make_track
 from swath.tools.height_map.source import Wanted
 from tests.bags import BEGIN, KINDS, MOUNT, NS, PLANE, START, Bag, ranges_at, write_bag
-from tests.foreign_bags import ANTENNA, WALL, drive, fix, heading_for_a_wall
+from tests.foreign_bags import ANTENNA, WALL, cloud, drive, fix, heading_for_a_wall, tree
 from tests.rays.height_rays import surface
 
 
@@ -94,7 +94,8 @@ def points_of(source):
     found = []
     for echoes in source.sweeps():
         place, rotation, known = source.track.at(echoes.time)
-        found.append((place + np.einsum("nij,nj->ni", rotation, source.mounting.apply(echoes.points)))[known])
+        mounting = echoes.mounting or source.mounting
+        found.append((place + np.einsum("nij,nj->ni", rotation, mounting.apply(echoes.points)))[known])
     return np.concatenate(found)
 
 
@@ -119,6 +120,55 @@ def test_poses_above_the_ground_are_brought_down(tmp_path, name, pose_z):
     grid = build_height_map(source, Settings(reach_m=15.0))
     assert [note for note in grid.about["notes"] if "brought down to base_footprint, 0.60 m" in note]
     assert not [note for note in grid.about["notes"] if "lowest echoes" in note]
+
+
+def set_back(t):
+    return t - 2.0 if t > 2.5 else t
+
+
+CLOCKS = {  # stamps of poses and of sweeps -> what is said
+    "computer set back": ((set_back, set_back), "set back by 2.00 s"),
+    "poses set back": ((set_back, float), "odom (Odometry) was set back by 2.00 s"),
+    "scanner in TAI": ((float, lambda t: t + 37.0), "37 s ahead: TAI"),
+    "all in GPS time": ((lambda t: t + 18.0,) * 2, "18 s ahead: GPS time"),
+    "recorded again": ((lambda t: t - 1e6,) * 2, "not on the clock of the log"),
+}
+
+
+@pytest.mark.parametrize("name", CLOCKS)
+def test_the_wall_stands_where_it_is_whatever_the_clocks(tmp_path, name):
+    clocks, said = CLOCKS[name]
+    absolute = lambda stamp, late: [("timestamp", "f8", stamp / NS + late)]  # noqa: E731
+    source = open_source(heading_for_a_wall(tmp_path / "bag", absolute, clocks=clocks), Wanted())
+    points = points_of(source)
+    on_wall = points[(points[:, 2] > 0.05) & (points[:, 2] < 0.95), 0]
+    assert len(on_wall) > 1000
+    np.testing.assert_allclose(on_wall, WALL, atol=0.01)
+    assert [note for note in source.notes if said in note]
+
+
+def test_poses_of_the_scanner_and_two_scanners_on_a_topic(tmp_path):
+    links = [("base_link", "laser", Pose.from_euler((3.0, 0.0, 2.5)))]
+    path = heading_for_a_wall(tmp_path / "bag", times, links=links, child="laser", pose_z=2.5)
+    source = open_source(path, Wanted())
+    np.testing.assert_allclose(source.track.position[0], (-3.0, 0.0, 0.0), atol=1e-12)
+    next(source.sweeps())
+    assert any("laser brought down to base_link, 2.50 m below it and 3.00 m" in n for n in source.notes)
+    two = Bag(tmp_path / "two", "mcap")
+    two.write(
+        "/tf_static", 0.0, tree(two, *links, ("laser", "rear", Pose.from_euler((-6.0, 0, 0), yaw=np.pi)))
+    )
+    for topic, t, message in open_log(path).messages(("/odom", "/points")):
+        two.write(topic, (t - BEGIN) / NS, message)
+        if topic == "/points":
+            stamp = (t - BEGIN) / NS - 0.1
+            two.write(topic, stamp + 0.11, cloud(two, stamp, np.array([[20.0, 3.0, 0.5]]), frame="rear"))
+    two.close()
+    points = points_of(open_source(tmp_path / "two", Wanted()))
+    behind = points[points[:, 0] < -10.0]
+    assert len(behind) > 30
+    np.testing.assert_allclose(behind[:, 1:], [(-3.0, 3.0)] * len(behind), atol=1e-6)
+    np.testing.assert_allclose(points[(points[:, 2] > 0.05) & (points[:, 2] < 0.95), 0], WALL, atol=0.01)
 
 
 @pytest.mark.parametrize("off", [0.6, 0.3])

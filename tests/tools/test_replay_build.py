@@ -17,7 +17,7 @@ from swath.tools.height_map.build import Settings, build_height_map, open_source
 from swath.tools.height_map.gather import Gatherer, Samples, pool
 from swath.tools.height_map.ground import around, grown
 from swath.tools.height_map.passing import Passing, thicknesses
-from swath.tools.height_map.poses import PoseTrack, euler_of, make_track
+from swath.tools.height_map.poses import PoseTrack, make_track
 from swath.tools.height_map.source import Wanted
 from tests.rays.height_rays import cast_heights, cells_at, surface
 from tests.shared_data import DATA
@@ -401,8 +401,6 @@ def test_poses_between_rows_and_over_the_jump_of_the_heading():
     assert np.degrees(np.arctan2(turn[1, 1, 0], turn[1, 0, 0])) == pytest.approx(-179.5)
     assert known.tolist() == [True, True, False]
     assert isinstance(track, PoseTrack)
-    pose = Pose.from_euler((0, 0, 0), 0.1, -0.2, 2.5)
-    assert np.allclose(euler_of(pose.quaternion())[0], (0.1, -0.2, 2.5))
 
 
 def test_the_lowest_echoes_correct_the_ground(tmp_path):

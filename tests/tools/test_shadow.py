@@ -8,6 +8,9 @@ import pytest
 import swath
 from swath.core.errors import InputError
 from swath.record.digest import Digest
+from swath.record.read.feed import exact_samples, exact_topic
+from swath.record.read.files import open_log
+from swath.record.tracks import read_tracks
 from swath.runtime.job import run_job
 from swath.runtime.kept import KeptFields
 from swath.tools.function_test.judged import in_shadow
@@ -22,7 +25,8 @@ LIDAR = "combine.lidar={level: empirical, sector_deg: [-40, 40], step_deg: 1.0}"
 
 
 def scenario(*sets):
-    return small("run.distance_m=13", "run.max_duration_s=12", LIDAR, "field.obstacles=[]", *sets)
+    crop = ("field.stand.height_factor=0.7",)  # lower than is usual, which the driver's choice of crop tells
+    return small("run.distance_m=13", "run.max_duration_s=12", LIDAR, "field.obstacles=[]", *crop, *sets)
 
 
 @pytest.fixture(scope="module")
@@ -74,8 +78,75 @@ def test_a_detector_on_stored_scans_needs_no_world(driven, monkeypatch):
         for number, edge in enumerate(edges):
             digest("combine.edge", number * period, {"edge": edge})
         assert digest.hex == driven.summary["shadow"][name]["digest"]
+    assert same(swath.detect(driven.folder), told(driven.folder))
     with pytest.raises(InputError, match="expected a part of control"):
         swath.detect(driven.folder, slot="lidar")
+
+
+def told(folder):
+    """What the detector at the wheel sent, after its reset."""
+    topic = exact_topic("combine.edge", "edge")
+    return [sample for _, sample in exact_samples(open_log(folder).messages((topic,)))]
+
+
+def same(detected, recorded):
+    return len(recorded) > 10 and [repr(e) for e in detected] == [repr(e) for e in recorded]
+
+
+OWN = '''
+from swath.core.component import Port
+from swath.signals import CropEdge, Odometry, Scan, SteerCommand
+
+class LooksAtLaterSlots:
+    """Where a command of steering, which comes after it in a tick, is found, and what the terminal says."""
+    inputs = (Port("command", SteerCommand), Port("odometry", Odometry))
+    outputs = (Port("edge", CropEdge),)
+
+    def __init__(self, params, setup):
+        self.setup = setup
+
+    def reset(self, stream):
+        return {"edge": self.edge(0, -1.0)}
+
+    def step(self, t, dt, inputs):
+        return {"edge": self.edge(t + dt, (t + dt - inputs["command"].t) * 1e-9)}
+
+    def edge(self, t, age):
+        return CropEdge(t, age, 0.0, 0.0, 5.0, 0.5, self.setup.crop_height, self.setup.row_spacing)
+
+    def save(self):
+        return None
+
+    def load(self, state):
+        pass
+'''
+
+
+@pytest.mark.usefixtures("code_allowed")
+def test_a_part_on_stored_samples_sees_of_a_tick_what_it_saw_in_the_run(tmp_path):
+    """Of slots that come later in it nothing; and the terminal's crop, here in rows."""
+    (tmp_path / "own.py").write_text(OWN, encoding="utf-8")
+    edge = f"combine.edge={{level: '{tmp_path}/own.py:LooksAtLaterSlots', wires: {{command: steer.command}}}}"
+    sets = (
+        edge,
+        "run.distance_m=2",
+        "field.stand.crop=soy",
+        "field.stand.stems_per_m2=40",
+        "field.obstacles=[]",
+    )
+    done = run_job(small("combine.lidar=off", *sets), tmp_path / "run")
+    recorded = told(done.folder)
+    assert same(swath.detect(done.folder, code=True), recorded)
+    assert recorded[-1].stubble_height > 0.3  # of rows
+    assert len({e.offset for e in recorded[5:]}) == 1
+    assert recorded[-1].offset > 0.0  # the command of the tick before
+
+
+def test_tracks_hold_how_sure_an_edge_is_and_the_crop(driven):
+    tracks = read_tracks(driven.folder / "tracks.parquet")
+    last = told(driven.folder)[-1]
+    assert tracks["edge_offset_sd_m"][-1] == pytest.approx(last.offset_sd, rel=1e-6)
+    assert tracks["edge_crop_height_m"][-1] == pytest.approx(last.crop_height, rel=1e-6)
 
 
 def test_the_five_lines_of_the_page_run(driven, capsys):

@@ -8,7 +8,7 @@ from swath.scenario.scenario import parse_scenario
 pytestmark = pytest.mark.usefixtures("code_allowed")
 
 LEVEL = '''
-from swath.control.edge.max_likelihood import LEVEL as BUILT_IN
+from swath.control.edge.likelihood_ratio import LEVEL as BUILT_IN
 from swath.core.schedule import NS
 
 

@@ -26,6 +26,7 @@ from swath.commands import (
 from swath.core.collector import collect_rarely
 from swath.core.errors import MIGRATED_BY, InputError, SwathError, fitted, shortened
 from swath.core.foreign_code import SUFFIXES, allow_code, code_in
+from swath.core.processes import skip_folder_settings
 from swath.core.registry import installed, installed_part, user_line
 from swath.core.stopping import Terminated, raise_if_lost, stoppable
 from swath.fleet import command as fleet
@@ -127,6 +128,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         collect_rarely()
         _name_unknown_settings()
+        skip_folder_settings()
         with stoppable():
             try:
                 code = _dispatch(list(sys.argv[1:] if argv is None else argv))

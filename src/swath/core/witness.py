@@ -1,6 +1,6 @@
 """Pairs of measures that must agree: the table of them is judged here, whatever they were read from."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,3 +45,29 @@ def judge(pairs: Iterable[Pair], file: Path | None = None) -> list[str]:
         if pair.residual > pair.told:
             notes.append(f"{pair.key}: {pair.shown}" + (f"; {pair.entry}" if pair.entry else ""))
     return notes
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number that data show, and its standard error, both in the same unit."""
+
+    value: float
+    error: float
+
+
+def agreed(parts: Sequence[Estimate], slack: float = 0.0, sigmas: float = 3.0) -> Estimate | None:
+    """What the parts of an estimate say together; None where there is none, or two of them disagree.
+
+    slack: by which parts differ for reasons that their errors do not know. The error is that of the mean, and
+    at least what the spread of the parts makes it.
+    """
+    if not parts:
+        return None
+    value, error = (np.array([getattr(part, key) for part in parts]) for key in ("value", "error"))
+    apart = np.abs(value[:, None] - value) - sigmas * np.hypot(error[:, None], error)
+    if (apart > slack).any():
+        return None
+    weight = 1.0 / np.maximum(error, 1e-9) ** 2
+    mean = float(np.average(value, weights=weight))
+    spread = float(np.average((value - mean) ** 2, weights=weight)) / len(parts)
+    return Estimate(mean, float(np.sqrt(max(1.0 / weight.sum(), spread))))

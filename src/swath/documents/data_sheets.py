@@ -121,11 +121,13 @@ class Sheet:
     def check(self, *entries: Entry) -> None:
         """Raise InputError unless the sheet has these keys, within their limits, and no others.
 
-        It is the first mistake; its `others` are the rest, those against the form of an entry included.
+        It is the first mistake; its `others` are the rest, those against the form of an entry included. Of a
+        sheet of another kind that is the only one.
         """
         _, errors = validate(model_of(entries), self.values, (), self.document)
         mistaken = {mistake.key for mistake in self.mistakes}
         errors = [*self.mistakes, *(e for e in errors if e.key not in mistaken)]
+        errors = [e for e in errors if e.key == "kind"] or errors
         if errors:
             errors[0].others = tuple(errors[1:])
             raise errors[0]

@@ -37,6 +37,7 @@ class Quantity:
     """What the numbers of a map are. units: that a file may state -> factor to SI; lowest, highest [SI];
     is_ground: heights of ground, whose steps and slopes are looked at; stated: the factor, where the user
     says it: what the file states must not contradict it, and the limits are the user's affair
+    called: pattern of what a band of it among others is called, lower case, '' = it is the first
     """
 
     name: str
@@ -45,10 +46,14 @@ class Quantity:
     highest: float = np.inf
     is_ground: bool = False
     stated: float | None = None
+    called: str = ""
 
 
 PLAIN = Quantity("numbers")
-GROUND = Quantity("heights of the ground", LENGTHS, -500.0, 9000.0, is_ground=True)
+GROUND = Quantity(
+    "heights of the ground", LENGTHS, -500.0, 9000.0, is_ground=True,
+    called=r"elev|height|altitude|terrain|ground|h(ö|oe)he|\b(dem|dtm|dsm|dgm|z)\b",
+)  # fmt: skip
 CROP_HEIGHT = Quantity("heights of the crop", LENGTHS, 0.0, 6.0)
 STEMS = Quantity("stems per m2", factors("per area"), 0.0, 1e4)
 MOISTURE = Quantity("moisture", factors("ratio") | {"%": PERCENT, "1": 1.0}, 0.0, 1.0)
@@ -68,17 +73,21 @@ def read_band(
     path: Path,
     quantity: Quantity = PLAIN,
     *,
-    band: int = 1,
+    band: int | None = None,
     window: Any = None,
     shape: Any = None,
 ) -> Band:
     """The numbers of a band of an open dataset, or of a window of it, by means in `shape` (rows, columns).
 
+    band: counted from 1; None: the one that is called so, of several
     An extreme height that stands off from all around it is a nodata value that the file does not declare: it
     becomes nan, with a note. Raises InputError for an unknown unit, and for numbers that cannot be meant.
     """
     from rasterio.enums import Resampling
 
+    notes = list[str]()
+    if band is None:
+        band, notes = _band_of(dataset, quantity, path)
     if dataset.count < band:
         raise InputError("raster", dataset.count, f"expected {band} bands or more", file=path)
     if np.dtype(dataset.dtypes[band - 1]).kind == "c":
@@ -86,7 +95,7 @@ def read_band(
     raw = dataset.read(band, masked=True, window=window, out_shape=shape, resampling=Resampling.average)
     mask, raw = np.ma.getmaskarray(raw), np.ma.getdata(raw)
     scale, offset = float(dataset.scales[band - 1]), float(dataset.offsets[band - 1])
-    beside, notes = _beside(path, band), list[str]()
+    beside = _beside(path, band)
     if beside:
         said = ", ".join(f"{name} {text[:20]}" for name, text in beside.items())
         notes.append(f"{path.name}.aux.xml beside it says {said}")
@@ -111,6 +120,22 @@ def read_band(
         notes += _without_holes(values, quantity, factor)
     _check_limits(values, quantity, path)
     return Band(values, tuple(notes))
+
+
+def _band_of(dataset: Any, quantity: Quantity, path: Path) -> tuple[int, list[str]]:
+    """The band of a quantity, and a note where others lie beside it."""
+    from rasterio.enums import ColorInterp
+
+    kinds = zip(range(1, dataset.count + 1), dataset.descriptions, dataset.colorinterp, strict=True)
+    names = {n: text or "" for n, text, kind in kinds if kind != ColorInterp.alpha}
+    if len(names) < 2 or not quantity.called:
+        return 1, []
+    listed = ", ".join(f"{n} {text[:30]!r}" if text else f"{n}" for n, text in names.items())
+    found = [n for n, text in names.items() if re.search(quantity.called, text.lower())]
+    if len(found) != 1:
+        expected = f"expected one of {quantity.name}; there are {listed}: `gdal_translate -b N` writes one"
+        raise InputError("raster.band", None, expected, file=path)
+    return found[0], [f"{path.name}: band {found[0]} of {listed} is taken"]
 
 
 def horizontal(crs: Any) -> Any:

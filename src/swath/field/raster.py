@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.whole_file import new_file
 from swath.documents.packed import readable
 from swath.field.band import PLAIN, Quantity, check_ground, horizontal, read_band
 
@@ -87,7 +88,7 @@ class Raster:
         *,
         quantity: Quantity = PLAIN,
         may_be_empty: bool = False,
-        band: int = 1,
+        band: int | None = None,
     ) -> "Raster":
         """A band of a GeoTIFF in SI. origin: (easting, northing) [m] to subtract, None = keep the file's.
 
@@ -129,14 +130,16 @@ class Raster:
         ny, nx = self.values.shape
         west = self.x0 - 0.5 * self.cell + origin[0]
         north = self.y0 + (ny - 0.5) * self.cell + origin[1]
-        with rasterio.open(
-            path, "w", driver="GTiff", height=ny, width=nx, count=1, dtype="float32", nodata=float("nan"),
+        with new_file(Path(path)) as file, rasterio.MemoryFile() as memory, memory.open(
+            driver="GTiff", height=ny, width=nx, count=1, dtype="float32", nodata=float("nan"),
             crs=rasterio.crs.CRS.from_epsg(epsg), compress="deflate", predictor=3,
             transform=rasterio.Affine(self.cell, 0.0, west, 0.0, -self.cell, north),
         ) as dataset:  # fmt: skip
             dataset.write(np.ascontiguousarray(self.values[::-1], dtype=np.float32), 1)
             dataset.set_band_description(1, name)
             dataset.set_band_unit(1, unit)
+            dataset.close()
+            file.write(memory.getbuffer())
 
     def _corners(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array, Any]:
         """Values of the four cells around each point, shape (4, ...): SW, SE, NW, NE;

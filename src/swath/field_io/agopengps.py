@@ -152,15 +152,16 @@ class _Lines:
         """A line that is read again."""
         self._kept = (self.number, row)
 
-    def numbers(self, what: str, count: int) -> list[float]:
-        """Numbers of the next line, `count` of them at least."""
+    def numbers(self, what: str, *counts: int) -> list[float]:
+        """Numbers of the next line, as many as one of the counts: decimal commas make more of them."""
         row = self.next(what)
         try:
             found = [float(word) for word in row.split(",")]
         except ValueError:
             found = []
-        if len(found) < count or not all(map(math.isfinite, found)):
-            raise self.error(what, row, f"expected {count} numbers between commas")
+        if len(found) not in counts or not all(map(math.isfinite, found)):
+            wanted = " or ".join(map(str, counts))
+            raise self.error(what, row, f"expected {wanted} numbers between commas, with decimal points")
         return found
 
     def count(self, what: str) -> int:
@@ -172,7 +173,7 @@ class _Lines:
 
     def points(self, what: str) -> Array:
         """Points behind their number, (n, 2) [m]."""
-        rows = [self.numbers(what, 2)[:2] for _ in range(self.count(what))]
+        rows = [self.numbers(what, 2, 3)[:2] for _ in range(self.count(what))]
         return np.array(rows, dtype=float).reshape(-1, 2)
 
     def error(self, key: str, value: str, expected: str) -> InputError:
@@ -184,7 +185,7 @@ def _read_plane(file: Path) -> Plane:
     lines = _Lines(file)
     while (row := lines.maybe()) is not None:
         if row.casefold().startswith("startfix"):
-            latitude, longitude = lines.numbers("StartFix", 2)[:2]
+            latitude, longitude = lines.numbers("StartFix", 2)
             if not (abs(latitude) < 90.0 and abs(longitude) <= 180.0):
                 raise lines.error("StartFix", f"{latitude},{longitude}", "expected latitude and longitude")
             return Plane(latitude, longitude)
@@ -230,7 +231,7 @@ def _read_tracks(file: Path) -> tuple[list[Line], list[str]]:
     left_out: list[str] = []
     while (name := lines.maybe()) is not None:
         lines.numbers("heading", 1)
-        a, b = lines.numbers("A", 2)[:2], lines.numbers("B", 2)[:2]
+        a, b = lines.numbers("A", 2), lines.numbers("B", 2)
         lines.numbers("nudge", 1)
         row = lines.next("mode")
         if not row.lstrip("-").isdigit():

@@ -51,6 +51,10 @@ DDI: dict[int, Entry] = {
 }
 """DDI -> entry. Source: ISO 11783-11 as in the list of npm isoxml 1.11; 67 to 149, 177 and 262 agree with the
 scaling a forage harvester declares for them."""
+CONDENSED = {161 + k: 16 * k for k in range(16)}
+"""DDI of an actual condensed work state -> sections before the first of its sixteen, two bits for each from
+the lowest on: 0 off, 1 on, 2 fault, 3 not installed (ISO 11783-11, DDI 161 to 176)."""
+DDI |= {ddi: Entry(f"work_states_{k + 1}_{k + 16}", "1", 1.0) for ddi, k in CONDENSED.items()}
 TOGETHER = {
     67: "sum", 68: "sum", 70: "sum", 84: "mean", 87: "sum", 96: "sum", 99: "mean", 141: "highest",
     181: "mean", 182: "sum",

@@ -1,23 +1,27 @@
 """How late the logged grain flow is: the time from the knife to the sensor, less what the monitor took off.
 
-Neighbouring passes driven in opposite directions see the same soil. A flow that is late by d shifts the
-yield of one pass forwards and of the other backwards, so the two agree best at the right d. Where the yield
-changes over short ways a fine band shows it best, else a coarser one; how well shows when parts are left out.
+Two things show it. Neighbouring passes driven in opposite directions see the same soil: a flow that is late
+by d shifts the yield of one forwards and of the other backwards, so the two agree best at the right d, in a
+fine band of the yield as in a coarse one. And at the headland the crop ends at one line for the pass that
+comes and the pass that goes: at the right d the flow begins and ends on it. The delay counts where these
+agree with each other and within themselves; else it is not known.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import MissingExtra
+from swath.core.witness import Estimate, agreed
 from swath.field_io.log import Log
 
 Array = NDArray[np.float64]
-DEFAULT_DELAY = 12.0  # s, cutterbar to yield sensor: 10-15 s, typical of combines; no single source
-EARLIEST, LATEST = -10.0, 30.0  # s, range of the search
+Indices = NDArray[np.int64]
+TRIES, FINE = np.arange(-10.0, 30.5, 1.0), np.arange(-10.0, 30.1, 0.25)  # s
 NEIGHBOUR = 1.35  # header widths to the next pass at most
-FEWEST_PAIRS = 300
+FEWEST_PAIRS, FEWEST_SHOWN = 300, 50  # of a machine, and at a delay that is tried
 LEAST_FLOW = 0.2  # of the median flow: below, the header is not full
 LEAST_AGREEMENT = 0.15  # correlation of neighbouring passes; below, the peak is chance
 BANDS = (
@@ -25,13 +29,25 @@ BANDS = (
     (9, 81),
     (15, 161),
 )  # records: the yield is smoothed over the first, freed of trends over the second
-CLEARER = 0.5  # of the standard error of a finer band: a coarser one with less counts instead
-PARTS = 40  # of the pairs, of which one each is left out for the standard error
+PARTS = 40  # of the passes, of which one each is left out for the standard error
+CLEAR = 2.0  # standard errors by which a peak stands above the agreement at any other delay
+APART = 3.0  # s from a peak on: another delay
+FILLING = 6.0  # s before and after which a flow that rises or falls is that of a full header, or none
+SHORTEST = 15.0  # s of a flow between a rise and a fall
+FEWEST_TURNS = 2  # at each end of the field
+FEWEST_STARTS, LEAST_STARTS = (
+    4,
+    0.5,
+)  # passes, and share of them, at whose begin or end the log shows the flow begin or end
+LEAD, LEAD_ERROR = 0.5, 0.3  # s, before the crop, at which a header is set down and records begin; estimated
+LEAST_ERROR = 0.1  # s, of an estimate
+SLACK = 1.5  # s: what a ramp of the flow, and a line of a headland, are off in the mean
 
 
 @dataclass(frozen=True)
 class Delay:
-    """Delay of a machine's flow [s]; agreement: correlation of opposite neighbour passes with it.
+    """Delay of a machine's flow [s], nan = not known; agreement: correlation of opposite neighbour passes
+    with it, nan = they say nothing
 
     error: standard error of the delay [s], nan = not known
     """
@@ -45,41 +61,41 @@ class Delay:
 
 
 def estimate_delays(log: Log) -> list[Delay]:
-    """The delay of each machine: from its own passes, else from all passes, else the default."""
+    """The delay of each machine, from its own passes and turns."""
     first, second = opposite_pairs(log)
-    pooled = _best(log, first, second)
     delays = []
     for index, name in enumerate(log.machine_names):
         own = (log.machine[first] == index) & (log.machine[second] == index)
-        found = _best(log, first[own], second[own])
-        method = "agreement of its opposite neighbour passes"
-        if found is None:
-            found, method = pooled, "agreement of all opposite neighbour passes"
-        if found is None:
-            delays.append(
-                Delay(name, DEFAULT_DELAY, "default: no agreement found", float("nan"), int(own.sum()))
-            )
-        else:
-            delays.append(Delay(name, found[0], method, found[1], int(own.sum()), found[2]))
+        bands = _of_passes(log, first[own], second[own])
+        edges = _of_turns(log, np.flatnonzero(log.machine == index))
+        delays.append(_joined(name, bands, edges, int(own.sum())))
     return delays
 
 
 def shifted_flow(log: Log, delays: list[Delay]) -> Array:
-    """Grain flow [kg/s] at the place it was cut, shape (n,), nan where the log ends before it arrived."""
-    seconds = np.array([d.seconds for d in delays])[log.machine]
-    return _flow_later(log, seconds)
+    """Grain flow [kg/s] at the place it was cut, shape (n,), nan where the log ends before it arrived.
+
+    That of a machine whose delay is not known stays where it is.
+    """
+    return _later(log, log.flow, np.nan_to_num([d.seconds for d in delays])[log.machine])
 
 
-def _flow_later(log: Log, seconds: Array | float) -> Array:
+def _later(log: Log, values: Array, seconds: Array | float) -> Array:
+    """Values of the log some seconds after each record, shape (n,), nan beyond the stretch it is in."""
+    clock, first, last = _clock(log)
+    wanted = clock + seconds
+    known = (wanted >= clock[first] - 1e-6) & (wanted <= clock[last] + 1e-6)
+    return np.where(known, np.interp(wanted, clock, values), np.nan)
+
+
+def _clock(log: Log) -> tuple[Array, Indices, Indices]:
+    """Time [s] with far more between stretches than within; first and last record of each one's stretch."""
     gap = log.gap
     block = np.cumsum(gap) - 1
-    span = float(log.time.max() - log.time.min()) + 1000.0
-    clock = log.time - log.time.min() + block * span
-    wanted = clock + seconds
     first = np.flatnonzero(gap)
     last = np.r_[first[1:], len(log)] - 1
-    known = (wanted >= clock[first[block]] - 1e-6) & (wanted <= clock[last[block]] + 1e-6)
-    return np.where(known, np.interp(wanted, clock, log.flow), np.nan)
+    since = log.time - log.time.min()
+    return since + block * (float(since.max()) + 1000.0), first[block], last[block]
 
 
 def opposite_pairs(log: Log) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -91,7 +107,7 @@ def opposite_pairs(log: Log) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     none = np.zeros(0, dtype=np.int64)
     width = float(np.median(log.width[log.width > 0.0])) if (log.width > 0.0).any() else 0.0
     forward = direction(log)
-    cutting = (log.speed > 0.8) & (log.flow > LEAST_FLOW * np.median(log.flow)) & (log.width > 0.9 * width)
+    cutting = (log.speed > 0.8) & (log.width > 0.9 * width)
     index = np.flatnonzero(cutting & np.isfinite(forward[:, 0]))
     if len(index) < FEWEST_PAIRS or width <= 0.0:
         return none, none
@@ -118,59 +134,211 @@ def direction(log: Log) -> Array:
     return unit
 
 
-def _best(log: Log, first: NDArray[np.int64], second: NDArray[np.int64]) -> tuple[float, float, float] | None:
-    """(delay [s], correlation, standard error [s]) where the passes agree best; None when too few or no clear
-    peak.
+def _joined(
+    name: str, bands: list[tuple[Estimate, float]], turns: list[tuple[Estimate, str]], count: int
+) -> Delay:
+    """The delay of one machine where all that shows it agrees. Turns show it at both ends of the field, so
+    that they count alone; a single band and the ends of records do not.
     """
-    best: tuple[float, float, float] | None = None
+    agreement = max((r for _, r in bands), default=float("nan"))
+    parts, by = [part for part, _ in turns], [what for _, what in turns]
+    passes = agreed([part for part, _ in bands], SLACK)
+    if passes is not None:  # bands are of one flow: more of them are no surer
+        parts.append(Estimate(passes.value, max(passes.error, min(part.error for part, _ in bands))))
+    by += ["its opposite neighbour passes"] * bool(bands)
+    found = agreed(parts, SLACK)
+    is_enough = len(by) > 1 or len(bands) > 1 or by == ["its turns"]
+    is_split = found is None or (passes is None and bool(bands))
+    if found is None or is_split or found.error > SLACK or not is_enough:
+        why = f"only {by[0]} show it" if len(by) == 1 else "its parts disagree" if by else "nothing shows it"
+        return Delay(name, np.nan, f"not known, flow not shifted: {why}", agreement, count)
+    return Delay(
+        name,
+        round(found.value, 2),
+        f"agreement of {' and '.join(by)}",
+        agreement,
+        count,
+        round(found.error, 2),
+    )
+
+
+def _of_passes(log: Log, first: Indices, second: Indices) -> list[tuple[Estimate, float]]:
+    """Delay at which the passes agree best, and their correlation there, in each band with a clear peak."""
+    found: list[tuple[Estimate, float]] = []
     if len(first) < FEWEST_PAIRS:
-        return best
+        return found
+    steady = _steady(log)
+    flows = [_later(log, steady, float(seconds)) for seconds in TRIES]
     for short, long in BANDS:
-        products = _products(log, first, second, short, long)
-        found = _peak(products.sum(axis=2), short)
-        if found is None:
+        sums = _sums(log, flows, first, second, short, long)
+        r, likely = _agreement(sums.sum(axis=2))
+        peak = _peak(r, likely, short)
+        if peak is None or not (agreement := float(np.interp(peak, TRIES, r))) >= LEAST_AGREEMENT:
             continue
-        parts = [_peak(products.sum(axis=2) - part, short) for part in np.moveaxis(products, 2, 0)]
-        others = np.array([found[0] if part is None else part[0] for part in parts])
-        error = float(np.sqrt((len(parts) - 1) / len(parts) * ((others - others.mean()) ** 2).sum()))
-        if best is None or error < CLEARER * best[2]:
-            best = (round(found[0], 2), found[1], round(error, 2))
-    return best
+        without = [_agreement(sums.sum(axis=2) - part) for part in np.moveaxis(sums, 2, 0)]
+        others = np.array([peak if (other := _peak(*curves, short)) is None else other for curves in without])
+        away = np.abs(TRIES - peak) > APART
+        above = np.array([np.interp(peak, TRIES, curve) - curve[away].max() for _, curve in without])
+        if above.mean() > CLEAR * _left_out_error(above):
+            found.append((Estimate(peak, max(_left_out_error(others), LEAST_ERROR)), agreement))
+    return found
 
 
-def _peak(products: Array, short: int) -> tuple[float, float] | None:
-    """(delay [s], correlation) of products, shape (tries, 3); None without a clear peak."""
-    both, a, b = products.T
-    agreement = np.where((a > 1e-9) & (b > 1e-9), both / np.sqrt(np.maximum(a * b, 1e-18)), -1.0)
-    peak = int(agreement.argmax())
-    reach = max(short // 3, 1)
-    if peak in (0, len(agreement) - 1) or not agreement[peak] >= LEAST_AGREEMENT:
+def _left_out_error(values: Array) -> float:
+    """Standard error of an estimate by its values with one part left out each (jackknife)."""
+    return float(np.sqrt((len(values) - 1) / len(values) * ((values - values.mean()) ** 2).sum()))
+
+
+def _agreement(sums: Array) -> tuple[Array, Array]:
+    """Correlation at each delay of sums, shape (tries, 4), and how likely it makes each (log, of a pair)."""
+    both, a, b, count = sums.T
+    known = (a > 1e-9) & (b > 1e-9) & (count >= FEWEST_SHOWN)
+    r = np.where(known, both / np.sqrt(np.where(known, a * b, 1.0)), 0.0)
+    return r, -0.5 * np.sign(r) * count / max(count.max(), 1.0) * np.log1p(-np.minimum(r * r, 0.9999))
+
+
+def _peak(r: Array, likely: Array, short: int) -> float | None:
+    """Delay [s] of the best correlation around the most likely one, which many pairs make so; None where that
+    is at an end of those that the log shows.
+    """
+    peak, reach = int(likely.argmax()), max(short // 3, 2)
+    while 0 < peak < len(r) - 1 and (step := int(r[peak - 1 : peak + 2].argmax()) - 1):
+        peak += step
+    if 0.0 in np.pad(r, 2)[peak : peak + 5]:
         return None
-    near = np.arange(max(peak - reach, 0), min(peak + reach + 1, len(agreement)))
-    curve, slope, _ = np.polyfit(near - peak, agreement[near], 2)
+    near = np.arange(max(peak - reach, 0), min(peak + reach + 1, len(r)))
+    curve, slope, _ = np.polyfit(near - peak, r[near], 2)
     offset = -0.5 * slope / curve if curve < 0.0 else 0.0
-    return EARLIEST + peak + float(np.clip(offset, -0.5 * reach, 0.5 * reach)), float(agreement[peak])
+    return float(TRIES[peak] + np.clip(offset, -0.5 * reach, 0.5 * reach))
 
 
-def _products(log: Log, first: NDArray[np.int64], second: NDArray[np.int64], short: int, long: int) -> Array:
-    """Sums of both yields' product and of their squares, shape (tries, 3, PARTS of the pairs)."""
-    part = np.arange(len(first)) * PARTS // len(first)
+def _passes(log: Log) -> Indices:
+    """Number of the pass of each record, shape (n,): it ends where the machine goes back, and at a gap."""
+    forward = np.nan_to_num(direction(log))
+    known = np.flatnonzero(forward.any(axis=1))
+    back = np.zeros(len(log), dtype=bool)
+    back[known[1:]] = (forward[known[1:]] * forward[known[:-1]]).sum(axis=1) < 0.0
+    return np.cumsum(log.gap | back)
+
+
+def _sums(log: Log, flows: list[Array], first: Indices, second: Indices, short: int, long: int) -> Array:
+    """Sums of both yields' product, of their squares, and pairs, shape (tries, 4, PARTS of the pairs)."""
+    part = _passes(log)[first]
+    part = np.unique(part, return_inverse=True)[1] * PARTS // len(np.unique(part))
     area_rate = np.maximum(log.speed, 0.5) * np.maximum(log.width, 1.0)
-    least = LEAST_FLOW * float(np.median(log.flow[log.flow > 0.0])) if (log.flow > 0.0).any() else 0.0
     made = []
-    for seconds in np.arange(EARLIEST, LATEST + 0.5, 1.0):
-        flow = _flow_later(log, float(seconds))
-        known = flow > least  # before the grain arrives there is none to agree
+    for flow in flows:
+        known = np.isfinite(flow)
         value = np.where(known, np.log(np.clip(np.where(known, flow, 1.0) / area_rate, 0.01, 5.0)), 0.0)
         local = _smooth(value, known, short) - _smooth(value, known, long)
         local = np.clip(np.where(known, local, np.nan), -0.5, 0.5)
         a, b = local[first], local[second]
         both = np.isfinite(a) & np.isfinite(b)
         a, b = np.where(both, a, 0.0), np.where(both, b, 0.0)
-        if both.sum() < FEWEST_PAIRS:
-            a, b = np.zeros_like(a), np.zeros_like(b)
-        made.append([np.bincount(part, product, minlength=PARTS) for product in (a * b, a * a, b * b)])
+        made.append([np.bincount(part, v, minlength=PARTS) for v in (a * b, a * a, b * b, both)])
     return np.array(made)
+
+
+def _steady(log: Log) -> Array:
+    """Flow [kg/s] of a header that has been full for a while, else nan; shape (n,)."""
+    clock = _clock(log)[0]
+    low = np.flatnonzero(~(log.flow > LEAST_FLOW * _usual(log.flow)))
+    at = np.searchsorted(low, np.arange(len(log)))
+    ends = np.r_[-np.inf, clock[low], np.inf]
+    is_full = (clock - ends[at] > FILLING) & (ends[np.minimum(at + 1, len(ends) - 1)] - clock > FILLING)
+    is_full[low] = False
+    return np.where(is_full, log.flow, np.nan)
+
+
+def _usual(flow: Array) -> float:
+    return float(np.median(flow[flow > 0.0])) if (flow > 0.0).any() else 0.0
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """Records with flow between such without. rise, fall: when it begins and ends [s], nan = the log does not
+    show it; forward: of the machine, in the middle [s], shape (2,)
+    """
+
+    middle: float
+    rise: float
+    fall: float
+    forward: Array
+
+
+def _of_turns(log: Log, own: Indices) -> list[tuple[Estimate, str]]:
+    """Delay of a machine by its turns: where its flow ends and begins on one line at each end of the field;
+    else, where the log ends at the turns, by how long after its records the flow begins, or before them ends.
+    """
+    clock, first, last = _clock(log)
+    position, begun, ended = log.position[own], clock[first][own], clock[last][own]
+    clock = clock[own]
+    stretches = _stretches(clock, log.flow[own], position)
+    found: tuple[list[float], list[float]] = ([], [])
+    for before, after in pairwise(stretches):
+        if not before.forward @ after.forward < -0.9:
+            continue
+        off = _at(clock, position, after.rise - FINE) - _at(clock, position, before.fall - FINE)
+        off = off @ after.forward
+        crossed = np.flatnonzero((off[:-1] > 0.0) & (off[1:] <= 0.0))
+        if len(crossed) == 1:
+            i = crossed[0]
+            seconds = FINE[i] + (FINE[1] - FINE[0]) * off[i] / (off[i] - off[i + 1])
+            found[int(after.forward @ stretches[0].forward > 0.0)].append(float(seconds))
+    if min(map(len, found)) >= FEWEST_TURNS:
+        ends = [_middle(np.array(end)) for end in found]
+        error = max(0.5 * float(np.hypot(ends[0].error, ends[1].error)), LEAST_ERROR)
+        return [(Estimate(0.5 * sum(end.value for end in ends), error), "its turns")]
+    here = np.searchsorted(clock, [s.middle for s in stretches])
+    between = 0.5 * float(np.median(np.diff(clock)))  # before the first record, in the mean
+    late = np.array([s.rise for s in stretches]) - begun[here] + between - LEAD
+    early = np.array([s.fall for s in stretches]) - ended[here] - between + LEAD
+    for seconds in (late, early):
+        seconds = seconds[np.isfinite(seconds)]
+        if len(seconds) > max(FEWEST_STARTS, LEAST_STARTS * len(stretches)):
+            middle = _middle(seconds)
+            return [(Estimate(middle.value, max(middle.error, LEAD_ERROR)), "the ends of its records")]
+    return []
+
+
+def _at(clock: Array, position: Array, time: Array) -> Array:
+    return np.stack([np.interp(time, clock, p) for p in position.T], axis=-1)
+
+
+def _middle(values: Array) -> Estimate:
+    """Median, and its standard error by the spread about it, which few values show too small."""
+    middle = float(np.median(values))
+    spread = 1.4826 * float(np.median(np.abs(values - middle)))
+    return Estimate(middle, 1.2533 * spread / np.sqrt(max(len(values) - 1, 1)))
+
+
+def _stretches(clock: Array, flow: Array, position: Array) -> list[_Stretch]:
+    """Of one machine, in the order of time."""
+    usual = _usual(flow)
+    is_up = flow > 0.5 * usual
+    edges = np.flatnonzero(np.diff(is_up)) + 1
+    runs = [(a, b) for a, b in pairwise([0, *edges, len(flow)]) if is_up[a] and b - a > 5]
+    runs = [(a, b) for a, b in runs if clock[b - 1] - clock[a] > SHORTEST]
+    made = []
+    for a, b in runs:
+        m = (a + b) // 2
+        way = position[min(m + 2, b - 1)] - position[max(m - 2, a)]
+        size = float(np.hypot(*way))
+        if size > 0.0:
+            fall = _ramp(-clock[::-1], flow[::-1], len(clock) - b, len(clock) - 1 - a)
+            made.append(_Stretch(clock[m], _ramp(clock, flow, a, b - 1), -fall, way / size))
+    return made
+
+
+def _ramp(clock: Array, flow: Array, first: int, last: int) -> float:
+    """When the flow of first to last begins, in the mean of its grain [s]; nan: no record shows it."""
+    begun, full, more = np.searchsorted(clock, clock[first] + FILLING * np.array([-1.0, 1.0, 3.0]))
+    level = float(flow[full : min(more, last)].mean()) if full < min(more, last) else 0.0
+    low = np.flatnonzero(flow[begun:first] < 0.1 * level)
+    if not len(low):
+        return np.nan
+    part = slice(begun + low[-1], full + 1)
+    return float(clock[full] - np.trapezoid(flow[part], clock[part]) / level)
 
 
 def _smooth(value: Array, known: NDArray[np.bool_], count: int) -> Array:

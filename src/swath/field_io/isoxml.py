@@ -18,14 +18,24 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError, capped, some_of
 from swath.documents.packed import member_names
-from swath.field_io.ddi import DDI, TOGETHER, label_name, slug, unit_name
-from swath.field_io.taskdata import WIDTHS, YIELDS, Description, Device, Value, listed, read_description
+from swath.field_io.ddi import CONDENSED, DDI, TOGETHER, label_name, slug, unit_name
+from swath.field_io.taskdata import (
+    SECTION,
+    WIDTHS,
+    YIELDS,
+    Description,
+    Device,
+    Value,
+    listed,
+    read_description,
+)
 from swath.field_io.taskfiles import TaskFiles, hex_number, is_log_file, read_tree, task_files
 
 Array = NDArray[np.float64]
 FEW_VALUES, VALUES_PER_BYTE = 20_000_000, 32  # held of any task data; more per byte, up to MOST_VALUES
 MOST_PROBLEMS = 100  # that are told of one set of task data
 WIDTH, WORK_STATE = "working_width_m", 141  # a column; a DDI
+AT_WORK, NOT_INSTALLED = 1, 3  # condensed states of a section
 EPOCH = np.datetime64("1980-01-01T00:00:00.000", "ms")
 DAY_MS = 86_400_000
 MOST_CHANNELS = 256  # a record names them by a byte
@@ -395,11 +405,18 @@ class TaskData:
             rows = slice(start, start + len(log))
             start += len(log)
             quantities, told = _quantities(log, self.described)
+            at_work = _at_work(log, self.described)
+            if (at_work < 1.0).any():
+                told.append(f"header width: that of the sections at work, {at_work.min():.0%} at least")
             if WIDTH in quantities:
                 is_logged = True
+                if (
+                    len(np.unique(quantities[WIDTH][np.isfinite(quantities[WIDTH])])) == 1
+                ):  # of the whole header
+                    quantities[WIDTH] = quantities[WIDTH] * at_work
             else:
                 width, what = self.described.width_of(self._machines(log), _marks(log))
-                stated[rows] = width or np.nan
+                stated[rows] = (width or np.nan) * at_work
                 told += [f"header width: the machine states {width:g} m ({what}), the log none"] * bool(width)
             notes.update(told)
             for name, values in quantities.items():
@@ -490,6 +507,27 @@ def _of_machine(log: TimeLog, described: Description, there: dict[str, int], rul
     how = f"{rule} of " if len(of) > 1 else "of "
     beside = f"; not of {_shown(others, medians)}" if others else ""
     return made, f"{how}{_shown(of, medians)}{beside}"
+
+
+def _at_work(log: TimeLog, described: Description) -> Array:
+    """Share of the header's width whose sections work by the condensed states, shape (n,); 1 without such."""
+    states = {c.ddi: k for k, c in reversed([*enumerate(log.channels)]) if c.ddi in CONDENSED}
+    if not states:
+        return np.ones(len(log))
+    numbers = np.nan_to_num(np.stack([log.values[:, k] for k in states.values()], axis=1), nan=-1.0)
+    bits = numbers.astype(np.int64)[:, :, None] >> np.arange(0, 32, 2) & 3
+    place = np.concatenate([CONDENSED[ddi] + np.arange(16) for ddi in states])
+    state = bits.reshape(len(log), -1)[:, np.argsort(place)]
+    there = (state != NOT_INSTALLED).any(axis=0)
+    element = log.channels[next(iter(states.values()))].element
+    device = described.devices.get(described.owners.get(element, ""), Device(""))
+    parts = [e for e, d in device.elements.items() if d.kind == SECTION and element in device.above(e)]
+    widths = np.array([max((device.elements[e].properties.get(ddi, 0.0) for ddi in WIDTHS), default=0.0)
+                       for e in parts])  # fmt: skip
+    if len(widths) != there.sum() or not (widths > 0.0).all():
+        widths = np.ones(int(there.sum()))
+    known = (state[:, there] != NOT_INSTALLED).any(axis=1)  # before the first value all of it works
+    return np.where(known, (state[:, there] == AT_WORK) @ widths / max(widths.sum(), 1e-9), 1.0)
 
 
 def _shown(elements: list[str], medians: dict[str, float]) -> str:

@@ -15,7 +15,8 @@ from swath.documents.text_file import read_bytes
 from swath.documents.xml_file import read_xml
 from swath.field.projection import known_crs, transform, utm_epsg
 from swath.field_io.clean import Cleaned
-from swath.field_io.shapefiles import read_rings
+from swath.field_io.coordinates import place
+from swath.field_io.shapefiles import are_records, read_rings
 
 Array = NDArray[np.float64]
 CLOSING_WIDTHS = 1.1  # header widths: gaps between passes up to twice this are inside the field
@@ -88,7 +89,7 @@ def read_outlines(path: Path, epsg: int | None = None) -> Outlines:
         elif is_archive(path) or path.is_dir() or path.suffix.lower() == ".shp":
             shapes, crs, notes = *_from_shapefile(path), []
         else:
-            shapes, crs, notes = *_from_geojson(path), []
+            shapes, crs, notes = _from_geojson(path, epsg)
         if not shapes:
             raise InputError("boundary", None, "expected a polygon", file=path)
         if len(shapes) > MOST_SHAPES:
@@ -261,21 +262,58 @@ def inside(polygon: Any, points: Array) -> NDArray[np.bool_]:
     return np.asarray(shapely.contains_xy(polygon, points[:, 0], points[:, 1]))
 
 
-def _from_geojson(path: Path) -> tuple[list[Shape], str]:
+def _from_geojson(path: Path, epsg: int | None) -> tuple[list[Shape], str, list[str]]:
     data = read_json(path, "boundary", "GeoJSON or a polygon shapefile")
     if not isinstance(data, dict) or "type" not in data:
         raise InputError("boundary", None, "expected GeoJSON", file=path)
     crs = data.get("crs")
     name = crs.get("properties", {}).get("name", "") if isinstance(crs, dict) else ""
     features = data["features"] if data["type"] == "FeatureCollection" else [data]
-    shapes = []
+    shapes, attributes = [], dict[str, None]()
     for feature in features:
         geometry = feature["geometry"] if feature.get("type") == "Feature" else feature
         told = feature.get("properties") or {}
+        attributes |= dict.fromkeys(map(str, told))
         called = next((str(v) for k, v in told.items() if k.lower() in NAMES and v), "")
         if geometry:
             shapes += [Shape(p, called[:60]) for p in _parts(_shapely().geometry.shape(geometry))]
-    return [s for s in shapes if not s.polygon.is_empty], name
+    if are_records(len(shapes), list(attributes), path):
+        expected = "expected an outline, each has a yield: records of a log, which a .csv or .shp holds"
+        raise InputError("boundary", f"{len(shapes)} polygons", expected, file=path)
+    whole = [s for s in shapes if not s.polygon.is_empty]
+    whole, notes = _ordered(whole, name, epsg)
+    return whole, name, notes
+
+
+def _ordered(shapes: list[Shape], name: str, epsg: int | None) -> tuple[list[Shape], list[str]]:
+    """Shapes with their places east first, and a note where that is in doubt.
+
+    GeoJSON is east first in every system; a system that is named by its URN may have north first.
+    epsg: of a system that they must lie in
+    """
+    if not (shapes and name.lower().startswith("urn:ogc:def:crs:epsg")):
+        return shapes, []
+    system = known_crs(name)
+    if system.axis_info[0].direction != "north":
+        return shapes, []
+    shapely, area = _shapely(), system.area_of_use
+    middle = np.median(shapely.get_coordinates([s.polygon for s in shapes]), axis=0)
+    lon, lat = transform(np.array([middle, middle[::-1]]), system, "EPSG:4326").T
+    west, south, east, north = area.bounds if area else (-180.0, -90.0, 180.0, 90.0)
+    both = list(zip(lon, lat, strict=True))
+    can_be = [bool(west <= a <= east and south <= b <= north) for a, b in both]
+    is_near = [can and epsg in (None, utm_epsg(*at)) for can, at in zip(can_be, both, strict=True)]
+    straight, swapped = is_near if any(is_near) else can_be
+    if not swapped:
+        return shapes, []
+    where = [place(np.array([at])) for at in both]
+    said = f"order of axes: {name} has north first, GeoJSON east first; taken as"
+    if straight:
+        return shapes, [
+            f"{said} {where[0]}; the other way round it lies at {where[1]}: then swap its numbers"
+        ]
+    flipped = [replace(s, polygon=shapely.transform(s.polygon, lambda c: c[:, ::-1])) for s in shapes]
+    return flipped, [f"{said} {where[1]}, as nothing else fits"]
 
 
 def _from_shapefile(path: Path) -> tuple[list[Shape], str]:

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from swath.core.whole_file import new_file
+
 if TYPE_CHECKING:
     from swath.field_io.folder import FieldFolder
 
@@ -38,7 +40,8 @@ def draw(field: "FieldFolder", file: Path) -> None:
         _draw_crop(figure.add_subplot(grid[:, 1]), field)
         _draw_histogram(figure.add_subplot(grid[0, 2]), field)
         _draw_removed(figure.add_subplot(grid[1, 2]), field)
-        canvas.print_png(file, metadata={"Software": None})  # `savefig` draws everything twice
+        with new_file(file) as made:
+            canvas.print_png(made, metadata={"Software": None})  # `savefig` draws everything twice
 
 
 def _draw_terrain(axes: Any, field: "FieldFolder") -> None:

@@ -82,10 +82,11 @@ def plan_field(
     import shapely
 
     part, polygon, epsg, stated, notes = _read(path, width)
-    named = [part.crop] if part.crop else []
-    sheet = crop or trade.crop_of_rows(named)[0] or trade.DEFAULT
-    if not (crop or named or is_outline(path)):
-        notes.append(f"crop: it names none, taken as {sheet} (--crop)")
+    of_file = trade.crop_in_name(path.name) if is_outline(path) and not crop else None
+    sheet = crop or of_file or trade.crop_of_rows([part.crop])[0] or trade.DEFAULT
+    if not crop:
+        by = f"{sheet} ({part.crop})" if part.crop else f"it names none, taken as {sheet} (--crop)"
+        notes.append(f"crop: {sheet}, by the name of the file" if of_file else f"crop: {by}")
     facts = load(sheet)
     used = width or stated
     if not used:

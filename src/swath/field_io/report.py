@@ -54,7 +54,7 @@ class ImportReport:
             ("records used", f"{self.kept:,}", f"{100 * self.kept / max(read, 1):.1f} %"),
             *(
                 (f"machine {m['name']}", f"{m['records']:,}",
-                 f"flow delay {m['flow_delay_s']:+.1f}{_error(m)} s, {m['flow_delay_method']}")
+                 "flow delay " + ", ".join(filter(None, (_delay(m), m["flow_delay_method"]))))
                 for m in self.machines
             ),
             ("place", "", field["place"]),
@@ -82,6 +82,7 @@ class ImportReport:
         return table
 
 
-def _error(machine: dict[str, Any]) -> str:
-    error = machine["flow_delay_error_s"]
-    return f" +-{error:.1f}" if error == error else ""
+def _delay(machine: dict[str, Any]) -> str:
+    """Of the flow, where it is known; else its method says so."""
+    seconds, error = machine["flow_delay_s"], machine["flow_delay_error_s"]
+    return "" if seconds != seconds else f"{seconds:+.1f}{f' +-{error:.1f}' if error == error else ''} s"

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
 from swath.documents.packed import LARGEST_BYTES, open_archive
+from swath.field_io.columns import FLOWS, guess
 
 Array = NDArray[np.float64]
 Parts = dict[str, Callable[[], bytes]]
 METADATA = "-Deere-Metadata.json"
+FEWEST_RECORDS = 100  # a farm has fewer fields, and none a yield of its own in its outline
 KIND, POLYGONS = slice(32, 36), (5, 15, 25)  # of the shapes, in the head of a .shp (ESRI white paper of 1998)
 
 
@@ -56,16 +58,23 @@ def has_shapefile(folder: Path) -> bool:
 
 
 def is_of_polygons(path: Path) -> bool:
-    """True for one shapefile, bare, in a folder or in a zip, whose shapes are polygons."""
+    """True for one shapefile, bare, in a folder or in a zip, whose shapes are polygons and no records."""
     is_zip = path.suffix.lower() == ".zip"
     if not (is_zip or path.suffix.lower() == ".shp" or (path.is_dir() and has_shapefile(path))):
         return False
     try:
         with shapefile_parts(path, "log") as parts:
-            kind = parts["shp"]()[KIND]
+            kind = int.from_bytes(parts["shp"]()[KIND], "little")
+            table = _reader(dbf=io.BytesIO(parts["dbf"]())) if kind in POLYGONS and "dbf" in parts else None
+            names = [] if table is None else [field[0] for field in table.fields[1:]]
+            return kind in POLYGONS and not are_records(0 if table is None else table.numRecords, names, path)
     except (InputError, OSError):
         return False
-    return int.from_bytes(kind, "little") in POLYGONS
+
+
+def are_records(count: int, names: Sequence[str], path: Path) -> bool:
+    """Whether so many polygons with these attributes are records of a harvest, not fields."""
+    return count >= FEWEST_RECORDS and any(key in FLOWS for key in guess(names, path).columns)
 
 
 def read_points(path: Path, key: str) -> tuple[dict[str, list[Any]], Array, str, dict[str, Any]]:
@@ -138,5 +147,9 @@ def _metadata(parts: Parts) -> dict[str, Any]:
 
 
 def _point(shape: Any) -> tuple[float, float]:
-    points: Sequence[Any] = shape.points
-    return (float(points[0][0]), float(points[0][1])) if len(points) == 1 else (math.nan, math.nan)
+    """Of a polygon the middle of its corners: what a header cut in a step."""
+    points: Sequence[Any] = shape.points[:-1] if shape.shapeType in POLYGONS else shape.points
+    if not points or (len(points) > 1 and shape.shapeType not in POLYGONS):
+        return math.nan, math.nan
+    x, y = np.mean([p[:2] for p in points], axis=0).tolist()
+    return float(x), float(y)

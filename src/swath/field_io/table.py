@@ -30,7 +30,10 @@ LONGEST_BLANK = 1 << 22  # characters between two rows: sheets are exported with
 MOST_COLUMNS = 1000
 ROWS_AT_ONCE = 8192
 SHAPES = b"\x00\x00\x27\x0a"  # of a .shp
-LEAST_HEIGHT = 25.0  # of a last column: a dilution of precision is below
+LEAST_HEIGHT, FEWEST_HEIGHTS = (
+    25.0,
+    5,
+)  # of a last column: a dilution of precision is below, a code one number
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 OR_CP1252 = "swath.or_cp1252"
 _EXPECTED = "expected a yield log (CSV, shapefile or ISOXML)"
@@ -188,7 +191,8 @@ def _read_csv(start: bytes, lines: "_Lines", path: Path) -> Table:
             cells[name].append(_decimal_points(column) if separator != "," else column)
     notes: tuple[str, ...] = ()
     if known and (last := header[-1]) in ("GPS status", "PDOP"):
-        if np.median(to_numbers(cells[last])) > LEAST_HEIGHT:
+        values = to_numbers(cells[last])
+        if np.median(values) > LEAST_HEIGHT and len(np.unique(values)) >= FEWEST_HEIGHTS:
             cells["Elevation"] = cells.pop(last)  # columns before it are left out
         else:
             notes = (f"no header line: column {len(header)} taken as {last}, not as the height",)

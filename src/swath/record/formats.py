@@ -6,7 +6,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 
-ABOUT = "recording.json"  # attachment of run.mcap: format, version of swath, detail, mountings
+ABOUT = "recording.json"  # attachment of run.mcap: format, version of swath, detail, mountings, crop
 TRACKS = "swath tracks 1"  # metadata `format` of tracks.parquet
 RECORDING = "swath recording 3"  # `format` in it
 

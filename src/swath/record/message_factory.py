@@ -341,6 +341,7 @@ class RecordedMachine:
     is_first: of the machines of the run
     errors: slot -> `KnowsErrors.errors` of its part, where that knows how far off it may be
     triangles: of its body where that is from a file, in the machine frame (n, 3, 3) [m]
+    crop: `height` and `row_spacing` [m] as control knows them (`ControlSetup`)
     """
 
     name: str
@@ -356,6 +357,7 @@ class RecordedMachine:
     lines: Mapping[str, F64] = field(default_factory=dict)
     is_first: bool = True
     triangles: F64 = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    crop: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

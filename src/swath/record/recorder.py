@@ -293,11 +293,12 @@ def _clock(file: McapFile, t: int) -> Any:
 
 
 def _about(machines: Sequence[RecordedMachine], detail: str) -> str:
-    """recording.json: what the messages do not say exactly, the mountings (pose_machine_sensor)."""
+    """recording.json: what the messages do not say exactly, the mountings (pose_machine_sensor), the crop."""
     mounting = {
         f"{m.name}.{slot}": {"position": pose.position.tolist(), "rotation": pose.rotation.tolist()}
         for m in machines
         for slot, pose in m.mounting.items()
     }
     about = {"format": RECORDING, "swath": __version__, "detail": detail, "mounting": mounting}
+    about |= {"crop": dict(machines[0].crop)}
     return json.dumps(about, indent=2)

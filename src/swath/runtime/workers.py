@@ -20,6 +20,7 @@ from typing import Any, Generic, TypeVar
 from swath.core.collector import collect_rarely
 from swath.core.errors import SwathError
 from swath.core.foreign_code import Gate, present_gate, through
+from swath.core.processes import forget_safe_path, safe_path, skip_folder_settings
 from swath.core.stopping import hush_lost, stop
 
 STRIKES = 2  # workers that a job may kill before it counts as an error
@@ -55,9 +56,10 @@ class _Worker(Generic[T, R]):
         context = mp.get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, begin, present_gate()), daemon=True)
-        resource_tracker.ensure_running()  # it would let signals in again while the worker starts
-        with _signals_held():
-            self.process.start()
+        with safe_path():
+            resource_tracker.ensure_running()  # it would let signals in again while the worker starts
+            with _signals_held():
+                self.process.start()
         theirs.close()
         self.job: _Job[T] | None = None
         self.is_starting = True
@@ -195,6 +197,8 @@ def _serve(pipe: Connection, begin: Begin[Any, Any], gate: Gate) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _stop_once)
     hush_lost()
+    forget_safe_path()
+    skip_folder_settings()
     try:
         if hasattr(signal, "pthread_sigmask"):
             signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)

@@ -150,10 +150,11 @@ class World:
     def recorded(self, *, is_drawn: bool = True) -> dict[str, RecordedMachine]:
         """What the recording needs to know of each machine, by name. is_drawn: with lines for a viewer"""
         found = {}
+        crop = {"height": self.field.crop_height, "row_spacing": float(self.field.library.row_spacing)}
         for name, machine in self.machines.items():
             lines = self._lines(machine) if is_drawn else {}
             found[name] = dataclasses.replace(
-                machine.recorded(), lines=lines, is_first=machine is self.leader
+                machine.recorded(), lines=lines, is_first=machine is self.leader, crop=crop
             )
         return found
 

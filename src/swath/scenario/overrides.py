@@ -43,7 +43,7 @@ def apply_overrides(
     for flag, path, value in changes:
         if not isinstance(document.data, dict):
             raise document.error((), document.data, "expected a mapping of keys")
-        _check_machine(document.data, path, flag)
+        _check_machine(document.data, path, value, flag)
         _expand(document.data, path, catalogue)
         if path[-1] == "level" and len(path) == 3:
             _drop_foreign(document, path, value, catalogue)
@@ -54,10 +54,11 @@ def apply_overrides(
             document.places.setdefault(path[:end], Place(flag))
 
 
-def _check_machine(data: dict[str, Any], path: KeyPath, flag: str) -> None:
+def _check_machine(data: dict[str, Any], path: KeyPath, value: Any, flag: str) -> None:
     """InputError for a key inside a machine that is not there. One that is added says which it is."""
     name = str(path[0])
-    if len(path) < 2 or name in data or name in SECTIONS or path[1] == "machine":
+    keys = path[1:2] or (value if isinstance(value, dict) else ("machine",))
+    if name in data or name in SECTIONS or "machine" in keys:
         return
     there = [key for key in data if key not in SECTIONS]
     raise InputError(name, None, unknown_key(name, [*there, *SECTIONS]), file=flag)

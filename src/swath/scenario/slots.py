@@ -391,7 +391,7 @@ FIELD_LEVELS = {"terrain": "formula", "stand": "uniform"}
 GONE_SLOTS = {  # of version 0.2, and what to use instead
     "job": "`steer: edge_or_path` with a path drives several passes, `swath fleet` whole fields",
 }
-EXAMPLES = {"consensus": "Consensus", "mixture": "Mixture", "threshold": "Threshold"}
+INSTEAD = "`likelihood_ratio` is the detector, `otsu` the plain one"
 GONE = {
     "heap.volume": "`cones` holds what a surface at the angle of repose holds",
     "field_map.earlier_pass": "`file` reads a grid of what was measured, `error` draws one",
@@ -399,7 +399,7 @@ GONE = {
     "cooperate.oscillate": "`by_profile` levels the heap by what it sees of it",
     "steer.station_or_path": "`station` keeps beside another machine, `path` follows a path",
     "speed.job": "`constant` with `guard: {when_lost: path}` goes on along a path",
-    **{f"edge.{n}": f"`examples/edge/{n}.py:{c}` is it, as a file of your own" for n, c in EXAMPLES.items()},
+    **{f"edge.{n}": INSTEAD for n in ("consensus", "filter", "max_likelihood", "mixture", "threshold")},
 }
 REGISTRY = Registry(
     {**FIELD_PACKAGES, **{s.name: s.packages for s in SLOTS}},

@@ -49,9 +49,13 @@ class CropEdge(Signal, about=About(messages=_EDGE, track_order=5, time_column="e
         float,
         Quantity("", "P(|offset error| <= 0.10 m), 0..1; 0 = no edge", column="edge_confidence", span=SHARE),
     ]
-    crop_height: Annotated[float, Quantity("m", "of the crop above the ground", nan="unknown")]
+    crop_height: Annotated[
+        float, Quantity("m", "of the crop above the ground", nan="unknown", column="edge_crop_height_m")
+    ]
     stubble_height: Annotated[float, Quantity("m", "of the stubble above the ground", nan="unknown")]
-    offset_sd: Annotated[float, Quantity("m", "1 sigma of the offset", nan="not known")] = _NAN
+    offset_sd: Annotated[
+        float, Quantity("m", "1 sigma of the offset", nan="not known", column="edge_offset_sd_m")
+    ] = _NAN
     heading_sd: Annotated[float, Quantity("rad", "1 sigma of the heading", nan="not known")] = _NAN
     seen_to: Annotated[
         float, Quantity("m", "x of the farthest place where the edge is seen", nan="unknown")

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from swath.control.edge.canopy_classes import LIMIT
-from swath.control.edge.canopy_offset import CanopyOffset
+from swath.control.edge.canopy_offset import CanopyOffset, Rays
 from swath.control.edge.canopy_rays import RayAnswers
-from swath.control.edge.height_step import Rays
 from swath.control.edge.lean_ramp import LeanRamp
 from swath.core.component import KeepsState
 from swath.signals import F64

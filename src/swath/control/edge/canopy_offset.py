@@ -12,13 +12,11 @@ kept over the last tens of metres; the steps of single scans carry the line.
 """
 
 import math
-from collections.abc import Hashable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from swath.control.edge.height_step import Rays
-from swath.control.edge.shared import shared
 from swath.core.component import KeepsState
 from swath.core.portable import exp, geomspace
 from swath.kernels import repeatable, start_warp
@@ -39,6 +37,28 @@ OFTEN = 0.5  # m of travel from fit to fit
 _Z = np.linspace(-6.0, 6.0, 1201)
 _MET = np.linspace(0.0, 60.0, 3001)
 _PHI = np.array([0.5 * (1.0 + math.erf(z / np.sqrt(2.0))) for z in _Z])
+
+
+@dataclass(frozen=True)
+class Rays:
+    """How the rays of a profile come down through the canopy; all in one order, shape (echo_count,).
+
+    upper, lower: lateral distance [m] from the edge as it was known before, where a ray is (or would have
+    been) `top` and `limit` [m] above the foot of the stubble side, less the roll
+    height [m]: of its echo above that foot
+    top: of the canopy; limit: midway between both sides
+    """
+
+    upper: F64
+    lower: F64
+    height: F64
+    top: float
+    limit: float
+
+    def at(self, height: float) -> F64:
+        """Lateral distance [m] of every ray at a height [m] above the foot of the stubble side."""
+        share = (height - self.limit) / max(self.top - self.limit, 0.01)
+        return self.lower + share * (self.upper - self.lower)
 
 
 class CanopyOffset(KeepsState):
@@ -64,7 +84,7 @@ class CanopyOffset(KeepsState):
         self._there, place = np.unique(there, return_inverse=True)  # half of them are the same
         place = np.moveaxis(place.reshape(there.shape)[:, which], 0, -1)
         self._which = np.ascontiguousarray(place, np.int32)  # [shift, place, spread] -> place of `_there`
-        self._chance, self._parts = stopped(_MET, parts), parts
+        self._chance = stopped(_MET, parts)
         self._launch: Any = None
         self.clear()
 
@@ -122,10 +142,6 @@ class CanopyOffset(KeepsState):
         is_stopped = rays.height > max(float(low), rays.limit)
         np.add.at(self._seen, (is_stopped[ok].astype(np.int64), bins[ok]), 1.0 / SCANS_PER_SAMPLE)
 
-    def _key(self, guess: float) -> Hashable:
-        return self._seen.tobytes(), self._parts, guess
-
-    @shared(_key)
     def _fit(self, guess: float) -> float:
         """Mean shift under the likelihood of the counts and the guess [m]."""
         inside = self._seen[:, self._middle > INSIDE[0]].sum(axis=1)

@@ -1,12 +1,22 @@
 """The level `otsu` as a kernel over worlds: scan and odometry in, crop edge out.
 
-The chain of `detector.EdgeDetector` in its terms and its order: profile, height step, track, canopy offset.
+Profile of a scan, height step, track over several scans, overhang of the canopy.
+`tests/control/otsu_in_numpy.py` has the same functions in numpy.
+
+**Step.** Heights in lateral order from the edge as known so far, so that an error of heading does not smear
+it; the lateral slope of the stubble is the roll against the ground and is taken off. A ray says one thing: it
+was stopped in the upper half of the crop, or not. Where beside the edge it says so must not depend on which
+of both it was, or rays that cross the edge at an angle, in a bend, would show it elsewhere than rays along
+it: stopped only after a mean free path, or free in the shadow of the stand.
+
+**Track.** It coasts over short gaps with a falling confidence, gives up after `lost_s`, and takes a new edge
+only after it was seen for a while: longer when that lies beside the one it remembers (a notch, a tramline).
 """
 
 import warp as wp
 
 from swath.control import inclination
-from swath.control.edge import canopy_offset, detector, height_step, line_fit, profile, tracking
+from swath.control.edge import canopy_offset
 from swath.control.edge.canopy_offset_kernel import SPREADS, score_of_shifts
 from swath.control.inertial_kernel import incline
 from swath.kernels import constants
@@ -25,17 +35,21 @@ X, U, VARIANCE, QUALITY, AGE, IS_USED, SLOPE, COLUMNS = (
 ECHO_X, ECHO_U, ECHO_Z, RAW_X, RAW_LEVEL, RAW_UPPER, RAW_LOWER = (wp.constant(i) for i in range(7))
 AHEAD, LATERAL, LEVEL, UPPER, LOWER, VALUES, SCORE, MET = (wp.constant(7 + i) for i in range(8))
 FIT_X, FIT_U, FIT_VARIANCE, ROBUST, SCRATCH = (wp.constant(15 + i) for i in range(5))
-# What stays the same in all detectors, as Python has it
-REACH, GATES, PRIOR, MEMORY = profile.Reach(), height_step.Gates(), line_fit.Prior(), tracking.Memory()
-MIN_POINTS = wp.constant(GATES.min_points)
-NEAR, FAR, LOWEST, HIGHEST = constants(REACH.near, REACH.far, REACH.low, REACH.high)
-HEADROOM, ROOM, CLEARER = constants(detector.HEADROOM, detector.ROOM, detector.CLEARER)
-FIRST_TOP, SECOND_TOP = constants(*detector.TOPS)
-INNER, MAX_GROUND, RESOLUTION = constants(height_step.MET, GATES.max_ground, GATES.resolution)
-SLOPE_SD, BEND_SD = constants(PRIOR.slope, PRIOR.bend)
-TUKEY, MAD, ERROR_ODDS = constants(line_fit.TUKEY, line_fit.MAD, height_step.ERROR_ODDS)
-WINDOW_S, FORGET_S, MIN_SHARE = constants(MEMORY.window_s, MEMORY.forget_s, MEMORY.min_share)
-PER_SAMPLE, LEVER = constants(tracking.SCANS_PER_SAMPLE, tracking.LEVER)
+MIN_POINTS = wp.constant(5)  # fewest on each side of a step
+NEAR, FAR, LOWEST, HIGHEST = constants(1.0, 25.0, -1.5, 2.2)  # m: ranges, heights of the echoes that count
+HEADROOM, ROOM = constants(1.25, 0.3)  # [1], m: crop over its 90th percentile, over uneven ground
+FIRST_TOP, SECOND_TOP = constants(1.5, 1.15)  # m, tried while the crop's height is unknown: dust hides edges
+CLEARER = constants(1.3)[0]  # times the separation that a lower top must reach to count
+# of a ray's way through the upper half of the crop, from its end nearer to the crop: there it counts. 0.36
+# for 4 to 10 mean free paths of crop and a way across three times the overhang, 0.5 for one along the edge
+INNER = constants(0.35)[0]
+MAX_GROUND, RESOLUTION = constants(0.6, 0.02)  # m: stubble off the machine's plane, least sd of a point
+SLOPE_SD, BEND_SD = constants(0.07, 0.02)  # [1], 1/m: of how far an edge is from straight ahead
+# 95 % efficiency on normal errors (Beaton & Tukey 1974, doi:10.1080/00401706.1974.10489171); sd / median
+TUKEY, MAD = constants(4.685, 1.4826)
+ERROR_ODDS = constants(3.0)[0]  # nat: odds of an echo on its side of a threshold between heights, 95 %
+WINDOW_S, FORGET_S, MIN_SHARE = constants(6.0, 4.0, 0.6)  # s, s, [1]: greatest age, memory of the lost, scans
+PER_SAMPLE, LEVER = constants(8.0, 1.2)  # scans see the same stems; m, a point's place in its scan
 CRAB, GRAVITY = constants(inclination.CRAB, inclination.GRAVITY)
 REACHED, FROM, BIN, LAYER = constants(
     canopy_offset.REACHED, canopy_offset.FROM, canopy_offset.BIN, canopy_offset.LAYER
@@ -49,7 +63,7 @@ INSIDE_FROM, INSIDE_TO = constants(*canopy_offset.INSIDE)
 
 @wp.struct
 class Settings:
-    """What stays: numbers of `EdgeParams` in SI, and where the detector looks from.
+    """What stays: numbers of `Params` in SI, and where the detector looks from.
 
     sign: +1 where u is y, -1 where it is -y; centre: u of the header end; mounting: pose_machine_sensor, its
     position, then rows of the rotation; lost: after so long without an edge none is reported [ns]
@@ -100,7 +114,7 @@ class Line:
 
 @wp.struct
 class State:
-    """What a detector knows. time: of its last scan [ns]; rows: of its track; the others as in Python"""
+    """What a detector knows. time: of its last scan [ns]; rows: of its track"""
 
     time: wp.int64
     rows: wp.int64
@@ -124,7 +138,7 @@ class Split:
 
 @wp.struct
 class Step:
-    """As `height_step.Step` with what it needs of `Rays`; is_there: 0 = no edge in this profile"""
+    """An edge point of a scan and its rays; is_there: 0 = no edge in this profile"""
 
     is_there: int
     count: int
@@ -255,7 +269,7 @@ def otsu_threshold(z: Numbers, n: int, v: Numbers) -> wp.float64:
 
 @wp.func
 def split_by_otsu(z: Numbers, n: int, values: Numbers, score: Numbers) -> Split:
-    """As `otsu.split_by_otsu`: score of a split before each of the points 1..n-1, its gain, the best."""
+    """Score of a split before each of the points 1..n-1, its gain, the best."""
     high = int(0)
     threshold = otsu_threshold(z, n, values)
     for i in range(n):
@@ -282,7 +296,7 @@ def split_by_otsu(z: Numbers, n: int, values: Numbers, score: Numbers) -> Split:
 
 @wp.func
 def ground_slope(lateral: Numbers, z: Numbers, n: int, values: Numbers) -> wp.float64:
-    """As `height_step._ground_slope`, of the n points on the stubble side."""
+    """Lateral slope of n points on the stubble side, least squares shrunk toward 0 by 2 deg of roll."""
     for i in range(n):
         values[i] = z[i]
     middle = median(values, n)
@@ -327,7 +341,7 @@ def sort_by(key: Numbers, index: wp.array(dtype=int), n: int):
 
 @wp.func
 def abreast(x: Numbers, lateral: Numbers, edge: wp.float64, first: int, n: int, v: Numbers) -> wp.float64:
-    """As `height_step._abreast`."""
+    """x at which the edge point holds: midway between crop and stubble within 1 m of it."""
     total = real(0.0)
     sides = int(0)
     for side in range(2):
@@ -363,7 +377,7 @@ def find_step(
     scratch: Table,
     index: wp.array(dtype=int),
 ) -> Step:
-    """As `height_step.find_step` of the echoes below a top."""
+    """The edge point of the echoes below a top."""
     step = Step()
     half = s.window
     line = expected
@@ -497,7 +511,7 @@ def find_step(
 
 @wp.func
 def fit_line(scratch: Table, n: int, start: Line, x0: wp.float64) -> Line:
-    """As `line_fit.fit_line`, of n points in scratch, where the weights are left."""
+    """Parabola through n points in scratch by reweighted least squares; leaves the weights there."""
     x = scratch[FIT_X]
     u = scratch[FIT_U]
     variance = scratch[FIT_VARIANCE]
@@ -582,7 +596,7 @@ def fit_used(rows: Table, scratch: Table, state: State, s: Settings) -> Line:
 
 @wp.func
 def tried(rows: Table, scratch: Table, state: State, span: wp.float64, near: Line, s: Settings) -> State:
-    """As `EdgeTrack._try`."""
+    """Found when enough scans of the last `span` agree on one line, near one if that is there."""
     if state.unseen < span - real(1e-6) and near.is_there == ZERO:
         return state
     asked = int(0)
@@ -637,7 +651,7 @@ def move_track(
     crab: wp.float64,
     s: Settings,
 ) -> State:
-    """As `EdgeTrack.move`."""
+    """The points and the line, seen from where the machine is now."""
     course = HALF * turn + crab
     dx = distance * wp.cos(course)
     du = distance * wp.sin(course)
@@ -675,7 +689,7 @@ def move_track(
 
 @wp.func
 def update_track(rows: Table, scratch: Table, state: State, step: Step, s: Settings) -> State:
-    """As `EdgeTrack.update`."""
+    """Take the edge point of a scan, or that it showed none."""
     n = int(state.rows)
     if n == rows.shape[0]:
         for i in range(1, n):
@@ -715,7 +729,7 @@ def update_track(rows: Table, scratch: Table, state: State, step: Step, s: Setti
 
 @wp.func
 def confidence_of(rows: Table, state: State, s: Settings) -> wp.float64:
-    """As `EdgeTrack.confidence`."""
+    """Share of the last half second of scans that show the edge, times their quality."""
     recent = int(0)
     used = int(0)
     quality = real(0.0)

@@ -8,11 +8,13 @@ firmware sends it.
 """
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from functools import reduce
 from operator import xor
+from typing import Any
 
 from swath.signals import Fix
 
@@ -20,11 +22,15 @@ TALKER = "GN"
 SENTENCES = ("GGA", "VTG", "RMC", "GST", "HDT", "THS", "PANDA", "PAOGI")
 USUAL = ("GGA", "VTG", "RMC", "GST", "HDT")
 KNOT = 1852.0 / 3600.0  # m/s
+FOOT = 0.3048  # m
 BEGUN = "2026-07-15T10:00:00Z"  # the receiver's clock where a run begins, unless it is told
 GGA_QUALITY = (0, 1, 2, 5, 4)  # by number of a Fix: none, single, dgps, float, fix
 FIX_QUALITY = {0: 0, 1: 1, 2: 2, 3: 1, 4: 4, 5: 3, 9: 2}
 RMC_MODE = "NADFR"
 LONGEST = 4096  # bytes without an end of line
+MOST_WORDS = 15  # of a sentence that is read
+
+Told = dict[str, Any]  # fields of an Epoch
 
 
 def utc_of(text: str) -> datetime:
@@ -181,16 +187,20 @@ class Listener:
     """Epochs out of a stream of sentences, however it is cut. An epoch is complete when it has all kinds of
     sentences that the two before it had, or one of another time of day begins.
 
+    A sentence counts whole or not at all. Checksums are left away by all lines of a stream or by none.
+
     epoch: the newest, still None before the first; wrong: lines so far that were no sentence, or had another
-    checksum
+    checksum; unknown: what sentences did not say, with how often
     """
 
     wrong: int = 0
     epoch: Epoch | None = None
+    unknown: Counter[str] = field(default_factory=Counter)
     _rest: bytes = b""
     _is_told: bool = False
     _kinds: tuple[set[str], ...] = field(default_factory=lambda: (set(), set(), set()))  # newest epoch first
     _done: list[Epoch] = field(default_factory=list)
+    _are_checked: bool | None = None  # None: of a stream that has not shown it yet
 
     def feed(self, data: bytes) -> list[Epoch]:
         """More bytes; the epochs that are complete."""
@@ -206,33 +216,47 @@ class Listener:
     def _take(self, line: bytes) -> None:
         body, star, check = line.removeprefix(b"$").partition(b"*")
         try:
-            is_right = line[:1] == b"$" and (not star or int(check[:2], 16) == reduce(xor, body, 0))
-            name, *words = body.decode("ascii").split(",")
-            if not is_right:
+            if line[:1] != b"$" or (star and int(check[:2], 16) != reduce(xor, body, 0)):
                 raise ValueError
+            is_first, self._are_checked = self._are_checked is None, self._are_checked or bool(star)
+            name, *words = body.decode("ascii").split(",")
             kind = name if name.startswith("P") else name[2:]
-            if kind in ("GGA", "RMC", "GST", "PANDA", "PAOGI"):
-                self._at(words[0])
-            if self.epoch is not None and kind in READERS:
-                READERS[kind](self.epoch, words)
-                self._kinds[0].add(kind)
-                usual = self._kinds[1] | self._kinds[2]
-                if not self._is_told and usual and usual <= self._kinds[0]:
-                    self._is_told = True
-                    self._done.append(self.epoch)
-        except (ValueError, IndexError):
+            if kind not in READERS or (is_first and not star):
+                return
+            least, read = READERS[kind]
+            if not star and (self._are_checked or len(words) < least):
+                raise ValueError
+            words += [""] * MOST_WORDS  # receivers leave away what is empty
+            of = self.epoch if kind in UNTIMED else self._at(words[0])
+            if of is None:
+                return
+            told = read(of, words)
+        except ValueError:
             self.wrong += 1
+            return
+        self._begin(of)
+        vars(of).update(told)
+        if kind in ("GGA", "PANDA", "PAOGI") and of.quality and math.isnan(of.height):
+            self.unknown["positions without a height above the ellipsoid"] += 1
+        self._kinds[0].add(kind)
+        usual = self._kinds[1] | self._kinds[2]
+        if not self._is_told and usual and usual <= self._kinds[0]:
+            self._is_told = True
+            self._done.append(of)
 
-    def _at(self, text: str) -> None:
-        if not text:
-            raise ValueError
+    def _at(self, text: str) -> Epoch:
+        """The epoch of a time of day, the newest where that is its own."""
         seconds = int(text[:2]) * 3600.0 + int(text[2:4]) * 60.0 + float(text[4:])
-        if self.epoch is not None and self.epoch.seconds != seconds:
+        return self.epoch if self.epoch is not None and self.epoch.seconds == seconds else Epoch(seconds)
+
+    def _begin(self, epoch: Epoch) -> None:
+        if epoch is self.epoch:
+            return
+        if self.epoch is not None:
             if not self._is_told:
                 self._done.append(self.epoch)
-            self.epoch, self._kinds = None, (set(), *self._kinds[:2])
-        if self.epoch is None:
-            self.epoch, self._is_told = Epoch(seconds), False
+            self._kinds = (set(), *self._kinds[:2])
+        self.epoch, self._is_told = epoch, False
 
 
 def _read(text: str, factor: float = 1.0) -> float:
@@ -240,61 +264,78 @@ def _read(text: str, factor: float = 1.0) -> float:
 
 
 def _read_angle(text: str, side: str) -> float:
-    """Degrees and minutes [rad]."""
+    """Degrees, of two or three digits by the side, and minutes [rad]."""
     if not text:
         return math.nan
-    value = float(text)
-    if side not in ("N", "S", "E", "W") or not 0.0 <= value <= 18000.0:
+    count = {"N": 2, "S": 2, "E": 3, "W": 3}.get(side, 0)
+    degrees, minutes = text[:count], text[count:]
+    if not (degrees.isdigit() and minutes[:2].isdigit() and float(minutes) < 60.0):
         raise ValueError
-    degrees = value // 100.0
-    angle = math.radians(degrees + (value - 100.0 * degrees) / 60.0)
+    angle = math.radians(int(degrees) + float(minutes) / 60.0)
     return -angle if side in ("S", "W") else angle
 
 
-def _read_gga(epoch: Epoch, words: Sequence[str]) -> None:
-    epoch.latitude, epoch.longitude = _read_angle(words[1], words[2]), _read_angle(words[3], words[4])
-    epoch.quality = FIX_QUALITY.get(int(words[5] or 0), 0)
-    epoch.satellites, epoch.hdop = int(words[6] or -1), _read(words[7])
-    separation = _read(words[10])
-    epoch.height = _read(words[8]) + (0.0 if math.isnan(separation) else separation)
-    epoch.age = _read(words[12])
+def _read_height(text: str, unit: str) -> float:
+    """[m]. A unit that is none of a height makes the sentence none."""
+    factor = {"": 1.0, "M": 1.0, "F": FOOT}.get(unit.upper())
+    if factor is None:
+        raise ValueError
+    return _read(text, factor)
 
 
-def _read_vtg(epoch: Epoch, words: Sequence[str]) -> None:
-    epoch.course = math.radians(_read(words[0]))
-    epoch.speed = _read(words[6], 1.0 / 3.6) if words[6] else _read(words[4], KNOT)
+def _read_place(words: Sequence[str]) -> Told:
+    """Latitude, longitude, quality, satellites and HDOP. Without satellites there is no fix."""
+    latitude, longitude = _read_angle(words[1], words[2]), _read_angle(words[3], words[4])
+    quality, used = FIX_QUALITY.get(int(words[5] or 0), 0), int(words[6] or -1)
+    quality = quality if used else 0
+    told = {"latitude": latitude, "longitude": longitude, "quality": quality, "satellites": used}
+    return {**told, "hdop": _read(words[7])}
 
 
-def _read_rmc(epoch: Epoch, words: Sequence[str]) -> None:
-    if math.isnan(epoch.speed):
-        epoch.speed, epoch.course = _read(words[6], KNOT), math.radians(_read(words[7]))
+def _read_gga(epoch: Epoch, words: Sequence[str]) -> Told:
+    height = _read_height(words[8], words[9]) + _read_height(words[10], words[11])
+    return {**_read_place(words), "height": height, "age": _read(words[12])}
 
 
-def _read_gst(epoch: Epoch, words: Sequence[str]) -> None:
+def _read_vtg(epoch: Epoch, words: Sequence[str]) -> Told:
+    if words[8] == "N":
+        return {}
+    speed = _read(words[6], 1.0 / 3.6) if words[6] else _read(words[4], KNOT)
+    return {"course": math.radians(_read(words[0])), "speed": speed}
+
+
+def _read_rmc(epoch: Epoch, words: Sequence[str]) -> Told:
+    if words[1] != "A" or not math.isnan(epoch.speed):
+        return {}
+    return {"speed": _read(words[6], KNOT), "course": math.radians(_read(words[7]))}
+
+
+def _read_gst(epoch: Epoch, words: Sequence[str]) -> Told:
     north, east = _read(words[5]), _read(words[6])
-    epoch.horizontal_sd = math.sqrt(0.5 * (north * north + east * east))
-    epoch.vertical_sd = _read(words[7])
+    return {
+        "horizontal_sd": math.sqrt(0.5 * (north * north + east * east)),
+        "vertical_sd": _read(words[7]),
+    }
 
 
-def _read_heading(epoch: Epoch, words: Sequence[str]) -> None:
-    if words[1] != "V":
-        epoch.heading = math.radians(_read(words[0]))
+def _read_heading(epoch: Epoch, words: Sequence[str]) -> Told:
+    return {} if words[1] == "V" else {"heading": math.radians(_read(words[0]))}
 
 
-def _read_panda(epoch: Epoch, words: Sequence[str]) -> None:
-    epoch.latitude, epoch.longitude = _read_angle(words[1], words[2]), _read_angle(words[3], words[4])
-    epoch.quality = FIX_QUALITY.get(int(words[5] or 0), 0)
-    epoch.satellites, epoch.hdop, epoch.height = int(words[6] or -1), _read(words[7]), _read(words[8])
-    epoch.age, epoch.speed = _read(words[9]), _read(words[10], KNOT)
+def _read_panda(epoch: Epoch, words: Sequence[str]) -> Told:
+    told = {"height": _read(words[8]), "age": _read(words[9]), "speed": _read(words[10], KNOT)}
+    return {**_read_place(words), **told}
 
 
-def _read_paogi(epoch: Epoch, words: Sequence[str]) -> None:
-    _read_panda(epoch, words)
-    epoch.heading, epoch.roll, epoch.pitch = (math.radians(_read(word)) for word in words[11:14])
-    epoch.pitch = -epoch.pitch
+def _read_paogi(epoch: Epoch, words: Sequence[str]) -> Told:
+    heading, roll, pitch = (math.radians(_read(word)) for word in words[11:14])
+    return {**_read_panda(epoch, words), "heading": heading, "roll": roll, "pitch": -pitch}
 
 
-READERS: dict[str, Callable[[Epoch, Sequence[str]], None]] = {
-    "GGA": _read_gga, "VTG": _read_vtg, "RMC": _read_rmc, "GST": _read_gst, "HDT": _read_heading,
-    "THS": _read_heading, "PANDA": _read_panda, "PAOGI": _read_paogi,
+UNTIMED = ("VTG", "HDT", "THS")
+READERS: dict[str, tuple[int, Callable[[Epoch, Sequence[str]], Told]]] = {
+    "GGA": (14, _read_gga), "VTG": (8, _read_vtg), "RMC": (11, _read_rmc), "GST": (8, _read_gst),
+    "HDT": (2, _read_heading), "THS": (2, _read_heading), "PANDA": (15, _read_panda),
+    "PAOGI": (15, _read_paogi),
 }  # fmt: skip
+"""Of each kind of sentence: its fields, and what they say of an epoch. ValueError where they are none."""

@@ -18,8 +18,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-import swath
 from swath.core.errors import SwathError
+from swath.core.processes import start_module
 from swath.link.fmi.calls import FmuError
 from swath.link.fmi.description import Description, Variable
 from swath.link.fmi.instance import Numbers, Steps, unpack
@@ -121,15 +121,9 @@ class ChildProcess:
 
     def _launch(self) -> None:
         ours, theirs = socket.socketpair()
-        folder = str(Path(swath.__file__).parents[1])
-        path = os.pathsep.join([folder, *filter(None, [os.environ.get("PYTHONPATH")])])
         with theirs:
-            self.child = subprocess.Popen(
-                [sys.executable, "-P", "-m", "swath.link.fmi.child_process", str(theirs.fileno())],
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONPATH": path},
-            )
+            number, nothing = theirs.fileno(), subprocess.DEVNULL
+            self.child = start_module(__name__, str(number), pass_fds=[number], stdin=nothing)
         self._pipe = Connection(ours.detach())
 
     def _ask(self, verb: str, *what: Any, doing: str, extra_s: float = 0.0) -> Any:

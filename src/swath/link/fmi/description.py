@@ -20,6 +20,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.whole_file import write_whole
 from swath.documents.packed import open_archive
 from swath.link.fmi.units import BASE, Unit, known_unit
 
@@ -100,7 +101,7 @@ def repaired(file: Path) -> Iterator[tuple[Path, list[str]]]:
             node.remove(child)
     with tempfile.TemporaryDirectory(prefix="swath-fmu-") as folder:
         copy = Path(folder) / "modelDescription.xml"
-        ElementTree.ElementTree(root).write(copy, encoding="utf-8")
+        write_whole(copy, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
         yield copy, repairs
 
 

@@ -33,6 +33,7 @@ from swath.field.projection import Origin
 from swath.link.device import cola, lms, nmea, velodyne
 from swath.link.device.address import Address, read_address
 from swath.link.device.wires import Events, Reader, TcpServer, Terminal, UdpSender
+from swath.record.read.fixes import local_places
 from swath.sensing.mount import Mount
 from swath.signals import Fix, Scan, Signal
 from swath.signals.setup import LinkSetup
@@ -590,9 +591,10 @@ class _NmeaStream:
 
     @property
     def notes(self) -> list[str]:
-        """What was wrong."""
+        """What was wrong, or not said."""
         counts = (("lines were no sentence", self._listener.wrong),
-                  ("positions came late and were left out", self._late))  # fmt: skip
+                  ("positions came late and were left out", self._late),
+                  *self._listener.unknown.items())  # fmt: skip
         return [f"{count} {text}" for text, count in counts if count]
 
     def feed(self, data: bytes, arrived: int) -> Iterator[Fix]:
@@ -608,9 +610,9 @@ class _NmeaStream:
         lon, lat = epoch.longitude, epoch.latitude
         x = y = z = north = math.nan
         if epoch.quality and math.isfinite(lon) and math.isfinite(lat):
-            height = 0.0 if math.isnan(epoch.height) else epoch.height
-            place = [math.degrees(lon), math.degrees(lat), height]
-            here, there = self._to_local(np.array([place, [place[0], place[1] + STEP_DEG, height]]))
+            place = [math.degrees(lon), math.degrees(lat), epoch.height]
+            places = np.array([place, [place[0], place[1] + STEP_DEG, epoch.height]])
+            here, there = local_places(self._to_local, places)
             x, y, z = here.tolist()
             north = math.atan2(there[1] - y, there[0] - x)
         return Fix(

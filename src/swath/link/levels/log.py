@@ -7,7 +7,7 @@ after its message was received.
 In which frame samples of somebody else's recording are is checked by what they show: gravity, and the ground.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from math import cos, hypot, isfinite, nan
@@ -25,14 +25,15 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG
+from swath.core.witness import Pair, judge
 from swath.record import positioning_messages as positioning
 from swath.record.message_factory import OPTICAL_FRAME
 from swath.record.read import feed as feeds
 from swath.record.read.feed import Demux, Feed, Record, Timed
-from swath.record.read.fields import Context, is_on_clock, number_at, stamp_in, stamp_of
+from swath.record.read.fields import Context, number_at
 from swath.record.read.files import Log, open_log
 from swath.record.read.fixes import TangentPlane, ToLocal, field_plane, read_fixes, states_of_fixes
-from swath.record.read.frames import GROUND, own_mounting, static_links, static_mounting
+from swath.record.read.frames import GROUND, Links, frame_of, own_mounting, static_links, static_mounting
 from swath.record.read.messages import maker_for, message_names
 from swath.sensing.mount import Mount
 from swath.signals import F64, Fix, Image, Inertial, MachineState, Scan, Signal
@@ -45,6 +46,14 @@ NEAR_GRAVITY = 0.15  # of it, by which a mean force may be off: bias, scale, bra
 UPRIGHT_DEG = 45.0  # no machine at work leans as far
 DATUM_M = 0.5  # heights that differ by less from the terrain's differ by their errors
 CONSTANT_M = 1.0  # from the 5th to the 95th percentile: what differs by more is no other datum
+LOOKED = 30_000  # samples of a recording in which turns are looked for: 5 minutes of 100 Hz
+TURN_S, LEAST_TURN = (
+    2.0,
+    10.0 * DEG,
+)  # windows in which turns are compared [s], and of them all, at least [rad]
+TURNS_ALIKE = 0.1, 0.5  # share by which turns may differ: told, refused
+TURNS_SEEN = 0.9  # correlation of turns that are the same, in another unit
+FASTEST_TURN = 1.5  # of a machine at work [rad/s]
 UNKNOWN_SD_M = 3.5  # of the height of a receiver without corrections (docs/explanation/sensors.md)
 # Where the force of an upright machine points in the unit's axes -> what turns them to forward, left, up.
 LIKELY = {
@@ -88,6 +97,37 @@ def _unit(size: float) -> str:
     if abs(size - 1.0) < NEAR_GRAVITY:
         return "it is in g: `scale: {inertial.force_x: 9.81, inertial.force_y: 9.81, inertial.force_z: 9.81}`"
     return "gravity is left out of it" if size < 1.0 else "it is in another unit: `scale`"
+
+
+def turning(samples: Sequence[Inertial], track: Sequence[MachineState], rotation: F64 | None) -> Pair:
+    """The turns that an inertial unit measured against those of a track, over windows of TURN_S; of a unit
+    without a track, against what machines do.
+
+    rotation: of pose_machine_sensor, (3, 3), None = the axes are the machine's
+    """
+    key, scale = "inertial.rate_z", ", ".join(f"inertial.rate_{n}: {DEG:.6f}" for n in "xyz")
+    table = np.array([(s.t / NS, s.rate_x, s.rate_y, s.rate_z) for s in samples]).reshape(-1, 4)
+    table = table[np.isfinite(table).all(axis=1)]
+    driven = np.array([(s.t / NS, s.pose.euler()[2]) for s in track]).reshape(-1, 2)
+    both = [rows[:, 0] for rows in (table, driven) if len(rows)]
+    at = np.arange(max(t[0] for t in both), min(t[-1] for t in both), TURN_S) if len(table) else np.zeros(0)
+    if len(at) < 3:
+        return Pair(key, "", nan, nan)
+    rate = table[:, 1:] @ (np.array([0.0, 0.0, 1.0]) if rotation is None else rotation[2])
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(table[:, 0]))])
+    seen = np.diff(np.interp(at, table[:, 0], angle))
+    if not len(driven):
+        fastest = float(np.abs(seen).max()) / TURN_S
+        entry = f"no machine turns so: in deg/s, `scale: {{{scale}}}`"
+        return Pair(key, f"turns of {fastest:.2f} rad/s", fastest, FASTEST_TURN, FASTEST_TURN, entry)
+    true = np.diff(np.interp(at, driven[:, 0], np.unwrap(driven[:, 1])))
+    if np.hypot.reduce(true) < LEAST_TURN or np.corrcoef(seen, true)[0, 1] < TURNS_SEEN:
+        return Pair(key, "", nan, nan)
+    factor = float(seen @ true / (true @ true))
+    is_degrees = abs(factor * DEG - 1.0) < TURNS_ALIKE[1]
+    entry = f"in deg/s: `scale: {{{scale}}}`" if is_degrees else "`scale`, or `mount`"
+    shown = f"turns are {factor:.3g} times those of the positions"
+    return Pair(key, shown, abs(factor - 1.0), *TURNS_ALIKE, entry)
 
 
 @dataclass(frozen=True)
@@ -185,6 +225,7 @@ class Params:
     between: two samples the older one is held, or plain numbers are interpolated
     end: the run ends after the last sample of a topic, or holds it until the log ends
     gap_s: longer ones are reported (default: three times the usual interval)
+    frame: that of the messages to play, where a topic has several (default: that of the first)
     mount: of the sensor (default: as recorded)
     origin: of NavSatFix positions (default: the first one); field_folder: or that of a field folder
     antenna_m: x, y, z of the receiver on the machine (default: as recorded, or by /tf_static)
@@ -202,6 +243,7 @@ class Params:
     between: Literal["hold", "interpolate"] = "hold"
     end: Literal["topic", "log"] = "topic"
     gap_s: Annotated[float, Gt(0), Le(1e6)] | None = None
+    frame: str | None = None
     mount: Mount | None = None
     origin: GeoOrigin | None = None
     field_folder: str | None = None
@@ -354,7 +396,9 @@ class LogPlayer:
         self._shift = self.log.begin() if any(not s.is_exact for s in self._sources) else 0
         self._shift += round(params.start_s * NS)
         self._period = round(setup.control.period * NS)
-        self._context = Context(setup.control.machine.wheelbase, to_local(params, setup.base))
+        local, machine = to_local(params, setup.base), setup.machine_name
+        self._links, self._frame = self._tree()
+        self._context = Context(setup.control.machine.wheelbase, local, self._links, machine)
         self._fixes: dict[str, list[Timed]] = {}
         self._demux: Demux | None = None
         self._told: list[str] = []
@@ -453,6 +497,15 @@ class LogPlayer:
     def _topics(self) -> list[str]:
         return list(dict.fromkeys(t for s in self._sources for t in s.topics))
 
+    def _tree(self) -> tuple[Links, str]:
+        """/tf_static of somebody else's recording, and the frame of the messages that are played."""
+        others = [s for s in self._sources if not s.is_exact]
+        if not others:
+            return {}, ""
+        source = next((s for s in others if s.port.signal in MOUNTED), others[0])
+        links, first = static_links(self.log, source.topics[0])
+        return links, self.params.frame or frame_of(first)
+
     def _check(self) -> None:
         """InputError for what can be known to be wrong before anything is read."""
         for source in self._sources:
@@ -475,6 +528,8 @@ class LogPlayer:
             if kind is Inertial and not source.is_exact:
                 turn = None if self.mounting is None else self.mounting.rotation
                 check_gravity(name, self._some(source), turn)
+                pair = turning(self._some(source, LOOKED), self._track_beside(), turn)
+                self._told += [f"{self.setup.slot}: {note}" for note in judge([pair])]
             is_track = kind is MachineState or (kind is Fix and not source.is_exact)
             if is_track and self.setup.ground is not None:
                 antenna = 0.0 if kind is MachineState or self.mounting is None else self.mounting.position[2]
@@ -486,11 +541,22 @@ class LogPlayer:
                     self._lifts[name] = lift
         self._context.notes.clear()
 
-    def _some(self, source: Source) -> list[Any]:
+    def _track_beside(self) -> list[Any]:
+        """How the machine turned by what else is in the recording: poses, else positions."""
+        kinds = ("Odometry", "PoseStamped", "PoseWithCovarianceStamped", "NavSatFix")
+        found = [
+            (kinds.index(k), t) for t, of in self._types.items() if (k := of.rpartition("/")[2]) in kinds
+        ]
+        try:
+            return self._some(Source(Port("state", MachineState), (min(found)[1],)), LOOKED) if found else []
+        except InputError:  # a machine that stands has no course
+            return []
+
+    def _some(self, source: Source, most: int = CHECKED) -> list[Any]:
         """The first samples from where the run starts; what is not readable is counted when it is played."""
         demux = Demux(open_log(self.log.path).messages, source.topics)
         late = (s for t, s in self._samples(source, demux) if t >= self._shift)
-        found = list(islice(late, CHECKED))
+        found = list(islice(late, most))
         demux.close()
         return found
 
@@ -518,7 +584,9 @@ class LogPlayer:
             chosen = found[-1] if found else made.next
             where = ", ".join(source.topics)
             if chosen is None:
-                raise InputError("topics", where, "expected messages in the recording", file=self.log.path)
+                of = f" of frame {self.params.frame}" if self.params.frame else ""
+                expected = f"expected messages{of} in the recording"
+                raise InputError("topics", where, expected, file=self.log.path)
             if found and made.next is None and self.params.start_s > 0 and self.params.end == "topic":
                 expected = f"expected a start before the last message on {where}"
                 raise InputError("start_s", self.params.start_s, expected)
@@ -553,18 +621,18 @@ class LogPlayer:
 
     def _samples(self, source: Source, demux: Demux) -> Iterator[Timed]:
         """The samples of an output on the clock of the log."""
-        records = demux.read(*source.topics)
-        records = records if source.is_exact else self._on_its_clock(records)
+        records, context = demux.read(*source.topics), self._context.again()
         if source.is_exact:
             samples = feeds.exact_samples(records)
         elif source.numbers:
-            samples = self._from_numbers(source, records)
+            samples = self._from_numbers(source, records, context)
         elif self._types[source.topics[0]] == FIX and source.port.signal is MachineState:
-            samples = iter(self._track(source.topics[0]))
+            samples = iter(self._track(source.topics[0], context))
         else:
-            make = maker_for(source.port.signal, self._types[source.topics[0]], self._context)
+            make = maker_for(source.port.signal, self._types[source.topics[0]], context)
             assert make is not None
-            samples = ((t, make(message, t)) for _, t, message in records)
+            made = ((t, make(message, t)) for _, t, message in self._of_one_frame(records))
+            samples = ((t, sample) for t, sample in made if sample is not None)
         if self.params.clock == "stamp" and not source.is_exact:
             samples = ((sample.t, sample) for _, sample in samples)
         if source.port.signal is MachineState and self.params.start_s > 0:
@@ -574,15 +642,19 @@ class LogPlayer:
         lift = self._lifts.get(source.port.name)
         return samples if lift is None else ((t, lift.lifted(sample)) for t, sample in samples)
 
-    def _on_its_clock(self, records: Iterator[Record]) -> Iterator[Record]:
-        """The records; counts those whose stamp is of another clock than the log's."""
+    def _of_one_frame(self, records: Iterator[Record]) -> Iterator[Record]:
+        """The records of one frame: several sensors may write on one topic, and several machines."""
+        frame = self.params.frame
         for topic, t, message in records:
-            stamp = stamp_in(message)
-            if stamp is not None and not is_on_clock(stamp, t):
-                self._context.note(f"stamps of {topic} are not on the clock of the log, its own time counts")
-            yield topic, t, message
+            own = frame_of(message, own=True) or frame_of(message)
+            frame = own if frame is None else frame
+            if own == frame:
+                yield topic, t, message
+            else:
+                told = f"messages of {own} on {topic} left out beside those of {frame}: `frame: {own}`"
+                self._context.note(f"{told} plays them")
 
-    def _from_numbers(self, source: Source, records: Iterator[tuple[str, int, Any]]) -> Iterator[Timed]:
+    def _from_numbers(self, source: Source, records: Iterator[Record], context: Context) -> Iterator[Timed]:
         """A sample whenever one of its numbers came, once all have."""
         name = source.port.name
         known: dict[str, Any] = numbers_of(name, self.params.fixed)
@@ -596,19 +668,20 @@ class LogPlayer:
                         raise InputError("topics", f"{topic}:{path}", expected, file=self.log.path) from None
                     known[number] = value * self.params.scale.get(f"{name}.{number}", 1.0)
             if all(number in known for number in source.numbers):
-                yield t, build(source.port.signal, stamp_of(message, t), known)
+                yield t, build(source.port.signal, context.stamp(message, t), known)
 
-    def _track(self, topic: str) -> list[Timed]:
+    def _track(self, topic: str, context: Context) -> list[Timed]:
         if topic not in self._fixes:
-            fixes = read_fixes(self._on_its_clock(self.log.messages((topic,))))
+            fixes = read_fixes(self._of_one_frame(self.log.messages((topic,))), context)
             local = to_local(self.params, self.setup.base)
-            antenna = self.params.antenna_m or self._antenna_of(topic)
+            is_played = any(topic in source.topics for source in self._sources)
+            antenna = self.params.antenna_m or (self._antenna_of(topic) if is_played else (0.0, 0.0, 0.0))
             self._fixes[topic] = states_of_fixes(fixes, local, antenna, self._context.wheelbase)
         return self._fixes[topic]
 
     def _antenna_of(self, topic: str) -> tuple[float, float, float]:
         """By /tf_static; where that does not say, below the antenna is the machine's origin."""
-        found = self._static_mounting(topic)
+        found = self._static_mounting()
         x, y, z = (0.0, 0.0, 0.0) if found is None else found.position.tolist()
         return x, y, z
 
@@ -627,16 +700,15 @@ class LogPlayer:
         source = next((signals[kind] for kind in MOUNTED if kind in signals), None)
         if source is None:
             return None
-        found = None if source.is_exact else self._static_mounting(source.topics[0])
+        found = None if source.is_exact else self._static_mounting()
         if found is None and source.port.signal is Scan:
             expected = "expected where the sensor sits, /tf_static of the recording does not say"
             raise InputError("mount", None, expected)
         return found
 
-    def _static_mounting(self, topic: str) -> Pose | None:
-        links, first = static_links(self.log, topic)
-        frame = str(getattr(getattr(first, "header", None), "frame_id", "")).lstrip("/")
-        found = static_mounting(links, frame, self.setup.machine_name)
+    def _static_mounting(self) -> Pose | None:
+        frame = self._frame
+        found = static_mounting(self._links, frame, self.setup.machine_name)
         if found is None:
             return None
         ground, pose = found

@@ -13,6 +13,7 @@ from importlib.resources import files
 from typing import Any
 
 from swath.core.errors import MissingExtra, SwathError
+from swath.core.processes import in_environment
 
 DEPTH = 100  # messages that a slow reader may lag behind before it loses some
 CLOCK_PERIOD = 10_000_000  # simulated time between two /clock messages [ns]
@@ -39,28 +40,23 @@ def _within_reach() -> Iterator[None]:
     """The environment in which ROS 2 starts: nodes of this machine alone, unless inside `networked`.
 
     With Fast DDS, the default, its sockets are those of the loopback interface too, unless the user has a
-    profile of his own; others are only told to look for nobody elsewhere.
+    profile of his own; others are only told to look for nobody elsewhere. A profile that lies in the working
+    folder may name addresses and log files: it is left unread.
     """
+    wanted = {"SKIP_DEFAULT_XML_FILE": "1"}
     if _is_networked.get():
-        yield
+        with in_environment(**wanted):
+            yield
         return
-    wanted = {"ROS_STATIC_PEERS": ""}
+    wanted["ROS_STATIC_PEERS"] = ""
     if os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") != "OFF":
         wanted["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     if os.environ.get("ROS_DISTRO") in WITHOUT_RANGE:
         wanted["ROS_LOCALHOST_ONLY"] = "1"
     profile = str(files("swath.data") / "ros2" / "this_machine.xml")
     wanted["FASTRTPS_DEFAULT_PROFILES_FILE"] = os.environ.get("FASTRTPS_DEFAULT_PROFILES_FILE", profile)
-    before = {name: os.environ.get(name) for name in wanted}
-    os.environ.update(wanted)
-    try:
+    with in_environment(**wanted):
         yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def need_rclpy(what: str) -> None:

@@ -4,6 +4,7 @@ Chassis with six degrees of freedom, rear pendulum axle with two kingpins after 
 feeder and header as masses, grain that shifts the centre of gravity. Equations: docs/explanation/machine.md.
 """
 
+import sys
 from dataclasses import dataclass
 from math import atan2, ceil, fsum, hypot, tan
 from typing import Annotated, Any, Literal
@@ -349,7 +350,12 @@ def _engine() -> Any:
         import mujoco
     except ImportError:
         raise MissingExtra("multibody", "motion level multibody") from None
+    mujoco.set_mju_user_warning(_warn)  # else it writes into the working folder
     return mujoco
+
+
+def _warn(text: str) -> None:
+    print(f"swath: MuJoCo: {text}", file=sys.stderr)
 
 
 LEVEL = Level(

@@ -1,18 +1,21 @@
-"""What messages have in common: stamps, numbers by their path, poses; and the makers of samples from them."""
+"""What messages have in common, and the makers of samples from them.
+
+A `Context` says of each message when it was measured, on the clock of the log, and where its machine was.
+"""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import hypot
 from typing import Any
 
-import numpy as np
-
 from swath.core.frames import Pose
 from swath.core.schedule import NS
+from swath.record.read.clocks import Clocks
+from swath.record.read.frames import Links, frame_of, is_own, pose_of, static_mounting
 from swath.signals import F64, Signal
 
-Maker = Callable[[Any, int], Signal]  # (message, log time [ns]) -> sample on the clock of the log
-CLOCKS_AGREE = 60 * NS  # a stamp this far from the log time is on another clock
+Maker = Callable[[Any, int], Signal | None]
+"""(message, log time [ns]) -> sample on the clock of the log; None where nothing is in it."""
 
 
 @dataclass(frozen=True)
@@ -21,36 +24,61 @@ class Context:
 
     to_local: (n, 3) longitude, latitude [deg], height [m] -> (n, 3) east, north, up [m]; None: the plane at
     the first position
+    links: by /tf_static; machine: its name in there
     notes: what had to be assumed of messages, with how often; grows while they are read
     """
 
     wheelbase: float
     to_local: Callable[[F64], F64] | None = None
+    links: Links = field(default_factory=dict)
+    machine: str = ""
     notes: dict[str, int] = field(default_factory=dict)
+    clocks: Clocks = field(default_factory=Clocks)
+    _below: dict[str, Pose | None] = field(default_factory=dict)
+
+    def again(self) -> "Context":
+        """For another pass through the recording."""
+        return replace(self, clocks=self.clocks.again(), _below={})
 
     def note(self, what: str) -> None:
         """Count an assumption."""
         self.notes[what] = self.notes.get(what, 0) + 1
 
+    def time(self, message: Any, t: int) -> int:
+        """When it was measured, on the clock of the log, where it was received at `t` [ns]; `t` where it does
+        not say."""
+        stamp = getattr(getattr(message, "header", None), "stamp", None)
+        if stamp is None:
+            return t
+        of = f"{frame_of(message)} ({type(message).__name__.rpartition('_')[2]})"
+        return self.clocks.time(of, int(stamp.sec) * NS + int(stamp.nanosec), t, self.note)
+
+    def stamp(self, message: Any, t: int) -> int:
+        """`time`, not after it was received."""
+        return min(self.time(message, t), t)
+
+    def pose(self, message: Any) -> Pose:
+        """Of the machine, from a message that has a pose: of itself, or of what `below` leads on from."""
+        pose, below = pose_of(getattr(message.pose, "pose", message.pose)), self.below(message)
+        return pose if below is None else pose @ below
+
+    def below(self, message: Any) -> Pose | None:
+        """The machine's own frame, in that of its child whose motion a message tells; None where it is the
+        same, or /tf_static does not know."""
+        child = frame_of(message, own=True)
+        if child not in self._below:
+            found = static_mounting(self.links, child, self.machine)
+            self._below[child] = below = None if found is None or found[0] == child else found[1].inverse()
+            if below is not None and found is not None:
+                x, y, z = below.position
+                away = f" and {hypot(x, y):.2f} m beside" if hypot(x, y) > 0.005 else ""
+                self.note(f"poses of {child} brought down to {found[0]}, {-z:.2f} m below it{away}")
+            elif found is None and child and not is_own(child):
+                self.note(f"poses of {child} count as the machine's, /tf_static knows none of its frames")
+        return self._below[child]
+
 
 Makers = dict[tuple[type[Signal], str], Callable[[Context], Maker]]  # (sample type, name of the message)
-
-
-def stamp_of(message: Any, t: int) -> int:
-    """When it was measured: the stamp [ns] where it is on the clock of the log, else the log time `t`."""
-    own = stamp_in(message)
-    return t if own is None or not is_on_clock(own, t) else min(own, t)
-
-
-def is_on_clock(stamp: int, t: int) -> bool:
-    """Whether a stamp is on the clock of the log time `t`, both [ns]."""
-    return abs(stamp - t) < CLOCKS_AGREE
-
-
-def stamp_in(message: Any) -> int | None:
-    """The stamp of a message [ns]; None where it has none."""
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return None if stamp is None else int(stamp.sec) * NS + int(stamp.nanosec)
 
 
 def number_at(message: Any, path: str) -> float:
@@ -62,26 +90,3 @@ def number_at(message: Any, path: str) -> float:
         except (IndexError, TypeError) as error:
             raise AttributeError(path) from error
     return float(value)
-
-
-def pose_of(pose: Any) -> Pose:
-    """geometry_msgs/Pose; a quaternion that is not a unit one is scaled."""
-    return _pose(pose.position, pose.orientation)
-
-
-def pose_of_transform(transform: Any) -> Pose:
-    """geometry_msgs/Transform."""
-    return _pose(transform.translation, transform.rotation)
-
-
-def _pose(position: Any, turn: Any) -> Pose:
-    q = np.array([turn.x, turn.y, turn.z, turn.w], float)
-    x, y, z, w = q / max(hypot(*q), 1e-12)
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    return Pose(np.array([position.x, position.y, position.z], float), rotation)

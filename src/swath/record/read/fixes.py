@@ -19,7 +19,7 @@ from swath.core.frames import Pose, wrap_angle
 from swath.core.portable import product
 from swath.core.schedule import NS
 from swath.record.read.feed import Timed
-from swath.record.read.fields import stamp_of
+from swath.record.read.fields import Context
 from swath.record.read.motion import steer_angle
 from swath.signals import F64, MachineState
 
@@ -54,6 +54,13 @@ class TangentPlane:
         return np.array([[-sl, cl, 0.0], [-sp * cl, -sp * sl, cp], [cp * cl, cp * sl, sp]])
 
 
+def local_places(to_local: ToLocal, places: F64) -> F64:
+    """Places (n, 3) as `to_local` has them; z nan where a height is not known."""
+    local = np.array(to_local(np.column_stack([places[:, :2], np.nan_to_num(places[:, 2])])))
+    local[~np.isfinite(places[:, 2]), 2] = np.nan
+    return local
+
+
 def field_plane(folder: Path) -> ToLocal:
     """The local metres of a field folder. InputError where it is none, MissingExtra without pyproj."""
     from swath.field_io.folder import read_origin
@@ -85,24 +92,40 @@ class Fixes:
     place: F64
 
 
-def read_fixes(messages: Iterable[tuple[str, int, Any]]) -> Fixes:
-    """NavSatFix messages; those without a fix, not finite, or not later than the one before are left out.
+def place_of(message: Any) -> tuple[float, float, float]:
+    """Longitude, latitude [deg] and height [m] of a NavSatFix, nan where it is not known."""
+    lon, lat, up = float(message.longitude), float(message.latitude), float(message.altitude)
+    return lon, lat, up if np.isfinite(up) else np.nan
 
-    A height that is not known counts as 0. InputError when fewer than two are left.
+
+def has_fix(message: Any) -> bool:
+    """Whether a NavSatFix has a position: drivers send zeros before the first."""
+    lon, lat, _ = place_of(message)
+    is_on_earth = -180.0 <= lon <= 360.0 and abs(lat) <= 90.0 and not lon == lat == 0.0
+    return int(message.status.status) > NO_FIX and is_on_earth
+
+
+def read_fixes(messages: Iterable[tuple[str, int, Any]], context: Context) -> Fixes:
+    """NavSatFix messages; those without a fix, or not later than the one before are left out.
+
+    Heights that are not known are those between; without any, all lie in a plane. InputError when fewer than
+    two positions are left.
     """
     rows: list[tuple[int, int, float, float, float]] = []
     for _, t, message in messages:
-        at = stamp_of(message, t)
-        lon, lat, up = float(message.longitude), float(message.latitude), float(message.altitude)
-        if int(message.status.status) <= NO_FIX or not np.isfinite([lon, lat]).all():
-            continue
-        if rows and at <= rows[-1][1]:
-            continue
-        rows.append((t, at, lon, lat, up if np.isfinite(up) else 0.0))
+        at = context.stamp(message, t)
+        if has_fix(message) and not (rows and at <= rows[-1][1]):
+            rows.append((t, at, *place_of(message)))
     if len(rows) < 2:
         raise InputError("fixes", len(rows), "expected at least two positions at different times")
-    times = np.array([r[:2] for r in rows], dtype=np.int64)
-    return Fixes(times[:, 0], times[:, 1], np.array([r[2:] for r in rows]))
+    times, place = np.array([r[:2] for r in rows], dtype=np.int64), np.array([r[2:] for r in rows])
+    known = np.isfinite(place[:, 2])
+    if not known.all():
+        found = f"those of {known.sum()} others" if known.any() else "one plane, the terrain is not followed"
+        context.note(f"{(~known).sum()} positions without a height: put on {found}")
+        seconds = (times[:, 1] - times[0, 1]) / NS
+        place[:, 2] = np.interp(seconds, seconds[known], place[known, 2]) if known.any() else 0.0
+    return Fixes(times[:, 0], times[:, 1], place)
 
 
 def poses_of_fixes(

@@ -1,19 +1,18 @@
 """Where a sensor sits: exactly in recordings of swath, by /tf_static in any other."""
 
-from collections.abc import Mapping
+from math import hypot
 from typing import Any
 
 import numpy as np
 
 from swath.core.frames import Pose
 from swath.record.formats import ABOUT, read_about
-from swath.record.read.fields import pose_of_transform
 from swath.record.read.files import Log
 
 GROUND = ("base_footprint", "base_link", "base")
 """Names of a machine's own frame, without those of a robot before them; the first stands on the ground."""
 
-Links = Mapping[str, tuple[str, Pose]]  # frame -> the frame above it, pose_parent_child
+Links = dict[str, tuple[str, Pose]]  # frame -> the frame above it, pose_parent_child
 
 
 def own_mounting(log: Log, slot: str) -> Pose | None:
@@ -25,19 +24,19 @@ def own_mounting(log: Log, slot: str) -> Pose | None:
         return None
 
 
-def static_links(log: Log, topic: str) -> tuple[dict[str, tuple[str, Pose]], Any]:
+def static_links(log: Log, topic: str) -> tuple[Links, Any]:
     """/tf_static, and the first message on a topic; None where there is none."""
-    links: dict[str, tuple[str, Pose]] = {}
+    links: Links = {}
     first = None
     for name, _, message in log.messages(("/tf_static",), also_first=topic):
         if name == topic:
             first = first or message
         else:
-            links |= links_of(message)
+            links |= _links_of(message)
     return links, first
 
 
-def links_of(message: Any) -> dict[str, tuple[str, Pose]]:
+def _links_of(message: Any) -> Links:
     """The links of a tf2_msgs/TFMessage."""
     return {
         link.child_frame_id.lstrip("/"): (
@@ -46,6 +45,11 @@ def links_of(message: Any) -> dict[str, tuple[str, Pose]]:
         )
         for link in message.transforms
     }
+
+
+def is_own(frame: str) -> bool:
+    """Whether a frame is a machine's own, by its name."""
+    return frame.rpartition("/")[2] in GROUND
 
 
 def ground_frame(links: Links, frame: str, machine: str = "") -> str | None:
@@ -93,3 +97,32 @@ def _to_root(links: Links, frame: str) -> tuple[Pose, str]:
     for name in path[:-1]:
         pose = links[name][1] @ pose
     return pose, root
+
+
+def frame_of(message: Any, *, own: bool = False) -> str:
+    """The frame of a message, own: that of the child whose motion it tells; '' where it does not say."""
+    source = message if own else getattr(message, "header", None)
+    return str(getattr(source, "child_frame_id" if own else "frame_id", "")).lstrip("/")
+
+
+def pose_of(pose: Any) -> Pose:
+    """geometry_msgs/Pose; a quaternion that is not a unit one is scaled, one of zeros is no turn: nan."""
+    return _pose(pose.position, pose.orientation)
+
+
+def pose_of_transform(transform: Any) -> Pose:
+    """geometry_msgs/Transform."""
+    return _pose(transform.translation, transform.rotation)
+
+
+def _pose(position: Any, turn: Any) -> Pose:
+    q = np.array([turn.x, turn.y, turn.z, turn.w], float)
+    x, y, z, w = q / (hypot(*q) or np.nan)
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return Pose(np.array([position.x, position.y, position.z], float), rotation)

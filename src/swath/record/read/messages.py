@@ -10,7 +10,8 @@ import numpy as np
 
 from swath.core.frames import Pose
 from swath.record.read import motion, positioning, radar, scans
-from swath.record.read.fields import Context, Maker, Makers, pose_of, stamp_of
+from swath.record.read.fields import Context, Maker, Makers
+from swath.record.read.frames import pose_of
 from swath.signals import Signal
 from swath.signals.flat import ARRAYS
 
@@ -25,7 +26,7 @@ def maker_for(signal: type[Signal], msgtype: str, context: Context) -> Maker | N
     """What makes samples of a type from messages of a type; None where nothing does."""
     package, _, name = msgtype.partition("/msg/")
     if package == "swath_msgs" and name == signal.__name__:
-        return lambda message, t: _of_own(signal, message, t)
+        return lambda message, t: _of_own(signal, message, context.stamp(message, t))
     make = MAKERS.get((signal, name)) if package in PACKAGES else None
     return None if make is None else make(context)
 
@@ -49,4 +50,4 @@ def _of_own(signal: type[Signal], message: Any, t: int) -> Signal:
         else:
             value = hint(value)
         values[field.name] = value
-    return signal(stamp_of(message, t), **values)
+    return signal(t, **values)

@@ -13,7 +13,7 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.core.portable import product
 from swath.core.schedule import NS
-from swath.record.read.fields import Context, Maker, Makers, pose_of, stamp_of
+from swath.record.read.fields import Context, Maker, Makers
 from swath.signals import MachineState, Odometry, SpeedCommand, SteerCommand, SteerState
 
 STANDING = 0.05  # below this speed a turn rate says nothing about the steering [m/s]
@@ -27,9 +27,11 @@ class _States:
         self.last: tuple[int, Pose] | None = None
         self.distance = 0.0
 
-    def __call__(self, message: Any, t: int) -> MachineState:
-        at, outer = stamp_of(message, t), message.pose
-        pose = pose_of(outer.pose if hasattr(outer, "pose") else outer)
+    def __call__(self, message: Any, t: int) -> MachineState | None:
+        at, pose = self.context.stamp(message, t), self.context.pose(message)
+        if not (np.isfinite(pose.position).all() and np.isfinite(pose.rotation).all()):
+            self.context.note("poses that are not finite left out")
+            return None
         ahead = side = turn = 0.0
         if self.last is not None and at > self.last[0]:
             before, dt = self.last[1], (at - self.last[0]) / NS
@@ -40,7 +42,7 @@ class _States:
             turn = atan2(turned[1, 0], turned[0, 0]) / dt
         self.last = (at, pose)
         if (twist := getattr(message, "twist", None)) is not None:
-            ahead, side, turn = _motion(twist.twist)
+            ahead, side, turn = _motion(twist.twist, self.context.below(message))
         steer = steer_angle(self.context.wheelbase, ahead, turn)
         return MachineState(at, pose, ahead, side, turn, steer, self.distance)
 
@@ -52,16 +54,23 @@ def steer_angle(wheelbase: float, speed: float, yaw_rate: float) -> float:
     return atan2(wheelbase * yaw_rate, abs(speed)) * (1.0 if speed > 0 else -1.0)
 
 
-def _motion(twist: Any) -> tuple[float, float, float]:
-    """Forward and leftward speed [m/s], yaw rate [rad/s] of a geometry_msgs/Twist, stamped or not."""
+def _motion(twist: Any, below: Pose | None = None) -> tuple[float, float, float]:
+    """Forward and leftward speed [m/s], yaw rate [rad/s] of a geometry_msgs/Twist, stamped or not.
+
+    below: the machine's own frame, in that whose motion it is
+    """
     inner = getattr(twist, "twist", twist)
-    return float(inner.linear.x), float(inner.linear.y), float(inner.angular.z)
+    if below is None:
+        return float(inner.linear.x), float(inner.linear.y), float(inner.angular.z)
+    linear, turn = (np.array([v.x, v.y, v.z], float) for v in (inner.linear, inner.angular))
+    ahead, side, _ = product(below.rotation.T, linear + np.cross(turn, below.position))
+    return float(ahead), float(side), float(product(below.rotation.T, turn)[2])
 
 
 def _odometry(context: Context) -> Maker:
     def make(message: Any, t: int) -> Odometry:
-        speed, _, turn = _motion(getattr(message, "twist", message))
-        return Odometry(stamp_of(message, t), speed, turn, steer_angle(context.wheelbase, speed, turn))
+        speed, _, turn = _motion(getattr(message, "twist", message), context.below(message))
+        return Odometry(context.stamp(message, t), speed, turn, steer_angle(context.wheelbase, speed, turn))
 
     return make
 
@@ -71,16 +80,16 @@ def _drive(message: Any) -> Any:
 
 
 def _speed(of: Callable[[Any], float]) -> Callable[[Context], Maker]:
-    return lambda context: lambda message, t: SpeedCommand(stamp_of(message, t), float(of(message)))
+    return lambda context: lambda message, t: SpeedCommand(context.stamp(message, t), float(of(message)))
 
 
 def _steer_state(of: Callable[[Any], tuple[float, float]]) -> Callable[[Context], Maker]:
-    return lambda context: lambda message, t: SteerState(stamp_of(message, t), *map(float, of(message)))
+    return lambda context: lambda message, t: SteerState(context.stamp(message, t), *map(float, of(message)))
 
 
 def _curvature(of: Callable[[Any, Context], float]) -> Callable[[Context], Maker]:
     return lambda context: (
-        lambda message, t: SteerCommand(stamp_of(message, t), float(of(message, context)), True)
+        lambda message, t: SteerCommand(context.stamp(message, t), float(of(message, context)), True)
     )
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from swath.record.message_factory import UNKNOWN
-from swath.record.read.fields import Context, Maker, Makers, stamp_of
-from swath.record.read.fixes import TangentPlane
+from swath.record.read.fields import Context, Maker, Makers
+from swath.record.read.fixes import TangentPlane, has_fix, local_places, place_of
 from swath.signals import F64, FIX_QUALITIES, Fix, Inertial
 
 # Horizontal sd up to which a position is called so [m]
@@ -30,19 +30,17 @@ class FixOfNavSat:
         self._to_local, self._note = to_local, note
 
     def __call__(self, message: Any, t: int) -> Fix:
-        """One sample; a height that is not known counts as 0."""
-        status = int(message.status.status)
-        up = float(message.altitude)
-        place = np.array([[message.longitude, message.latitude, up if np.isfinite(up) else 0.0]], dtype=float)
-        if status < 0 or not np.isfinite(place).all():
+        """One sample; a height that is not known is nan."""
+        place = np.array([place_of(message)])
+        if not has_fix(message):
             return Fix(t, nan, nan, nan, nan, nan, nan, nan, nan, 0)
         if self._to_local is None:
-            self._to_local = TangentPlane(*place[0].tolist())
-        x, y, z = (float(v) for v in self._to_local(place)[0])
+            self._to_local = TangentPlane(*np.nan_to_num(place[0]).tolist())
+        x, y, z = (float(v) for v in local_places(self._to_local, place)[0])
         wide = high = nan
         if message.position_covariance_type > 0:
             wide, high = _sd(message.position_covariance[::4])
-        claimed = CLAIMED[min(status, 2)]
+        claimed = CLAIMED[min(int(message.status.status), 2)]
         if not isfinite(wide):
             self._note(f"fixes without their accuracy, called {claimed} by their status")
         earth = radians(place[0, 0]), radians(place[0, 1]), float(place[0, 2])
@@ -99,12 +97,12 @@ def _root(variance: Any) -> float:
     return sqrt(float(variance)) if variance > 0.0 else nan
 
 
-def _stamped(make: Maker) -> Maker:
-    return lambda message, t: make(message, stamp_of(message, t))
+def _stamped(context: Context, make: Maker) -> Maker:
+    return lambda message, t: make(message, context.stamp(message, t))
 
 
 MAKERS: Makers = {
-    (Fix, "NavSatFix"): lambda context: _stamped(FixOfNavSat(context.to_local, context.note)),
-    (Fix, "Odometry"): lambda context: _stamped(partial(fix_of_odometry, context)),
-    (Inertial, "Imu"): lambda context: _stamped(inertial_of_imu),
+    (Fix, "NavSatFix"): lambda context: _stamped(context, FixOfNavSat(context.to_local, context.note)),
+    (Fix, "Odometry"): lambda context: _stamped(context, partial(fix_of_odometry, context)),
+    (Inertial, "Imu"): lambda context: _stamped(context, inertial_of_imu),
 }

@@ -1,12 +1,13 @@
 """Detections of a radar from sensor_msgs/PointCloud2 or radar_msgs/RadarScan of the usual drivers."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core import portable
-from swath.record.read.fields import Makers, stamp_of
+from swath.record.read.fields import Context, Makers
 from swath.record.read.scans import real_points
 from swath.signals import F64
 from swath.signals.radar import RadarTargets, radar_targets_of
@@ -17,7 +18,7 @@ SECTIONS = ("rcs", "radar_cross_section", "RCS")
 STRENGTHS = ("snr", "snr_db", "SNR", "signal_to_noise_ratio")
 
 
-def _targets_of_cloud(message: Any, t: int) -> RadarTargets:
+def _targets_of_cloud(context: Context, message: Any, t: int) -> RadarTargets:
     """A detection per point; points at 0 or nan are left out, and what the cloud does not say is nan."""
     table, points, far, _ = real_points(message)
     azimuth = portable.arctan2(points[:, 1], points[:, 0])
@@ -28,7 +29,7 @@ def _targets_of_cloud(message: Any, t: int) -> RadarTargets:
     found = [_first(table, which) for which in (SPEEDS, SECTIONS, STRENGTHS)]
     unknown = np.full((3, len(far)), np.nan)
     rows = np.vstack([far, azimuth, elevation, *found, unknown]).T
-    return radar_targets_of(stamp_of(message, t), rows.tolist())
+    return radar_targets_of(context.stamp(message, t), rows.tolist())
 
 
 def _first(table: NDArray[np.void], names: tuple[str, ...]) -> F64:
@@ -37,7 +38,7 @@ def _first(table: NDArray[np.void], names: tuple[str, ...]) -> F64:
     return np.full(len(table), np.nan) if name is None else table[name].astype(np.float64)
 
 
-def _targets_of_returns(message: Any, t: int) -> RadarTargets:
+def _targets_of_returns(context: Context, message: Any, t: int) -> RadarTargets:
     """A detection per radar_msgs/RadarReturn with a finite distance; no cross sections.
 
     Amplitudes are taken for signal to noise. Where all elevations are 0 the radar measures none.
@@ -49,10 +50,10 @@ def _targets_of_returns(message: Any, t: int) -> RadarTargets:
     columns = np.vstack(
         [far, azimuth, elevation if elevation.any() else unknown, speed, unknown, snr, *[unknown] * 3]
     )
-    return radar_targets_of(stamp_of(message, t), columns.T.tolist())
+    return radar_targets_of(context.stamp(message, t), columns.T.tolist())
 
 
 MAKERS: Makers = {
-    (RadarTargets, "PointCloud2"): lambda context: _targets_of_cloud,
-    (RadarTargets, "RadarScan"): lambda context: _targets_of_returns,
+    (RadarTargets, "PointCloud2"): lambda context: partial(_targets_of_cloud, context),
+    (RadarTargets, "RadarScan"): lambda context: partial(_targets_of_returns, context),
 }

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swath.core import portable
 from swath.core.schedule import NS
-from swath.record.read.fields import Context, Makers, stamp_of
+from swath.record.read.fields import Context, Makers
 from swath.signals import F64, Scan, ScanTruth
 
 POINT_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}  # PointField
@@ -77,8 +77,9 @@ def real_points(message: Any) -> tuple[NDArray[np.void], F64, F64, int]:
     return table[good], points[good], far[good], int((~good).sum())
 
 
-def cloud_points(message: Any, stamp: int, note: Callable[[str], None]) -> CloudPoints:
-    """What a sensor_msgs/PointCloud2 stamped at `stamp` [ns] holds. note: takes what had to be assumed."""
+def cloud_points(message: Any, note: Callable[[str], None]) -> CloudPoints:
+    """What a sensor_msgs/PointCloud2 holds. note: takes what had to be assumed."""
+    stamp = int(message.header.stamp.sec) * NS + int(message.header.stamp.nanosec)
     table, points, far, left_out = real_points(message)
     bright = next((n for n in BRIGHTNESS if n in (table.dtype.names or ())), None)
     intensity = np.full(len(far), np.nan) if bright is None else table[bright].astype(np.float64)
@@ -147,7 +148,7 @@ def beam_times(message: Any, note: Callable[[str], None]) -> F64:
 def _scan_of_laser(context: Context, message: Any, t: int) -> Scan:
     """Stamp of the first beam; ranges outside its limits, inf and 0 are no echo."""
     count = len(message.ranges)
-    first = stamp_of(message, t)
+    first = context.stamp(message, t)
     beam, late = np.arange(count), beam_times(message, context.note)
     end = min(first + round(float(late[-1]) * NS), t) if count else first
     ranges = np.array(message.ranges, dtype=np.float32)
@@ -170,8 +171,7 @@ def _scan_of_laser(context: Context, message: Any, t: int) -> Scan:
 
 def _scan_of_cloud(context: Context, message: Any, t: int) -> Scan:
     """A beam per point, or per `beam` where there are several echoes; points at 0 or nan are left out."""
-    stamp = stamp_of(message, t)
-    cloud = cloud_points(message, stamp, context.note)
+    stamp, cloud = context.stamp(message, t), cloud_points(message, context.note)
     table, points, far = cloud.table, cloud.points, cloud.far
     names = table.dtype.names or ()
     if "beam" in names and "echo" in names:
@@ -191,17 +191,17 @@ def _scan_of_cloud(context: Context, message: Any, t: int) -> Scan:
     return Scan(min(end, t), after - last, azimuth, elevation, ranges, light)
 
 
-def _truth_of_cloud(message: Any, t: int) -> ScanTruth:
+def _truth_of_cloud(context: Context, message: Any, t: int) -> ScanTruth:
     """Points as rounded to float32; where the sensor was is not in it: nan."""
     table = cloud_table(message)
     beam, echo = table["beam"].astype(int), table["echo"].astype(int)
     points = np.full((int(beam.max(initial=-1)) + 1, int(echo.max(initial=0)) + 1, 3), np.nan)
     points[beam, echo] = np.stack([table[n].astype(np.float64) for n in "xyz"], axis=1)
-    return ScanTruth(stamp_of(message, t), points, np.full((len(points), 3), np.nan))
+    return ScanTruth(context.stamp(message, t), points, np.full((len(points), 3), np.nan))
 
 
 MAKERS: Makers = {
     (Scan, "LaserScan"): lambda context: partial(_scan_of_laser, context),
     (Scan, "PointCloud2"): lambda context: partial(_scan_of_cloud, context),
-    (ScanTruth, "PointCloud2"): lambda context: _truth_of_cloud,
+    (ScanTruth, "PointCloud2"): lambda context: partial(_truth_of_cloud, context),
 }

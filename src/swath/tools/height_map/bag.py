@@ -2,13 +2,14 @@
 
 Scans: sensor_msgs/LaserScan (the stamp is that of the first beam) or sensor_msgs/PointCloud2, read as by the
 level `log`. Poses: nav_msgs/Odometry, geometry_msgs/PoseStamped, PoseWithCovarianceStamped, or
-sensor_msgs/NavSatFix, which gives local metres and a course. Mounting: from /tf_static, between the pose's
-frame and the scan's; poses are brought down to base_footprint where there is one.
+sensor_msgs/NavSatFix, which gives local metres and a course; those of another frame of the machine are
+brought to its own. Mounting: from /tf_static, of each scanner that writes on the topic.
 
 An MCAP file that ends in the middle is read up to there; so is whatever else breaks off while it is read.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,20 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.schedule import NS
+from swath.record.read.fields import Context
 from swath.record.read.files import Log, open_log
 from swath.record.read.fixes import poses_of_fixes, read_fixes
-from swath.record.read.frames import GROUND, Links, ground_frame, links_of, pose_between
+from swath.record.read.frames import (
+    Links,
+    frame_of,
+    ground_frame,
+    pose_between,
+    static_links,
+    static_mounting,
+)
 from swath.record.read.mcap_log import BROKEN
 from swath.record.read.scans import beam_times, cloud_points
-from swath.tools.height_map.poses import PoseTrack, carried, euler_of, make_track
+from swath.tools.height_map.poses import PoseTrack, make_track
 from swath.tools.height_map.source import Echoes, Source, Wanted, polar_points
 
 Array = NDArray[np.float64]
@@ -47,30 +56,31 @@ def open_bag(path: Path, wanted: Wanted) -> Source:
         raise InputError("recording", path.name, "expected messages, there are none", file=path)
     scans = _choose("--scans", wanted.scans, topics, SCANS, ("/lidar/scan_points", "/lidar/scan"), path)
     poses = _choose("--poses", wanted.poses, topics, POSES, ("/motion/state",), path)
-    is_fix = topics[poses] == FIX
-    rows, body, links, scan_frame = _first_pass(reader, scans, poses, is_fix)
-    told: list[str] = []
-    body = body if not is_fix else ground_frame(links, scan_frame) or ""
-    if is_fix:
-        track = _track_of_fixes(reader, poses, wanted, links, body, told, path)
-    else:
-        track = _track(rows, poses, path)
-    is_world = scan_frame in WORLD and wanted.mount is None
-    mounting = wanted.mount or (Pose.identity() if is_world else _mounting(links, body, scan_frame, path))
-    ground = ground_frame(links, body)
-    if wanted.mount is None and not is_world and ground not in (None, body) and _stands(ground):
-        below = pose_between(links, body, ground or "")
-        assert below is not None
-        track, mounting = carried(track, below), below.inverse() @ mounting
-        told.append(f"poses of {body} brought down to {ground}, {-below.position[2]:.2f} m below it")
+    links, first = static_links(reader, scans)
+    context = Context(0.0, wanted.to_local, {} if wanted.mount else links)
+    try:
+        if topics[poses] == FIX:
+            body = ground_frame(links, frame_of(first)) or ""
+            track = _track_of_fixes(reader, poses, wanted, context, links, body)
+        else:
+            track, body = _track(reader, poses, context)
+    except InputError as error:
+        raise InputError(poses, error.value, error.expected, file=path) from error
+    frame, told = frame_of(first), dict(context.notes)
+    is_world = frame in WORLD and wanted.mount is None
+    context.notes.clear()
+    mounting = wanted.mount or (
+        Pose.identity() if is_world else _mounting(links, body, frame_of(first), path)
+    )
     source = Source(path.name, track, mounting, lambda: iter(()), frame_is_world=is_world)
-    source.sweeps = lambda: _sweeps(reader, scans, source, wanted, told)
+
+    def sweeps() -> Iterator[Echoes]:
+        source.notes.clear()
+        source.notes.update(told)
+        return _sweeps(reader, scans, source, wanted, replace(context, notes=source.notes).again(), body)
+
+    source.sweeps = sweeps
     return source
-
-
-def _stands(frame: str | None) -> bool:
-    """Whether a frame lies on the ground by its name."""
-    return (frame or "").endswith(GROUND[0])
 
 
 def _choose(
@@ -97,51 +107,36 @@ def _choose(
     return found[0]
 
 
-def _first_pass(
-    reader: Log, scans: str, poses: str, is_fix: bool
-) -> tuple[Array, str, dict[str, tuple[str, Pose]], str]:
-    """Poses, their frame, static transforms (child -> parent, pose_parent_child), the frame of the scans."""
-    rows: list[tuple[float, ...]] = []
-    body, frame = "", ""
-    links: dict[str, tuple[str, Pose]] = {}
-    for topic, _, message in reader.messages((poses, "/tf_static"), also_first=scans):
-        if topic == scans:
-            frame = frame or message.header.frame_id.lstrip("/")
-        elif topic == "/tf_static":
-            links |= links_of(message)
-        elif not is_fix:
-            pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
-            p, q = pose.position, pose.orientation
-            rows.append((_seconds(message.header.stamp), p.x, p.y, p.z, q.x, q.y, q.z, q.w))
-            body = body or getattr(message, "child_frame_id", "").lstrip("/")
-    return np.array(rows, dtype=float).reshape(-1, 8), body, links, frame
-
-
-def _track(rows: Array, topic: str, path: Path) -> PoseTrack:
-    try:
-        return make_track(rows[:, 0], rows[:, 1:4], euler_of(rows[:, 4:8]))
-    except InputError as error:
-        raise InputError(topic, error.value, error.expected, file=path) from error
+def _track(reader: Log, topic: str, context: Context) -> tuple[PoseTrack, str]:
+    """The poses of the machine, and its frame."""
+    body, rows = None, list[tuple[float, ...]]()
+    for _, t, message in reader.messages((topic,)):
+        child = frame_of(message, own=True)
+        body = child if body is None else body
+        if child != body:
+            context.note(f"poses of {child} on {topic} left out beside those of {body}")
+            continue
+        pose = context.pose(message)
+        rows.append((context.time(message, t) / NS, *pose.position, *pose.euler()))
+    table = np.array(rows, dtype=float).reshape(-1, 7)
+    known = static_mounting(context.links, body or "", context.machine)
+    return make_track(table[:, 0], table[:, 1:4], table[:, 4:]), known[0] if known else body or ""
 
 
 def _track_of_fixes(
-    reader: Log, topic: str, wanted: Wanted, links: Links, body: str, told: list[str], path: Path
+    reader: Log, topic: str, wanted: Wanted, context: Context, links: Links, body: str
 ) -> PoseTrack:
     """Positions of a receiver as the track of a level machine that drives forward."""
     antenna = wanted.antenna
     if antenna is None:
         first = next((message for _, _, message in reader.messages((topic,))), None)
-        frame = "" if first is None else first.header.frame_id.lstrip("/")
-        found = pose_between(links, body, frame)
+        found = pose_between(links, body, frame_of(first))
         x, y, z = antenna = (0.0, 0.0, 0.0) if found is None else tuple(found.position.tolist())
         where = "taken at the machine's origin on the ground, see --antenna"
-        told.append(f"antenna {where if found is None else f'at {x:g}, {y:g}, {z:g} m by /tf_static'}")
-    try:
-        fixes = read_fixes(reader.messages((topic,)))
-        position, yaw = poses_of_fixes(fixes, wanted.to_local, antenna)
-        return make_track(fixes.t / NS, position, np.stack([0 * yaw, 0 * yaw, yaw], axis=1))
-    except InputError as error:
-        raise InputError(topic, error.value, error.expected, file=path) from error
+        context.note(f"antenna {where if found is None else f'at {x:g}, {y:g}, {z:g} m by /tf_static'}")
+    fixes = read_fixes(reader.messages((topic,)), context)
+    position, yaw = poses_of_fixes(fixes, wanted.to_local, antenna)
+    return make_track(fixes.t / NS, position, np.stack([0 * yaw, 0 * yaw, yaw], axis=1))
 
 
 def _mounting(links: Links, body: str, frame: str, path: Path) -> Pose:
@@ -152,16 +147,26 @@ def _mounting(links: Links, body: str, frame: str, path: Path) -> Pose:
     return found
 
 
-def _sweeps(reader: Log, topic: str, source: Source, wanted: Wanted, told: Sequence[str]) -> Iterator[Echoes]:
+def _sweeps(
+    reader: Log, topic: str, source: Source, wanted: Wanted, context: Context, body: str
+) -> Iterator[Echoes]:
     reader.forget_notes()
-    source.notes.clear()
-    source.notes.update(dict.fromkeys(told, 1))
-    for _, _, message in reader.messages((topic,)):
+    mountings: dict[str, Pose | None] = {}
+    for _, t, message in reader.messages((topic,)):
+        frame = frame_of(message)
+        if frame not in mountings:
+            is_first = not mountings or wanted.mount is not None
+            mountings[frame] = source.mounting if is_first else pose_between(context.links, body, frame)
+        mounting = mountings[frame]
+        if mounting is None:
+            context.note(f"scans of {frame} left out, /tf_static does not lead there from {body}")
+            continue
         try:
             is_plane = message.__msgtype__ == SCANS[0]
-            echoes = (_of_scan if is_plane else _of_cloud)(message, source.note)
+            begun = context.time(message, t) / NS
+            echoes = (_of_scan if is_plane else _of_cloud)(message, begun, context.note)
         except (ValueError, IndexError, KeyError, TypeError):
-            source.note(BROKEN)
+            context.note(BROKEN)
             continue
         far = np.linalg.norm(echoes.points, axis=1)
         with np.errstate(invalid="ignore"):
@@ -173,12 +178,12 @@ def _sweeps(reader: Log, topic: str, source: Source, wanted: Wanted, told: Seque
         if len(free):  # not known further than where echoes are not taken any more
             length = np.linalg.norm(free, axis=1, keepdims=True)
             free = free * np.minimum(wanted.range_max / np.maximum(length, 1e-9), 1.0)
-        yield Echoes(*found, count, 1, free, echoes.silent_time)
+        yield Echoes(*found, count, 1, free, echoes.silent_time, mounting)
     for what, number in reader.notes.items():
         source.note(what, number)
 
 
-def _of_scan(message: Any, note: Callable[[str], None]) -> Echoes:
+def _of_scan(message: Any, begun: float, note: Callable[[str], None]) -> Echoes:
     ranges = np.asarray(message.ranges, dtype=np.float64)
     beam = np.arange(len(ranges))
     azimuth = np.asarray(message.angle_min + beam * float(message.angle_increment), dtype=np.float64)
@@ -187,18 +192,13 @@ def _of_scan(message: Any, note: Callable[[str], None]) -> Echoes:
     intensity = np.asarray(message.intensities, dtype=np.float64)
     if len(intensity) != len(ranges):
         intensity = np.full(len(ranges), np.nan)
-    time: Array = _seconds(message.header.stamp) + beam_times(message, note)
+    time: Array = begun + beam_times(message, note)
     reach = np.full(int(gone.sum()), min(float(message.range_max), FARTHEST))
     free = polar_points(reach, azimuth[gone])
     with np.errstate(invalid="ignore"):
         return Echoes(time, polar_points(ranges, azimuth), intensity, silent=free, silent_time=time[gone])
 
 
-def _of_cloud(message: Any, note: Callable[[str], None]) -> Echoes:
-    stamp = message.header.stamp
-    cloud = cloud_points(message, int(stamp.sec) * NS + int(stamp.nanosec), note)
-    return Echoes(_seconds(stamp) + cloud.late, cloud.points, cloud.intensity, cloud.left_out)
-
-
-def _seconds(stamp: Any) -> float:
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+def _of_cloud(message: Any, begun: float, note: Callable[[str], None]) -> Echoes:
+    cloud = cloud_points(message, note)
+    return Echoes(begun + cloud.late, cloud.points, cloud.intensity, cloud.left_out)

@@ -68,11 +68,12 @@ class Placed:
 def placed(source: Source, echoes: Echoes, frame: Frame, lattice: Array) -> Placed:
     """Echoes at the place that the poses give them."""
     place, rotation, known = source.track.at(echoes.time)
+    mounting = echoes.mounting or source.mounting
     if source.frame_is_world:
         points, sensor, known = echoes.points, None, np.ones(len(echoes.points), bool)
     else:
-        points = place + np.einsum("nij,nj->ni", rotation, source.mounting.apply(echoes.points))
-        sensor = frame.to_local((place + rotation @ source.mounting.position)[known])
+        points = place + np.einsum("nij,nj->ni", rotation, mounting.apply(echoes.points))
+        sensor = frame.to_local((place + rotation @ mounting.position)[known])
     local = frame.to_local(points[known])
     height = local[:, 2] - lattice_height(lattice, frame.node, local[:, 0], local[:, 1])
     unknown = int(np.count_nonzero(~known))
@@ -83,8 +84,9 @@ def left_above(source: Source, echoes: Echoes, frame: Frame, lattice: Array, top
     """Beams without echo that got above everything, `top` over the ground [m], within the range known to be
     free: where they did. Of one that should have met the ground nobody knows what became of it."""
     place, rotation, known = source.track.at(echoes.silent_time)
-    start = place + rotation @ source.mounting.position
-    end = place + np.einsum("nij,nj->ni", rotation, source.mounting.apply(echoes.silent))
+    mounting = echoes.mounting or source.mounting
+    start = place + rotation @ mounting.position
+    end = place + np.einsum("nij,nj->ni", rotation, mounting.apply(echoes.silent))
     rise = end[:, 2] - start[:, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
         part = (frame.z0 + float(lattice.max()) + top - start[:, 2]) / rise
@@ -96,15 +98,15 @@ def left_above(source: Source, echoes: Echoes, frame: Frame, lattice: Array, top
 
 
 def batches(source: Source) -> Iterator[Echoes]:
-    """All echoes of a source, several scans at once."""
-    held: list[Echoes] = []
+    """All echoes of a source, several scans of a scanner at once."""
+    waiting: dict[int, list[Echoes]] = {}
     for echoes in source.sweeps():
+        held = waiting.setdefault(id(echoes.mounting), [])
         held.append(echoes)
         if sum(len(e.time) + len(e.silent) for e in held) >= BATCH:
             yield _joined(held)
-            held = []
-    if held:
-        yield _joined(held)
+            held.clear()
+    yield from (_joined(held) for held in waiting.values() if held)
 
 
 def _joined(held: list[Echoes]) -> Echoes:
@@ -116,4 +118,5 @@ def _joined(held: list[Echoes]) -> Echoes:
         sum(e.scan_count for e in held),
         np.concatenate([e.silent for e in held]),
         np.concatenate([e.silent_time for e in held]),
+        held[0].mounting,
     )

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.frames import Pose, rotation_matrices, wrap_angle
+from swath.core.frames import rotation_matrices, wrap_angle
 
 Array = NDArray[np.float64]
 SLACK_S = 0.1  # a beam may be this much before the first or after the last pose [s]
@@ -76,24 +76,3 @@ def make_track(time: Any, position: Any, angle: Any) -> PoseTrack:
     turn = angle[index]
     turn = turn[0] + np.cumsum(np.vstack([np.zeros(3), wrap_angle(np.diff(turn, axis=0))]), axis=0)
     return PoseTrack(time[index], position[index], turn, len(time) - len(index))
-
-
-def carried(track: PoseTrack, pose: Pose) -> PoseTrack:
-    """The track of another point of the machine. pose: of that in the frame whose poses the track has."""
-    turned = rotation_matrices(*track.angle.T)
-    place = track.position + turned @ pose.position
-    r = turned @ pose.rotation
-    roll, pitch = np.arctan2(r[:, 2, 1], r[:, 2, 2]), -np.arcsin(np.clip(r[:, 2, 0], -1.0, 1.0))
-    return make_track(track.time, place, np.stack([roll, pitch, np.arctan2(r[:, 1, 0], r[:, 0, 0])], axis=1))
-
-
-def euler_of(quaternion: Any) -> Array:
-    """(roll, pitch, yaw) [rad], (n, 3), of quaternions (x, y, z, w), (n, 4); not unit ones are scaled."""
-    q = np.asarray(quaternion, dtype=float).reshape(-1, 4)
-    norm = np.linalg.norm(q, axis=1, keepdims=True)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        x, y, z, w = (q / norm).T
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return np.stack([roll, pitch, yaw], axis=1)

@@ -35,6 +35,7 @@ class Echoes:
     intensity (n,), nan = not known; scan_count: scans they are of; silent_count: beams of these without echo
 
     silent: how far beams went without meeting anything, (m, 3) [m], as far as that is known; silent_time (m,)
+    mounting: pose_machine_sensor where it is not that of the source
     """
 
     time: Array
@@ -44,6 +45,7 @@ class Echoes:
     scan_count: int = 1
     silent: Array = field(default_factory=lambda: np.zeros((0, 3)))
     silent_time: Array = field(default_factory=lambda: np.zeros(0))
+    mounting: Pose | None = None
 
 
 @dataclass

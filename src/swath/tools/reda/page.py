@@ -76,7 +76,8 @@ def write_all(out: Path, settings: Settings, found: list[Found]) -> list[Path]:
             fig = map_figure(made, settings)
             fig.set_dpi(110)
             path = out / made.condition.file
-            fig.canvas.print_png(str(path), metadata={"Software": None})
+            with new_file(path) as file:
+                fig.canvas.print_png(file, metadata={"Software": None})
             files.append(path)
             title = f"{settings.crop} {made.condition.name}"
             figures.append(Figure(title, plots.as_image(fig, kind="webp", dpi=110), ""))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from swath import __version__
 from swath.core.errors import MissingExtra
 from swath.core.frames import Pose
+from swath.core.whole_file import new_file, write_whole
 from swath.field.projection import Origin, known_crs
 from swath.signals import Scan, ScanTruth, beam_directions
 
@@ -59,8 +60,7 @@ def write_ply(path: Path, cloud: Cloud) -> Path:
     for name in RECORD.names or ():
         lines.append(f"property {PLY_TYPES[RECORD[name].str]} {name}")
     lines.append("end_header\n")
-    path.write_bytes("\n".join(lines).encode("ascii") + cloud.tobytes())
-    return path
+    return write_whole(path, "\n".join(lines).encode("ascii") + cloud.tobytes())
 
 
 def need_las() -> Any:
@@ -106,5 +106,6 @@ def write_las(
     las.beam = cloud["beam"]
     if classes is not None:
         las.classification = classes
-    las.write(str(path), do_compress=path.suffix == ".laz")
+    with new_file(path) as file:
+        las.write(file, do_compress=path.suffix == ".laz")
     return path

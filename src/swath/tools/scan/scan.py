@@ -4,8 +4,7 @@ scan.png (picture), scan.csv (a line per echo), scan.npz (arrays), point clouds;
 by side in scan.camera.png, its arrays in .npz.
 """
 
-import shutil
-import tempfile
+import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.output_folder import held
-from swath.core.whole_file import write_whole
+from swath.core.whole_file import new_file
 from swath.field.memory_layout import Organ
 from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.record.message_factory import RecordedMachine
@@ -94,12 +93,12 @@ def _picture(
         profile.set(xlabel="left of the machine's axis [m]", ylabel="height [m]")
         profile.legend(loc="upper left", ncol=4)
         _from_above(above, points, scan, machine.geometry, machine.edge_side)
-        picture = path.with_name("stand.png")
-        drawn.savefig(picture, dpi=110)
-        view.imshow(imread(picture))
-        picture.unlink()
+        picture = io.BytesIO()
+        drawn.savefig(picture, format="png", dpi=110)
+        view.imshow(imread(io.BytesIO(picture.getvalue())))
         view.set_axis_off()
-        fig.savefig(path, dpi=110)
+        with new_file(path) as file:
+            fig.savefig(file, format="png", dpi=110)
     return path
 
 
@@ -121,12 +120,13 @@ def _table(path: Path, scan: Scan, points: F64, truth: ScanTruth) -> Path:
     at = beam, _ = np.nonzero(np.isfinite(scan.ranges))
     angles = scan.beam_t[beam], scan.azimuth[beam], scan.elevation[beam]
     rows = np.column_stack([*at, *angles, scan.ranges[at], scan.intensity[at], points[at], truth.points[at]])
-    np.savetxt(path, rows, ["%d", "%d", *["%.6g"] * 11], ",", header=COLUMNS, comments="")
+    with new_file(path) as file:
+        np.savetxt(file, rows, ["%d", "%d", *["%.6g"] * 11], ",", header=COLUMNS, comments="")
     return path
 
 
 def _arrays(path: Path, scan: Scan, points: F64, truth: ScanTruth, kept: KeptScan) -> Path:
-    np.savez_compressed(
+    return _save(
         path,
         t_ns=scan.t,
         beam_t_s=scan.beam_t,
@@ -139,6 +139,11 @@ def _arrays(path: Path, scan: Scan, points: F64, truth: ScanTruth, kept: KeptSca
         edge_true_m=kept.edge_true,
         edge_detected_m=np.nan if kept.edge is None else kept.edge.offset,
     )
+
+
+def _save(path: Path, **arrays: Any) -> Path:
+    with new_file(path) as file:
+        np.savez_compressed(file, **arrays)
     return path
 
 
@@ -159,10 +164,11 @@ def write_picture(folder: Path, image: Image) -> list[Path]:
         drawn.append(_label_colours(image.label))
     gap = np.full((image.height, GAP, 3), 255, np.uint8)
     row = [part for pixels in drawn for part in (gap, pixels)][1:]
-    picture, arrays = folder / "scan.camera.png", folder / "scan.camera.npz"
-    imsave(picture, np.ascontiguousarray(np.concatenate(row, axis=1)))
-    np.savez_compressed(
-        arrays,
+    picture = folder / "scan.camera.png"
+    with new_file(picture) as file:
+        imsave(file, np.ascontiguousarray(np.concatenate(row, axis=1)), format="png")
+    arrays = _save(
+        folder / "scan.camera.npz",
         t_ns=image.t,
         focal_px=image.focal,
         centre_px=np.array([image.centre_x, image.centre_y]),
@@ -235,14 +241,13 @@ def scan_job(
     if tell is not None:
         for note in machine.notes:
             tell(note)
-    parts = Path(tempfile.mkdtemp(prefix="swath-scan-"))
     files: list[Path] = []
-    try:
+    with held(out, SCAN_FILES, "scan"):
         if driven.lidar:
             scan, truth = driven.latest(driven.lidar, "scan"), driven.latest(driven.lidar, "truth")
             assert isinstance(scan, Scan)
             files += write_scan(
-                parts,
+                out,
                 scan,
                 truth if isinstance(truth, ScanTruth) else _no_truth(scan),  # a scan from a log has none
                 driven.sampler.pick(driven.lidar, 1)[-1],
@@ -255,11 +260,8 @@ def scan_job(
         if camera:
             image = driven.latest(driven.camera, "image")
             assert isinstance(image, Image)
-            files += write_picture(parts, image)
-        with held(out, SCAN_FILES, "scan"):
-            return [write_whole(out / f.name, f.read_bytes()) for f in files]
-    finally:
-        shutil.rmtree(parts, ignore_errors=True)
+            files += write_picture(out, image)
+    return files
 
 
 def _no_truth(scan: Scan) -> ScanTruth:
