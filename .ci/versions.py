@@ -1,8 +1,9 @@
 """One version everywhere: pyproject.toml, swath.__version__, CITATION.cff, CHANGELOG.md and, where given,
 the tag.
 
-python .ci/versions.py [v0.2.0]    exit code 1 where they differ, or where a tag's changes still stand under
-Unreleased
+python .ci/versions.py [v0.3.0]    exit code 1 where they differ, or where the tag's changes are unreleased
+
+What is not released calls itself so: `## 0.3.0 (unreleased)` in the changelog is 0.3.0.dev0 elsewhere.
 """
 
 import re
@@ -22,8 +23,11 @@ def versions(root: Path = ROOT) -> dict[str, str]:
         "CITATION.cff": re.search(r"^version: (.+)$", texts["CITATION.cff"], re.MULTILINE),
         "CHANGELOG.md": re.search(r"^## (\d\S*)", texts["CHANGELOG.md"], re.MULTILINE),
     }
+    is_unreleased = re.search(r"^## \S+ \(unreleased\)$", texts["CHANGELOG.md"], re.MULTILINE) is not None
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    return {"pyproject.toml": project["version"], **{k: m[1] if m else "none" for k, m in found.items()}}
+    said = {k: m[1] if m else "none" for k, m in found.items()}
+    said["CHANGELOG.md"] += ".dev0" if is_unreleased else ""
+    return {"pyproject.toml": project["version"], **said}
 
 
 def wrong(tag: str, root: Path = ROOT) -> list[str]:
@@ -35,10 +39,8 @@ def wrong(tag: str, root: Path = ROOT) -> list[str]:
     ]
     if tag and tag != f"v{own}":
         differ.append(f"the tag is {tag}, expected v{own}")
-    if tag and re.search(
-        r"^## Unreleased$", (root / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE
-    ):
-        differ.append("CHANGELOG.md has changes under Unreleased, expected them under the version of the tag")
+    if tag and own.endswith(".dev0"):
+        differ.append(f"{own} is not released: a date in place of (unreleased), the version without .dev0")
     return differ
 
 

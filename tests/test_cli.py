@@ -163,7 +163,7 @@ def test_run(job, capsys, code):
 def test_a_run_says_which_defaults_it_uses(job, capsys):
     main(["run", "small.yaml"])
     said = capsys.readouterr().out
-    assert said.splitlines()[0].startswith("defaults in use in ")
+    assert "slots use default values: " in said.splitlines()[0]
     assert "--defaults prints them" in said.splitlines()[0]
     assert "echo percentile" not in said
     main(["run", "small.yaml", "--defaults", "--set", "combine.lidar.sub_rays=7"])
@@ -320,10 +320,10 @@ class TestRunFolder:
         foreign.mkdir()
         (foreign / "thesis.doc").write_text("")
         other = self.finished(tmp_path / "other", "bend")
-        for out in (foreign, other, foreign / "thesis.doc"):
-            with pytest.raises(
-                InputError, match=r"--out = .*expected a new or empty folder, or an earlier run of small"
-            ):
+        earlier = "expected a new or empty folder, or an earlier run of small"
+        file = "expected a folder, this is a file"
+        for out, expected in ((foreign, earlier), (other, earlier), (foreign / "thesis.doc", file)):
+            with pytest.raises(InputError, match=f"--out = .*{expected}"):
                 choose_run_folder("small", 1, out)
             with pytest.raises(InputError, match="--out"):
                 choose_scan_folder("small", 1, out)

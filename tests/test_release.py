@@ -20,11 +20,12 @@ def test_the_version_is_the_same_everywhere():
 @pytest.mark.parametrize(
     ("file", "old", "new", "tag", "said"),
     [
-        ("CITATION.cff", "\nversion: ", "\nversion: 9", "", r"CITATION.cff says 9[\d.]+, pyproject.toml"),
+        ("CITATION.cff", "\nversion: ", "\nversion: 9", "", r"CITATION.cff says 9\S+, pyproject.toml"),
         ("src/swath/__init__.py", '__version__ = "', '__version__ = "1', "", "src/swath/__init__.py says 1"),
         ("CHANGELOG.md", "# Changelog\n", "# Changelog\n\n## 7.0.0\n", "", "CHANGELOG.md says 7.0.0"),
         ("CHANGELOG.md", "", "", "v9.9.9", "the tag is v9.9.9, expected v"),
-        ("CHANGELOG.md", "# Changelog\n", "# Changelog\n\n## Unreleased\n", "v0.2.0", "under Unreleased"),
+        ("CHANGELOG.md", "# Changelog\n", "# Changelog\n\n## 7.0.0 (unreleased)\n", "", r"says 7.0.0\.dev0"),
+        ("pyproject.toml", 'version = "', 'version = "7.0.dev0', "v7.0.0", r"7\.0\.dev0\S* is not released"),
     ],
 )
 def test_a_version_that_differs_is_named(file, old, new, tag, said, tmp_path):

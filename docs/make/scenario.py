@@ -186,6 +186,7 @@ def _of_others(name: str, kinds: dict[str, list[Row]]) -> list[Row]:
                 first = next(k for k, row in enumerate(rows) if row[0].startswith(f"{head}."))
                 rows = [row for row in rows if not row[0].startswith(f"{head}.")]
                 rows.insert(first, (head, f"keys of `{other}`", "", ""))
+                break
     return rows
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from swath import gym_ids
 
-__version__ = "0.2.0"
+__version__ = "0.3.0.dev0"
 _OFFERED = {
     "batch": "swath.api",
     "branch": "swath.api",

@@ -80,7 +80,7 @@ from swath.control.edge import otsu
 class Mine(otsu.Otsu):
     \"\"\"Sure of nothing else.\"\"\"
 
-    Params = otsu.EdgeParams
+    Params = otsu.LEVEL.params
 
     def step(self, t, dt, inputs):
         sent = super().step(t, dt, inputs)

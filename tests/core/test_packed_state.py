@@ -116,7 +116,7 @@ def test_what_is_shared_is_left_out_and_replaced():
 @pytest.mark.parametrize(
     "value",
     [print, lambda: 0, "x".join, os.system, Mine, Mine(), os.stat("."), deque([Mine()]), open, Path(),
-     SimpleNamespace(a=1), np.array([object()], dtype=object), array("u", "ab")],
+     SimpleNamespace(a=1), np.array([object()], dtype=object), memoryview(b"ab")],
 )  # fmt: skip
 def test_what_cannot_be_saved_is_refused_at_once(value):
     with pytest.raises(UnpackableState, match="cannot be saved"):

@@ -47,7 +47,8 @@ def test_a_mean_outside_of_the_band_is_out_on_either_side():
     assert watch.metrics()["header_in_band"] == 0.5
 
 
-def test_a_header_that_tells_no_height_has_no_such_metrics():
+def test_a_header_that_tells_no_height_tells_what_it_left():
     watch = Watch()
-    watch.at(CropFlow(0, 1.0, 1.0, 1.0, 1, 1.0, 0.1), 20.0)
     assert watch.metrics() == {}
+    watch.at(CropFlow(0, 3.0, 1.0, 1.0, 1, 1.0, 0.1, left_grain=1.0), 20.0)
+    assert watch.metrics() == {"header_left_kg": 1.0, "header_loss_percent": 25.0}

@@ -401,3 +401,24 @@ def test_turns_of_an_inertial_unit_are_those_of_the_track(tmp_path, name):
     cure = {f"inertial.rate_{n}": 1.0 / scale for n in "xyz"}
     part = player(path, "imu", {"inertial": "/imu"}, scale=cure)
     assert outputs(part, 1.0)[-1].rate_z == pytest.approx(0.5 * np.cos(1.0), abs=0.02)
+
+
+def test_commands_of_two_senders_are_played_and_a_blank_frame_is_no_other(tmp_path):
+    """Frames part sensors and machines, not senders."""
+    bag = Bag(tmp_path / "bag", "mcap")
+    for k in range(40):
+        command = bag.make(
+            "geometry_msgs/TwistStamped",
+            header=bag.header(0.02 * k, ("teleop", "planner")[k % 2]),
+            twist=bag.twist(1.0 + k % 2, 0.0),
+        )
+        bag.write("/cmd", 0.02 * k, command)
+        bag.write(
+            "/imu", 0.02 * k, imu(bag, 0.02 * k, (0, 0, GRAVITY), (0, 0, 0.1 * (k > 0)), "imu" * (k > 4))
+        )
+    bag.close()
+    found = outputs(player(tmp_path / "bag", "speed", {"command": "/cmd"}), 0.5)
+    assert {sample.speed for sample in found} == {1.0, 2.0}
+    part = player(tmp_path / "bag", "imu", {"inertial": "/imu"})
+    assert outputs(part, 0.5)[-1].rate_z == pytest.approx(0.1)
+    assert not any("left out" in note for note in part.notes)

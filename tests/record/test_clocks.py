@@ -62,6 +62,7 @@ def test_other_clocks_count_from_where_they_are():
     assert np.abs(found - received).max() < NS // 500
     assert "not on the clock of the log" in notes[0]
     assert read(0 * true, received)[0].tolist() == received.tolist()
+    assert Clocks().time("x", 0, NS // 20, notes.append) == 0  # of a recording that begins at 0
 
 
 def test_clocks_that_differ_by_a_delay_are_one():

@@ -21,8 +21,8 @@ OUTSIDE_RUNS = [
     ([CHEAP, "field.stand.lean_deg=25"], "lidar", "lean_deg"),
     ([CHEAP, "field.stand.lean_deg=50"], "lidar", "lean_deg"),
     ([CHEAP, "field.stand.weeds={plants_per_m2: 20}"], "lidar", "weeds_per_m2"),
-    ([CHEAP, "field.stand.stems_per_m2=40"], "lidar", "stems_per_m2"),
-    ([CHEAP, "field.stand.stems_per_m2=1100"], "lidar", "stems_per_m2"),
+    ([CHEAP, "field.stand.stems_per_m2=100"], "lidar", "stems_per_m2"),
+    ([CHEAP, "field.stand.stems_per_m2=700"], "lidar", "stems_per_m2"),
     ([CHEAP, "field.stand.height_factor=0.5"], "lidar", "crop_height_m"),
     ([CHEAP, "field.stand.height_factor=1.45"], "lidar", "crop_height_m"),
     ([CHEAP, "combine.lidar.mount.pitch_deg=4"], "lidar", "depression_deg"),
@@ -69,6 +69,59 @@ def test_inside_and_how_far_off_the_level_may_be():
     assert entries["lateral_rms_m"]["level_error"] == error
     assert "level_error" not in entries["contact_count"]
     assert not any("rests_outside" in entry for entry in summary["expect"])
+
+
+SOFT = "combine.motion={level: multibody, soil: brixius, cone_index_kpa: 450, start_speed_kmh: 5}"
+# Changes of `straight`, the slot, and the quantity for which its level was not checked.
+NOT_CHECKED_RUNS = [
+    (["combine.motion.friction=0.2"], "motion", "friction"),
+    ([SOFT], "motion", "cone_index_kpa"),
+    (["field.terrain={level: formula, roughness_class: E}"], "motion", "roughness_gd_m3"),
+    (["combine.lidar.weather.rain_mm_h=3"], "lidar", "rain_mm_h"),
+    (["combine.lidar.weather.extinction_per_m=0.2"], "lidar", "dust_per_m"),
+    (["field.stand={level: uniform, crop: rye, stems_per_m2: 280}"], "lidar", "other_crop"),
+    (["combine.header.cutting_height_m=0.6"], "header", "cutting_height_m"),
+    (["field.stand.lean_deg=40"], "edge", "lean_deg"),
+    (["field.stand.wind={speed_m_s: 6}"], "edge", "wind_lean_deg"),
+    ([SLOPE.format(15, 90)], "steer", "slope_across_percent"),
+    (["combine.motion.start_speed_kmh=18", "combine.speed.speed_kmh=18"], "steer", "ground_speed_kmh"),
+]
+
+
+@pytest.mark.parametrize(("sets", "slot", "quantity"), NOT_CHECKED_RUNS, ids=lambda value: str(value)[:50])
+def test_what_no_level_was_checked_for_is_said(sets, slot, quantity):
+    if SOFT in sets:
+        pytest.importorskip("mujoco", reason="needs the extra `multibody`")
+    summary = run(CHEAP, *sets, distance=3)
+    told = summary["credibility"]
+    assert quantity in told["not_checked"][f"combine.{slot}"]
+    assert quantity in told["met"]["combine"]
+    (note,) = [note for note in summary["notes"] if "not checked for" in note]
+    assert quantity in note
+    assert slot in note
+
+
+def test_a_plain_run_needs_no_word_and_lists_what_was_not_checked():
+    summary = run(CHEAP, distance=3)
+    assert not any("not checked" in note for note in summary.get("notes", []))
+    declared = {name: {r["quantity"] for r in slot["quantities"]}
+                for name, slot in summary["credibility"]["slots"].items()}  # fmt: skip
+    for slot, names in summary["credibility"]["not_checked"].items():
+        assert not declared.get(slot, set()) & set(names)
+    assert {"combine.process", "combine.edge", "combine.steer"} <= summary["credibility"][
+        "not_checked"
+    ].keys()
+
+
+def test_lean_is_looked_up_where_beams_meet_the_crop():
+    """A lodged patch to the side, that beams reach and the machine does not."""
+    patch = "{x_m: 9, y_m: 7, radius_m: 4, lean_deg: 60}"
+    stand = f"field.stand={{level: maps, crop: wheat, stems_per_m2: 400, patches: [{patch}]}}"
+    told = run(CHEAP, stand, distance=3)["credibility"]
+    (row,) = [r for r in told["slots"]["combine.lidar"]["quantities"] if r["quantity"] == "lean_deg"]
+    assert row["met"][1] > 50.0
+    assert row["state"] == OUTSIDE
+    assert told["met"]["combine"]["lean_deg"][1] < 20.0  # beside the machine
 
 
 def test_what_nothing_rests_on_leaves_the_verdict():

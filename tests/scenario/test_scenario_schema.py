@@ -8,8 +8,10 @@ import pytest
 from docs.make.scenario import reference
 
 from swath.documents.yaml_document import parse
+from swath.scenario.reference import parameter_rows
 from swath.scenario.scenario import parse_scenario
 from swath.scenario.schema import meanings, scenario_schema
+from swath.scenario.slots import CATALOGUE
 from tests.fake_levels import FAKE, GOOD
 
 
@@ -84,9 +86,6 @@ def test_meanings_of_a_docstring():
 
 
 def test_the_reference_has_every_key_of_every_level_once_a_slot():
-    from swath.scenario.reference import parameter_rows
-    from swath.scenario.slots import CATALOGUE
-
     page = reference()
     for kind in (*CATALOGUE.field_levels, *(slot.name for slot in CATALOGUE.slots)):
         heading = f"\n### field.{kind}\n" if kind in CATALOGUE.field_levels else f"\n### {kind}\n"
@@ -106,6 +105,21 @@ def test_the_reference_has_every_key_of_every_level_once_a_slot():
                 if group:
                     keys = page.partition(f"\n### Keys of {group[1]}\n")[2].partition("\n### ")[0]
                     assert f"| `{rest}` |" in keys
+
+
+def test_every_key_of_every_level_has_a_meaning():
+    """More than its unit, also where the class of an inner mapping has the name of another."""
+    registry = CATALOGUE.registry
+    kinds = (*CATALOGUE.field_levels, *(slot.name for slot in CATALOGUE.slots))
+    levels = [registry.get(kind, name) for kind in kinds for name in registry.names(kind)]
+    levels += [registry.get("lidar", name) for name in registry.links()]
+    bare = {
+        f"{level.params.__module__}: {key}"
+        for level in levels
+        for key, *_, meaning in parameter_rows(level.params)
+        if not re.sub(r"\[[^]]*\]", "", meaning).strip()
+    }
+    assert not bare
 
 
 def test_reference_has_every_key():

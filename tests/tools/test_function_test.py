@@ -302,7 +302,7 @@ def test_the_page_and_the_junit_file_name_what_failed(case_file, tmp_path):
     ("change", "why"),
     [
         ("", ""),
-        ("field.stand.stems_per_m2=60", "60 stems per m2 are at or beyond the end of its table"),
+        ("field.stand.stems_per_m2=60", "stems_per_m2 is 60, the level was checked for 120 to 600"),
         ("field.stand.wind={speed_m_s: 4}", "wind_lean_deg is 6.38, the level was checked for 0"),
         ("field.stand={level: uniform, crop: maize}", "there is no table of maize"),
         ("field.stand.lean_deg=30", "lean_deg is 30, the level was checked for 0 to 20"),

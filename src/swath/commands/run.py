@@ -187,7 +187,7 @@ def print_defaults(scenario: Any, *, whole: bool = True) -> None:
         paragraphs(items)
     elif items:
         print(
-            f"defaults in use in {len(items)} places; --defaults prints them, the report marks them",
+            f"{len(items)} slots use default values: --defaults prints them, the report marks them",
             flush=True,
         )
 

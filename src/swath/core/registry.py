@@ -75,6 +75,7 @@ class Level:
     numbers: sections of its machine's data sheet on which what it gives rests
     steady: metrics of a machine in a steady state, as `steady(machine, state, load)` gives them by name, for
     what a number of the data sheet is worth
+    given: metrics that are an input of the level, and no result
     """
 
     component: Any
@@ -88,6 +89,7 @@ class Level:
     errors: tuple[KnownError, ...] = ()
     numbers: tuple[str, ...] = ()
     steady: Any = None
+    given: tuple[str, ...] = ()
 
     @property
     def is_unread(self) -> bool:

@@ -79,6 +79,13 @@ class Terrain(Protocol):
         ...
 
 
+@runtime_checkable
+class HasRoughness(Protocol):
+    """A terrain that knows how rough it is. gd_n0: Gd at 0.1 cycles/m, ISO 8608 [m3]"""
+
+    gd_n0: float
+
+
 class Stand(Protocol):
     """A level of the stand.
 

@@ -20,6 +20,16 @@ class Origin:
     northing: float
     height: float = 0.0
 
+    def grid(self) -> dict[str, float]:
+        """How the axes of the world, those of the grid, lie on Earth: `epsg`; `convergence_deg`, by which the
+        grid's north is turned clockwise from true north; `scale`, metres of the grid for one on the ground.
+        """
+        pyproj = _pyproj()
+        lon, lat = self.to_lon_lat([[0.0, 0.0]])[0].tolist()
+        at = pyproj.Proj(f"EPSG:{self.epsg}").get_factors(lon, lat)
+        return {"epsg": self.epsg, "convergence_deg": round(at.meridian_convergence, 4),
+                "scale": round(at.meridional_scale, 7)}  # fmt: skip
+
     def to_local(self, lon_lat: ArrayLike) -> Array:
         """Lon/lat [deg], shape (n, 2), as local east and north [m], shape (n, 2)."""
         return transform(lon_lat, "EPSG:4326", f"EPSG:{self.epsg}") - (self.easting, self.northing)

@@ -5,7 +5,9 @@ out of a sheet; the levels that need them then say so.
 """
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any, Literal
+
+import numpy as np
 
 from swath.core.errors import InputError
 from swath.documents.data_sheets import Sheet
@@ -137,10 +139,31 @@ class Unloading:
 
 @dataclass(frozen=True, kw_only=True)
 class Bulk:
-    """The grain tank. volume [m3]; density: of the grain in bulk [kg/m3]."""
+    """The grain tank. volume [m3]; density: of the grain in bulk [kg/m3]
+
+    when_full: grain runs over its rim and is lost, or the machine stops, which ends the run
+    """
 
     volume: Annotated[float, Quantity("m3", 0.1, 100)] = 0.0
     density: Annotated[float, Quantity("kg_m3", 50, 1500, key="grain_density")] = 770.0
+    when_full: Literal["spills", "stops"] = "spills"
+
+    @property
+    def capacity(self) -> float:
+        """Grain that it holds [kg]; 0 where the sheet has none."""
+        return self.volume * self.density
+
+    def over_rim(self, content: Any, coming: Any) -> Any:
+        """Of grain that comes [kg] what it does not hold, with so much in it already; numbers or arrays."""
+        if self.capacity <= 0.0:
+            return 0.0 * coming
+        return np.minimum(np.maximum(content + coming - self.capacity, 0.0), coming)
+
+
+def tank_of(machine: MachineGeometry) -> Bulk:
+    """The grain tank of a machine; without volume where its sheet has none."""
+    drivetrain = getattr(machine, "drivetrain", None)
+    return drivetrain.bulk if isinstance(drivetrain, Drivetrain) else Bulk()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,7 +182,7 @@ class Drivetrain:
     @property
     def tank(self) -> float:
         """Grain that the tank holds [kg]; 0 where the sheet has none."""
-        return self.bulk.volume * self.bulk.density
+        return self.bulk.capacity
 
     @property
     def unloading(self) -> float:

@@ -9,9 +9,9 @@ counted from the end of the four bytes of the encapsulation header; text and seq
 32 bits.
 
 `Source` is what a recording knows of a machine, and where the messages of one of its outputs go. Frames (REP
-105): `map` (world, ENU), `<machine>/odom` (the same place, in which odometry counts), `<machine>/base_link`
-(ISO 8855, fixed axle on the ground), `<machine>/<sensor slot>`, `<machine>/<camera slot>_optical` (x right,
-y down, z forward).
+105): `map` (world, axes of a UTM grid), `<machine>/odom` (the same place, in which odometry counts),
+`<machine>/base_link` (ISO 8855, fixed axle on the ground), `<machine>/<sensor slot>`,
+`<machine>/<camera slot>_optical` (x right, y down, z forward).
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence

@@ -48,6 +48,10 @@ def render(
         credibility=list(_credibility(summary)),
         tags=TAGS,
         undeclared=summary.get("credibility", {}).get("undeclared", []),
+        not_checked=[
+            [slot, ", ".join(names)]
+            for slot, names in summary.get("credibility", {}).get("not_checked", {}).items()
+        ],
         notes=summary.get("notes", []),
         incidents=[_incident_row(event) for event in summary.get("incidents", [])],
         figures=figures,

@@ -4,7 +4,10 @@ A level says in which ranges of which quantities it was checked (`core.registry.
 those of its own table (`core.abilities.MeetsRange`). Once a metre the run looks at what it meets. A look is
 beyond a range when more than 2 % of its values are, and more than one of several: one echo decides nothing.
 A slot is `outside` with three such looks, or where all of fewer are such, `at the edge` with anything less
-beyond its range, else `inside`. What was not declared is not known, and listed as such.
+beyond its range, else `inside`.
+
+A quantity that changes what a slot does (`runtime.met.Quantity.touches`) and for which its level declares no
+range is `not checked` there: it is listed, and a note says so where the run met more than plain values.
 
 A limit rests on the slots that its evaluator sees and on all that feeds these, over the wires of the graph.
 """
@@ -83,6 +86,7 @@ class Scene:
         self.world = world
         self.ranges = {m.name: dict(_ranges_of(m)) for m in world.machines.values()}
         self.parts = {m.name: dict(m.parts) for m in world.machines.values()}
+        self.unchecked = {m.name: _unchecked(m, self.ranges[m.name]) for m in world.machines.values()}
 
     def values(self, machine: str, state: MachineState) -> Iterator[tuple[str, Checked, Any]]:
         """Of each slot and range of a machine what it meets now."""
@@ -96,13 +100,27 @@ class Scene:
             met = part.meets() if isinstance(part, MeetsRange) else {}
             for checked in ranges:
                 name = checked.quantity
-                if name in QUANTITIES:
+                if name in QUANTITIES and name not in met:
                     if name not in known:
                         known[name] = QUANTITIES[name].at(where)
                 elif name not in met:
                     among = ", ".join((*QUANTITIES, *met))
                     raise InputError(f"{machine}.{slot}.checked", name, f"expected one of {among}")
-                yield f"{machine}.{slot}", checked, known[name] if name in known else met[name]
+                yield f"{machine}.{slot}", checked, met[name] if name in met else known[name]
+        for name in dict.fromkeys(n for names in self.unchecked[machine].values() for n in names):
+            plain = Checked(name, *QUANTITIES[name].plain, "")
+            yield machine, plain, known[name] if name in known else QUANTITIES[name].at(where)
+
+
+def _unchecked(machine: Machine, ranges: Mapping[str, Sequence[Checked]]) -> dict[str, list[str]]:
+    """Of each slot the quantities that change what it does, and for which its level declares no range."""
+    found = {}
+    for slot, choice in machine.section.slots.items():
+        known = {checked.quantity for checked in ranges.get(slot, ())}
+        names = [n for n, q in QUANTITIES.items() if choice.kind.name in q.touches and n not in known]
+        if names and machine.parts.get(slot) is not None:
+            found[slot] = names
+    return found
 
 
 def _ranges_of(machine: Machine) -> Iterator[tuple[str, tuple[Checked, ...]]]:
@@ -149,7 +167,9 @@ class Credibility:
         return {}
 
     def told(self) -> dict[str, Any]:
-        """As it stands in summary.json: `slots` with a declared range, and the others as `undeclared`."""
+        """As it stands in summary.json: `slots` with a declared range, and the others as `undeclared`; by
+        slot the quantities that are `not_checked` there, and what was `met` of these, by machine.
+        """
         slots, rest = {}, []
         for machine in self.scene.world.machines.values():
             ranges = self.scene.ranges[machine.name]
@@ -161,7 +181,36 @@ class Credibility:
                 rows = [self._row(name, checked) for checked in ranges[slot]]
                 state = max((r["state"] for r in rows if r["state"]), key=STATES.index, default="")
                 slots[name] = {"level": choice.level, "state": state, "quantities": rows}
-        return {"slots": slots, "undeclared": rest}
+        unchecked = self.scene.unchecked.items()
+        named = {f"{machine}.{slot}": names for machine, own in unchecked for slot, names in own.items()}
+        met: dict[str, dict[str, list[float]]] = {machine: {} for machine, _ in unchecked}
+        for (name, quantity), seen in self._seen.items():
+            if name in met and seen.looks:
+                met[name][quantity] = [_short(seen.low), _short(seen.high)]
+        chosen = [choice for m in self.scene.world.machines.values() for choice in m.section.slots.values()]
+        return {
+            "slots": slots,
+            "undeclared": rest,
+            "not_checked": named,
+            "met": met,
+            "level_errors": {e.metric: e.size for choice in chosen for e in choice.found.errors},
+            "given": sorted({name for choice in chosen for name in choice.found.given}),
+        }
+
+    def untold(self) -> Iterator[str]:
+        """Notes on what was met beyond plain values by levels that were not checked for it."""
+        for machine, own in self.scene.unchecked.items():
+            said = []
+            for name, quantity in QUANTITIES.items():
+                seen = self._seen.get((machine, name), Seen())
+                slots = [slot for slot, names in own.items() if name in names]
+                if seen.beyond >= min(LOOKS, max(seen.looks, 1)) and slots:
+                    unit = f" {quantity.unit}" if quantity.unit != "1" else ""
+                    said.append(
+                        f"{name} {span((_short(seen.low), _short(seen.high)))}{unit} ({', '.join(slots)})"
+                    )
+            if said:
+                yield f"{machine}: levels were not checked for {'; '.join(said)}"
 
     def _row(self, slot: str, checked: Checked) -> dict[str, Any]:
         seen = self._seen.get((slot, checked.quantity), Seen())
@@ -194,7 +243,7 @@ def annotate(summary: dict[str, Any], watch: Credibility, catalogue: EvaluatorCa
         if found := [(n, e) for n, e in errors if n in slots and e.metric == entry["name"]]:
             slot, error = max(found, key=lambda pair: pair[1].size)
             entry["level_error"] = {"size": error.size, "slot": slot, "against": error.against}
-    notes = [f"{name}: {why_outside(told)}" for name, told in outside.items()]
+    notes = [f"{name}: {why_outside(told)}" for name, told in outside.items()] + [*watch.untold()]
     if doubtful:
         notes.append(f"not to be relied on, they rest on that: {', '.join(dict.fromkeys(doubtful))}")
     return notes

@@ -191,6 +191,12 @@ def _drive(running: "Running", progress: bool, events: Sequence[Mapping[str, Any
     return running.finish(time.perf_counter() - started, incomplete=False)
 
 
+def _grid(world: World) -> dict[str, Any]:
+    """`map_grid`: how the world's axes lie on Earth, where its place there is known."""
+    origin = next((m.origin for m in world.machines.values()), None)
+    return {} if origin is None else {"map_grid": origin.grid()}
+
+
 def _machines(world: World) -> str:
     """The data sheet of the machine, or of each by its name."""
     names = {name: machine.sheet.name for name, machine in world.machines.items()}
@@ -322,6 +328,7 @@ class Running:
                 "seed": scenario.seed,
                 "swath": __version__,
                 "machine": _machines(world),
+                **_grid(world),
             },
             self.evaluation,
             {n: t.by_column for n, t in self.recorder.tracks.items()} if self.has_tracks else {},

@@ -6,13 +6,14 @@ field.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import atan, atan2, cos, degrees, pi, sin
+from math import atan, atan2, cos, degrees, inf, nan, pi, sin
 from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.signal import Signal
 from swath.documents.validation import near_miss
 from swath.field.field import Field
+from swath.field.field_setup import HasRoughness
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import Machine
 from swath.signals import MachineState
@@ -29,6 +30,7 @@ class Where:
     point BESIDE_M within the stand beside the header's end at the edge [m]
     """
 
+    machine: Machine
     state: MachineState
     field: Field
     place: tuple[float, float]
@@ -38,11 +40,17 @@ class Where:
 
 @dataclass(frozen=True)
 class Quantity:
-    """unit as in a scenario key; meaning: one line; at: its value, nan where there is none."""
+    """unit as in a scenario key; meaning: one line; at: its value, nan where there is none
+
+    touches: kinds of slots that it changes; plain: values that need no word where a level of these was not
+    checked for it
+    """
 
     unit: str
     meaning: str
     at: Callable[[Where], float]
+    touches: tuple[str, ...] = ()
+    plain: tuple[float, float] = (-inf, inf)
 
 
 def _slope(where: Where, aside: float) -> float:
@@ -67,20 +75,73 @@ def _weeds(where: Where) -> float:
     return 0.0 if weeds is None else float(weeds.plants_per_m2)
 
 
+def _param(kind: str, name: str) -> Callable[[Where], float]:
+    """The largest value that a parameter has among the slots of a kind."""
+
+    def at(where: Where) -> float:
+        slots, choices = where.machine.slots_of(kind), where.machine.section.slots
+        holders = [choices[slot].params for slot in slots]
+        *above, last = name.split(".")
+        for part in above:
+            holders = [getattr(held, part, None) for held in holders]
+        values = [getattr(held, last, None) for held in holders]
+        return max((float(v) for v in values if isinstance(v, int | float)), default=nan)
+
+    return at
+
+
+def _friction(where: Where) -> float:
+    own = _param("motion", "friction")(where)
+    return own if own == own else where.machine.sheet.dynamics.friction
+
+
+def _cone_index(where: Where) -> float:
+    choices = [where.machine.section.slots[slot].params for slot in where.machine.slots_of("motion")]
+    is_soft = any(getattr(params, "soil", "firm") == "brixius" for params in choices)
+    return _param("motion", "cone_index_kpa")(where) if is_soft else nan
+
+
+def _roughness(where: Where) -> float:
+    terrain = where.field.terrain
+    return terrain.gd_n0 if isinstance(terrain, HasRoughness) else 0.0
+
+
+CROP = ("lidar", "camera", "radar", "edge", "header", "process", "powertrain", "crop_flow")
+SEEN = ("lidar", "camera", "edge")
+MOVED = ("motion", "steer", "powertrain")
 QUANTITIES: Mapping[str, Quantity] = {
-    "ground_speed_kmh": Quantity("km/h", "true forward speed", lambda w: 3.6 * w.state.speed),
+    "ground_speed_kmh": Quantity("km/h", "true forward speed", lambda w: 3.6 * w.state.speed,
+                                 (*MOVED, "header", "process", "gnss", "unload", "radar"), (-1.0, 14.4)),
     "slope_across_percent": Quantity("%", "rise of the ground to the right of the machine, over 6 m",
-                                     lambda w: _slope(w, -0.5 * pi)),
+                                     lambda w: _slope(w, -0.5 * pi), (*MOVED, "process"), (-12.0, 12.0)),
     "slope_along_percent": Quantity("%", "rise of the ground ahead of the machine, over 6 m",
-                                    lambda w: _slope(w, 0.0)),
+                                    lambda w: _slope(w, 0.0), (*MOVED, "process"), (-12.0, 12.0)),
     "stems_per_m2": Quantity("1/m2", "sown density of the stand beside the edge",
-                             lambda w: float(w.field.stand.density(*w.crop))),
+                             lambda w: float(w.field.stand.density(*w.crop)), CROP, (200.0, 600.0)),
     "crop_height_m": Quantity("m", "usual height of the upright stand beside the edge",
-                              lambda w: w.field.crop_height * float(w.field.stand.height_factor(*w.crop))),
-    "lean_deg": Quantity("deg", "mean lean of the stand beside the edge", _lean),
-    "yaw_rate_deg_s": Quantity("deg/s", "rate of turn, > 0 left", lambda w: degrees(w.state.yaw_rate)),
-    "wind_lean_deg": Quantity("deg", "the most that wind leans stems, on top of their own lean", _wind),
-    "weeds_per_m2": Quantity("1/m2", "weeds in the stand", _weeds),
+                              lambda w: w.field.crop_height * float(w.field.stand.height_factor(*w.crop)),
+                              CROP, (0.5, 1.6)),
+    "lean_deg": Quantity("deg", "mean lean of the stand, beside the edge or where beams meet it", _lean,
+                         CROP, (0.0, 20.0)),
+    "yaw_rate_deg_s": Quantity("deg/s", "rate of turn, > 0 left", lambda w: degrees(w.state.yaw_rate),
+                               (*MOVED, "gnss"), (-25.9, 25.9)),
+    "wind_lean_deg": Quantity("deg", "the most that wind leans stems, on top of their own lean", _wind,
+                              ("lidar", "camera", "radar", "edge", "unload"), (0.0, 0.0)),
+    "weeds_per_m2": Quantity("1/m2", "weeds in the stand", _weeds, CROP, (0.0, 0.0)),
+    "friction": Quantity("1", "largest side force of the tyres over load", _friction, MOVED, (0.45, 1.5)),
+    "cone_index_kpa": Quantity("kPa", "strength of soil that yields, nan = firm", _cone_index, MOVED,
+                               (1800.0, inf)),
+    "roughness_gd_m3": Quantity("m3", "Gd of the ground at 0.1 cycles/m, ISO 8608",
+                                _roughness, (*MOVED, "lidar", "header", "imu"), (0.0, 256e-6)),
+    "rain_mm_h": Quantity("mm/h", "rain before a scanner", _param("lidar", "weather.rain_mm_h"), SEEN,
+                          (0.0, 0.0)),
+    "dust_per_m": Quantity("1/m", "extinction of dust before a scanner",
+                           _param("lidar", "weather.extinction_per_m"), SEEN, (0.0, 0.0)),
+    "other_crop": Quantity("1", "1 where the crop is not wheat, else 0",
+                           lambda w: float(w.field.stand.crop != "wheat"), CROP, (0.0, 0.0)),
+    "cutting_height_m": Quantity("m", "height of the knife that is asked for",
+                                 _param("header", "cutting_height_m"), ("lidar", "edge", "header", "process"),
+                                 (0.05, 0.4)),
 }  # fmt: skip
 
 
@@ -101,7 +162,7 @@ def where_is(machine: Machine, field: Field, state: MachineState) -> Where:
         knife, end = machine.sheet.header_end(machine.edge_side)
         beside = knife, end - (BESIDE_M if machine.edge_side == "left" else -BESIDE_M)
     crop_x, crop_y, _ = state.pose.point(*beside, 0.0)
-    return Where(state, field, (x, y), atan2(ahead_y - y, ahead_x - x), (crop_x, crop_y))
+    return Where(machine, state, field, (x, y), atan2(ahead_y - y, ahead_x - x), (crop_x, crop_y))
 
 
 class MetHook(RunHook):

@@ -169,7 +169,7 @@ def read_scenario(
 
 def _headline(made: Scenario, changes: Sequence[str]) -> str:
     """What is run, in a line: what its author says of it, or its name with what is changed."""
-    keys = [text.partition("=")[0].strip() for text in changes]
+    keys = [text.partition("=")[0].strip().removeprefix("machines.") for text in changes]
     if "summary" in keys or not set(keys) - UNTOLD:
         return made.summary
     start, changed = f"{made.name} with ", changes_in(made.name, made.summary)

@@ -119,14 +119,15 @@ def _described(node: Node, kind: Any) -> Node:
 
 
 def _classes(kind: Any) -> dict[str, Any]:
-    """Every dataclass that a type mentions, by name."""
+    """Every dataclass that a type mentions, by the names that a schema may have for it."""
     found: dict[str, Any] = {}
     open_ends = [kind]
     while open_ends:
         item = open_ends.pop()
         open_ends += typing.get_args(item)
-        if isinstance(item, type) and dataclasses.is_dataclass(item) and item.__name__ not in found:
-            found[item.__name__] = item
+        whole = f"{getattr(item, '__module__', '')}.{getattr(item, '__qualname__', '')}".replace(".", "__")
+        if isinstance(item, type) and dataclasses.is_dataclass(item) and whole not in found:
+            found |= {item.__name__: item, whole: item}
             open_ends += typing.get_type_hints(item, include_extras=True).values()
     return found
 

@@ -11,11 +11,13 @@ class MachineLoad(Signal, about=About(track_order=8)):
     """Where the crop is: grain in the tank now, other masses since the start, flows at this moment."""
 
     tank_grain: Annotated[float, Quantity("kg", "grain in the tank", column="tank_grain_kg")]
-    lost_grain: Annotated[float, Quantity("kg", "grain lost over the rear", column="lost_grain_kg")]
+    lost_grain: Annotated[
+        float, Quantity("kg", "grain lost over the rear or the rim of a full tank", column="lost_grain_kg")
+    ]
     dropped_straw: Annotated[float, Quantity("kg", "straw laid or spread")]
     held_grain: Annotated[float, Quantity("kg", "grain inside the machine, not in the tank")]
     held_straw: Annotated[float, Quantity("kg", "straw inside the machine")]
-    grain_flow: Annotated[float, Quantity("kg/s", "into the tank", column="grain_flow_kg_s")]
+    grain_flow: Annotated[float, Quantity("kg/s", "to the tank", column="grain_flow_kg_s")]
     straw_flow: Annotated[float, Quantity("kg/s", "into the swath")]
     unloaded_grain: Annotated[float, Quantity("kg", "grain that left the tank again")] = 0.0
     tank_start: Annotated[float, Quantity("kg", "grain in the tank before the start")] = 0.0

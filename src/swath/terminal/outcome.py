@@ -5,11 +5,11 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from swath.terminal.tables import number, table
+from swath.terminal.tables import number, result, table
 
 NOT_JUDGED = "not judged"
 ORDER = {"fail": 0, NOT_JUDGED: 1, "not measured": 2}  # in the table: these first, the others as they come
-METRIC_COLUMNS = ("metric", "value", "limit", "result")
+METRIC_COLUMNS = ("metric", "value", "level's error", "limit", "result")
 
 
 def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[str] = ()) -> None:
@@ -20,15 +20,15 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
     from swath.scenario.slots import CATALOGUE
 
     known = CATALOGUE.judged(evaluators).metrics
-    machines = summary.get("machines", {})
+    machines, told = summary.get("machines", {}), summary.get("credibility", {})
     for name, metrics in machines.items():
         table(
             name,
             METRIC_COLUMNS,
-            _rows(known, metrics, [e for e in summary["expect"] if e["subject"] == name]),
+            _rows(known, metrics, [e for e in summary["expect"] if e["subject"] == name], told),
         )
     rest = [e for e in summary.get("expect", []) if e["subject"] not in machines]
-    table("field and run" if machines else "", METRIC_COLUMNS, _rows(known, summary, rest))
+    table("field and run" if machines else "", METRIC_COLUMNS, _rows(known, summary, rest, told))
     if summary.get("incomplete"):
         print("incomplete: the run was stopped before its end")
     for entry in summary.get("expect", []):
@@ -95,19 +95,25 @@ def incident_text(event: Mapping[str, Any]) -> str:
 
 
 def _rows(
-    known: Iterable[str], metrics: Mapping[str, Any], expect: list[Any]
-) -> list[tuple[str, str, str, str]]:
+    known: Iterable[str], metrics: Mapping[str, Any], expect: list[Any], told: Mapping[str, Any]
+) -> list[tuple[str, ...]]:
     """A row for every metric and every limit, of a metric over the whole run one; what does not pass first.
 
-    What is limited in a window is another quantity than over the whole run: its name has the window.
+    What is limited in a window is another quantity than over the whole run: its name has the window. told:
+    `credibility` of the summary; what a level was given is no result
     """
     rows = []
+    errors, given = told.get("level_errors", {}), told.get("given", ())
     for name in dict.fromkeys([*known, *(e["name"] for e in expect)]):
         own = [e for e in expect if e["name"] == name]
+        error = f"± {number(errors[name])}" if name in errors else ""
+        if name in given and not own:
+            continue
         if name in metrics:
             held = next((e for e in own if not e.get("window") and "hold" not in e["limit"]), None)
-            limit, result = ("", "") if held is None else (limit_text(held), result_of(held))
-            rows.append((name, number(metrics[name]), limit, result))
+            limit, said = ("", "") if held is None else (limit_text(held), result_of(held))
+            shown = number if said == "fail" else result
+            rows.append((name, shown(metrics[name]), error, limit, said))
             own = [e for e in own if e is not held]
-        rows += [(name + window_text(e), number(e["value"]), limit_text(e), result_of(e)) for e in own]
-    return sorted(rows, key=lambda row: ORDER.get(row[3], len(ORDER)))
+        rows += [(name + window_text(e), number(e["value"]), error, limit_text(e), result_of(e)) for e in own]
+    return sorted(rows, key=lambda row: ORDER.get(row[-1], len(ORDER)))

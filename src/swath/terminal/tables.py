@@ -93,6 +93,13 @@ def paragraphs(items: Sequence[tuple[str, str]]) -> None:
         console.print(Text(body[: len(head)]).append(body[len(head) :], style="dim"))
 
 
+def result(value: Any) -> str:
+    """A result of one seed, of which others differ by half and more: two digits, or whole numbers."""
+    if isinstance(value, float) and abs(value) < 1e6:
+        return f"{value:.0f}" if abs(value) >= 9.5 else f"{value:.2g}"
+    return number(value)
+
+
 def number(value: Any) -> str:
     """A number at a readable length, anything else as it is."""
     if value is None:

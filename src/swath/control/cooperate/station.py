@@ -42,7 +42,8 @@ class Shared:
     compensate: whether the age of messages is made up for; hold_s: silence through which the station is kept
     by dead reckoning; clear_m: how far aside the cart goes when it is full, or when it hears nothing
     profile: of the grain from the own `heap`, or as slot `box` of the other machine has `seen` it; then the
-    box takes no grain before it is seen, nor blind_s after it was seen last
+    box takes no grain before it is seen
+    blind_s: `seen`: no grain either when the box was seen longer ago than that
     """
 
     margin_m: Annotated[float, Ge(0), Le(1)] = 0.02

@@ -31,8 +31,10 @@ FOLD_AFTER = 4.0  # the pipe swings back so long after the last grain [s]
 class Params:
     """start_percent, stop_percent: levels of the tank between which it wants to unload
     call_m: distance of the cart at which the pipe swings out; margin_m: from the stream to the rim, along and
-    across, to go on; to begin it is twice that, for steady_s; silence_s: without a message for so long the
-    auger stops; over_crop: whether the pipe may swing out over standing crop
+    across, to go on; to begin it is twice that
+    steady_s: for so long the stream must lie well inside before unloading begins
+    silence_s: without a message for so long the auger stops
+    over_crop: whether the pipe may swing out over standing crop
     """
 
     start_percent: Annotated[float, Gt(0), Le(100)] = 30.0

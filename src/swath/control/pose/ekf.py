@@ -69,8 +69,9 @@ class Params:
     slip_percent: that the wheels are expected to turn too fast
     gyro_noise_deg_s: of a sample, beside what the sensor says itself; gyro_bias_deg_s: of the bias at first
     crab: side slip that is expected, per side slope or lateral acceleration in g; crab_deg: beside that
-    tilt_deg: of the inclination, by which an antenna above the ground stands aside; it changes over tilt_s
-    (biases of the inertial unit). 0 on a plane, the slope where there is no inertial unit
+    tilt_deg: of the inclination, by which an antenna above the ground stands aside (biases of the inertial
+    unit). 0 on a plane, the slope where there is no inertial unit
+    tilt_s: time over which that inclination changes
     tilt_start_deg: of the inclination at first, while it settles and the machine sets off; it dies out over
     tilt_start_s and is told beside what the filter knows. 0 on a plane
     gate: squared distance in standard deviations beyond which a position is left out, the

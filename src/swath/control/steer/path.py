@@ -68,10 +68,11 @@ class Begin:
 class Params:
     """The path is one of:
 
-    points_m: [x, y] in the field's frame, its corners rounded to corner_radius_m
+    points_m: [x, y] in the field's frame, its corners rounded
     segments: lines, arcs and clothoids, from the place `begin` on
     file: lines of a GeoJSON file, such as tracks.geojson of a field folder; line: which of them, from 0
 
+    corner_radius_m: of the rounded corners of points_m and file, 0 = as they are
     backwards: from its end to its begin
     distance_m, time_s: distance d over which an error dies out, the greater of distance_m and time_s times
     the speed
@@ -80,7 +81,8 @@ class Params:
     angle's rate; share_of_lock: of the steering angle that is used
     trim_m: distance over which it is learnt how far the machine understeers, 0 = never
     slip_m: distance over which side slip is learnt, 0 = never; slip_step_cm: errors beyond are no slip
-    accuracy_m: standard deviation of the position beyond which the law lets go, after hold_s
+    accuracy_m: standard deviation of the position beyond which the law lets go
+    hold_s: for so long it keeps its last command when there is no such position
     run_out_m: how far behind the path's end it goes straight on before it lets go
     engage_s: time to blend in
     """

@@ -18,7 +18,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Band:
-    """from_m: where it begins along the direction, from the world's origin; stems_per_m2; height_factor."""
+    """from_m: where it begins along the direction, from the world's origin
+    stems_per_m2: density in it; height_factor: plant length relative to the crop's own
+    """
 
     from_m: Annotated[float, Ge(-1e5), Le(1e5)]
     stems_per_m2: Annotated[float, Gt(0.0), Le(3000.0)]

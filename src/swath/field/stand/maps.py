@@ -32,7 +32,11 @@ DENSITY_LIMIT = 3000.0  # stems/m2
 
 @dataclass(frozen=True, kw_only=True)
 class Patch:
-    """A round lodged patch. lean_deg: mean lean of its stems; azimuth_deg: where to, from north."""
+    """A round lodged patch.
+
+    x_m: of its middle, east; y_m: of its middle, north; radius_m: of its edge
+    lean_deg: mean lean of its stems; azimuth_deg: where to, from north
+    """
 
     x_m: Metres
     y_m: Metres
@@ -43,8 +47,11 @@ class Patch:
 
 @dataclass(frozen=True, kw_only=True)
 class Lodging:
-    """Random lodged patches. share_percent: of the area; diameters even between the two; lean_deg: mean;
-    azimuth_deg: mean, from north; one azimuth within a patch, azimuth_sd_deg between patches.
+    """Random lodged patches.
+
+    share_percent: of the area; diameter_min_m: of the smallest; diameter_max_m: of the largest, all between
+    alike; lean_deg: mean of the stems; azimuth_deg: mean where to, from north, alike within a patch
+    azimuth_sd_deg: between patches
     """
 
     share_percent: Annotated[float, Ge(0.0), Le(30.0)] = 5.0

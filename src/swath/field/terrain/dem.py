@@ -36,15 +36,19 @@ class Params:
 
 
 class Dem:
-    """Heights on a raster. datum: height that z = 0 stands for [m]; notes: what was assumed of its file."""
+    """Heights on a raster. datum: height that z = 0 stands for [m]; notes: what was assumed of its file;
+    gd_n0: of the added roughness [m3]
+    """
+
+    gd_n0 = 0.0
 
     def __init__(self, params: Params, setup: FieldSetup) -> None:
         raster = Raster.from_geotiff(setup.folder / params.file, setup.origin, quantity=GROUND)
         self._take(raster, params.datum_m)
         self.waves = Waves.none()
         if params.roughness_class != "none":
-            gd = ROUGHNESS_CLASSES[params.roughness_class]
-            self.waves = make_roughness(gd, params.waviness, setup.stream.child("roughness"))
+            self.gd_n0 = ROUGHNESS_CLASSES[params.roughness_class]
+            self.waves = make_roughness(self.gd_n0, params.waviness, setup.stream.child("roughness"))
 
     @staticmethod
     def from_raster(raster: Raster, datum: float | None = 0.0) -> "Dem":

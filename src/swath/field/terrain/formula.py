@@ -18,7 +18,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Wave:
-    """amplitude_m: half of crest to trough; azimuth_deg: the way it runs, clockwise from north."""
+    """One sine wave of the ground.
+
+    amplitude_m: half of crest to trough; wavelength_m: from crest to crest
+    azimuth_deg: direction in which it runs, clockwise from north; phase_deg: at the world's origin
+    """
 
     amplitude_m: Annotated[float, Ge(0.0), Le(100.0)]
     wavelength_m: Annotated[float, Ge(1.0), Le(1e5)]
@@ -55,6 +59,7 @@ class Formula:
         for w in params.waves:
             heading = from_azimuth(w.azimuth_deg)
             waves += make_wave(w.amplitude_m, w.wavelength_m, heading, w.phase_deg * DEG)
+        self.gd_n0 = gd
         if gd > 0.0:
             waves += make_roughness(gd, params.waviness, setup.stream.child("roughness"))
         self.waves = waves

@@ -16,7 +16,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """slope_percent: rise per run; slope_azimuth_deg: where it rises to, clockwise from north."""
+    """slope_percent: rise per run; slope_azimuth_deg: where it rises to, clockwise from north
+    height_m: of the ground at the world's origin
+    """
 
     slope_percent: Annotated[float, Ge(-100.0), Le(100.0)] = 0.0
     slope_azimuth_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 90.0

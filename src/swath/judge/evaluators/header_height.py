@@ -27,6 +27,8 @@ class HeaderHeight:
                "higher", "knife within the band", "%", 1),
         Metric("header_height_p95_error_m", "m", "knife's height against the wanted one, 95th percentile of "
                "its size", GROUP, "lower", "height error, 95th percentile", "cm"),
+        Metric("header_left_kg", "kg", "grain on ears below the knife, which stay in the field", GROUP,
+               "lower", "grain left on the stubble", "", 1),
         Metric("header_loss_percent", "%", "grain shed by the header or left on ears below the knife, of all "
                "reached", GROUP, "lower", "grain lost at the header"),
     )  # fmt: skip
@@ -36,7 +38,7 @@ class HeaderHeight:
         self._errors: KeptRows | None = None  # of the points of the knife [m]
         self._band = 0.0
         self._taken = self._left = self._lost = 0.0
-        self._is_controlled = False
+        self._is_controlled = self._has_header = False
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Note heights and losses."""
@@ -44,6 +46,7 @@ class HeaderHeight:
             if isinstance(signal, MachineState):
                 self._distance = signal.distance
             elif isinstance(signal, CropFlow):
+                self._has_header = True
                 self._taken += signal.grain
                 self._lost += signal.lost_grain
                 self._left += signal.left_grain
@@ -58,19 +61,19 @@ class HeaderHeight:
         return _Together(evaluators)
 
     def metrics(self) -> dict[str, float]:
-        """What there is to say; nothing about a header that does not tell its height."""
-        if not self._is_controlled:
-            return {}
-        found = dict.fromkeys((m.name for m in self.METRICS), float("nan"))
+        """What there is to say; of heights nothing about a header that does not tell its own."""
+        found = dict.fromkeys([m.name for m in self.METRICS[:3]] if self._is_controlled else [], float("nan"))
         if self._errors is not None:
             error = self._errors.table()
             size = np.abs(error)
             found["header_in_band"] = float(np.mean(np.abs(error.mean(axis=1)) <= self._band))
             found["header_knife_in_band"] = float(np.mean(size <= self._band))
             found["header_height_p95_error_m"] = float(np.percentile(size, 95.0))
-        whole = self._taken + self._lost + self._left
-        share = (self._lost + self._left) / whole if whole > 0.0 else float("nan")
-        return {**found, "header_loss_percent": 100.0 * share}
+        if self._has_header:
+            whole, lost = self._taken + self._lost + self._left, self._lost + self._left
+            found["header_left_kg"] = self._left
+            found["header_loss_percent"] = 100.0 * lost / whole if whole > 0.0 else float("nan")
+        return found
 
     def _note(self, errors: list[float]) -> None:
         if self._errors is None:
@@ -84,6 +87,7 @@ class _Together:
     def __init__(self, evaluators: Sequence[HeaderHeight]) -> None:
         self._evaluators = evaluators
         self._distance, *self._sums = np.zeros((4, len(evaluators)))
+        self._has_header = False
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
         """Note heights and losses."""
@@ -91,6 +95,7 @@ class _Together:
             if samples.kind is MachineState:
                 self._distance[:] = samples.arrays["distance"]
             elif samples.kind is CropFlow:
+                self._has_header = True
                 for total, part in zip(self._sums, ("grain", "lost_grain", "left_grain"), strict=True):
                     total += field_of(samples, part)
             elif samples.kind is HeaderState:
@@ -102,7 +107,7 @@ class _Together:
         """What was seen of a world."""
         e = self._evaluators[world]
         e._taken, e._lost, e._left = (float(total[world]) for total in self._sums)
-        e._distance = float(self._distance[world])
+        e._distance, e._has_header = float(self._distance[world]), self._has_header
 
 
 LEVEL = Level(HeaderHeight, None, summary="how well the header kept its height, and what it lost")

@@ -30,7 +30,8 @@ from swath.signals.setup import LinkSetup
 class Params:
     """listen: host:port where PGN 254 is heard; this machine alone, unless another address is named
     reply: host:port that gets PGN 253
-    timeout_ms: so long without PGN 254, and the steering is released (on_timeout: disengage) or the run fails
+    timeout_ms: longest time without PGN 254
+    on_timeout: `disengage` releases the steering then, `fail` ends the run with an error
     overlap_m: how far the box keeps the header end outside the crop, for the metrics
     """
 

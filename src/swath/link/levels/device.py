@@ -350,7 +350,8 @@ class Params:
     """address: of the device, or where it is heard, as in docs/how-to/devices.md
     mount: of a scanner on the machine; antenna_m: x, y, z of a receiver's antenna on it
     wait_s: how long to wait for the first sample
-    timeout_ms: so long without one is told, or the run fails (on_timeout)
+    timeout_ms: longest time without a sample
+    on_timeout: `note` says so and goes on, `fail` ends the run with an error
     """
 
     address: str

@@ -36,7 +36,7 @@ from swath.record.read.fixes import TangentPlane, ToLocal, field_plane, read_fix
 from swath.record.read.frames import GROUND, Links, frame_of, own_mounting, static_links, static_mounting
 from swath.record.read.messages import maker_for, message_names
 from swath.sensing.mount import Mount
-from swath.signals import F64, Fix, Image, Inertial, MachineState, Scan, Signal
+from swath.signals import F64, Fix, Image, Inertial, MachineState, Odometry, Scan, Signal
 from swath.signals.flat import build, flat_fields
 from swath.signals.radar import RadarTargets
 from swath.signals.setup import LinkSetup
@@ -205,7 +205,10 @@ BESIDE: dict[type[Signal], str] = {
 
 @dataclass(frozen=True)
 class GeoOrigin:
-    """Where local (0, 0, 0) lies: lat_deg, lon_deg on WGS 84, height_m above its ellipsoid."""
+    """Where local (0, 0, 0) lies, on WGS 84.
+
+    lat_deg: to the north; lon_deg: to the east; height_m: above the ellipsoid
+    """
 
     lat_deg: Annotated[float, Ge(-90), Le(90)]
     lon_deg: Annotated[float, Ge(-180), Le(180)]
@@ -372,6 +375,7 @@ def to_local(params: Params, base: Path) -> ToLocal | None:
 
 
 MOUNTED = (Scan, RadarTargets, Image, Fix, Inertial)  # samples of sensors whose place control is told
+FRAMED = (*MOUNTED, MachineState, Odometry)  # of these a frame says of which sensor, or machine, they are
 CHECKED = 3000  # samples of a signal that say in which frame it is
 LATE_S = 1.0  # the first sample may come this much after the start [s]
 
@@ -631,7 +635,8 @@ class LogPlayer:
         else:
             make = maker_for(source.port.signal, self._types[source.topics[0]], context)
             assert make is not None
-            made = ((t, make(message, t)) for _, t, message in self._of_one_frame(records))
+            records = self._of_one_frame(records) if source.port.signal in FRAMED else records
+            made = ((t, make(message, t)) for _, t, message in records)
             samples = ((t, sample) for t, sample in made if sample is not None)
         if self.params.clock == "stamp" and not source.is_exact:
             samples = ((sample.t, sample) for _, sample in samples)
@@ -647,8 +652,8 @@ class LogPlayer:
         frame = self.params.frame
         for topic, t, message in records:
             own = frame_of(message, own=True) or frame_of(message)
-            frame = own if frame is None else frame
-            if own == frame:
+            frame = frame or own
+            if own in ("", frame):
                 yield topic, t, message
             else:
                 told = f"messages of {own} on {topic} left out beside those of {frame}: `frame: {own}`"

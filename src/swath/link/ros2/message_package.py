@@ -14,7 +14,7 @@ NAME = "swath_msgs"
 _PACKAGE = f"""<?xml version="1.0"?>
 <package format="3">
   <name>{NAME}</name>
-  <version>{__version__}</version>
+  <version>{__version__.partition(".dev")[0]}</version>
   <description>Message types of the simulator swath that ROS 2 has no standard message for</description>
   <maintainer email="nobody@example.com">made by swath ros2 package</maintainer>
   <license>Apache-2.0</license>

@@ -66,7 +66,7 @@ class Headers:
         self._profiles = [part.profile.struct() for part in parts]
         self._taken = [_taken(kernel.Taken, part) for part in parts]
         self._cuttings = Rows(kernel.Cutting, n)
-        self._poses, self._flows = np.zeros((n, ROOM, 12)), np.zeros((n, 6))
+        self._poses, self._flows = np.zeros((n, ROOM, 12)), np.zeros((n, 7))
         self._counts = np.zeros(n, np.int32)
         self._inputs = [
             of_worlds(Profile, self._profiles),
@@ -104,14 +104,14 @@ class Headers:
 
     def _samples(self, t: int, seconds: float) -> dict[str, Samples]:
         self._flows[:, 5] = seconds
-        grain, straw, area, stems, fill, dt = self._flows.T
+        grain, straw, area, stems, fill, dt, left = self._flows.T
         sums = {"grain": grain, "straw": straw, "area": area, "stem_count": stems.astype(np.int64)}
-        return {"flow": Samples(CropFlow, t, {**sums, "header_fill": fill, "dt": dt})}
+        return {"flow": Samples(CropFlow, t, {**sums, "header_fill": fill, "dt": dt, "left_grain": left})}
 
 
 def _taken(struct: Any, part: ProfileHeader) -> Any:
-    grain, straw, stems = part.profile.per_m2(part.knife[1] - part.knife[2])
-    return filled(struct, grain=grain, straw=straw, stems=stems)
+    grain, straw, stems, left = part.profile.per_m2(part.knife[1] - part.knife[2])
+    return filled(struct, grain=grain, straw=straw, stems=stems, left=left)
 
 
 LEVEL = Level(

@@ -45,11 +45,12 @@ class Cutting:
 
 @wp.struct
 class Taken:
-    """Of a square metre, by station [kg, kg, 1]."""
+    """Of a square metre, by station [kg, kg, 1, kg]; left: grain on ears below the knife."""
 
     grain: wp.array(dtype=wp.float64)
     straw: wp.array(dtype=wp.float64)
     stems: wp.array(dtype=wp.float64)
+    left: wp.array(dtype=wp.float64)
 
 
 @wp.func
@@ -75,7 +76,7 @@ def cut_along(
     flows: wp.array2d(dtype=wp.float64),
 ):
     """One world a thread. poses: (world, k, 12), the new ones; counts: how many of them;
-    flows: grain, straw, area, stems, fill.
+    flows: grain, straw, area, stems, fill, length of the step (not written), grain left.
     """
     w = wp.tid()
     profile = profiles[w]
@@ -86,6 +87,7 @@ def cut_along(
     straw = wp.float64(0.0)
     area = wp.float64(0.0)
     stems = wp.float64(0.0)
+    remains = wp.float64(0.0)
     moved = wp.float64(0.0)
     swept = wp.float64(0.0)
     last = profile.reach.shape[0] - 1
@@ -152,6 +154,7 @@ def cut_along(
                         grain += ground * per_m2.grain[station]
                         straw += ground * per_m2.straw[station]
                         stems += ground * per_m2.stems[station]
+                        remains += ground * per_m2.left[station]
                     swept += (knife.left - knife.right) * knife.bin
         c.near_along = near.along
         c.near_inside = near.inside
@@ -170,3 +173,4 @@ def cut_along(
     flows[w, 2] = area
     flows[w, 3] = wp.floor(stems + wp.float64(0.5))
     flows[w, 4] = fill
+    flows[w, 6] = remains

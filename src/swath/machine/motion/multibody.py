@@ -45,7 +45,8 @@ class Params:
     stiffness_per_rad: cornering stiffness over load; understeer_deg_per_g: front axle more compliant than the
     rear one (> 0) or less; friction: largest side force over load;
     rolling_resistance: over load, on firm soil
-    soil: `firm`, or `brixius` by cone_index_kpa (ASABE D497: 450 soft, 900 tilled, 1200 firm, 1800 hard)
+    soil: `firm`, or `brixius` by its cone index (ASABE D497)
+    cone_index_kpa: strength of the soil under `brixius`: 450 soft, 900 tilled, 1200 firm, 1800 hard
     suspension: front axle on springs; header: fitted; engine: drives and brakes, without it all wheels roll
     grain_kg: in the tank at t = 0, as long as the input `load` is not connected
     start_speed_kmh: speed at t = 0; substep_ms: longest integration step

@@ -1,6 +1,7 @@
 """Process level `constant`: what comes in leaves at once; a constant share of the grain is lost.
 
-Grain goes to the tank, straw to a swath on the ground behind the machine. Nothing is held inside.
+Grain goes to the tank, straw to a swath on the ground behind the machine. Nothing is held inside. What a full
+tank does not hold is lost.
 """
 
 from collections.abc import Sequence
@@ -18,6 +19,7 @@ from swath.core.together import Given, OneByOne, Samples, field_of
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.machine.compensated_sum import Total
+from swath.machine.drivetrain_sheet import tank_of
 from swath.machine.process.straw_outlet import StrawOutlet
 from swath.signals import F64, CropFlow, MachineLoad, MachineState
 
@@ -48,13 +50,15 @@ class ConstantProcess(KeepsState):
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self._field = setup.field
         self._loss = params.loss_percent * PERCENT
+        self._tank = tank_of(setup.machine)
         rear = setup.machine.body[0]
         self._outlet = StrawOutlet(setup.field, rear, params.swath_width_m, params.swath_step_m, ridge=True)
 
     @classmethod
     def together(cls, parts: Sequence["ConstantProcess"]) -> "Processes | None":
-        """All of them, on fields where straw is counted and not seen."""
-        return Processes(parts) if all(part._field.profile is not None for part in parts) else None
+        """All of them, on fields where straw is counted and not seen, with the same tank."""
+        are_alike = all(p._field.profile is not None and p._tank == parts[0]._tank for p in parts)
+        return Processes(parts) if are_alike else None
 
     def reset(self, stream: Stream) -> Outputs:
         """Empty tank; the swath starts where the first state finds the machine."""
@@ -67,8 +71,9 @@ class ConstantProcess(KeepsState):
         grain = straw = lost = 0.0
         for flow in inputs["flow"]:
             gone = flow.grain * self._loss
-            self._totals["lost"].add(gone)
-            self._totals["tank"].add(flow.grain - gone)
+            over = float(self._tank.over_rim(self._totals["tank"].value, flow.grain - gone))
+            self._totals["lost"].add(gone + over)
+            self._totals["tank"].add(flow.grain - gone - over)
             self._totals["straw"].add(flow.straw)
             grain, straw, lost = grain + flow.grain - gone, straw + flow.straw, lost + gone
         self._outlet.drop(straw, inputs["state"])
@@ -103,6 +108,7 @@ class Processes(OneByOne):
     def __init__(self, parts: Sequence[ConstantProcess]) -> None:
         super().__init__(parts)
         self._loss = np.array([part._loss for part in parts])
+        self._tank = parts[0]._tank
         self._totals, self._rests = np.zeros((2, len(TOTALS), len(parts)))
 
     def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
@@ -118,7 +124,8 @@ class Processes(OneByOne):
         for flow in inputs["flow"]:
             cut, stems = field_of(flow, "grain"), field_of(flow, "straw")
             gone = cut * self._loss
-            for k, part in enumerate((cut - gone, gone, stems)):
+            over = self._tank.over_rim(self._totals[0] + self._rests[0], cut - gone)
+            for k, part in enumerate((cut - gone - over, gone + over, stems)):
                 self._add(k, part)
             grain, straw, lost = grain + cut - gone, straw + stems, lost + gone
         for part, laid in zip(self.parts, straw.tolist(), strict=True):
@@ -171,4 +178,5 @@ LEVEL = Level(
     summary="everything leaves at once, a constant share of the grain is lost",
     cost="about 100 us per step, straw included",
     tolerance="no transport delay (10-15 s from knife to tank in the field), no load-dependent loss",
+    given=("mean_loss_percent", "peak_loss_percent"),
 )

@@ -17,6 +17,7 @@ from swath.core.schedule import NS
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.machine.compensated_sum import Total
+from swath.machine.drivetrain_sheet import tank_of
 from swath.machine.process.straw_outlet import StrawOutlet
 from swath.machine.process.transport import Conveyor, Mixer
 from swath.signals import CropFlow, MachineLoad, MachineState
@@ -62,6 +63,7 @@ class DelayLineProcess(KeepsState):
                 expected = f"expected >= feed_delay_s = {p.feed_delay_s:g}"
                 raise InputError(name, getattr(p, name), expected)
         self._loss = p.loss_percent * PERCENT
+        self._bulk = tank_of(setup.machine)
         rear = setup.machine.body[0]
         self._outlet = StrawOutlet(setup.field, rear, p.swath_width_m, p.swath_step_m, ridge=True)
 
@@ -84,8 +86,9 @@ class DelayLineProcess(KeepsState):
         lost = grain * self._loss
         (tank,) = self._grain_mixer.advance(self._grain.advance([grain - lost], h), h, p.grain_lag_s)
         dropped, gone = self._straw_mixer.advance(self._straw.advance([straw, lost], h), h, p.straw_lag_s)
-        self._totals["tank"].add(tank)
-        self._totals["lost"].add(gone)
+        over = float(self._bulk.over_rim(self._totals["tank"].value, tank))
+        self._totals["tank"].add(tank - over)
+        self._totals["lost"].add(gone + over)
         self._totals["straw"].add(dropped)
         self._outlet.drop(dropped, inputs["state"])
         return {"load": self._load(t + dt, h, cut, fed, tank, dropped, gone)}
@@ -121,4 +124,5 @@ LEVEL = Level(
     summary="dead time and first order for grain and straw, a constant share of the grain is lost",
     cost="about 35 us per step, 70 us more when straw is laid",
     tolerance="mean delays exact, spread by less than a step; they and the loss do not depend on the load",
+    given=("mean_loss_percent", "peak_loss_percent"),
 )

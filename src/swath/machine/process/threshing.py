@@ -231,8 +231,9 @@ class ThreshingProcess(KeepsState):
         clean = self._clean(pan, h, ratio, inputs["state"], flows)
         unload: UnloadState | None = inputs.get("unload")
         self._store(clean, h, ratio, flows, unload)
-        self._totals["tank"].add(flows.tank)
-        for loss in (flows.unthreshed, flows.separation, flows.cleaning):
+        over = float(self._drivetrain.bulk.over_rim(self._content(), flows.tank))
+        self._totals["tank"].add(flows.tank - over)
+        for loss in (flows.unthreshed, flows.separation, flows.cleaning, over):
             self._totals["lost"].add(loss)
         self._totals["straw"].add(flows.straw)
         self._outlet.drop(flows.straw, inputs["state"])

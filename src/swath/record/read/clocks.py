@@ -56,11 +56,11 @@ class Clocks:
         return Clocks([*self.zeros])
 
     def time(self, of: str, stamp: int, t: int, note: Callable[[str], None]) -> int:
-        """A stamp on the clock of the log [ns]; `t`, when it was received, where it is 0.
+        """A stamp on the clock of the log [ns]; `t`, when it was received, where it is 0 and that is not.
 
         note: takes what was assumed
         """
-        if stamp == 0:
+        if stamp == 0 and t > LATE:
             return t
         clock = self._of.get(of)
         if clock is None:

@@ -1,6 +1,5 @@
 """Samples of a satellite receiver and of an inertial unit from their messages, for a time [ns] each."""
 
-from collections.abc import Callable
 from functools import partial
 from math import atan2, hypot, isfinite, nan, radians, sqrt
 from typing import Any
@@ -10,7 +9,7 @@ import numpy as np
 from swath.record.message_factory import UNKNOWN
 from swath.record.read.fields import Context, Maker, Makers
 from swath.record.read.fixes import TangentPlane, has_fix, local_places, place_of
-from swath.signals import F64, FIX_QUALITIES, Fix, Inertial
+from swath.signals import FIX_QUALITIES, Fix, Inertial
 
 # Horizontal sd up to which a position is called so [m]
 CALLED = (("fix", 0.05), ("float", 0.3), ("dgps", 1.0))
@@ -18,16 +17,14 @@ CLAIMED = {-1: "none", 0: "single", 1: "dgps", 2: "dgps"}  # by a NavSatStatus, 
 
 
 class FixOfNavSat:
-    """NavSatFix -> Fix without speed. to_local: to the world's metres; None = plane at the first position.
+    """NavSatFix -> Fix without speed.
 
     Many drivers leave the status at 0, or the covariance away: what the receiver says of its accuracy decides
-    on the quality, else what its status claims at least. note: takes what is not known.
+    on the quality, else what its status claims at least.
     """
 
-    def __init__(
-        self, to_local: Callable[[F64], F64] | None = None, note: Callable[[str], None] = lambda what: None
-    ) -> None:
-        self._to_local, self._note = to_local, note
+    def __init__(self, context: Context) -> None:
+        self._to_local, self._note = context.to_local, context.note
 
     def __call__(self, message: Any, t: int) -> Fix:
         """One sample; a height that is not known is nan."""
@@ -102,7 +99,7 @@ def _stamped(context: Context, make: Maker) -> Maker:
 
 
 MAKERS: Makers = {
-    (Fix, "NavSatFix"): lambda context: _stamped(context, FixOfNavSat(context.to_local, context.note)),
+    (Fix, "NavSatFix"): lambda context: _stamped(context, FixOfNavSat(context)),
     (Fix, "Odometry"): lambda context: _stamped(context, partial(fix_of_odometry, context)),
     (Inertial, "Imu"): lambda context: _stamped(context, inertial_of_imu),
 }

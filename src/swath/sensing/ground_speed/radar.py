@@ -88,8 +88,8 @@ class BellyMount(LevelMount):
 @dataclass(frozen=True)
 class Params:
     """sensor: name in data/sensors, or the user's own YAML; mount: where it sits, its x axis is the level
-    direction in which it looks down; pitch_deg: fitted that much steeper than the unit believes
-
+    direction in which it looks down
+    pitch_error_deg: fitted that much steeper than the unit believes
     noise: noise and scale error as in the data sheet, or none
     """
 

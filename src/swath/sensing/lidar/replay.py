@@ -124,8 +124,9 @@ Place = Annotated[float, Ge(-1e5), Le(1e5)]
 class Params(ScannerParams):
     """file: made by `swath height-map build`
 
-    draw: `random`, a height of the distribution, drawn anew for every place and scan, or always the given
+    draw: `random`, a height of the distribution, drawn anew for every place and scan, or always one
     `percentile` of it
+    percentile: which, from 0 to 100
     grain_m: beams that end in the same square of this side draw the same
     ground: heights stand on the `measured` ground, or on that of the `field`
     x_m, y_m, z_m, heading_deg: where the origin of the measured map lies in the field

@@ -23,8 +23,9 @@ from swath.signals import PeerState
 @dataclass(frozen=True)
 class Params:
     """delay_ms: from the time that a message is valid for to its arrival; loss_percent: of the messages
-    range_m: beyond it nothing arrives; position_sd_cm: of the relative position, each axis, correlated over
-    correlation_s; ahead_error_m, left_error_m: calibration errors of antennas and box
+    range_m: beyond it nothing arrives; position_sd_cm: of the relative position, each axis
+    correlation_s: time over which the error of the position changes
+    ahead_error_m, left_error_m: calibration errors of antennas and box
     silent_from_s, silent_for_s: nothing arrives in that time, to try it out
     """
 

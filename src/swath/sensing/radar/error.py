@@ -107,8 +107,9 @@ RAIN = {"low": (0.148, 1.0), "high": (1.08, 0.72)}  # dB/km = k R^a: 3.7 and 11 
 class Params(IdealParams):
     """straw_moisture_percent: water of the straw, wet mass; straw_wall: 0 thin to 1 thick, of the stems
     stand_loss_percent: of the derived loss in the crop; 0 = the crop is not there for the radar
-    rain_mm_h; loss_db: of all echoes, such as a dirty cover; noise: as in the data sheet, or none: then all
-    that is above the threshold by its mean is given exactly, with no false alarms
+    rain_mm_h: rain, which weakens echoes over the distance; loss_db: of all echoes, such as a dirty cover
+    noise: as in the data sheet, or none: then all that is above the threshold by its mean is given exactly,
+    with no false alarms
     """
 
     straw_moisture_percent: Annotated[float, Ge(0), Le(80)] = 12.0

@@ -10,8 +10,8 @@ from typing import Any
 
 from swath.field.wind import make_sway
 from swath.scenario.scenario import Scenario
-from swath.sensing.lidar.empirical import BIAS, BIASED, CHECKED, table_name
-from swath.sensing.tables import load_table, table_names, valid_range
+from swath.sensing.lidar.empirical import BIAS, BIASED, CHECKED, compared_stems, table_name
+from swath.sensing.tables import load_table, table_names
 
 CHEAP, DEAR = "empirical", "plants"
 BIAS_M = 0.05  # limits on errors of detection and line up to this are beyond the cheap level
@@ -44,15 +44,13 @@ def _why_not_in(scenario: Scenario) -> str:
     name = table_name(crop, "percentile")
     if name not in table_names():
         return f"there is no table of {crop}"
-    asked = _set_by(stand)
-    for checked in CHECKED:
-        worst = max(asked[checked.quantity], default=0.0)
-        if not checked.low <= worst <= checked.high:
-            return f"{checked.quantity} is {worst:.3g}, the level was checked for {checked.span}"
-    low, high = valid_range(load_table(name).standing)["density_per_m2"]
-    for density in asked["stems_per_m2"]:
-        if not low < density <= high:
-            return f"{density:g} stems per m2 are at or beyond the end of its table ({low:g} to {high:g})"
+    asked, compared = _set_by(stand), compared_stems(load_table(name))
+    if compared is None:
+        return f"the table of {crop} was not compared"
+    for checked in (*CHECKED, compared):
+        for value in asked[checked.quantity]:
+            if not checked.low <= value <= checked.high:
+                return f"{checked.quantity} is {value:.3g}, the level was checked for {checked.span}"
     return ""
 
 

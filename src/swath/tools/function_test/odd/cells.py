@@ -48,6 +48,8 @@ class OddCell:
     p_broken: float
     p_shown: float
 
+    ends: tuple[tuple[float, float], ...] = ()  # none: as `causes.Cause`
+
     @property
     def spans(self) -> tuple[Span, ...]:
         """Of each bucket its number twice: the first and the last."""

@@ -501,7 +501,7 @@ def _believe(found: Conducted) -> list[str]:
         f"source: {found.odd.file.source}.",
         "The share of runs that pass in a cell is not the share at work: the campaign spreads the other "
         "attributes over all their buckets, work meets some of these more often.",
-        "A fault that needs three or more attributes at once is found only where it breaks a pair, too.",
+        "A fault that needs four or more attributes at once is found only where it shows in three, too.",
     ]
     said += _elsewhere(found)
     if not found.is_complete:

@@ -28,7 +28,9 @@ def write_restricted(folder: Path, odd: Odd, out: Sequence[Cause | OddCell]) -> 
                 target |= value or {}
     names = [f"not_shown_{number + 1}" for number in range(len(out))]
     for name, cell in zip(names, out, strict=True):
-        modules[name] = {"INCLUDE_AND": dict(_condition(odd, span) for span in cell.spans)}
+        ends = cell.ends or [None] * len(cell.spans)
+        conditions = (_condition(odd, span, own) for span, own in zip(cell.spans, ends, strict=True))
+        modules[name] = {"INCLUDE_AND": dict(conditions)}
     module: dict[str, Any] = {"INCLUDE_AND": dict.fromkeys(odd.domain.roots, True)}
     if names:
         module["EXCLUDE_OR"] = dict.fromkeys(names, True)
@@ -38,12 +40,15 @@ def write_restricted(folder: Path, odd: Odd, out: Sequence[Cause | OddCell]) -> 
     return write_whole(folder / f"{NAME}.odd.yaml", dump(binding))
 
 
-def _condition(odd: Odd, span: Span) -> tuple[str, Any]:
-    """A concept and the expression that holds in buckets of it; the upper edge belongs to the next one."""
+def _condition(odd: Odd, span: Span, ends: tuple[float, float] | None) -> tuple[str, Any]:
+    """A concept and the expression that holds in buckets of it, of a number between ends where there are any;
+    the upper edge belongs to the next one.
+    """
     axis, bucket = odd.bucket_axis[span[0]]
     if odd.domain.attributes[axis.name].values == ("true", "false"):
         return axis.name, axis.labels[bucket] == "true"
     if not axis.edges:
         return axis.name, [axis.labels[bucket]]
     unit = f" {axis.bound.unit}" if axis.bound.unit else ""
-    return axis.name, f"[{axis.edges[bucket]:g} .. {axis.edges[span[1] - axis.first + 1]:g}]{unit}"
+    low, high = ends or (axis.edges[bucket], axis.edges[span[1] - axis.first + 1])
+    return axis.name, f"[{low:g} .. {high:g}]{unit}"
