@@ -23,7 +23,7 @@ def worth(summary, metric):
 
 def test_every_metric_of_load_fuel_loss_and_throughput_says_what_it_rests_on(summary):
     told = summary["inputs"]["combine"]
-    for name in ("mean_throughput_t_h", "mean_loss_percent", "mean_engine_load", "fuel_l_t"):
+    for name in ("mean_throughput_t_h", "mean_loss_percent", "mean_engine_load", "fuel_l_t", "grain_cut_kg"):
         sources = told[name]["numbers"]
         assert set(sources) == {"combine.process: threshing", "combine.powertrain: hydrostat", "crop wheat"}
         assert all(set(tags) == {"S", "D", "E", "U"} and sum(tags.values()) > 10 for tags in sources.values())

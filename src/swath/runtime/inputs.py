@@ -20,6 +20,7 @@ from swath.signals import MachineLoad, MachineState
 
 SUMMARY = "inputs"
 GROUP = "Crop and engine"  # of the metrics that are looked at
+YIELD = "grain_cut_kg"  # and that of the crop's own numbers
 STEP = 0.01  # by which a number is changed, of itself
 MOST = 3  # numbers that are named
 
@@ -36,7 +37,7 @@ def inputs_of(world: World, evaluation: Any) -> dict[str, Any]:
 
 def _of_machine(world: World, evaluation: Any, machine: Machine) -> Iterator[tuple[str, Any]]:
     known = evaluation.catalogue.metrics
-    of_group = [name for name, metric in known.items() if metric.group == GROUP]
+    of_group = [name for name, metric in known.items() if metric.group == GROUP or name == YIELD]
     found = evaluation.metrics(machine.name, of_group)
     names = [name for name in found if name in of_group]
     if not names:
