@@ -41,7 +41,6 @@ SCENARIOS = (
     "second-pass", "straight", "two-combines", "two-scanners", "unload-on-the-go",
 )  # fmt: skip
 CART = ("unload", "heap", "peer_link", "box", "cooperate", "crop_flow")  # kinds that `straight` cannot use
-LEAVE = ("filter", "max_likelihood")  # levels of the edge that go
 LONG_S, SHORT_S = 6.0, 2.5
 CHEAP = {"combine.lidar.level": "empirical", "combine.lidar.sector_deg": [-45, 45]}
 KERNELS = {
@@ -51,8 +50,8 @@ KERNELS = {
 PARTS = ("motion", "header", "process", "lidar", "odometry", "imu", "edge", "steer", "speed", "steering")
 SAVED_S = (1.0, 2.0, 3.0)
 QUICK = (
-    "scenario/straight/*", "case/teeth", "case/odometry-faulty", "level/imu/*", "level/motion/*",
-    "level/steer/*", "worlds/*", "environment/*", "part/*", "branch/*",
+    "scenario/straight/kernels", "scenario/straight/empirical *", "level/steer/*", "worlds/*",
+    "environment/*", "part/*",
 )  # fmt: skip
 
 
@@ -208,8 +207,7 @@ def all_rows() -> dict[str, Row]:
     for slot in SLOTS:
         if slot.name not in CART and slot.name != "camera":  # a picture a tenth of a second costs 5 s
             for name in CATALOGUE.registry.names(slot.name):
-                if not (slot.name == "edge" and name in LEAVE):
-                    rows[f"level/{slot.name}/{name}"] = partial(level, slot.name, name)
+                rows[f"level/{slot.name}/{name}"] = partial(level, slot.name, name)
     rows["worlds/kernels"] = partial(worlds, KERNELS, 6)
     rows["worlds/as shipped"] = partial(worlds, CHEAP, 3)
     rows["worlds/otsu, one by one"] = partial(worlds, {**CHEAP, "combine.edge.level": "otsu"}, 2, together=1)
