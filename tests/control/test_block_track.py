@@ -25,7 +25,8 @@ def rays(edge, top, lost, rng, count=120):
     kind = np.where(rng.uniform(size=count) < lost, NOTHING, layer)
     cells = np.floor((beside + HALF) / CELL).astype(np.int64) * CLASSES + kind
     none = np.full(count, np.nan)
-    return RayAnswers(cells, none, 0.4 * count, count, none, none, none)
+    stands = np.ones(len(cells), bool)
+    return RayAnswers(cells, stands, none, 0.4 * count, count, none, np.isfinite(none), none, none)
 
 
 def follow(edges, seed, *, tops=(0.85,), levels=(0.0,), lost=0.0):
@@ -33,7 +34,7 @@ def follow(edges, seed, *, tops=(0.85,), levels=(0.0,), lost=0.0):
 
     tops: heights of the crop [m]; levels: of the ground [m]; the last one stays
     """
-    track, rng, followed = BlockTrack(Search(1.5, 9.0, 0.9)), np.random.default_rng(seed), []
+    track, rng, followed = BlockTrack(Search(1.5, 9.0)), np.random.default_rng(seed), []
     for k, edge in enumerate(edges):
         top, level = (values[min(k, len(values) - 1)] for values in (tops, levels))
         for n in range(SCANS):
@@ -60,7 +61,7 @@ def rays_along(way, frame, at, rng, count=240):
 
 @pytest.mark.parametrize("radius", [15.0, 20.0])
 def test_the_begin_of_a_bend_away_from_the_crop_lies_at_its_wall(radius):
-    begin, rng, track = 16.0, np.random.default_rng(2), BlockTrack(Search(1.5, 9.0, 0.9))
+    begin, rng, track = 16.0, np.random.default_rng(2), BlockTrack(Search(1.5, 9.0))
     way = lambda x: -0.5 * max(x - begin, 0.0) ** 2 / radius  # noqa: E731
     for at in TRAVEL * np.arange(150):
         arc = track.track.arc

@@ -45,12 +45,27 @@ def test_bends_are_driven_slowly():
     assert after(replace(SEEN, curvature=-1 / 12))[1] == pytest.approx((0.1 * 12) ** 0.5, rel=0.02)
 
 
-@pytest.mark.parametrize("edge", [LOST, replace(SEEN, confidence=0.2, seen_to=5.0)])
+UNKNOWN = replace(SEEN, confidence=0.08, offset_sd=0.7)  # seen, but it may lie anywhere
+
+
+@pytest.mark.parametrize("edge", [LOST, replace(SEEN, confidence=0.2, seen_to=5.0), UNKNOWN])
 def test_the_machine_stands_before_five_metres_are_driven_blind(edge):
     guard, speed, driven = after(edge, metres=20.0)
     assert speed < 0.05
     assert 3.5 < driven < 5.0
     assert "no crop edge seen for 4." in guard.reason
+
+
+def test_an_edge_that_is_known_to_the_room_there_is_is_driven_slowly():
+    guard, speed, _ = after(replace(SEEN, confidence=0.2, offset_sd=0.4), metres=20.0)
+    assert speed == pytest.approx(3.0 * KMH)
+    assert guard.reason == ""
+    assert (
+        after(replace(SEEN, confidence=0.2, offset_sd=0.4), metres=20.0, guard=EdgeGuard(Guard(room_m=0.2)))[
+            1
+        ]
+        < 0.05
+    )
 
 
 def test_noise_of_the_odometry_of_a_machine_at_rest_is_hardly_travel():

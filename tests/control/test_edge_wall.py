@@ -21,7 +21,8 @@ SLIPS = 0.977  # speed that is measured over that which is driven
 def echoes(beside, ahead):
     cells = np.floor((np.asarray(beside) + HALF) / CELL).astype(np.int64) * CLASSES
     none = np.zeros(0)
-    return RayAnswers(cells, np.asarray(ahead, dtype=float), 0.0, 0, none, none, none)
+    solid = np.ones(len(cells), bool)
+    return RayAnswers(cells, solid, np.asarray(ahead, dtype=float), 0.0, 0, none, none > 0.0, none, none)
 
 
 def test_the_wall_is_where_the_outermost_crop_stops_rays():
@@ -90,11 +91,11 @@ def test_a_wall_to_and_fro_is_jagged():
     for k in range(60):
         even.add(Wall(0.8 + 0.1 * (-1) ** k, 0.01), 0.4, 0.0, 0.4)
         jagged.add(Wall(0.8 + 0.4 * (-1) ** k, 0.01), 0.4, 0.0, 0.4)
-    assert even.swing == 0.0
-    assert jagged.swing == pytest.approx(np.sqrt(0.4**2 - 0.01 - EVEN**2), rel=0.1)
+    assert even.swing(0.85) == 0.0
+    assert jagged.swing(0.85) == pytest.approx(np.sqrt(0.4**2 - 0.01 - (0.85 * EVEN) ** 2), rel=0.1)
     for _ in range(40):
         jagged.add(Wall(5.0, 0.01), 0.4, 0.5, 0.4)
-    assert jagged.swing < 0.05
+    assert jagged.swing(0.85) < 0.05
 
 
 def test_bites_that_hide_are_in_the_deviation():

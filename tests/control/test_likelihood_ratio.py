@@ -22,8 +22,10 @@ from swath.control.edge.canopy_classes import (
     PLACES,
     ROOM,
 )
+from swath.control.edge.canopy_feet import CanopyFeet
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground, RayAnswers
 from swath.control.edge.likelihood_ratio import LikelihoodRatio, Params
+from swath.control.edge.overhang import HeightOverhang
 from swath.control.edge.populations import Populations
 from swath.core.frames import Pose
 from swath.core.random import Stream
@@ -136,23 +138,63 @@ def test_puffs_are_no_ground_but_a_hollow_is(then, level):
     """Echoes far above or below the machine's ground plane, after stubble of 10 cm: beams 40 deg down."""
     rays, ground = CanopyRays(Pose(np.array([0.0, 0.0, 3.0]), np.eye(3)), 1.0), Ground()
     azimuth, down = np.linspace(-1.1, -0.2, 40), np.full(40, -np.radians(40.0))
-    for height in (0.1, then, then):
+    for height in (0.1, 0.1, then, then):
         far = np.full((40, 1), (3.0 - height) / np.sin(np.radians(40.0)), np.float32)
         scan = Scan(0, np.zeros(40), azimuth, down, far, np.ones((40, 1), np.float32))
         rays.take(scan, (0.0, 0.0), EdgeFrame(0.0, 0.0, 0.0, 0.0), ground, *Ground.OUTSIDE)
     assert ground.level == pytest.approx(level, abs=0.03)
 
 
-@pytest.mark.parametrize(("usual", "height"), [(0.85, 0.83), (0.0, 2.0)])
-def test_dust_is_no_tall_crop(usual, height):
-    """More puffs at 1.9 m than tops of the crop."""
-    populations, crop = Populations(usual), np.zeros(CLASSES)
-    crop[round((0.8 - LOWEST) / LAYER)] = 300.0
-    crop[round((1.9 - LOWEST) / LAYER)] = 900.0
-    stubble = np.zeros(CLASSES)
-    stubble[round((0.1 - LOWEST) / LAYER)] = 300.0
-    populations.begin(crop, stubble)
+@pytest.mark.parametrize(("comes_again", "height"), [(0.03, 0.83), (0.4, 2.0)])
+def test_dust_is_no_tall_crop(comes_again, height):
+    """More echoes at 1.9 m than from tops of the crop: puffs, of which few come again, or crop."""
+    populations, sides = Populations(), np.zeros((4, CLASSES))
+    low, crop, high = (round((z - LOWEST) / LAYER) for z in (0.1, 0.8, 1.9))
+    sides[0, [crop, high]], sides[1, low] = (300.0, 900.0), 300.0
+    sides[2, [crop, high]], sides[3, low] = (200.0, comes_again * 900.0), 200.0
+    populations.begin(sides)
     assert populations.heights()[0] == pytest.approx(height, abs=0.15)
+
+
+def test_heights_are_above_the_ground_that_the_wheels_stand_on():
+    """The same layers over a plane of stubble that is seen 0.3 m over the wheels."""
+    populations, sides = Populations(), np.zeros((4, CLASSES))
+    sides[::2, round((0.6 - LOWEST) / LAYER)], sides[1::2, round(-LOWEST / LAYER)] = 300.0, 300.0
+    populations.begin(sides)
+    over_plane, rng = populations.heights()[:2], np.random.default_rng(1)
+    for level in 0.3 + 0.05 * rng.standard_normal(200):
+        populations.lies(level, 0.1)
+    assert np.array(populations.heights()[:2]) - over_plane == pytest.approx(0.3, abs=0.02)
+    assert populations.top() == over_plane[0]
+    assert 0.01 < populations.plane_sd < 0.06
+
+
+def test_where_rows_stand_is_seen_by_their_period():
+    """The canopy begins 0.14 m out of rows 0.75 m apart: the edge is half a spacing out of the last one."""
+    feet, rng = CanopyFeet(0.75), np.random.default_rng(1)
+    counts = np.zeros((PLACES, CLASSES))
+    for row in (0.14, 0.89, 1.64):
+        places = ((row + 0.06 * rng.standard_normal(400) + HALF) / CELL).astype(int)
+        np.add.at(counts, (places, round((0.75 - LOWEST) / LAYER)), 1.0)
+    feet._look_for_rows(counts, 0.0, 0.4, 0.75)
+    clear, beside = feet.rows
+    assert clear == 1.0
+    assert beside == pytest.approx(0.14 - 0.375, abs=0.01)
+    assert feet.shift(0.75, 0.9, 0.0, 0.0) == pytest.approx(beside)
+    assert CanopyFeet(0.125).spacing == 0.0
+
+
+def test_a_lean_that_may_be_is_told_without_a_step():
+    """Over heights from well below the usual one up to it, and over ramps, the deviation nowhere jumps."""
+    hang = HeightOverhang(0.9)
+    by_height = [hang.of(z, 0.03, 1.0, 0.0)[1] for z in np.linspace(0.6, 0.95, 200)]
+    by_ramp = [hang.of(0.6, 0.03, 1.0, ramp)[1] for ramp in np.linspace(0.0, 1.0, 200)]
+    assert by_height[0] > 0.3
+    assert by_height[-1] == 0.0
+    assert np.abs(np.diff(by_height)).max() < 0.02
+    assert np.abs(np.diff(by_ramp)).max() < 0.03
+    assert by_ramp[-1] == 0.0
+    assert hang.of(float("nan"), 0.1, 0.0, 0.0)[1] > 0.2  # not known how high it stands: nor how it leans
 
 
 def test_a_puff_above_the_crop_is_worth_nothing():
@@ -162,7 +204,7 @@ def test_a_puff_above_the_crop_is_worth_nothing():
     np.add.at(stubble, ((0.1 + 0.05 * rng.standard_normal(300) - LOWEST) / LAYER).astype(int), 1.0)
     stubble[30:DUST] += 10.0
     stubble[DUST] += 100.0
-    populations.begin(crop, stubble)
+    populations.begin(np.stack([crop, stubble, crop, stubble]))
     worth = populations.ratios()
     assert not worth[30 : DUST + 1].any()
     assert worth[int((0.75 - LOWEST) / LAYER)] > 2.0
@@ -177,7 +219,7 @@ def test_crop_that_lies_flat_is_no_hole(height, is_mat):
         np.add.at(counts, ((middle + 0.04 * rng.standard_normal(300) - LOWEST) / LAYER).astype(int), 1.0)
         return counts
 
-    populations.begin(layers(0.75), layers(0.0))
+    populations.begin(np.stack(2 * [layers(0.75), layers(0.0)]))
     assert populations.has_mat(layers(height)) == is_mat
     assert not populations.has_mat(0.01 * layers(height))
 
@@ -339,10 +381,9 @@ def test_crop_that_rises_is_seen_from_before_it():
     assert track.height == pytest.approx(0.75, abs=0.1)
 
 
-@pytest.mark.parametrize("usual", [2.2, 0.0])
-def test_crop_that_stands_higher_than_an_unseen_one_is_taken_to_is_no_dust(usual):
+def test_crop_that_stands_higher_than_an_unseen_one_is_taken_to_is_no_dust():
     """Maize, or crop on a crest that the stubble ahead lies far below."""
-    track, at = BlockTrack(Search(spread=1.5, forget=9.0, usual=usual)), (0.0, 0.0, 0.0)
+    track, at = BlockTrack(Search(spread=1.5, forget=9.0)), (0.0, 0.0, 0.0)
     rng = np.random.default_rng(6)
     for _ in range(30):
         arc = track.track.arc
@@ -354,10 +395,10 @@ def test_crop_that_stands_higher_than_an_unseen_one_is_taken_to_is_no_dust(usual
 
 
 def test_puffs_above_the_crop_make_no_tall_crop():
-    track, rng, low = BlockTrack(Search(spread=1.5, forget=9.0, usual=0.85)), np.random.default_rng(7), []
+    track, rng, low = BlockTrack(Search(spread=1.5, forget=9.0)), np.random.default_rng(7), []
     for k in range(12):
         scan = answers(rng, 0.8)
-        scan.height[:20] = rng.uniform(1.0, 2.5, 20)
+        scan.height[:20], scan.stands[:20] = rng.uniform(1.0, 2.5, 20), False
         track.add(scan, 0.1, EdgeFrame(10.0, 0.0, 0.0, 0.0), (0.1 * k, 0.0, 0.0), 0.0)
         low.append(track.height)
     assert max(low) < 0.9
@@ -372,7 +413,8 @@ def answers(rng, top, bottom=0.1, *, highest=np.inf):
     layer = np.clip((height - LOWEST) / LAYER, 0, LAYERS - 1).astype(np.int64)
     layer[height > highest] = DUST
     cells = np.clip((place + HALF) / CELL, 0, PLACES - 1).astype(np.int64) * CLASSES + layer
-    return RayAnswers(cells, np.full(240, np.nan), 0.0, 240, height, place, place)
+    stands = np.ones(240, bool)
+    return RayAnswers(cells, stands, np.full(240, np.nan), 0.0, 240, height, stands.copy(), place, place)
 
 
 @pytest.mark.parametrize("bias", [0.4, -0.4])

@@ -21,6 +21,7 @@ T = TypeVar("T")
 class StandFacts:
     """density [1/m2], row_spacing [m], stems_per_plant, tiller_spread [m] (sd of a stem's foot about its
     plant), height [m] (mean, ground to the highest point but awns), height_cv, stubble_height [m]
+    seen_height [m]: below which nine of ten echoes of a scanner lie that looks over the stand; 0 = height
     sowing_jitter: how far a plant is from its even place in the row, 0 = even, 1 = up to the next one's."""
 
     density: Annotated[float, Quantity("per_m2", 1, 3000)]
@@ -30,6 +31,7 @@ class StandFacts:
     height: Annotated[float, Quantity("cm", 5, 400)]
     height_cv: Annotated[float, CV]
     stubble_height: Annotated[float, Quantity("cm", 0, 200)]
+    seen_height: Annotated[float, Quantity("cm", 0, 450)] = 0.0
     sowing_jitter: Annotated[float, Quantity("percent", 0, 100)] = 1.0
 
 

@@ -44,7 +44,7 @@ class Field:
 
     library: plant prototypes; pages: the memory that rays read, in the stand frame, which is the world
     turned by `stand_yaw` [rad] about z; edges: of the crop at the start, by name
-    crop_height: usual one of the crop, standing upright [m]
+    crop_height, seen_height: usual ones of the crop, standing upright [m]: of its tips, as a scanner sees it
     grain: on the ground; wind: what sways the stand; the library and the pages know nothing of it
     Pages come into memory by `ensure`, and by themselves where any verb touches the field.
     """
@@ -59,6 +59,7 @@ class Field:
         stream: Stream,
         boundary: Region | None = None,
         crop_height: float = 0.0,
+        seen_height: float = 0.0,
         straw_exponent: float = 1.0,
         straw_density: float = 25.0,
         page_limit: int = 1024,
@@ -73,7 +74,7 @@ class Field:
         self.library = library
         self.stand_yaw = float(stand.row_heading)
         self.wind: Sway | None = make_sway(getattr(stand, "wind", None), self.stand_yaw)
-        self.straw_density, self.crop_height = straw_density, crop_height
+        self.straw_density, self.crop_height, self.seen_height = straw_density, crop_height, seen_height
         self.stems = StemIndex(library, straw_exponent)
         seed = stream.child("tiles").integer()
         self.maker = PageMaker(terrain, stand, edges, boundary, library, seed)
@@ -462,6 +463,7 @@ def make_field(
         stream=stream,
         boundary=boundary,
         crop_height=crop.stand.height,
+        seen_height=crop.stand.seen_height or crop.stand.height,
         straw_exponent=crop.yields.straw_exponent,
         straw_density=crop.yields.swath_density,
         page_limit=page_limit,

@@ -352,7 +352,7 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     """The setup of a level: the site, or for control and links less."""
     section, site = place.section, place.site
     period = from_hz(choice.common.rate_hz) * 1e-9
-    mountings, height = _mountings(place, choice), site.field.crop_height
+    mountings, height = _mountings(place, choice), site.field.seen_height
     side, lines = section.common.edge_side, partial(_read_line, site.origin)
     rows = site.field.library.row_spacing
     control = ControlSetup(place.sheet, mountings, side, period, height, lines, rows)

@@ -150,7 +150,7 @@ class World:
     def recorded(self, *, is_drawn: bool = True) -> dict[str, RecordedMachine]:
         """What the recording needs to know of each machine, by name. is_drawn: with lines for a viewer"""
         found = {}
-        crop = {"height": self.field.crop_height, "row_spacing": float(self.field.library.row_spacing)}
+        crop = {"height": self.field.seen_height, "row_spacing": float(self.field.library.row_spacing)}
         for name, machine in self.machines.items():
             lines = self._lines(machine) if is_drawn else {}
             found[name] = dataclasses.replace(

@@ -115,7 +115,8 @@ class ControlSetup:
     edge_side: `left` or `right`, the end of the header that follows the edge. With `left` the cut ground lies
     to the left of the edge and the standing crop to its right; with `right` the other way round
     period [s] of the component
-    crop_height: usual one [m], standing upright, of the crop that the driver chose at the terminal; 0 = none
+    crop_height: usual one over the ground [m], standing upright, as a scanner sees it, of the crop that the
+    driver chose at the terminal; 0 = none
     row_spacing: of the rows that the crop was sown in [m]; 0 = not known, or no rows
     line_of: reads the n-th line of a GeoJSON file as points (n, 2) of the field's frame [m], as a terminal
     reads its guidance lines; raises InputError

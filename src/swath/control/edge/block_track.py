@@ -37,23 +37,23 @@ RELIC_M, ELSEWHERE, TURNED = 15.0, 0.8, 0.5  # m that a lost line is remembered;
 USED = 0.9  # share of late blocks that fitted, from which on a step is one
 YOUNG, RISES = 6, 0.09  # blocks that may show a false start; m by which crop rises where its front is seen
 DEEP, SHALLOW = 0.2, 0.1  # m: bites that are followed no more; that are none
-STEPS, PARALLEL, SLIGHT = (
-    0.35,
-    0.1,
-    0.07,
-)  # m that the wall lies to and fro, rad to the machine, m: bites, too
+# of the crop's height that the wall lies to and fro, rad to the machine, m: bites, too
+STEPS, PARALLEL, SLIGHT = 0.41, 0.1, 0.07
 FADING, ALONG = 10.0, 0.3  # m, over which bites are forgotten; rad from the heading: beyond it is a bend
+FLAT = np.array(
+    [[0.2], [1.0], [0.2], [1.0]]
+)  # of the counts of both sides beside lodged crop that are learned
 DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
 
 @dataclass(frozen=True)
 class Search:
     """spread: standard deviation of where the edge begins [m]; forget: unseen for so long it is lost [m];
-    usual: height of the crop where it stands upright [m], 0 = unknown"""
+    spacing: of the rows that the crop stands in [m], 0 = unknown"""
 
     spread: float
     forget: float
-    usual: float = 0.0
+    spacing: float = 0.0
 
 
 class BlockTrack(KeepsState):
@@ -77,7 +77,7 @@ class BlockTrack(KeepsState):
     def __init__(self, search: Search) -> None:
         self._search = search
         self.track, self.points, self._block = ArcTrack(), EdgePoints(), Block()
-        self.populations, self.feet = Populations(search.usual), CanopyFeet()
+        self.populations, self.feet = Populations(), CanopyFeet(search.spacing)
         self._breaks, self._lodging, self.jagged = EdgeBreaks(), Lodging(), JaggedWall()
         self._walls = WallsBehind()
         self.clear()
@@ -116,6 +116,7 @@ class BlockTrack(KeepsState):
         """
         self._block.add(rays, travel)
         self._scans.append(rays)
+        self.populations.lies(level, travel)
         if self._lost is not None:
             self._lost = self._lost[0], self._lost[1] + travel
         if self._block.travel < BLOCK:
@@ -135,11 +136,11 @@ class BlockTrack(KeepsState):
 
     def _is_taller(self) -> bool:
         """Most of an unseen crop stands higher than it was taken to: it counts up to there now."""
-        echoes = np.concatenate([scan.height for scan in self._scans])
+        echoes = np.concatenate([scan.height[scan.stands] for scan in self._scans])
         echoes = echoes[echoes > TALL * self.height]
         if len(echoes) < MANY or np.median(echoes) < HEADROOM * self.height:
             return False
-        top = min(float(np.percentile(echoes, 90.0)), self.populations.tallest)
+        top = float(np.percentile(echoes, 90.0))
         is_taller, self.height = top > self.height, max(top, self.height)
         return is_taller
 
@@ -152,7 +153,7 @@ class BlockTrack(KeepsState):
         if self._is_another(frame, place, at):
             return False
         self._lost = None
-        self.populations.begin(*self._block.sides(place))
+        self.populations.begin(self._block.sides(place))
         self.height = self._crop_height()
         c, s = float(np.cos(frame.angle)), float(np.sin(frame.angle))
         along = self._block.along
@@ -242,7 +243,7 @@ class BlockTrack(KeepsState):
         self._breaks.fits(found.beside)
         self._lodging.stands(self._block, found.beside, self.populations)
         if abs(found.beside) < LEARNED:
-            self.populations.add(*self._block.sides(found.beside))
+            self.populations.add(self._block.sides(found.beside))
         self.track.advance(along)
         edge = self.track.arc
         assert edge is not None
@@ -276,9 +277,11 @@ class BlockTrack(KeepsState):
         bite = max(bite_of(rows, arc), self.bite * (1.0 - self._block.travel / FADING))
         is_known = self.bite > 0.0 and bite > SHALLOW
         angle = abs(arc.angle - heading)
-        if self.jagged.swing > STEPS and angle < PARALLEL and bite > SLIGHT:
-            bite = max(bite, DEEP)
-        self.bite = bite if is_known or (bite >= DEEP and angle < ALONG) else 0.0
+        deep = max(DEEP, 0.5 * self.feet.spacing)  # of rows, whole ones are missing or none
+        has_steps = self.jagged.swing(self.height) > STEPS * self.height and not self.feet.spacing
+        if has_steps and angle < PARALLEL and bite > SLIGHT:
+            bite = max(bite, deep)
+        self.bite = bite if is_known or (bite >= deep and angle < ALONG) else 0.0
         if self.bite > 0.0:
             self.track.arc, self.turn_sd = ragged_line(self.points.rows, arc, heading)
 
@@ -369,10 +372,9 @@ class BlockTrack(KeepsState):
             self.track.accept(found.beside, lodging.blocks * doubt + found.variance, turns=False)
         arc = self.track.arc
         self.points.add(arc.x, arc.u, doubt, arc.way)
-        crop, stubble = self._block.sides(0.0)
-        self.populations.add(0.2 * crop, stubble)
+        self.populations.add(FLAT * self._block.sides(0.0))
         self.track.arc = replace(arc, unseen=min(unseen, 0.5 * self._search.forget))
 
     def _crop_height(self) -> float:
-        height = self.populations.heights()[0]
+        height = self.populations.top()
         return min(max(height, 0.15), 2.5) if isfinite(height) else HEIGHT

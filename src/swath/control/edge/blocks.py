@@ -24,9 +24,12 @@ _WITHIN = slice(round((HALF - WINDOW) / CELL), round((HALF + WINDOW) / CELL) + 1
 
 
 class Block(KeepsState):
-    """Counts (PLACES, CLASSES) of rays beside a frame, and how far along it they lie."""
+    """Counts (PLACES, CLASSES) of rays beside a frame, and how far along it they lie.
 
-    kept = ("counts", "travel", "_along", "_rays", "_scans")
+    solid: of the same, echoes that were there a scan before
+    """
+
+    kept = ("counts", "solid", "travel", "_along", "_rays", "_scans")
 
     def __init__(self) -> None:
         self.clear()
@@ -34,6 +37,7 @@ class Block(KeepsState):
     def clear(self) -> None:
         """No rays."""
         self.counts: F64 = np.zeros((PLACES, CLASSES))
+        self.solid: F64 = np.zeros((PLACES, CLASSES))
         self.travel = 0.0
         self._along, self._rays, self._scans = 0.0, 0, 0
 
@@ -41,6 +45,7 @@ class Block(KeepsState):
         """The rays of one scan, and the way driven since the one before [m]."""
         self.travel, self._scans = self.travel + travel, self._scans + 1
         np.add.at(self.counts.reshape(-1), rays.cells, 1.0)
+        np.add.at(self.solid.reshape(-1), rays.cells[rays.solid], 1.0)
         self._along += rays.along
         self._rays += rays.close
 
@@ -62,10 +67,12 @@ class Block(KeepsState):
         """Counts of classes (CLASSES,) of the crop just behind an edge [m], and of that further in."""
         return _between(self.counts, edge + 0.1, edge + 0.6), _between(self.counts, edge + 1.2, edge + 2.4)
 
-    def sides(self, edge: float) -> tuple[F64, F64]:
-        """Counts of classes (CLASSES,) well inside the crop and well beside it, for an edge [m]."""
-        crop = _between(self.counts, edge + CLEAR, edge + WINDOW)
-        return crop, _between(self.counts, edge - WINDOW, edge - CLEAR)
+    def sides(self, edge: float) -> F64:
+        """Counts well inside the crop and beside it, then the solid ones of both (4, CLASSES); edge [m]."""
+        inside, beside = (edge + CLEAR, edge + WINDOW), (edge - WINDOW, edge - CLEAR)
+        return np.stack(
+            [_between(c, *strip) for c in (self.counts, self.solid) for strip in (inside, beside)]
+        )
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ HEADROOM, ROOM = 1.25, 0.3  # [1], [m]: an echo this much above the crop's heigh
 LIMIT = 0.3  # of the crop's height: a ray below it has gone on
 INWARD = 0.03  # m at most, of its way that a ray going into the crop counts before its end
 OUTWARD, OUTWARD_SHARE = 0.12, 0.35  # m at most, share of its way: the same of a ray coming out of it
+REPEATS = 0.1  # of its range: an echo so near that of its beam a scan before stands, others hang in the air
 STEEPEST = -0.05  # a beam that falls less than this per metre never reaches the ground
 CELL, HALF = 0.025, 4.0  # m: width of a place, and how far to either side places are counted
 PLACES = round(2 * HALF / CELL)

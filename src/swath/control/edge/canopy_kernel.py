@@ -9,8 +9,9 @@ wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 real = wp.float64
 ZERO, HALF, ONE = (wp.constant(real(n)) for n in (0.0, 0.5, 1.0))
 NAN = wp.constant(real(float("nan")))
-FAR, NEAR, STEEPEST, LAYER, LOWEST, HEADROOM, HEAD = (
-    wp.constant(real(n)) for n in (k.FAR, k.NEAR, k.STEEPEST, k.LAYER, k.LOWEST, k.HEADROOM, k.ROOM)
+FAR, NEAR, STEEPEST, REPEATS, LAYER, LOWEST, HEADROOM, HEAD = (
+    wp.constant(real(n))
+    for n in (k.FAR, k.NEAR, k.STEEPEST, k.REPEATS, k.LAYER, k.LOWEST, k.HEADROOM, k.ROOM)
 )
 LIMIT, INWARD, OUTWARD, OUTWARD_SHARE = (
     wp.constant(real(n)) for n in (k.LIMIT, k.INWARD, k.OUTWARD, k.OUTWARD_SHARE)
@@ -68,11 +69,14 @@ class Canopy:
 
 @wp.struct
 class Traced:
-    """What falls: start and direction in (x, u, z), distance, nan = no echo; of the stubble: u, z [m]."""
+    """What falls: start and direction in (x, u, z), distance, nan = no echo; before: in the last scan;
+    stands: 1 = both are alike; of the stubble: u, z [m]."""
 
     start: wp.array(dtype=wp.vec3d)
     aim: wp.array(dtype=wp.vec3d)
     distance: wp.array(dtype=wp.float64)
+    before: wp.array(dtype=wp.float64)
+    stands: wp.array(dtype=int)
     u: wp.array(dtype=wp.float64)
     z: wp.array(dtype=wp.float64)
 
@@ -80,13 +84,14 @@ class Traced:
 @wp.struct
 class Answers:
     """Height above the stubble, place beside the edge at the crop's top and at the lower limit [m], of every
-    ray; of those that count: cell, place and class, flat; ahead, of an echo in the canopy along the edge [m],
-    else nan"""
+    ray; of those that count: cell, place and class, flat; solid: it stands; ahead, of an echo in the canopy
+    along the edge [m], else nan"""
 
     height: wp.array(dtype=wp.float64)
     upper: wp.array(dtype=wp.float64)
     lower: wp.array(dtype=wp.float64)
     cell: wp.array(dtype=wp.int64)
+    solid: wp.array(dtype=int)
     ahead: wp.array(dtype=wp.float64)
 
 
@@ -132,8 +137,13 @@ def trace(
             rays.start[n] = start
             rays.aim[n] = aim
             rays.distance[n] = r
+            stands = int(0)
+            if wp.abs(r - rays.before[n]) < REPEATS * r:
+                stands = 1
+            rays.stands[n] = stands
+            rays.before[n] = r
             n += 1
-            if r > GROUND_NEAR:
+            if r > GROUND_NEAR and stands == 1:
                 p = start + aim * r
                 beside = place(way, p[0], p[1])[1]
                 if beside > way.low and beside < way.high and p[2] < GROUND_MOST and p[2] > GROUND_LEAST:
@@ -228,6 +238,7 @@ def answer(
         cell = wp.floor((beside + HALF_WIDTH) / CELL)
         if cell >= ZERO and cell < real(PLACES):
             answers.cell[counted] = wp.int64(cell) * wp.int64(CLASSES) + wp.int64(kind)
+            answers.solid[counted] = rays.stands[i]
             answers.ahead[counted] = ahead
             counted += 1
             if wp.abs(beside) < ONE:

@@ -40,20 +40,23 @@ class EdgeFrame:
 class RayAnswers:
     """What the rays of a scan say.
 
-    cells: place and class of those that count, flat index of (PLACES, CLASSES); along: sum of the places
+    cells: place and class of those that count, flat index of (PLACES, CLASSES); solid: which of them stand as
+    they did in the scan before, and do not hang in the air; along: sum of the places
     along the edge ahead of the frame's origin of `close` rays near it [m]
     ahead: of the same, echoes in the canopy along the edge ahead of the frame's origin [m], else nan
-    height: of the echo above the stubble side [m], nan = none; upper, lower: beside the edge at the crop's
-    top and at the lower limit [m]; of every ray that falls, (n,)
+    height: of the echo above the stubble side [m], nan = none; stands: as `solid`; upper, lower: beside the
+    edge at the crop's top and at the lower limit [m]; of every ray that falls, (n,)
     rise: of upright plants toward the crop, by which places were moved to the feet, per height [1]
     across: angle at which the rays to the edge cross it, > 0 into the crop [rad]
     """
 
     cells: NDArray[np.int64]
+    solid: NDArray[np.bool_]
     ahead: F64
     along: float
     close: int
     height: F64
+    stands: NDArray[np.bool_]
     upper: F64
     lower: F64
     rise: float = 0.0
@@ -124,7 +127,7 @@ class CanopyRays(KeepsState):
     silent: beams that are left out
     """
 
-    kept = ("silent",)
+    kept = ("silent", "_seen")
 
     def __init__(self, mounting: Pose, sign: float) -> None:
         self._mounting, self._sign = mounting, sign
@@ -133,11 +136,23 @@ class CanopyRays(KeepsState):
         self._good: Any = None
         self._count, self._room = 0, -1
         self._across = 0.0
+        self._before: F64 = np.zeros(0)  # ranges in the last scan of the beams that fall [m], nan = no echo
 
     def clear(self) -> None:
         """All beams count."""
         self.silent.clear()
         self._beams = ()
+        self._before[:] = np.nan
+
+    @property
+    def _seen(self) -> F64:
+        return self._before.copy()
+
+    @_seen.setter
+    def _seen(self, seen: F64) -> None:
+        if len(seen) > len(self._before):
+            self._compile(len(seen))
+        self._before[: len(seen)] = seen
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
@@ -191,8 +206,10 @@ class CanopyRays(KeepsState):
         counted, close, _ = self._counts.tolist()
         height, upper, lower = (column[:n].copy() for column in self._columns)
         cells, ahead = self._cells[:counted].copy(), self._ahead[:counted].copy()
-        along = float(self._along[0])
-        return RayAnswers(cells, ahead, along, close, height, upper, lower, rise[1], self._across)
+        along, solid, stands = float(self._along[0]), self._solid[:counted] > 0, self._stands[:n] > 0
+        return RayAnswers(
+            cells, solid, ahead, along, close, height, stands, upper, lower, rise[1], self._across
+        )
 
     def _point(self, scan: Scan) -> None:
         """Directions in the machine frame and times of the beams, where they are not those before."""
@@ -221,12 +238,18 @@ class CanopyRays(KeepsState):
         self._directions, start, aim = (np.zeros((room, 3)) for _ in range(3))
         self._ago, self._ranges, distance, self._u, self._z = (np.zeros(room) for _ in range(5))
         self._columns = tuple(np.zeros(room) for _ in range(3))
-        self._cells, self._ahead = np.zeros(room, np.int64), np.zeros(room)
+        self._cells, self._solid, self._ahead = (
+            np.zeros(room, np.int64),
+            np.zeros(room, np.int32),
+            np.zeros(room),
+        )
+        self._before, self._stands = np.full(room, np.nan), np.zeros(room, np.int32)
         self._counts = np.zeros(3, np.int32)
         self._plane, self._along = np.zeros(2), np.zeros(1)
-        rays = filled(kernel.Traced, start=start, aim=aim, distance=distance, u=self._u, z=self._z)
+        seen = {"before": self._before, "stands": self._stands, "u": self._u, "z": self._z}
+        rays = filled(kernel.Traced, start=start, aim=aim, distance=distance, **seen)
         columns = dict(zip(("height", "upper", "lower"), self._columns, strict=True))
-        answers = filled(kernel.Answers, cell=self._cells, ahead=self._ahead, **columns)
+        answers = filled(kernel.Answers, cell=self._cells, solid=self._solid, ahead=self._ahead, **columns)
 
         directions = wp.array(self._directions, dtype=wp.vec3d, device="cpu", copy=False)
         ago, ranges, plane, along, counts = (

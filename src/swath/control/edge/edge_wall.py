@@ -22,7 +22,7 @@ ASLANT = (0.2, 0.4)  # rad away from the crop, from which on and beyond which ra
 JAGGED_M, USUAL_M = 6.0, 15.0  # m of travel over which it is seen how jagged the edge is, and what is usual
 TURNS_M, TURNED, LEAST = 6.0, (0.08, 0.2), 0.02  # m of the edge behind; rad by which it turns away since; m
 TURNING = 3  # blocks from which it turned away
-EVEN = 0.18  # m, standard deviation of where the wall of an even edge lies
+EVEN = 0.21  # of the crop's height, over which rays come down: standard deviation of where an even wall lies
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,9 @@ class JaggedWall(KeepsState):
             self.variance += late * (max(0.0, away - wall.variance) - self.variance)
             self._usual += usual * (ahead - self._usual)
 
-    @property
-    def swing(self) -> float:
-        """How much more than along an even edge the wall lies to and fro, standard deviation [m]."""
-        return float(np.sqrt(max(0.0, self.variance - EVEN**2)))
+    def swing(self, height: float) -> float:
+        """How much more than along an even edge the wall lies to and fro, standard deviation [m].
+
+        height: of the crop over the stubble [m]
+        """
+        return float(np.sqrt(max(0.0, self.variance - (EVEN * height) ** 2)))

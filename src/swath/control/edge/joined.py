@@ -106,14 +106,14 @@ class Joined(KeepsState):
         least = [self._own(self._mountings[name], edge) for name, edge in self._edges.items()]
         return {"edge": self._joined(list(self._edges.values()), list(self._shared.values()), least)}
 
-    def of(self, crop: float, stopped: float, ramp: float) -> tuple[float, float]:
+    def of(self, crop: float, crop_sd: float, stopped: float, ramp: float) -> tuple[float, float]:
         """`Overhang` of the stand, for the scanners' own detectors: all of them see the same tops."""
-        hang, self._hang_sd = self._hang(crop, stopped, ramp)
+        hang, self._hang_sd = self._hang(crop, crop_sd, stopped, ramp)
         return hang, self._hang_sd
 
-    def _hang(self, crop: float, stopped: float, ramp: float) -> tuple[float, float]:
+    def _hang(self, crop: float, crop_sd: float, stopped: float, ramp: float) -> tuple[float, float]:
         if not self._lean.is_seen or ramp >= 0.5:
-            return self._height.of(crop, stopped, ramp)
+            return self._height.of(crop, crop_sd, stopped, ramp)
         low = self._height.lean(crop, stopped)
         if self._told is None or self._since >= ASKED_M:
             self._told, self._since = self._lean.outward(low), 0.0

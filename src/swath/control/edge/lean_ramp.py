@@ -20,7 +20,7 @@ HALF = 1.2  # m to either side of the edge that are kept
 MEMORY = 6.0  # m of travel
 SHARES = (0.3, 0.4, 0.5, 0.6, 0.7)  # of the crop's height
 ENOUGH = 400.0  # counts
-LOWEST_CROP = 0.5  # m above the stubble: of a lower one too few layers are seen
+FEWEST = 2  # layers between the lowest and the highest share: fewer show no ramp
 WITHIN = 0.6  # m behind the edge: the stand within
 WALL = (-0.4, 0.6)  # m beside the edge, between which the canopy begins
 WHOLE = 0.75  # of the share that is stopped within: there the canopy has begun
@@ -69,7 +69,7 @@ class LeanRamp(KeepsState):
 
         height [m] of the crop; overhang [m] that an upright one would have; slope that the view may feign
         """
-        if not height > LOWEST_CROP or not self.is_known:
+        if not (SHARES[-1] - SHARES[0]) * height > FEWEST * LAYER or not self.is_known:
             return 0.0, 0.0, 0.0
         above = np.cumsum(self._counts[:, ::-1], axis=1)[:, ::-1]
         tall = np.array(SHARES) * height

@@ -32,13 +32,14 @@ from swath.signals.setup import ControlSetup
 BEGIN = 3  # blocks: a line through two shows nothing of its own error
 TOLERANCE = 0.10  # m, of the confidence
 STOPPED = (0.85, 0.97)  # share of the rays that open stands stop, and closed ones
-RAGGED, EVEN = 2.8, 0.028  # of the scatter [m] beyond that of an even edge: bites, swing
+RAGGED, EVEN = 2.8, 0.03  # of the scatter beyond that of an even edge, of its height: bites, swing
 DUSTY, CLEAR, THICK = 0.08, 0.2, 0.8  # m, in dust; shares of the rays that are lost in clear air, in dust
 BENT = 0.4  # m per bend of 1/m: rays that cross the edge show it less well
 SLIPPED = 0.12  # m per rad that the edge turns away from the crop: 1.3 % of wheel slip, not known
 HIDDEN = 0.4  # of what the wall lies to and fro along the edge: bites behind what stands out
 BITES = 0.8  # of the depth of bites: the edge lies 0.76 of it further in than the line, at most
-RAMP = 0.25  # of the way from a ramp to its feet
+ROWS = 0.125  # of their spacing: scatter of single plants in rows, which are no bites
+FEET = 0.25  # of the way from the edge of the canopy to the feet
 HALF_RAMP = 0.04  # m, where a lean may be one or not
 UNSURE, HELD = 0.45, 0.167  # greatest confidence of an edge that is held, not seen; m, its least deviation
 BETWEEN = 0.7  # m to the nearest block from which on an edge is held
@@ -92,7 +93,9 @@ class LikelihoodRatio(KeepsState):
         self._overhang = overhang or HeightOverhang(usual)
         self._centre = self._sign * end_y
         self._reference = knife_x + params.reference_m
-        self._blocks = BlockTrack(Search(params.search_m, params.hold_m + AHEAD_OF_REFERENCE, usual))
+        self._blocks = BlockTrack(
+            Search(params.search_m, params.hold_m + AHEAD_OF_REFERENCE, setup.row_spacing)
+        )
         self._ground, self._rays = Ground(), CanopyRays(setup.mounting, self._sign)
         self._line = LineFit(self._reference)
         ahead, _, up = setup.mounting.turn([1.0, 0.0, 0.0])
@@ -164,7 +167,9 @@ class LikelihoodRatio(KeepsState):
         As if it curved evenly from below the machine to there: z = level (x / x of the stubble)^2.
         """
         nearer = self._flat * self._blocks.height / max(self._stubble_x, 1.0)
-        rise: float = self._ground.level * (1.0 - max(1.0 - nearer, 0.0) ** 2)
+        rise: float = (self._ground.level - self._blocks.populations.plane) * (
+            1.0 - max(1.0 - nearer, 0.0) ** 2
+        )
         return min(max(rise, -ROLLS), ROLLS)
 
     def _report(self, now: int, speed: float, yaw_rate: float) -> CropEdge:
@@ -203,20 +208,26 @@ class LikelihoodRatio(KeepsState):
         dust = self._blocks.populations.dust()
         canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
         feet = self._blocks.feet
-        shift = feet.shift(crop, stopped, line.spread, dust)
-        hang, hang_sd = self._overhang.of(crop, stopped, feet.leans_in)
+        top = self._blocks.height
+        shift = feet.shift(top, stopped, line.spread, dust)
+        hang, hang_sd = self._overhang.of(crop, self._blocks.populations.plane_sd, stopped, feet.leans_in)
         is_smooth = self._blocks.bite > 0.0
-        ragged = 0.0 if is_smooth else sqrt(max(0.0, self._blocks.scatter - EVEN**2))
-        hidden = 0.0 if is_smooth else HIDDEN * _closed(stopped) * self._blocks.jagged.swing
+        even = max(EVEN * top, ROWS * feet.spacing)
+        ragged = 0.0 if is_smooth else sqrt(max(0.0, self._blocks.scatter - even**2))
+        hidden = (
+            0.0
+            if is_smooth or feet.spacing
+            else HIDDEN * _closed(stopped) * self._blocks.jagged.swing(self._blocks.height)
+        )
         half = HALF_RAMP * 4.0 * feet.lean[0] * (1.0 - feet.lean[0])
-        known = hypot(line.offset_sd, RAGGED * ragged, hidden, RAMP * min(shift, 0.0), half)
+        known = hypot(line.offset_sd, RAGGED * ragged, hidden, FEET * shift, half)
         alike = self._p.open_m + _closed(stopped) * (self._p.closed_m - self._p.open_m)
         known = hypot(known, BENT * edge.bend, SLIPPED * min(edge.angle, 0.0), alike)
         known = hypot(known, DUSTY * min(max((dust - CLEAR) / (THICK - CLEAR), 0.0), 1.0))
         known = hypot(known, self._blocks.blank / sqrt(12.0))  # evenly anywhere in it
         sd = hypot(known, hang_sd) / steep
         sure = erf(TOLERANCE / (sd * sqrt(2.0))) * min(1.0, self._blocks.agreed / 0.8)
-        if is_smooth or line.seen_to < 0.0 or not isfinite(crop) or not self._shows(line, crop):
+        if is_smooth or not isfinite(crop) or not self._shows(line, crop):
             sure, sd = min(sure, UNSURE), max(sd, HELD)
         return CropEdge(
             t=now,
@@ -229,7 +240,7 @@ class LikelihoodRatio(KeepsState):
             stubble_height=stubble,
             offset_sd=sd,
             heading_sd=line.angle_sd,
-            seen_to=self._reference + line.seen_to * steep,
+            seen_to=self._reference + (line.seen_to + 0.5 * BLOCK) * steep,
             is_held=line.gap > 1.0,
         )
 

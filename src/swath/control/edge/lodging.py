@@ -11,7 +11,11 @@ from swath.control.edge.populations import Populations
 from swath.core.component import KeepsState
 
 UNEVEN = 0.12  # m, by which the ground's level may change over 8 blocks
-TALL, LOW_SHARE, LOW_STEP = 0.5, 0.94, 0.03  # m, [1], m: crop lower than this share less this step is lodged
+STANDS, LOW_SHARE, LOW_STEP = (
+    0.3,
+    0.94,
+    0.03,
+)  # [1], [1], m: of its height over the stubble; lower than this is lodged
 MAT = 0.3  # m inside the track: there crop that lies flat is looked for
 DENSE = 0.8  # share of the rays that crop stops, from which on its height is known
 
@@ -45,8 +49,8 @@ class Lodging(KeepsState):
         return max(self._levels) - min(self._levels) > UNEVEN
 
     def first_metre(self, block: Block, edge: float, populations: Populations) -> float:
-        """Height of the first metre of crop behind an edge [m], nan where it is no canopy."""
-        return populations.height_of(block.just_inside(edge)) + self._rise
+        """Height of the first metre of crop behind an edge over the ground [m], nan where it is no canopy."""
+        return populations.height_of(block.just_inside(edge)) + populations.plane + self._rise
 
     def stands(self, block: Block, edge: float, populations: Populations) -> None:
         """Crop stands behind an edge [m] of a block."""
@@ -72,11 +76,12 @@ class Lodging(KeepsState):
         """
         usual, stopped = self._usual, populations.heights()[2]
         is_doubtful = self.is_uneven or (stopped < DENSE and not self.is_lodged)
-        if not usual > TALL or is_doubtful or abs(angle) > 3.0 * OBLIQUE:
+        is_doubtful |= not usual - populations.plane > STANDS * usual
+        if is_doubtful or abs(angle) > 3.0 * OBLIQUE:
             return 0.0
         now = self.first_metre(block, edge, populations)
         if np.isnan(now) and populations.has_mat(block.just_inside(MAT)):
-            now = LIMIT * usual
+            now = populations.plane + LIMIT * (usual - populations.plane)
         if not now < LOW_SHARE * usual - LOW_STEP:
             return 0.0
         return float(np.sqrt(usual**2 - now**2))

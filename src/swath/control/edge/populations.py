@@ -7,6 +7,7 @@ Nothing is assumed about crop, stubble, density or dust: where puffs swallow the
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swath.control.edge.canopy_classes import CLASSES, DUST, LAYER, LAYERS, LOWEST
 from swath.core.component import KeepsState
@@ -20,52 +21,80 @@ MOST = 3.0  # nat that one ray is worth at most
 CROP_FROM, CROP_TO = 0.18, (1.15, 2.5)  # m above the stubble: heights of crop that was not seen yet
 STUBBLE_TO, LITTLE = 0.8, 0.12  # m; part of the fullest layer's echoes below which a population ends
 MAT, FEW = 0.08, 10.0  # m above the middle of the stubble: of crop that lies flat; echoes that show it
-TALLEST = 1.4  # of the usual height: what is above is dust
+UNKNOWN = 0.1  # m: deviation of the height of the stubble's plane over the ground, before it is learned
+WAVE = 4.0  # m of travel over which the ground's level is alike
+COMES_AGAIN = 0.1  # share of the echoes of a layer: fewer that come again are dust
 SAMPLE = 0.5  # counts added to each class
 _HEIGHT = LOWEST + LAYER * (np.arange(LAYERS) + 0.5)
 _TOP = LOWEST + LAYER * (np.arange(LAYERS) + 1)
 
 
 class Populations(KeepsState):
-    """Counts of classes in the crop, lately in the crop, and beside it: rows of (3, CLASSES).
+    """Counts of classes in the crop, beside it, the solid ones of both, and lately in the crop (5, CLASSES).
 
-    tallest: that crop may stand [m]; usual: height of the crop where it stands upright [m], 0 = unknown
+    In the air echoes do not come again from scan to scan: a layer where they do not is dust.
+
+    Layers are counted over the plane of the stubble. That lies over the ground, on which the wheels stand: it
+    is seen `plane` [m] higher than that, in the mean over the travel, with a deviation of `plane_sd` [m].
     """
 
-    kept = ("counts", "_told", "_first")
+    kept = ("counts", "_told", "_first", "plane", "_waves", "_way")
 
-    def __init__(self, usual: float = 0.0) -> None:
-        self.tallest = TALLEST * usual if usual > 0.0 else float("inf")
-        self._layers = int(np.count_nonzero(self.tallest > _HEIGHT))  # that may be crop
+    def __init__(self) -> None:
         self.clear()
 
     def clear(self) -> None:
         """Nothing learned."""
-        self.counts: F64 = np.zeros((3, CLASSES))
+        self.counts: F64 = np.zeros((5, CLASSES))
+        self.plane, self._waves, self._way = 0.0, 0.0, 0.0
         self._told: tuple[float, float, float, float] | None = None  # heights and dust of these counts
         self._first: int | None = None  # the lowest layer of these counts that is no stubble
 
-    def begin(self, crop: F64, stubble: F64) -> None:
-        """Start with the counts of both sides, (CLASSES,) each."""
-        self._count(np.stack([crop, crop, stubble]).astype(np.float64))
+    def begin(self, sides: F64) -> None:
+        """Start with the counts of both sides, as `Block.sides`."""
+        self._count(np.vstack([sides, sides[:1]]))
+
+    def lies(self, level: float, travel: float) -> None:
+        """The stubble's plane was seen at a height over the wheels' ground [m], over a travel [m]."""
+        if travel > 0.0:
+            self._way = min(self._way + travel, MEMORY)
+            share, away = travel / self._way, level - self.plane
+            self.plane += share * away
+            self._waves = (1.0 - share) * (self._waves + share * away**2)
+
+    @property
+    def plane_sd(self) -> float:
+        """Of `plane` [m]: of the levels seen, of which those of some metres are alike."""
+        independent = self._way / WAVE
+        return float(np.sqrt(UNKNOWN**2 + independent * self._waves)) / (1.0 + independent)
 
     def move(self, travel: float) -> None:
         """Old counts fade over a travel [m]."""
-        self._count(self.counts * exp(-travel / np.array([MEMORY, SHORT, MEMORY]))[:, None])
+        self._count(self.counts * exp(-travel / np.array([*4 * [MEMORY], SHORT]))[:, None])
 
-    def add(self, crop: F64, stubble: F64) -> None:
-        """Counts of both sides of an edge that was accepted."""
-        self._count(self.counts + np.stack([crop, crop, stubble]))
+    def add(self, sides: F64) -> None:
+        """Counts of both sides of an edge that was accepted, as `Block.sides`."""
+        self._count(self.counts + np.vstack([sides, sides[:1]]))
+
+    def _standing(self, side: int) -> F64:
+        """Counts of a side, 0 = the crop, without the layers in which nothing comes again (LAYERS,)."""
+        return np.asarray(np.where(self._is_air, 0.0, self.counts[side, :LAYERS]))
+
+    @property
+    def _is_air(self) -> NDArray[np.bool_]:
+        """Which layers, of both sides together, are dust."""
+        echoes, solid = (self.counts[k, :LAYERS] + self.counts[k + 1, :LAYERS] for k in (0, 2))
+        return np.asarray(COMES_AGAIN * echoes >= solid + 1.0)
 
     def _count(self, counts: F64) -> None:
         self.counts, self._told, self._first = counts, None, None
 
     def ratios(self) -> F64:
         """Log-likelihood ratio [nat] of each class: crop over stubble, (CLASSES,)."""
-        crop, lately, stubble = _shares(self.counts)
+        crop, stubble, lately = _shares(self.counts[[0, 1, 4]])
         above = np.zeros(CLASSES)
-        first, tall = self._first_layer(), self.counts[0, :LAYERS].copy()
-        tall[:first], tall[self._layers :] = 0.0, 0.0
+        first, tall = self._first_layer(), self._standing(0)
+        tall[:first] = 0.0
         top = max(_end_of_peak(tall) + 2, first + 1)
         above[first:top] = 1.0
         above /= max(float(above.sum()), 1.0)
@@ -77,15 +106,20 @@ class Populations(KeepsState):
 
     def overlap(self) -> float:
         """Bhattacharyya coefficient of both sides: 0 = nothing in common, 1 = alike."""
-        crop, _, stubble = _shares(self.counts)
+        crop, stubble = _shares(self.counts[:2])
         return float(np.sqrt(crop * stubble).sum())
 
     def heights(self) -> tuple[float, float, float]:
         """(crop height, stubble height, share stopped): of echoes above the stubble's own 97th percentile
-        the height of the canopy, the 90th percentile of the stubble [m] above its plane, and the share of the
-        rays within the crop that the crop stopped.
+        the height of the canopy, the 90th percentile of the stubble, both above the ground [m], and the share
+        of the rays within the crop that the crop stopped.
         """
-        return self._tell()[:3]
+        crop, stubble, stopped = self._tell()[:3]
+        return crop + self.plane, stubble + self.plane, stopped
+
+    def top(self) -> float:
+        """Height of the canopy over the plane of the stubble [m]."""
+        return self._tell()[0]
 
     def dust(self) -> float:
         """The greater share of both sides' rays that met dust, or came back with no echo."""
@@ -93,12 +127,13 @@ class Populations(KeepsState):
 
     def _tell(self) -> tuple[float, float, float, float]:
         if self._told is None:
-            crop, stubble = self.counts[0, :LAYERS], self.counts[2, :LAYERS]
+            crop, stubble = self._standing(0), self._standing(1)
             first = self._first_layer()
             answered = float(self.counts[0].sum() - self.counts[0, DUST])
-            dust = self.counts[:, LAYERS:].sum(axis=1) / np.maximum(self.counts.sum(axis=1), 1e-9)
+            sides = self.counts[[0, 1, 4]]
+            dust = sides[:, LAYERS:].sum(axis=1) / np.maximum(sides.sum(axis=1), 1e-9)
             self._told = (
-                canopy_height(crop[: self._layers], first),
+                canopy_height(crop, first),
                 _percentile(stubble, 0.9),
                 float(crop[first:].sum()) / max(answered, 1e-9),
                 float(dust.max()),
@@ -106,17 +141,17 @@ class Populations(KeepsState):
         return self._told
 
     def height_of(self, counts: F64) -> float:
-        """Height of the canopy [m] in other counts (CLASSES,), nan where they hold little of it."""
-        return canopy_height(counts[: self._layers], self._first_layer())
+        """Height of the canopy over the plane [m] in other counts (CLASSES,), nan where they hold little."""
+        return canopy_height(np.where(self._is_air, 0.0, counts[:LAYERS]), self._first_layer())
 
     def has_mat(self, counts: F64) -> bool:
         """Other counts (CLASSES,) show crop that lies flat: no canopy, but above the stubble."""
-        return middle_of(counts) > middle_of(self.counts[2]) + MAT
+        return middle_of(counts) > middle_of(self.counts[1]) + MAT
 
     def _first_layer(self) -> int:
         """The lowest layer that is no stubble."""
         if self._first is None:
-            low = np.where(_HEIGHT < STUBBLE_TO, self.counts[2, :LAYERS], 0.0)
+            low = np.where(_HEIGHT < STUBBLE_TO, self._standing(1), 0.0)
             self._first = _end_of_peak(low) + 1
         return self._first
 

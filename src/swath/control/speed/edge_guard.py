@@ -21,6 +21,7 @@ LAG = 0.25  # s from a wanted speed to the way driven
 STANDING = 0.05  # m/s, below that it is noise of the odometry at rest (0.02 m/s with level `error`)
 UNSURE = 0.6  # share of `sure` at which the speed is down to `slow_kmh`
 BEND_M = 1.0  # m of travel over which the bend of the edge is averaged
+EVEN_CHANCE = 0.6745  # of a normal error's deviations, within which it lies as often as not
 
 
 @dataclass(frozen=True)
@@ -29,20 +30,22 @@ class Guard:
 
     when_lost: `stop` = slow down, stop and end the run; `slow` = go on slowly; `ignore` = as if it were seen;
     `path` = go on slowly while the steering follows a path instead, stop where it does not
-    blind_m: driven without seeing the edge ahead until the machine stands
+    blind_m: driven without seeing the edge ahead, or knowing where it is, until the machine stands
+    room_m: where the edge lies is not known where it may as well be farther off than that
     slow_kmh: where the edge is not sure; sure: confidence from which on the speed is full
     bend_m_s2: greatest lateral acceleration along the edge
     """
 
     when_lost: Literal["stop", "slow", "ignore", "path"] = "stop"
     blind_m: Annotated[float, Gt(0), Le(1000)] = 4.5
+    room_m: Annotated[float, Gt(0), Le(10)] = 0.3
     slow_kmh: Annotated[float, Gt(0), Le(40)] = 3.0
     sure: Annotated[float, Gt(0), Le(1)] = 0.5
     bend_m_s2: Annotated[float, Gt(0), Le(10)] = 0.1
 
 
 class EdgeGuard(KeepsState):
-    """Bounds a wanted speed by the edge. blind: driven without seeing it [m]; reason: to end the run."""
+    """Bounds a wanted speed by the edge. blind: driven without knowing it [m]; reason: to end the run."""
 
     kept = ("blind", "reason", "bend")
 
@@ -75,8 +78,9 @@ class EdgeGuard(KeepsState):
             return wanted
         speed = abs(odometry.speed) if odometry is not None and isfinite(odometry.speed) else wanted
         travel = speed * dt / NS if speed >= STANDING else 0.0
-        is_ahead = edge.is_found and not edge.seen_to < edge.reference_x
-        self.blind = 0.0 if is_ahead else self.blind + travel
+        is_known = edge.is_found and not edge.seen_to < edge.reference_x
+        is_known = is_known and not EVEN_CHANCE * edge.offset_sd > p.room_m
+        self.blind = 0.0 if is_known else self.blind + travel
         bend = abs(edge.curvature) if edge.is_found and isfinite(edge.curvature) else 0.0
         self.bend += min(1.0, travel / BEND_M) * (bend - self.bend)
         most = min(wanted, sqrt(p.bend_m_s2 / max(self.bend, 1e-6)))
@@ -100,8 +104,8 @@ class EdgeGuards:
     def __init__(self, guards: Sequence[EdgeGuard]) -> None:
         params = [guard.params for guard in guards]
         self._lost = np.array([p.when_lost for p in params])
-        rows = [(p.blind_m, p.slow_kmh * KMH, p.sure, p.bend_m_s2) for p in params]
-        self._blind_m, self._slow, self._sure, self._most = np.array(rows).T
+        rows = [(p.blind_m, p.slow_kmh * KMH, p.sure, p.bend_m_s2, p.room_m) for p in params]
+        self._blind_m, self._slow, self._sure, self._most, self._room = np.array(rows).T
         self.blind, self.bend = np.zeros((2, len(params)))
         self.reasons: dict[int, str] = {}
 
@@ -128,13 +132,13 @@ class EdgeGuards:
         measured = np.full(len(wanted), np.nan) if odometry is None else field_of(odometry, "speed")
         speed = np.where(np.isfinite(measured), np.abs(measured), wanted)
         travel = np.where(speed >= STANDING, speed * dt / NS, 0.0)
-        offset, confidence, curvature, seen_to, reference = (
-            field_of(edge, n) for n in ("offset", "confidence", "curvature", "seen_to", "reference_x")
-        )
+        names = ("offset", "confidence", "curvature", "seen_to", "reference_x", "offset_sd")
+        offset, confidence, curvature, seen_to, reference, sd = (field_of(edge, n) for n in names)
         is_found = (confidence > 0.0) & np.isfinite(offset)
-        is_ahead = is_found & ~(np.asarray(seen_to) < reference)
+        is_known = is_found & ~(np.asarray(seen_to) < reference)
+        is_known &= ~(EVEN_CHANCE * np.asarray(sd) > self._room)
         counts = self._lost != "ignore"
-        self.blind = np.where(counts, np.where(is_ahead, 0.0, self.blind + travel), self.blind)
+        self.blind = np.where(counts, np.where(is_known, 0.0, self.blind + travel), self.blind)
         bend = np.where(is_found & np.isfinite(curvature), np.abs(curvature), 0.0)
         more = np.minimum(1.0, travel / BEND_M) * (bend - self.bend)
         self.bend = np.where(counts, self.bend + more, self.bend)
