@@ -7,7 +7,7 @@ import pytest
 from swath.commands.main import main
 from swath.runtime.kept import KeptFields
 from swath.tools.function_test.in_step import TOGETHER, in_chunks, results_in
-from swath.tools.function_test.journal import PRIVATE, read_journals, write_table
+from swath.tools.function_test.journal import read_journals, write_table
 from swath.tools.function_test.one_run import do_run
 from swath.tools.function_test.plan import Plan
 from swath.tools.function_test.pool import run_all
@@ -57,6 +57,9 @@ def case_file(tmp_path):
     path = tmp_path / "drives.yaml"
     path.write_text(CASE, encoding="utf-8")
     return path
+
+
+PRIVATE = ("cpu_s", "worker")  # of a journal: who did it, and how long it took
 
 
 def line(result):

@@ -34,7 +34,8 @@ class Overfilled:
     EVENTS = ("spill",)
 
     def __init__(self, setup: EvaluatorSetup) -> None:
-        self.setup, self._tank = setup, tank_of(setup.machine.geometry)
+        tank = tank_of(setup.machine.geometry)
+        self.setup, self._capacity, self._stops = setup, tank.capacity, tank.when_full == "stops"
         self._state: MachineState | None = None
         self._load: MachineLoad | None = None
         self._spilled = 0.0
@@ -47,20 +48,20 @@ class Overfilled:
                 self._state = signal
             elif isinstance(signal, HeapState) and signal.spilled > LEAST:
                 self._note("box", signal.t)
-            elif isinstance(signal, MachineLoad) and self._tank.capacity > 0.0:
+            elif isinstance(signal, MachineLoad) and self._capacity > 0.0:
                 before, self._load = self._load, signal
-                if signal.tank_grain >= (1.0 - SAME) * self._tank.capacity and before is not None:
+                if signal.tank_grain >= (1.0 - SAME) * self._capacity and before is not None:
                     came = signal.grain_flow * (signal.t - before.t) / NS
                     spilled = max(came - (signal.tank_gain - before.tank_gain), 0.0)
                     self._spilled += spilled
-                    beyond = signal.tank_grain - (1.0 + SAME) * self._tank.capacity
-                    if spilled > SAME * self._tank.capacity or beyond > 0.0:
+                    beyond = signal.tank_grain - (1.0 + SAME) * self._capacity
+                    if spilled > SAME * self._capacity or beyond > 0.0:
                         self._note("grain tank", signal.t)
 
     @classmethod
     def together(cls, evaluators: Sequence["Overfilled"]) -> Woken:
         """Of many worlds."""
-        least = np.array([NEARLY * e._tank.capacity or np.inf for e in evaluators])
+        least = np.array([NEARLY * e._capacity or np.inf for e in evaluators])
         is_near = np.zeros(len(evaluators), np.bool_)
 
         def asks(t: int, outputs: Mapping[str, Samples], active: Bits) -> Bits | None:
@@ -82,7 +83,7 @@ class Overfilled:
     def end_reason(self, t: int) -> str:
         """The full tank, of a machine that stops then."""
         full = self._events.get("grain tank")
-        return full.text if full is not None and self._tank.when_full == "stops" else ""
+        return full.text if full is not None and self._stops else ""
 
     def _note(self, what: str, t: int) -> None:
         if what in self._events:
