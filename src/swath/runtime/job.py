@@ -300,7 +300,7 @@ class Running:
             )
         if self.pacer is not None:
             self._defer(self.pacer)
-        if events or self.hooks:
+        if events:
             self.world.graph.before_tick.append(Script(self.changes, events[self._done :]))
 
     def _defer(self, pacer: Pacer) -> None:
