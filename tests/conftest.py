@@ -1,8 +1,11 @@
 """Shared by all tests; lets them import the modules beside this file."""
 
 import gc
+import json
 import os
 import signal
+from collections import Counter
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -25,6 +28,45 @@ LONGEST = (  # what asks the clock comes when CI has built its packages
     "tests/test_site.py", "tests/whole/", "tests/link/", "tests/tools/", "tests/fuzz/", "tests/machine/",
     "tests/field/",
 )  # fmt: skip
+
+
+SPENT = Counter()  # CPU time [s] by file, of all tests and what they start
+
+
+def pytest_addoption(parser):
+    """`--write-durations FILE`: the CPU time of each file of tests, as JSON, longest first."""
+    parser.addoption("--write-durations", type=Path, metavar="FILE")
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_protocol(item):
+    """Note what a test and its processes spend, with its fixtures where it is the first to use them."""
+    before = os.times()
+    item.user_properties.append(("cpu_before", sum(before[:4])))
+    yield
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item, call):
+    """The report of a test's end says what it spent, also to the process that gathers reports."""
+    if call.when == "teardown":
+        began = dict(item.user_properties)["cpu_before"]
+        item.user_properties[:] = [("cpu_s", sum(os.times()[:4]) - began)]
+    yield
+
+
+def pytest_runtest_logreport(report):
+    """Add up by file."""
+    if report.when == "teardown":
+        SPENT[report.nodeid.partition("::")[0]] += dict(report.user_properties).get("cpu_s", 0.0)
+
+
+def pytest_sessionfinish(session):
+    """Write them, in the process that gathers reports."""
+    file = session.config.getoption("--write-durations")
+    if file is not None and not hasattr(session.config, "workerinput"):
+        found = {name: round(seconds, 1) for name, seconds in SPENT.most_common()}
+        file.write_text(json.dumps(found, indent=0) + "\n")
 
 
 def pytest_collection_modifyitems(items):

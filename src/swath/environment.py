@@ -395,8 +395,10 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         return self.world
 
     def _note(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        for output, signal in outputs.items():
-            self._tracks[slot.partition(".")[0]].take(t, f"{slot}.{output}", signal)
+        own = self._tracks.get(slot.partition(".")[0])  # None of a slot of the field
+        if own is not None:
+            for output, signal in outputs.items():
+                own.take(t, f"{slot}.{output}", signal)
 
     def _observation(self) -> Seen:
         graph, task, own = self._running().graph, self.task, self.task.machine

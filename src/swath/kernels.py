@@ -33,7 +33,7 @@ def start_warp() -> Any:
         wp.config.quiet = True
     if "SWATH_CPU" in os.environ:
         wp.config.cpu_compiler_flags = BUILT_FOR
-    if "WARP_CACHE_PATH" not in os.environ and not _is_writable(_user_cache()):
+    if "WARP_CACHE_PATH" not in os.environ and not _is_usable(_user_cache() / "warp"):
         wp.config.kernel_cache_dir = str(_own_temporary())
     with _quiet_stderr():  # without a GPU driver the native part says so there
         wp.init()
@@ -193,24 +193,37 @@ def _quiet_stderr() -> Iterator[None]:
             os.close(kept)
 
 
-def _is_writable(folder: Path) -> bool:
+def _is_usable(folder: Path) -> bool:
+    """Whether this user can write to a folder and nobody else can: what lies in it is run."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
-            return True
+            return all(_is_own(each) for each in (folder.resolve(), *folder.resolve().parents))
     except OSError:
         return False
 
 
+def _is_own(folder: Path) -> bool:
+    """Whether a folder is this user's or root's, and others cannot change what lies in it; in one as /tmp
+    they can only add to it. A group of the user's own name counts as the user.
+    """
+    if not hasattr(os, "getuid"):
+        return True
+    import grp
+    import pwd
+
+    about, others = folder.stat(), stat.S_IWOTH
+    with suppress(KeyError):
+        others |= 0 if pwd.getpwuid(os.getuid())[0] == grp.getgrgid(about.st_gid)[0] else stat.S_IWGRP
+    is_free = about.st_mode & others and not about.st_mode & stat.S_ISVTX
+    return about.st_uid in (0, os.getuid()) and not is_free
+
+
 def _own_temporary() -> Path:
-    """A folder in the system's temporary one that nobody else can write to: what lies in it is run."""
-    user = os.getuid() if hasattr(os, "getuid") else -1
-    folder = Path(tempfile.gettempdir()) / f"swath-warp-{user}"
-    with suppress(FileExistsError):
-        folder.mkdir(mode=0o700)
-    about = folder.lstat()
-    is_own = user < 0 or (about.st_uid == user and not about.st_mode & 0o022)
-    return folder if stat.S_ISDIR(about.st_mode) and is_own else Path(tempfile.mkdtemp(prefix="swath-warp-"))
+    """A folder in the system's temporary one that nobody else can write to."""
+    folder = Path(tempfile.gettempdir()) / f"swath-warp-{os.getuid() if hasattr(os, 'getuid') else -1}"
+    is_good = not folder.is_symlink() and _is_usable(folder)
+    return folder if is_good else Path(tempfile.mkdtemp(prefix="swath-warp-"))
 
 
 def _user_cache() -> Path:

@@ -10,7 +10,7 @@ import numpy as np
 from swath.core.errors import InputError, MissingExtra
 from swath.core.schedule import NS
 from swath.environment import Driven, Score, Seen, Task, known_words, scan_of
-from swath.runtime.worlds import Worlds, groups_in_step
+from swath.runtime.worlds import Worlds, as_ours, groups_in_step
 
 try:
     import gymnasium
@@ -140,7 +140,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         if not len(which):
             return
         for cohort in self._cohorts:
-            cohort.worlds.active[np.isin(cohort.members, which)] = False
+            cohort.worlds.lockstep.stop(np.flatnonzero(np.isin(cohort.members, which)))
         self._retire()
         driven = []
         for index in which.tolist():
@@ -176,35 +176,33 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     def _retire(self) -> None:
         """Let go of cohorts that are over; with `seeds` their worlds are kept."""
         for cohort in self._cohorts:
-            if not cohort.worlds.active.any():
+            if not cohort.worlds.lockstep.going:
                 for driven in cohort.driven:
                     if self.task.seeds is None:
                         driven.world.close()
                         driven.world.graph.let_go()
                     else:
                         self._spare.setdefault(driven.seed, []).append(driven)
-        self._cohorts = [cohort for cohort in self._cohorts if cohort.worlds.active.any()]
+        self._cohorts = [cohort for cohort in self._cohorts if cohort.worlds.lockstep.going]
 
     def _drive(self, cohort: _Cohort, told: np.ndarray, infos: dict[str, Any]) -> None:
-        worlds, begin = cohort.worlds, cohort.worlds.t
+        worlds, lockstep = cohort.worlds, cohort.worlds.lockstep
+        begin = lockstep.t
         for driven, action in zip(cohort.driven, told[cohort.members].tolist(), strict=True):
             driven.tell(action)
         latest = round(cohort.driven[0].world.scenario.run.max_duration_s * NS)
         until = min(begin + self.task.period, latest)
         for ending in worlds.advance(until):
-            if worlds.errors:
-                raise next(iter(worlds.errors.values()))
-            if ending:
-                self._settle(cohort, np.array(ending), begin, is_end=True, infos=infos)
-                self._terminated[cohort.members[ending]] = True
-                worlds.active[ending] = False
-        rest = np.flatnonzero(worlds.active)
-        if len(rest):
-            is_over = until >= latest
+            if lockstep.errors:
+                raise as_ours(next(iter(lockstep.errors.values())))
+            self._settle(cohort, np.array(ending), begin, is_end=True, infos=infos)
+            self._terminated[cohort.members[ending]] = True
+        if lockstep.going:
+            rest, is_over = np.array(lockstep.going), until >= latest
             self._settle(cohort, rest, begin, is_end=is_over, infos=infos)
             if is_over:
                 self._truncated[cohort.members[rest]] = True
-                worlds.active[rest] = False
+                lockstep.stop(lockstep.going)
 
     def _settle(
         self, cohort: _Cohort, which: np.ndarray, begin: int, *, is_end: bool, infos: dict[str, Any]
@@ -212,18 +210,18 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         """Observation, reward and what is told of worlds of a cohort, at the end of their step."""
         self._look(cohort, which)
         worlds, members, period = cohort.worlds, cohort.members[which], self.task.limits_period
-        way, before = worlds.driven()[which], self._way[members]
+        way, before = np.array(worlds.driven())[which], self._way[members]
         self._way[members] = way
         share = (way - before) / np.array([cohort.scores[k].distance_m for k in which.tolist()])
         self._reward[members] = share
-        ended = [worlds.ended(k) for k in which.tolist()]
-        self._tell(infos, "t_s", members, [t / NS for t, _ in ended], float)
-        self._tell(infos, "ended", members, [why for _, why in ended], object)
+        graphs = [worlds.worlds[k].graph for k in which.tolist()]
+        self._tell(infos, "t_s", members, [graph.t / NS for graph in graphs], float)
+        self._tell(infos, "ended", members, [graph.ended for graph in graphs], object)
         parts = infos.setdefault("reward", {})
         self._tell(parts, "driven", members, share, float)
         infos["_reward"] = self._mask(infos, "reward", members)
-        for row, (k, (t, _)) in enumerate(zip(which.tolist(), ended, strict=True)):
-            if is_end or t // period > begin // period:
+        for row, (k, graph) in enumerate(zip(which.tolist(), graphs, strict=True)):
+            if is_end or graph.t // period > begin // period:
                 score, run = cohort.scores[k], worlds.judged(k, cohort.scores[k].names)
                 tracks = {n: own.arrays() for n, own in run.recorder.tracks.items()} if run.has_tracks else {}
                 own = score.parts(float(way[row] - before[row]), tracks, is_end=is_end, is_due=True)
@@ -236,10 +234,12 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     def _look(self, cohort: _Cohort, which: np.ndarray) -> None:
         """Note what worlds of a cohort see."""
         task, worlds, members = self.task, cohort.worlds, cohort.members[which]
-        edge, odometry = (worlds.latest(f"{task.machine}.{name}", name) for name in ("edge", "odometry"))
+        newest = worlds.lockstep.newest
+        told = (newest((f"{task.machine}.{name}", name)) for name in ("edge", "odometry"))
+        edge, odometry = (None if sent is None else sent.all for sent in told)
         self._values[members] = task.values_of(edge, odometry, cohort.wanted)[which]
-        if task.lidar and (scan := worlds.latest(task.lidar, "scan")) is not None:
-            self._scans[members] = scan_of(scan.arrays["ranges"][which])
+        if task.lidar and (scan := newest((task.lidar, "scan"))) is not None:
+            self._scans[members] = scan_of(scan.all.arrays["ranges"][which])
 
     def _one(self, index: int) -> Seen:
         """The observation of one environment."""

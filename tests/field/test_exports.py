@@ -110,10 +110,12 @@ def test_a_map_of_one_line_completes_what_is_recognised(tmp_path):
 def test_missing_columns_are_named_at_once_with_a_map_to_fill_in(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("a,b,c,d\n" + "".join(f"{47 + i * 1.8e-5:.7f},-110.5,8.5,12\n" for i in range(100)))
+    (tmp_path / "fields").mkdir()
     with pytest.raises(InputError) as caught:
-        import_log(path, tmp_path / "out", progress=False)
+        import_log(path, tmp_path / "fields" / "out", progress=False)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["fields", "log.csv"]  # raw data stays as it is
     assert "lat and lon (or easting and northing), grain_flow or yield, header_width" in str(caught.value)
-    template = tmp_path / "log.columns.yaml"
+    template = tmp_path / "fields" / "log.columns.yaml"
     assert template.name in str(caught.value)
     filled = template.read_text()
     for column in "abcd":

@@ -207,7 +207,7 @@ def test_the_field_is_the_one_that_was_harvested(tmp_path, form):
     assert said["speed"] == pytest.approx(harvest.speed, rel=0.01), log.notes
     assert said["flow"] == pytest.approx(harvest.flow.mean(), rel=0.01), log.notes
     assert said["yield"] == pytest.approx(harvest.wet[harvest.wet > 0].mean(), rel=0.02), log.notes
-    assert said["delay"] == pytest.approx(harvest.late, abs=0.5)
+    assert not abs(said["delay"] - harvest.late) > 0.5  # nan: not known
     if "elevation" in log.column_map.columns:
         assert np.abs(log.elevation - harvest.z).max() < 0.5, log.notes
     if "moisture" in log.column_map.columns:
@@ -284,7 +284,7 @@ def test_a_result_that_cannot_be_is_refused(tmp_path):
     path = table(tmp_path / "log.csv", {
         **h.places(), "time": h.t, "width_m": 9 * h.one, "yield_kg_ha": 10 * h.wet})  # fmt: skip
     with pytest.raises(
-        InputError, match=r"crop\.yield = 0\.00531 t/ha.*yield_kg_ha in kg/ha.*of wheat.*--columns"
+        InputError, match=r"crop\.yield = 0\.0053\d t/ha.*yield_kg_ha in kg/ha.*of wheat.*--columns"
     ):
         import_log(path, tmp_path / "f", progress=False)
     assert not (tmp_path / "f").exists()
@@ -292,7 +292,7 @@ def test_a_result_that_cannot_be_is_refused(tmp_path):
         *h.places().items(), ("time", h.t), ("width_m", 9 * h.one), ("flow_kg_s", h.flow))}  # fmt: skip
     twice["time"][len(h) :] += h.t[-1] + 60.0
     report = import_log(table(tmp_path / "b.csv", twice), tmp_path / "g", progress=False)
-    assert any(re.match(r"grain: .* t logged, .* t on the map", note) for note in report.notes)
+    assert any(re.match(r"crop.grain: .* t logged, .* t on the map", note) for note in report.notes)
 
 
 def test_rows_without_names_are_numbered_and_can_be_named(tmp_path):

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from swath.core.errors import InputError
 from swath.record.formats import TRACKS
 from swath.record.mcap_file import Container
+from swath.record.read.definitions import Definitions
 from swath.record.read.feed import WAITING, Demux
 from swath.record.read.files import open_log
 from swath.record.read.mcap_log import BROKEN, in_time_order
@@ -261,3 +262,67 @@ def test_reading_tracks_leaves_no_threads(tmp_path):
     )
     made = [sys.executable, "-c", code, str(tmp_path / "tracks.parquet")]
     assert subprocess.run(made, capture_output=True, text=True, check=True).stdout.strip() == "0"
+
+
+SECTION = "\n" + "=" * 80 + "\nMSG: "
+HOSTILE = {
+    "texts in an array": "string[30000000] x",
+    "messages in an array": "a/B[9000] b" + SECTION + "a/B\nuint8 x",
+    "arrays in arrays": "a/B[1000] b" + SECTION + "a/B\na/C[1000] c" + SECTION + "a/C\nfloat64[1000] x",
+    "as many of nothing as a message says": "a/B[] b" + SECTION + "a/B\n",
+    "nothing within nothing": "a/B b\na/B c" + SECTION + "a/B\na/C b\na/C c" + SECTION + "a/C\n",
+    "itself": "a/B b" + SECTION + "a/B\na/B b",
+    "more numbers than bytes": "float64[30000000] x",
+    "a text of definitions without end": "uint8 x\n" * 200_000,
+}
+
+
+def written(path, text, data, name="a/msg/A"):
+    """A recording of one message."""
+    from mcap.writer import Writer
+
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema(name, "ros2msg", text.encode())
+        channel = writer.register_channel("/x", "cdr", schema)
+        writer.add_message(channel, 0, data, 0)
+        writer.finish()
+    return open_log(path)
+
+
+@pytest.mark.parametrize("what", HOSTILE)
+def test_a_definition_costs_no_more_than_the_message_has_bytes(tmp_path, what):
+    data = b"\0\1\0\0" + b"\xff\xff\xff\x7f" * 200
+    log = written(tmp_path / "a.mcap", HOSTILE[what], data)
+    found, peak = peak_of(lambda: list(log.messages(("/x",))))
+    assert found == []
+    assert log.notes == {BROKEN: 1}
+    assert peak < 20 * MIB
+
+
+def test_the_least_length_is_that_of_a_message_without_anything_in_it():
+    from rosbags.typesys import Stores, get_typestore
+
+    from swath.record.message_factory import MessageFactory
+
+    definitions = Definitions(get_typestore(Stores.ROS2_JAZZY).fielddefs)
+    factory, checked = MessageFactory(), 0
+    for name in definitions.types:
+        if name.endswith(("LaserScan", "Odometry", "Image", "PointCloud2", "TFMessage", "Imu", "NavSatFix")):
+            made = factory(name)
+            least, size = definitions.least(name), len(factory.store.serialize_cdr(made, name))
+            assert least <= size <= 2 * least + 32
+            checked += 1
+    assert checked > 7
+
+
+def test_a_standard_message_without_a_standard_field_says_so(tmp_path):
+    log = written(
+        tmp_path / "a.mcap", "float32 range_min", b"\0\1\0\0" + bytes(4), "sensor_msgs/msg/LaserScan"
+    )
+    ((_, _, message),) = log.messages(("/x",))
+    assert message.range_min == 0.0
+    assert getattr(message, "header", None) is None
+    with pytest.raises(InputError, match="expected a field header, the definition in the file has none"):
+        print(message.header.stamp)

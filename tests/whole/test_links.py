@@ -235,6 +235,16 @@ def test_a_link_is_replaced_and_a_folder_refused(tmp_path):
         open_to_keep(tmp_path / "l", os.O_RDWR)
 
 
+@pytest.mark.parametrize(("mode", "is_used"), [(0o700, True), (0o755, True), (0o777, False), (0o1777, True)])
+def test_a_cache_of_kernels_is_one_that_others_cannot_change(tmp_path, mode, is_used):
+    from swath.kernels import _is_own, _is_usable
+
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache").chmod(mode)
+    assert _is_own(tmp_path / "cache") == is_used
+    assert _is_usable(tmp_path / "cache" / "warp") == is_used
+
+
 @pytest.mark.parametrize("planted", ["link", "open to all"])
 def test_compiled_kernels_lie_where_nobody_else_can_write(planted, tmp_path, monkeypatch):
     import swath.kernels as kernels

@@ -3,6 +3,7 @@
 import argparse
 import errno
 import os
+import re
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
@@ -126,6 +127,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     debug = os.environ.get("SWATH_DEBUG") == "1"
     try:
+        _open_closed()
         collect_rarely()
         _name_unknown_settings()
         skip_folder_settings()
@@ -160,6 +162,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:
         if debug:
             traceback.print_exc()
+        if _NO_MEMORY.search(_chain(error)):
+            said = shortened(str(error), 100)
+            return _say(f"there is too little memory ({said}); a run takes about 1 GB", BAD_INPUT)
         place = user_line(error)
         if place is not None:
             file, line = place
@@ -256,6 +261,26 @@ def code_named(value: Any) -> Iterator[str]:
             key, equals, said = text.partition("=")
             with suppress(InputError):
                 yield from code_in(parse_value(said, key) if equals else text)
+
+
+_NO_MEMORY = re.compile("(?i)MemoryError|cannot allocate|failed to map segment|bad_alloc|unable to allocate")
+
+
+def _chain(error: BaseException | None) -> str:
+    """Kinds and texts of an error and of what it came from."""
+    if error is None:
+        return ""
+    return f"{type(error).__name__} {error} {_chain(error.__cause__ or error.__context__)}"
+
+
+def _open_closed() -> None:
+    """Nothing in the place of a closed input or output, which the next opened file would take."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+            setattr(sys, name, open(number, "r" if not number else "w", closefd=False))  # noqa: SIM115
 
 
 def _name_unknown_settings() -> None:

@@ -1,25 +1,34 @@
-"""Components, their connections and the schedule: a runnable, saveable whole."""
+"""Components, their connections and the schedule: a runnable, saveable whole, alone or in step."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from swath.core.abilities import StepsAnyLength
+import numpy as np
+
+from swath.core.abilities import EndsRun, StepsAnyLength
 from swath.core.component import Component, Outputs, Port, State, check_fit
 from swath.core.errors import WiringError
 from swath.core.fault import FaultyOutput
 from swath.core.random import Stream
 from swath.core.schedule import Plan, Slot, make_plan
 from swath.core.signal import Signal
+from swath.core.together import EndsWorlds, InWorlds, Sent, StepsTogether, Together, takes_all
 
 Wire = tuple[str, str]
 Observer = Callable[[str, int, Outputs], None]
-Queue = list[Signal]
-Held = dict[str, Any]  # what a component will be given, by port
-Readers = tuple[list[tuple[Held, str]], list[Queue]]  # of an output: those of the newest sample, of every one
-Sends = tuple[type[Signal], Wire, list[tuple[Held, str]], list[Queue]]  # type, place of the newest, readers
-NOBODY: Readers = [], []
+ObserverOfAll = Callable[[str, int, Mapping[str, Sent], Any], None]  # slot, time [ns], outputs, active
+Ender = Callable[[int, Sequence[int]], Mapping[int, str]]  # time [ns], worlds that run: why some of them end
+
+
+@dataclass
+class Cost:
+    """What the steps of a slot took. sharers: worlds that are stepped at once"""
+
+    seconds: float = 0.0
+    steps: int = 0
+    sharers: int = 1
 
 
 @dataclass
@@ -33,25 +42,17 @@ class Node:
     component: Component
     wires: dict[str, tuple[str, str]] = field(default_factory=dict)
     fault: FaultyOutput | None = None
-    cost_s: float = 0.0
-    step_count: int = 0
+    cost: Cost = field(default_factory=Cost)
 
+    @property
+    def cost_s(self) -> float:
+        """Its share of the time that its steps took so far."""
+        return self.cost.seconds / self.cost.sharers
 
-@dataclass(slots=True)
-class _Links:
-    """What joins a node to others, looked up once.
-
-    gathers: not all of its inputs are the newest samples
-    wires: port of which the newest sample is read -> where that is; held: these samples, kept up to date
-    queues: port -> samples since the last step; sends: by output
-    """
-
-    node: Node
-    gathers: bool
-    wires: list[tuple[str, Wire | None]]
-    held: Held
-    queues: list[tuple[str, Queue]]
-    sends: dict[str, Sends]
+    @property
+    def step_count(self) -> int:
+        """How often it was stepped."""
+        return self.cost.steps
 
 
 class EndOfRun(Exception):
@@ -67,6 +68,7 @@ class Graph:
     run, for those who wait (a real clock, a paused run); they change no result, but may raise EndOfRun
     ended: why a run stopped before its end, empty where it did not
     outside: slots that are not in this graph -> their outputs; whoever runs it puts their samples in
+    lockstep: what steps it, alone or with graphs of other worlds
     """
 
     def __init__(
@@ -82,75 +84,24 @@ class Graph:
         self.watches: dict[str, Observer] = {}
         self.before_tick: list[Callable[[int], None]] = []
         self._names = {n.slot.name: n for n in nodes}
-        self._latest: dict[tuple[str, str], Signal] = {}
-        self._before: dict[tuple[str, str], Signal] = {}
-        self._queues: dict[tuple[str, str], Queue] = {}  # by slot and port
-        self._links: dict[str, _Links] = {}
-        self._steps: list[_Links] = []  # the same in the order of the nodes
-        self._readers: dict[Wire, Readers] = {}
-        self._connect()
-        self._latches = any(n.slot.latch for n in nodes)
+        for node in nodes:
+            self._check(node)
+        self.lockstep = Lockstep([self])
 
     def reset(self) -> None:
         """Bring every component to t = 0 and collect the outputs valid there."""
-        self.t = 0
-        self.ended = ""
-        self._latest.clear()
-        for queue in self._queues.values():
-            queue.clear()
-        self._hold()
-        for links in self._steps:
-            node = links.node
-            stream = Stream(self.seed, node.slot.name)
-            outputs = node.component.reset(stream)
-            if node.fault is not None:
-                node.fault.reset(stream)
-            self._send(links, 0, outputs)
-        self._before = dict(self._latest)
+        self.lockstep.reset()
 
     def run(self, until: int, stop: Callable[[], bool] | None = None) -> None:
         """Advance to time `until` [ns], or to the first tick after which `stop()` is true."""
-        clock = time.perf_counter
-        for t, due in self.plan.walk(self.t, until):
-            try:
-                for wait in self.before_tick:
-                    wait(t)
-            except EndOfRun as end:
-                self.ended = str(end)
-                return
-            if self._latches:
-                self._before = dict(self._latest)
-            steps = self._steps  # others where a component was exchanged before this tick
-            for index in due:
-                links = steps[index]
-                node, period = links.node, links.node.slot.period
-                started = clock()
-                inputs = self._gather(links) if links.gathers else links.held.copy()
-                outputs = node.component.step(t - period, period, inputs)
-                node.cost_s += clock() - started
-                node.step_count += 1
-                self._send(links, t, outputs)
-            self.t = t
-            if stop is not None and stop():
-                return
-        self.t = max(self.t, until)
+        self.lockstep.go_on()
+        for _ in self.lockstep.advance(until, None if stop is None else lambda: (stop(),)):
+            pass
+        self.lockstep.raise_error()
 
     def finish(self) -> None:
         """The end: parts that can (`StepsAnyLength`) take in what was sent to them since their last step."""
-        for links in self._steps:
-            slot = links.node.slot
-            queues = [queue for _, queue in links.queues]
-            waits = any(queues) or not queues
-            last = slot.offset + max(self.t - slot.offset, 0) // slot.period * slot.period
-            part = links.node.component
-            if waits and last < self.t and isinstance(part, StepsAnyLength) and part.steps_any_length:
-                self._send(links, self.t, part.step(last, self.t - last, self._gather(links)))
-
-    def finish_from(self, queues: Mapping[tuple[str, str], list[Signal]]) -> None:
-        """`finish`, of a graph whose parts were stepped by somebody else. queues: by slot and port"""
-        for key, queue in self._queues.items():
-            queue[:] = queues.get(key, ())
-        self.finish()
+        self.lockstep.finish()
 
     def let_go(self) -> None:
         """Forget those who watch and wait. They may hold the graph, too: then both go when nobody uses them,
@@ -160,16 +111,12 @@ class Graph:
 
     def put(self, slot: str, output: str, sample: Signal) -> None:
         """A sample from outside: components that step from now on see it."""
-        self._latest[(slot, output)] = sample
-        readers, queues = self._readers.get((slot, output), NOBODY)
-        for held, port in readers:
-            held[port] = sample
-        for queue in queues:
-            queue.append(sample)
+        self.lockstep.put((slot, output), sample)
 
     def latest(self, slot: str, output: str) -> Signal | None:
         """The newest sample of an output, None before there is one."""
-        return self._latest.get((slot, output))
+        sent = self.lockstep.newest((slot, output))
+        return None if sent is None else sent.of(self.lockstep.place(self))
 
     def exchange(
         self, slot: str, component: Component, wires: Mapping[str, Wire], state: State | None = None
@@ -183,18 +130,16 @@ class Graph:
         component.reset(Stream(self.seed, slot))
         if state is not None:
             component.load(state)
-        node, queues = self._names[slot], self._queues
+        node = self._names[slot]
         before = node.component, node.wires
         node.component, node.wires = component, dict(wires)
         try:
-            self._connect()
+            for each in self.nodes:
+                self._check(each)
         except WiringError:
             node.component, node.wires = before
-            self._connect()
             raise
-        finally:
-            for key, queue in self._queues.items():
-                queue += queues.get(key, ())
+        self.lockstep.connect()
 
     def save(self) -> State:
         """Everything needed to go on from here, byte for byte."""
@@ -202,8 +147,7 @@ class Graph:
             "t": self.t,
             "components": {n.slot.name: n.component.save() for n in self.nodes},
             "faults": {n.slot.name: n.fault.save() for n in self.nodes if n.fault is not None},
-            "latest": dict(self._latest),
-            "queues": {k: list(v) for k, v in self._queues.items()},
+            **self.lockstep.save(),
         }
 
     def load(self, state: Mapping[str, Any]) -> None:
@@ -212,66 +156,24 @@ class Graph:
         self.observers, self.watches = [], {}
         self.reset()
         self.observers, self.watches = told
-        self.t = state["t"]
         for node in self.nodes:
             node.component.load(state["components"][node.slot.name])
             if node.fault is not None:
                 node.fault.load(state["faults"][node.slot.name])
-        self._latest = dict(state["latest"])
-        for key, queue in self._queues.items():
-            queue[:] = state["queues"][key]
-        self._hold()
+        self.lockstep.load(state)
 
-    def _connect(self) -> None:
-        """Check every wire; note who reads what, and who wants every sample."""
-        self._queues = {}
-        for node in self.nodes:
-            ports = {p.name: p for p in node.component.inputs}
-            for name in node.wires:
-                if name not in ports:
-                    raise WiringError(
-                        f"{node.slot.name}.{name}: there is no such input; it has {sorted(ports)}"
-                    )
-            for port in ports.values():
-                if port.name not in node.wires:
-                    if port.optional:
-                        continue
-                    raise WiringError(f"{node.slot.name}.{port.name}: input is not connected")
+    def _check(self, node: Node) -> None:
+        """Check every wire of a node."""
+        ports = {p.name: p for p in node.component.inputs}
+        for name in node.wires:
+            if name not in ports:
+                raise WiringError(f"{node.slot.name}.{name}: there is no such input; it has {sorted(ports)}")
+        for port in ports.values():
+            if port.name in node.wires:
                 source, output = node.wires[port.name]
                 check_fit(source, self._output_port(source, output, node, port), node.slot.name, port)
-                if port.history:
-                    self._queues[node.slot.name, port.name] = []
-        self._steps = [self._links_of(n) for n in self.nodes]
-        self._links = {links.node.slot.name: links for links in self._steps}
-        self._join()
-
-    def _join(self) -> None:
-        """Give each output its readers."""
-        self._readers = {}
-        for node in self.nodes:
-            links = self._links[node.slot.name]
-            for name, source in links.wires:
-                if source is not None:
-                    self._readers.setdefault(source, ([], []))[0].append((links.held, name))
-            for name, queue in links.queues:
-                self._readers.setdefault(node.wires[name], ([], []))[1].append(queue)
-        for slot, part in ((n.slot.name, n.component) for n in self.nodes):
-            for port in part.outputs:
-                wire = slot, port.name
-                sends = port.signal, wire, *self._readers.get(wire, ([], []))
-                self._links[slot].sends[port.name] = sends
-        self._hold()
-
-    def _links_of(self, node: Node) -> _Links:
-        name, ports = node.slot.name, node.component.inputs
-        wires = [(p.name, node.wires.get(p.name)) for p in ports if (name, p.name) not in self._queues]
-        queues = [(p.name, self._queues[name, p.name]) for p in ports if (name, p.name) in self._queues]
-        return _Links(node, node.slot.latch or bool(queues), wires, {}, queues, {})
-
-    def _hold(self) -> None:
-        """What each component will be given, from the newest samples."""
-        for links in self._links.values():
-            links.held.update((port, self._latest.get(wire) if wire else None) for port, wire in links.wires)
+            elif not port.optional:
+                raise WiringError(f"{node.slot.name}.{port.name}: input is not connected")
 
     def _output_port(self, source: str, output: str, node: Node, port: Port) -> Port:
         end = f"{source}.{output} -> {node.slot.name}.{port.name}"
@@ -284,42 +186,349 @@ class Graph:
             raise WiringError(f"{end}: {source} has no output {output}; it has {sorted(ports)}")
         return ports[output]
 
-    def _gather(self, links: _Links) -> dict[str, Any]:
-        values = links.held.copy()
-        if links.node.slot.latch:
-            values.update((port, self._before.get(wire) if wire else None) for port, wire in links.wires)
-        for port, queue in links.queues:
-            values[port] = tuple(queue)
-            queue.clear()
-        return values
 
-    def _send(self, links: _Links, t: int, outputs: Outputs) -> None:
-        """Publish what a component gave at t, as its fault leaves it."""
-        node, sends, latest = links.node, links.sends, self._latest
-        if node.fault is not None:
-            outputs = node.fault.pass_on(t, outputs)
-        name = node.slot.name
+class _Rank:
+    """A slot of all worlds. nodes, parts: of each; batch: those that step at once, None = world by world
+
+    wires: port of which the newest sample is read -> where that is; queues: port -> samples since the last
+    step; sends: output -> its type, its readers' queues
+    """
+
+    def __init__(self, nodes: Sequence[Node]) -> None:
+        first = nodes[0]
+        self.nodes, self.name, self.slot = nodes, first.slot.name, first.slot
+        self.parts = [node.component for node in nodes]
+        ports = [(port, first.wires.get(port.name)) for port in self.parts[0].inputs]
+        self.wires = [(p.name, wire) for p, wire in ports if wire is None or not p.history]
+        self.queues: dict[str, list[Sent]] = {p.name: [] for p, wire in ports if wire and p.history}
+        self.sources = {p.name: wire for p, wire in ports if wire and p.history}
+        self.sends: dict[str, tuple[type[Signal], Wire, list[list[Sent]]]] = {}
+        self.may_end = any(isinstance(part, EndsRun) for part in self.parts)
+        self.batch: Together | None = None
+        if not self.slot.latch and not any(node.fault for node in nodes):
+            self.batch = self._batch()
+        self.cost = first.cost if len(nodes) == 1 else Cost(sharers=len(nodes))
+        for node in nodes:
+            node.cost = self.cost
+
+    def _batch(self) -> Together | None:
+        """Of one world, that of its part once it is reset; of several what their class makes of them."""
+        part, kind = self.parts[0], type(self.parts[0])
+        if not takes_all(kind, "step") or any(type(other) is not kind for other in self.parts):
+            return None
+        if len(self.parts) == 1:
+            return part.alone if isinstance(part, InWorlds) else None
+        return kind.together(self.parts) if isinstance(kind, StepsTogether) else None
+
+    def reset(self, streams: Sequence[Stream]) -> dict[str, Sent]:
+        """Outputs valid at t = 0."""
+        if self.batch is not None and len(self.parts) > 1:
+            return {name: Sent(samples) for name, samples in self.batch.reset(streams).items()}
+        each: list[Outputs] = []
+        for node, stream in zip(self.nodes, streams, strict=True):
+            made = node.component.reset(stream)
+            if node.fault is not None:
+                node.fault.reset(stream)
+                made = node.fault.pass_on(0, made)
+            self.check(made)
+            each.append(made)
+        if len(self.parts) == 1 and not self.slot.latch and self.nodes[0].fault is None:
+            self.batch = self._batch()  # which a part that goes in worlds has made anew
+        return {name: Sent(None, [own[name] for own in each]) for name in each[0]}
+
+    def reasons(self, going: Sequence[int], t: int) -> Mapping[int, str]:
+        """Why worlds are to end before the tick at t [ns]."""
+        told: Any = self.batch
+        if len(self.parts) > 1 and isinstance(told, EndsWorlds):
+            return {w: f"{self.name}: {told.reasons[w]}" for w in going if told.reasons.get(w)}
+        parts: Sequence[Any] = self.parts
+        found = ((world, parts[world].end_reason(t)) for world in going)
+        return {world: f"{self.name}: {reason}" for world, reason in found if reason}
+
+    def check(self, outputs: Any) -> None:
+        """WiringError where a component gave what it does not declare."""
         if not isinstance(outputs, dict):
-            raise WiringError(f"{name}: gave {outputs!r}, expected a dict of {sorted(sends)}")
+            raise WiringError(f"{self.name}: gave {outputs!r}, expected a dict of {sorted(self.sends)}")
         for output, signal in outputs.items():
-            if output not in sends:
-                raise _unfit(name, output, signal, sends)
-            wanted, wire, readers, queues = sends[output]
-            if type(signal) is not wanted and not isinstance(signal, wanted):
-                raise _unfit(name, output, signal, sends)
-            latest[wire] = signal
-            for held, port in readers:
-                held[port] = signal
-            for queue in queues:
-                queue.append(signal)
-        if (watch := self.watches.get(name)) is not None:
-            watch(name, t, outputs)
-        for observe in self.observers:
-            observe(name, t, outputs)
+            if output not in self.sends:
+                given = f"{self.name}.{output}"
+                raise WiringError(f"{given}: there is no such output; it has {sorted(self.sends)}")
+            if type(signal) is not (kind := self.sends[output][0]) and not isinstance(signal, kind):
+                given = type(signal).__name__
+                raise WiringError(f"{self.name}.{output}: gave a {given}, expected a {kind.__name__}")
+
+    def newest(self, latest: Mapping[Wire, Sent], world: int) -> dict[str, Any]:
+        """Inputs of one world; whoever asks for those of the last one clears `queues`."""
+        found: dict[str, Any] = {}
+        for name, wire in self.wires:
+            sent = latest.get(wire) if wire is not None else None
+            found[name] = None if sent is None else sent.each[world]
+        for name, queue in self.queues.items():
+            found[name] = tuple(sent.each[world] for sent in queue)
+        return found
+
+    def newest_of_all(self, latest: Mapping[Wire, Sent]) -> dict[str, Any]:
+        """Inputs of all worlds at once."""
+        found: dict[str, Any] = {}
+        for name, wire in self.wires:
+            sent = latest.get(wire) if wire is not None else None
+            found[name] = None if sent is None else sent.all
+        for name, queue in self.queues.items():
+            found[name] = tuple(sent.all for sent in queue)
+            queue.clear()
+        return found
 
 
-def _unfit(slot: str, output: str, signal: Any, sends: Mapping[str, Sends]) -> WiringError:
-    if output not in sends:
-        return WiringError(f"{slot}.{output}: there is no such output; it has {sorted(sends)}")
-    given = type(signal).__name__
-    return WiringError(f"{slot}.{output}: gave a {given}, expected a {sends[output][0].__name__}")
+class Lockstep:
+    """Steps graphs whose slots, rates and wires are alike, each of a world; a graph alone is one of one.
+
+    Parts whose class has `together` (`core/together.py`) are stepped at once, all others world by world.
+    t [ns]; going, active: worlds that still run, as numbers and as an array; errors: of worlds that cannot
+    observers: called after every step, with the outputs of all worlds, before those of the graphs
+    enders: asked before every tick, after the graphs' own `before_tick`
+    """
+
+    def __init__(self, graphs: Sequence[Graph]) -> None:
+        self.graphs = graphs
+        self.t = graphs[0].t
+        self.plan = graphs[0].plan
+        self.going = list(range(len(graphs)))
+        self.active = np.ones(len(graphs), np.bool_)
+        self.errors: dict[int, Exception] = {}
+        self._failed: list[int] = []
+        self.observers: list[ObserverOfAll] = []
+        self.enders: list[Ender] = []
+        self._latest: dict[Wire, Sent] = {}
+        self._before: dict[Wire, Sent] = {}
+        self._ranks: list[_Rank] = []
+        self.connect()
+        for graph in graphs:
+            graph.lockstep = self
+
+    def connect(self) -> None:
+        """Join outputs and inputs, again where a component was exchanged: what waited at inputs waits on."""
+        waiting = {(rank.name, port): queue for rank in self._ranks for port, queue in rank.queues.items()}
+        every = zip(*(graph.nodes for graph in self.graphs), strict=True)
+        self._ranks = ranks = [_Rank(nodes) for nodes in every]
+        self._ending = [rank for rank in ranks if rank.may_end]
+        self._latches = any(rank.slot.latch for rank in ranks)
+        self._readers: dict[Wire, list[list[Sent]]] = {}
+        for rank in ranks:
+            for name, wire in rank.sources.items():
+                rank.queues[name] += waiting.get((rank.name, name), ())
+                self._readers.setdefault(wire, []).append(rank.queues[name])
+        for rank in ranks:
+            for port in rank.parts[0].outputs:
+                wire = rank.name, port.name
+                rank.sends[port.name] = port.signal, wire, self._readers.get(wire, [])
+
+    def reset(self) -> None:
+        """Bring every component to t = 0 and collect the outputs valid there."""
+        self.t = 0
+        self.go_on()
+        for graph in self.graphs:
+            graph.t, graph.ended = 0, ""
+        self._latest.clear()
+        for rank in self._ranks:
+            for queue in rank.queues.values():
+                queue.clear()
+        for rank in self._ranks:
+            self._send(rank, 0, rank.reset([Stream(graph.seed, rank.name) for graph in self.graphs]))
+        self._before = dict(self._latest)
+
+    def advance(self, until: int, arrived: Callable[[], Sequence[bool]] | None = None) -> Iterator[list[int]]:
+        """Step to a time [ns]; gives worlds as they end: by a part, an EndOfRun, an error (see `errors`), or
+        because they have `arrived`, which is asked after every tick. They are no longer stepped.
+        """
+        for t, due in self.plan.walk(self.t, until):
+            if over := self._ended_before(t):
+                self.stop(over)
+                yield over
+            if not self.going:
+                return
+            if self._latches:
+                self._before = {wire: sent.kept() for wire, sent in self._latest.items()}
+            ranks = self._ranks  # others where a component was exchanged before this tick
+            for index in due:
+                self._step(ranks[index], t)
+            self.t = t
+            for world in self.going:
+                self.graphs[world].t = t
+            over, self._failed = self._failed, []
+            if arrived is not None and any(there := arrived()):
+                over += [world for world in self.going if there[world]]
+            if over:
+                self.stop(over)
+                yield over
+                if not self.going:
+                    return
+        self.t = max(self.t, until)
+        for world in self.going:
+            self.graphs[world].t = self.t
+
+    def go_on(self) -> None:
+        """Step all of them, those too that have ended."""
+        self.active[:], self.going = True, list(range(len(self.graphs)))
+
+    def stop(self, worlds: Iterable[int]) -> None:
+        """Step these no longer."""
+        self.active[[*worlds]] = False
+        self.going = np.flatnonzero(self.active).tolist()
+
+    def raise_error(self) -> None:
+        """Raise what the part of a graph alone raised."""
+        if self.errors:
+            raise self.errors.pop(0)
+
+    def newest(self, wire: Wire) -> Sent | None:
+        """The newest samples of an output; those of worlds that have ended mean nothing."""
+        return self._latest.get(wire)
+
+    def place(self, graph: Graph) -> int:
+        """The number of a graph."""
+        return self.graphs.index(graph) if len(self.graphs) > 1 else 0
+
+    def put(self, wire: Wire, sample: Signal) -> None:
+        """A sample from outside, for a graph alone."""
+        self._latest[wire] = sent = Sent(None, [sample])
+        for queue in self._readers.get(wire, ()):
+            queue.append(sent)
+
+    def take_out(self, world: int) -> None:
+        """Its graph is alone from now on: what it sent last stays, and it can be finished."""
+        graph = self.graphs[world]
+        for rank in self._ranks:
+            part = rank.parts[world]
+            if rank.batch is not None and isinstance(part, StepsAnyLength) and len(self.graphs) > 1:
+                part.reset(Stream(graph.seed, rank.name))
+                part.load(rank.batch.save(world))
+        saved = self.save(world)
+        Lockstep([graph]).load(saved)
+
+    def finish(self) -> None:
+        """As `Graph.finish`, of a graph alone."""
+        self.go_on()
+        for rank in self._ranks:
+            slot, part, queues = rank.slot, rank.parts[0], rank.queues
+            waits = any(queues.values()) or not queues
+            last = slot.offset + max(self.t - slot.offset, 0) // slot.period * slot.period
+            if waits and last < self.t and isinstance(part, StepsAnyLength) and part.steps_any_length:
+                made = part.step(last, self.t - last, self._inputs(rank, 0))
+                for queue in queues.values():
+                    queue.clear()
+                if (fault := rank.nodes[0].fault) is not None:
+                    made = fault.pass_on(self.t, made)
+                rank.check(made)
+                self._send(rank, self.t, {name: Sent(None, [signal]) for name, signal in made.items()})
+
+    def save(self, world: int = 0) -> State:
+        """What was sent last, and what waits at inputs, of one world."""
+        every = ((rank.name, port, queue) for rank in self._ranks for port, queue in rank.queues.items())
+        return {
+            "t": self.graphs[world].t,
+            "latest": {wire: sent.of(world) for wire, sent in self._latest.items()},
+            "queues": {(name, port): [sent.of(world) for sent in queue] for name, port, queue in every},
+        }
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Back to it, of a graph alone."""
+        self.t = self.graphs[0].t = state["t"]
+        self._latest = {wire: Sent(None, [sample]) for wire, sample in state["latest"].items()}
+        for rank in self._ranks:
+            for port, queue in rank.queues.items():
+                queue[:] = [Sent(None, [sample]) for sample in state["queues"][rank.name, port]]
+
+    def _ended_before(self, t: int) -> list[int]:
+        """Worlds that end before the tick at t [ns]; their graphs know why."""
+        found: dict[int, str] = {}
+        for rank in self._ending:
+            found = {**rank.reasons(self.going, t), **found}
+        for world in self.going:
+            graph = self.graphs[world]
+            if world not in found and graph.before_tick:
+                try:
+                    for wait in graph.before_tick:
+                        wait(t)
+                except EndOfRun as end:
+                    found[world] = str(end)
+        for ask in self.enders:
+            found = {**ask(t, [world for world in self.going if world not in found]), **found}
+        for world, reason in found.items():
+            self.graphs[world].ended = reason
+        return list(found)
+
+    def _step(self, rank: _Rank, t: int) -> None:
+        period, batch, outputs = rank.slot.period, rank.batch, dict[str, Sent]()
+        started = time.perf_counter()
+        if batch is None:
+            outputs = self._step_each(rank, t, period)
+        else:
+            made = batch.step(t - period, period, rank.newest_of_all(self._latest))
+            if batch.errors:
+                self._fail(batch.errors)
+            outputs = {name: Sent(samples) for name, samples in made.items()}
+        rank.cost.seconds += time.perf_counter() - started
+        rank.cost.steps += 1
+        if self.going:
+            self._send(rank, t, outputs)
+
+    def _step_each(self, rank: _Rank, t: int, period: int) -> dict[str, Sent]:
+        """Step the parts of a slot world by world."""
+        made: dict[int, Outputs] = {}
+        for world in self.going:
+            node = rank.nodes[world]
+            try:
+                own = node.component.step(t - period, period, self._inputs(rank, world))
+                if node.fault is not None:
+                    own = node.fault.pass_on(t, own)
+                rank.check(own)
+            except Exception as error:  # a user's own part may raise anything
+                self.errors[world] = error
+                continue
+            made[world] = own
+        for queue in rank.queues.values():
+            queue.clear()
+        if len(made) < len(self.going):
+            self._fail({world: self.errors[world] for world in self.going if world not in made})
+        if len(self.graphs) == 1:
+            return {name: Sent(None, [signal]) for name, signal in made.get(0, {}).items()}
+        return {name: self._joined(rank, name, made) for name in next(iter(made.values()), {})}
+
+    def _joined(self, rank: _Rank, output: str, made: Mapping[int, Outputs]) -> Sent:
+        """An output of all worlds; of one that has ended its last sample stays."""
+        last = self._latest[rank.name, output]
+        each = [made[w][output] if w in made else last.of(w) for w in range(len(self.graphs))]
+        return Sent(None, each, self.active)
+
+    def _inputs(self, rank: _Rank, world: int) -> dict[str, Any]:
+        return rank.newest(self._before if rank.slot.latch else self._latest, world)
+
+    def _fail(self, errors: Mapping[int, Exception]) -> None:
+        """Worlds that cannot go on, those of them that still run."""
+        failed = {world: error for world, error in errors.items() if self.active[world]}
+        self.errors |= failed
+        self._failed += failed
+        self.stop(failed)
+
+    def _send(self, rank: _Rank, t: int, outputs: Mapping[str, Sent]) -> None:
+        """Publish what a slot gave at t in every world."""
+        for output, sent in outputs.items():
+            _, wire, queues = rank.sends[output]
+            self._latest[wire] = sent
+            if queues:
+                kept = sent.kept()
+                for queue in queues:
+                    queue.append(kept)
+        name = rank.name
+        for observe_all in self.observers:
+            observe_all(name, t, outputs, self.active)
+        for world in self.going:
+            graph = self.graphs[world]
+            watch = graph.watches.get(name)
+            if watch is None and not graph.observers:
+                continue
+            own = {output: sent.each[world] for output, sent in outputs.items()}
+            if watch is not None:
+                watch(name, t, own)
+            for observe in graph.observers:
+                observe(name, t, own)

@@ -30,6 +30,7 @@ LENGTH = struct.Struct("<Q")
 SEQUENCES: Mapping[str, type] = {"tuple": tuple, "set": set, "frozenset": frozenset}
 RAW: Mapping[str, type] = {"bytes": bytes, "bytearray": bytearray}
 NUMBERS = "bBhHiIlLqQfd"  # what an `array` may hold
+MOST_PARTS = 4_000_000  # lists and the like in it, which take up to 200 bytes each
 PENDING = object()  # of a tuple whose members are being read
 T = TypeVar("T", bound=type)
 
@@ -72,7 +73,10 @@ def unpack(data: bytes, shared: Mapping[str, Any] | None = None) -> Any:
     start = len(MAGIC) + LENGTH.size
     try:
         (size,) = LENGTH.unpack_from(data, len(MAGIC))
-        types, tree = json.loads(data[start : start + size])
+        head = data[start : start + size]
+        if head.count(b"[") + head.count(b"{") > MOST_PARTS:
+            raise UnpackableState(f"expected a saved state of at most {MOST_PARTS} parts")
+        types, tree = json.loads(head)
         return _Reader(data, start + size, types, shared or {}).made(tree)
     except UnpackableState:
         raise

@@ -44,6 +44,11 @@ class Samples:
     ) -> None:
         self.kind, self.t, self.arrays, self.alike = kind, t, arrays, alike or {}
 
+    @property
+    def count(self) -> int:
+        """In how many worlds."""
+        return len(next(iter(self.arrays.values())))
+
     def of(self, world: int) -> Any:
         """The sample of one world, of type `kind`; it stays what it is."""
         one = Samples(
@@ -83,6 +88,70 @@ class Samples:
             else:
                 arrays[name] = np.array([_plain(value) for value in values])
         return Samples(type(first), max(times, default=first.t), arrays, alike)
+
+
+class Sent:
+    """What an output sent in each world: in arrays (`all`), or one by one (`each`), made where asked for.
+
+    active: of samples one by one, worlds that still run, None = all
+    """
+
+    __slots__ = ("_active", "_all", "_each", "_kept", "_origin", "is_of_all")
+
+    def __init__(
+        self,
+        all: Samples | None,
+        each: Sequence[Signal] | None = None,
+        active: NDArray[np.bool_] | None = None,
+    ) -> None:
+        self._all, self._each, self._active = all, each, active
+        self.is_of_all = all is not None  # whether they were sent in arrays
+        self._kept: Sent | None = None
+        self._origin: Sent | None = None  # of a copy: what it is one of
+
+    @property
+    def kind(self) -> type[Signal]:
+        """Of which type they are."""
+        return type(self._each[0]) if self._all is None else self._all.kind  # type: ignore[index]
+
+    @property
+    def all(self) -> Samples:
+        """In arrays, which their sender may overwrite when it sends anew."""
+        if self._all is None:
+            active = None if self._active is None else self._active.tolist()
+            self._all = Samples.joined(self._each or (), active)
+        return self._all
+
+    @property
+    def each(self) -> Sequence[Signal]:
+        """One by one."""
+        if self._each is None and self._origin is not None:
+            self._each = self._origin._each
+        if self._each is None:
+            self._each = self.all.each()
+        return self._each
+
+    def values(self, name: str) -> Sequence[Any]:
+        """A number in each world."""
+        if self._each is not None:
+            return [getattr(signal, name) for signal in self._each]
+        found: list[Any] = self.all.arrays[name].tolist()
+        return found
+
+    def of(self, world: int) -> Any:
+        """That of one world."""
+        if self._each is None and self.all.count > 1:
+            return self.all.of(world)
+        return self.each[world]
+
+    def kept(self) -> "Sent":
+        """The same, which no sender overwrites."""
+        if not self.is_of_all:
+            return self
+        if self._kept is None:
+            self._kept = Sent(self.all.copy(), self._each)
+            self._kept._kept, self._kept._origin = self._kept, self
+        return self._kept
 
 
 @per_signal
@@ -237,25 +306,33 @@ class InWorlds(ABC):
     def together(cls, parts: Sequence[Any]) -> Together:
         """All of them."""
 
+    alone: Together | None = None  # the batch of one, once it is reset
+
     def reset(self, stream: Stream) -> Outputs:
         """The state at t = 0."""
-        self._alone = self.together([self])
-        return _first(self._alone.reset([stream]))
+        self.alone = self.together([self])
+        return _first(self.alone.reset([stream]))
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """One step of a batch of one."""
-        found = self._alone.step(t, dt, {name: _of_one(value) for name, value in inputs.items()})
-        if self._alone.errors:
-            raise self._alone.errors.pop(0)
+        alone = self._begun()
+        found = alone.step(t, dt, {name: _of_one(value) for name, value in inputs.items()})
+        if alone.errors:
+            raise alone.errors.pop(0)
         return _first(found)
 
     def save(self) -> State:
         """Everything that is needed to go on exactly."""
-        return self._alone.save(0)
+        return self._begun().save(0)
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
-        self._alone.load(0, state)
+        self._begun().load(0, state)
+
+    def _begun(self) -> Together:
+        if self.alone is None:
+            raise SwathError("expected a part that was reset")
+        return self.alone
 
 
 def _first(outputs: Mapping[str, Samples]) -> Outputs:

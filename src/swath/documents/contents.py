@@ -6,6 +6,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from swath.core.read_file import open_to_read
+
 
 def with_contents(node: Any) -> Any:
     """The data with hashes of the contents instead of the path of a file or folder (`file.py:Class` too)."""
@@ -50,7 +52,7 @@ def file_hash(path: Path) -> str:
 @lru_cache(maxsize=256)
 def _read_hash(path: Path, _changed_ns: int, _size: int) -> str:
     """Files are read once, also for many runs."""
-    with path.open("rb") as file:
+    with open_to_read(path, "file", "a file") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

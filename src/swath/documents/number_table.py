@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.read_file import check_readable
 from swath.documents.packed import readable
 
 Array = NDArray[np.float64]
@@ -17,7 +18,8 @@ def column_names(path: Path) -> dict[str, str]:
     """Names of the columns without and with the blanks around them. InputError where there are none."""
     from pyarrow import csv
 
-    with readable("table", "a table with a line of column names", path), csv.open_csv(path) as reader:
+    with readable("table", "a table with a line of column names", path):
+        reader = csv.open_csv(check_readable(path, "table", "a table"))
         return {str(n).strip(): str(n) for n in reader.schema.names}
 
 
@@ -33,7 +35,11 @@ def number_blocks(
     convert = csv.ConvertOptions(column_types=types, include_columns=list(types))
     with (
         readable("table", "numbers only", path),
-        csv.open_csv(path, csv.ReadOptions(block_size=BLOCK_BYTES), convert_options=convert) as reader,
+        csv.open_csv(
+            check_readable(path, "table", "a table"),
+            csv.ReadOptions(block_size=BLOCK_BYTES),
+            convert_options=convert,
+        ) as reader,
     ):
         for batch in reader:
             columns = (batch.column(k).to_numpy(zero_copy_only=False) for k in range(len(kept)))

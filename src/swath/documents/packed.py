@@ -2,7 +2,7 @@
 
 import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, SwathError
+from swath.core.read_file import check_readable, open_to_read
 
 MIB = 1 << 20
 FLOOR_BYTES = 16 * MIB  # what a file of any size may unpack to
@@ -48,8 +49,8 @@ def is_archive(path: Path) -> bool:
 def member_names(path: Path) -> list[str]:
     """Names in a zip archive, none where it is no whole one."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            return archive.namelist()
+        with zipfile.ZipFile(path) if is_archive(path) else nullcontext() as archive:
+            return [] if archive is None else archive.namelist()
     except Exception:  # a damaged directory may raise anything
         return []
 
@@ -78,7 +79,7 @@ def open_archive(
     """
     with readable(key, what, path):
         most = most_unpacked(path.stat().st_size, ratio)
-        archive = _Archive(path)
+        archive = _Archive(check_readable(path, key, what))
     with archive:
         held = sum(info.file_size for info in archive.infolist())
         if held > most:
@@ -96,7 +97,7 @@ def read_arrays(path: Path, key: str, what: str, ratio: int = RATIO) -> dict[str
     InputError with this key, `expected what: why`, for a file that is none.
     """
     with readable(key, what, path), open_archive(path, key, ratio, what):
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
+        with open_to_read(path, key, what) as file, np.load(file, allow_pickle=False) as data:
             found = {name: data[name] for name in data.files}
         strange = [name for name, array in found.items() if not isinstance(array, np.ndarray)]
         if strange:

@@ -1,9 +1,11 @@
 """Text files of a user's, read within bounds: a file without end, or of one line without end, is refused."""
 
 from collections.abc import Iterator
+from io import TextIOWrapper
 from pathlib import Path
 
 from swath.core.errors import InputError
+from swath.core.read_file import open_to_read
 from swath.documents.packed import MIB
 
 MAX_BYTES = 64 * MIB
@@ -11,18 +13,9 @@ LONGEST_LINE = 1 << 16  # characters; tables of this project have hundreds
 
 
 def read_bytes(path: Path, key: str, what: str, most: int = MAX_BYTES) -> bytes:
-    """All of a file. InputError with this key, `expected what`, where it cannot be read or has more bytes."""
-    try:
-        with path.open("rb") as file:
-            data = file.read(most + 1)
-    except FileNotFoundError:
-        raise InputError(key, str(path), f"expected {what}, there is no such file") from None
-    except (OSError, ValueError) as error:  # ValueError: a null character in the path
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(key, None, f"expected {what}: {reason}", file=path) from error
-    if len(data) > most:
-        raise InputError(key, None, f"expected {what} of at most {most} bytes", file=path)
-    return data
+    """All of a file. Raises as `open_to_read`."""
+    with open_to_read(path, key, what, most) as file:
+        return file.read(most)
 
 
 def read_text(path: Path, key: str, what: str, most: int = MAX_BYTES) -> str:
@@ -37,7 +30,7 @@ def text_lines(path: Path, key: str, what: str, most: int = 1 << 30) -> Iterator
     """The lines of a text in UTF-8, with their ends, one at a time. Raises as `read_bytes`."""
     left, line = most, 0
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
+        with TextIOWrapper(open_to_read(path, key, what), "utf-8-sig", newline="") as file:
             while text := file.readline(LONGEST_LINE + 1):
                 line, left = line + 1, left - len(text)
                 if len(text) > LONGEST_LINE:
@@ -46,10 +39,5 @@ def text_lines(path: Path, key: str, what: str, most: int = 1 << 30) -> Iterator
                 if left < 0:
                     raise InputError(key, None, f"expected {what} of at most {most} characters", file=path)
                 yield text
-    except FileNotFoundError:
-        raise InputError(key, str(path), f"expected {what}, there is no such file") from None
     except UnicodeDecodeError as error:
         raise InputError(key, None, f"expected {what} in UTF-8", file=path) from error
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(key, None, f"expected {what}: {reason}", file=path) from error

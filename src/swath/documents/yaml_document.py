@@ -21,6 +21,7 @@ from ruamel.yaml.reader import ReaderError
 from ruamel.yaml.representer import SafeRepresenter
 
 from swath.core.errors import InputError
+from swath.core.read_file import open_to_read
 
 KeyPath = tuple[str | int, ...]
 MAX_BYTES = 1 << 20
@@ -124,22 +125,16 @@ def key_path(text: str) -> KeyPath:
 
 def read_document(file: Path) -> Document:
     """Parse a YAML file. InputError when it cannot be read or is not YAML."""
-    try:
-        with file.open("rb") as stream:
-            read = stream.read(MAX_BYTES + 1)
+    with open_to_read(file, str(file), "a YAML file") as stream:
         if (kind := NO_YAML.get(file.suffix.lower())) is not None:
             raise InputError(str(file), None, f"expected a YAML file, this is {kind}")
+        read = stream.read(MAX_BYTES + 1)
+    if len(read) > MAX_BYTES:
+        raise InputError(str(file), None, _TOO_LARGE)
+    try:
         text = read.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        if error.end > MAX_BYTES:
-            raise InputError(str(file), None, _TOO_LARGE) from error
         raise InputError(str(file), None, "expected text in UTF-8") from error
-    except FileNotFoundError as error:
-        raise InputError(str(file), None, "there is no such file") from error
-    except OSError as error:
-        raise InputError(str(file), None, f"could not be read: {error.strerror}") from error
-    except ValueError as error:
-        raise InputError(str(file), None, "expected a path without a null character") from error
     return parse(text, str(file), Path(file))
 
 

@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
 from swath.core.portable import product
+from swath.core.read_file import check_readable
 from swath.core.units import CM, MM
 from swath.documents.packed import readable
+from swath.documents.text_file import read_bytes
 
 Array = NDArray[np.float64]
 FORMATS = ("obj", "ply", "stl", "glb", "gltf", "off")
@@ -125,15 +127,16 @@ def _load(path: Path) -> Any:
     if kind in ("glb", "gltf"):
         _check_accessors(path)
     if kind != "obj":
-        return trimesh.load_scene(path, process=False)
-    text, library = _own_materials(path.read_text(encoding="utf-8", errors="replace"))
+        return trimesh.load_scene(check_readable(path, "mesh", "a mesh file"), process=False)
+    data = read_bytes(path, "mesh", "a mesh file", BYTES_MAX)
+    text, library = _own_materials(data.decode("utf-8", errors="replace"))
     resolver = trimesh.resolvers.ZipResolver({"swath.mtl": io.BytesIO(library.encode())})
     return trimesh.load_scene(io.BytesIO(text.encode()), file_type="obj", resolver=resolver, process=False)
 
 
 def _check_accessors(path: Path) -> None:
     """Refuse what declares more numbers than TRIANGLES_MAX need: one without data is filled with zeros."""
-    data = path.read_bytes()
+    data = read_bytes(path, "mesh", "a mesh file", BYTES_MAX)
     if data[:4] == b"glTF":
         data = data[20 : 20 + int.from_bytes(data[12:16], "little")]
     counts = [int(accessor["count"]) for accessor in json.loads(data).get("accessors", [])]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.read_file import check_readable
 from swath.core.whole_file import new_file
 from swath.documents.packed import readable
 from swath.field.band import PLAIN, Quantity, check_ground, horizontal, read_band
@@ -179,8 +180,7 @@ def open_geotiff(path: Path) -> Iterator[Any]:
     are texts that name further files and addresses, and GDAL goes by the content, not by the name.
     """
     rasterio = _rasterio()
-    if not path.is_file():
-        raise InputError("raster", None, "expected a GeoTIFF, there is no such file", file=path)
+    check_readable(path, "raster", "a GeoTIFF")
     with readable("raster", "a readable GeoTIFF", path), warnings.catch_warnings(), _damaged_messages():
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
         alone = rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR")

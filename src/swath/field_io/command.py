@@ -41,6 +41,9 @@ def add(parsers: Any) -> Any:
         "--crop", metavar="NAME|FILE", help="data sheet of the crop (default: what the log says)"
     )
     imports.add_argument(
+        "--part", type=int, metavar="N", help="which field or harvest of a log that holds several"
+    )
+    imports.add_argument(
         "--as", choices=("passes", "map"), default="passes", dest="kind",
         help="map: stand and yield of records in any order, without passes",
     )  # fmt: skip
@@ -74,7 +77,7 @@ def run_import(args: argparse.Namespace) -> int:
     if not args.replace and (args.out / "field.yaml").is_file():
         expected = "expected a new or empty folder: this field may hold changes; --replace makes it anew"
         raise InputError("--out", str(args.out), expected)
-    keys = ("grain_g_per_stem", "crop_height_m", "header_width_m", "flow_delay_s", "crop")
+    keys = ("grain_g_per_stem", "crop_height_m", "header_width_m", "flow_delay_s", "crop", "part")
     given = {key: getattr(args, key) for key in keys}
     settings = Settings(**{k: v for k, v in given.items() if v is not None}, as_map=args.kind == "map")
     files = {"dem": args.dem, "boundary": args.boundary, "columns": args.columns}

@@ -4,6 +4,7 @@ import hashlib
 import os
 from dataclasses import dataclass, replace
 from importlib.resources import files
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.read_file import open_to_read
 from swath.core.whole_file import write_whole
+from swath.core.witness import Pair, judge, ratio
 from swath.field.crop import Crop
 from swath.field.crop_sheet import load_crop
 from swath.field.projection import Origin, transform
@@ -27,6 +30,7 @@ from swath.field_io.grid import Maps, crop_height, make_grid, make_maps
 from swath.field_io.heights import fit_terrain
 from swath.field_io.isoxml import is_taskdata
 from swath.field_io.log import Log, read_log
+from swath.field_io.parts import one_part
 from swath.field_io.passes import Track, make_tracks, pass_spacing, row_azimuth
 from swath.field_io.picture import draw
 from swath.field_io.plan import is_outline, plan_field, read_plan
@@ -37,7 +41,15 @@ from swath.terminal.progress import steps
 Array = NDArray[np.float64]
 MARGIN_M = 40.0  # of terrain around the field, for turning
 CLIPPED = 0.05, 0.5  # of the cells, with stems outside what the crop can have: told, refused
-BALANCE = 1.25, 2.5  # logged over mapped grain, or the other way round: told, refused
+BALANCE = 0.25, 1.5  # of more logged than mapped grain: told, refused; of less: told
+WIDER = (
+    0.03  # of passes that lie farther apart than the header is wide: no crop is left standing between them
+)
+MACHINES, FEWEST_BESIDE = (
+    0.1,
+    200,
+)  # yields of two machines on neighbouring passes; records that say something
+MOISTURES = {"maize": (0.1, 0.42), "rape": (0.04, 0.16), "": (0.07, 0.26)}  # of grain at harvest, estimated
 FEW_USED = 0.5  # of the records
 
 
@@ -46,7 +58,8 @@ class Settings:
     """How to import. cell_m, terrain_cell_m: edges of map cells; flow_delay_s: None = estimate per machine;
     header_width_m: for logs that hold none; crop: data sheet, None = what the log says;
     grain_g_per_stem: None = the crop's own; crop_height_m: for logs that hold none, None = the crop's own;
-    as_map: stand and yield of records in any order, without passes.
+    as_map: stand and yield of records in any order, without passes; part: of a log with several fields or
+    harvests, counted from 1
     """
 
     cell_m: float = 5.0
@@ -57,6 +70,7 @@ class Settings:
     header_width_m: float | None = None
     crop: str | None = None
     as_map: bool = False
+    part: int | None = None
 
     def check(self) -> None:
         """Raise InputError for a number that cannot be."""
@@ -97,7 +111,7 @@ def import_log(
         if is_outline(log) or is_agopengps(log):
             return _import_plan(log, out, dem, settings)
         try:
-            records = _read(log, columns, settings)
+            records = _read(log, out, columns, settings)
         except InputError as error:
             lacks_yield = isinstance(error, ColumnsMissing) and "grain_flow or yield" in error.expected
             is_plan = lacks_yield or error.key == "taskdata"
@@ -117,6 +131,8 @@ def import_log(
                     "expected the field of the log",
                     file=boundary,
                 )
+        elif not settings.as_map:
+            records = one_part(records, settings.part, log)
         step("aligning flow and cleaning")
         if settings.as_map:
             cleaned = clean_map(records, within)
@@ -151,7 +167,8 @@ def import_log(
         step("passes")
         origin = _origin(polygon, terrain, records.epsg)
         tracks = () if settings.as_map else make_tracks(cleaned, origin)
-        notes += _doubts(cleaned, maps, within, polygon, settings, crop_facts, log)
+        spacing = pass_spacing(tracks, row_azimuth(tracks))[0] if tracks else np.nan
+        notes += _doubts(cleaned, maps, within, polygon, settings, crop_facts, spacing, log)
         report = _report(log, out, cleaned, tracks, maps, polygon, settings, terrain_info, tuple(notes))
         exterior, holes = outline.rings(polygon)
         corner = np.array([origin.easting, origin.northing])
@@ -173,8 +190,8 @@ def find_log(log: Path) -> Path:
     return bundled if bundled.is_file() and not Path(log).exists() else Path(log)
 
 
-def _read(log: Path, columns: Path | None, settings: Settings) -> Log:
-    """The log; where columns are missing a map to fill in is written beside it, else where one stands."""
+def _read(log: Path, out: Path, columns: Path | None, settings: Settings) -> Log:
+    """The log; where columns are missing a map to fill in is written beside `out`, never beside raw data."""
     try:
         return read_log(
             log, columns, header_width=settings.header_width_m, crop=settings.crop, as_map=settings.as_map
@@ -182,13 +199,9 @@ def _read(log: Path, columns: Path | None, settings: Settings) -> Log:
     except ColumnsMissing as error:
         if is_taskdata(log):
             raise
-        home = next(
-            (f for f in (log.parent, Path()) if os.access(f, os.W_OK) and f.stat().st_mode & 0o222), None
-        )
-        if home is None or columns is not None:
-            raise
-        made = home / f"{log.name.partition('.')[0]}.columns.yaml"
-        if made.exists():
+        made = out.parent / f"{log.name.partition('.')[0]}.columns.yaml"
+        is_beside = made.parent.resolve() == (log if log.is_dir() else log.parent).resolve()
+        if is_beside or columns is not None or made.exists() or not os.access(out.parent, os.W_OK):
             raise
         write_whole(made, error.template + "\n")
         needed = error.expected.rpartition("; ")[0]
@@ -369,6 +382,7 @@ def _doubts(
     polygon: Any,
     settings: Settings,
     crop: Crop,
+    spacing: float,
     path: Path,
 ) -> list[str]:
     """What the result itself contradicts. Raises InputError where it cannot be."""
@@ -394,16 +408,15 @@ def _doubts(
     if settings.as_map:
         return notes
     own = np.ones(len(log), bool) if within is None else outline.inside(polygon, log.position)
-    logged = float((log.flow * log.duration)[own].sum())
-    mapped = _mapped_kg(maps, polygon)
-    ratio = logged / mapped if mapped > 0.0 else np.inf
+    logged, mapped = float((log.flow * log.duration)[own].sum()), _mapped_kg(maps, polygon)
     text = f"{logged / 1000:.1f} t logged, {mapped / 1000:.1f} t on the map of {polygon.area / 1e4:.2f} ha"
-    if ratio > BALANCE[1]:
-        expected = f"expected as much grain on the map as in the log: {text}"
-        flag = "say the units of width, speed and yield with --columns"
-        raise InputError("crop.grain", shown, f"{expected}; {flag}", file=path)
-    if ratio > BALANCE[0] or ratio < 1.0 / BALANCE[0]:
-        notes.append(f"grain: {text}")
+    far = max(
+        logged / mapped - 1.0 if mapped > 0.0 else np.inf, 0.0
+    )  # less is grain of rows that are left out
+    less = ratio(logged, mapped) if logged < mapped else 0.0
+    flag = f"{shown}; say the units of width, speed and yield with --columns"
+    pairs = [Pair("crop.grain", text, far, *BALANCE, flag), Pair("crop.grain", text, less, BALANCE[0])]
+    notes += judge([*pairs, *_beside(cleaned, spacing, crop)], path)
     if cleaned.kept.sum() < FEW_USED * len(log):
         reason, count = max(cleaned.counts.items(), key=lambda item: item[1])
         notes.append(
@@ -412,11 +425,43 @@ def _doubts(
     return notes
 
 
+def _beside(cleaned: Cleaned, spacing: float, crop: Crop) -> list[Pair]:
+    """What the log says twice: by widths and passes, by machines side by side, by moisture and crop."""
+    from scipy.spatial import cKDTree
+
+    log, kept = cleaned.log, np.flatnonzero(cleaned.kept)
+    width, moist = float(np.median(log.width[kept])), log.moisture[kept]
+    text = f"passes lie {spacing:.2f} m apart, the header is {width:.2f} m wide"
+    entry = "the yield goes with the width: header_width in --columns, or --header-width-m"
+    pairs = [Pair("header_width", text, spacing / width - 1.0, WIDER, entry=entry)]
+    low, high = MOISTURES.get(crop.name, MOISTURES[""])
+    middle = float(np.median(moist[np.isfinite(moist)])) if np.isfinite(moist).any() else np.nan
+    text = (
+        f"{100 * middle:.3g} % in the middle, usual of {crop.name} are {100 * low:.0f} to {100 * high:.0f} %"
+    )
+    pairs.append(
+        Pair("moisture", text, max(low - middle, middle - high), 0.0, entry="another crop (--crop)?")
+    )
+    distance, near = cKDTree(log.position[kept]).query(log.position[kept], k=min(12, len(kept)))
+    for a, b in combinations(range(len(log.machine_names)), 2):
+        beside = (log.machine[kept][:, None] == a) & (log.machine[kept][near] == b) & (distance < 1.5 * width)
+        i, j = np.nonzero(beside)
+        if len(i) < FEWEST_BESIDE:
+            continue
+        over = float(np.median(cleaned.grain[kept[near[i, j]]] / cleaned.grain[kept[i]]))
+        one, other = (log.machine_names[k][:30] for k in (a, b))
+        text = f"{other} shows {100 * over:.0f} % of the yield of {one}"
+        pairs.append(
+            Pair("machines", f"{text} beside it", ratio(over, 1.0), MACHINES, entry="is one not calibrated?")
+        )
+    return pairs
+
+
 def _digest(path: Path) -> str:
     """SHA-256 of the log, of a folder of all its files in the order of their names."""
     made = hashlib.sha256()
     for part in sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]:
-        with part.open("rb") as stream:
+        with open_to_read(part, "log", "a yield log") as stream:
             while block := stream.read(1 << 20):
                 made.update(block)
     return made.hexdigest()

@@ -43,6 +43,11 @@ _NEEDED = {"grain_flow": "kg/s", "yield": "kg/m2", "speed": "m/s", "header_width
 """A bad value here breaks the row, elsewhere the cell."""
 MANY = 0.2  # of the rows: so many left out for one reason are told
 LATEST = 1e19  # of a number that is a time: nanoseconds of the year 2286
+LEAST_ONCE = 0.99  # of the rows of sections, each once at a time: with less the clock has coarse steps
+LEAST_COPIED = 0.2  # of the rows that are there a second time: with less a machine stood
+LEAST_LEVEL = 1.5  # times: a gap between the values of a column that may be one between two units
+ONE_LEVEL = 0.15  # log: two levels of values are those of two units
+MOST_TURNS = 6  # from one level to the other, in the order of the rows
 COUNTS_ON = 0.99  # of the steps of a distance that do not go back: it is that from the start
 MAP_WIDTH = 10.0  # m, where a map of yields holds no width of the header
 WHOLE_CROP_SHARE = 0.2  # of the rows with a flow: so many above what grain can be are no slips
@@ -135,14 +140,14 @@ def read_log(
     lon_lat = places.lon_lat
     sheet, others, note = _crop(table, found, crop, path)
     notes += [note] if note else []
-    found, values, first, more = _settled(
+    found, values, stand_ins, more = _settled(
         table, found, places, others_of_places, header_width, sheet, path, as_map
     )
     notes += more
     found, note = _as_harvested(values, found, sheet)
     notes += [note] if note else []
     broken = dict(table.broken)
-    reasons = {"other_section": ~first, "other_crop": others, **_broken(places, values, found)}
+    reasons = {**stand_ins, "other_crop": others, **_broken(places, values, found)}
     _refuse_whole_crop(values["grain_flow"], path)
     good = np.ones(len(lon_lat), dtype=bool)
     for reason, bad in reasons.items():
@@ -155,7 +160,7 @@ def read_log(
     notes += [
         f"{n:,} of {row_count:,} rows left out: {reason.replace('_', ' ')}{_why({reason: n}, found)}"
         for reason, n in broken.items()
-        if n > MANY * row_count and reason not in ("other_section", "other_crop")
+        if n > MANY * row_count and reason not in ("copied", "other_section", "other_crop")
     ]
     work = not_working(table, found)
     if work is not None:
@@ -186,16 +191,20 @@ def _why(broken: dict[str, int], found: ColumnMap) -> str:
 def _settled(
     table: Table, found: ColumnMap, places: Reading, others: Others,
     header_width: float | None, sheet: str, path: Path, as_map: bool,
-) -> tuple[ColumnMap, dict[str, Array], NDArray[np.bool_], list[str]]:  # fmt: skip
-    """Columns with their units settled, all quantities in SI units, the first record of each place and time
-    (shape (n,): it has the widths and flows of all sections), and notes.
+) -> tuple[ColumnMap, dict[str, Array], dict[str, NDArray[np.bool_]], list[str]]:  # fmt: skip
+    """Columns with their units settled, all quantities in SI units, reason -> rows that another stands for,
+    shape (n,), and notes.
     """
     count = len(table.row_number)
     numeric = {k: c for k, c in {**found.beside, **found.columns}.items() if QUANTITIES[k] != "text"}
     raw = {k: table.numbers(c.column) for k, c in numeric.items() if k not in ("lat", "lon", "time")}
     clock, day, unit, notes = _clock(table, found)
-    first = _joined_sections(found, places.lon_lat, raw, clock)
+    _check_units_within(table, found, raw, path)
     machine = declared_machines(table, found)[1]
+    again, other = _joined(table, found, places.lon_lat, raw, None if clock is None else clock + day, machine)
+    first = ~again & ~other
+    if again.any():
+        notes.append(f"{int(again.sum()):,} rows are there twice, and count once")
     by = raw.get("record", np.arange(count, dtype=float)) if clock is None else clock
     cutting = _cutting(raw, not_working(table, found), count)
 
@@ -248,7 +257,7 @@ def _settled(
         period = float(np.nanmedian(drive.step / np.maximum(values["speed"][drive.after], 0.1)))
         values["duration"] = np.full(count, period)
         more.append(f"no time: records taken as {period:.2f} s apart, by speed and positions")
-    return found, values, first, notes + more
+    return found, values, {"copied": again, "other_section": other}, notes + more
 
 
 def _way_time(
@@ -378,26 +387,83 @@ def _as_harvested(values: dict[str, Array], found: ColumnMap, sheet: str) -> tup
     return replace(found, columns=renamed), note
 
 
-def _joined_sections(
-    found: ColumnMap, lon_lat: Array, raw: dict[str, Array], time: Array | None
-) -> NDArray[np.bool_]:
-    """The first record of each place and time, shape (n,): it gets the widths and flows of all sections."""
+def _joined(
+    table: Table,
+    found: ColumnMap,
+    lon_lat: Array,
+    raw: dict[str, Array],
+    time: Array | None,
+    machine: NDArray[np.int64],
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Rows that are there a second time, and rows of sections beside the one that stands for all, (n,).
+
+    The first section of a time gets the place, widths and flows of all, in place.
+    """
     count = len(lon_lat)
-    if "section" not in found.columns or "header_width" not in raw:
-        return np.ones(count, dtype=bool)
-    keys = np.nan_to_num(np.column_stack([np.zeros(count) if time is None else time, lon_lat]))
-    _, index, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    group = group.ravel()
-    width = np.nan_to_num(raw["header_width"])
-    total = _sums(group, width)
-    share = width / np.where(total > 0.0, total, 1.0)
-    first = np.zeros(count, dtype=bool)
-    first[index] = True
-    for key in FLOWS:
-        if key in raw:
-            raw[key] = _sums(group, (1.0 if key == "grain_flow" else share) * np.nan_to_num(raw[key]))
-    raw["header_width"] = total
+    moment = machine if time is None else np.stack([machine, time], axis=1)
+    place = np.column_stack([moment, lon_lat])
+    flows = [raw[key] for key in (*FLOWS, "header_width") if key in raw]
+    if "section" in found.columns:
+        texts = table.texts(found.columns["section"].column)
+        flows.append(np.unique(texts, return_inverse=True)[1].astype(float))
+    again, other = ~_first(np.column_stack([place, *flows])), np.zeros(count, dtype=bool)
+    if again.mean() < LEAST_COPIED:
+        again = other.copy()  # standing, or a clock of coarse steps
+    rows = np.flatnonzero(~again)
+    if "section" in found.columns and "header_width" in raw and len(rows):
+        is_once = _first(np.column_stack([moment, flows[-1]]))[rows].mean() > LEAST_ONCE
+        held = np.nan_to_num(np.column_stack([moment if is_once else place])[rows])
+        index, group = np.unique(held, axis=0, return_index=True, return_inverse=True)[1:]
+        group = group.ravel()
+        width = np.nan_to_num(raw["header_width"][rows])
+        total, size = _sums(group, width), _sums(group, np.ones(len(rows)))
+        share = np.where(total > 0.0, width / np.where(total > 0.0, total, 1.0), 1.0 / size)
+        for key in FLOWS:
+            if key in raw:
+                part = 1.0 if key == "grain_flow" else share
+                raw[key][rows] = _sums(group, part * np.nan_to_num(raw[key][rows]))
+        for axis in range(2):
+            lon_lat[rows, axis] = _sums(group, share * lon_lat[rows, axis])
+        raw["header_width"][rows] = total
+        other[np.delete(rows, index)] = True
+    return again, other
+
+
+def _first(keys: Array) -> NDArray[np.bool_]:
+    """The first row of each kind, shape (n,)."""
+    first = np.zeros(len(keys), dtype=bool)
+    first[np.unique(np.nan_to_num(keys), axis=0, return_index=True)[1]] = True
     return first
+
+
+def _check_units_within(table: Table, found: ColumnMap, raw: dict[str, Array], path: Path) -> None:
+    """Raise InputError for a column whose first rows are in one unit, and others in another one."""
+    for key in (*FLOWS, "speed", "header_width", "moisture", "elevation"):
+        column = {**found.beside, **found.columns}.get(key)
+        if key not in raw or column is None:
+            continue
+        rows = np.flatnonzero(raw[key] > 0.0)
+        size = np.log(raw[key][rows])
+        if len(rows) < FEWEST_RECORDS:
+            continue
+        middle = np.sort(size)[len(size) // 10 : -(len(size) // 10)]
+        step = int(np.diff(middle).argmax())
+        if middle[step + 1] - middle[step] < np.log(LEAST_LEVEL):
+            continue
+        is_high = size > 0.5 * (middle[step] + middle[step + 1])
+        levels = [float(np.median(size[own])) for own in (~is_high, is_high)]
+        sizes = np.log(list(UNITS[QUANTITIES[key]].values()))
+        of_units = np.abs(np.subtract.outer(sizes, sizes) - (levels[1] - levels[0])) < ONE_LEVEL
+        turns = np.flatnonzero(np.diff(is_high)) + 1
+        if of_units.any() and len(turns) <= MOST_TURNS:
+            ends = np.split(table.row_number[rows], turns)[:2]
+            said = " and ".join(
+                f"{np.exp(levels[int(is_high[at])]):.3g} in rows {end[0]} to {end[-1]}"
+                for at, end in zip((0, turns[0]), ends, strict=True)
+            )
+            raise InputError(
+                key, f"{column.column}: {said}", "expected one unit in a column, not two", file=path
+            )
 
 
 def _sums(group: NDArray[np.int64], values: Array) -> Array:

@@ -25,6 +25,8 @@ LARGEST_BYTES, LARGEST_KML = 1 << 27, 1 << 25
 EMPTY_AREA = 100.0  # m2: less is no field
 LEAST_TOLD = 1.0  # m2: less is left out without a word
 MOST_SHAPES, MOST_PAIRS = 20_000, 100_000  # polygons of a file, and pairs of them that overlap
+USUAL_PAIRS, BLOCK = 8, 64  # boxes of sides that meet that of one in an honest ring; looked up at once
+MOST_CROSSINGS = 1000  # of the sides of a polygon with each other
 PROBED = 1000  # records that say which field is meant
 WITHIN = 0.98  # share of a polygon that lies in another, from which on it is one within it
 ISLANDS = 0.5  # share of a field that islands have at most; more are zones or inner lines of it
@@ -184,8 +186,26 @@ def _nested(shapes: list[Shape]) -> tuple[list[Shape], list[Shape], list[Shape]]
 
 def _surfaces(shape: Any) -> Any:
     """The areas of a shape, valid."""
+    return _shapely().union_all(_parts(valid(shape)))
+
+
+def valid(shape: Any) -> Any:
+    """A shape, mended where its rings cross. ValueError where they do so too often, as in a star, which has
+    the square of its corners of crossings: mending takes more than the square of these.
+    """
     shapely = _shapely()
-    return shapely.union_all(_parts(shapely.make_valid(shape)))
+    if not shapely.is_valid(shape):
+        corners = shapely.get_coordinates(shape)
+        sides = shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1))
+        tree, near, crossed = shapely.STRtree(sides), 0, 0
+        for first in range(0, len(sides), BLOCK):
+            one, other = tree.query(sides[first : first + BLOCK])
+            near += len(one)
+            if not (is_dense := near > MOST_PAIRS + USUAL_PAIRS * len(sides)):
+                crossed += int(shapely.crosses(sides[first + one], sides[other]).sum())
+            if is_dense or crossed > 2 * MOST_CROSSINGS:  # each is met from both sides
+                raise ValueError(f"lines between its {len(corners)} corners that cross too often")
+    return shapely.make_valid(shape)
 
 
 def _parts(shape: Any) -> list[Any]:
@@ -323,7 +343,7 @@ def _from_shapefile(path: Path) -> tuple[list[Shape], str]:
     shapes = []
     for rings in found:
         polygons = [shapely.Polygon(ring) for ring in rings if len(ring) >= 4]
-        shapes += [Shape(p) for p in _parts(shapely.make_valid(shapely.MultiPolygon(polygons)))]
+        shapes += [Shape(p) for p in _parts(valid(shapely.MultiPolygon(polygons)))]
     return shapes, crs
 
 

@@ -19,6 +19,7 @@ from swath.field_io.agopengps import HEADLAND_LINE, is_agopengps, read_agopengps
 from swath.field_io.coordinates import place
 from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import make_grid
+from swath.field_io.outline import valid
 from swath.field_io.passes import Track, row_azimuth, straight_windows
 from swath.field_io.shapefiles import is_of_polygons
 from swath.field_io.taskdata import (
@@ -205,7 +206,7 @@ def _polygon(part: Part) -> tuple[Any, int, list[str]]:
         made = []
         for p in polygons:
             sides = [[shapely.Polygon(next(places)) for _ in side] for side in (p.exteriors, p.interiors)]
-            outer, inner = (shapely.union_all(shapely.make_valid(side)) for side in sides)
+            outer, inner = (shapely.union_all([valid(p) for p in side]) for side in sides)
             made.append(outer.difference(inner))
         return made
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.read_file import open_to_read
 from swath.core.registry import installed, installed_part
 from swath.documents.packed import LARGEST_BYTES, most_unpacked, readable
 from swath.field_io.columns import AG_LEADER, AG_LEADER_2000, unit_symbol
@@ -116,7 +117,8 @@ def read_table(path: Path) -> Table:
         if not head or head.startswith((b"PK\x03\x04", SHAPES)):
             return _read_shapefile(path)
         is_packed = head.startswith(b"\x1f\x8b")
-        with gzip.open(path) if is_packed else path.open("rb") as stream:
+        file = open_to_read(path, "log", "a yield log")
+        with file, gzip.open(file) if is_packed else file as stream:
             start = stream.read(65536)
             stream.seek(0)
             packed = most_unpacked(path.stat().st_size) if is_packed else LARGEST_BYTES
@@ -152,7 +154,7 @@ def _head(path: Path) -> bytes:
             return b""
         expected = "expected a file, or a folder with a shapefile or TASKDATA.XML in it"
         raise InputError("log", None, expected, file=path)
-    with path.open("rb") as stream:
+    with open_to_read(path, "log", "a yield log") as stream:
         head = stream.read(64)
     if not head:
         raise InputError("log", None, "expected a yield log, the file is empty", file=path)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.portable import product
 from swath.core.whole_file import write_whole
+from swath.documents.json_file import read_json
 from swath.fleet.files import PlanSettings
 from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import PARAMS as GAPS
@@ -100,7 +101,7 @@ class Plan:
 
 def read_plan(path: Path) -> Plan:
     """A plan as `Plan.write` has it."""
-    rows = json.loads(path.read_text(encoding="utf-8"))
+    rows = read_json(path, "plan", "a plan")
     passes = tuple(Pass(**{**p, "start": tuple(p["start"]), "end": tuple(p["end"])}) for p in rows["passes"])
     return Plan(passes, rows["area_m2"], rows["left_m2"])
 

@@ -14,6 +14,8 @@ from swath.core.errors import InputError
 from swath.core.foreign_code import file_of
 from swath.core.random import Stream
 from swath.core.whole_file import write_whole
+from swath.documents.contents import file_hash
+from swath.documents.json_file import read_object
 from swath.fleet.files import JobFile
 from swath.fleet.schedule import schedule_of
 from swath.fleet.worked import by_events
@@ -74,7 +76,7 @@ def _key(job: JobFile, base: Path | None, percent: float) -> str:
     """Of a job with its dispatcher's and machines' files as they are now."""
     sheets = [*(c.machine for c in job.combines.values()), *(k.machine for k in job.carts.values())]
     files = [file_of(name, base) for name in (job.fleet.dispatcher, job.truck.machine, *sheets)]
-    texts = [file.read_bytes() for file in files if file.is_file()]
+    texts = [file_hash(file) for file in files if file.is_file()]
     return sha256(f"{job} {percent} {texts}".encode()).hexdigest()
 
 
@@ -84,7 +86,7 @@ def _kept(out: Path | None, key: str) -> list[float | str]:
     if file is None or not file.is_file():
         return []
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
+        found = read_object(file, "draws", "draws of a job")
         return list(found["draws"]) if found["job"] == key else []
-    except (ValueError, KeyError, TypeError):
+    except (InputError, KeyError, TypeError):
         return []

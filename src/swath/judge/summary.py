@@ -52,6 +52,29 @@ class _Change(_Part):
     value: Any
 
 
+class _Cost(_Part):
+    seconds: Seconds
+    steps: Annotated[int, Field(ge=0)]
+
+
+class _Checked(_Part):
+    quantity: str
+    state: str | None
+    source: str
+    checked: list[float | None] | None
+    met: list[float | None] | None
+
+
+class _Slot(_Part):
+    level: str
+    quantities: list[_Checked]
+
+
+class _Credibility(_Part):
+    undeclared: list[str] = []
+    slots: dict[str, _Slot] = {}
+
+
 class _Summary(_Part):
     """What readers of a summary rest on; metrics are read one by one."""
 
@@ -60,6 +83,13 @@ class _Summary(_Part):
     incidents: list[_Incident] = []
     events: list[_Change] = []
     simulated_s: Seconds = 0.0
+    incomplete: bool = False
+    machines: dict[str, dict[str, Any]] = {}
+    cost: dict[str, _Cost] = {}
+    credibility: _Credibility = _Credibility()
+    notes: list[str] = []
+    versions: dict[str, Any] = {}
+    files: dict[str, str] = {}
 
 
 def make_summary(

@@ -12,14 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.abilities import EndsRun
-from swath.core.graph import EndOfRun
-from swath.core.together import Samples, takes_all
+from swath.core.together import Samples, Sent, takes_all
 from swath.judge.evaluation import Evaluation
 from swath.judge.evaluator import Rests, WantsNewest
 from swath.signals import Signal
 
 Bits = NDArray[np.bool_]
-Sent = Samples | Sequence[Signal]
 
 
 class Judges(Protocol):
@@ -59,7 +57,7 @@ class EvaluationOfAll:
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Sent], active: Bits) -> None:
         """Samples that a slot of all worlds published at t [ns]."""
-        kinds = tuple(kind_of(sent) for sent in outputs.values())
+        kinds = tuple(sent.kind for sent in outputs.values())
         groups = self._shown.get((slot, *kinds))
         is_first = groups is None
         if groups is None:
@@ -68,52 +66,26 @@ class EvaluationOfAll:
             groups = self._shown[slot, *kinds] = [group for group in found if self._counts(group)]
         if not groups:
             return
-        samples = _Both(outputs, active)
         for group in groups:
-            group.see(slot, t, kinds, samples, active, is_first=is_first)
+            group.see(slot, t, kinds, outputs, active, is_first=is_first)
 
     def _counts(self, group: "_Group") -> bool:
         return self._limited is None or group.may_end or group.has_any(self._limited)
 
-    def end_with(self, world: int, t: int) -> None:
-        """Before the tick at t [ns]: EndOfRun where an evaluator of a world wants that."""
+    def reasons(self, t: int, worlds: Sequence[int]) -> dict[int, str]:
+        """Why evaluators want some of these worlds to end before the tick at t [ns]."""
+        found: dict[int, str] = {}
         for group in self._ending:
-            if reason := group.evaluators[world].end_reason(t):
-                raise EndOfRun(f"{group.subject}: {reason}")
-
-    @property
-    def may_end(self) -> bool:
-        """Whether an evaluator may want a world to end."""
-        return any(group.may_end_now for group in self._ending)
+            for world in worlds if group.may_end_now else ():
+                if world not in found and (reason := group.evaluators[world].end_reason(t)):
+                    found[world] = f"{group.subject}: {reason}"
+        return found
 
     def give(self, world: int, names: Collection[str] | None = None) -> None:
         """The evaluators of a world know what was seen of it. names: those of these metrics alone"""
         for group in self._groups.values():
             if names is None or group.has_any(names):
                 group.give(world)
-
-
-class _Both:
-    """Samples of all worlds, in arrays and one by one, each made where it is asked for."""
-
-    def __init__(self, outputs: Mapping[str, Sent], active: Bits) -> None:
-        self.sent, self._active = outputs, active
-        self._all: dict[str, Samples] | None = None
-        self._each: dict[str, Sequence[Signal]] | None = None
-
-    @property
-    def all(self) -> dict[str, Samples]:
-        if self._all is None:
-            self._all = {
-                k: s if isinstance(s, Samples) else Samples.joined(s, self._active.tolist())
-                for k, s in self.sent.items()
-            }
-        return self._all
-
-    def of(self, world: int) -> dict[str, Signal]:
-        if self._each is None:
-            self._each = {k: s.each() if isinstance(s, Samples) else s for k, s in self.sent.items()}
-        return {name: each[world] for name, each in self._each.items()}
 
 
 class _Group:
@@ -141,13 +113,20 @@ class _Group:
         return not (isinstance(self.all, Asleep) or (isinstance(self.all, Woken) and not self.all.was_woken))
 
     def see(
-        self, slot: str, t: int, kinds: Sequence[type], samples: _Both, active: Bits, *, is_first: bool
+        self,
+        slot: str,
+        t: int,
+        kinds: Sequence[type],
+        outputs: Mapping[str, Sent],
+        active: Bits,
+        *,
+        is_first: bool,
     ) -> None:
         if self.all is not None:
-            self.all.see(slot, t, samples.all, active)
+            self.all.see(slot, t, {name: sent.all for name, sent in outputs.items()}, active)
             return
         if self._newest and all(issubclass(kind, self._newest) for kind in kinds) and not is_first:
-            self._waiting[slot] = slot, t, samples.sent
+            self._waiting[slot] = slot, t, outputs
             return
         if t < self._until:
             return
@@ -156,7 +135,7 @@ class _Group:
             if self._waiting:
                 self._show(world)
             if not self._rests or t >= evaluator.rests_until:
-                evaluator.see(slot, t, samples.of(world))
+                evaluator.see(slot, t, {name: sent.each[world] for name, sent in outputs.items()})
         self._waiting.clear()
         if self._rests:
             self._until = min(e.rests_until for e in self.evaluators)
@@ -168,7 +147,7 @@ class _Group:
 
     def _show(self, world: int) -> None:
         for slot, t, outputs in self._waiting.values():
-            own = {k: s.of(world) if isinstance(s, Samples) else s[world] for k, s in outputs.items()}
+            own = {name: sent.of(world) for name, sent in outputs.items()}
             self.evaluators[world].see(slot, t, own)
 
 
@@ -199,11 +178,6 @@ class Woken:
 def newest_of(outputs: Mapping[str, Samples], kind: type[Signal]) -> Samples | None:
     """The sample of a type among outputs."""
     return next((s for s in outputs.values() if issubclass(s.kind, kind)), None)
-
-
-def kind_of(sent: Sent) -> type[Signal]:
-    """Of which type samples are."""
-    return sent.kind if isinstance(sent, Samples) else type(sent[0])
 
 
 class Table:

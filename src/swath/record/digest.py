@@ -19,7 +19,7 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.core.frozen import define
 from swath.core.schedule import NS
-from swath.core.together import Samples
+from swath.core.together import Samples, Sent
 from swath.kernels import repeatable, shared
 from swath.signals import Signal
 
@@ -205,22 +205,20 @@ class Digests:
         self._block = np.zeros((len(digests), BLOCK_BYTES), np.uint8)
         self._at, self._is_even = 0, True
 
-    def take(
-        self, slot: str, t: int, outputs: Mapping[str, "Samples | Sequence[Signal]"], active: np.ndarray
-    ) -> None:
+    def take(self, slot: str, t: int, outputs: Mapping[str, Sent], active: np.ndarray) -> None:
         """Take in what `slot` published at t [ns]; of worlds that have ended nothing counts any more."""
         for output, sent in outputs.items():
-            if isinstance(sent, Samples):
+            if sent.is_of_all:
                 columns = self._columns.get((slot, output))
                 if columns is None:
-                    columns = self._columns[slot, output] = Columns(slot, output, sent)
+                    columns = self._columns[slot, output] = Columns(slot, output, sent.all)
                 if self._is_even:
-                    columns.put(t, sent, self._room(columns.size))
+                    columns.put(t, sent.all, self._room(columns.size))
                     self._grow(columns.size, active)
                     continue
-                rows: Sequence[Any] | np.ndarray = columns.bytes_of(t, sent)
+                rows: Sequence[Any] | np.ndarray = columns.bytes_of(t, sent.all)
             else:
-                rows = [sample_bytes(slot, output, t, sample) for sample in sent]
+                rows = [sample_bytes(slot, output, t, sample) for sample in sent.each]
             if self._is_even and len({len(row) for row in rows}) == 1:
                 size = len(rows[0])
                 self._room(size)[:] = np.frombuffer(b"".join(rows), np.uint8).reshape(len(rows), size)

@@ -17,6 +17,7 @@ from sys import byteorder
 from typing import Any, BinaryIO, Protocol, runtime_checkable
 
 from swath.core.errors import InputError
+from swath.core.read_file import open_to_read
 from swath.core.unnamed_file import UnnamedFile
 from swath.core.whole_file import open_to_write, write_whole
 from swath.documents.packed import readable
@@ -365,7 +366,10 @@ class McapFile:
 
         schemas: dict[int, Any] = {}
         channels: dict[int, Any] = {}
-        with source.open("rb") as stream, readable("recording", "a whole run.mcap", source):
+        with (
+            open_to_read(source, "recording", "a recording") as stream,
+            readable("recording", "a whole run.mcap", source),
+        ):
             for record in StreamReader(stream).records:
                 if isinstance(record, Schema):
                     schemas[record.id] = record

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError, SwathError
+from swath.core.read_file import check_readable
 from swath.core.schedule import NS
 from swath.core.signal import TrackColumn, quantities, signal_types
 from swath.core.unnamed_file import UnnamedFile
@@ -375,7 +376,10 @@ def track_pieces(path: Path) -> Iterator[dict[str, np.ndarray]]:
 def _opened(path: Path) -> Iterator[Any]:
     import pyarrow.parquet as pq
 
-    with readable("tracks", "a tracks.parquet", path), pq.ParquetFile(path, pre_buffer=False) as file:
+    with (
+        readable("tracks", "a tracks.parquet", path),
+        pq.ParquetFile(check_readable(path, "tracks", "a tracks.parquet"), pre_buffer=False) as file,
+    ):
         about = file.metadata
         if about.num_rows * about.num_columns > MOST_VALUES + VALUES_PER_BYTE * path.stat().st_size:
             size = f"{about.num_rows} x {about.num_columns}"

@@ -1,12 +1,14 @@
 """Obstacles of a run as simple bodies with the time that they are there, and their ways."""
 
 import json
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from swath.core.errors import InputError
 from swath.core.foreign_code import through
 from swath.field.contact import bounds, frames_along, parts_of
 from swath.field.memory_layout import Solids
@@ -58,20 +60,27 @@ def _there(world: World, events: Sequence[Event]) -> Iterator[tuple[Thing, float
     changes = [(str(e["set"]), float(e["t_s"]), e["value"]) for e in events]
     changes = [c for c in changes if c[0].startswith(OBSTACLES + ".")]
 
+    times: dict[str, list[float]] = {}
+    for key, t, _ in sorted(changes, key=lambda change: change[1]):
+        times.setdefault(key, []).append(t)
+
     def end_of(key: str, begin: float) -> float | None:
-        return next((t for k, t, _ in changes if k == key and t > begin), None)
+        of = times.get(key, [])
+        return of[after] if (after := bisect_right(of, begin)) < len(of) else None
 
     for index, thing in enumerate(things_in(world.scenario.field.obstacles, world.field)):
         yield thing, 0.0, end_of(f"{OBSTACLES}.{index}", -1.0)
-    for key, begin, value in changes:
-        if value not in (None, ""):
-            text = value if isinstance(value, str) else json.dumps(value)
-            file = world.scenario.file
-            sets = [f"field.obstacles=[{text}]"]
-            with through(world.scenario.gate):
-                wanted = parse_scenario(world.scenario.resolved(), base=file and file.parent, sets=sets)
-            for thing in things_in(wanted.field.obstacles, world.field):
-                yield replace(thing, name=key), begin, end_of(key, begin)
+    added = [change for change in changes if change[2] not in (None, "")]
+    texts = [value if isinstance(value, str) else json.dumps(value) for _, _, value in added]
+    if not added:
+        return
+    file, sets = world.scenario.file, [f"field.obstacles=[{', '.join(texts)}]"]
+    with through(world.scenario.gate):
+        wanted = parse_scenario(world.scenario.resolved(), base=file and file.parent, sets=sets)
+    if len(wanted.field.obstacles) != len(added):
+        raise InputError("events", None, "expected one obstacle in each that puts one in")
+    for (key, begin, _), thing in zip(added, things_in(wanted.field.obstacles, world.field), strict=True):
+        yield replace(thing, name=key), begin, end_of(key, begin)
 
 
 def _rows(

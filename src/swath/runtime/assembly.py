@@ -181,7 +181,6 @@ def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFiel
         scenario, ground.field, ground.obstacles, ground.driven, site.bodies, graph, machines, walkers,
         before_asking, devices,
     )  # fmt: skip
-    graph.before_tick.append(world.end_with_parts)
     world.watch_bodies()
     for device in devices:
         graph.watches[device.setup.name] = device
@@ -343,7 +342,6 @@ def exchange(
     world.graph.exchange(name, component, wires, state)
     machine = world.machines[machine_name]
     before, machine.parts[slot] = machine.parts[slot], component
-    world.exchanged()
     if state is None:
         machine.retired.append(before)
     elif isinstance(before, Closes):

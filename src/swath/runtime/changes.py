@@ -82,6 +82,7 @@ def _texts(value: Any) -> Iterator[str]:
 
 OBSTACLES = "obstacles"
 MOST_SECONDS = 1e9  # of a run
+MOST_EVENTS = 1000  # that are done again: for each the scenario is read, a tenth of a second
 
 
 class Restart(Exception):  # not an error: whoever drives the run begins again
@@ -270,6 +271,8 @@ def read_events(source: Path) -> list[dict[str, Any]]:
     is_list = isinstance(found, list) and all(isinstance(e, dict) for e in found)
     if not is_list or any({"t_s", "set", "value"} - set(e) or not _is_time(e["t_s"]) for e in found):
         raise InputError("--events", str(source), "expected events with t_s, set and value")
+    if len(found) > MOST_EVENTS:
+        raise InputError("--events", len(found), f"expected at most {MOST_EVENTS}", file=file)
     return list(found)
 
 

@@ -4,6 +4,7 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
+from swath.documents.contents import file_hash
 from swath.field.field import Field
 from swath.field.state_file import read_state
 from swath.scenario.scenario import Scenario
@@ -41,5 +42,5 @@ def _content(value: Any) -> Any:
     digest = hashlib.sha256()
     for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
         if file.is_file():
-            digest.update(file.name.encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest())
+            digest.update(file.name.encode() + b"\0" + bytes.fromhex(file_hash(file)))
     return f"{path.name} {digest.hexdigest()[:16]}"

@@ -170,7 +170,13 @@ def _run_once(
                 begun()
             if start is not None:
                 running.resume(start, events)
-            return _drive(running, progress, events)
+            is_resumed = world.graph.t > 0
+            try:
+                return _drive(running, progress, events)
+            except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+                if not is_resumed:
+                    raise
+                raise UnusableSave(f"a run from a save failed ({error})") from error
     finally:
         world.close()
         world.graph.let_go()
@@ -294,7 +300,7 @@ class Running:
             )
         if self.pacer is not None:
             self._defer(self.pacer)
-        if events or self.hooks:
+        if events:
             self.world.graph.before_tick.append(Script(self.changes, events[self._done :]))
 
     def _defer(self, pacer: Pacer) -> None:

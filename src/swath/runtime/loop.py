@@ -7,7 +7,7 @@ odometry, edge, steer, speed, steering. Observers record and judge.
 from collections.abc import Callable, Iterator, Sequence
 
 from swath.core.abilities import EndsRun
-from swath.core.graph import EndOfRun, Observer
+from swath.core.graph import EndOfRun, Lockstep, Observer
 from swath.core.schedule import NS
 from swath.core.stopping import raise_if_lost
 from swath.runtime.world import World
@@ -47,17 +47,31 @@ def drive(
     if not resume:
         world.reset()
     limit_s = run.max_duration_s if until_s is None else min(until_s, run.max_duration_s)
-    end = round(limit_s * NS)
-    arrived = _arrival(world)
-    while graph.t < end and not arrived() and not graph.ended:
-        graph.run(min((graph.t // REPORT_EVERY + 1) * REPORT_EVERY, end), stop=arrived)
-        raise_if_lost()
-        if progress is not None:
-            progress(driven_m(world), graph.t / NS)
+    graph.lockstep.go_on()
+    if not graph.ended and not has_arrived(world):
+        for _ in advance([world], graph.lockstep, round(limit_s * NS), progress):
+            pass
     if ending:
         graph.before_tick.remove(end_with_observers)
     if until_s is None:
         graph.finish()
+
+
+def advance(
+    worlds: Sequence[World], lockstep: Lockstep, until: int, progress: Progress | None = None
+) -> Iterator[list[int]]:
+    """Step worlds to a time [ns]; gives those that end, as they do (`Lockstep.advance`).
+
+    What a part of a world that runs alone raises is raised; of others it is in `lockstep.errors`.
+    """
+    arrived = _arrival(worlds, lockstep)
+    while lockstep.t < until and lockstep.going:
+        yield from lockstep.advance(min((lockstep.t // REPORT_EVERY + 1) * REPORT_EVERY, until), arrived)
+        if len(worlds) == 1:
+            lockstep.raise_error()
+        raise_if_lost()
+        if progress is not None:
+            progress(driven_m(worlds[0]), lockstep.t / NS)
 
 
 def ticks(world: World, observers: Sequence[Observer] = ()) -> Iterator[int]:
@@ -79,30 +93,27 @@ def ticks(world: World, observers: Sequence[Observer] = ()) -> Iterator[int]:
     graph.finish()
 
 
+def driven(worlds: Sequence[World], lockstep: Lockstep) -> list[float]:
+    """How far each world got: the farthest machine that cuts; without one, the farthest [m]."""
+    found = [0.0] * len(worlds)
+    for slot in worlds[0].driving:
+        sent = lockstep.newest((slot, "state"))
+        if sent is not None and issubclass(sent.kind, MachineState):
+            found = [max(way) for way in zip(found, sent.values("distance"), strict=True)]
+    return found
+
+
 def driven_m(world: World) -> float:
-    """The longest distance that a machine that cuts has driven; without one, that any has [m]."""
-    driven = 0.0
-    for slot in world.driving:
-        state = world.graph.latest(slot, "state")
-        if isinstance(state, MachineState) and state.distance > driven:
-            driven = state.distance
-    return driven
+    """As `driven`, of a world that runs alone."""
+    return driven([world], world.graph.lockstep)[0]
 
 
 def has_arrived(world: World) -> bool:
     """True when the scenario's distance is driven."""
-    return _arrival(world)()
+    return _arrival([world], world.graph.lockstep)()[0]
 
 
-def _arrival(world: World) -> Callable[[], bool]:
-    """`has_arrived`, asked after every tick: what stays is looked up once."""
-    latest, slots, distance = world.graph.latest, world.driving, world.scenario.run.distance_m
-
-    def arrived() -> bool:
-        for slot in slots:
-            state = latest(slot, "state")
-            if isinstance(state, MachineState) and state.distance >= distance:
-                return True
-        return distance <= 0.0
-
-    return arrived
+def _arrival(worlds: Sequence[World], lockstep: Lockstep) -> Callable[[], list[bool]]:
+    """Which worlds have driven their distances, asked after every tick."""
+    distances = [world.scenario.run.distance_m for world in worlds]
+    return lambda: [way >= far for way, far in zip(driven(worlds, lockstep), distances, strict=True)]

@@ -18,6 +18,7 @@ from typing import Any
 from swath import __version__
 from swath.core.errors import InputError, SwathError
 from swath.core.packed_state import MAGIC, UnpackableState, pack, unpack
+from swath.core.read_file import open_to_read
 from swath.core.schedule import NS
 from swath.core.whole_file import new_file, open_to_append, own_folder, write_whole
 from swath.field.state_file import write_state
@@ -201,7 +202,7 @@ def saves_in(folder: Path) -> dict[int, Path]:
 
 def is_readable(save: Path) -> bool:
     """Whether a save begins as those of this version of swath do."""
-    with suppress(OSError, zlib.error), save.open("rb") as file:
+    with suppress(InputError, zlib.error), open_to_read(save, "save", "a save") as file:
         return zlib.decompressobj().decompress(file.read(1024), len(MAGIC)) == MAGIC
     return False
 
@@ -210,15 +211,18 @@ def saved_before(folder: Path, at: int) -> Iterator[bytes]:
     """Saves of a run folder of times before `at` [ns], still packed, newest first."""
     for t, file in reversed(saves_in(folder).items()):
         if t < at:
-            with suppress(OSError):
-                yield file.read_bytes()
+            with suppress(InputError), open_to_read(file, "save", "a save", LARGEST_BYTES) as save:
+                yield save.read(LARGEST_BYTES)
 
 
 def copy_saves(source: Path, target: Path, until: int) -> list[int]:
     """Copy saves up to a time [ns] from a run folder to another; returns their times."""
     times = [t for t in saves_in(source) if t <= until]
     for name in [*(f"{t}{SAVED}" for t in times), *([PAGES] if times else [])]:
-        with (source / SAVES / name).open("rb") as read, new_file(target / SAVES / name) as written:
+        with (
+            open_to_read(source / SAVES / name, "save", "a save") as read,
+            new_file(target / SAVES / name) as written,
+        ):
             shutil.copyfileobj(read, written)
     return times
 
@@ -230,10 +234,10 @@ def read_save(data: bytes, folder: Path, shared: Mapping[str, Any]) -> dict[str,
         if state["swath"] != __version__:
             raise UnpackableState(f"expected a save of swath {__version__}, not of {state['swath']}")
         field = state["world"]["field"]
-        with (folder / SAVES / PAGES).open("rb") as file:
+        with open_to_read(folder / SAVES / PAGES, "save", "pages of saves") as file:
             for name in PAGED:
                 field[name] = [_page(file, place) for place in field[name]]
-    except (OSError, zlib.error, LookupError, TypeError, ValueError) as error:
+    except (InputError, OSError, zlib.error, LookupError, TypeError, ValueError) as error:
         raise UnpackableState(f"expected a whole save ({error})") from error
     return dict(state)
 

@@ -141,6 +141,8 @@ def in_workers(
                 yield through.pop(number)
             for worker in _ready(pool):
                 found, job = worker.receive(), worker.job
+                if found is not None and isinstance(found[0], OSError):
+                    raise found[0]
                 worker.job, worker.is_starting = None, False
                 if found is None:
                     pool.remove(worker)
@@ -218,11 +220,15 @@ def _work(pipe: Connection, begin: Begin[Any, Any]) -> None:
     collect_rarely()
     os.environ.setdefault("SWATH_THREADS", "1")  # one core a job, as many jobs as cores
     with suppress(OSError):  # the driver is gone
-        work = begin()
-        pipe.send(True)
-        while True:
-            try:
-                job = pipe.recv()
-            except EOFError:
-                return
-            pipe.send(work(job))
+        try:
+            work = begin()
+            pipe.send(True)
+            while True:
+                try:
+                    job = pipe.recv()
+                except EOFError:
+                    return
+                made = work(job)
+                pipe.send(made)
+        except OSError as error:  # a full disk, which is the driver's to tell
+            pipe.send(error)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.abilities import Closes, CountsBeams, CountsRays, EndsRun, HasNotes, HasRange, KnowsErrors
+from swath.core.abilities import Closes, CountsBeams, CountsRays, HasNotes, HasRange, KnowsErrors
 from swath.core.frames import Pose
-from swath.core.graph import EndOfRun, Graph
+from swath.core.graph import Graph
 from swath.field.field import Field
 from swath.field.memory_layout import Solids
 from swath.field.obstacles import Thing
@@ -228,22 +228,6 @@ class World:
             for part in machine.all_parts:
                 if isinstance(part, Closes):
                     part.close()
-
-    @cached_property
-    def _ending(self) -> list[tuple[str, EndsRun]]:
-        """Parts that may end the run, by their slots."""
-        every = ((f"{m.name}.{slot}", part) for m in self.machines.values() for slot, part in m.parts.items())
-        return [(name, part) for name, part in every if isinstance(part, EndsRun)]
-
-    def exchanged(self) -> None:
-        """Another part has come into a slot."""
-        vars(self).pop("_ending", None)
-
-    def end_with_parts(self, t: int) -> None:
-        """Before the tick at t [ns]: a part that wants the run to end ends it."""
-        for name, part in self._ending:
-            if reason := part.end_reason(t):
-                raise EndOfRun(f"{name}: {reason}")
 
     def watch_bodies(self) -> None:
         """The bodies of the machines and their trailers stand where these do from now on."""

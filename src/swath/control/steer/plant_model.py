@@ -11,6 +11,9 @@ from swath.signals import Odometry
 CRAWL = 0.2  # m/s, below which the path curvature cannot be measured and the slip observer rests
 
 
+PREVIEW, STANLEY, PURE_PURSUIT = range(3)  # laws of `preview_kernel`
+
+
 def driven_curvature(odometry: Odometry, wheelbase: float, limit: float) -> float:
     """Curvature of the driven path [1/m]: yaw rate over speed, at a crawl from the steering angle.
 

@@ -1,4 +1,4 @@
-"""The level `preview` as a kernel over worlds: the same operations in the same order as in Python."""
+"""The levels `preview`, `stanley` and `pure_pursuit` as a kernel over worlds."""
 
 from pathlib import Path
 
@@ -19,6 +19,7 @@ GRAVITY, CRAWL, BETTER, FORGET = constants(
 )
 SURE, AGAIN, LONGEST = constants(plant_model.SURE, yaw_rate.AGAIN_S, yaw_rate.LONGEST_S)
 STEEPEST, SLIP_LIMIT = constants(plant_model.STEEPEST, plant_model.SLIP_LIMIT)
+STANLEY_LAW, PURSUIT_LAW = constants(plant_model.STANLEY, plant_model.PURE_PURSUIT)
 
 
 @wp.func_native(exact_code(Path(__file__).parent.parent / "yaw_bias.cpp"))
@@ -29,10 +30,12 @@ def bias_of(memory: wp.array(dtype=wp.float64)) -> wp.float64: ...
 class Law:
     """What stays: numbers of `preview.Params` in SI, and of the machine. x, y: of the header end [m]
 
+    law: which one of `preview.py` aims it
     share, period, more, learnt: of `ActuatorModel`, pending: commands on their way; pole, pole_squared, clip:
     of `SlipObserver`
     """
 
+    law: wp.float64
     x: wp.float64
     y: wp.float64
     outward: wp.float64
@@ -57,7 +60,11 @@ class Law:
 
 @wp.struct
 class State:
-    """As the attributes of `Preview` and its parts; error: nan = none"""
+    """command, held: curvature wanted now, and while the edge is lost [1/m]; engaged, lost: since when [s]
+
+    slip: direction of travel to the left of what the steering explains [rad]; curvature, deficit, model: of
+    `ActuatorModel`; observed, error, sd: of `SlipObserver`, error nan = none; bias, since: of `YawRate`
+    """
 
     command: wp.float64
     held: wp.float64
@@ -97,7 +104,7 @@ class Edge:
 
 @wp.struct
 class Target:
-    """As `Preview._target`."""
+    """error: lateral, > 0 to the left [m]; angle [rad]"""
 
     error: wp.float64
     angle: wp.float64
@@ -120,10 +127,11 @@ def chained(first: Place, then: Place) -> Place:
 
 
 @wp.func
-def target_of(law: Law, edge: Edge, place: Place) -> Target:
+def target_of(law: Law, edge: Edge, place: Place, x: wp.float64, y: wp.float64) -> Target:
+    """The edge, moved out of the crop by the overlap, from a point of the machine at `place`."""
     point = Place()
-    point.x = law.x
-    point.y = law.y
+    point.x = x
+    point.y = y
     end = chained(place, point)
     slope = wp.tan(edge.heading)
     bend = edge.curvature / wp.pow(wp.cos(edge.heading), real(3.0))
@@ -159,6 +167,31 @@ def curvature_for(law: Law, direction: wp.float64) -> wp.float64:
             return law.limit
         return -law.limit
     return slope / (law.x + law.y * slope)
+
+
+@wp.func
+def approach_of(law: Law, error: wp.float64, preview_m: wp.float64) -> wp.float64:
+    """Angle to the target [rad] at which an error [m] is driven off."""
+    return between(wp.atan(error / preview_m), -law.steepest, law.steepest)
+
+
+@wp.func
+def aim(law: Law, edge: Edge, place: Place, slip: wp.float64, preview_m: wp.float64) -> wp.float64:
+    """The curvature to drive from `place` on: the law itself."""
+    target = target_of(law, edge, place, law.x, law.y)
+    if law.law == STANLEY_LAW:
+        angle = target_of(law, edge, place, law.wheelbase, law.y).angle
+        x = law.wheelbase - law.y * wp.sin(angle)  # on the target's normal through the axle's image
+        target = target_of(law, edge, place, x, law.y * wp.cos(angle))
+        wheel = target.angle + approach_of(law, target.error, preview_m) - slip
+        return wp.tan(between(wheel, real(-1.2), real(1.2))) / law.wheelbase
+    approach = approach_of(law, target.error, preview_m)
+    if law.law == PURSUIT_LAW:
+        steepest = wp.sin(approach) * preview_m  # a far edge is not approached more steeply
+        x = law.x + preview_m
+        y = steepest + preview_m * wp.tan(target.angle - slip)
+        return TWO * y / (x * x + y * y)
+    return curvature_for(law, target.angle + approach - slip)
 
 
 @wp.func
@@ -254,7 +287,7 @@ def steer(
         now.heading = far * state.curvature
         now.y = far * (HALF * now.heading + state.slip)
         if measured > CRAWL:
-            target = target_of(law, edge, now)
+            target = target_of(law, edge, now, law.x, law.y)
             slow = wp.max(real(0.1), ONE - law.y * state.curvature)
             drift = target.angle - wp.atan2(law.x * state.curvature, slow) - (state.slip - state.observed)
             sd = real(0.0)
@@ -263,10 +296,8 @@ def steer(
             weight = wp.pow(SURE / wp.max(sd, SURE), TWO)
             state = observe(state, law, target.error, drift, measured * seconds, weight, sd)
         then = chained(now, ahead_of(law, state, pending, measured))
-        target = target_of(law, edge, then)
         preview_m = wp.max(law.lookahead, law.lookahead_s * measured)
-        approach = between(wp.atan(target.error / preview_m), -law.steepest, law.steepest)
-        wanted = curvature_for(law, target.angle + approach - state.slip) + state.deficit
+        wanted = aim(law, edge, then, state.slip, preview_m) + state.deficit
         state.held += wp.min(ONE, seconds / HALF) * (wanted - state.held)
         blend = real(1.0)
         if law.engage > ZERO:

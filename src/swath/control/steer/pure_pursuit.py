@@ -6,23 +6,15 @@ lies beside where the header end is carried. The circle is the fixed axle's, whe
 It cuts bends: a rival of `preview`, with the same prediction and slip observer.
 """
 
-from math import sin, tan
-
-from swath.control.steer.plant_model import Place
+from swath.control.steer.plant_model import PURE_PURSUIT
 from swath.control.steer.preview import Params, Preview
 from swath.core.registry import Level
-from swath.signals import CropEdge
 
 
 class PurePursuit(Preview):
     """The machine drives the circle through a point of the target."""
 
-    def _aim(self, edge: CropEdge, place: Place, speed: float) -> float:
-        ahead = self._preview(speed)
-        error, angle = self._target(edge, place, self._end)
-        steepest = sin(self._approach(error, speed)) * ahead  # a far edge is not approached more steeply
-        x, y = self._end[0] + ahead, steepest + ahead * tan(angle - self._slip)
-        return 2.0 * y / (x * x + y * y)
+    law = PURE_PURSUIT
 
 
 LEVEL = Level(

@@ -7,27 +7,15 @@ mirror image of the steered axle, against the line that it draws when the header
 is the preview distance. A rival of `preview`, which takes both at the header end, with the same prediction.
 """
 
-from math import cos, sin, tan
-
-from swath.control.steer.plant_model import Place
+from swath.control.steer.plant_model import STANLEY
 from swath.control.steer.preview import Params, Preview
 from swath.core.registry import Level
-from swath.signals import CropEdge
 
 
 class Stanley(Preview):
     """The mirror image of the steered axle is aimed along the edge."""
 
-    def _aim(self, edge: CropEdge, place: Place, speed: float) -> float:
-        ahead, aside = self._wheelbase, self._end[1]
-        angle = self._target(edge, place, (ahead, aside))[1]
-        beside = (
-            ahead - aside * sin(angle),
-            aside * cos(angle),
-        )  # on the target's normal through the axle's image
-        error, angle = self._target(edge, place, beside)
-        wheel = angle + self._approach(error, speed) - self._slip
-        return tan(min(max(wheel, -1.2), 1.2)) / self._wheelbase
+    law = STANLEY
 
 
 LEVEL = Level(

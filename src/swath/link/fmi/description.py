@@ -122,6 +122,7 @@ def _repair_variable(node: Any, types: set[str | None]) -> list[str]:
     return repairs
 
 
+MOST_VARIABLES = 100_000  # of an FMU; FMPy reads some 10,000 a second
 KINDS = {"Real": "real", "Boolean": "bool", "String": "string", "Integer": "int", "Enumeration": "int"}
 UNREADABLE = "expected an FMU of FMI 1, 2 or 3, its description cannot be read"
 _INDEXED = re.compile(r"^(?P<base>.+)\[(?P<index>\d+(?:,\s*\d+)*)\]$")
@@ -255,8 +256,11 @@ def read_fmu(file: Path, key: str = "file") -> Description:
 
 
 def _described(file: Path, key: str, names: list[str], fmpy: Any) -> Description:
+    root = _root(file)
+    if (count := len(root.findall("ModelVariables/*"))) > MOST_VARIABLES:
+        raise InputError(key, str(file), f"expected at most {MOST_VARIABLES} variables, it has {count}")
     model, faults = _model(file, key)
-    root, major = _root(file), int(model.fmiVersion.split(".")[0])
+    major = int(model.fmiVersion.split(".")[0])
     side = model.coSimulation
     if side is not None and major == 1:
         _read_capabilities(root, side)

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.read_file import open_to_read
 from swath.core.schedule import NS
 from swath.link.ros2.middleware import Clock, close_node, open_node
 from swath.link.ros2.publisher import Publisher
+from swath.record.read.definitions import definitions_of
 
 LATCHED = "transient_local"
 
@@ -58,18 +60,22 @@ def _wait(began: float, t: int, factor: float) -> None:
 def _open(file: Path) -> tuple[Any, dict[str, tuple[Any, bool]]]:
     """The types of a recording, and the first message of each topic."""
     from mcap.reader import make_reader
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)
     try:
-        with file.open("rb") as stream:
+        with open_to_read(file, "recording", "an MCAP file") as stream:
             summary = make_reader(stream).get_summary()
     except Exception as error:
         raise InputError("recording", str(file), f"expected a whole MCAP file: {error}") from error
     if summary is None:
         raise InputError("recording", str(file), "expected a whole MCAP file, `mcap recover` mends a cut one")
     for schema in summary.schemas.values():
-        found = get_types_from_msg(schema.data.decode(), schema.name)
+        try:
+            found = definitions_of(schema.data, schema.name).types
+        except Exception as error:
+            expected = f"expected definitions that can be read: {error}"
+            raise InputError("recording", str(file), expected) from error
         store.register({name: kind for name, kind in found.items() if name not in store.types})
     firsts: dict[str, tuple[Any, bool]] = {}
     for topic, _, kind, data, is_latched in _messages(file):
@@ -84,7 +90,7 @@ def _messages(file: Path) -> Iterator[tuple[str, int, str, bytes, bool]]:
     """(topic, t [ns], type, CDR bytes, is_latched) in order of time."""
     from mcap.reader import make_reader
 
-    with file.open("rb") as stream:
+    with open_to_read(file, "recording", "an MCAP file") as stream:
         for schema, channel, message in make_reader(stream).iter_messages():
             is_latched = LATCHED in channel.metadata.get("offered_qos_profiles", "")
             kind = schema.name if schema is not None else ""

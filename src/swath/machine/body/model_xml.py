@@ -11,6 +11,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.frames import Array
+from swath.documents.text_file import read_bytes
 from swath.documents.xml_file import XmlError, read_xml
 from swath.field.mesh_file import read_mesh
 from swath.machine.body import triangles
@@ -45,11 +46,8 @@ class ModelFile:
 
     def root(self, tag: str) -> Element:
         """The root element `tag`. No entities are resolved, a DOCTYPE is refused."""
-        size = self.path.stat().st_size
-        if size > BYTES_MAX:
-            raise self.error("the file", f"expected at most {BYTES_MAX} bytes, it has {size}")
         try:
-            root = read_xml(self.path.read_bytes())
+            root = read_xml(read_bytes(self.path, self.key, "a model", BYTES_MAX))
         except XmlError as error:
             raise self.error(
                 f"line {error.line}", f"expected XML that can be read: {error.reason}"

@@ -9,10 +9,12 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.read_file import open_to_read
 from swath.core.schedule import NS
 from swath.documents.packed import most_unpacked
 from swath.documents.yaml_document import read_document
 from swath.record.formats import ABOUT, RECORDING, check_format, read_about
+from swath.record.read.definitions import Definitions
 from swath.record.read.mcap_log import BROKEN, CUT_OFF, MAGIC, McapLog, unpacked_message
 from swath.record.read.rosbag1 import MAGIC as MAGIC_1
 from swath.record.read.rosbag1 import open_rosbag1
@@ -100,6 +102,7 @@ class BagLog:
             if path.is_dir():
                 _check_parts(path)
             with self._make() as reader:
+                self._definitions = Definitions(reader.typestore.fielddefs)
                 self._topics = {c.topic: c.msgtype for c in reader.connections}
                 self._begin = int(reader.start_time) if reader.message_count else 0
                 self._end = int(reader.end_time) - 1 if reader.message_count else 0
@@ -146,6 +149,8 @@ class BagLog:
                 rest.discard(connection.topic)
                 try:
                     data = unpacked_message(data) if is_packed else data
+                    if len(data) < self._definitions.least(connection.msgtype):
+                        raise ValueError("expected more bytes")
                     made = reader.deserialize(data, connection.msgtype)
                 except Exception:
                     self.notes[BROKEN] = self.notes.get(BROKEN, 0) + 1
@@ -167,7 +172,7 @@ def _check_parts(folder: Path) -> None:
     read_document(folder / "metadata.yaml")
     for part in folder.glob("*.zstd"):
         most, held = most_unpacked(part.stat().st_size), 0
-        with part.open("rb") as file:
+        with open_to_read(part, "recording", "a recording") as file:
             for piece in zstandard.ZstdDecompressor().read_to_iter(file):
                 held += len(piece)
                 if held > most:
@@ -228,5 +233,5 @@ def _open_folder(path: Path) -> Log:
 
 
 def _begins(path: Path, magic: bytes) -> bool:
-    with path.open("rb") as file:
+    with open_to_read(path, "recording", "a recording") as file:
         return file.read(len(magic)) == magic

@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.read_file import open_to_read
 from swath.core.schedule import NS
 from swath.documents.packed import most_unpacked
+from swath.record.read.definitions import definitions_of
 
 MIB = 1 << 20
 HELD_BYTES = 64 * MIB  # of messages that wait for the next chunk
@@ -74,7 +76,7 @@ class McapLog:
         self.path, self.by_time, self.packed = path, by_time, packed
         self.notes: dict[str, int] = {}
         self._codecs: dict[tuple[str, bytes], Any] = {}
-        with path.open("rb") as file:
+        with open_to_read(path, "recording", "a recording") as file:
             if file.read(len(self.magic)) != self.magic:
                 raise InputError("recording", path.name, f"expected {self.kind}", file=path)
 
@@ -124,7 +126,7 @@ class McapLog:
         from mcap.records import Attachment, Chunk, Message
         from mcap.stream_reader import StreamReader
 
-        with self.path.open("rb") as file:
+        with open_to_read(self.path, "recording", "a recording") as file:
             try:
                 records: Any = StreamReader(file, emit_chunks=True).records
                 for record in records:
@@ -147,7 +149,7 @@ class McapLog:
         from mcap.reader import make_reader
 
         try:
-            with self.path.open("rb") as file:
+            with open_to_read(self.path, "recording", "a recording") as file:
                 return make_reader(file).get_summary()
         except Exception:  # torn, or no index
             return None
@@ -168,7 +170,7 @@ class McapLog:
         schemas: dict[int, Any] = {}
         first: int | None = None
         reached = 0
-        with self.path.open("rb") as file:
+        with open_to_read(self.path, "recording", "a recording") as file:
             try:
                 for entry in self._entries(file):
                     if entry is DAMAGED:
@@ -212,7 +214,9 @@ class McapLog:
         key = (schema.name, schema.data)
         if key not in self._codecs:
             self._codecs[key] = _store_of(schema)
-        name, store = _ros_name(schema.name), self._codecs[key]
+        name, (store, least) = _ros_name(schema.name), self._codecs[key]
+        if len(data) < least:
+            raise ValueError(f"expected at least {least} bytes")
         if channel.message_encoding == "ros1":
             return store.deserialize_ros1(data, name)
         return store.deserialize_cdr(data, name)
@@ -346,14 +350,25 @@ def _ros_name(name: str) -> str:
     return f"{package}/msg/{rest}" if rest and "/" not in rest else name
 
 
-def _store_of(schema: Any) -> Any:
-    """A type store of a schema's own definitions; of ROS 2 Jazzy where it has none."""
-    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+def _store_of(schema: Any) -> tuple[Any, int]:
+    """A type store of a schema's own definitions, or of ROS 2 Jazzy; bytes that its type has at least."""
+    from rosbags.typesys import Stores, get_typestore
 
     if not schema.data:
-        return get_typestore(Stores.ROS2_JAZZY)
-    text, name = schema.data.decode(), _ros_name(schema.name)
-    found = get_types_from_idl(text) if schema.encoding == "ros2idl" else get_types_from_msg(text, name)
+        return get_typestore(Stores.ROS2_JAZZY), 0
+    name = _ros_name(schema.name)
+    found = definitions_of(schema.data, name, is_idl=schema.encoding == "ros2idl")
     store = get_typestore(Stores.EMPTY)
-    store.register(found)
-    return store
+    store.register(found.types)
+    for kind in store.types.values():
+        kind.__getattr__ = _missing
+    return store, found.least(name)
+
+
+class MissingField(InputError, AttributeError):
+    """A field that a message has by its standard, not by the definition in the file."""
+
+
+def _missing(message: Any, name: str) -> Any:
+    kind = type(message).__name__.replace("__", "/")
+    raise MissingField("recording", kind, f"expected a field {name}, the definition in the file has none")

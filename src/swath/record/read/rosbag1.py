@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.read_file import open_to_read
 from swath.core.schedule import NS
 from swath.record.read.mcap_log import Cut, McapLog, unpacked
 
@@ -31,14 +32,14 @@ class Rosbag1(McapLog):
 
     def end(self) -> int:
         """Log time of the last message [ns]; 0 where there is none."""
-        with self.path.open("rb") as file:
+        with open_to_read(self.path, "recording", "a recording") as file:
             index = _index(file)
         return super().end() if index is None else max((last for _, last, _ in index[1]), default=0)
 
     def _indexed_topics(self) -> dict[str, tuple[int, Any]] | None:
         from mcap.records import Channel, Schema
 
-        with self.path.open("rb") as file:
+        with open_to_read(self.path, "recording", "a recording") as file:
             index = _index(file)
         if index is None:
             return None

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.read_file import check_readable
 from swath.field.projection import transform
 from swath.rays.height_grid import NODE_CELLS, lattice_height
 from swath.signals import F64
@@ -153,8 +154,7 @@ def _read_las(path: Path, how: Reading) -> Cloud:
         import lazrs
     except ImportError as error:
         raise MissingExtra("las", "reading LAS and LAZ") from error
-    if not path.is_file():
-        raise InputError("scans", str(path), "expected a file, there is none")
+    check_readable(path, "scans", "a LAS or LAZ file")
     parts: list[tuple[Any, ...]] = []
     try:
         with laspy.open(path) as file:

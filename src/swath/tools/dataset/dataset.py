@@ -28,7 +28,8 @@ from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.core.whole_file import new_file, own_folder, write_whole
 from swath.documents.json_file import read_object
-from swath.documents.packed import readable
+from swath.documents.packed import LARGEST_BYTES, readable
+from swath.documents.text_file import read_bytes
 from swath.field.obstacles import SheetKind, SheetObstacle, things_of
 from swath.runtime.assembly import assemble
 from swath.runtime.workers import Lost, in_workers
@@ -318,7 +319,7 @@ def write_overview(out: Path) -> Path:
     from matplotlib.figure import Figure
     from matplotlib.image import imread
 
-    whole = json.loads((out / "annotations.json").read_text(encoding="utf-8"))
+    whole = json.loads(read_bytes(out / "annotations.json", "file", "annotations", LARGEST_BYTES))
     images = whole["images"][:SHOWN]
     down = -(-len(images) // ACROSS)
     figure = Figure(figsize=(6.6 * ACROSS, 2.5 * down), dpi=80, layout="constrained")

@@ -8,6 +8,8 @@ from swath.core.errors import InputError
 from swath.documents.yaml_document import read_document
 from swath.tools.function_test.files import from_beside
 
+MOST = 1000  # candidates: the scenarios of all are read before the first run
+
 
 def read_candidates(path: Path | None) -> Mapping[str, Sequence[str]]:
     """Changes by name, as after `--set`, from a file `NAME: {KEY: VALUE}`; `{base: {}}` without a file.
@@ -20,6 +22,8 @@ def read_candidates(path: Path | None) -> Mapping[str, Sequence[str]]:
     document.kind = "candidates"
     if not isinstance(document.data, dict) or not document.data:
         raise document.error((), None, "expected names, each with scenario keys and values")
+    if len(document.data) > MOST:
+        raise document.error((), len(document.data), f"expected at most {MOST} candidates")
     found: dict[str, list[str]] = {}
     for name, sets in document.data.items():
         if not isinstance(sets, dict):

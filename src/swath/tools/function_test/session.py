@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from swath.core.errors import InputError
 from swath.core.output_folder import check_folder
+from swath.core.read_file import open_to_read
 from swath.core.whole_file import new_file, no_link, own_folder, write_whole
 from swath.documents.contents import changed_since, hashes_by_path
 from swath.documents.json_file import read_object
@@ -85,7 +86,10 @@ class Session:
         aside = own_folder(folder / str(1 + len(list(folder.glob("*")))))
         own_folder(aside / JOURNALS)
         for file in (self.folder / PLAN, *self.journals.iterdir()):
-            with file.open("rb") as old, new_file(aside / file.relative_to(self.folder)) as new:
+            with (
+                open_to_read(file, "file", "a file of the plan") as old,
+                new_file(aside / file.relative_to(self.folder)) as new,
+            ):
                 shutil.copyfileobj(old, new)
         for name in (TABLE, *PAGES):
             if (self.folder / name).is_file():

@@ -19,6 +19,7 @@ from swath import __version__
 from swath.core.errors import InputError
 from swath.core.shell import command
 from swath.core.whole_file import write_whole
+from swath.documents.text_file import read_text
 from swath.report.html import write_page
 from swath.runtime.credibility import span
 from swath.runtime.met import QUANTITIES
@@ -597,7 +598,7 @@ def _csv(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
 def _junit(path: Path, found: Conducted, cells: Sequence[OddCell],
            why: Mapping[str, Explained]) -> None:  # fmt: skip
     """Put the buckets and the broken pairs into a JUnit file, as a suite of their own."""
-    root = ET.fromstring(path.read_text(encoding="utf-8"))
+    root = ET.fromstring(read_text(path, "file", "a file of results"))
     suite = ET.SubElement(root, "testsuite", name=f"ODD {found.odd.name}")
     if found.odd.file.requirement:
         properties = ET.SubElement(suite, "properties")

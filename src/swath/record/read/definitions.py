@@ -1,0 +1,76 @@
+"""Definitions of messages that travel in a file, checked before code is made of them.
+
+rosbags makes lines of code for each element of an array of texts or messages, and reads as many elements as
+a definition or a message says. So arrays are bounded, every message within another one holds something, and
+what a definition says that a message has at least is compared with its length. Then reading a message costs
+no more than its bytes.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from swath.documents.packed import MIB
+
+MOST_TEXT = MIB  # bytes of the definitions of one type
+MOST_UNROLLED = 4096  # elements of arrays of texts and messages in them
+
+
+class Definitions:
+    """Types of messages by name, as rosbags has them. ValueError for such as no honest file has."""
+
+    def __init__(self, types: Mapping[str, Any]) -> None:
+        self.types = types
+        self._least: dict[str, int | None] = {}
+        self._unrolled = 0
+        for name in types:
+            self.least(name)
+        if self._unrolled > MOST_UNROLLED:
+            raise ValueError(
+                f"arrays of {self._unrolled} texts and messages, at most {MOST_UNROLLED} are read"
+            )
+
+    def least(self, name: str) -> int:
+        """Bytes that a message of a type has at least."""
+        if name not in self.types:
+            return 1  # of which rosbags says that it is missing
+        if name not in self._least:
+            self._least[name] = None
+            self._least[name] = sum(self._of(field) for _, field in self.types[name][1])
+        found = self._least[name]
+        if found is None:
+            raise ValueError(f"{name} is within itself")
+        return found
+
+    def _of(self, field: Any) -> int:
+        from rosbags.interfaces import Nodetype
+
+        kind, told = field
+        if kind == Nodetype.NAME:
+            if not (least := self.least(told)):
+                raise ValueError(f"{told}, which holds nothing, is within another message")
+            return least
+        if kind == Nodetype.BASE:
+            return _base_bytes(told[0])
+        least = self._of(told[0])  # of an element
+        if kind == Nodetype.SEQUENCE:
+            return 4
+        if told[0][0] != Nodetype.BASE or told[0][1][0] == "string":
+            self._unrolled += told[1]
+        return least * int(told[1])
+
+
+def definitions_of(text: bytes, name: str, *, is_idl: bool = False) -> Definitions:
+    """Those of a text. Raises what rosbags raises for one that is none, and as `Definitions`."""
+    from rosbags.typesys import get_types_from_idl, get_types_from_msg
+
+    if len(text) > MOST_TEXT:
+        raise ValueError(f"a definition of {len(text)} bytes")
+    return Definitions(
+        get_types_from_idl(text.decode()) if is_idl else get_types_from_msg(text.decode(), name)
+    )
+
+
+def _base_bytes(name: str) -> int:
+    from rosbags.serde.utils import SIZEMAP
+
+    return 4 if name == "string" else int(SIZEMAP[name])
