@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from swath.core.collector import collected_rarely
 from swath.core.errors import InputError, SwathError
-from swath.core.foreign_code import Gate, allow_code, code_in, through
+from swath.core.foreign_code import Gate, allow_code, code_in, texts_in, through
 from swath.core.random import Stream
 from swath.core.registry import level_here
 from swath.documents.packed import read_arrays
@@ -41,7 +41,12 @@ Sets = Mapping[str, Any] | Sequence[str]
 
 
 def load_scenario(
-    source: str | Path, *, sets: Sets = (), seed: int | None = None, code: bool = False
+    source: str | Path,
+    *,
+    sets: Sets = (),
+    seed: int | None = None,
+    code: bool = False,
+    addresses: Sequence[str] = (),
 ) -> Scenario:
     """A bundled scenario by name, a file, or the scenario of a run folder, with changes.
 
@@ -49,17 +54,18 @@ def load_scenario(
     seed: instead of the scenario's
     code: True lets Python files and FMUs run that the scenario names, with your rights, a Python file as soon
     as it is read (SECURITY.md); what `sets` name is yours and runs. A scenario remembers what it may run.
+    addresses: beyond this machine, buses and terminals that it may open, as it writes them
     Raises swath.core.errors.InputError, which names key, value, what was expected, file and line.
     """
     texts = [f"{k}={_text(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)
-    with _allowed(code, texts):
+    with _allowed(code, texts, addresses):
         return _load(source, sets=texts, flags={} if seed is None else {"seed": f"seed={seed}"})
 
 
-def _allowed(code: bool, texts: Iterable[str]) -> Any:
-    """A block in which code may run: all, or what texts as after `--set` name."""
-    values = (parse_value(text.partition("=")[2], text) for text in texts)
-    return allow_code(None if code else [named for value in values for named in code_in(value)])
+def _allowed(code: bool, texts: Iterable[str], addresses: Sequence[str] = ()) -> Any:
+    """A block in which code may run: all, or what texts as after `--set` name; so with addresses."""
+    named = [*texts_in([parse_value(text.partition("=")[2], text) for text in texts])]
+    return allow_code(None if code else code_in(named), [*named, *addresses])
 
 
 def _text(value: Any) -> str:
@@ -156,17 +162,19 @@ def run(
     report: bool = True,
     progress: bool = False,
     code: bool = False,
+    addresses: Sequence[str] = (),
     replace: bool = False,
 ) -> RunResult:
     """Run a scenario into a folder, as `swath run` does; a given one may hold an earlier run of it, with the
     same changes.
 
-    out: default: a new folder in `runs`; replace: any other run that is there; sets, seed, code: as in
-    `load_scenario`; report: write report.html and replay.html; progress: a bar on a terminal or in a notebook
+    out: default: a new folder in `runs`; replace: any other run that is there
+    sets, seed, code, addresses: as in `load_scenario`
+    report: write report.html and replay.html; progress: a bar on a terminal or in a notebook
     Raises InputError; a limit that fails raises nothing, see `exit_code`.
     """
     if not isinstance(scenario, Scenario):
-        scenario = load_scenario(scenario, sets=sets, seed=seed, code=code)
+        scenario = load_scenario(scenario, sets=sets, seed=seed, code=code, addresses=addresses)
     else:
         _check_alone(sets, seed)
     hooks = _pages() if report and scenario.run.record != "none" else []

@@ -26,7 +26,7 @@ from swath.commands import (
 )
 from swath.core.collector import collect_rarely
 from swath.core.errors import MIGRATED_BY, InputError, SwathError, fitted, shortened
-from swath.core.foreign_code import SUFFIXES, allow_code, code_in
+from swath.core.foreign_code import allow_code, code_in, texts_in
 from swath.core.processes import skip_folder_settings
 from swath.core.registry import installed, installed_part, user_line
 from swath.core.stopping import Terminated, raise_if_lost, stoppable
@@ -61,6 +61,7 @@ COMMANDS = {
     "connect and set up": (ros2, fmu, can, osi, schema, completion),
 }
 ALLOW_CODE = "let code run that the files name, with your rights: Python files, FMUs (SECURITY.md)"
+ALLOW_ADDRESS = "open an address, bus or terminal that the files name, in the same words; several times"
 SETTINGS = ("SWATH_CPU", "SWATH_DATA", "SWATH_DEBUG", "SWATH_DEVICE", "SWATH_THREADS")
 MOST_SAID = 20  # of the mistakes in one file
 GONE = {"migrate": MIGRATED_BY}  # commands of version 0.2: what to do instead
@@ -197,8 +198,8 @@ def _dispatch(argv: list[str]) -> int:
         raise UsageError(f"{argv[0]}: no such command, {hint}")
     args = parser.parse_args(argv)
     with ExitStack() as held:
-        named = [text for value in vars(args).values() for text in code_named(value)]
-        held.enter_context(allow_code(None if args.allow_code else named))
+        named = [t for key, value in vars(args).items() if key != "cluster" for t in texts_named(value)]
+        held.enter_context(allow_code(None if args.allow_code else code_in(named), named))
         if args.no_code:
             print("swath: --no-code is what holds without --allow-code, it can be left out", file=sys.stderr)
         if vars(args).get("ros2_network"):
@@ -238,6 +239,7 @@ def make_parser(named: str = "--help") -> tuple[argparse.ArgumentParser, list[st
     )
     for each in subcommands(parser):
         each.add_argument("--allow-code", action="store_true", help=ALLOW_CODE)
+        each.add_argument("--allow-address", action="append", metavar="ADDRESS", help=ALLOW_ADDRESS)
         each.add_argument("--no-code", action="store_true", help=argparse.SUPPRESS)  # of version 0.2
     parser.set_defaults(parser=parser)
     return parser, list(parsers.choices)
@@ -252,15 +254,17 @@ def subcommands(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentPa
         yield parser
 
 
-def code_named(value: Any) -> Iterator[str]:
-    """Code that an argument of the command line itself names, such as `--set combine.edge=mine.py:Mine`."""
-    for text in value if isinstance(value, list) else [value]:
-        if isinstance(text, str) and any(suffix in text for suffix in SUFFIXES):
+def texts_named(value: Any) -> Iterator[str]:
+    """Texts that an argument of the command line itself says: it, and those in the value of a `--set`."""
+    for text in texts_in(value):
+        key, equals, said = text.partition("=")
+        yield text
+        if equals:
             from swath.documents.yaml_document import parse_value
 
-            key, equals, said = text.partition("=")
+            yield said
             with suppress(InputError):
-                yield from code_in(parse_value(said, key) if equals else text)
+                yield from texts_in(parse_value(said, key))
 
 
 _NO_MEMORY = re.compile("(?i)MemoryError|cannot allocate|failed to map segment|bad_alloc|unable to allocate")

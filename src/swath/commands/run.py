@@ -245,9 +245,7 @@ def _on_bus(args: argparse.Namespace) -> Iterator[list[Any]]:
     interface, colon, channel = args.isobus.partition(":")
     if args.isobus and not (interface and colon and channel):
         raise InputError("--isobus", args.isobus, "expected INTERFACE:CHANNEL, such as socketcan:can0")
-    where = Where(interface, channel, {}) if args.isobus else Params().where
-    check_bus(where)
-    machine = IsobusMachine(where)
+    machine = IsobusMachine(check_bus(Where(interface, channel, {}) if args.isobus else Params().where))
     try:
         yield [machine]
     finally:

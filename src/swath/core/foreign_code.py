@@ -1,9 +1,14 @@
-"""The one gate for code that is not swath's: nothing of it is loaded but through here, and only what may run.
+"""The one gate for what files of others may do: run code, and reach beyond this machine or to its devices.
+
+Nothing of somebody else's code is loaded but through here, and only what may run.
 
 Code is a Python file (a level, an evaluator, a law, a habit of a crop), an FMU, or a system of FMUs: it has
 the rights of the user, and a Python file runs already when it is read. None may run but what was allowed: all
 by `--allow-code` (`code=True` in Python), or single files by being named on the command line itself. Packages
 that are installed are loaded where a scenario names their level.
+
+Addresses of this machine alone and virtual buses are free. Any other address, bus or terminal is opened only
+where the user has named it, in the same words: on the command line, or in Python as `addresses`.
 """
 
 import importlib.util
@@ -15,6 +20,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
+from shlex import quote
 from types import ModuleType
 from typing import Any, Protocol, runtime_checkable
 
@@ -29,9 +35,11 @@ USER_MODULE = "swath_user_"  # how the names of modules begin that were read fro
 class Gate:
     """files: that may run, None = any; leaves: others are left unread where a scenario is only looked at
     is_narrow: only a part of what may run from outside does, as while a run is changed
+    addresses: that may be opened
     """
 
     files: frozenset[Path] | None = frozenset()
+    addresses: frozenset[str] = frozenset()
     leaves: bool = False
     is_narrow: bool = False
 
@@ -62,17 +70,21 @@ def through(gate: Gate) -> Iterator[None]:
         _gate.reset(token)
 
 
-def allow_code(references: Iterable[str | Path] | None) -> Any:
-    """A block in which these files, or `file.py:Class`, may run beside what may outside it; None: any."""
+def allow_code(references: Iterable[str | Path] | None, addresses: Iterable[str] = ()) -> Any:
+    """A block in which these files, or `file.py:Class`, may run beside what may outside it; None: any.
+
+    addresses: that may be opened, too
+    """
     outer = _gate.get()
     files = None if references is None or outer.files is None else outer.files.union(map(file_of, references))
-    return through(replace(outer, files=files))
+    return through(replace(outer, files=files, addresses=outer.addresses.union(addresses)))
 
 
 def only_code(references: Iterable[str | Path]) -> Any:
     """A block in which only these files, or `file.py:Class`, may run, and only if they may outside it."""
     files, outer = frozenset(map(file_of, references)), _gate.get()
-    return through(Gate(files if outer.files is None else files & outer.files, is_narrow=True))
+    files = files if outer.files is None else files & outer.files
+    return through(replace(outer, files=files, leaves=False, is_narrow=True))
 
 
 def code_unread() -> Any:
@@ -104,14 +116,30 @@ def refusal() -> str:
     return "names code, which runs with your rights: allow it with --allow-code (in Python code=True)"
 
 
-def code_in(data: Any) -> Iterator[str]:
-    """The texts in plain data that name code."""
+class NotNamed(InputError):
+    """An address, a bus or a terminal that the user has not named."""
+
+
+def need_named(key: str, text: str, *others: str) -> None:
+    """NotNamed, with the key, where an address is not named. others: texts that together stand for it"""
+    addresses = _gate.get().addresses
+    if text not in addresses and not (others and addresses.issuperset(others)):
+        how = f"--allow-address {quote(text)} (in Python addresses=[...])"
+        raise NotNamed(key, None, f"leads out of this program, allow it with {how}")
+
+
+def texts_in(data: Any) -> Iterator[str]:
+    """The texts in plain data."""
     if isinstance(data, str):
-        if ".py:" in data or data.lower().endswith(SUFFIXES):
-            yield data
+        yield data
     elif isinstance(data, dict | list | tuple):
         for value in data.values() if isinstance(data, dict) else data:
-            yield from code_in(value)
+            yield from texts_in(value)
+
+
+def code_in(data: Any) -> Iterator[str]:
+    """The texts in plain data that name code."""
+    return (text for text in texts_in(data) if ".py:" in text or text.lower().endswith(SUFFIXES))
 
 
 def file_of(reference: str | Path, base: Path | None = None) -> Path:

@@ -1,12 +1,16 @@
 """One node on a CAN bus: sends and receives messages by name, under an address of its own."""
 
+import os
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
+from ipaddress import ip_address
 from typing import Any
 
 from swath.core.errors import InputError, MissingExtra, SwathError
+from swath.core.foreign_code import need_named
 from swath.link.can import j1939
 from swath.link.can.codec import Codec, Values
 
@@ -131,8 +135,12 @@ class Node:
         return self._bus
 
 
-def check_bus(where: Where) -> None:
-    """InputError when python-can has no such interface, MissingExtra when it is not there."""
+def check_bus(where: Where) -> Where:
+    """The same. InputError when python-can has no such interface, MissingExtra when it is not there.
+
+    NotNamed where it is no virtual bus and the user has not named it, or a text among its options: an
+    interface may take one for a file or a library.
+    """
     if find_spec("can") is None or find_spec("cantools") is None:
         raise MissingExtra("can", "a CAN bus")
     import can
@@ -140,11 +148,27 @@ def check_bus(where: Where) -> None:
     names = sorted(can.VALID_INTERFACES)
     if where.interface not in names:
         raise InputError("interface", where.interface, f"expected one of {', '.join(names)}")
+    if not _is_free(where):
+        need_named("channel", f"{where.interface}:{where.channel}", where.interface, where.channel)
+    for key, value in where.options.items():
+        if isinstance(value, str) or (key == "hop_limit" and value):
+            need_named(f"options.{key}", str(value))
+    return where
+
+
+def _is_free(where: Where) -> bool:
+    """Whether a bus is virtual: in this process, of this machine's system, or datagrams that stay on it."""
+    if where.interface == "socketcan":
+        return where.channel.startswith("vcan")
+    with suppress(ValueError):
+        return where.interface == "virtual" or (
+            where.interface == "udp_multicast" and ip_address(where.channel).is_multicast
+        )
+    return False
 
 
 def open_bus(where: Where) -> Any:
-    """The python-can bus. SwathError with the reason when it cannot be had."""
-    check_bus(where)
+    """The python-can bus of what `check_bus` gave. SwathError with the reason when it cannot be had."""
     import can
 
     options: dict[str, Any] = dict(where.options)
@@ -153,6 +177,7 @@ def open_bus(where: Where) -> Any:
             from swath.link.can.udp import CheckedUdpBus
 
             return CheckedUdpBus(where.channel, **options)
-        return can.Bus(interface=where.interface, channel=where.channel, **options)
+        is_in_folder = os.name == "nt"  # where python-can's own settings are looked for there, too
+        return can.Bus(where.channel, where.interface, ignore_config=is_in_folder, **options)
     except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
         raise SwathError(f"CAN bus {where}: could not be opened: {error}") from error

@@ -114,7 +114,7 @@ def _where(args: argparse.Namespace, default: Any) -> Any:
     """The bus that the flags say; what they leave out is the default's."""
     from swath.core.errors import InputError
     from swath.documents.yaml_document import parse_value
-    from swath.link.can.bus import Where
+    from swath.link.can.bus import Where, check_bus
 
     options = dict(default.options)
     for text in args.option:
@@ -122,7 +122,7 @@ def _where(args: argparse.Namespace, default: Any) -> Any:
         if not equals:
             raise InputError(f"--option {text}", None, "expected KEY=VALUE")
         options[key] = parse_value(value, f"--option {text}")
-    return Where(args.interface or default.interface, args.channel or default.channel, options)
+    return check_bus(Where(args.interface or default.interface, args.channel or default.channel, options))
 
 
 _BOX = """Runs the controller box of a scenario: its steering law, behind a CAN bus. Where the slot steer has

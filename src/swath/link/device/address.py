@@ -1,15 +1,17 @@
 """Where a device is: `protocol[+transport]://[host][:port][/path][?option=value&...]`.
 
 Without a host it is this machine alone (127.0.0.1): to be heard, or to listen, elsewhere an address must be
-named.
+named, by the user himself (`swath.core.foreign_code`).
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from ipaddress import ip_address
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
 from swath.core.errors import InputError
+from swath.core.foreign_code import need_named
 from swath.documents.validation import unknown_key
 
 LOOPBACK = "127.0.0.1"
@@ -51,19 +53,24 @@ class Address:
             raise InputError("device", self.text, f"expected {name} to be one of {', '.join(allowed)}")
         return value
 
-    def known(self, names: Sequence[str]) -> "Address":
+    def known(self, names: Sequence[str], key: str = "device") -> "Address":
         """The same. InputError where it has another option than these."""
         for name in self.options:
             if name not in names:
-                raise InputError("device", self.text, unknown_key(name, names))
+                raise InputError(key, self.text, unknown_key(name, names))
         return self
 
 
-def read_address(text: str, protocols: Mapping[str, tuple[Sequence[str], int]]) -> Address:
-    """An address. protocols: name -> (its transports, the usual one first; its usual port). InputError."""
+def read_address(
+    text: str, protocols: Mapping[str, tuple[Sequence[str], int]], key: str = "device", *, said: str = ""
+) -> Address:
+    """An address that may be opened. InputError, and NotNamed where it leads on without being named.
+
+    protocols: name -> (its transports, the usual one first; its usual port); said: as the user wrote it
+    """
 
     def wrong(expected: str) -> InputError:
-        return InputError("device", text, expected)
+        return InputError(key, text, expected)
 
     try:
         parts = urlsplit(text)
@@ -83,9 +90,19 @@ def read_address(text: str, protocols: Mapping[str, tuple[Sequence[str], int]]) 
         path = (parts.netloc + parts.path).strip()
         if not path or parts.port is not None:
             raise wrong(f"expected {name}+pty://PATH, where the link to the pseudo terminal is to be")
+        need_named(key, said or text)
         return Address(text, name, transport, "", 0, path, options)
     if parts.path not in ("", "/") or parts.username is not None or parts.fragment:
         raise wrong("expected protocol://host:port and nothing behind but ?option=value")
-    return Address(
-        text, name, transport, parts.hostname or LOOPBACK, usual if port is None else port, "", options
-    )
+    host = parts.hostname or LOOPBACK
+    if not is_loopback(host):
+        need_named(key, said or text)
+    return Address(text, name, transport, host, usual if port is None else port, "", options)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host is this machine alone, whatever names resolve to."""
+    try:
+        return host == "localhost" or ip_address(host).is_loopback
+    except ValueError:
+        return False

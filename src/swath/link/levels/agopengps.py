@@ -15,6 +15,7 @@ from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError, SwathError
+from swath.core.foreign_code import NotNamed
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -163,7 +164,9 @@ class AgOpenGpsSteering(KeepsState):
 
 def _at(key: str, text: str, port: int) -> Any:
     try:
-        return read_address(f"agopengps://{text}", {"agopengps": (("udp",), port)}).known(())
+        return read_address(f"agopengps://{text}", {"agopengps": (("udp",), port)}, key, said=text).known(())
+    except NotNamed:
+        raise
     except InputError as error:
         raise InputError(key, text, "expected host:port, such as 127.0.0.1:8888") from error
 

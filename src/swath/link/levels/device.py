@@ -391,11 +391,8 @@ class DeviceSlot:
 
     def __init__(self, params: Params, setup: LinkSetup) -> None:
         protocols = {name: PROTOCOLS[name] for name in OPTIONS}
-        try:
-            self._where = read_address(params.address, protocols)
-            self._where.known(OPTIONS[self._where.protocol])
-        except InputError as error:
-            raise InputError("address", error.value, error.expected) from error
+        self._where = read_address(params.address, protocols, "address")
+        self._where.known(OPTIONS[self._where.protocol], "address")
         signal = SENT[self._where.protocol]
         port = next((p for p in setup.outputs if p.signal is signal), None)
         if port is None:
