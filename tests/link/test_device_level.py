@@ -11,6 +11,7 @@ import pytest
 
 from swath.core.component import Port
 from swath.core.errors import InputError, SwathError
+from swath.core.foreign_code import allow_code
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.field.projection import origin_at
@@ -146,10 +147,10 @@ def test_a_slot_filled_by_a_velodyne_has_its_turns():
 def test_a_slot_filled_by_a_receiver_has_its_fixes(transport, tmp_path):
     port = 10_111
     where = str(tmp_path / "gnss") if transport == "pty" else f"127.0.0.1:{port}"
-    made = device(f"nmea+{transport}://{where}", Fix, origin=ORIGIN, period=0.1)
-    part = DeviceSlot(
-        Params(f"nmea+{transport}://{where}", antenna_m=(1.0, 0.0, 3.9)), setup("gnss", Fix, period=0.1)
-    )
+    address = f"nmea+{transport}://{where}"
+    with allow_code((), addresses=[address]):
+        made = device(address, Fix, origin=ORIGIN, period=0.1)
+        part = DeviceSlot(Params(address, antenna_m=(1.0, 0.0, 3.9)), setup("gnss", Fix, period=0.1))
     fixes = {}
     rng = np.random.default_rng(4)
     for n in range(1, 30):

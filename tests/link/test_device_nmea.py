@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError, SwathError
+from swath.core.foreign_code import allow_code
 from swath.field.projection import origin_at
 from swath.link.device import nmea
 from swath.link.levels.device import convergence
@@ -246,7 +247,8 @@ def test_north_of_the_grid_is_not_north():
 
 
 def served(address):
-    made = device(address, Fix, origin=origin_at(52.0, 10.0), period=0.1)
+    with allow_code((), addresses=[address]):
+        made = device(address, Fix, origin=origin_at(52.0, 10.0), period=0.1)
     return made, lambda n: made(
         "combine.gnss", n * 100_000_000, {"fix": drawn_fix(n * 100_000_000, np.random.default_rng(n))}
     )
