@@ -66,6 +66,11 @@ class FaultyOutput(KeepsState):
         self._queue: list[tuple[int, Outputs]] = []
         self._sent: Outputs = {}
 
+    @property
+    def changes(self) -> bool:
+        """Whether it may pass on anything else than what it is given."""
+        return self.fault != NOTHING
+
     def reset(self, stream: Stream) -> None:
         """Begin anew. stream: of the slot"""
         self._stream = stream.child("fault")

@@ -9,7 +9,7 @@ import numpy as np
 
 from swath.core.abilities import EndsRun, StepsAnyLength
 from swath.core.component import Component, Outputs, Port, State, check_fit
-from swath.core.errors import WiringError
+from swath.core.errors import SwathError, WiringError
 from swath.core.fault import FaultyOutput
 from swath.core.random import Stream
 from swath.core.schedule import Plan, Slot, make_plan
@@ -205,7 +205,9 @@ class _Rank:
         self.sends: dict[str, tuple[type[Signal], Wire, list[list[Sent]]]] = {}
         self.may_end = any(isinstance(part, EndsRun) for part in self.parts)
         self.batch: Together | None = None
-        if not self.slot.latch and not any(node.fault for node in nodes):
+        # what checks samples, and changes none, of the worlds whose part is not swath's own
+        self.checks = [fault for fault in (node.fault for node in nodes) if fault and not fault.changes]
+        if not self.slot.latch and not any(node.fault and node.fault.changes for node in nodes):
             self.batch = self._batch()
         self.cost = first.cost if len(nodes) == 1 else Cost(sharers=len(nodes))
         for node in nodes:
@@ -232,7 +234,7 @@ class _Rank:
                 made = node.fault.pass_on(0, made)
             self.check(made)
             each.append(made)
-        if len(self.parts) == 1 and not self.slot.latch and self.nodes[0].fault is None:
+        if len(self.parts) == 1 and not self.slot.latch and len(self.checks) == bool(self.nodes[0].fault):
             self.batch = self._batch()  # which a part that goes in worlds has made anew
         return {name: Sent(None, [own[name] for own in each]) for name in each[0]}
 
@@ -467,10 +469,24 @@ class Lockstep:
             if batch.errors:
                 self._fail(batch.errors)
             outputs = {name: Sent(samples) for name, samples in made.items()}
+            if rank.checks:
+                self._check(rank, t, outputs)
         rank.cost.seconds += time.perf_counter() - started
         rank.cost.steps += 1
         if self.going:
             self._send(rank, t, outputs)
+
+    def _check(self, rank: _Rank, t: int, outputs: Mapping[str, Sent]) -> None:
+        """Look at the samples of a part that is not swath's own, in every world."""
+        wrong: dict[int, Exception] = {}
+        for world in self.going:
+            if (fault := rank.nodes[world].fault) is not None:
+                try:
+                    fault.pass_on(t, {name: sent.each[world] for name, sent in outputs.items()})
+                except SwathError as error:
+                    wrong[world] = error
+        if wrong:
+            self._fail(wrong)
 
     def _step_each(self, rank: _Rank, t: int, period: int) -> dict[str, Sent]:
         """Step the parts of a slot world by world."""

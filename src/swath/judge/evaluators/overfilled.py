@@ -68,7 +68,8 @@ class Overfilled:
             load = newest_of(outputs, MachineLoad)
             if load is not None:
                 is_near[:] = field_of(load, "tank_grain") >= least
-            return active if newest_of(outputs, HeapState) is not None else is_near
+            is_first = load is not None and t == 0  # which tells that there is a tank
+            return active if is_first or newest_of(outputs, HeapState) is not None else is_near
 
         return Woken(evaluators, asks)
 
