@@ -8,6 +8,7 @@ import pkgutil
 import sys
 
 import swath
+from swath.core.errors import MissingExtra
 
 
 def main() -> int:
@@ -26,6 +27,8 @@ def main() -> int:
             if package == "swath" or package in sys.stdlib_module_names:
                 failed.append(f"{found.name}: {error}")
             absent.add(package or str(error)[:60])
+        except MissingExtra as error:
+            absent.add(str(error).rpartition(" ")[2])
         except Exception as error:
             failed.append(f"{found.name}: {type(error).__name__}: {error}")
     missing = ", ".join(sorted(absent)) or "nothing"
