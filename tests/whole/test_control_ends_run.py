@@ -15,6 +15,8 @@ from swath.core.schedule import NS
 class GivesUp(BUILT_IN.component):
     """Finds the edge, and stops the machine after a second."""
 
+    Params = BUILT_IN.params
+
     def end_reason(self, t):
         return "no edge that I would steer by" if t > NS else ""
 '''

@@ -177,6 +177,8 @@ def test_what_cannot_be_is_said(recorded, tmp_path, capsys, args, text):
 def test_the_recording_is_not_written_over(recorded, capsys):
     before = (recorded / "run.mcap").read_bytes()
     assert main(["rerun", str(recorded), "--out", str(recorded)]) == 2
+    assert "expected a new or empty folder" in capsys.readouterr().err
+    assert main(["rerun", str(recorded), "--out", str(recorded), "--replace"]) == 2
     assert "expected another folder, run.mcap in it is played" in capsys.readouterr().err
     assert (recorded / "run.mcap").read_bytes() == before
 
