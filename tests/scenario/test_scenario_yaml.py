@@ -95,7 +95,7 @@ def test_files_that_are_no_text(tmp_path):
     assert read_document(tmp_path / "b.yaml").data == {"a": 1}
     with pytest.raises(InputError, match="at most 1 MiB"):
         read_document(tmp_path / "c.yaml")
-    with pytest.raises(InputError, match="could not be read"):
+    with pytest.raises(InputError, match="expected a YAML file: Is a directory"):
         read_document(tmp_path)
 
 
