@@ -351,7 +351,10 @@ def test_a_flag_with_a_unit_says_it_in_its_name():
         ("run straight --set speed=9", "speed: unknown key, did you mean 'combine.speed'?"),
         ("run straight --set combine.edge.level=here.py", "expected the class in it, too: here.py:MyClass"),
         ("run straight --set combine.speed.speed_kmh 8", "combine.speed.speed_kmh: expected KEY=VALUE"),
-        ("field import nowhere.csv --out f", "log = nowhere.csv: expected a yield log, there is no such file"),
+        (
+            "field import nowhere.csv --out f",
+            "log = nowhere.csv: expected a yield log, there is no such file",
+        ),
     ],
 )
 def test_usual_slips_are_told_with_what_to_type(line, said, tmp_path, monkeypatch, capsys):
