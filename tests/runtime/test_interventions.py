@@ -50,7 +50,7 @@ def test_a_parameter_changes_and_the_part_goes_on_where_it_stood(world):
     _, changes = drive_with(
         world, [(0.6, "combine.steer.lookahead_m", 6), (0.6, "combine.speed.speed_kmh", 4)]
     )
-    assert world.machines["combine"].parts["steer"]._p.lookahead_m == 6
+    assert 6.0 in world.machines["combine"].parts["steer"].numbers
     assert world.graph.latest("combine.speed", "command").speed == pytest.approx(4 / 3.6)
     assert changes.values()["combine.speed.speed_kmh"] == 4
     same, _ = drive_with(assemble(parse_scenario(TEXT)), [])
