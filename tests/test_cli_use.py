@@ -203,9 +203,8 @@ def test_what_the_system_refuses_names_the_file_without_a_number(capsys, tmp_pat
     for line in (["run", "straight"], ["reda", "--sensor", "camera"], ["test", "run", "straight-clean"]):
         assert main([*line, "--out", str(tmp_path / "out")]) == 2
         said = capsys.readouterr().err
-        assert (
-            said == f"swath: {tmp_path / 'out'}: expected a file or folder, not a link to what is not there\n"
-        )
+        assert str(tmp_path / "out") in said
+        assert "Errno" not in said
     (tmp_path / "file").touch()
     assert main(["schema", "--out", str(tmp_path / "file" / "schema.json")]) == 2
     assert "Errno" not in capsys.readouterr().err

@@ -249,7 +249,7 @@ def test_an_exception_leaves_whole_files(tmp_path):
 
     with pytest.raises(KeyboardInterrupt), Recorder(tmp_path, [machine()]) as recorder:
         drive([recorder, stop], ground, seconds=3.0)
-    assert len(read_mcap(tmp_path / "run.mcap")["/combine/lidar/scan"]) == 6
+    assert len(read_mcap(tmp_path / "run.mcap")["/combine/lidar/scan"]) == 26
     assert read_tracks(tmp_path / "tracks.parquet")["t_s"][-1] == pytest.approx(1.0, abs=0.03)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["metadata.yaml", "run.mcap", "tracks.parquet"]
 

@@ -121,4 +121,4 @@ def test_odometry_counts_from_where_the_machine_stood(messages):
 def test_the_clock_goes_along(messages):
     times = [m.clock.sec * 10**9 + m.clock.nanosec for m in messages["/clock"]]
     assert times[0] == 0
-    assert set(np.diff(times)) == {100_000_000}
+    assert set(np.diff(times)) == {20_000_000}

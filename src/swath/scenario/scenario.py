@@ -177,7 +177,7 @@ def _headline(made: Scenario, changes: Sequence[str]) -> str:
     kept = [text for text in before if text.partition("=")[0] not in keys]
     told = [f"{key}={text.partition('=')[2].strip()}" for key, text in zip(keys, changes, strict=True)
             if key not in UNTOLD]  # fmt: skip
-    return shortened(start + "; ".join([*kept, *told]), LONGEST_SUMMARY)
+    return shortened(start + "; ".join(sorted({*kept, *told})), LONGEST_SUMMARY)
 
 
 def changes_in(name: str, summary: str) -> str:
