@@ -157,10 +157,12 @@ class _Box:
 
 def _best_box(odd: Odd, values: F64, fails: Flags) -> _Box | None:
     """The box with the strongest contrast, found from the best intervals on, attribute by attribute."""
+    if not fails.any():
+        return None
     kinds = [len(np.unique(column)) for column in values.T]
     looks = np.array([n * (n + 1) / 2 if a.edges else n for a, n in zip(odd.axes, kinds, strict=True)])
     beam, found = [_Box({})], list[_Box]()
-    for depth in range(1, DEPTH + 1 if fails.any() else 1):
+    for depth in range(1, DEPTH + 1):
         longer = [_narrowed(odd, values, fails, box, k)
                   for box in beam for k in range(len(odd.axes)) if k not in box.ends]  # fmt: skip
         longer.sort(key=lambda box: -box.score)
