@@ -106,7 +106,7 @@ def test_speed_in_even_crop(level, limit):
     by_flow = "throughput_kg_s" in keys_of("speed", level)
     params = {"throughput_kg_s": 36.0} if by_flow else {"speed_kmh": wanted / KMH}
     found = CATALOGUE.registry.get("speed", level)
-    bench = Bench(found.component, found.params(**params), even(EVEN), sight=10.0)
+    bench = Bench(found.component, found.params(**params), even(EVEN), sight=10.0, chart=even(EVEN))
     assert bench.run(100.0)[-1][2] == pytest.approx(wanted, rel=limit)
 
 
