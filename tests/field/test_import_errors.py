@@ -45,7 +45,7 @@ NO_LOGS = {
     "readable file": b"\x1f\x8b\x08\x00 not really gzip",
     "three named columns": b"hello world\n" * 50,
     "lat and lon (or easting and northing), grain_flow or yield, header_width": b"a,b,c\n" + b"1,2,3\n" * 50,
-    "grain_flow or yield, header_width (or --header-width-m); fill in": b"lat,lon,moisture\n"
+    "grain_flow or yield, header_width (or --header-width-m); ": b"lat,lon,moisture\n"
     + b"47.1,-110.2,12\n" * 50,
     "each column name once": b"lat,lon,flow,lat\n" + b"47.1,-110.2,12,1\n" * 50,
     "at least 30 whole rows": (HEAD + "".join(GOOD[:10])).encode(),
