@@ -18,6 +18,7 @@ the crop has gone in:
 `map_ahead` and `joined_ahead` are the same law with the inputs that they need.
 """
 
+from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass
 from math import exp, fsum, isfinite, sqrt
@@ -70,7 +71,7 @@ class MapParams(Params):
     learn_m: Annotated[float, Gt(0), Le(1000)] = 5.0
 
 
-class Forecast(KeepsState):
+class Forecast(KeepsState, ABC):
     """What is known of the crop ahead, by distance of the knife, and what it has proved to weigh.
 
     missed: square of the relative error of its forecasts, over the last `JUDGED_M`
@@ -86,22 +87,22 @@ class Forecast(KeepsState):
         self._seen_t, self.missed = -1, UNTRIED
         self._places: deque[tuple[float, float]] = deque(maxlen=KEPT)  # distance of the knife, value there
 
+    @abstractmethod
     def look(self, now: int, distance: float, speed: float, inputs: Inputs) -> None:
         """Take in what was sent. distance: driven [m] at `now` [ns]"""
-        raise NotImplementedError
 
+    @abstractmethod
     def learn(self, t: int, distance: float, speed: float, feed: FeedReading | None, h: float) -> None:
         """Compare what is measured at t [ns] with what was cut when that crop came in. h: seconds"""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def has_learned(self) -> bool:
         """Whether what is known has a weight."""
-        raise NotImplementedError
 
+    @abstractmethod
     def rate_of(self, value: float) -> float:
         """Throughput per distance [kg/m] where that much stands."""
-        raise NotImplementedError
 
     def rates(self, begin: float) -> list[tuple[float, float]]:
         """Distance ahead of `begin` [m] and throughput per distance there [kg/m]; none before it learned."""
