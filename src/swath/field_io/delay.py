@@ -24,21 +24,16 @@ NEIGHBOUR = 1.35  # header widths to the next pass at most
 FEWEST_PAIRS, FEWEST_SHOWN = 300, 50  # of a machine, and at a delay that is tried
 LEAST_FLOW = 0.2  # of the median flow: below, the header is not full
 LEAST_AGREEMENT = 0.15  # correlation of neighbouring passes; below, the peak is chance
-BANDS = (
-    (5, 41),
-    (9, 81),
-    (15, 161),
-)  # records: the yield is smoothed over the first, freed of trends over the second
+# s: the yield is smoothed over the first, freed of trends over the second
+BANDS = (5.0, 41.0), (9.0, 81.0), (15.0, 161.0)
 PARTS = 40  # of the passes, of which one each is left out for the standard error
 CLEAR = 2.0  # standard errors by which a peak stands above the agreement at any other delay
 APART = 3.0  # s from a peak on: another delay
 FILLING = 6.0  # s before and after which a flow that rises or falls is that of a full header, or none
 SHORTEST = 15.0  # s of a flow between a rise and a fall
 FEWEST_TURNS = 2  # at each end of the field
-FEWEST_STARTS, LEAST_STARTS = (
-    4,
-    0.5,
-)  # passes, and share of them, at whose begin or end the log shows the flow begin or end
+# passes, and share of them, at whose begin or end the log shows the flow begin or end
+FEWEST_STARTS, LEAST_STARTS = 4, 0.5
 LEAD, LEAD_ERROR = 0.5, 0.3  # s, before the crop, at which a header is set down and records begin; estimated
 LEAST_ERROR = 0.1  # s, of an estimate
 SLACK = 1.5  # s: what a ramp of the flow, and a line of a headland, are off in the mean
@@ -169,8 +164,9 @@ def _of_passes(log: Log, first: Indices, second: Indices) -> list[tuple[Estimate
         return found
     steady = _steady(log)
     flows = [_later(log, steady, float(seconds)) for seconds in TRIES]
+    between = float(np.median(np.diff(log.time)[~log.gap[1:]]))  # s from record to record
     for short, long in BANDS:
-        sums = _sums(log, flows, first, second, short, long)
+        sums = _sums(log, flows, first, second, *(2 * round(0.5 * s / between) + 1 for s in (short, long)))
         r, likely = _agreement(sums.sum(axis=2))
         peak = _peak(r, likely, short)
         if peak is None or not (agreement := float(np.interp(peak, TRIES, r))) >= LEAST_AGREEMENT:
@@ -197,11 +193,11 @@ def _agreement(sums: Array) -> tuple[Array, Array]:
     return r, -0.5 * np.sign(r) * count / max(count.max(), 1.0) * np.log1p(-np.minimum(r * r, 0.9999))
 
 
-def _peak(r: Array, likely: Array, short: int) -> float | None:
+def _peak(r: Array, likely: Array, short: float) -> float | None:
     """Delay [s] of the best correlation around the most likely one, which many pairs make so; None where that
-    is at an end of those that the log shows.
+    is at an end of those that the log shows. short: over which the yield is smoothed [s]
     """
-    peak, reach = int(likely.argmax()), max(short // 3, 2)
+    peak, reach = int(likely.argmax()), max(int(short / 3.0), 2)
     while 0 < peak < len(r) - 1 and (step := int(r[peak - 1 : peak + 2].argmax()) - 1):
         peak += step
     if 0.0 in np.pad(r, 2)[peak : peak + 5]:
@@ -222,7 +218,10 @@ def _passes(log: Log) -> Indices:
 
 
 def _sums(log: Log, flows: list[Array], first: Indices, second: Indices, short: int, long: int) -> Array:
-    """Sums of both yields' product, of their squares, and pairs, shape (tries, 4, PARTS of the pairs)."""
+    """Sums of both yields' product, of their squares, and pairs, shape (tries, 4, PARTS of the pairs).
+
+    short, long: of a band, in records
+    """
     part = _passes(log)[first]
     part = np.unique(part, return_inverse=True)[1] * PARTS // len(np.unique(part))
     area_rate = np.maximum(log.speed, 0.5) * np.maximum(log.width, 1.0)
