@@ -9,8 +9,6 @@ from swath.commands.main import main, make_parser, subcommands
 from swath.core.errors import InputError
 from swath.core.output_folder import LOCK, check_folder, held
 from swath.core.whole_file import PART, new_file
-from swath.tools.paper.command import FILES
-from swath.tools.paper.figures import CASES
 
 OWN = ("a.json", "part-*.png")
 OTHERWISE = {  # where a command holds its folder: with what writes it
@@ -108,7 +106,3 @@ def test_two_writers_of_a_file_never_mix(tmp_path):
     second.__exit__(None, None, None)
     assert file.read_bytes() == b"second"
     assert [f.name for f in tmp_path.iterdir()] == ["a.json"]
-
-
-def test_the_folders_of_a_paper_are_those_of_its_cases():
-    assert set(FILES) == {"index.html", *CASES}

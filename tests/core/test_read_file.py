@@ -25,7 +25,7 @@ READERS = {
 # The package's own files, and what the system tells; each by what the call is made on.
 OWN = ("__file__", "_HERE", "PAGE", "TEMPLATES", "find_sheet", "job_sheet", "examples()", "/proc/", "named")
 MADE = {  # what was written a moment ago, or lies in an installed package
-    "field_io/folder.py", "tools/scan/scan.py", "tools/paper/figures.py", "api.py", "link/fmi/export.py",
+    "field_io/folder.py", "tools/scan/scan.py", "api.py", "link/fmi/export.py",
     "tools/function_test/odd/openodd.py", "tools/function_test/odd/campaign.py", "link/fmi/export_slave.py",
     "tools/function_test/journal.py", "kernels.py", "commands/docs.py", "tools/reda/reda.py",
     "report/html.py", "replay/writer.py",

@@ -123,7 +123,7 @@ def test_the_page_knows_scans_straw_obstacles_and_charts(finished):
 def test_the_report_of_the_run_has_all_its_pictures(finished):
     page = (finished[0] / "report.html").read_text("utf-8")
     titles = re.findall(r'<img src="data:[^"]*" alt="([^"]*)"', page)
-    assert titles == ["Field map", "Steering and detection", "Scans", "The stand", "Driving"]
+    assert titles == ["Field map", "Steering and detection", "Scans", "Driving"]
 
 
 MIB = 1 << 20

@@ -1,16 +1,15 @@
 """The Stanford diagram: samples in its fields, episodes, and the rate that a way without any shows."""
 
 import re
-from importlib.resources import files
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from jinja2 import Template
 
-from swath.judge.evaluators.edge_detection import EdgeSeries
-from swath.tools.function_test.charts import boundary, stanford
-from swath.tools.function_test.integrity import episodes_per_km, integrity_of, pooled
+from swath.judge.evaluators.edge_detection import WRONG_M, EdgeSeries
+from swath.report.html import escaped
+from swath.tools.function_test.charts import SIDE, boundary, stanford
+from swath.tools.function_test.integrity import BIN_COUNT, BIN_M, episodes_per_km, integrity_of, pooled
 
 COUNT = 1000
 
@@ -81,15 +80,14 @@ def test_the_diagram_shades_what_is_counted_as_hazardous():
     """Right of the alert limit and below the diagonal; the page says what an episode is."""
     cell = SimpleNamespace(integrity=integrity_of(series(0.5, 0.03), 0.0), candidate="mine")
     found = stanford([cell], 0)
-    assert found["episode"] == "1"
-    assert found["text"].startswith("1 hazardous episodes in 0.1 km")
-    (square,) = found["squares"]
-    side, alert = found["side"], found["alert"]
-    assert square["x"] > alert
-    assert side - square["y"] - found["cell"] < square["x"]
-    text = files("swath.report").joinpath("templates", "function_test.html.j2").read_text(encoding="utf-8")
-    (corners,) = re.findall(r'<polygon points="([^"]*)"', text)
-    points = Template(corners).render(d=found).split()
-    assert [tuple(map(float, p.split(","))) for p in points] == [
+    assert "1 hazardous episodes in 0.1 km" in found.caption
+    drawn = escaped(found)
+    ((x, y),) = re.findall(r'<rect x="([^"]*)" y="([^"]*)"[^>]*fill=', drawn)
+    side, cell_px = SIDE, SIDE / BIN_COUNT
+    alert = WRONG_M / (BIN_M * BIN_COUNT) * side
+    assert float(x) > alert
+    assert side - float(y) - cell_px < float(x)
+    (corners,) = re.findall(r'<polygon class="hazard" points="([^"]*)"', drawn)
+    assert [tuple(map(float, p.split(","))) for p in corners.split()] == [
         (alert, side), (alert, side - alert), (side, 0.0), (side, side)
     ]  # fmt: skip

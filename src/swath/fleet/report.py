@@ -17,13 +17,19 @@ from swath.fleet.worked import CUT, SHOWN, STATES, WAIT, Worked, checked, grain,
 from swath.judge.summary import json_safe
 from swath.replay.writer import packed, render
 from swath.report import plots
-from swath.report.html import write_page
+from swath.report.html import Figure, Items, Section, Table, write_page
 
 Array = NDArray[np.float64]
 SCRIPTS = ("data", "timeline", "job")
 EVERY = 5  # samples of driven bodies, which are 0.1 s apart
 NEAR = (0.05, 0.05, 0.01, 0.01)  # m, m, rad, rad that a place may be off the line between those kept
 TOLD = 30.0  # s: longer waits are moments
+LOADS = ("pair", "loads", "grain t", "of it while cutting %")
+ABOUT_MINUTES = (
+    "Field efficiency: the area over what the headers could cut at the speed that the crop allows, in the "
+    "time until the last pass is cut. load: a cart while grain flows into it. Who meets a partner waits "
+    "for it, or for ground that another one has; diesel of carts is an estimate."
+)
 DOES = plots.CROP, plots.SKY, plots.PURPLE, "#8cccb0", plots.GREEN, plots.BLUE
 COLOURS = dict(zip(SHOWN, (*DOES, plots.ORANGE, "#f2a97c", "#8c2d04", plots.GREY), strict=True))
 
@@ -140,11 +146,19 @@ def write_result(w: Worked, name: str, summary: str, out: Path) -> None:
     w.schedule.plan.write(out / "plan.json")
     write_replay(w, name, f"{summary}; level {w.level}", out)
     head, rows = machine_rows(w)
-    write_page(
-        out / "report.html", "fleet.html.j2", name=name, summary=summary, level=w.level,
-        results=result_rows(w), head=head, machines=rows, waits=wait_rows(w), loads=pair_rows(w),
-        image=plots.as_image(fig, kind="png", dpi=130), notes=checked(w),
-    )  # fmt: skip
+    notes = checked(w)
+    sections = [
+        Section(
+            "Results", [Table("", ("", "", "unit"), result_rows(w), (1,)), "[Replay from above](replay.html)"]
+        ),
+        Figure("Field and machines", plots.as_image(fig), "Map of the passes and timeline of the machines"),
+        Table("Minutes of each machine", head, rows, range(1, len(head)), ABOUT_MINUTES),
+        Table("What machines waited for", ("machine", "for", "min"), wait_rows(w), (2,)),
+        Table("Loads from combines to carts", LOADS, pair_rows(w), (1, 2, 3)),
+        Section("Notes", [Items(notes)] if notes else []),
+    ]
+    lead = f"{summary}; machines at the level {w.level}"
+    write_page(out / "report.html", sections, heading=name, title=f"{name}, fleet", lead=lead)
 
 
 def draw(w: Worked) -> Any:

@@ -14,6 +14,7 @@ from swath.field.memory_layout import Solids
 from swath.report.plots import (
     BLUE,
     CROP,
+    DIM,
     GREEN,
     GREY,
     INK,
@@ -121,10 +122,18 @@ def map_figure(
     ax = axes[0, 0]
     ax.grid(False)
     ax.set_facecolor(SOIL)
-    ax.imshow(_layer(picture.standing, CROP, 0.92), extent=picture.extent, origin="lower", zorder=2)
+    ax.imshow(
+        _layer(picture.standing, CROP, 0.92),
+        extent=picture.extent,
+        origin="lower",
+        zorder=2,
+        gid=f"{DIM}_crop",
+    )
     if picture.straw is not None and (picture.straw > 0.01).any():
         depth = np.clip(picture.straw / max(float(picture.straw.max()), 1e-6), 0, 1)
-        ax.imshow(_layer(depth, STRAW, 0.75), extent=picture.extent, origin="lower", zorder=3)
+        ax.imshow(
+            _layer(depth, STRAW, 0.75), extent=picture.extent, origin="lower", zorder=3, gid=f"{DIM}_straw"
+        )
     ax.set_autoscale_on(False)
     for index, edge in enumerate(edges):
         label = None if index else "initial edge"

@@ -1,7 +1,13 @@
-"""HTML pages from the Jinja2 templates in `templates/`; everything that is put in is escaped."""
+"""The one page that swath writes: a heading, facts and sections of tables, figures and text.
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+Everything that is put in is escaped. In running text `code` in backticks, **bold** text and [links](target)
+are set as such.
+"""
+
+import html
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -9,7 +15,89 @@ from typing import Any
 from swath.core.whole_file import write_whole
 
 TEMPLATES = Path(__file__).parent / "templates"
-CSS = (TEMPLATES / "base.css").read_text(encoding="utf-8")
+INLINE = ((r"`([^`\n]+)`", r"<code>\1</code>"), (r"\*\*(.+?)\*\*", r"<strong>\1</strong>"),
+          (r"\[([^\]\n]+)\]\(([^)\s]+)\)", r'<a href="\2">\1</a>'))  # fmt: skip
+
+
+class Html(str):
+    """Text that is HTML already."""
+
+    __slots__ = ()
+
+    def __html__(self) -> str:
+        return self
+
+
+def element(name: str, text: object = "", **attributes: object) -> Html:
+    """An element around text, which is escaped unless it is HTML. `class_` stands for `class`."""
+    given = "".join(f' {key.rstrip("_")}="{html.escape(str(v))}"' for key, v in attributes.items() if v)
+    return Html(f"<{name}{given}>{escaped(text)}</{name}>")
+
+
+def escaped(text: object) -> Html:
+    """The text, escaped unless it is HTML."""
+    as_html = getattr(text, "__html__", None)
+    return Html(as_html() if as_html else html.escape(str(text)))
+
+
+def rich(text: object) -> Html:
+    """Running text: code, bold text and links set as such."""
+    made = str(escaped(text))
+    if not isinstance(text, Html):
+        for pattern, put in INLINE:
+            made = re.sub(pattern, put, made)
+    return Html(made)
+
+
+def joined(parts: Sequence[object], between: str = " ") -> Html:
+    """Several pieces of text or HTML as one."""
+    return Html(between.join(escaped(p) for p in parts))
+
+
+def breakable(name: str) -> Html:
+    """A name that may be broken after its underscores."""
+    return Html("_<wbr>".join(html.escape(part) for part in name.split("_")))
+
+
+def bar(share: float, width: str = "px", most: float = 120.0) -> Html:
+    """A bar as long as a share of `most`."""
+    return Html(f'<span class="bar" style="width:{most * share:.1f}{width}"></span>')
+
+
+def counted(n: int, what: str) -> str:
+    """`1 run`, `2 runs`."""
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Names and values beside each other; None is left out."""
+
+    values: Mapping[str, object]
+    kind = "facts"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table.
+
+    Parameters
+    ----------
+    title : heading, may be empty.
+    head : names of the columns.
+    rows : cells, text or HTML.
+    numeric : positions of the columns that are numbers.
+    text : running text below.
+    kinds : a class of the style sheet for each row.
+    """
+
+    title: str
+    head: Sequence[object]
+    rows: Sequence[Sequence[object]]
+    numeric: Collection[int] = ()
+    text: str = ""
+    kinds: Sequence[str] = ()
+    kind = "table"
 
 
 @dataclass(frozen=True)
@@ -19,47 +107,107 @@ class Figure:
     title: str
     image: str
     caption: str
+    kind = "figure"
+
+    @property
+    def is_drawn(self) -> bool:
+        """It has a light and a dark look; others stand on white."""
+        return self.image.startswith("data:image/svg")
 
 
 @dataclass(frozen=True)
-class Table:
-    """A table with its heading. numeric: positions of columns that are numbers; text: below it."""
+class Items:
+    """A list of running text. is_wide: in two columns."""
+
+    items: Sequence[object]
+    is_wide: bool = False
+    kind = "items"
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Parts beside each other. look: `charts` in rows, `columns` in two columns, `pair` of the same width"""
+
+    parts: Sequence[Any]
+    look: str = "charts"
+    kind = "beside"
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Parts that are shown when their heading is clicked."""
+
+    summary: str
+    parts: Sequence[Any]
+    kind = "fold"
+
+
+@dataclass(frozen=True)
+class Banner:
+    """Text that nobody should miss."""
+
+    text: str
+    kind = "banner"
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading with its parts: text, or one of the classes here. Empty parts are left out."""
 
     title: str
-    head: Sequence[str]
-    rows: Sequence[Sequence[object]]
-    numeric: Collection[int] = ()
-    text: str = ""
+    parts: Sequence[Any] = field(default_factory=tuple)
+    anchor: str = ""
+
+    @property
+    def is_empty(self) -> bool:
+        """Nothing stands in it."""
+        return not any(not isinstance(p, Table) or p.rows for p in self.parts if p)
 
 
-def render_page(template: str, **values: Any) -> str:
-    """The page that a template makes of some values; a name that it uses and `values` lacks is an error."""
-    return str(_environment().get_template(template).render(css=CSS, **values))
-
-
-def write_page(path: Path, template: str, **values: Any) -> Path:
-    """Render and write a page; one that is half written is never seen under its name."""
-    return write_whole(path, render_page(template, **values))
-
-
-def write_tables(
-    path: Path,
-    heading: str,
-    lead: str,
-    tables: Sequence[Table],
+def render_page(
+    sections: Sequence[Any],
     *,
+    heading: str,
+    lead: str = "",
     title: str = "",
     verdict: tuple[str, str, str] | None = None,
-    figures: Sequence[Figure] = (),
-    notes: Sequence[str] = (),
-) -> Path:
-    """Write a page of tables and pictures; those without rows are left out.
+    top: Sequence[Any] = (),
+    footer: str = "",
+) -> str:
+    """A page.
 
-    title: of the window, the heading by default; verdict: kind (`pass`, `fail` or `none`), text, small text
+    Parameters
+    ----------
+    sections : sections; a table or a figure is one under its own title. Those that hold nothing are left out.
+    heading, lead : the first lines of the page.
+    title : of the window, the heading by default.
+    verdict : kind (`pass`, `fail` or `none`), text, small text of the box in the upper right corner.
+    top : parts before the first section.
+    footer : the last line.
     """
-    values = {"heading": heading, "lead": lead, "tables": tables, "verdict": verdict}
-    more = {"title": title or heading, "figures": figures, "notes": notes}
-    return write_page(path, "tables.html.j2", **values, **more)
+    shown = [s for s in map(_section, sections) if s is not None and not s.is_empty]
+    page, css = (
+        _environment().get_template("page.html.j2"),
+        (TEMPLATES / "page.css").read_text(encoding="utf-8"),
+    )
+    return str(
+        page.render(
+            css=css, sections=shown, heading=heading, lead=lead, title=title or heading, verdict=verdict,
+            top=top, footer=footer,
+        )
+    )  # fmt: skip
+
+
+def _section(made: Any) -> Section | None:
+    if isinstance(made, Table):
+        text = made.text if made.rows else ""
+        return Section(made.title, (Table("", made.head, made.rows, made.numeric, "", made.kinds), text))
+    return Section(made.title, (made,)) if isinstance(made, Figure) else made
+
+
+def write_page(path: Path, sections: Sequence[Any], **values: Any) -> Path:
+    """Render and write a page; one that is half written is never seen under its name."""
+    return write_whole(path, render_page(sections, **values))
 
 
 def signed(value: float, digits: int) -> str:
@@ -78,6 +226,8 @@ def _environment() -> Any:
     import jinja2
 
     loader = jinja2.FileSystemLoader(TEMPLATES)
-    return jinja2.Environment(
+    made = jinja2.Environment(
         loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    made.filters["rich"] = rich
+    return made

@@ -1,18 +1,50 @@
-"""What a run's report page says: the summary as rows of text, for the template `run.html.j2`."""
+"""What a run's report page says of its summary."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from swath.documents.data_sheets import TAGS
 from swath.judge.catalogue import EvaluatorCatalogue, load_evaluators
 from swath.judge.evaluator import Metric
-from swath.report.html import Figure, render_page, signed
+from swath.report.html import (
+    Banner,
+    Beside,
+    Facts,
+    Figure,
+    Fold,
+    Html,
+    Items,
+    Section,
+    Table,
+    bar,
+    breakable,
+    element,
+    escaped,
+    joined,
+    render_page,
+    signed,
+)
 from swath.runtime.credibility import span
 from swath.terminal.outcome import NOT_JUDGED, incident_text, limit_text, result_of, window_text
 from swath.terminal.tables import number
 
 FACTORS = {("m", "cm"): 100.0, ("1", "%"): 100.0}  # (unit, shown unit) -> factor
 PRETTY = {"m2": "m²", "1": ""}
+INCIDENTS = ("time [s]", "distance [m]", "x [m]", "y [m]", "machine", "what", "")
+CREDIBILITY = ("slot", "quantity", "", "met", "checked", "level", "by")
+COST = ("slot", "steps", "per step", "wall time", "share", "of real time", "")
+ABOUT_INPUTS = (
+    "Tags: {}. How much a metric changes per percent of a number is that of the engine's steady state where "
+    "the run ended; for losses and throughput it is not known. A tag does not say how far a number may be "
+    "off."
+)
+ABOUT_SCENARIO = "Every value the run used; pale are the defaults, which the scenario does not write."
+NOTHING = "Nothing was measured."
+SHOW = "Show the resolved scenario"
+FOOTER = (
+    "Positive lateral and edge errors point towards the standing crop. `swath metrics NAME` explains a "
+    "metric."
+)
 RUN = (
     Metric("simulated_s", "s", "simulated time", "Run", label="simulated time", decimals=1),
     Metric("wall_s", "s", "wall time", "Run", label="wall time", decimals=1),
@@ -33,31 +65,77 @@ def render(
     """
     expect = summary.get("expect") or []
     evaluators = known or load_evaluators()
+    incidents = [_incident_row(event) for event in summary.get("incidents", [])]
+    made_with = {**(summary.get("versions") or {}), "rays on": summary.get("device")}
+    digest = summary.get("digest")
+    name = str(summary.get("name", "run"))
     return render_page(
-        "run.html.j2",
-        name=str(summary.get("name", "run")),
-        about=str(summary.get("summary") or ""),
-        head=_head(expect),
-        incomplete=bool(summary.get("incomplete")),
-        run_facts={key: summary.get(key) for key in ("machine", "seed")},
-        made_with={**(summary.get("versions") or {}), "rays on": summary.get("device")},
-        digest=summary.get("digest"),
-        limits=[limit_row(entry, evaluators.metrics) for entry in expect],
-        results=list(_results(summary, evaluators)),
-        inputs=list(_inputs(summary)),
-        credibility=list(_credibility(summary)),
-        tags=TAGS,
-        undeclared=summary.get("credibility", {}).get("undeclared", []),
-        not_checked=[
-            [slot, ", ".join(names)]
-            for slot, names in summary.get("credibility", {}).get("not_checked", {}).items()
+        [
+            *figures[:1],
+            Section("Limits", [_limits([limit_row(entry, evaluators.metrics) for entry in expect])]),
+            *_results(summary, evaluators),
+            Section("Credibility", _credibility(summary)),
+            Table(
+                "What load, fuel, loss and throughput rest on",
+                ["machine", "metrics", "numbers of data sheets, by tag", "matter most: % per %"],
+                list(_inputs(summary)),
+                text=ABOUT_INPUTS.format("; ".join(f"{tag} {meaning}" for tag, meaning in TAGS.items())),
+            ),
+            Table("Incidents", INCIDENTS, incidents, range(4)),
+            Section("Notes", [Items(summary.get("notes", []))] if summary.get("notes") else []),
+            *figures[1:],
+            Table("Cost", COST, _cost(summary) if summary.get("cost") else [], range(1, 6)),
+            Section("Made with", [Facts(made_with), f"`digest {digest}`" if digest else ""]),
+            Section("Scenario as run", [ABOUT_SCENARIO, Fold(SHOW, [_lines(scenario, default_lines)])]),
         ],
-        notes=summary.get("notes", []),
-        incidents=[_incident_row(event) for event in summary.get("incidents", [])],
-        figures=figures,
-        cost=_cost(summary) if summary.get("cost") else [],
-        scenario=[(line, n in default_lines) for n, line in enumerate(scenario.splitlines(), 1)],
+        heading=name,
+        lead=str(summary.get("summary") or ""),
+        verdict=_head(expect),
+        top=[
+            Banner("**Incomplete.** The run was stopped before its end.")
+            if summary.get("incomplete")
+            else "",
+            Facts({key: summary.get(key) for key in ("machine", "seed")}),
+        ],
+        footer=FOOTER,
     )
+
+
+def _lines(scenario: str, default_lines: Collection[int]) -> Html:
+    """The scenario, its defaults pale."""
+    lines = [
+        element("i", line) if n in default_lines else escaped(line)
+        for n, line in enumerate(scenario.splitlines(), 1)
+    ]
+    return element("pre", joined(lines, "\n"))
+
+
+def _limits(rows: Sequence[Mapping[str, str]]) -> Table:
+    """Columns that no limit fills are left out."""
+    heads = {
+        "subject": "of",
+        "name": "metric or column",
+        "limit": "limit",
+        "window": "window",
+        "value": "value",
+        "error": "level may be off by",
+        "result": "",
+        "reason": "",
+    }
+    shown = [key for key in heads if key not in ("window", "error", "reason") or any(r[key] for r in rows)]
+    put: dict[str, Callable[[str], Html]] = {
+        "name": breakable,
+        "window": breakable,
+        "result": _mark,
+        "value": lambda v: element("span", v, class_="v"),
+    }
+    cells = [[put.get(key, escaped)(row[key]) for key in shown] for row in rows]
+    return Table("", [heads[key] for key in shown], cells, [shown.index("value")])
+
+
+def _mark(result: str) -> Html:
+    shown = {"pass": "✓ pass", "fail": "✗ fail"}.get(result, result)
+    return element("span", shown, class_=result if shown != result else "") if result else Html()
 
 
 def _head(expect: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
@@ -97,13 +175,24 @@ def _level_error(entry: Mapping[str, Any], metric: Metric | None) -> str:
     return f"{shown_value(metric, error['size'])} ({error['slot']} against {error['against']})"
 
 
-def _credibility(summary: Mapping[str, Any]) -> Iterator[list[str]]:
-    """Slot, quantity, where what was met lies, that itself, what was checked, of which level, and by what."""
-    for slot, told in summary.get("credibility", {}).get("slots", {}).items():
-        for row in told["quantities"]:
-            met = "–" if row["met"] is None else span(row["met"])
-            state = row["state"] or "not met"
-            yield [slot, row["quantity"], state, met, span(row["checked"]), told["level"], row["source"]]
+def _credibility(summary: Mapping[str, Any]) -> list[Table | str]:
+    """What was met, against what each level was checked for."""
+    told = summary.get("credibility", {})
+    rows = [
+        [slot, row["quantity"], row["state"] or "not met", "–" if row["met"] is None else span(row["met"]),
+         span(row["checked"]), of["level"], row["source"]]
+        for slot, of in told.get("slots", {}).items() for row in of["quantities"]
+    ]  # fmt: skip
+    if not rows:
+        return []
+    text = "What the run met, against the range in which each level was checked."
+    if told.get("undeclared"):
+        text += f" No range is declared for the levels of {', '.join(told['undeclared'])}."
+    unchecked = [[slot, ", ".join(names)] for slot, names in told.get("not_checked", {}).items()]
+    found: list[Table | str] = [Table("", CREDIBILITY, rows, text=text)]
+    return [*found, Table("", ["slot", "not checked, of what changes what it does"], unchecked)][
+        : 1 + bool(unchecked)
+    ]
 
 
 def _inputs(summary: Mapping[str, Any]) -> Iterator[list[str]]:
@@ -130,40 +219,40 @@ def _incident_row(event: Mapping[str, Any]) -> list[str]:
     return [*place, event["machine"], event["kind"], text]
 
 
-def _results(
-    summary: Mapping[str, Any], known: EvaluatorCatalogue
-) -> Iterator[tuple[str, list[tuple[str, list[dict[str, str]]]]]]:
-    """Heading and grouped metrics of each machine, then of the field and the run."""
+def _results(summary: Mapping[str, Any], known: EvaluatorCatalogue) -> Iterator[Section]:
+    """Grouped metrics of each machine, then of the field and the run."""
     metrics = {**known.metrics, **{m.name: m for m in RUN}}
     expect = summary.get("expect") or []
     machines = summary.get("machines", {})
     for name, own in machines.items():
-        yield name, _groups(own, metrics, [e for e in expect if e["subject"] == name])
+        yield Section(f"Results: {name}", _groups(own, metrics, [e for e in expect if e["subject"] == name]))
     rest = [e for e in expect if e["subject"] not in machines]
-    yield "field and run" if machines else "", _groups(summary, metrics, rest)
+    yield Section("Results: field and run" if machines else "Results", _groups(summary, metrics, rest))
 
 
 def _groups(
     values: Mapping[str, Any], metrics: Mapping[str, Metric], expect: Sequence[Mapping[str, Any]]
-) -> list[tuple[str, list[dict[str, str]]]]:
+) -> list[Beside | str]:
     held = {e["name"]: e for e in expect if not e.get("window") and "hold" not in e["limit"]}
-    groups: dict[str, list[dict[str, str]]] = {}
+    groups: dict[str, list[list[Html]]] = {}
     for metric in metrics.values():
         if metric.name in values:
             row = _metric_row(metric, values[metric.name], held.get(metric.name))
             groups.setdefault(metric.group, []).append(row)
-    return list(groups.items())
+    tables = [Table(group, (), rows, (1, 2)) for group, rows in groups.items()]
+    return [Beside(tables, "columns") if tables else NOTHING]
 
 
-def _metric_row(metric: Metric, value: Any, entry: Mapping[str, Any] | None) -> dict[str, str]:
-    return {
-        "tip": metric.meaning,
-        "name": metric.name,
-        "label": metric.label or metric.name.removesuffix("_" + metric.unit).replace("_", " "),
-        "value": shown_value(metric, value),
-        "limit": "" if entry is None else _bounds(metric, entry["limit"]),
-        "result": "" if entry is None else result_of(entry),
-    }
+def _metric_row(metric: Metric, value: Any, entry: Mapping[str, Any] | None) -> list[Html]:
+    label = metric.label or metric.name.removesuffix("_" + metric.unit).replace("_", " ")
+    name = joined((label, element("small", breakable(metric.name), class_="id")))
+    limit = "" if entry is None else _bounds(metric, entry["limit"])
+    return [
+        element("span", name, title=metric.meaning),
+        element("span", shown_value(metric, value), class_="v"),
+        element("span", limit, class_="limit"),
+        _mark("" if entry is None else result_of(entry)),
+    ]
 
 
 def _bounds(metric: Metric, limit: Mapping[str, Any]) -> str:
@@ -191,17 +280,21 @@ def shown_value(metric: Metric, value: Any) -> str:
     return f"{text}\u00a0{unit}" if unit else text
 
 
-def _cost(summary: Mapping[str, Any]) -> list[tuple[list[str], str]]:
-    """Cells, and the length of the bar [%], of the wall time per slot."""
+def _cost(summary: Mapping[str, Any]) -> list[list[object]]:
+    """Slot, steps, time of a step and of all, shares of all and of the simulated time, of the wall time."""
     cost: Mapping[str, Any] = summary["cost"]
     total = max(sum(c["seconds"] for c in cost.values()), 1e-12)
     longest = max(max(c["seconds"] for c in cost.values()), 1e-12)
     simulated = summary.get("simulated_s")
-    rows = []
-    for slot, c in cost.items():
-        each = 1e6 * c["seconds"] / c["steps"] if c["steps"] else 0.0
-        cells = [slot, str(c["steps"]), f"{each:,.0f} µs".replace(",", "\u202f"), f"{c['seconds']:.2f} s"]
-        cells.append(f"{100 * c['seconds'] / total:.1f} %")
-        cells.append(f"{100 * c['seconds'] / simulated:.1f} %" if simulated else "–")
-        rows.append((cells, f"{100 * c['seconds'] / longest:.1f}"))
-    return rows
+    return [
+        [
+            slot,
+            str(c["steps"]),
+            f"{signed(1e6 * c['seconds'] / c['steps'] if c['steps'] else 0.0, 0)} µs",
+            f"{c['seconds']:.2f} s",
+            f"{100 * c['seconds'] / total:.1f} %",
+            f"{100 * c['seconds'] / simulated:.1f} %" if simulated else "–",
+            bar(c["seconds"] / longest, most=300.0),
+        ]
+        for slot, c in cost.items()
+    ]

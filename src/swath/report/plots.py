@@ -5,6 +5,7 @@ that also differ in grey.
 """
 
 import base64
+import re
 from collections.abc import Sequence
 from io import BytesIO
 from typing import Any, Literal
@@ -23,9 +24,28 @@ from swath.signals.setup import MachineGeometry
 BLUE, ORANGE, GREEN, SKY, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#56B4E9", "#CC79A7", "#6B6F76"
 CROP, SOIL, STUBBLE, STRAW, INK, FAINT = "#E9C46A", "#F4F1EA", "#DCD5C4", "#A8813B", "#22262B", "#D9DCE1"
 GRAIN = "YlOrBr"  # colours of its height
+ON_LIGHT, ON_DARK = "#111417", "#FDFDFD"  # text on a coloured area, alike in both looks
+DARK = {
+    "#ffffff": "#1d2024",
+    "#000000": "#e4e6e9",
+    INK: "#e4e6e9",
+    GREY: "#a9aeb5",
+    FAINT: "#4a5058",
+    "#9AA0A8": "#7d838b",
+    "#E8EAED": "#30353b",
+    "#F1F2F4": "#282c31",
+    "#E6E9ED": "#343a41",
+    SOIL: "#2e2b25",
+    STUBBLE: "#5a543f",
+    CROP: "#8c763f",
+    STRAW: "#75592c",
+    BLUE: "#3f9bd8",
+}  # neutral colours and light fills -> what they are in the dark look
+DIM = "dim"  # how the name (gid) of a picture of the field begins, which is dimmed in the dark look
 POINTS = 2500  # of a curve: more than a page has pixels
 STYLE = {
     "font.size": 9.5,
+    "text.color": INK,
     "axes.edgecolor": "#9AA0A8",
     "axes.labelcolor": INK,
     "axes.linewidth": 0.8,
@@ -81,7 +101,7 @@ def panels(
 def as_image(fig: Any, *, kind: str = "svg", dpi: int = 150) -> str:
     """The figure as a data address for an <img>; it is empty afterwards.
 
-    kind: `svg` for lines, `png` for areas, `webp` for pictures of many small parts
+    kind: `svg` for what is drawn, which has a light and a dark look; `webp` for pictures of a camera
     """
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
@@ -89,16 +109,32 @@ def as_image(fig: Any, *, kind: str = "svg", dpi: int = 150) -> str:
     fig.set_dpi(dpi)  # and printed by its canvas: `savefig` draws everything twice
     if kind == "svg":
         FigureCanvasSVG(fig).print_svg(out, metadata={"Date": None})
-    elif kind == "png":
-        fig.canvas.print_png(out, metadata={"Software": None}, pil_kwargs={"compress_level": 3})
     else:
         from PIL import WebPImagePlugin  # noqa: F401 or Pillow loads all formats that it knows
 
         fig.canvas.print_webp(out, pil_kwargs={"quality": 88, "method": 2})
     fig.clear()  # its parts refer to each other: what they hold would stay
     give_back()
+    made = _themed(out.getvalue().decode()).encode() if kind == "svg" else out.getvalue()
     media = "image/svg+xml" if kind == "svg" else f"image/{kind}"
-    return f"data:{media};base64,{base64.b64encode(out.getvalue()).decode()}"
+    return f"data:{media};base64,{base64.b64encode(made).decode()}"
+
+
+def _themed(svg: str) -> str:
+    """The drawing with a dark look, too, for readers who ask for it."""
+    numbers = {colour.lower(): f"c{i}" for i, colour in enumerate(DARK)}
+
+    def named(found: re.Match[str]) -> str:
+        name = numbers.get(found[2].lower())
+        return f"{found[1]}: var(--{name})" if name else found[0]
+
+    light, dark = ("".join(f"--c{i}:{pair[side]};" for i, pair in enumerate(DARK.items())) for side in (0, 1))
+    style = (
+        f"svg{{{light}}}@media screen and (prefers-color-scheme:dark){{svg{{{dark}}}"
+        f'[id^="{DIM}"]{{filter:brightness(.6)}}}}'
+    )
+    svg = re.sub(r"\b(fill|stroke): (#[0-9a-fA-F]{6})\b", named, svg)
+    return svg.replace("<defs>", f"<style>{style}</style><defs>", 1)
 
 
 def evenly(values: Any) -> slice:
@@ -139,9 +175,9 @@ def _plot_lateral(ax: Any, series: PathSeries, settling: float, band: float | No
     ax.axvspan(0, settling, color="#F1F2F4", lw=0)
     shown = min(settling, float(series.distance[-1])) if len(series.distance) else settling
     ax.text(shown, 0.97, "settling ", transform=ax.get_xaxis_transform(), ha="right", va="top",
-            color=GREY, fontsize=8.5).set_in_layout(False)  # fmt: skip
+            color=GREY, fontsize=9).set_in_layout(False)  # fmt: skip
     ax.set_ylabel("header end\nlateral error [cm]")
-    ax.set_title("> 0: towards the standing crop", loc="right", fontsize=8.5, color=GREY, y=1.0)
+    ax.set_title("> 0: towards the standing crop", loc="right", fontsize=9, color=GREY, y=1.0)
 
 
 def _plot_edge(ax: Any, series: EdgeSeries, settling: float, band: float | None) -> None:
@@ -311,9 +347,9 @@ def _grain(fig: Any, ax: Any, heap: HeapRows) -> None:
     inset = ax.inset_axes((0.78, 1.05, 0.22, 0.07))
     bar = fig.colorbar(mesh, cax=inset, orientation="horizontal")
     bar.ax.xaxis.set_ticks_position("top")
-    bar.ax.tick_params(labelsize=7.5, pad=1, length=2)
+    bar.ax.tick_params(labelsize=9, pad=1, length=2)
     said = f"grain above the floor [m]; black line: the rim, {heap.depth:.2f} m"
-    ax.set_title(said, loc="left", fontsize=8.5, color=GREY, y=1.0)
+    ax.set_title(said, loc="left", fontsize=9, color=GREY, y=1.0)
     ax.set_ylabel("ahead of the\nbox's middle [m]")
     ax.grid(visible=False)
 
@@ -339,5 +375,5 @@ def _fill(ax: Any, heap: HeapRows, missed: float) -> None:
     ax.plot(heap.t, 100.0 * heap.level, color=GREEN, lw=1.4, label="fill, of the largest heap")
     ax.set_ylabel("fill [%]")
     ax.set_ylim(0.0, 105.0)
-    ax.set_title(f"missed the box in all: {missed:.1f} kg", loc="right", fontsize=8.5, color=GREY, y=1.0)
+    ax.set_title(f"missed the box in all: {missed:.1f} kg", loc="right", fontsize=9, color=GREY, y=1.0)
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=2, borderaxespad=0.1)

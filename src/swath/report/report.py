@@ -25,7 +25,6 @@ from swath.report import page, plots
 from swath.report.field_plot import MapTrack, map_figure, silhouette
 from swath.report.html import Figure
 from swath.report.scan_sampler import FieldMap, KeptScan, ScanSampler, circles_of, make_map
-from swath.report.stand3d import Stand, stand_figure
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
 from swath.scenario.defaults import default_lines
@@ -157,7 +156,7 @@ def _draw_boxes(ax: Any, boxes: ImageBoxes) -> None:
             bottom + 2.0,
             f"{OBSTACLE_KINDS[kind]}, {distance:.1f} m",
             color="white",
-            fontsize=8.0,
+            fontsize=9.0,
             va="top",
             bbox={"fc": plots.ORANGE, "ec": "none", "pad": 1.0},
             clip_on=True,
@@ -187,7 +186,7 @@ class ReportData:
     """Everything a report shows. What is None or empty is left out. `collect` makes it after a run.
 
     summary: as in summary.json (see `judge.summary.make_summary`); scenario: the resolved YAML
-    map: from `make_map`; stand: the field, when stems can be drawn from its pages
+    map: from `make_map`
     obstacles: (x, y, radius) [m]; driven: a track driven in reality, (n, 2) world [m]
     default_lines: numbers, from 1, of the lines of `scenario` that nobody wrote; known: the evaluators
     unloading: grain handed over from machine to machine
@@ -197,7 +196,6 @@ class ReportData:
     scenario: str
     machines: Sequence[MachineReport]
     map: FieldMap | None = None
-    stand: Stand | None = None
     obstacles: Sequence[tuple[float, float, float]] = ()
     driven: F64 | None = None
     default_lines: Collection[int] = ()
@@ -237,7 +235,6 @@ def collect(
         scenario.resolved(),
         machines,
         map=picture,
-        stand=world.field,
         obstacles=circles_of(world.obstacles),
         driven=world.driven,
         default_lines=default_lines(scenario),
@@ -357,9 +354,6 @@ def _of_machine(data: ReportData, own: MachineReport) -> Iterator[Figure]:
             yield _scans(own, slot)
     for slot, pictures in own.pictures.items():
         yield _pictures(slot, pictures, alone=len(own.pictures) == 1)
-    shown = next((scans[-1] for scans in own.scans.values() if scans and scans[-1].edge is not None), None)
-    if data.stand is not None and shown is not None:
-        yield _stand(data.stand, own, shown)
     if len(own.tracks.get("t_s", ())) > 1:
         yield _drive(own)
         if np.isfinite(np.asarray(own.tracks.get("engine_load", np.nan))).any():
@@ -391,7 +385,7 @@ def _map(data: ReportData, picture: FieldMap) -> Figure:
         places=[(e["x_m"], e["y_m"], e["kind"]) for e in data.summary.get("incidents", [])],
     )
     caption = "The field after the run, turned so that the run goes from left to right."
-    return Figure("Field map", plots.as_image(fig, kind="png", dpi=150), caption)
+    return Figure("Field map", plots.as_image(fig), caption)
 
 
 def _unloading(series: UnloadingSeries) -> Iterator[Figure]:
@@ -400,7 +394,7 @@ def _unloading(series: UnloadingSeries) -> Iterator[Figure]:
         "where it was wanted. Below: how full the box is."
     )
     for name in series.heaps:
-        image = plots.as_image(plots.unloading_figure(series, name), kind="png", dpi=130)
+        image = plots.as_image(plots.unloading_figure(series, name))
         yield Figure(f"Unloading into {name}", image, caption)
 
 
@@ -448,15 +442,6 @@ def _pictures(slot: str, pictures: Sequence[KeptPicture], *, alone: bool) -> Fig
     image = plots.as_image(pictures_figure(pictures), kind="webp", dpi=110)
     caption = "Camera pictures of the run; boxes: the visible part of each object, from the truth."
     return Figure("Pictures" if alone else f"Pictures of {slot}", image, caption)
-
-
-def _stand(stand: Stand, own: MachineReport, scan: KeptScan) -> Figure:
-    fig = stand_figure(stand, scan, own.machine, own.edge)
-    caption = (
-        f"Every stem around the edge ahead of the machine at {scan.distance:.1f} m, as the rays met it, with "
-        "the echoes of the last scan; seen from above the cut ground, along the drive."
-    )
-    return Figure("The stand", plots.as_image(fig, kind="webp", dpi=150), caption)
 
 
 def _drive(own: MachineReport) -> Figure:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from swath.core.whole_file import new_file, write_whole
 from swath.documents.yaml_document import dump
 from swath.judge.summary import json_safe
-from swath.report.html import Figure, Table, signed, write_tables
+from swath.report.html import Figure, Items, Section, Table, signed, write_page
 from swath.report.plots import GREY, ORANGE, STYLE, as_image, figure
 from swath.tools.compare_log.compare import SHOWN, LogComparison
 
@@ -41,9 +41,9 @@ def write_compared(
     out: Path, model: str, lead: str, tables: Sequence[Table], fig: Any, notes: Sequence[str]
 ) -> None:
     """Write report.html."""
-    picture = Figure("Picture", as_image(fig, kind="png", dpi=130), "Measured and simulated series")
-    title = f"{model}, compare log"
-    write_tables(out / "report.html", model, lead, tables, title=title, figures=[picture], notes=notes)
+    picture = Figure("Picture", as_image(fig), "Measured and simulated series")
+    sections = [*tables, picture, Section("Notes", [Items(notes)] if notes else [])]
+    write_page(out / "report.html", sections, heading=model, lead=lead, title=f"{model}, compare log")
 
 
 def write_comparison(made: LogComparison, out: Path) -> None:
@@ -131,7 +131,7 @@ def _scatter(ax: Any, made: LogComparison, quantity: str, mask: Mask) -> None:
     ax.set(xlim=(low, high), ylim=(low, high), xlabel="measured", ylabel="simulated")
     found = list(made.statistics[quantity].values())[-1]["model"]
     text = f"R² {found.r2:.2f}\nRMSE {found.rmse:.3g} {SHOWN[quantity][0]}\nlag {found.lag_s:+.1f} s"
-    ax.text(0.04, 0.96, text.replace("-", "−"), transform=ax.transAxes, va="top", fontsize=8.5)
+    ax.text(0.04, 0.96, text.replace("-", "−"), transform=ax.transAxes, va="top", fontsize=9.5)
 
 
 def _over_flow(ax: Any, made: LogComparison, quantity: str, mask: Mask) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.whole_file import new_file, write_whole
-from swath.report.html import signed, write_page
+from swath.report.html import Facts, Figure, Items, Section, Table, signed, write_page
 from swath.report.plots import BLUE, FAINT, GREY, INK, ORANGE, STYLE, as_image, figure
 from swath.signals import F64
 from swath.tools.compare_scans.compare import (
@@ -66,41 +66,49 @@ def write_comparison(made: Comparison, out: Path) -> None:
         with new_file(out / name) as file:
             fig.savefig(file, format="png", dpi=130, metadata={"Software": None})
     w1 = made.number("w1_m")
+    noise = f"noise up to {100 * w1.spread[0]:.2f} cm" if w1.spread else "too short for its noise"
+    is_beyond = not w1.spread or w1.difference > w1.spread[0]
+    facts = {
+        "cells": f"{len(made.cells)} of {made.grid.cell_m:g} m across",
+        "blocks": f"{len(made.blocks)} of {made.grid.block_m:g} m along",
+        "aligned by": made.align,
+    }
+    read = [[what, *(_fact(v) for v in pair)] for what, pair in made.facts.items()]
+    sections = [
+        Section("What was taken for granted", [Items(made.notes)] if made.notes else []),
+        Table("How far apart", HEAD, number_rows(made), (1, 2, 3), ABOUT_NUMBERS),
+        Figure("Across the path", as_image(pictures["profiles.png"]), ABOUT_PROFILES),
+        Figure("From above", as_image(pictures["map.png"]), ABOUT_MAP),
+        Table("What was read", ("", "A", "B"), read, (1, 2), ABOUT_READ),
+    ]
     write_page(
         out / "report.html",
-        "compare_scans.html.j2",
-        a=made.names[0],
-        b=made.names[1],
-        w1=f"{100 * w1.difference:.2f} cm",
-        noise=f"noise up to {100 * w1.spread[0]:.2f} cm" if w1.spread else "too short for its noise",
-        is_beyond=not w1.spread or w1.difference > w1.spread[0],
-        head=HEAD,
-        numbers=number_rows(made),
-        facts=[[what, *(_fact(v) for v in pair)] for what, pair in made.facts.items()],
-        figures=[
-            (as_image(pictures["profiles.png"], kind="png", dpi=130), "Across the path", _ABOUT_PROFILES),
-            (as_image(pictures["map.png"], kind="png", dpi=130), "From above", _ABOUT_MAP),
-        ],
-        notes=made.notes,
-        about={
-            "cells": f"{len(made.cells)} of {made.grid.cell_m:g} m across",
-            "blocks": f"{len(made.blocks)} of {made.grid.block_m:g} m along",
-            "aligned by": made.align,
-        },
-        rules={
-            "fewest": FEWEST,
-            "blocks": FEWEST_BLOCKS,
-            "draws": DRAWS,
-            "ground_cm": f"{100 * GROUND_BELOW:g}",
-        },
+        sections,
+        heading="Two sets of scans",
+        title="{1} against {0}, compare scans".format(*made.names),
+        lead="A: {}; B: {}".format(*made.names),
+        verdict=("none" if is_beyond else "pass", f"W1 {100 * w1.difference:.2f} cm", noise),
+        top=[Facts(facts)],
     )
 
 
-_ABOUT_PROFILES = (
+ABOUT_NUMBERS = (
+    "W1, the Wasserstein distance, is by how much the heights of a cell would have to be moved on average "
+    "to become those of the other; KS is the largest difference of the shares that lie below any height. "
+    "Noise: what they come to when in each block A and B are exchanged by the toss of a coin, so that "
+    f"both are alike; 95 % of {DRAWS} tosses stay below. The interval of a difference comes from drawing "
+    f"blocks with replacement. Both need {FEWEST_BLOCKS} blocks."
+)
+ABOUT_READ = (
+    f"A cell counts with {FEWEST} echoes of both. Echoes lower than {100 * GROUND_BELOW:g} cm come from "
+    "the ground, the others from crop or stubble. Depth: of the echoes from crop below the height that 95 "
+    "% of the cell's lie under."
+)
+ABOUT_PROFILES = (
     "Each cell over its whole length. Bands: 5 to 95 % of the heights, thick lines: their medians. Grey: "
     "what the W1 of a cell comes to by chance."
 )
-_ABOUT_MAP = "Cells and blocks with echoes enough of both. Blue: B lower than A, red: higher."
+ABOUT_MAP = "Cells and blocks with echoes enough of both. Blue: B lower than A, red: higher."
 
 
 def _fact(value: Any) -> str:
@@ -195,7 +203,7 @@ def draw_map(made: Comparison) -> Any:
             (mean, "mean, B - A [cm]", "RdBu_r", -size, size),
         ]
         for ax, (values, label, colours, low, high) in zip(axes, looks, strict=True):
-            shades = mpl.colormaps[colours].with_extremes(bad="#e9ebee")
+            shades = mpl.colormaps[colours].with_extremes(bad=FAINT)
             image = ax.imshow(
                 np.ma.masked_invalid(values), origin="lower", extent=ends, aspect="auto", cmap=shades,
                 vmin=low, vmax=high, interpolation="nearest",

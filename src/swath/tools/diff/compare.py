@@ -18,7 +18,7 @@ from swath.record.samples import MSGTYPE, SUFFIX
 from swath.replay.charts import events_of, shown_charts
 from swath.replay.machines import Columns, derived
 from swath.replay.writer import tracks_of
-from swath.report.html import Figure, Table, write_tables
+from swath.report.html import Figure, Table, write_page
 from swath.report.plots import BLUE, ORANGE, STYLE, as_image, figure
 from swath.runtime.folder import check_run_folder
 from swath.signals import Signal
@@ -237,7 +237,7 @@ def write_diff(found: Comparison, path: Path) -> Path:
         Table("Events", ["run", "event"], found.events),
     ]
     heading = " and ".join(names)
-    return write_tables(path, heading, found.headline, tables, verdict=verdict, figures=figures)
+    return write_page(path, [*tables, *figures], heading=heading, lead=found.headline, verdict=verdict)
 
 
 def _figures(found: Comparison, machine: str) -> list[Figure]:

@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from math import log1p
-from typing import Any
 
-from swath.judge.evaluators.edge_detection import EPISODE_M
 from swath.judge.evaluators.edge_detection import WRONG_M as ALERT_M
+from swath.report.chart import Chart
 from swath.tools.function_test.cells import Cell
 from swath.tools.function_test.integrity import (
     BIN_COUNT,
@@ -16,9 +15,9 @@ from swath.tools.function_test.integrity import (
 )
 from swath.tools.function_test.judged import UNCOUNTED
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442", "#22262b")
-WIDTH, HEIGHT, PAD = 250.0, 110.0, 14.0  # of a chart [px]
-SIDE, CELL = 200.0, 200.0 / BIN_COUNT  # of the Stanford diagram [px]
+COLOURS = (*("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#b8a800"), "var(--ink)")
+WIDTH, HEIGHT, SIDE = 250.0, 110.0, 200.0  # of a chart and of the Stanford diagram [px]
+PAD = 0.06  # of a chart that is left free at its sides
 MISTAKES = 0.1  # share of runs on the wrong side of a boundary that is drawn
 
 
@@ -27,7 +26,7 @@ def colour(number: int) -> str:
     return COLOURS[number % len(COLOURS)]
 
 
-def over_parameters(cells: Sequence[Cell]) -> list[dict[str, Any]]:
+def over_parameters(cells: Sequence[Cell]) -> list[Chart]:
     """Charts of one case, one for each parameter with several numbers. cells: its candidates, in order"""
     case, charts = cells[0].case, []
     for name in case.file.vary:
@@ -44,20 +43,22 @@ def over_parameters(cells: Sequence[Cell]) -> list[dict[str, Any]]:
             continue
         low, high = min(values), max(values)
         found = boundary([(value, run.margin >= 0.0) for number, value, run in drawn if number == 0])
-        charts.append(
-            {
-                "name": name,
-                "low": f"{low:g}",
-                "high": f"{high:g}",
-                "dots": [
-                    {"x": _x(value, low, high), "y": _y(run.margin), "colour": colour(number),
-                     "title": f"{name} {value:g}, seed {run.seed}: {run.reason or 'passes'}"}
-                    for number, value, run in drawn
-                ],
-                "boundary": None if found is None else _x(found[0], low, high),
-                "text": "" if found is None else f"passes {found[1]} {found[0]:.3g}",
-            }
-        )  # fmt: skip
+        said = "" if found is None else f": passes {found[1]} {found[0]:.3g}"
+        chart = Chart(WIDTH, HEIGHT, f"margin over {name}", caption=f"**{name}** {low:g} to {high:g}{said}")
+        chart.line(0.0, 0.5, 1.0, 0.5, "3 3")
+        for at, text, down in ((1.0, "1", 12.0), (0.5, "0", -2.0), (0.0, "-1", -2.0)):
+            chart.text(0.0, at, text, right=1.0, down=down)
+
+        def across(value: float, low: float = low, high: float = high) -> float:
+            return PAD + (1.0 - 2.0 * PAD) * (value - low) / (high - low)
+
+        if found is not None:
+            chart.line(across(found[0]), 0.0, across(found[0]), 1.0, "1 3")
+        for number, value, run in drawn:
+            title = f"{name} {value:g}, seed {run.seed}: {run.reason or 'passes'}"
+            up = 0.5 + 0.43 * min(1.0, max(-1.0, run.margin))
+            chart.dot(across(value), up, title=title, fill=colour(number))
+        charts.append(chart)
     return charts
 
 
@@ -82,34 +83,28 @@ def boundary(runs: Sequence[tuple[float, bool]]) -> tuple[float, str] | None:
     return None if best is None or best[0] > allowed else (best[1], best[2])
 
 
-def stanford(cells: Sequence[Cell], number: int) -> dict[str, Any] | None:
+def stanford(cells: Sequence[Cell], number: int) -> Chart | None:
     """The diagram of one candidate over all its cases; None where no run has an edge detector."""
     whole = pooled(cell.integrity for cell in cells)
     if not whole["samples"]:
         return None
-    most = log1p(max(count for _, _, count in whole["bins"]))
+    name = cells[0].candidate
     rate = episodes_per_km(whole["episodes"], whole["km"])
-    return {
-        "candidate": cells[0].candidate,
-        "side": SIDE,
-        "cell": CELL,
-        "alert": ALERT_M / BIN_M * CELL,
-        "limit": f"{ALERT_M:g}",
-        "end": f"{BIN_M * BIN_COUNT:g}",
-        "episode": f"{EPISODE_M:g}",
-        "colour": colour(number),
-        "squares": [
-            {"x": error * CELL, "y": SIDE - (told + 1) * CELL, "opacity": round(log1p(count) / most, 3)}
-            for error, told, count in whole["bins"]
-        ],
-        "text": f"{whole['episodes']} hazardous episodes in {whole['km']:.3g} km: "
-        f"{rate:.3g} per km or fewer (95 %); the longest {whole['longest_m']:.2g} m",
-    }
-
-
-def _x(value: float, low: float, high: float) -> float:
-    return round(PAD + (value - low) / (high - low) * (WIDTH - 2.0 * PAD), 1)
-
-
-def _y(share: float) -> float:
-    return round(HEIGHT / 2.0 - min(1.0, max(-1.0, share)) * (HEIGHT / 2.0 - 8.0), 1)
+    caption = (
+        f"**{name}**: {whole['episodes']} hazardous episodes in {whole['km']:.3g} km: "
+        f"{rate:.3g} per km or fewer (95 %); the longest {whole['longest_m']:.2g} m"
+    )
+    chart = Chart(SIDE, SIDE, f"Stanford diagram of {name}", caption=caption)
+    alert, cell = ALERT_M / (BIN_M * BIN_COUNT), 1.0 / BIN_COUNT
+    chart.area("hazard", (alert, 0.0), (alert, alert), (1.0, 1.0), (1.0, 0.0))
+    most = log1p(max(count for _, _, count in whole["bins"]))
+    for error, told, count in whole["bins"]:
+        chart.box(error * cell, told * cell, cell, cell, fill=colour(number), opacity=log1p(count) / most)
+    chart.line(0.0, 0.0, 1.0, 1.0)
+    chart.line(alert, 0.0, alert, 1.0, "3 3")
+    chart.line(0.0, alert, 1.0, alert, "3 3")
+    chart.text(alert, 0.0, f"{ALERT_M:g} m", right=3.0, down=-13.0)
+    chart.text(1.0, 0.0, f"error {BIN_M * BIN_COUNT:g} m", anchor="end", right=-3.0, down=-3.0)
+    chart.text(0.0, alert, f"{ALERT_M:g} m", right=13.0, down=-3.0)
+    chart.text(0.0, 1.0, f"stated {BIN_M * BIN_COUNT:g} m", right=13.0, down=14.0)
+    return chart

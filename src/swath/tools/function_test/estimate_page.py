@@ -8,14 +8,36 @@ import numpy as np
 
 from swath import __version__
 from swath.core.whole_file import write_whole
-from swath.report.html import write_page
+from swath.report.chart import Chart
+from swath.report.html import Banner, Facts, Section, Table, element, write_page
 from swath.signals import F64
 from swath.tools.function_test.estimate import Estimated
+from swath.tools.function_test.page import AGAIN, more
 from swath.tools.function_test.verdict import BROKEN, SHOWN
 
 SIDE = 360.0  # of the picture [px]
 PASSED_MAX, FAILED_MAX = 1500, 20  # runs in the picture that keep the limit, failures in the list
 LARGEST = 9.0  # radius of the failure with the largest weight [px]
+PARAMETERS = (
+    "parameter",
+    "key",
+    "range",
+    "exposure",
+    "nine tenths of the failures",
+    "away from the exposure [nat]",
+)
+ABOUT_PICTURE = (
+    "Runs of the last round over the two parameters in which failures differ most from the exposure. "
+    "Orange: the limit is broken, the area is the run's share of the probability. Blue: kept."
+)
+ABOUT = (
+    "The probability is the mean of exposure over density of the failures in the last round, whose "
+    "density was fixed before its first run: over many estimates it is unbiased. The rounds before only "
+    "say where failures are. They follow the margin to the limit; a region of failures that they "
+    "overlooked makes the number too small and the interval too narrow, and is excluded only above a "
+    "probability of {}. The interval says how far the number depends on chance, not how far the "
+    "simulation or the exposure can be trusted."
+)
 SPAN = (0.05, 0.95)  # of the failures, by weight
 
 
@@ -24,46 +46,54 @@ def write_estimate(path: Path, found: Estimated, at_most: float | None = None) -
     rate, verdict = found.rate, found.verdict(at_most)
     given = not found.refusals
     names = list(found.telling)
-    cheap = found.cheap_rate
+    failed, every = _failed(found), (*found.rounds, found.last)
+    rounds = [
+        [f"{n}{', the last' if n == len(every) else ''}", "cheap" if r.level else "as judged",
+         str(len(r.margins)), str(int(np.sum(r.margins < 0.0))),
+         f"{float(np.nanmin(r.margins, initial=1.0)):.2f}"]
+        for n, r in enumerate(every, 1)
+    ]  # fmt: skip
+    sections = [
+        Section(
+            "Where failures lie",
+            [_picture(found, names), Table("", PARAMETERS, [_parameter(found, n) for n in names], (5,))],
+        ),
+        Table("Failures that weigh most", ["point", "run", "share", "reason"], failed, (2,),
+              f"{more(rate.failures, len(failed))} {AGAIN}"),
+        Section(
+            "How sure it is",
+            [ABOUT.format(f"{found.blind:.2g}"),
+             Table("", ["round", "level", "runs", "failures", "least margin"], rounds, (2, 3, 4))],
+        ),
+    ]  # fmt: skip
+    small = f"95 %: {rate.low:.2g} to {rate.high:.2g}" if given else "not supported by the runs"
+    kind = {SHOWN: "pass", BROKEN: "fail"}.get(verdict, "none")
+    said = f"at most {at_most:g}: {verdict}" if verdict else small
     return write_page(
         path,
-        "function_test_estimate.html.j2",
-        title=f"Probability of failure of {found.case.name}",
-        objective=found.case.file.objective,
-        limit=found.limit,
-        version=__version__,
-        kind={SHOWN: "pass", BROKEN: "fail"}.get(verdict, "none"),
-        outcome=f"{rate.value:.2g} a run" if given else "no number",
-        small=f"95 %: {rate.low:.2g} to {rate.high:.2g}" if given else "not supported by the runs",
-        claim=f"at most {at_most:g}: {verdict}" if verdict else "",
-        refusals=found.refusals,
-        facts={
-            "runs": found.plain["runs"],
-            "of them in the last round": rate.runs,
-            "failures in the last round": rate.failures,
-            "effective failures": f"{rate.ess:.0f}",
-            "half width of the interval": f"{100 * rate.half_width:.0f} %" if given else None,
-            "of the probability where the search found none": f"{100 * rate.overlooked:.0f} %"
-            if rate.failures
-            else None,
-            "not judged": found.unknown.failures or None,
-            "at the cheap level": None
-            if cheap is None
-            else f"{cheap.value:.2g} ({cheap.low:.2g} to {cheap.high:.2g})",
-            "failures that it does not show": None if cheap is None else f"{100 * found.unseen:.0f} %",
-        },
-        picture=_picture(found, names),
-        side=SIDE,
-        parameters=[_parameter(found, name) for name in names],
-        rounds=[
-            {"number": number, "level": "cheap" if r.level else "as judged", "runs": len(r.margins),
-             "failures": int(np.sum(r.margins < 0.0)), "least": float(np.nanmin(r.margins, initial=1.0))}
-            for number, r in enumerate((*found.rounds, found.last), 1)
-        ],
-        failed=_failed(found),
-        failed_count=rate.failures,
-        blind=found.blind,
-    )  # fmt: skip
+        sections,
+        heading=f"Probability of failure of {found.case.name}",
+        lead=f"{found.case.file.objective}; {found.limit}, swath {__version__}",
+        verdict=(kind, f"{rate.value:.2g} a run" if given else "no number", said),
+        top=[*(Banner(f"No number is given: {said}.") for said in found.refusals), Facts(_facts(found))],
+    )
+
+
+def _facts(found: Estimated) -> dict[str, object]:
+    rate, cheap = found.rate, found.cheap_rate
+    interval = f"{100 * rate.half_width:.0f} %" if not found.refusals else None
+    overlooked = f"{100 * rate.overlooked:.0f} %" if rate.failures else None
+    return {
+        "runs": found.plain["runs"],
+        "of them in the last round": rate.runs,
+        "failures in the last round": rate.failures,
+        "effective failures": f"{rate.ess:.0f}",
+        "half width of the interval": interval,
+        "of the probability where the search found none": overlooked,
+        "not judged": found.unknown.failures or None,
+        "at the cheap level": cheap and f"{cheap.value:.2g} ({cheap.low:.2g} to {cheap.high:.2g})",
+        "failures that it does not show": cheap and f"{100 * found.unseen:.0f} %",
+    }
 
 
 def _values(found: Estimated, name: str) -> F64:
@@ -77,33 +107,30 @@ def _values(found: Estimated, name: str) -> F64:
     return (np.array(values, dtype=float) - low) / (high - low)
 
 
-def _picture(found: Estimated, names: list[str]) -> dict[str, Any]:
+def _picture(found: Estimated, names: list[str]) -> Chart:
     """Over the two parameters that tell most, or the margin over the only one."""
     x = _values(found, names[0])
     y = _values(found, names[1]) if len(names) > 1 else 0.5 + 0.5 * np.nan_to_num(found.last.margins)
+    up = _axis(found, names[1]) if len(names) > 1 else ("margin", "-1", "1")
+    across = _axis(found, names[0])
+    made = Chart(SIDE, SIDE, f"{up[0]} over {across[0]}", across, up, ABOUT_PICTURE)
     fails = found.last.margins < 0.0
     largest = float(np.max(found.weights[fails])) if np.any(fails) else 1.0
-    passed = np.flatnonzero(~fails)[:PASSED_MAX]
-    order = sorted(np.flatnonzero(fails).tolist(), key=lambda i: -found.weights[i])
-    return {
-        "x": _axis(found, names[0]),
-        "y": _axis(found, names[1]) if len(names) > 1 else {"name": "margin", "low": "-1", "high": "1"},
-        "passed": [{"x": round(x[i] * SIDE, 1), "y": round((1 - y[i]) * SIDE, 1)} for i in passed.tolist()],
-        "failed": [
-            {"x": round(x[i] * SIDE, 1), "y": round((1 - y[i]) * SIDE, 1),
-             "r": round(max(1.2, LARGEST * float(np.sqrt(found.weights[i] / largest))), 1)} for i in order
-        ],
-    }  # fmt: skip
+    for i in np.flatnonzero(~fails)[:PASSED_MAX].tolist():
+        made.dot(float(x[i]), float(y[i]), "pass", radius=1.1)
+    for i in sorted(np.flatnonzero(fails).tolist(), key=lambda i: -found.weights[i]):
+        radius = max(1.2, LARGEST * float(np.sqrt(found.weights[i] / largest)))
+        made.dot(float(x[i]), float(y[i]), "heavy", radius=radius)
+    return made
 
 
-def _axis(found: Estimated, name: str) -> dict[str, str]:
+def _axis(found: Estimated, name: str) -> tuple[str, str, str]:
     varied = found.case.file.vary[name]
     low, high = varied.range or (varied.drawn_values[0], varied.drawn_values[-1])
-    return {"name": name, "low": str(low) if isinstance(low, str) else f"{low:g}",
-            "high": str(high) if isinstance(high, str) else f"{high:g}"}  # fmt: skip
+    return name, *(end if isinstance(end, str) else f"{end:g}" for end in (low, high))  # type: ignore[return-value]
 
 
-def _parameter(found: Estimated, name: str) -> dict[str, Any]:
+def _parameter(found: Estimated, name: str) -> list[object]:
     """Its exposure, and where nine tenths of the failures lie, by weight."""
     varied = found.case.file.vary[name]
     fails = found.last.margins < 0.0
@@ -119,11 +146,10 @@ def _parameter(found: Estimated, name: str) -> dict[str, Any]:
         lie = " to ".join(f"{value:.4g}" for value in values[order][places]) if len(order) else ""
         span = "{:g} to {:g}".format(*varied.range)
     exposure = ", ".join(f"{of:g}" for of in varied.exposure) or "all alike"
-    return {"name": name, "key": varied.key, "range": span, "exposure": exposure, "lie": lie or "–",
-            "telling": found.telling[name]}  # fmt: skip
+    return [name, element("code", varied.key), span, exposure, lie or "–", f"{found.telling[name]:.2f}"]
 
 
-def _failed(found: Estimated) -> list[dict[str, str]]:
+def _failed(found: Estimated) -> list[list[object]]:
     """The failures that weigh most."""
     last = found.last
     whole = float(np.sum(found.weights[last.margins < 0.0]))
@@ -131,8 +157,8 @@ def _failed(found: Estimated) -> list[dict[str, str]]:
     failures = [(weight, result) for weight, margin, result in each if margin < 0.0]
     heaviest = sorted(failures, key=lambda pair: (-pair[0], pair[1]["id"]))[:FAILED_MAX]
     return [
-        {"id": result["id"][:8], "share": f"{100 * weight / whole:.1f} %", "reason": result["reason"],
-         "point": f"{', '.join(_told(k, v) for k, v in result['point'].items())}, seed {result['seed']}"}
+        [f"{', '.join(_told(k, v) for k, v in result['point'].items())}, seed {result['seed']}",
+         element("code", result["id"][:8]), f"{100 * weight / whole:.1f} %", result["reason"]]
         for weight, result in heaviest
     ]  # fmt: skip
 

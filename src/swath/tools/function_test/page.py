@@ -1,23 +1,62 @@
 """report.html of a function test: a matrix of cases and candidates, every run a dot against its limit."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from swath import __version__
-from swath.report.html import write_page
+from swath.judge.evaluators.edge_detection import EPISODE_M, WRONG_M
+from swath.report.chart import Chart
+from swath.report.html import Banner, Beside, Html, Section, Table, counted, element, joined, write_page
 from swath.tools.function_test.cells import Cell
-from swath.tools.function_test.charts import HEIGHT as HIGH
-from swath.tools.function_test.charts import WIDTH as WIDE
 from swath.tools.function_test.charts import colour, over_parameters, stanford
+from swath.tools.function_test.integrity import BIN_COUNT, BIN_M
 from swath.tools.function_test.judged import UNJUDGED
 from swath.tools.function_test.kept_runs import Kept
 from swath.tools.function_test.steering_accuracy import CLASS_COUNT, accuracy
 from swath.tools.function_test.verdict import BROKEN, NOT_JUDGED, NOT_SHOWN, SHOWN, VERDICTS
 
 MARKS = {SHOWN: "✓", BROKEN: "✗", NOT_SHOWN: "?", NOT_JUDGED: "–"}
-WIDTH, HEIGHT, PAD = 260.0, 34.0, 8.0  # of a strip [px]
+WIDTH, HEIGHT = 260.0, 38.0  # of a strip [px]
 FAILED_MAX, FAILED_LEAST = 200, 3  # runs in the list of failures; of one case and candidate at least
+AGAIN = "`swath test again FOLDER RUN` makes a run again with its report."
+ABOUT_CELLS = (
+    "Each dot is a run. Right of the dashed line it keeps all limits, left of it one is broken; the "
+    "distance is the margin to its nearest limit, from -1 to 1. Open circles are failures that the case "
+    "expects, grey open circles are runs that are not judged. Below stands the smallest margin to each "
+    "limit: 1 is the best possible value, 0 the limit itself. Limits that are only kept or broken, such "
+    f"as on the distance driven, are listed where they fail. {AGAIN}"
+)
+ABOUT_CHARTS = (
+    "The margin of each run, upwards from -1 to 1; above the dashed line it keeps all limits. The dotted "
+    "line is the value that separates passing from failing runs of {}; it is drawn where it does so for "
+    "at least nine of ten."
+)
+ABOUT_STANFORD = (
+    "Stanford diagram: to the right the error of the edge, upwards three standard deviations as the "
+    "detector states them, both from 0 to {0} m and more; in the top row it is not sure. Below the "
+    "diagonal the error is more than was stated. Where that is shaded it is hazardous: sure, and more "
+    "than {1} m off. An episode is an unbroken stretch of that of more than {2} m."
+)
+ABOUT_STEERING = (
+    "Lateral error of the header end at every 10 cm of the way after settling, in classes of 1 cm: root mean "
+    "square over the runs of a point, and the class up to which 95 % lie, the form in which DLG TestService "
+    "reports steering systems."
+)
+ABOUT_OUTSIDE = (
+    "In these runs a level that a limit rests on met more than it was checked for, so neither a pass nor "
+    "a failure says anything. They do not count; a claim with such runs is not judged, unless the others "
+    "break it. `swath levels SLOT` lists the ranges."
+)
+ABOUT_CLAIMS = (
+    "A claim (at least so many of 100 runs pass) is **shown** when the runs exclude every lower rate, "
+    "**broken** when they exclude the claimed one, each with the confidence of the case, and **not "
+    "shown** while there are too few runs to say either. Ten of ten runs show 74 %, not certainty."
+)
+OPEN_LOOP = (
+    "Open loop: {} steers; the other candidates see its scans and do not act on the machine. They are "
+    "judged by the limits on detection alone."
+)
 
 
 def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> Path:
@@ -25,72 +64,159 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
     candidates = list(dict.fromkeys(cell.candidate for cell in cells))
     cases = list(dict.fromkeys(cell.case.name for cell in cells))
     by_place = {(cell.case.name, cell.candidate): cell for cell in cells}
-    rows = [
-        {
-            "case": by_place[case, candidates[0]].case,
-            "name": case,
-            "cells": [_cell(by_place[case, c]) for c in candidates],
-        }
-        for case in cases
-    ]
     failing = [cell for cell in cells if cell.failed.count]
     each = max(FAILED_LEAST, FAILED_MAX // max(1, len(failing)))
+    failed = [_failure(cell, run) for cell in failing for run in cell.failed.runs[:each]]
+    charts = [
+        (case, found) for case in cases if (found := over_parameters([by_place[case, c] for c in candidates]))
+    ]
+    diagrams = [
+        diagram
+        for number, c in enumerate(candidates)
+        if (diagram := stanford([by_place[case, c] for case in cases], number))
+    ]
+    counts = {v: sum(c.verdict == v for c in cells) for v in VERDICTS}
+    groups = _groups(cells)
+    about = f"{counted(len(cases), 'case')}, {counted(len(candidates), 'candidate')}"
+    sections = [
+        Table(
+            "Cases and candidates",
+            ["case", *candidates],
+            [
+                [
+                    joined(
+                        (
+                            element("strong", case),
+                            element("small", by_place[case, candidates[0]].case.file.objective),
+                        )
+                    ),
+                    *(_cell(by_place[case, c]) for c in candidates),
+                ]
+                for case in cases
+            ],
+            text=ABOUT_CELLS,
+        ),
+        Section("Margin over parameters", _over(charts, candidates)),
+        Section(
+            "Error against stated confidence",
+            [
+                Beside(diagrams),
+                ABOUT_STANFORD.format(f"{BIN_M * BIN_COUNT:g}", f"{WRONG_M:g}", f"{EPISODE_M:g}"),
+            ]
+            if diagrams
+            else [],
+        ),
+        Table(
+            "Steering accuracy",
+            ["case", "point", "candidate", "runs", "RMS", "95 % lie within"],
+            [row for cell in cells for row in _steering(cell)],
+            (3, 4, 5),
+            ABOUT_STEERING,
+        ),
+        Table(
+            "Known failures",
+            ["case", "candidate", "runs there", "of them pass", "what is known"],
+            [_known(cell) for cell in cells if cell.known],
+            (2, 3),
+            "Runs at points where the case says that a failure is known. They do not count for its claim.",
+        ),
+        Table(
+            "Not judged",
+            ["case", "candidate", "runs", "slot, level, quantity", "where"],
+            [row for cell in cells for row in _outside(cell)],
+            (2,),
+            ABOUT_OUTSIDE,
+        ),
+        Table(
+            "Failures, put together",
+            ["case", "candidate", "first limit that fails", "runs", "where"],
+            groups,
+            (3,),
+        ),
+        Table(
+            "Failed runs",
+            ["case", "candidate", "point", "run", "reason"],
+            failed if groups else [],
+            text=more(sum(cell.failed.count for cell in failing), len(failed)),
+        ),
+        Section("How to read this", [ABOUT_CLAIMS]),
+    ]
+    surprises = [(cell, run) for cell in cells for run in cell.surprises.runs]
+    unexpected = sum(cell.surprises.count for cell in cells)
     return write_page(
         path,
-        "function_test.html.j2",
-        title="Function tests",
-        version=__version__,
-        candidates=candidates,
-        rows=rows,
-        shadow=shadow,
-        counts={v: sum(c.verdict == v for c in cells) for v in VERDICTS},
-        run_count=sum(c.count for c in cells),
-        groups=_groups(cells),
-        charts=[
-            {"name": case, "charts": found}
-            for case in cases
-            if (found := over_parameters([by_place[case, c] for c in candidates]))
+        sections,
+        heading="Function tests",
+        lead=f"{about}, {counted(sum(c.count for c in cells), 'run')}, swath {__version__}",
+        verdict=_verdict(counts),
+        top=[
+            Banner(OPEN_LOOP.format(candidates[0])) if shadow else "",
+            Banner(
+                f"{counted(unexpected, 'run')} pass{'es' if unexpected == 1 else ''} where the case says "
+                "that a failure is known: "
+                f"{', '.join(f'{c.case.name} ({_point(r)})' for c, r in surprises[:5])}."
+            )
+            if surprises
+            else "",
         ],
-        chart={"width": WIDE, "height": HIGH, "middle": HIGH / 2.0},
-        colours=[{"name": c, "colour": colour(i)} for i, c in enumerate(candidates)],
-        known=[_known(cell) for cell in cells if cell.known],
-        diagrams=[
-            diagram
-            for number, c in enumerate(candidates)
-            if (diagram := stanford([by_place[case, c] for case in cases], number))
-        ],
-        steering=[row for cell in cells for row in _steering(cell)],
-        outside=[row for cell in cells for row in _outside(cell)],
-        failed=[_failure(cell, run) for cell in failing for run in cell.failed.runs[:each]],
-        failed_count=sum(cell.failed.count for cell in failing),
-        surprises=[_failure(cell, run) for cell in cells for run in cell.surprises.runs],
-        surprise_count=sum(cell.surprises.count for cell in cells),
-        strip={"width": WIDTH, "height": HEIGHT, "middle": WIDTH / 2.0},
     )
 
 
-def _cell(cell: Cell) -> dict[str, Any]:
-    worst = cell.worst
-    return {
-        "verdict": cell.verdict.replace(" ", "-"),
-        "mark": MARKS[cell.verdict],
-        "text": cell.text,
-        "means": cell.means,
-        "limits": [_limit(*nearest) for nearest in cell.nearest],
-        "dots": [_dot(cell, run, number) for number, run in enumerate(cell.drawn.runs)],
-        "worst": None if worst is None else _failure(cell, worst),
-    }
+def more(count: int, shown: int, where: str = "`results.parquet`") -> str:
+    """Says that a list on the page is not all."""
+    return f"{count - shown} more are in {where}." if count > shown else ""
 
 
-def _limit(name: str, share: float, entry: dict[str, Any]) -> dict[str, Any]:
+def _verdict(counts: Mapping[str, int]) -> tuple[str, str, str]:
+    shown, unshown = f"{counts[SHOWN]} shown", f"{counts[NOT_SHOWN]} not shown"
+    if counts[BROKEN]:
+        return "fail", f"{counts[BROKEN]} broken", f"{shown}, {unshown}"
+    if counts[NOT_JUDGED]:
+        return "none", f"{counts[NOT_JUDGED]} not judged", f"{shown}, {unshown}, none broken"
+    if counts[NOT_SHOWN]:
+        return "none", unshown, f"{shown}, none broken"
+    return "pass", "all shown", f"{counts[SHOWN]} claims"
+
+
+def _over(charts: Sequence[tuple[str, list[Chart]]], candidates: Sequence[str]) -> list[object]:
+    """The margin over the parameters, of each case."""
+    if not charts:
+        return []
+    dots = [
+        joined((element("span", "●", style=f"color:{colour(i)}"), name)) for i, name in enumerate(candidates)
+    ]
+    drawn = [part for case, found in charts for part in (element("h3", case), Beside(found))]
+    return [element("p", joined(dots)), ABOUT_CHARTS.format(candidates[0]), *drawn]
+
+
+def _cell(cell: Cell) -> Html:
+    """Verdict, a strip with all runs, and the limits that are nearest."""
+    strip = Chart(WIDTH, HEIGHT, cell.text)
+    strip.line(0.5, 0.0, 0.5, 1.0, "3 3")
+    for at, text, anchor in ((0.01, "-1", "start"), (0.51, "0", "start"), (0.99, "1", "end")):
+        strip.text(at, 0.0, text, anchor=anchor, down=-2.0)
+    for number, run in enumerate(cell.drawn.runs):
+        is_known = run.verdict == "fail" and cell.case.known(run.point)
+        look = "known" if is_known else run.verdict.replace(" ", "-")
+        up = 0.22 + 0.56 * (number * 7 % 19) / 18.0  # rows keep dots apart
+        title = f"{_point(run)}: {cell.why_failed(run) or 'passes'}"
+        strip.dot(0.5 + 0.47 * max(-1.0, run.margin), up, look, title)
+    looks = {SHOWN: "pass", BROKEN: "fail"}
+    verdict = element("b", f"{MARKS[cell.verdict]} {cell.verdict}", class_=looks.get(cell.verdict, "none"))
+    below = [element("small", text) for text in (cell.text, *cell.means)]
+    limits = [element("small", _limit(*nearest)) for nearest in cell.nearest[:6]]
+    return joined((verdict, strip, *below, *limits))
+
+
+def _limit(name: str, share: float, entry: dict[str, Any]) -> Html:
     """The nearest run to one limit: its margin, value and the limit."""
     value = entry["value"]
     bounds = [f"{key} {entry['limit'][key]:g}" for key in ("min", "max") if key in entry["limit"]]
     said = "no value" if value is None else f"{value:.3g}"
     error = entry.get("level_error")
     off = f", level off by up to {error['size']:g}" if error else ""
-    return {"name": name, "margin": f"{share:+.2f}", "is_broken": share < 0.0,
-            "text": f"{said} ({', '.join(bounds)}{off})"}  # fmt: skip
+    margin = element("span", f"{share:+.2f}", class_="fail" if share < 0.0 else "")
+    return joined((name, margin, f"{said} ({', '.join(bounds)}{off})"))
 
 
 def _steering(cell: Cell) -> list[list[str]]:
@@ -121,22 +247,9 @@ def _known(cell: Cell) -> list[str]:
     return [cell.case.name, cell.candidate, str(cell.known), passed, whys]
 
 
-def _dot(cell: Cell, run: Kept, number: int) -> dict[str, Any]:
-    """Place of a run in its strip: left beyond the limit, right within it; rows keep dots apart."""
-    share = max(-1.0, run.margin)
-    return {
-        "x": round(WIDTH / 2.0 + share * (WIDTH / 2.0 - PAD), 1),
-        "y": round(PAD + (number * 7 % 19) / 18.0 * (HEIGHT - 2.0 * PAD), 1),
-        "kind": "known"
-        if run.verdict == "fail" and cell.case.known(run.point)
-        else run.verdict.replace(" ", "-"),
-        "title": f"{_point(run)}: {cell.why_failed(run) or 'passes'}",
-    }
-
-
-def _failure(cell: Cell, run: Kept) -> dict[str, str]:
-    return {"case": cell.case.name, "candidate": cell.candidate, "point": _point(run), "id": run.id,
-            "reason": cell.why_failed(run) or "passes"}  # fmt: skip
+def _failure(cell: Cell, run: Kept) -> list[object]:
+    reason = cell.why_failed(run) or "passes"
+    return [cell.case.name, cell.candidate, _point(run), element("code", run.id[:8]), reason]
 
 
 def _point(run: Kept) -> str:
@@ -144,11 +257,11 @@ def _point(run: Kept) -> str:
     return f"{values}, seed {run.seed}" if values else f"seed {run.seed}"
 
 
-def _groups(cells: Sequence[Cell]) -> list[dict[str, Any]]:
+def _groups(cells: Sequence[Cell]) -> list[list[str]]:
     """Failures put together by case, candidate and the first limit that failed, most frequent first."""
     found = [
-        {"case": cell.case.name, "candidate": cell.candidate, "what": what, "count": region.count,
-         "where": region.text}
-        for cell in cells for what, region in cell.groups.items()
-    ]  # fmt: skip
-    return sorted(found, key=lambda group: -int(group["count"]))
+        [cell.case.name, cell.candidate, what, str(region.count), region.text]
+        for cell in cells
+        for what, region in cell.groups.items()
+    ]
+    return sorted(found, key=lambda group: -int(group[3]))

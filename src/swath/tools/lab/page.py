@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from swath.report import plots
-from swath.report.html import Figure, signed, write_page
+from swath.report.html import Banner, Facts, Figure, Section, Table, element, joined, signed, write_page
 from swath.report.plots import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, figure
 from swath.signals import F64
 from swath.tools.distributions import BIN
@@ -78,26 +78,50 @@ STATISTICS = {
     "ground_share": "ground share",
     "silent_share": "no return",
 }
+ABOUT_ROWS = (
+    "A row has the colour of the worst of its numbers; `lab.csv` has the rating and the repeatability of "
+    "each."
+)
+ABOUT_HEIGHTS = (
+    "A height is that of a reported echo, placed as the scanner itself would place it: range noise and "
+    "the constant range error of the instance are included. Each seed is another stand of the same kind "
+    "under another scanner of the same make; all levels see the same stands from the same places.",
+    "Repeatability: the heights of one seed against those of another, for every pair of seeds, the worst "
+    "of each number. A smaller difference cannot be told from chance.",
+)
+ABOUT_REAL = (
+    "No real heights were given. The comparisons show how far the levels agree with each other, not with "
+    "a real stand. `--real FILE` adds heights measured in the field."
+)
 HEAD = ("stems/m2", "scanner", "deg", "level", "against", *(LABELS[n][0] for n in RATED), "rating")
 
 
 def write_lab_report(path: Path, lab: Lab, cases: Sequence[CaseComparison], real: str | None) -> Path:
     """Write the page; returns its path. real: name of the file of real heights, if one was given."""
     rows = comparison_rows(cases)
+    good = sum(row[-1] in ("repeatable", "good") for row in rows)
+    keys = [element("span", text, class_=rating) for rating, text in WORDS.items()]
+    agreement = Table("", HEAD, rows, range(5, len(HEAD)), ABOUT_ROWS, [row[-1] for row in rows])
+    statistics = [*HEAD[:3], "sample", "spot [cm]", *STATISTICS.values()]
+    sections = [
+        *_figures(lab, cases),
+        Section("Agreement", [element("p", joined(keys, ""), class_="key"), agreement] if rows else []),
+        Table("Measured heights", statistics, _statistics(cases), range(4, 11)),
+        Section("How to read this", [*ABOUT_HEIGHTS, "" if real else ABOUT_REAL]),
+    ]
+    levels = f"{f'{real} and the' if real else 'The'} levels {', '.join(lab.levels)}"
+    verdict = ("none", "Nothing to compare", "one level, no real heights")
+    if rows:
+        said = f"{good} of {len(rows)} comparisons good"
+        kind = "pass" if good == len(rows) else "fail"
+        verdict = (kind, said, "in all six numbers, or repeatable")
     return write_page(
         path,
-        "lab.html.j2",
-        real=real,
-        levels=lab.levels,
-        notes=lab.notes,
-        good=sum(row[-1] in ("repeatable", "good") for row in rows),
-        settings=_settings(lab, real),
-        figures=_figures(lab, cases),
-        words=WORDS,
-        head=HEAD,
-        rows=rows,
-        statistics_head=[*HEAD[:3], "sample", "spot [cm]", *STATISTICS.values()],
-        statistics=_statistics(cases),
+        sections,
+        heading="Lab stand",
+        lead=f"{levels} of the LiDAR over the same stands.",
+        verdict=verdict,
+        top=[*map(Banner, lab.notes), Facts(_settings(lab, real))],
     )
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from swath.core.whole_file import new_file
 from swath.report import plots
-from swath.report.html import Figure, write_page
-from swath.report.plots import CROP, FAINT, INK, figure
+from swath.report.html import Facts, Figure, Section, Table, write_page
+from swath.report.plots import CROP, FAINT, INK, ON_DARK, ON_LIGHT, figure
 from swath.tools.reda.reda import ASKED, Found, write_cells
 from swath.tools.reda.scene import ASIDE, EDGE_M, INSIDE, WEATHERS, Settings
 from swath.tools.reda.scores import Cell
@@ -45,12 +45,12 @@ def _panel(ax: Any, cells: list[Cell], *, is_first: bool) -> Any:
     columns = np.append(np.array(ASIDE) - 0.5 * ASIDE_STEP, ASIDE[-1] + 0.5 * ASIDE_STEP)
     image = ax.pcolormesh(columns, rows, net[:, ::-1], cmap="viridis_r", vmin=0.0, vmax=1.0)
     for cell in cells:
-        colour = "white" if cell.net > DARK else INK
+        colour = ON_DARK if cell.net > DARK else ON_LIGHT
         text = f"{100 * cell.net:.0f}"
-        ax.text(-cell.aside, EDGE_M + cell.inside, text, ha="center", va="center", color=colour, fontsize=8.5)
+        ax.text(-cell.aside, EDGE_M + cell.inside, text, ha="center", va="center", color=colour, fontsize=9)
     ax.axhline(EDGE_M, color=CROP, lw=3.0)
     if is_first:
-        told = {"color": INK, "fontsize": 8, "va": "center", "ha": "right"}
+        told = {"color": INK, "fontsize": 9, "va": "center", "ha": "right"}
         ax.annotate("crop begins", (columns[0], EDGE_M), (-26, 0), textcoords="offset points", **told)
     ax.plot(0.0, 0.6, marker="^", color=INK, ms=9, clip_on=False)
     ax.set_ylim(0.0, rows[-1])
@@ -60,6 +60,17 @@ def _panel(ax: Any, cells: list[Cell], *, is_first: bool) -> Any:
     return image
 
 
+ABOUT_SCORES = (
+    "Usability: share of the places that are covered in at least {0} of the looks. Availability: share of "
+    "all looks that detect the {1}, without those that report something there anyway. Reliability: lower "
+    "end of the interval of 95 % of being right, looks with and without a {1} together. The names are "
+    "those of Validation Scores (doi:10.3390/electronics13122396), the formulas our own."
+)
+ABOUT = (
+    "Machine and {0} stand. LiDAR: 16 lines, every plant, and the objects that the level `cluster` makes "
+    "of its scans. Radars: single detections of the level `rays`. Camera: height in pixels of what the "
+    "crop leaves in sight, and contrast; no detector is run. Nothing here was compared with a measurement."
+)
 SCORE_HEAD = ("condition", "sensor", "usability", "availability", "reliability")
 ASKED_HEAD = ("condition", "sensor", "height [m]", "detected", "false", "verdict", "why")
 
@@ -80,19 +91,20 @@ def write_all(out: Path, settings: Settings, found: list[Found]) -> list[Path]:
                 fig.canvas.print_png(file, metadata={"Software": None})
             files.append(path)
             title = f"{settings.crop} {made.condition.name}"
-            figures.append(Figure(title, plots.as_image(fig, kind="webp", dpi=110), ""))
+            figures.append(Figure(title, plots.as_image(fig), ""))
+    sections = [
+        Table(f"{ASKED:g} m inside the crop", ASKED_HEAD, asked_rows(settings, found)),
+        Table("Scores", SCORE_HEAD, score_rows(settings, found), (2, 3, 4),
+              ABOUT_SCORES.format(settings.least, settings.target)),
+        *figures,
+        Section("How to read this", [ABOUT.format(settings.target)]),
+    ]  # fmt: skip
+    lead = (
+        f"A {settings.target} on a grid of places before and behind a crop edge, by sensor, crop and weather."
+    )
+    top = [Facts(_settings(settings))]
     page = write_page(
-        out / "report.html",
-        "reda.html.j2",
-        target=settings.target,
-        figures=figures,
-        settings=_settings(settings),
-        score_head=SCORE_HEAD,
-        scores=score_rows(settings, found),
-        asked=ASKED,
-        asked_head=ASKED_HEAD,
-        rows=asked_rows(settings, found),
-        least=settings.least,
+        out / "report.html", sections, heading="Detection area", title="reda", lead=lead, top=top
     )
     return [*files, page]
 

@@ -20,7 +20,21 @@ from swath.core.errors import InputError
 from swath.core.shell import command
 from swath.core.whole_file import write_whole
 from swath.documents.text_file import read_text
-from swath.report.html import write_page
+from swath.report.chart import Chart
+from swath.report.html import (
+    Banner,
+    Beside,
+    Facts,
+    Fold,
+    Html,
+    Items,
+    Section,
+    Table,
+    counted,
+    element,
+    joined,
+    write_page,
+)
 from swath.runtime.credibility import span
 from swath.runtime.met import QUANTITIES
 from swath.tools.function_test.cells import cells_of, errors_of
@@ -54,21 +68,111 @@ from swath.tools.function_test.odd.trace import (
     traced,
 )
 from swath.tools.function_test.one_run import scenario_of
-from swath.tools.function_test.page import write_matrix
+from swath.tools.function_test.page import more, write_matrix
 from swath.tools.function_test.plan import code_hash, commit, looked_at
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
 
-COLOURS = {SHOWN: "#2f9e77", BROKEN: "#d55e00", NOT_SHOWN: "#e3cf86", NEVER: "#c9ced4"}
-CLEAN = "#bfe0c9"  # of a pair that is not shown and in which no run fails
-OUTSIDE = "#ffffff"  # of a pair that the ODD does not have
 NOWHERE = "nowhere"
 ELSEWHERE = 0.2  # share of runs that drove elsewhere than drawn, from which on it is told; estimated
-STEP = 8  # of the matrix of buckets [px]
+STEP, AXES = 13.0, 150.0  # of the matrix of buckets, and room for the names of attributes [px]
 LISTED = 60  # rows of a list on the page; all are in the tables
 NO_CERTIFICATE = (
     "This dossier certifies nothing. It says what a simulation showed of a function, in which part of a "
     "declared domain, and how sure that is. It may serve as evidence by simulation beside tests and analysis "
     "(ISO 18497-4:2024); it replaces no assessment of conformity under Regulation (EU) 2023/1230."
+)
+
+
+ABOUT_CELLS = (
+    "The range of each attribute is cut into buckets. A **cell** is one bucket, or a pair of buckets of "
+    "two attributes. It is **broken** where its runs rule out the claim that {0} of all runs there would "
+    "pass, **shown** where they rule out that fewer would, **not shown** where they are too few to say "
+    "either, and **never driven** where no run counts and none drove {1:g} m. [How cells are "
+    "judged](#judged)"
+)
+CAUSES = (
+    "cause", "runs drawn there fail", "runs drawn elsewhere fail", "p-value of the contrast",
+    "of those drawn there, drove mainly there", "first broken limit of the first run, in the order of expect",
+    "repeat a run",
+)  # fmt: skip
+ABOUT_CAUSES = (
+    "A cause is a bucket, a range of buckets or a pair whose runs fail more often than those drawn "
+    "elsewhere (Fisher's exact test, after Bonferroni over all cells and ranges) and that rules out the "
+    "claim by itself. The second and every further row counts only runs that belong to no row above it. "
+    "Runs belong where they were **drawn**; "
+)
+ABOUT_DRAWN = "where they drove may be an effect of the failure. "
+ALL_CELLS = "Each cell in `cells.csv`, with its runs that belong to no cause."
+LIMITS = ("limit", "runs break it", "and no other", "not measured")
+ABOUT_LIMITS = (
+    "Where a run ended before anything was measured for a limit, that limit is neither kept nor broken; "
+    "`swath run` and the verdict of such a run count it as failed."
+)
+SHOWN_IN = ("attribute", "shown in", "shown in, without the runs of the causes above")
+ABOUT_RESTRICTED = (
+    "`{0}` is the ODD without {1}: the causes, what is broken without them, buckets that are not shown, "
+    "and pairs that were never driven. Pairs that are not shown stay in it. It was drawn from these runs, "
+    "so it has to be confirmed by new ones: `swath test run --odd {2}/{0} --out DIR`."
+)
+ABOUT_MODELS = (
+    "Of the first run. A level with a range is compared with what each run met; of one without, nothing "
+    "says where it stops being right."
+)
+REQUIREMENTS = (
+    "requirement", "limits", "runs keep it", "break it", "not measured", "not judged",
+    "nearest to a limit, or farthest beyond one, by its margin",
+)  # fmt: skip
+ABOUT_REQUIREMENTS = (
+    "Every run and limit of each is in `requirements.csv`; the requirements that a run breaks stand in "
+    "`runs.csv`."
+)
+ABOUT_LAYERS = (
+    "Layers are the groups at the top of the taxonomy. Each field counts the pairs between two layers; on "
+    "the diagonal pairs and buckets within one."
+)
+BUCKETS = ("bucket", "verdict", "runs pass", "m", "s", "drawn", "exposure")
+ABOUT_BUCKETS = (
+    "Of each bucket the runs that pass, the way and the time driven in it, the runs drawn for it, and its "
+    "exposure: the share of the working time, where the binding states it. Below stands the scenario key "
+    "that sets the attribute."
+)
+ABOUT_RULES = "Numbers are in the units that the binding states."
+ABOUT_MATRIX = (
+    "One square for each pair of buckets, a bucket alone on the diagonal; thick lines separate layers, "
+    "thin ones attributes. Without a square: the ODD has no such pair. All of it is in `cells.csv`."
+)
+LEFT = ("run", "at t [s]", "after [m]", "outside for [m]", "because", "verdict", "counts")
+ABOUT_LEFT = (
+    f"A run that passes counts for the verdicts only if {100 * INSIDE:g} % of its way lies inside the ODD; "
+    "one that fails always counts."
+)
+FAILED = ("run", "first broken limit, in the order of expect", "values of the attributes")
+ABOUT_FAILED = (
+    "The command repeats a run, with its own report and replay, and says whether all its signals are the "
+    "same (the digest)."
+)
+HOW = (
+    "A run counts for the one bucket of each attribute in which it drove the longest way, and for the "
+    "pairs of these. Each cell is judged by {0}. So many cells are judged at once that some would look "
+    "broken, or shown, by chance; both verdicts are corrected for it. **Broken** after Holm, over all "
+    "cells: with {1} confidence not one cell is called broken wrongly. **Shown** after Benjamini and "
+    "Yekutieli, over all buckets and over all pairs: of the cells called shown, {2} at most are expected "
+    "to be wrong. Runs are chosen by what was driven, never by whether they passed."
+)
+ABOUT_AGAIN = (
+    "Commands are to be typed in the folder that holds `{0}`, with the same version of swath. One run, "
+    "whose name is in `runs.csv`: `swath test again {0} RUN`. The whole campaign: `{1}`"
+)
+OTHER_CODE = "The runs were made by other code than this page: a run made again may have another digest."
+FILES = (
+    "`cells.csv`: every cell: verdict, runs, failures, hits (runs that drove {0:g} m or more there), "
+    "metres, seconds, p-values; of a broken one the cause, and its runs without those of all causes",
+    "`runs.csv`: every run: values of the attributes, seed, verdict, digest, where it left the ODD",
+    "`requirements.csv`: every requirement: the runs and limits that judge it",
+    "`results.parquet`, `report.html`: metrics and limits of every run; `junit.xml`: for a build server",
+    "`campaign.odd.yaml`, `*.openodd.yaml`: the ODD as it was tried; `{1}`: what remains of it",
+    "`cod`, after `swath test report {2} --cod`: what each run drove, as tables of OpenODD (current "
+    "operational domain)",
 )
 
 
@@ -153,70 +257,176 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
     tested = cells_of(plan.found, plan.candidates, plan.counts, found.results)
     _junit(write_junit(folder / "junit.xml", tested), found, cells, why)
     write_matrix(folder / "report.html", tested)
-    runs = found.coverage.runs
-    tried = [run for run in runs if run.is_judged]
-    passed = sum(run.passes for run in tried)
-    share, sure = f"{100 * claim.pass_rate:g} %", f"{100 * claim.confidence:g} %"
-    shown_now, shown_left = _shown(found, cells), _shown(found, rest)
-    driven, pairs = found.coverage.pair_share
-    failing = [run for run in tried if not run.passes]
-    left = [run for run in runs if run.outside is not None]
+    page = folder / "dossier.html"
+    broken = _causes(found, causes)
+    left = [run for run in found.coverage.runs if run.outside is not None]
+    failing = [run for run in found.coverage.runs if run.is_judged and not run.passes]
+    elsewhere = "**(!)** marks a cause most of whose runs did not drive mainly there: "
+    marked = elsewhere if any("(!)" in str(row[4]) for row in broken) else ""
+    about = f"{ABOUT_CAUSES}{marked}{ABOUT_DRAWN}{_left_over(outside, causes)}."
+    said = list(_told(why))
+    needed = [_requirement(folder.name, told) for told in traced(found.odd.file, found.results)]
+    rules = Table("", ("module", "", "condition"), found.odd.domain.rules())
+    sections = [
+        Section("Where it is broken", [
+            Table("", CAUSES, broken, (1, 2, 3, 4), about) if broken else _no_cause(cells),
+            Items(said) if said else "", ALL_CELLS if said else "",
+            _listed("By which limit runs fail", LIMITS, _by_limit(found), (1, 2, 3), ABOUT_LIMITS),
+        ]),
+        Section("Where it is shown to work", _where_shown(found, cells, rest, out, restricted.name)),
+        Section("What was never driven", _never(found, cells)),
+        Section("What not to believe", [
+            Items(_believe(found)),
+            _listed("Runs that are not judged", ("slot", "quantity", "runs", "met"), _unjudged(found), (2,)),
+            _listed("Models", ("slot", "level", "checked for", "known error of a metric"), _levels(found),
+                    text=ABOUT_MODELS),
+        ]),
+        Table("Requirements", REQUIREMENTS, needed, (2, 3, 4, 5), ABOUT_REQUIREMENTS),
+        Section("Verdicts by layer of the ODD", [_keys(), _layers(found, cells), ABOUT_LAYERS]),
+        Section("Attributes, bucket by bucket", [
+            _attributes(found, cells), ABOUT_BUCKETS,
+            Fold("The ODD as it was read", [rules, ABOUT_RULES]),
+        ]),
+        Section("Every pair of buckets", [_matrix(found, cells), ABOUT_MATRIX]),
+        Table("Runs that left the ODD", LEFT, [_left(run) for run in left[:LISTED]], (1, 2, 3),
+              f"{more(len(left), LISTED, '`runs.csv`')} {ABOUT_LEFT}"),
+        Table("Runs that fail", FAILED, [_run(folder.name, run) for run in failing[:LISTED]],
+              text=f"{more(len(failing), LISTED, '`runs.csv`')} {ABOUT_FAILED}"),
+        Section("How cells are judged", [_how(found)], "judged"),
+        Section("Run it again", [ABOUT_AGAIN.format(folder.name, again_all(found))]),
+        Section("Files and digests", [
+            Banner(OTHER_CODE) if found.campaign.code != code_hash() else "",
+            Table("", ("what", "digest"), _digests(found)),
+            Items([text.format(HIT_M, restricted.name, folder.name) for text in FILES]),
+        ]),
+    ]  # fmt: skip
     return write_page(
-        folder / "dossier.html",
-        "odd_dossier.html.j2",
-        title=f"Dossier: {found.odd.name}",
-        objective=found.odd.file.objective,
-        certificate=NO_CERTIFICATE,
-        counts={v: sum(c.verdict == v for c in cells) for v in VERDICTS},
-        facts={
-            "runs": f"{len(runs)} of {found.campaign.budgets[-1]}",
-            "runs that pass": str(passed),
-            "claim for each cell": f"{share} of its runs pass, {sure} confidence",
-            f"pairs of buckets driven {HIT_M:g} m or counted": f"{driven} of {pairs}",
-            "fewest runs counted for a pair": str(_fewest(cells)),
-            "requirement": found.odd.file.requirement or None,
-            "ODD version": found.odd.domain.version or None,
-            "LiDAR level": _lidar_levels(found),
-            "swath": __version__,
-        },
-        overall=_overall(tried),
-        claim={"share": share, "sure": sure, "wrong": f"{100 * (1.0 - claim.confidence):g} %"},
-        test="the exact binomial test" if found.is_complete else "an e-process (see above)",
-        hit_m=f"{HIT_M:g}",
-        inside=f"{100 * INSIDE:g} %",
-        short=_short(found, cells),
-        shown=[(*a, b) for a, (_, b) in zip(shown_now, shown_left, strict=True)],
-        nothing_left=[name for name, where in shown_left if where == NOWHERE],
-        broken=_causes(found, causes),
-        left_over=_left_over(outside, causes),
-        why=list(_told(why)),
-        never=[c.text for c in cells if c.verdict == NEVER][:LISTED],
-        never_count=sum(c.verdict == NEVER for c in cells),
-        not_simulated=[(n, b.not_simulated) for n, b in found.odd.file.attributes.items() if b.not_simulated],
-        unbound=[n for n in found.odd.domain.attributes if n not in found.odd.file.attributes],
-        layers=_layers(found, cells),
-        attributes=_attributes(found, cells),
-        matrix=_matrix(found, cells),
-        left=[_left(run) for run in left[:LISTED]],
-        left_count=len(left),
-        failed=[_run(folder.name, run) for run in failing[:LISTED]],
-        failed_count=len(failing),
-        rules=found.odd.domain.rules(),
-        restricted={"name": restricted.name, "cells": [c.text for c in out[:LISTED]], "count": len(out)},
-        not_drawn=[(finding.name, finding.text) for finding in not_drawn(found.odd)],
-        nowhere=_in_no_bucket(found),
-        other_code=found.campaign.code != code_hash(),
-        believe=_believe(found),
-        by_limit=_by_limit(found),
-        unjudged=_unjudged(found),
-        levels=_levels(found),
-        requirements=[_requirement(folder.name, told) for told in traced(found.odd.file, found.results)],
-        again=again_all(found),
-        digests=_digests(found),
-        colours=[(v, COLOURS[v]) for v in VERDICTS],
-        clean=CLEAN,
-        folder=folder.name,
+        page,
+        sections,
+        heading=f"Dossier: {found.odd.name}",
+        lead=found.odd.file.objective,
+        verdict=_verdict(cells, len(broken)),
+        top=[Banner(NO_CERTIFICATE), Facts(_facts(found, cells)), *_about(found)],
     )
+
+
+def _listed(
+    title: str,
+    head: Sequence[str],
+    rows: Sequence[Sequence[object]],
+    numeric: Sequence[int] = (),
+    text: str = "",
+) -> Table | str:
+    """A table under a heading of its own; nothing without rows."""
+    return Table(title, head, rows, numeric, text) if rows else ""
+
+
+def _verdict(cells: Sequence[OddCell], causes: int) -> tuple[str, str, str]:
+    broken = sum(c.verdict == BROKEN for c in cells)
+    if broken:
+        said = counted(causes, "cause") if causes else "no cause separated"
+        return "fail", f"{counted(broken, 'cell')} broken", said
+    if all(c.verdict == SHOWN for c in cells):
+        return "pass", "all shown", "none broken"
+    return "none", "not all shown", "none broken"
+
+
+def _facts(found: Conducted, cells: Sequence[OddCell]) -> dict[str, object]:
+    claim, runs = found.claim, found.coverage.runs
+    driven, pairs = found.coverage.pair_share
+    return {
+        "runs": f"{len(runs)} of {found.campaign.budgets[-1]}",
+        "runs that pass": str(sum(run.passes for run in runs if run.is_judged)),
+        "claim for each cell": f"{100 * claim.pass_rate:g} % of its runs pass, "
+        f"{100 * claim.confidence:g} % confidence",
+        f"pairs of buckets driven {HIT_M:g} m or counted": f"{driven} of {pairs}",
+        "fewest runs counted for a pair": str(_fewest(cells)),
+        "requirement": found.odd.file.requirement or None,
+        "ODD version": found.odd.domain.version or None,
+        "LiDAR level": _lidar_levels(found),
+        "swath": __version__,
+    }
+
+
+def _about(found: Conducted) -> tuple[str, str]:
+    share = f"{100 * found.claim.pass_rate:g} %"
+    return f"{_overall([run for run in found.coverage.runs if run.is_judged])}.", ABOUT_CELLS.format(
+        share, HIT_M
+    )
+
+
+def _no_cause(cells: Sequence[OddCell]) -> str:
+    if count := sum(c.verdict == BROKEN for c in cells):
+        return (
+            f"{count} cells are broken, but in none do runs fail more often than in the rest, so no cause "
+            "can be separated."
+        )
+    return (
+        "Nowhere: in no cell do so many runs fail that they rule out the claim, taking into account that "
+        "many cells are judged at once."
+    )
+
+
+def _where_shown(
+    found: Conducted,
+    cells: Sequence[OddCell],
+    rest: Sequence[OddCell],
+    out: Sequence[Cause | OddCell],
+    name: str,
+) -> list[object]:
+    """The buckets in which the function is shown, and the ODD that remains."""
+    left = _shown(found, rest)
+    rows = [(*now, without) for now, (_, without) in zip(_shown(found, cells), left, strict=True)]
+    is_alike = rest is cells
+    short = _short(found, cells)
+    said = (
+        f"Each attribute is judged by itself, over all values of the others that were driven with it. {short}"
+    )
+    if nowhere := [axis for axis, where in left if where == NOWHERE]:
+        remains = (
+            "No part of the ODD is shown: when what is broken and what is not shown is taken out, no "
+            f"bucket of {', '.join(nowhere)} is left."
+        )
+    else:
+        remains = ABOUT_RESTRICTED.format(name, counted(len(out), "part"), found.folder.name)
+    rows_text = [c.text for c in out[:LISTED]]
+    beyond = f"`shown.openodd.yaml`, from `not_shown_{len(rows_text) + 1}` on"
+    leaves = [Items(rows_text, is_wide=True), more(len(out), len(rows_text), beyond)]
+    return [
+        Table("", SHOWN_IN[: 2 if is_alike else 3], [row[: 2 if is_alike else 3] for row in rows]),
+        f"{said}." if short else said,
+        remains,
+        Fold("What it leaves out", leaves) if out else "",
+    ]
+
+
+def _never(found: Conducted, cells: Sequence[OddCell]) -> list[object]:
+    """Cells without a run, and what no run could drive."""
+    never = [c.text for c in cells if c.verdict == NEVER]
+    lost = [(n, b.not_simulated) for n, b in found.odd.file.attributes.items() if b.not_simulated]
+    unbound = [n for n in found.odd.domain.attributes if n not in found.odd.file.attributes]
+    undrawn = [(finding.name, finding.text) for finding in not_drawn(found.odd)]
+    head = ("attribute", "part")
+    all_driven = (
+        f"Every pair of buckets that the ODD has was driven {HIT_M:g} m or more, or has a run that "
+        "counts for it."
+    )
+    return [
+        f"{len(never)} cells of the ODD:" if never else all_driven,
+        Items(never[:LISTED], is_wide=True) if never else "",
+        more(len(never), LISTED, "`cells.csv`"),
+        _listed("Parts outside every bucket, which no run was drawn for", head, undrawn),
+        _listed("Driven, but in no bucket", ("attribute", "metres", "runs"), _in_no_bucket(found), (1, 2)),
+        _listed("Attributes that swath cannot simulate", ("attribute", "why"), lost),
+        element("h3", "Attributes that the binding does not name") if unbound else "",
+        f"Nothing sets or measures them: {', '.join(unbound)}" if unbound else "",
+    ]
+
+
+def _how(found: Conducted) -> str:
+    test = "the exact binomial test" if found.is_complete else "an e-process (see above)"
+    sure, wrong = f"{100 * found.claim.confidence:g} %", f"{100 * (1.0 - found.claim.confidence):g} %"
+    return HOW.format(test, sure, wrong)
 
 
 def _short(found: Conducted, cells: Sequence[OddCell]) -> str:
@@ -268,22 +478,25 @@ def _left_over(outside: Coverage, causes: Sequence[Cause]) -> str:
     return f"Of the runs in none of these, {failed} of {len(runs)} fail" if causes else ""
 
 
-def _causes(found: Conducted, causes: Sequence[Cause]) -> list[dict[str, Any]]:
+def _causes(found: Conducted, causes: Sequence[Cause]) -> list[list[object]]:
     """Rows of causes."""
-    rows = []
+    rows: list[list[object]] = []
     for cause, runs, here, is_elsewhere in _runs_of(found, causes):
         failing = sorted((run.result for run in runs if not run.passes), key=lambda result: str(result["id"]))
+        repeat = [
+            element("code", f"swath test again {found.folder.name} {str(result['id'])[:8]}")
+            for result in failing[:3]
+        ]
         rows.append(
-            {
-                "text": cause.text,
-                "inside": f"{cause.failed} of {cause.counted}",
-                "outside": f"{cause.rest_failed} of {cause.rest_counted}",
-                "here": here,
-                "elsewhere": is_elsewhere,
-                "p": f"{cause.p:.1e}",
-                "reason": str(failing[0]["reason"]),
-                "ids": [str(result["id"])[:8] for result in failing[:3]],
-            }
+            [
+                element("strong", cause.text),
+                f"{cause.failed} of {cause.counted}",
+                f"{cause.rest_failed} of {cause.rest_counted}",
+                f"{cause.p:.1e}",
+                joined((here, element("strong", "(!)"))) if is_elsewhere else str(here),
+                str(failing[0]["reason"]),
+                joined(repeat, "<br>"),
+            ]
         )
     return rows
 
@@ -336,112 +549,96 @@ def _elsewhere(found: Conducted) -> Iterable[str]:
             )
 
 
-def _layers(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
+def _layers(found: Conducted, cells: Sequence[OddCell]) -> Table:
     """Counts of the cells of each pair of layers by verdict; a layer with itself has its buckets, too."""
     names = found.odd.layers
     rows = []
     for i, a in enumerate(names):
-        row = []
+        row: list[object] = [element("strong", a)]
         for b in names[: i + 1]:
             some = [c for c in cells if {*c.layers} == {a, b}]
-            total = len(some)
-            row.append(
-                {
-                    "parts": [
-                        {"colour": COLOURS[v], "share": round(100 * n / total, 2), "count": n, "verdict": v}
-                        for v in VERDICTS
-                        if (n := sum(c.verdict == v for c in some))
-                    ]
-                    if total
-                    else [],
-                    "total": total,
-                }
-            )
-        rows.append({"name": a, "cells": row})
-    return {"names": names, "rows": rows}
+            counts = {v: n for v in VERDICTS if (n := sum(c.verdict == v for c in some))}
+            strip = [
+                element("i", class_=_look(v), style=f"width:{100 * n / len(some):.4g}%", title=f"{n} {v}")
+                for v, n in counts.items()
+            ]
+            said = ", ".join(f"{n} {v}" for v, n in counts.items()) or "nothing simulated"
+            row.append(joined((element("span", joined(strip, ""), class_="strip"), element("small", said))))
+        rows.append([*row, *[""] * (len(names) - i - 1)])
+    return Table("", ("", *names), rows)
 
 
-def _attributes(found: Conducted, cells: Sequence[OddCell]) -> list[dict[str, Any]]:
+def _look(verdict: str) -> str:
+    """The class of a verdict in the style sheet."""
+    return verdict.replace(" ", "-")
+
+
+def _attributes(found: Conducted, cells: Sequence[OddCell]) -> Beside:
     """Of each attribute its buckets: verdict, runs, way and time; those outside the ODD too."""
     by_place = {c.places[0]: c for c in cells if len(c.places) == 1}
     drawn = [drawn_for(found.odd, run) for run in found.coverage.runs]
-    out = []
+    tables: list[object] = []
     for axis in found.odd.axes:
-        buckets = []
+        rows = []
         for bucket in range(axis.count):
-            cell = by_place.get(axis.first + bucket)
-            said = "outside the ODD" if cell is None else cell.verdict
-            counts = (
-                None
-                if cell is None
-                else (
-                    f"{cell.counted - cell.failed} of {cell.counted}",
-                    f"{cell.metres:.0f} m",
-                    f"{cell.seconds:.0f} s",
-                )
-            )
-            stated = bool(axis.bound.exposure)
-            share = f"exposure {100 * axis.exposure[bucket]:.0f} %" if stated else "no exposure stated"
             place = axis.first + bucket
-            buckets.append(
-                {
-                    "label": axis.labels[bucket],
-                    "verdict": said,
-                    "counts": counts,
-                    "share": share,
-                    "drawn": sum(place in some for some in drawn),
-                    "colour": OUTSIDE if cell is None else COLOURS[cell.verdict],
-                }
-            )
+            if (cell := by_place.get(place)) is None:
+                rows.append([axis.labels[bucket], "outside the ODD", *[""] * 5])
+                continue
+            share = f"{100 * axis.exposure[bucket]:.0f} %" if axis.bound.exposure else "not stated"
+            passed = f"{cell.counted - cell.failed} of {cell.counted}"
+            way = (f"{cell.metres:.0f}", f"{cell.seconds:.0f}", str(sum(place in some for some in drawn)))
+            verdict = joined((element("i", class_=_look(cell.verdict)), cell.verdict), "")
+            rows.append([axis.labels[bucket], element("span", verdict, class_="key"), passed, *way, share])
         met = axis.bound.met
         measured = f"counted as measured: {QUANTITIES[met].meaning}" if met else "counted as set"
-        key = ", ".join(axis.bound.keys)
-        out.append(
-            {"name": axis.name, "unit": axis.bound.unit, "buckets": buckets, "measured": measured, "key": key}
-        )
-    return out
+        title = f"{axis.name} [{axis.bound.unit}]" if axis.bound.unit else axis.name
+        text = f"`{', '.join(axis.bound.keys)}`; {measured}"
+        tables.append(Table(title, BUCKETS, rows, range(2, 7), text))
+    return Beside(tables, "columns")
 
 
-def _matrix(found: Conducted, cells: Sequence[OddCell]) -> dict[str, Any]:
+def _matrix(found: Conducted, cells: Sequence[OddCell]) -> Beside:
     """Every pair of buckets as a square, below the diagonal."""
-    odd = found.odd
-    squares, lines, layer = [], [], ""
+    odd, size, layer = found.odd, 1.0 / found.odd.bucket_count, ""
+    made = Chart(
+        STEP * odd.bucket_count, STEP * odd.bucket_count, "verdict of every pair of buckets", left=AXES
+    )
     for cell in cells:
-        i, j = cell.places[0], cell.places[-1]
+        x, y = cell.places[0] * size, 1.0 - (cell.places[-1] + 1) * size
         counts = f"{cell.counted - cell.failed} of {cell.counted} pass, {cell.metres:.0f} m"
-        text = f"{cell.text}: {cell.verdict}, {counts}"
-        colour = CLEAN if cell.verdict == NOT_SHOWN and not cell.failed else COLOURS[cell.verdict]
-        squares.append({"x": i * STEP, "y": j * STEP, "colour": colour, "title": text})
+        look = "clean" if cell.verdict == NOT_SHOWN and not cell.failed else _look(cell.verdict)
+        title = f"{cell.text}: {cell.verdict}, {counts}"
+        made.box(x, y, 0.93 * size, 0.93 * size, look=look, title=title)
     for axis in odd.axes:
-        is_new, layer = axis.layer != layer, axis.layer
-        lines.append(
-            {
-                "at": axis.first * STEP,
-                "layer": axis.layer if is_new else "",
-                "name": axis.name.partition(".")[2],
-                "middle": (axis.first + axis.count / 2) * STEP,
-            }
-        )
-    return {"side": odd.bucket_count * STEP, "step": STEP, "squares": squares, "lines": lines}
+        at, is_new, layer = axis.first * size, axis.layer != layer, axis.layer
+        thick = 1.0 if is_new else 0.25
+        made.line(0.0, 1.0 - at, at, 1.0 - at, thick=thick)
+        made.line(at, 0.0, at, 1.0 - at, thick=thick)
+        middle = 1.0 - (axis.first + axis.count / 2) * size
+        made.text(0.0, middle, axis.name.partition(".")[2], anchor="end", right=-5.0, down=4.0)
+        if is_new:
+            made.text(at, 1.0 - at, axis.layer, right=16.0, down=11.0, is_name=True)
+    return Beside([_keys(("not shown, but no run fails", "clean")), made], "")
 
 
-def _left(run: Driven) -> dict[str, str]:
+def _keys(*others: tuple[str, str]) -> Html:
+    """What the colours of the verdicts mean. others: more of them, with their class"""
+    looks = [*((v, _look(v)) for v in VERDICTS), *others]
+    keys = [element("span", joined((element("i", class_=look), name), "")) for name, look in looks]
+    return element("p", joined(keys), class_="key")
+
+
+def _left(run: Driven) -> list[object]:
     assert run.outside is not None
-    o = run.outside
-    return {
-        "id": str(run.result["id"])[:8],
-        "t": f"{o.t_s:.1f}",
-        "at": f"{o.distance_m:.1f}",
-        "length": f"{o.length_m:.0f}",
-        "why": o.why,
-        "verdict": str(run.result["verdict"]),
-        "counts": "yes" if run.counts else "no",
-    }
+    o, name = run.outside, element("code", str(run.result["id"])[:8])
+    way = (f"{o.t_s:.1f}", f"{o.distance_m:.1f}", f"{o.length_m:.0f}")
+    return [name, *way, o.why, str(run.result["verdict"]), "yes" if run.counts else "no"]
 
 
-def _run(folder: str, run: Driven) -> dict[str, str]:
+def _run(folder: str, run: Driven) -> list[object]:
     point = ", ".join(f"{name.partition('.')[2]} {value}" for name, value in run.result["point"].items())
-    return {"again": again(folder, run.result), "reason": str(run.result["reason"]), "point": point}
+    return [element("code", again(folder, run.result)), str(run.result["reason"]), point]
 
 
 def _requirement(folder: str, told: Traced) -> list[str]:
