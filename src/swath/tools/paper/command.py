@@ -10,7 +10,7 @@ from typing import Any
 
 from swath.terminal.options import add_folder
 
-LEVELS = ("replay", "empirical", "plants")
+LEVELS = ("empirical", "plants")  # `replay` plays a recording; `heights` has all three
 CASES = ("broken-edge", "tight-curve", "low-density")
 FILES = ("index.html", "heights", "edge", *LEVELS, *CASES)
 _DESCRIPTION = """Make the figures of the paper that swath implements: each is a command of swath beside
