@@ -37,13 +37,16 @@ def test_straight_edge_in_normal_crop(side):
 
 
 def test_thin_crop_costs_confidence_before_it_costs_accuracy():
-    dense, thin, sparse = (drive(stand={"density": d}, scans=200) for d in (500.0, 200.0, 100.0))
-    assert errors(dense)[:2] == pytest.approx((1.0, 0.0), abs=0.02)
-    assert errors(thin)[0] > 0.95
-    assert errors(thin)[1] < 0.03
-    assert errors(sparse, after=3.0)[1] < 0.08  # what is learned needs some metres
-    confidence = [rows[rows[:, 0] > 1.0, 5].mean() for rows in (dense, thin, sparse)]
-    assert confidence[0] >= confidence[1] > confidence[2]
+    drives = [drive(stand={"density": d}, scans=200) for d in (500.0, 200.0, 150.0, 100.0)]
+    for rows in drives[:3]:
+        share, rmse = errors(rows)[:2]
+        assert share > 0.95
+        assert rmse < 0.03
+    confidence = [rows[rows[:, 0] > 1.0, 5].mean() for rows in drives]
+    assert confidence == sorted(confidence, reverse=True)
+    assert confidence[2] < 0.85
+    assert confidence[3] < 0.4  # half of the rays go on: one threshold shows the edge 12 cm off
+    assert errors(drives[3])[1] < 0.2
 
 
 def test_low_crop_needs_the_height_step_it_was_promised():
@@ -55,9 +58,8 @@ def test_low_crop_needs_the_height_step_it_was_promised():
 def test_a_nearest_echo_spot_shifts_the_edge_and_known_beam_data_shift_it_back(spot):
     plain = errors(drive(stand={"spot": spot}, params={"learn_m": 0.0}))[2]
     corrected = errors(drive(stand={"spot": spot}, params={"spot_mm": 1e3 * spot, "learn_m": 0.0}))[2]
-    assert 0.3 * spot < plain < spot
     assert corrected == pytest.approx(plain - 0.5 * spot, abs=0.002)
-    assert abs(corrected) < 0.025
+    assert 0.0 < corrected < 0.04  # rays of a spot meet 30 stems per metre: their end lies outside the edge
 
 
 def test_a_canopy_offset_that_is_given_is_half_the_lean_times_the_crop_height():
@@ -212,14 +214,12 @@ def test_a_saved_detector_goes_on_as_if_nothing_had_happened():
 
     def run(level, start, stop):
         odometry = Odometry(0, 2.0, 0.0, 0.0)
-        return [
-            level.step(i * sense.period, sense.period, {"scan": scans[i], "odometry": odometry})["edge"]
-            for i in range(start, stop)
-        ]
+        steps = ((i * sense.period, {"scan": scans[i], "odometry": odometry}) for i in range(start, stop))
+        return [repr(level.step(t, sense.period, given)["edge"]) for t, given in steps]
 
     run(sense.level, 0, 20)
     state = sense.level.save()
-    straight = run(sense.level, 20, 40)
+    straight = run(sense.level, 20, 40)  # as text: what is not known is nan, which equals nothing
     other = Otsu(Params(lean_deg=0.0, echo_parts=1), setup_of("left", 0.04, sense.mounting))
     other.reset(Stream(1, "edge"))
     other.load(state)

@@ -75,7 +75,7 @@ LIMITS = {
         "unloader": Limit("stops within a step", 0.05),
     },
     "header": {
-        "fixed_height": Limit("no losses, no lifting", 0.0),
+        "fixed_height": Limit("nothing is shed or lifted", 0.0),
         "height_control": Limit("stiff knife", 0.01),
         "profile": Limit("within 2 %", 0.02),
     },

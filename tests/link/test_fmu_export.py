@@ -61,6 +61,7 @@ def spied(scenario, *slots):
         node = nodes[f"combine.{slot}"]
         node.component = Spy(node.component)
         spies.append(node.component)
+    world.graph.lockstep.connect()
     drive(world)
     return [spy.seen for spy in spies]
 

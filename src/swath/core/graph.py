@@ -104,10 +104,11 @@ class Graph:
         self.lockstep.finish()
 
     def let_go(self) -> None:
-        """Forget those who watch and wait. They may hold the graph, too: then both go when nobody uses them,
-        and not whenever Python looks for such circles.
+        """Forget those who watch, wait and step. They hold the graph, too: then all go when nobody uses them,
+        and not whenever Python looks for such circles. What was sent last stays.
         """
         self.observers, self.watches, self.before_tick = [], {}, []
+        self.lockstep.graphs, self.lockstep.observers, self.lockstep.enders = (), [], []
 
     def put(self, slot: str, output: str, sample: Signal) -> None:
         """A sample from outside: components that step from now on see it."""
@@ -291,7 +292,7 @@ class Lockstep:
     """
 
     def __init__(self, graphs: Sequence[Graph]) -> None:
-        self.graphs = graphs
+        self.graphs: Sequence[Graph] = graphs
         self.t = graphs[0].t
         self.plan = graphs[0].plan
         self.going = list(range(len(graphs)))

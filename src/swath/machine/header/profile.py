@@ -20,7 +20,8 @@ from swath.core.together import Given, InWorlds, Samples
 from swath.field.profile import BIN, refused
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Rows, filled, of_worlds, repeatable, shared
-from swath.machine.header import PROFILE_STEMS, SPEED
+from swath.machine import SPEED
+from swath.machine.header import PROFILE_STEMS
 from swath.machine.header.fill_gauge import OVER_M
 from swath.signals import CropFlow, MachineState
 
@@ -110,7 +111,7 @@ class Headers:
 
 
 def _taken(struct: Any, part: ProfileHeader) -> Any:
-    grain, straw, stems, left = part.profile.per_m2(part.knife[1] - part.knife[2])
+    grain, straw, stems, left, _ = part.profile.per_m2(part.knife[1] - part.knife[2])
     return filled(struct, grain=grain, straw=straw, stems=stems, left=left)
 
 
