@@ -80,7 +80,7 @@ def test_2018_flow_and_speed_are_those_of_the_log(henrys):
 
 
 def test_the_shapefile_gives_the_same_field_as_its_conversion(tmp_path_factory):
-    """With a delay that is given: one that is hardly known in one form may be hardly not known in the other."""
+    """With a delay that is given: what is hardly known in one form may hardly not be in the other."""
     (report, field), (raw, raw_field) = (
         imported(tmp_path_factory, name, settings=Settings(flow_delay_s=0.0))
         for name in ("si/farmerI_henrys_2018_wheat.csv.gz", "raw/FarmerI_YL18_YLD_2018_henrys.zip")
