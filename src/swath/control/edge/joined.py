@@ -16,6 +16,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
+from swath.control.edge.canopy_feet import mixed
 from swath.control.edge.likelihood_ratio import TOLERANCE, UNSURE, LikelihoodRatio
 from swath.control.edge.likelihood_ratio import Params as ScannerParams
 from swath.control.edge.overhang import HeightOverhang
@@ -70,7 +71,8 @@ class Joined(KeepsState):
             raise InputError("wires", "none", "expected scanners, such as {left: lidar_left.scan}")
         scans = tuple(Port(name, Scan, unit="m", shape=(None,)) for name in self._mountings)
         self.inputs = (*scans, *LikelihoodRatio.inputs[1:])
-        self._height = HeightOverhang(params.each.upright_m or setup.crop_height)
+        highest = max(float(pose.position[2]) for pose in self._mountings.values())
+        self._height = HeightOverhang(params.each.upright_m or setup.crop_height, highest)
         self._lean = StemLean(PERCENT * params.gain_percent, len(self._mountings))
         self._each = {name: self._one(name, setup) for name in self._mountings}
         self._forget()
@@ -112,7 +114,7 @@ class Joined(KeepsState):
         return hang, self._hang_sd
 
     def _hang(self, crop: float, crop_sd: float, stopped: float, ramp: float) -> tuple[float, float]:
-        if not self._lean.is_seen or ramp >= 0.5:
+        if not self._lean.is_seen:
             return self._height.of(crop, crop_sd, stopped, ramp)
         low = self._height.lean(crop, stopped)
         if self._told is None or self._since >= ASKED_M:
@@ -122,7 +124,8 @@ class Joined(KeepsState):
             return 0.0, 0.0
         dense = min(max((stopped - THIN) / (DENSE - THIN), 0.0), 1.0)
         share = crop * (EDGE_OF_THIN + dense * (EDGE_OF_TOPS - EDGE_OF_THIN))
-        return share * lean, share * hypot(sd, MODEL)
+        hang, hang_sd = share * lean, share * hypot(sd, MODEL)
+        return mixed(ramp, (0.0, 0.0), (hang, hang_sd))  # of a lean inward the feet are seen
 
     def _look(self, inputs: Inputs, travel: float) -> None:
         """Take the brightness of what stands in the crop, where an edge was found before."""

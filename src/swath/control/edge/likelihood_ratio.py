@@ -39,8 +39,6 @@ SLIPPED = 0.12  # m per rad that the edge turns away from the crop: 1.3 % of whe
 HIDDEN = 0.4  # of what the wall lies to and fro along the edge: bites behind what stands out
 BITES = 0.8  # of the depth of bites: the edge lies 0.76 of it further in than the line, at most
 ROWS = 0.125  # of their spacing: scatter of single plants in rows, which are no bites
-FEET = 0.25  # of the way from the edge of the canopy to the feet
-HALF_RAMP = 0.04  # m, where a lean may be one or not
 UNSURE, HELD = 0.45, 0.167  # greatest confidence of an edge that is held, not seen; m, its least deviation
 BETWEEN = 0.7  # m to the nearest block from which on an edge is held
 FLATTEST = 5.0  # m per m that the middle beam goes ahead while it falls
@@ -90,11 +88,16 @@ class LikelihoodRatio(KeepsState):
         self._sign = crop_sign(setup.edge_side)
         knife_x, end_y = setup.machine.header_end(setup.edge_side)
         usual = params.upright_m or setup.crop_height
-        self._overhang = overhang or HeightOverhang(usual)
+        self._overhang = overhang or HeightOverhang(usual, float(setup.mounting.position[2]))
         self._centre = self._sign * end_y
         self._reference = knife_x + params.reference_m
         self._blocks = BlockTrack(
-            Search(params.search_m, params.hold_m + AHEAD_OF_REFERENCE, setup.row_spacing)
+            Search(
+                params.search_m,
+                params.hold_m + AHEAD_OF_REFERENCE,
+                setup.row_spacing,
+                float(setup.mounting.position[2]),
+            )
         )
         self._ground, self._rays = Ground(), CanopyRays(setup.mounting, self._sign)
         self._line = LineFit(self._reference)
@@ -209,18 +212,16 @@ class LikelihoodRatio(KeepsState):
         canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
         feet = self._blocks.feet
         top = self._blocks.height
-        shift = feet.shift(top, stopped, line.spread, dust)
-        hang, hang_sd = self._overhang.of(crop, self._blocks.populations.plane_sd, stopped, feet.leans_in)
+        shift, shift_sd = feet.shift(top, crop, stopped, line.spread, dust)
+        rows = feet.rows(shift)[0]  # of plants, which stand out by themselves
+        dense = max(stopped, rows)  # where its plants are
+        hang, hang_sd = self._overhang.of(crop, self._blocks.populations.plane_sd, dense, feet.leans_in)
         is_smooth = self._blocks.bite > 0.0
-        even = max(EVEN * top, ROWS * feet.spacing)
+        even = max(EVEN * top, ROWS * rows * feet.spacing)
         ragged = 0.0 if is_smooth else sqrt(max(0.0, self._blocks.scatter - even**2))
-        hidden = (
-            0.0
-            if is_smooth or feet.spacing
-            else HIDDEN * _closed(stopped) * self._blocks.jagged.swing(self._blocks.height)
-        )
-        half = HALF_RAMP * 4.0 * feet.lean[0] * (1.0 - feet.lean[0])
-        known = hypot(line.offset_sd, RAGGED * ragged, hidden, FEET * shift, half)
+        swing = 0.0 if is_smooth else self._blocks.jagged.swing(top)
+        hidden = HIDDEN * _closed(stopped) * (1.0 - rows) * swing
+        known = hypot(line.offset_sd, RAGGED * ragged, hidden, shift_sd)
         alike = self._p.open_m + _closed(stopped) * (self._p.closed_m - self._p.open_m)
         known = hypot(known, BENT * edge.bend, SLIPPED * min(edge.angle, 0.0), alike)
         known = hypot(known, DUSTY * min(max((dust - CLEAR) / (THICK - CLEAR), 0.0), 1.0))
