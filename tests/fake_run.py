@@ -148,7 +148,9 @@ class GridField:
 
     def _mass(self, cells):
         area = cells * self.cell**2
-        return SimpleNamespace(grain=0.8 * area, straw=0.6 * area, area=area, stem_count=int(500 * area))
+        return SimpleNamespace(
+            grain=0.8 * area, straw=0.6 * area, area=area, stem_count=int(500 * area), stubble=0.2 * area
+        )
 
 
 def drive(observers, ground, *, side="left", seconds=12.0, speed=2.0, lateral=0.1, edge_error=0.02, hz=100):

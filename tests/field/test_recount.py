@@ -12,20 +12,21 @@ from tests.field.made_field import CROP, made_field, rectangle
 
 
 def taken(library, stem, stand, length, code):
-    """Grain, straw and grain left of a stem whose cell has a code [kg]."""
+    """Grain, straw, grain left and stubble of a stem whose cell has a code [kg]."""
     if code == STANDING:
-        return 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0
     height = 0.01 * code
     above = min(max(1.0 - height / (float(library.stem_height[stem]) * stand[0]), 0.0), 1.0)
-    straw = float(library.straw_kg[stem]) * length * above**CROP.yields.straw_exponent
+    whole = float(library.straw_kg[stem]) * length
+    straw = whole * above**CROP.yields.straw_exponent
     grain = float(library.grain_kg[stem])
     is_high = float(library.ear_height[stem]) * stand[0] > height
-    return (grain, straw, 0.0) if is_high else (0.0, straw, grain)
+    return (grain, straw, 0.0, whole - straw) if is_high else (0.0, straw, grain, whole - straw)
 
 
 def counted(field, before):
-    """(grain, straw, grain left, stems of the crop) gone since, with codes (512, 512) of pages before."""
-    library, sums, stems = field.library, [[], [], []], 0
+    """(grain, straw, grain left, stubble, stems of the crop) gone since. before: codes (512, 512) of pages"""
+    library, sums, stems = field.library, [[], [], [], []], 0
     size = library.tile_size
     for key, start in before.items():
         slot, now = field.store.keys[key], field.store.codes_of(key)
@@ -68,7 +69,8 @@ def test_the_recount_is_that_of_the_stems_one_by_one(density):
         codes = fresh.store.codes_of(key)
         before[key] = np.full((512, 512), codes) if isinstance(codes, int) else codes
     found = field.recount()
-    grain, straw, left, stems = counted(field, before)
-    assert (found.grain, found.straw, found.grain_left, found.stem_count) == (grain, straw, left, stems)
+    grain, straw, left, stubble, stems = counted(field, before)
+    assert (found.grain, found.straw, found.grain_left) == (grain, straw, left)
+    assert (found.stubble, found.stem_count) == (stubble, stems)
     assert grain > 10.0
     assert left > 0.5

@@ -23,6 +23,7 @@ BLAS = re.compile("v?dot|vecdot|inner|matmul|tensordot|kron|convolve|correlate|p
 POSES = {  # where `@` joins poses
     "machine/body/body.py",
     "machine/header/header_kinematics.py",
+    "record/read/fields.py",
     "record/read/frames.py",
     "sensing/camera/rays.py",
 }

@@ -67,7 +67,8 @@ def test_every_message_is_the_one_in_the_file_and_time_is_simulated(domain, brid
     assert found["reply"] == "running at 0 s"
     for topic, hashes in found["got"].items():
         sent = [hashlib.sha256(padded(data)).hexdigest() for t, data in recorded(out, topic) if t > 0]
-        assert hashes == sent, topic
+        every = len(sent) // 100  # of the machine's state, of which the file has 200 a second
+        assert hashes == sent[every - 1 :: every], topic
         assert len(hashes) == 100, topic
     assert summary["ros2"]["messages"] > 700
     clock = [t for t in found["clock"] if t > 0]
@@ -244,7 +245,7 @@ def test_what_cannot_be_done_is_refused_with_a_reason_and_changes_nothing(domain
     assert [done for done, *_ in replies[:-2]] == [False] * 7
     expected = (
         "speed_kmh'",
-        "expected one of filter, joined, likelihood_ratio",
+        "expected one of joined, likelihood_ratio",
         "to exchange",
         "rhythm",
         "x_m",

@@ -1,6 +1,6 @@
 """Samples as numbers and clouds, without ROS: what goes out comes back to the last bit."""
 
-from dataclasses import replace
+from dataclasses import asdict
 from types import SimpleNamespace
 
 import numpy as np
@@ -78,7 +78,7 @@ def test_numbers_name_every_field_and_make_the_sample_again():
     again = sample_of(Port("edge", CropEdge), 99, numbers)
     assert again.t == 80
     assert np.isnan(again.crop_height)
-    assert replace(again, crop_height=0.0) == replace(edge, crop_height=0.0)
+    np.testing.assert_equal(asdict(again), asdict(edge))
     command = sample_of(Port("c", SteerCommand), 99, {"c.curvature": 0.1, "c.is_engaged": 1.0})
     assert command == SteerCommand(99, 0.1, True)
 

@@ -1,6 +1,7 @@
 """A tiny ground and the wiring of a component, for tests of the machine alone."""
 
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -38,6 +39,7 @@ class Ground:
     cuts: list = field(default_factory=list)
     straw: list = field(default_factory=list)
     grain: list = field(default_factory=list)
+    stand: object = field(default_factory=lambda: SimpleNamespace(crop="wheat"))
 
     def ground_height(self, x, y):
         return self.height(np.asarray(x), np.asarray(y))

@@ -32,7 +32,7 @@ def cut_at(height, *sets):
     world = assemble(parse_scenario(TEXT, sets=[f"combine.header.cutting_height_m={height}", *sets]))
     evaluation = make_evaluation(world)
     drive(world, [evaluation])
-    return metrics_of(evaluation)
+    return {**metrics_of(evaluation), "straw_taken_kg": world.field.recount().straw}
 
 
 @pytest.mark.parametrize(
@@ -46,6 +46,12 @@ def cut_at(height, *sets):
 def test_from_the_ground_to_the_tip_what_is_not_taken_is_left_and_told(header, stand):
     told = [cut_at(height, header, stand) for height in HEIGHTS]
     taken, left = [m["grain_cut_kg"] for m in told], [m["header_left_kg"] for m in told]
+    straw = [m["straw_taken_kg"] + m["stubble_straw_kg"] for m in told]
+    assert straw == [pytest.approx(straw[0], rel=1e-9)] * len(told)
+    stubble = [m["stubble_straw_kg"] for m in told]
+    assert stubble == sorted(stubble)
+    assert stubble[0] < 0.3 * straw[0]
+    assert stubble[-1] == pytest.approx(straw[-1], rel=0.05)
     whole = taken[0]
     assert whole > 5.0
     assert left[0] == 0.0

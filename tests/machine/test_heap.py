@@ -1,12 +1,21 @@
 """Grain in a box: against the closed forms of cones and hip roofs, volumes, walls."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from swath.machine.heap.open_box import Surface, largest_heap
+from swath.core.frames import Pose
+from swath.field.memory_layout import Solids
+from swath.field.site_setup import Bodies
+from swath.field.stand import uniform
+from swath.machine.heap import height_map
+from swath.machine.heap.open_box import Params, Surface, largest_heap
+from swath.machine.machine_sheet import load_machine
 from swath.signals.setup import OpenBox
+from tests.field.made_field import made_field
+from tests.machine.machine_fakes import site
 
 SLOPE = math.tan(math.radians(25.0))
 BOXES = [  # box, largest heap, one spot, two spots, middle line [m3]: shared closed forms, repose 25 deg
@@ -78,3 +87,13 @@ def test_saved_and_loaded():
     surface.pour(3.0, -1.0, 0.0)
     other.pour(3.0, -1.0, 0.0)
     np.testing.assert_array_equal(surface.heights, other.heights)
+
+
+@pytest.mark.parametrize(("crop", "own", "angle"), [("maize", None, 23.0), ("barley", None, 28.0),
+                                                    ("rye", None, 25.0), ("maize", 31.0, 31.0)])  # fmt: skip
+def test_grain_lies_at_the_angle_of_the_fields_crop_unless_one_is_said(crop, own, angle):
+    field = made_field(stand=uniform.Params(crop=crop))
+    setup = replace(site(field, load_machine("grain-truck")), name="cart", bodies=(bodies := Bodies()))
+    bodies.add(setup.carrier, Solids(), Pose.identity())
+    heap = height_map.LEVEL.component(Params(repose_deg=own), setup)
+    assert heap.slope == pytest.approx(math.tan(math.radians(angle)))

@@ -145,12 +145,19 @@ def test_a_search_that_is_stopped_goes_on_to_the_same_runs(case_file, tmp_path, 
         run_search(tmp_path / "whole", Search(str(case_file), batch=2), 28, 1, done.append)
 
 
-def test_runs_without_a_value_count_as_failed_by_all(case_file, tmp_path, without_runs, monkeypatch):
+def test_an_error_is_no_failure_and_not_asked_again(case_file, tmp_path, without_runs, monkeypatch):
+    """Errors from 9 km/h on: what is shown rests on the others, and their place draws no further runs."""
     monkeypatch.setenv("ANALYTIC_ERRORS", "1")
-    found = run_search(tmp_path / "out", Search(str(case_file)), 16, 1, lambda result: None)
-    errors = [r["verdict"] == "error" for r in found.results]
-    assert 0 < sum(errors) < 16
-    assert set(found.boundary.margins[errors]) == {-1.0}
+    found = run_search(tmp_path / "out", Search(str(case_file)), 32, 1, lambda result: None)
+    judged = [r for r in found.results if r["verdict"] != "error"]
+    assert 8 <= len(judged) < 32
+    assert len(found.boundary.margins) == found.passed()[1] == len(judged)
+    points = [tuple(r["point"].values()) for r in found.results]
+    assert len(set(points)) == len(points)
+    assert any(f"{32 - len(judged)} runs came to an error, the first: crashed" in s for s in found.shows)
+    nothing = replace(found, results=[r for r in found.results if r["verdict"] == "error"] * 4)
+    with pytest.raises(InputError, match=r"0 .*came to an error, the first: crashed.*expected 8 judged runs"):
+        _ = nothing.boundary
 
 
 @pytest.mark.drawn

@@ -26,7 +26,8 @@ CELLS = TILE_CELLS * TILE_CELLS
 @frozen
 class Cut:
     """What a cut took. grain, straw [kg]; stem_count; area of crop that stood [m2]; grain_left [kg]: on cut
-    stems whose ear lay below the cut and stays in the field.
+    stems whose ear lay below the cut and stays in the field; stubble [kg]: straw that stays below the cut, of
+    a recount alone.
     """
 
     grain: float = 0.0
@@ -34,6 +35,7 @@ class Cut:
     stem_count: int = 0
     area: float = 0.0
     grain_left: float = 0.0
+    stubble: float = 0.0
 
     def __add__(self, other: "Cut") -> "Cut":
         return Cut(
@@ -42,6 +44,7 @@ class Cut:
             self.stem_count + other.stem_count,
             self.area + other.area,
             self.grain_left + other.grain_left,
+            self.stubble + other.stubble,
         )
 
 

@@ -158,8 +158,8 @@ class Profile(KeepsState):
         return np.asarray(counts * BIN * BIN)
 
     def per_m2(self, width: float) -> tuple[Array, ...]:
-        """Grain and straw [kg] that a header takes from a square metre, stems on it, and grain that it leaves
-        on ears below the knife [kg], by station.
+        """Grain and straw [kg] that a header takes from a square metre, stems on it, grain that it leaves on
+        ears below the knife and straw that it leaves as stubble [kg], by station.
 
         width: of the header, whose one end is at the edge [m]
         """
@@ -172,15 +172,22 @@ class Profile(KeepsState):
         scales = np.unique(stand[..., 0])
         if len(scales) > SCALES:
             scales = np.linspace(scales[0], scales[-1], SCALES)
-        of_scale = np.zeros((3, len(scales)))  # of a mean stem [kg]
+        of_scale = np.zeros((4, len(scales)))  # of a mean stem [kg]
         for k, scale in enumerate(scales.tolist()):
             share = np.clip(1.0 - code / np.maximum(scale * tall, 1e-6), 0.0, 1.0)
             of_scale[0, k] = ((scale * ear > code) * grain).mean()
-            of_scale[1, k] = (portable.power(share, self.field.stems.straw_exponent) * straw).mean()
+            above = portable.power(share, self.field.stems.straw_exponent)
+            of_scale[1, k], of_scale[3, k] = (above * straw).mean(), ((1.0 - above) * straw).mean()
             of_scale[2, k] = ((scale * ear <= code) * grain).mean()
         each = [np.interp(stand[..., 0], scales, values) for values in of_scale]
         length, density = np.sqrt((stand[..., :3] ** 2).sum(axis=-1)), stand[..., 3]
-        parts = density * each[0], density * length * each[1], density, density * each[2]
+        parts = (
+            density * each[0],
+            density * length * each[1],
+            density,
+            density * each[2],
+            density * length * each[3],
+        )
         self._per_m2 = tuple(np.ascontiguousarray(part.mean(axis=1)) for part in parts)
         return self._per_m2
 
@@ -216,26 +223,26 @@ class Profile(KeepsState):
         before = self._missing(bins)
         self.near[bins], self.far[bins] = np.minimum(near, low), np.maximum(far, high)
         after = self._missing(bins)
-        grain, straw, stems, left, area = (a - b for a, b in zip(after, before, strict=True))
+        grain, straw, stems, left, _, area = (a - b for a, b in zip(after, before, strict=True))
         return Cut(grain, straw, int(stems), area, left)
 
     def taken(self) -> Cut:
         """What is missing now against the start, from the bins alone."""
-        grain, straw, stems, left, area = self._missing(np.arange(len(self.near)))
-        return Cut(grain, straw, stems, area, left)
+        grain, straw, stems, left, stubble, area = self._missing(np.arange(len(self.near)))
+        return Cut(grain, straw, stems, area, left, stubble)
 
-    def _missing(self, bins: NDArray[np.int64]) -> tuple[float, float, int, float, float]:
-        """Grain and straw [kg], stems, grain left [kg] and area [m2] that are cut in some bins."""
+    def _missing(self, bins: NDArray[np.int64]) -> tuple[float, float, int, float, float, float]:
+        """Grain and straw [kg], stems, grain left and stubble [kg] and area [m2] cut in some bins."""
         where = bins[(self.far[bins] > self.near[bins]) & np.isfinite(self.reach[bins])]
         if not len(where):
-            return 0.0, 0.0, 0, 0.0, 0.0
+            return 0.0, 0.0, 0, 0.0, 0.0, 0.0
         low = np.maximum(self.near[where], self.reach[where]).astype(np.float64)
         wide = np.maximum(self.far[where].astype(np.float64) - low, 0.0)
         station = np.minimum(((where + 0.5) * BIN / STATION + 0.5).astype(int), len(self.x) - 1)
         bent = self.curvature[station].astype(np.float64) * (1.0 if self.is_left else -1.0)
         area = wide * BIN * (1.0 - bent * (low + 0.5 * wide))
-        grain, straw, stems, left = (float((area * q[station]).sum()) for q in self._per_m2)
-        return grain, straw, round(stems), left, float(area.sum())
+        grain, straw, stems, left, stubble = (float((area * q[station]).sum()) for q in self._per_m2)
+        return grain, straw, round(stems), left, stubble, float(area.sum())
 
     def struct(self) -> Any:
         """As kernels read it, the same memory."""

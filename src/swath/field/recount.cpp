@@ -1,7 +1,7 @@
 // What is gone from the stems of a page, counted anew from the codes of its cells: the body of one native function.
 //
 // In: `whole` addresses of arrays, as `recount_kernel.py` says; `real` side of a tile [m], exponent of straw.
-// Out: `masses` (64, 3) grain, straw and grain left [kg]; `counts` (64, 4) 1 = a code differs, stems of the crop
+// Out: `masses` (64, 4) grain, straw, grain left and stubble [kg]; `counts` (64, 4) 1 = a code differs, stems of the crop
 // that no longer stand, cells that no longer stand, 0. Sums are those of exact numbers, rounded once.
 
 constexpr int SIDE = 64, PAGE = 512, TILES = 8, STOOD = 255, MIRROR_X = 1 << 16, MIRROR_Y = 1 << 17;
@@ -27,18 +27,18 @@ struct Exact {  // a sum and what its rounding left out
     sum = next;
   }
 };
-struct Masses { double grain, straw, left; };
+struct Masses { double grain, straw, left, stubble; };
 auto cell_of = [&](double place, bool is_mirrored) -> int {
   const double cell = __builtin_floor((is_mirrored ? tile_size - place : place) * per_m);
   return cell < 0.0 ? 0 : cell > SIDE - 1.0 ? SIDE - 1 : (int)cell;
 };
 auto taken = [&](int stem, double scale, double length, int code) -> Masses {  // of a stem whose cell has this code
-  if (code == STOOD) return {0.0, 0.0, 0.0};
+  if (code == STOOD) return {0.0, 0.0, 0.0, 0.0};
   const double height = 0.01 * code, share = 1.0 - height / (heights[stem] * scale);
   const double above = share < 0.0 ? 0.0 : share > 1.0 ? 1.0 : share;
   const bool is_high = ears[stem] * scale > height;
-  const double straw = straws[stem] * length * wp::pow(above, exponent);
-  return {is_high ? grains[stem] : 0.0, straw, is_high ? 0.0 : grains[stem]};
+  const double whole = straws[stem] * length, straw = whole * wp::pow(above, exponent);
+  return {is_high ? grains[stem] : 0.0, straw, is_high ? 0.0 : grains[stem], whole - straw};
 };
 for (int number = 0; number < TILES * TILES; ++number) {
   const int corner = (number / TILES) * SIDE * PAGE + (number % TILES) * SIDE;
@@ -57,7 +57,7 @@ for (int number = 0; number < TILES * TILES; ++number) {
   const double scale = stand[0], lean_x = stand[1], lean_y = stand[2], rank = stand[3];
   const double length = __builtin_sqrt(scale * scale + lean_x * lean_x + lean_y * lean_y);
   const int prototype = prototypes[number], kind = prototype & (MIRROR_X - 1);
-  Exact grain = {}, straw = {}, left = {};
+  Exact grain = {}, straw = {}, left = {}, stubble = {};
   for (int stem = begins[kind]; stem < begins[kind + 1]; ++stem) {
     if (!(ranks[stem] < rank)) continue;
     const int column = cell_of(places[2 * stem], prototype & MIRROR_X), row = cell_of(places[2 * stem + 1], prototype & MIRROR_Y);
@@ -67,11 +67,11 @@ for (int number = 0; number < TILES * TILES; ++number) {
     grain.add(is.grain - was.grain);
     straw.add(is.straw - was.straw);
     left.add(is.left - was.left);
+    stubble.add(is.stubble - was.stubble);
     told[1] += then == STOOD && after != STOOD && is_crop[stem];
   }
   told[0] = 1;
   told[2] = gone;
-  masses.data[3 * number] = grain.sum + grain.rest;
-  masses.data[3 * number + 1] = straw.sum + straw.rest;
-  masses.data[3 * number + 2] = left.sum + left.rest;
+  const Exact sums[4] = {grain, straw, left, stubble};
+  for (int k = 0; k < 4; ++k) masses.data[4 * number + k] = sums[k].sum + sums[k].rest;
 }

@@ -36,6 +36,7 @@ def recount_pages(store: PageStore, stems: StemIndex, begun: Mapping[Key, int | 
         sum(c.stem_count for c in total),
         fsum(c.area for c in total),
         fsum(c.grain_left for c in total),
+        fsum(c.stubble for c in total),
     )
 
 
@@ -55,7 +56,7 @@ class _Counter:
         self._kept = [np.ascontiguousarray(column, dtype) for column, dtype in columns]
         self._whole = np.array([0] * 4 + [column.ctypes.data for column in self._kept], np.int64)
         self._real = np.array([library.tile_size, stems.straw_exponent])
-        self._masses, self._counts = np.zeros((TILES, 3)), np.zeros((TILES, 4), np.int32)
+        self._masses, self._counts = np.zeros((TILES, 4)), np.zeros((TILES, 4), np.int32)
         arrays = self._whole, self._real, self._masses, self._counts
         shared = [start_warp().array(a, device="cpu", copy=False) for a in arrays]
         self._launch = repeatable(kernel.recount_page, shared).launch
@@ -76,10 +77,10 @@ class _Counter:
         self._launch()
         shares, found = stand[..., 3].ravel().tolist(), []
         rows = zip(self._masses.tolist(), self._counts.tolist(), shares, strict=True)
-        for (grain, straw, left), (is_changed, stem_count, cells, _), share in rows:
+        for (grain, straw, left, stubble), (is_changed, stem_count, cells, _), share in rows:
             if is_changed:
                 area = cells * self._cell**2 if share > 0.0 else 0.0
-                found.append(Cut(grain, straw, stem_count, area, left))
+                found.append(Cut(grain, straw, stem_count, area, left, stubble))
         return found
 
 

@@ -21,6 +21,8 @@ class MassBalance:
         Metric("mass_balance_error", "", "the worse of grain and straw: |left the field - in machines, "
                "losses and on the ground| / left the field", "Harvest", "lower", decimals=-1,
                is_windowed=False),
+        Metric("stubble_straw_kg", "kg", "straw below the cut, which stays in the field", "Harvest", "",
+               "straw left as stubble", "", 1, is_windowed=False),
     )  # fmt: skip
 
     def __init__(self, setup: EvaluatorSetup) -> None:
@@ -59,7 +61,7 @@ class MassBalance:
         on_ground = fsum([self.setup.field.ground_grain_kg, *boxes])
         grain = balance_error(float(missing.grain), fsum(h[0] for h in held) + on_ground)
         straw = balance_error(float(missing.straw), fsum(h[1] for h in held))
-        return {"mass_balance_error": max(grain, straw)}
+        return {"mass_balance_error": max(grain, straw), "stubble_straw_kg": float(missing.stubble)}
 
     def accounted(self, name: str) -> tuple[float, float]:
         """Grain and straw [kg] that a machine has taken in and holds, has lost, or has laid behind it.

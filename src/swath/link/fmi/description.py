@@ -88,7 +88,7 @@ def repaired(file: Path) -> Iterator[tuple[Path, list[str]]]:
     Left out: the model structure, derivatives, types that are not defined, variabilities that do not go with
     the causality.
     """
-    with open_archive(file, "file") as archive:
+    with open_archive(file, "file", what=DESCRIBED) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
     repairs: list[str] = []
     types = {node.get("name") for node in root.iterfind("TypeDefinitions/*")}
@@ -124,7 +124,7 @@ def _repair_variable(node: Any, types: set[str | None]) -> list[str]:
 
 MOST_VARIABLES = 100_000  # of an FMU; FMPy reads some 10,000 a second
 KINDS = {"Real": "real", "Boolean": "bool", "String": "string", "Integer": "int", "Enumeration": "int"}
-UNREADABLE = "expected an FMU of FMI 1, 2 or 3, its description cannot be read"
+DESCRIBED = "an FMU of FMI 1, 2 or 3, its description cannot be read"
 _INDEXED = re.compile(r"^(?P<base>.+)\[(?P<index>\d+(?:,\s*\d+)*)\]$")
 
 
@@ -252,7 +252,7 @@ def read_fmu(file: Path, key: str = "file") -> Description:
     try:
         return _described(file, key, names, fmpy)
     except BROKEN as error:
-        raise InputError(key, str(file), f"{UNREADABLE}: {reason(error)}") from error
+        raise InputError(key, str(file), f"expected {DESCRIBED}: {reason(error)}") from error
 
 
 def _described(file: Path, key: str, names: list[str], fmpy: Any) -> Description:
@@ -311,7 +311,7 @@ def _model(file: Path, key: str) -> tuple[Any, list[str]]:
         with repaired(file) as (copy, repairs):
             return read_model_description(str(copy), validate=False), repairs or faults
     except Exception as error:
-        raise InputError(key, str(file), f"{UNREADABLE}: {reason(error)}") from error
+        raise InputError(key, str(file), f"expected {DESCRIBED}: {reason(error)}") from error
 
 
 def _variables(
@@ -402,7 +402,7 @@ def _unit(u: Any) -> Unit | None:
 
 def _root(file: Path) -> Element:
     """The description as it is written, for what fmpy does not read or not in every version."""
-    with open_archive(file, "file") as archive:
+    with open_archive(file, "file", what=DESCRIBED) as archive:
         return ElementTree.fromstring(archive.read("modelDescription.xml"))
 
 

@@ -113,7 +113,7 @@ def turning(samples: Sequence[Inertial], track: Sequence[MachineState], rotation
     at = np.arange(max(t[0] for t in both), min(t[-1] for t in both), TURN_S) if len(table) else np.zeros(0)
     if len(at) < 3:
         return Pair(key, "", nan, nan)
-    rate = table[:, 1:] @ (np.array([0.0, 0.0, 1.0]) if rotation is None else rotation[2])
+    rate = product(table[:, 1:], np.array([0.0, 0.0, 1.0]) if rotation is None else rotation[2])
     angle = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(table[:, 0]))])
     seen = np.diff(np.interp(at, table[:, 0], angle))
     if not len(driven):
@@ -121,9 +121,11 @@ def turning(samples: Sequence[Inertial], track: Sequence[MachineState], rotation
         entry = f"no machine turns so: in deg/s, `scale: {{{scale}}}`"
         return Pair(key, f"turns of {fastest:.2f} rad/s", fastest, FASTEST_TURN, FASTEST_TURN, entry)
     true = np.diff(np.interp(at, driven[:, 0], np.unwrap(driven[:, 1])))
-    if np.hypot.reduce(true) < LEAST_TURN or np.corrcoef(seen, true)[0, 1] < TURNS_SEEN:
+    a, b = seen - seen.mean(), true - true.mean()
+    alike = float(product(a, b)) / max(float(np.hypot.reduce(a) * np.hypot.reduce(b)), 1e-300)
+    if np.hypot.reduce(true) < LEAST_TURN or alike < TURNS_SEEN:
         return Pair(key, "", nan, nan)
-    factor = float(seen @ true / (true @ true))
+    factor = float(product(seen, true) / product(true, true))
     is_degrees = abs(factor * DEG - 1.0) < TURNS_ALIKE[1]
     entry = f"in deg/s: `scale: {{{scale}}}`" if is_degrees else "`scale`, or `mount`"
     shown = f"turns are {factor:.3g} times those of the positions"

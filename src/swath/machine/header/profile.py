@@ -110,7 +110,7 @@ class Headers:
 
 
 def _taken(struct: Any, part: ProfileHeader) -> Any:
-    grain, straw, stems, left = part.profile.per_m2(part.knife[1] - part.knife[2])
+    grain, straw, stems, left, _ = part.profile.per_m2(part.knife[1] - part.knife[2])
     return filled(struct, grain=grain, straw=straw, stems=stems, left=left)
 
 

@@ -138,13 +138,13 @@ def slope_of(repose: float) -> float:
 
 
 STATION = 0.5  # between the places of the profile [m]
-REPOSE = {"wheat": 25.0, "maize": 23.0, "barley": 28.0, "rye": 25.0}  # degrees, docs/explanation/cart.md
+REPOSE = {"maize": 23.0, "barley": 28.0}  # degrees, docs/explanation/cart.md
 OTHER_REPOSE = 25.0
 
 
 @dataclass(frozen=True)
 class Params:
-    """repose_deg: angle of repose, none = of the field's crop (wheat 25, maize 23, barley 28)
+    """repose_deg: angle of repose, none = of the field's crop (maize 23, barley 28, else 25)
     density_kg_m3: of the grain in bulk; start_percent: at the start, level, of the struck box
     """
 
@@ -165,8 +165,7 @@ class Heap(KeepsState):
         if setup.machine.box is None:
             raise InputError("level", type(self).__name__, "expected a machine whose data sheet has a `box`")
         self.box = setup.machine.box
-        crop = getattr(getattr(setup.field, "crop", None), "name", "")
-        repose = REPOSE.get(crop, OTHER_REPOSE) if params.repose_deg is None else params.repose_deg
+        repose = params.repose_deg or REPOSE.get(setup.field.stand.crop, OTHER_REPOSE)
         self.slope, self.density = tan(repose * DEG), params.density_kg_m3
         self.largest = largest_heap(self.box, self.slope)
         self.start = params.start_percent * PERCENT * self.box.length * self.box.width * self.box.depth

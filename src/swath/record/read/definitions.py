@@ -35,13 +35,13 @@ class Definitions:
             return 1  # of which rosbags says that it is missing
         if name not in self._least:
             self._least[name] = None
-            self._least[name] = sum(self._of(field) for _, field in self.types[name][1])
+            self._least[name] = sum(self._size_of(field) for _, field in self.types[name][1])
         found = self._least[name]
         if found is None:
             raise ValueError(f"{name} is within itself")
         return found
 
-    def _of(self, field: Any) -> int:
+    def _size_of(self, field: Any) -> int:
         from rosbags.interfaces import Nodetype
 
         kind, told = field
@@ -51,7 +51,7 @@ class Definitions:
             return least
         if kind == Nodetype.BASE:
             return _base_bytes(told[0])
-        least = self._of(told[0])  # of an element
+        least = self._size_of(told[0])  # of an element
         if kind == Nodetype.SEQUENCE:
             return 4
         if told[0][0] != Nodetype.BASE or told[0][1][0] == "string":

@@ -171,7 +171,7 @@ def shown_value(value: Any, other: Any) -> str:
 
 
 def _settings(a: Run, b: Run) -> list[tuple[str, str, str]]:
-    one, other = dict(_flat(a.scenario, "")), dict(_flat(b.scenario, ""))
+    one, other = ({k: v for k, v in _flat(run.scenario, "") if k != "summary"} for run in (a, b))
     keys = dict.fromkeys([*one, *other])
     pairs = [(k, one.get(k, "-"), other.get(k, "-")) for k in keys if one.get(k) != other.get(k)]
     files = [run.summary.get("files", {}) for run in (a, b)]

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from swath.core.errors import MissingExtra
+from swath.core.errors import InputError, MissingExtra
 from swath.signals import F64
 from swath.tools.function_test.gaussian_process import GaussianProcess, fit
 
@@ -39,8 +39,15 @@ def first_points(dimensions: int, budget: int) -> F64:
 
 
 def next_points(points: F64, margins: F64, count: int) -> F64:
-    """The points to run next, (count, d), after those with known margins, (n, d) and (n,)."""
-    process = fit(points, margins)
+    """The points to run next, (count, d), after those that were run, (n, d); margins: (n,), nan where a run
+    said nothing. InputError where none did.
+    """
+    is_known = np.isfinite(margins)
+    if not is_known.any():
+        raise InputError("search", None, "expected a run that is judged: all came to an error, or to nothing")
+    process = fit(points[is_known], margins[is_known])
+    for point in points[~is_known]:  # is not asked again
+        process = process.and_at(point, float(process.predict(point[None])[0][0]))
     candidates = sobol_points(CANDIDATES, points.shape[1])
     chosen = []
     for _ in range(count):

@@ -10,7 +10,7 @@ comes, is of dear runs.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import isnan, nan
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +22,7 @@ from swath.core.whole_file import no_link
 from swath.signals import F64
 from swath.tools.function_test.case import Case, Point, Scalar, Varied
 from swath.tools.function_test.journal import Result
-from swath.tools.function_test.judged import UNJUDGED
-from swath.tools.function_test.margin import margin_of
+from swath.tools.function_test.margin import judged_margin
 from swath.tools.function_test.plan import AS_SET, Plan, code_hash
 from swath.tools.function_test.pool import Done
 from swath.tools.function_test.rare import (
@@ -307,7 +306,7 @@ class _Rounds:
         if len(results) != len(places):
             missing = f"{len(places) - len(results)} of {len(places)} runs of a round have no result"
             raise SwathError(f"{session.folder}: {missing}; the same command goes on")
-        margins = np.array([outcome(result, self._asked.limit) for result in results])
+        margins = np.array([judged_margin(result, self._asked.limit) for result in results])
         return Round(level, places, [point for _, point in chosen], margins, results)
 
     def _session(self, level: str, points: tuple[tuple[int, Point], ...]) -> Session:
@@ -321,17 +320,6 @@ class _Rounds:
         shares = _normal_share(place)
         each = zip(self._distributions.items(), shares, strict=True)
         return {name: distribution.value(float(share)) for (name, distribution), share in each}
-
-
-def outcome(result: Result, limit: str) -> float:
-    """Margin of a run to a limit, or to the nearest; < 0 where it is broken, nan where that is not known."""
-    if result["verdict"] == "error" or (not limit and result["verdict"] == UNJUDGED):
-        return nan
-    entries = [entry for entry in result["expect"] if limit in ("", entry["name"])]
-    judged = [margin_of(entry) for entry in entries if "rests_outside" not in entry]
-    if len(judged) < len(entries) and min(judged, default=1.0) >= 0.0:
-        return nan
-    return min(judged, default=1.0)
 
 
 def run_estimate(folder: Path, asked: Estimate, workers: int, done: Done, client: Any = None) -> Estimated:

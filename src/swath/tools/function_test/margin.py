@@ -9,22 +9,33 @@ lower one on the way driven, which ends where the run does; bounds of 0) count w
 
 from collections.abc import Mapping
 from functools import cache
-from math import isfinite
+from math import isfinite, nan
 from typing import Any
 
 from swath.judge.catalogue import load_evaluators
+from swath.terminal.outcome import NOT_JUDGED
 
 Entry = Mapping[str, Any]
 ERROR = -2.0  # margin of a run that came to nothing
 KEPT_OR_NOT = ("distance_m",)  # whose lower bound is kept or not: it ends with the run
 
 
-def margin(result: Mapping[str, Any], limit: str = "") -> float:
-    """Of a run to its nearest limit, or to that of a name, -1..1; -1 without a value, -2 for an error."""
+def margin(result: Mapping[str, Any]) -> float:
+    """Of a run to its nearest limit, -1..1; -1 without a value, -2 for an error."""
     if result["verdict"] == "error":
         return ERROR
+    return min((margin_of(entry) for entry in result["expect"]), default=1.0)
+
+
+def judged_margin(result: Mapping[str, Any], limit: str) -> float:
+    """Margin of a run to a limit, or to the nearest; < 0 where it is broken, nan where that is not known."""
+    if result["verdict"] == "error" or (not limit and result["verdict"] == NOT_JUDGED):
+        return nan
     entries = [entry for entry in result["expect"] if limit in ("", entry["name"])]
-    return min((margin_of(entry) for entry in entries), default=1.0)
+    judged = [margin_of(entry) for entry in entries if "rests_outside" not in entry]
+    if len(judged) < len(entries) and min(judged, default=1.0) >= 0.0:
+        return nan
+    return min(judged, default=1.0)
 
 
 def margin_of(entry: Entry, *, is_bounded: bool = True) -> float:

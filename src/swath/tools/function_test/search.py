@@ -18,8 +18,7 @@ from swath.signals import F64
 from swath.tools.function_test.boundary import Boundary, first_points, next_points, sobol_points
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases, limits_of
 from swath.tools.function_test.journal import TABLE, Result, read_table
-from swath.tools.function_test.judged import UNJUDGED
-from swath.tools.function_test.margin import margin
+from swath.tools.function_test.margin import judged_margin
 from swath.tools.function_test.plan import Plan, code_hash
 from swath.tools.function_test.pool import Done
 from swath.tools.function_test.session import Session, claim_folder, read_asked
@@ -59,23 +58,38 @@ class Searched:
 
     @property
     def boundary(self) -> Boundary:
-        """What the runs say. InputError for fewer than a search has."""
-        if len(self.results) < FEWEST:
-            expected = f"expected {FEWEST} runs or more: continue the search"
-            raise InputError("search", len(self.results), expected, file=self.folder / SEARCH)
-        points = self.in_cube([result["point"] for result in self.results])
-        return Boundary(list(self.ranges), points, self.margins(self.results))
+        """What the judged runs say. InputError for fewer than a search has."""
+        if len(self.judged) < FEWEST:
+            expected = f"expected {FEWEST} judged runs or more: continue the search"
+            said = f"{len(self.judged)} ({'; '.join(self._unjudged)})" if self._unjudged else len(self.judged)
+            raise InputError("search", said, expected, file=self.folder / SEARCH)
+        points = self.in_cube([result["point"] for result in self.judged])
+        return Boundary(list(self.ranges), points, self.margins(self.judged))
+
+    @property
+    def judged(self) -> Sequence[Result]:
+        """The runs that say whether the limit is kept."""
+        known = np.isfinite(self.margins(self.results))
+        return [result for result, is_known in zip(self.results, known, strict=True) if is_known]
+
+    @property
+    def _unjudged(self) -> list[str]:
+        """What of the others is to be said."""
+        errors = [result["reason"] for result in self.results if result["verdict"] == "error"]
+        left = len(self.results) - len(self.judged) - len(errors)
+        return [
+            *([f"{len(errors)} runs came to an error, the first: {errors[0]}"] if errors else []),
+            *([f"{left} runs not judged: a level was outside its checked range"] if left else []),
+        ]
 
     def margins(self, results: Sequence[Result]) -> F64:
-        """Margins to the limit that is asked for, (n,)."""
-        return np.array([max(-1.0, margin(result, self.search.limit)) for result in results])
+        """Margins to the limit that is asked for, (n,), nan where nothing is judged."""
+        return np.array([judged_margin(result, self.search.limit) for result in results])
 
     def passed(self, first: int | None = None) -> tuple[int, int]:
         """How many of the first runs, or of all, keep the limit, of how many that are judged."""
-        some = self.results[:first]
-        kept = self.margins(some) >= 0.0
-        judged = [bool(k) for k, r in zip(kept, some, strict=True) if r["verdict"] != UNJUDGED]
-        return sum(judged), len(judged)
+        margins = self.margins(self.results[:first])
+        return int(np.sum(margins >= 0.0)), int(np.sum(np.isfinite(margins)))
 
     @property
     def shows(self) -> list[str]:
@@ -85,8 +99,7 @@ class Searched:
         them where none fails, for then it found no boundary to go to.
         """
         claim, (passed, count) = self.case.file.claim, self.passed()
-        left = len(self.results) - count
-        said = [f"{left} runs not judged: a level was outside its checked range"] if left else []
+        said = self._unjudged
         if passed == count:
             result = verdict(passed, count, claim.pass_rate, claim.confidence, is_complete=True)
             return [describe(passed, count, claim.pass_rate, claim.confidence, result), *said]
@@ -124,7 +137,9 @@ class Searched:
         if not rows:
             raise InputError("--check", str(folder), f"expected runs of the case {self.case.name}")
         foretold = self.boundary.passes(self.in_cube([row["point"] for row in rows]))
-        return int(np.sum(foretold == (self.margins(rows) >= 0.0))), len(rows)
+        margins = self.margins(rows)
+        right = (foretold == (margins >= 0.0)) & np.isfinite(margins)
+        return int(np.sum(right)), int(np.sum(np.isfinite(margins)))
 
 
 def ranges_of(case: Case) -> dict[str, tuple[float, float]]:

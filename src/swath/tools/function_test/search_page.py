@@ -9,7 +9,6 @@ from swath import __version__
 from swath.report.html import write_page
 from swath.tools.function_test.boundary import Boundary
 from swath.tools.function_test.journal import Result
-from swath.tools.function_test.judged import UNJUDGED
 from swath.tools.function_test.search import Searched
 
 SIDE, BINS = 220.0, 22  # of a map [px], squares along it
@@ -18,11 +17,8 @@ FAILED_MAX = 60  # runs in the list
 
 def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = None) -> Path:
     """Write the page. checked: runs of another test that the boundary foretells right, of how many"""
-    boundary, results = found.boundary, found.results
-    failed = sorted(
-        (result for result in results if result["verdict"] not in ("pass", UNJUDGED)),
-        key=lambda r: str(r["id"]),
-    )
+    boundary = found.boundary
+    failed = [result for result in found.judged if result["verdict"] != "pass"]
     return write_page(
         path,
         "function_test_search.html.j2",
@@ -30,7 +26,7 @@ def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = 
         objective=found.case.file.objective,
         limit=found.search.limit or "all limits together",
         version=__version__,
-        count=len(results),
+        count=len(found.results),
         passed=found.passed()[0],
         facts={
             "the runs": "; ".join(found.shows),
@@ -77,7 +73,7 @@ def _dots(found: Searched, boundary: Boundary, x: Any, y: Any) -> list[dict[str,
     return [
         {"x": round(float(a) * SIDE, 1), "y": round(SIDE - float(b) * SIDE, 1), "passes": margin >= 0.0,
          "title": f"{_point(result)}: margin {margin:+.2f}"}
-        for a, b, margin, result in zip(x, y, boundary.margins, found.results, strict=True)
+        for a, b, margin, result in zip(x, y, boundary.margins, found.judged, strict=True)
     ]  # fmt: skip
 
 
