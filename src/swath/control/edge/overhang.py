@@ -65,7 +65,8 @@ class HeightOverhang:
         """Of every lean, after a height was seen."""
         mean, sd = _seen(stopped)
         tall = mean * np.minimum(_TALL, self._most)
-        away = (min(crop / self._upright, mean) - tall) / hypot(sd, crop_sd / self._upright)
+        sd = hypot(sd, crop_sd / self._upright)
+        away = (min(crop / self._upright, mean + sd) - tall) / sd  # higher: it is no crop of that height
         chance = _PRIOR * exp(-0.5 * away**2)
         return np.asarray(chance / max(float(chance.sum()), 1e-300))
 
