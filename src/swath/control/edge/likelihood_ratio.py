@@ -23,7 +23,7 @@ from swath.control.inclination import CRAB, Inclination
 from swath.control.yaw_rate import YawRate
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
-from swath.core.registry import Level
+from swath.core.registry import Checked, Level
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
 from swath.signals import CropEdge, Inertial, Odometry, Scan
@@ -268,10 +268,20 @@ def _closed(stopped: float) -> float:
     return min(max((stopped - STOPPED[0]) / (STOPPED[1] - STOPPED[0]), 0.0), 1.0)
 
 
+DRAWN = "benchmarks/edge_pairs.py"  # cases at random, against the true edge
 LEVEL = Level(
     LikelihoodRatio,
     Params,
     summary="likelihood ratios learned on both sides, summed over travel, tracked along an arc",
     cost="0.3 ms per scan",
     tolerance="offset within 0.05 m RMS of the true edge at 50 to 700 stems/m2",
+    checked=(
+        Checked("stems_per_m2", 60.0, 600.0, DRAWN),
+        Checked("crop_height_m", 0.4, 2.4, DRAWN),
+        Checked("lean_deg", 0.0, 20.0, DRAWN),
+        Checked("weeds_per_m2", 0.0, 40.0, DRAWN),
+        Checked("dust_per_m", 0.0, 0.4, DRAWN),
+        Checked("other_crop", 0.0, 1.0, DRAWN),
+        Checked("cutting_height_m", 0.05, 0.45, DRAWN),
+    ),
 )

@@ -36,7 +36,7 @@ from swath.control.yaw_rate import YawRate
 from swath.core.component import Port, State
 from swath.core.errors import SwathError
 from swath.core.random import Stream
-from swath.core.registry import Level
+from swath.core.registry import Checked, Level
 from swath.core.schedule import NS
 from swath.core.together import Given, InWorlds, Samples, field_of
 from swath.core.units import CM, DEG
@@ -213,10 +213,16 @@ EDGE = {
 }  # of the kernel's -> of the signal
 
 
+BENCH = "tests/control/test_preview.py"  # of a kinematic machine, against the line
 LEVEL = Level(
     Preview,
     Params,
     summary="the header end is aimed along the edge: preview, prediction, slip observer",
     cost="about 20 us per step",
     tolerance="2 cm RMS at 7 km/h on a straight edge known to 3 cm",
+    checked=(
+        Checked("ground_speed_kmh", 0.18, 12.6, BENCH),
+        Checked("yaw_rate_deg_s", -5.0, 5.0, BENCH),
+        Checked("slope_across_percent", -9.0, 9.0, BENCH),
+    ),
 )

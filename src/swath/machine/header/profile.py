@@ -20,7 +20,8 @@ from swath.core.together import Given, InWorlds, Samples
 from swath.field.profile import BIN, refused
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Rows, filled, of_worlds, repeatable, shared
-from swath.machine.header import PROFILE_STEMS, SPEED
+from swath.machine import SPEED
+from swath.machine.header import PROFILE_STEMS
 from swath.machine.header.fill_gauge import OVER_M
 from swath.signals import CropFlow, MachineState
 
