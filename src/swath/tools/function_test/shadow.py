@@ -21,6 +21,7 @@ from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 from swath.tools.function_test.integrity import integrity_of
+from swath.tools.function_test.ranking import EDGE_US
 
 SUMMARY = "shadow"
 
@@ -54,7 +55,7 @@ class Shadow:
         timing = next(node.slot for node in world.graph.nodes if node.slot.name == name)
         node = Node(timing, component, wires, make_fault(choice, component))
         self.name, self.judge, self.digest = name, judge.beside(looks), Digest()
-        self._graph = Graph([node], scenario.seed, outside=outside_of([node]))
+        self._node, self._graph = node, Graph([node], scenario.seed, outside=outside_of([node]))
         self._sources = {source for source, _ in wires.values()}
         self.slots = {*self._sources, name}  # of the run, whose samples it takes
         self._graph.observers += [self.digest, self.judge.see]
@@ -71,7 +72,9 @@ class Shadow:
     def result(self) -> dict[str, Any]:
         """Its metrics of the edge and the digest of what it said."""
         integrity = integrity_of(self.judge.series(), self.judge.setup.settling_m)
-        return {"metrics": json_safe(self.judge.metrics()), "digest": self.digest.hex, "integrity": integrity}
+        took = 1e6 * self._node.cost_s / max(self._node.step_count, 1)
+        metrics = json_safe(self.judge.metrics())
+        return {"metrics": metrics, "digest": self.digest.hex, "integrity": integrity, EDGE_US: took}
 
 
 class ShadowHook(RunHook):
