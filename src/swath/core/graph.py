@@ -110,7 +110,7 @@ class Graph:
         and not whenever Python looks for such circles. What was sent last stays.
         """
         self.observers, self.watches, self.before_tick = [], {}, []
-        self.lockstep.graphs = ()
+        self.lockstep.let_go()
 
     def put(self, slot: str, output: str, sample: Signal) -> None:
         """A sample from outside: components that step from now on see it."""
@@ -406,6 +406,11 @@ class Lockstep:
         self.look()
         self.active[[*worlds]] = False
         self.going = np.flatnonzero(self.active).tolist()
+
+    def let_go(self) -> None:
+        """Forget a graph that was alone, and who looks on."""
+        if len(self.graphs) == 1:
+            self.graphs, self._watched, self._audience = (), [], {}
 
     def raise_error(self) -> None:
         """Raise what the part of a graph alone raised."""
