@@ -15,6 +15,7 @@ from swath.control.edge.canopy_classes import CELL, HALF, LAYER, LAYERS, LIMIT, 
 from swath.control.edge.canopy_offset import CanopyOffset, Rays
 from swath.control.edge.canopy_rays import RayAnswers
 from swath.control.edge.lean_ramp import LeanRamp
+from swath.control.edge.overhang import density
 from swath.core.component import KeepsState
 from swath.core.portable import product
 from swath.signals import F64
@@ -23,7 +24,6 @@ OBLIQUE = 0.09  # rad to the edge from which on its wall looks like a ramp
 MEMORY, GUESS, PARTS = 30.0, 0.06, 3  # m; of the crop's height; parts of plants that make an echo together
 CLEAR, DUSTY, USUAL = 0.05, 0.12, 0.09  # shares of rays; in dust the overhang of cereals, of their height
 MOST = 0.19  # of the crop's height
-DENSE, THIN = 0.85, 0.6  # shares of rays stopped within the crop: overhang is seen, is not seen
 STEEP, STEEPER = 0.2, 0.35  # tangents of a lean inward that may be, and is, beyond doubt
 ROLL = 0.35  # slope of a ramp that upright plants feign, per rise across the edge
 ACROSS, ALONG = 0.6, 0.03  # the same per rad at which rays go into the crop, from so many on: they soak in
@@ -140,16 +140,14 @@ class CanopyFeet(KeepsState):
         """
         if not height > 0.0:
             return 0.0, 0.0
-        dense = min(max((stopped - THIN) / (DENSE - THIN), 0.0), 1.0)
         seen = min(max((DUSTY - dust) / (DUSTY - CLEAR), 0.0), 1.0)
-        dense = max(dense, 1.0 - seen)  # in dust it is not seen how dense the crop is
-        learned = self._overhang(height)
-        upright = dense * (seen * learned + (1.0 - seen) * USUAL * height)
+        dense = max(density(stopped), 1.0 - seen)  # in dust it is not seen how dense the crop is
         even = min(max((RAGGED - spread) / (RAGGED - EVEN), 0.0), 1.0)
-        upright = even * upright + (1.0 - even) * dense * USUAL * height
+        learned, usual = dense * self._overhang(height), dense * USUAL * height
+        upright, upright_sd = mixed(seen * even, (learned, FEET * learned), (usual, 0.5 * usual))
         clear, row, row_sd = self.rows(upright)
         row_sd = hypot(row_sd, FLANKS * max(self.spacing - max(self._view - top, 0.0), 0.0))
-        upright_sd = hypot(FEET * upright, self.spacing / sqrt(12.0))
+        upright_sd = hypot(upright_sd, self.spacing / sqrt(12.0))
         upright, upright_sd = mixed(clear, (row, row_sd), (upright, upright_sd))
         share, foot, _ = self.lean
         return mixed((1.0 - clear) * share, (seen * foot, FEET * abs(foot)), (upright, upright_sd))

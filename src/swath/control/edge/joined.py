@@ -19,7 +19,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from swath.control.edge.canopy_feet import mixed
 from swath.control.edge.likelihood_ratio import TOLERANCE, UNSURE, LikelihoodRatio
 from swath.control.edge.likelihood_ratio import Params as ScannerParams
-from swath.control.edge.overhang import HeightOverhang
+from swath.control.edge.overhang import HeightOverhang, density
 from swath.control.edge.profile import crop_sign
 from swath.control.edge.stem_lean import StemLean
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -36,7 +36,6 @@ ASKED_M = 0.4  # m of travel after which the lean is estimated anew
 INSIDE, FARTHEST = 0.6, 12.0  # m: rays that end at least so far in the crop, and no farther from the scanner
 CANOPY = (0.5, 1.25)  # of the crop's height, between which they end
 EDGE_OF_TOPS, EDGE_OF_THIN = 0.95, 0.7  # of the overhang of the tops: where a dense, a thin wall is seen
-DENSE, THIN = 0.9, 0.5  # share of the rays that the stand stops
 OWN = 0.01  # m: of each scanner at least, how it is mounted
 TOPS, LEAST_ABOVE = 0.08, 0.5  # of the crop's height: standard deviation of its tops; m above them
 MODEL = 0.1  # standard deviation of the tangent of a lean that the brightness tells
@@ -122,8 +121,7 @@ class Joined(KeepsState):
         lean, sd = self._told
         if low == 0.0 and lean < 2.0 * sd:
             return 0.0, 0.0
-        dense = min(max((stopped - THIN) / (DENSE - THIN), 0.0), 1.0)
-        share = crop * (EDGE_OF_THIN + dense * (EDGE_OF_TOPS - EDGE_OF_THIN))
+        share = crop * (EDGE_OF_THIN + density(stopped) * (EDGE_OF_TOPS - EDGE_OF_THIN))
         hang, hang_sd = share * lean, share * hypot(sd, MODEL)
         return mixed(ramp, (0.0, 0.0), (hang, hang_sd))  # of a lean inward the feet are seen
 

@@ -17,7 +17,7 @@ from swath.control.edge.block_track import BLOCK, BlockTrack, Search
 from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
 from swath.control.edge.near_line import WAY, LineFit, NearLine
-from swath.control.edge.overhang import HeightOverhang, Overhang
+from swath.control.edge.overhang import HeightOverhang, Overhang, density
 from swath.control.edge.profile import crop_sign, finite, no_edge
 from swath.control.inclination import CRAB, Inclination
 from swath.control.yaw_rate import YawRate
@@ -31,9 +31,7 @@ from swath.signals.setup import ControlSetup
 
 BEGIN = 3  # blocks: a line through two shows nothing of its own error
 TOLERANCE = 0.10  # m, of the confidence
-STOPPED = (0.85, 0.97)  # share of the rays that open stands stop, and closed ones
 RAGGED, EVEN = 2.8, 0.03  # of the scatter beyond that of an even edge, of its height: bites, swing
-DUSTY, CLEAR, THICK = 0.08, 0.2, 0.8  # m, in dust; shares of the rays that are lost in clear air, in dust
 BENT = 0.4  # m per bend of 1/m: rays that cross the edge show it less well
 SLIPPED = 0.12  # m per rad that the edge turns away from the crop: 1.3 % of wheel slip, not known
 HIDDEN = 0.4  # of what the wall lies to and fro along the edge: bites behind what stands out
@@ -220,11 +218,10 @@ class LikelihoodRatio(KeepsState):
         even = max(EVEN * top, ROWS * rows * feet.spacing)
         ragged = 0.0 if is_smooth else sqrt(max(0.0, self._blocks.scatter - even**2))
         swing = 0.0 if is_smooth else self._blocks.jagged.swing(top)
-        hidden = HIDDEN * _closed(stopped) * (1.0 - rows) * swing
+        hidden = HIDDEN * density(stopped) * (1.0 - rows) * swing
         known = hypot(line.offset_sd, RAGGED * ragged, hidden, shift_sd)
-        alike = self._p.open_m + _closed(stopped) * (self._p.closed_m - self._p.open_m)
+        alike = self._p.open_m + density(stopped) * (self._p.closed_m - self._p.open_m)
         known = hypot(known, BENT * edge.bend, SLIPPED * min(edge.angle, 0.0), alike)
-        known = hypot(known, DUSTY * min(max((dust - CLEAR) / (THICK - CLEAR), 0.0), 1.0))
         known = hypot(known, self._blocks.blank / sqrt(12.0))  # evenly anywhere in it
         sd = hypot(known, hang_sd) / steep
         sure = erf(TOLERANCE / (sd * sqrt(2.0))) * min(1.0, self._blocks.agreed / 0.8)
@@ -261,11 +258,6 @@ def _abreast(edge: EdgeFrame, reference: float) -> EdgeFrame:
     along = (reference - edge.x) / max(cos(edge.angle), 0.2)
     u = edge.u + (reference - edge.x) * tan(edge.angle) + 0.5 * edge.bend * along**2
     return EdgeFrame(reference, u, edge.angle + edge.bend * along, edge.bend)
-
-
-def _closed(stopped: float) -> float:
-    """How closed a stand is that stops a share of the rays, 0..1; of an open one the wall is ragged."""
-    return min(max((stopped - STOPPED[0]) / (STOPPED[1] - STOPPED[0]), 0.0), 1.0)
 
 
 DRAWN = "benchmarks/edge_pairs.py"  # cases at random, against the true edge

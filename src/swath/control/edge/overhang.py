@@ -71,7 +71,12 @@ class HeightOverhang:
         return np.asarray(chance / max(float(chance.sum()), 1e-300))
 
 
+def density(stopped: float) -> float:
+    """How dense a stand is that stops a share of the rays, 0 = thin .. 1."""
+    return min(max((stopped - THIN[2]) / (DENSE[2] - THIN[2]), 0.0), 1.0)
+
+
 def _seen(stopped: float) -> tuple[float, float]:
     """Mean and standard deviation of the height at which a stand is seen that stands, of its usual one."""
-    share = min(max((stopped - THIN[2]) / (DENSE[2] - THIN[2]), 0.0), 1.0)
+    share = density(stopped)
     return THIN[0] + share * (DENSE[0] - THIN[0]), THIN[1] + share * (DENSE[1] - THIN[1])
