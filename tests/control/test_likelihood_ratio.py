@@ -191,7 +191,7 @@ def test_where_rows_stand_is_seen_by_their_period(seed):
     assert row_sd < 0.03
     shift, shift_sd = feet.shift(0.75, 0.8, 0.9, 0.0, 0.0)
     assert shift == pytest.approx(row, abs=0.01)
-    assert shift_sd < 0.04
+    assert 0.03 < shift_sd < 0.05
     assert feet.rows(0.6)[1] == pytest.approx(row + 0.75)  # the one nearest to the place
     assert CanopyFeet(0.125).spacing == 0.0
 
@@ -204,7 +204,7 @@ def test_tops_that_stand_anywhere_show_no_rows_and_the_edge_is_not_known():
     above, beside = (
         rows_seen((0.14, 0.89, 1.64), 1).shift(0.75, top, 0.9, 0.0, 0.0)[1] for top in (0.8, 2.8)
     )
-    assert beside > above + 0.05
+    assert beside > 1.5 * above
 
 
 def test_a_lean_that_may_be_is_told_without_a_step():

@@ -30,7 +30,7 @@ ACROSS, ALONG = 0.6, 0.03  # the same per rad at which rays go into the crop, fr
 FINE, COARSE = 0.07, 5.0  # the same per m by which the rays of a scan lie farther apart than that
 TOPS = 0.9  # of the crop's height, from which on echoes are of tops
 APART, ALIKE = 0.3, 8.0  # m from row to row: nearer ones are a closed stand; m along which rows go alike
-FLANKS = 0.15  # of their spacing: by how much rows seen from the side, not from above, seem to lie nearer
+FLANKS = 0.15  # of their spacing: by how much rows seen from the side seem nearer; a third of it from above
 FEET = 0.25  # standard deviation of the overhang of an upright canopy, of itself
 EVEN, RAGGED = 0.05, 0.09  # m of spread of the blocks: on a ragged edge the usual overhang counts
 
@@ -146,7 +146,8 @@ class CanopyFeet(KeepsState):
         learned, usual = dense * self._overhang(height), dense * USUAL * height
         upright, upright_sd = mixed(seen * even, (learned, FEET * learned), (usual, 0.5 * usual))
         clear, row, row_sd = self.rows(upright)
-        row_sd = hypot(row_sd, FLANKS * max(self.spacing - max(self._view - top, 0.0), 0.0))
+        aside = max(self.spacing - max(self._view - top, 0.0), self.spacing / 3.0)
+        row_sd = hypot(row_sd, FLANKS * aside)
         upright_sd = hypot(upright_sd, self.spacing / sqrt(12.0))
         upright, upright_sd = mixed(clear, (row, row_sd), (upright, upright_sd))
         share, foot, _ = self.lean
