@@ -20,9 +20,9 @@ def late(rows, after=10.0):
     return rows[rows[:, 0] > after, 1]
 
 
-@pytest.mark.parametrize("speed", SPEEDS)
-def test_straight_edge_known_to_three_centimetres(speed):
-    error = late(Loop(speed=speed).run(120))
+@pytest.mark.parametrize(("speed", "way"), [(0.05, 12), *((speed, 120) for speed in SPEEDS)])
+def test_straight_edge_known_to_three_centimetres(speed, way):
+    error = late(Loop(speed=speed).run(way))
     assert np.sqrt(np.mean(error**2)) < 0.02
     assert abs(error.mean()) < 0.005
 

@@ -91,3 +91,14 @@ def test_a_second_truck_that_is_always_there_is_not_waited_for(schedule):
     worked = by_events(endless)
     assert worked.minutes("cart", WAITS[2]) == 0.0
     assert endless.ends < schedule.ends
+
+
+@pytest.mark.parametrize(("volume", "away"), [(9.0, 25.0), (3.0, 11.0)])
+def test_a_truck_that_is_long_away_is_waited_for_to_the_end(volume, away):
+    """Longer than machines may stand without a word; a truck may also take less than a load."""
+    made = schedule_of(replace(JOB, truck=replace(JOB.truck, volume_m3=volume, away_min=away)))
+    for worked in (by_events(made), driven(made)):
+        into = [p for p in worked.poured if p.target == "truck"]
+        assert max(p.amount for p in into) <= volume * made.machines.density + 1e-6
+        assert math.fsum(p.amount for p in into) == pytest.approx(made.harvested, rel=1e-9)
+        assert worked.minutes("cart", WAITS[2]) > 10.0

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from swath.core.errors import InputError
@@ -16,7 +17,10 @@ from swath.core.registry import Checked
 from swath.core.schedule import NS
 from swath.core.units import DEG, KMH
 from swath.field.stand import uniform
+from swath.machine import SLOPES
 from swath.machine import header as headers
+from swath.machine.unload import auger, ideal
+from swath.machine.unload.auger import DRAG, fall_time
 from swath.runtime.assembly import assemble
 from swath.runtime.credibility import Credibility, Scene
 from swath.runtime.met import QUANTITIES
@@ -28,10 +32,13 @@ from swath.sensing.imu.strapdown import GRAVITY
 from swath.sensing.imu.strapdown import Place as Unit
 from swath.signals import MachineState, SteerState
 from tests.field.made_field import made_field
-from tests.levels.limits import keys_of, make
-from tests.levels.test_sensors import ZERO_GNSS, ZERO_IMU, reset
+from tests.levels.limits import LIMITS, keys_of, make
+from tests.levels.test_sensors import ZERO_GNSS, ZERO_IMU, post_ahead, reset
 from tests.machine.machine_fakes import STREAM, Ground, site
-from tests.machine.process_rig import state
+from tests.machine.process_rig import Rig, state
+from tests.machine.test_powertrain_engine import DRIVETRAIN, DYNAMICS, SITE, STEP, load_of
+from tests.machine.test_process_threshing import steady
+from tests.machine.test_unload import COMBINE, pour, setup_with_box
 from tests.sensing.driven_states import circle, feed, setup_of, straight
 
 SPEEDS = [SPEED.low * KMH, 1.0 * KMH, 7.0 * KMH, SPEED.high * KMH]
@@ -95,7 +102,7 @@ def test_imu(level, speed, rate):
 
 @pytest.mark.parametrize("speed", SPEEDS)
 @pytest.mark.parametrize("rate", RATES)
-@pytest.mark.parametrize("level", ["ideal", "error"])
+@pytest.mark.parametrize("level", ["ideal", "error", "sky"])
 def test_gnss(level, speed, rate):
     above = {"antenna": Antenna(x_m=0.0, y_m=0.0, z_m=4.0)}
     sensor = reset(make("gnss", level, setup_of(), **above, **({} if level == "ideal" else ZERO_GNSS)))
@@ -118,7 +125,7 @@ def test_ground_speed(level, speed):
     assert found.speed == pytest.approx(speed, rel=1e-6)
 
 
-@pytest.mark.parametrize("speed", [headers.SPEED.low * KMH, *SPEEDS[1:-1], headers.SPEED.high * KMH])
+@pytest.mark.parametrize("speed", [SPEED.low * KMH, *SPEEDS[1:-1], SPEED.high * KMH])
 @pytest.mark.parametrize("level", ["fixed_height", "height_control"])
 def test_headers_take_what_grows_on_their_way(level, speed):
     """0.8 kg/m2 of grain on 12 m."""
@@ -132,7 +139,7 @@ def test_headers_take_what_grows_on_their_way(level, speed):
     assert grain == pytest.approx(0.8 * 12.0 * 0.02 * abs(speed) * (count - 1), rel=lost)
 
 
-@pytest.mark.parametrize("speed", [SPEEDS[1], headers.SPEED.high * KMH])
+@pytest.mark.parametrize("speed", [SPEEDS[1], SPEED.high * KMH])
 @pytest.mark.parametrize("stems", [headers.PROFILE_STEMS.low, headers.PROFILE_STEMS.high])
 def test_profile_header_takes_what_plants_give(stems, speed):
     field = made_field(stand=uniform.Params(stems_per_m2=stems))
@@ -152,3 +159,58 @@ def grain_of(level, field, speed):
         here = MachineState((k + 1) * dt, pose, speed, 0.0, 0.0, 0.0, way)
         grain += header.step(k * dt, dt, {"state": (here,)})["flow"].grain
     return grain
+
+
+ACROSS, ALONG = ([end.low, -3.0, 7.0, end.high] for end in SLOPES)  # percent
+
+
+def tilt(across, along):
+    """Roll and pitch on ground that rises to the right and ahead [percent]."""
+    return {"roll": -math.atan(0.01 * across), "pitch": -math.atan(0.01 * along)}
+
+
+@pytest.mark.parametrize("speed", SPEEDS[1:])
+@pytest.mark.parametrize(("across", "along"), list(zip(ACROSS, ALONG, strict=True)))
+def test_threshing_loses_what_the_closed_form_says(speed, across, along):
+    load = Rig(engine=False).run(speed, 60.0, **tilt(across, along))
+    slope = 1.0 + 2.0 * abs(0.01 * across) + max(0.01 * along, 0.0)  # by which the shoe has more to do
+    found = load.threshing_loss, load.separation_loss, load.cleaning_loss
+    assert found == pytest.approx(steady(speed, slope)[:3], rel=1e-6)
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("along", ALONG)
+@pytest.mark.parametrize("level", ["ideal", "hydrostat"])
+def test_powertrain_pulls_weight_uphill_and_against_rolling(level, speed, along):
+    part = make("powertrain", level, SITE)
+    part.reset(STREAM)
+    for k in range(100):
+        here = state((k + 1) * STEP, 0.05 * speed * k, speed, **tilt(0.0, along))
+        engine = part.step(k * STEP, STEP, {"state": here, "load": load_of()})["engine"]
+    rolling = math.copysign(DYNAMICS.rolling_resistance, speed)
+    wheels = 9.81 * DYNAMICS.mass * (rolling + math.sin(math.atan(0.01 * along))) * speed
+    efficiency = DRIVETRAIN.hydrostat.efficiency
+    asked = wheels / efficiency if wheels > 0.0 else wheels * efficiency
+    assert engine.propulsion_power == pytest.approx(asked, rel=1e-3)
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("level", [ideal, auger])
+def test_the_stream_leaves_with_the_speed_of_the_machine(level, speed):
+    setup, _ = setup_with_box()
+    pour(level, setup, 30.0, speed=speed)
+    still, _ = setup_with_box()
+    pour(level, still, 30.0)
+    fell = fall_time(COMBINE.pipe.z, 2.5 * math.sqrt(0.5))
+    thrown = speed * (fell - 0.5 * DRAG * fell**2)  # on in the air, which takes from it
+    moved = np.array([a[0] - b[0] for a, b in zip(setup.field.grain, still.field.grain, strict=True)])
+    steps = (moved - thrown) / (0.05 * speed)  # since the start, when it left the mouth
+    assert steps == pytest.approx(np.round(steps), abs=0.05)
+    assert {*np.diff(np.round(steps))} <= {0.0, 1.0}  # several places a step
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("level", ["ideal", "error", "rays"])
+def test_radar_tells_the_speed_towards_a_post(level, speed):
+    found = post_ahead(level, speed).radial_speed[0]
+    assert found == pytest.approx(-speed, abs=LIMITS["radar"][level].value)

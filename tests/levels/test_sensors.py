@@ -74,16 +74,20 @@ def test_speed_over_level_ground(level, limit):
     assert found.speed == pytest.approx(SPEED, rel=limit)
 
 
-@each_level("radar")
-def test_radial_speed_of_a_post(level, limit):
-    """9 m ahead of a sensor on the axle of a machine at 2 m/s."""
+def post_ahead(level, speed):
+    """What a radar on the axle tells of a post 11 m ahead of where the machine began."""
     field = made_field(stand=maps.Params(stems_per_m2=1))
     setup = SiteSetup(field, MACHINE, Pose.identity(), "left", 0.1, "combine")
     setup.bodies.set_things(things_of([PostObstacle(x_m=11.0, y_m=0.0)], field))
     mount = Mount(at="axle", z_m=1.0, pitch_deg=0.0)
     quiet = {} if level == "ideal" else {"noise": "none"}
     sensor = reset(make("radar", level, setup, mount=mount, **quiet))
-    last = feed(sensor, straight(SPEED), 12)[-1]
+    return feed(sensor, straight(speed), 12)[-1]
+
+
+@each_level("radar")
+def test_radial_speed_of_a_post(level, limit):
+    last = post_ahead(level, SPEED)
     assert last.radial_speed[0] == pytest.approx(-SPEED, abs=limit)
     assert last.range[0] == pytest.approx(11.0 - SPEED * last.t * 1e-9 - 0.075, abs=limit)
 

@@ -1,13 +1,33 @@
 """Runs beyond what their levels were checked for are told from those within, by what they met."""
 
+import math
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
+from swath.core.frames import Pose
 from swath.core.registry import Checked
+from swath.core.schedule import NS
 from swath.judge.limits import exit_code_of
 from swath.report.page import _head
-from swath.runtime.credibility import EDGE, INSIDE, OUTSIDE, Seen
+from swath.runtime.assembly import assemble
+from swath.runtime.changes import Interventions
+from swath.runtime.credibility import (
+    EDGE,
+    INSIDE,
+    OUTSIDE,
+    Credibility,
+    Scene,
+    Seen,
+    outside_of,
+    why_outside,
+)
 from swath.runtime.job import run_unrecorded
+from swath.runtime.loop import drive
+from swath.runtime.met import QUANTITIES
 from swath.scenario.scenario import load_scenario
+from swath.signals import MachineState
 from swath.terminal.outcome import result_of
 from swath.tools.function_test.judged import UNJUDGED, beyond, verdict_of
 
@@ -46,6 +66,21 @@ def run(*sets, distance=5):
     return run_unrecorded(load_scenario("straight", sets=[f"run.distance_m={distance}", *sets]))
 
 
+# What is judged itself: told, and its limits count.
+OUTSIDE_CONTROL = [
+    (["field.stand.lean_deg=40"], "edge", "lean_deg"),
+    ([SLOPE.format(15, 90)], "steer", "slope_across_percent"),
+]
+
+
+@pytest.mark.parametrize(("sets", "slot", "quantity"), OUTSIDE_CONTROL, ids=lambda value: str(value)[:50])
+def test_control_outside_its_range_is_told_and_judged(sets, slot, quantity):
+    summary = run(*sets)
+    assert summary["credibility"]["slots"][f"combine.{slot}"]["state"] == OUTSIDE
+    assert any(f"combine.{slot}: outside the range" in n and quantity in n for n in summary["notes"])
+    assert not any("rests_outside" in entry for entry in summary["expect"])
+
+
 @pytest.mark.parametrize(("sets", "slot", "quantity"), OUTSIDE_RUNS, ids=lambda value: str(value)[:60])
 def test_outside(sets, slot, quantity):
     summary = run(*sets)
@@ -61,7 +96,7 @@ def test_outside(sets, slot, quantity):
 def test_inside_and_how_far_off_the_level_may_be():
     summary = run(CHEAP)
     slots = summary["credibility"]["slots"]
-    judged = ("motion", "header", "lidar", "odometry", "imu")
+    judged = ("motion", "header", "lidar", "odometry", "imu", "edge", "steer")
     assert {name: slot["state"] for name, slot in slots.items()} == {f"combine.{s}": INSIDE for s in judged}
     assert "combine.process" in summary["credibility"]["undeclared"]
     entries = {entry["name"]: entry for entry in summary["expect"]}
@@ -81,10 +116,7 @@ NOT_CHECKED_RUNS = [
     (["combine.lidar.weather.extinction_per_m=0.2"], "lidar", "dust_per_m"),
     (["field.stand={level: uniform, crop: rye, stems_per_m2: 280}"], "lidar", "other_crop"),
     (["combine.header.cutting_height_m=0.6"], "header", "cutting_height_m"),
-    (["field.stand.lean_deg=40"], "edge", "lean_deg"),
     (["field.stand.wind={speed_m_s: 6}"], "edge", "wind_lean_deg"),
-    ([SLOPE.format(15, 90)], "steer", "slope_across_percent"),
-    (["combine.motion.start_speed_kmh=18", "combine.speed.speed_kmh=18"], "steer", "ground_speed_kmh"),
 ]
 
 
@@ -171,3 +203,80 @@ def test_page_screen_and_function_test_say_the_same():
     assert _head([doubtful])[:2] == ("none", "1 of 1 limits not judged")
     assert _head([doubtful, broken])[:2] == ("fail", "✗ 1 of 2 limits fail")
     assert exit_code_of([doubtful]) == 3  # of `swath run`, as of `swath test`
+
+
+def test_what_changes_while_a_run_goes_is_watched():
+    """Rain from 2 s on, another knife, and a level whose ranges are others."""
+    sets = ["combine.lidar.level=plants", "field.stand.lean_deg=40", "run.distance_m=9"]
+    world = assemble(load_scenario("straight", sets=[*sets, "combine.motion.start_speed_kmh=6"]))
+    changes, watch = Interventions(world), Credibility(Scene(world))
+    script = [(3, "combine.lidar.weather.rain_mm_h", 3), (3, "combine.header.cutting_height_m", 0.6),
+              (4, "combine.lidar.level", "empirical")]  # fmt: skip
+    due = [(second * NS, key, value) for second, key, value in script]
+
+    def change(t):
+        while due and due[0][0] <= t:
+            changes.set(t, *due.pop(0)[1:])
+
+    world.graph.before_tick.append(change)
+    assert not list(watch.untold())
+    drive(world, [watch.see])
+    assert not due
+    (note,) = watch.untold()
+    assert "rain_mm_h" in note
+    assert "cutting_height_m 0.15 to 0.6 m" in note
+    told = watch.told()
+    assert told["slots"]["combine.lidar"]["level"] == "empirical"
+    assert told["slots"]["combine.lidar"]["state"] == OUTSIDE  # stands that lean by 40 deg
+
+
+FULL = [
+    "combine.process.level=threshing", "combine.powertrain=hydrostat", "combine.gnss=sky",
+    "combine.radar=error", "combine.camera={width_px: 16, height_px: 12}", "combine.crop_flow=delayed",
+    "combine.lidar.level=plants",
+]  # fmt: skip
+
+
+def test_every_slot_says_of_every_attribute_inside_outside_or_not_checked(monkeypatch):
+    """Values at random within and beyond each range, and beyond plain ones where none is declared."""
+    world = assemble(load_scenario("straight", sets=FULL))
+    world.graph.reset()
+    rng, machine, pairs = np.random.default_rng(11), world.leader, 0
+    given = {}
+    for name, quantity in QUANTITIES.items():
+        monkeypatch.setitem(QUANTITIES, name, replace(quantity, at=lambda where, name=name: given[name]))
+
+    def told_of(values):
+        given.update({name: 0.5 * sum(np.clip(q.plain, -10.0, 2000.0)) for name, q in QUANTITIES.items()})
+        given.update(values)
+        watch = Credibility(Scene(world))
+        for k in range(1, 5):
+            at = Pose.from_euler((0.0, 2.0 * k, 0.0))
+            watch.see(
+                "combine.motion", k * NS, {"state": MachineState(k * NS, at, 2.0, 0.0, 0.0, 0.0, 2.0 * k)}
+            )
+        return watch.told(), list(watch.untold())
+
+    for name, quantity in QUANTITIES.items():
+        for slot in (s for s, choice in machine.slots.items() if choice.kind.name in quantity.touches):
+            pairs += 1
+            of = {c.quantity: c for c in machine.slots[slot].found.checked}
+            if name in of:
+                low, high = max(of[name].low, -1e3), min(of[name].high, 1e4)
+                for value, state in (
+                    (rng.uniform(low, high), INSIDE),
+                    (high + rng.uniform(0.01, 9.0), OUTSIDE),
+                ):
+                    told, _ = told_of({name: float(value)})
+                    rows = {r["quantity"]: r["state"] for r in told["slots"][f"combine.{slot}"]["quantities"]}
+                    assert rows[name] == state, (slot, name, value)
+                    why = outside_of({"credibility": told}).get(f"combine.{slot}")
+                    assert (state == OUTSIDE) == (why is not None and name in why_outside(why))
+            else:
+                ends = [e for e in quantity.plain if math.isfinite(e)]
+                value = ends[-1] + rng.uniform(0.01, 9.0) if quantity.plain[1] < math.inf else 0.5 * ends[0]
+                told, notes = told_of({name: float(value)})
+                assert name in told["not_checked"][f"combine.{slot}"]
+                assert any(name in note and slot in note.rpartition(name)[2] for note in notes), (slot, name)
+                assert not told_of({})[1]
+    assert pairs > 60

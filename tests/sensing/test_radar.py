@@ -142,9 +142,11 @@ def test_a_thing_that_goes_has_its_own_speed():
     assert looks(sensor, 4, straight(2.0))[-1].radial_speed[0] == pytest.approx(-3.4, abs=1e-3)
 
 
-@pytest.mark.parametrize("height", [0.2, 0.5, 0.8])
-def test_geometric_extinction_of_the_plants_against_rays(height):
-    field = field_of(uniform.Params())
+@pytest.mark.parametrize(
+    ("height", "stems", "lean"), [(0.2, 400, 5), (0.5, 200, 20), (0.5, 600, 0), (0.8, 400, 5)]
+)
+def test_geometric_extinction_of_the_plants_against_rays(height, stems, lean):
+    field = field_of(uniform.Params(stems_per_m2=stems, lean_deg=lean))
     field.ensure(10.0, 5.0, 20.0)
     rng, count = np.random.default_rng(2), 60_000
     start = np.column_stack([rng.uniform(4, 18, count), rng.uniform(2, 8, count), np.full(count, height)])

@@ -273,6 +273,8 @@ def _of_turns(log: Log, own: Indices) -> list[tuple[Estimate, str]]:
     position, begun, ended = log.position[own], clock[first][own], clock[last][own]
     clock = clock[own]
     stretches = _stretches(clock, log.flow[own], position)
+    if not stretches:
+        return []
     found: tuple[list[float], list[float]] = ([], [])
     for before, after in pairwise(stretches):
         if not before.forward @ after.forward < -0.9:

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 STEP = 0.1  # s
 NEAR = 0.03  # m, that a machine stands before where it may go
 STILL = 1e-3  # m/s, at which it stands
-STUCK = 600.0  # s without anybody moving or pouring, after which it is said who waits for whom
+STUCK = 600.0  # s without anybody moving, pouring or standing for a known time; then it is said who waits
 
 
 @dataclass(frozen=True)
@@ -357,10 +357,10 @@ class _Drive:
                 rows[name].extend((m.x, m.y, m.heading, m.trailer))
                 before = m.at, m.k
                 self.move(name, m)
-                if (m.at, m.k) != before:
+                if (m.at, m.k) != before or 0.0 < self.stays(m) < math.inf:
                     self.last = self.time
-                    if m.segments[before[1]].kind == "cut":
-                        cut = self.time + STEP
+                if (m.at, m.k) != before and m.segments[before[1]].kind == "cut":
+                    cut = self.time + STEP
             self.pour()
             self.time += STEP
             if self.time - self.last > STUCK:

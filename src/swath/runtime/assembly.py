@@ -327,9 +327,11 @@ def exchange(
     wires: Mapping[str, tuple[str, str]],
     *,
     state: State | None = None,
+    choice: SlotChoice | None = None,
 ) -> None:
     """From its next step on, another component plays the slot `name`; the old one is kept as retired.
 
+    choice: what was chosen for the slot, None for a part from elsewhere
     state: of the component before, of the same level: the new one resumes from it, the old one is
     released. Without it only exchangeable slots can: the state of the others is the machine's own.
     InputError, WiringError.
@@ -342,6 +344,8 @@ def exchange(
     world.graph.exchange(name, component, wires, state)
     machine = world.machines[machine_name]
     before, machine.parts[slot] = machine.parts[slot], component
+    if choice is not None:
+        machine.changed[slot] = choice
     if state is None:
         machine.retired.append(before)
     elif isinstance(before, Closes):

@@ -179,7 +179,7 @@ class Interventions:
         state = self.world.machines[machine].parts[slot].save() if is_same else None
         component, wires = make_part(self.world, name, after)
         try:
-            exchange(self.world, name, component, wires, state=state)
+            exchange(self.world, name, component, wires, state=state, choice=after)
         except BaseException as error:
             if isinstance(component, Closes):
                 component.close()

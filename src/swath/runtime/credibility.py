@@ -10,6 +10,7 @@ A quantity that changes what a slot does (`runtime.met.Quantity.touches`) and fo
 range is `not checked` there: it is listed, and a note says so where the run met more than plain values.
 
 A limit rests on the slots that its evaluator sees and on all that feeds these, over the wires of the graph.
+Where one of these is outside, it is not judged, but for slots of control: those are what is judged.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.abilities import MeetsRange
+from swath.core.blocks import number_of
 from swath.core.errors import InputError
 from swath.core.packed_state import saved_type
 from swath.core.registry import Checked, KnownError
@@ -84,19 +86,35 @@ class Scene:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self.ranges = {m.name: dict(_ranges_of(m)) for m in world.machines.values()}
+        self.ranges: dict[str, dict[str, tuple[Checked, ...]]] = {}
+        self.unchecked: dict[str, dict[str, list[str]]] = {}
         self.parts = {m.name: dict(m.parts) for m in world.machines.values()}
-        self.unchecked = {m.name: _unchecked(m, self.ranges[m.name]) for m in world.machines.values()}
+        self.slots = {m.name: m.slots for m in world.machines.values()}
+        for machine in world.machines.values():
+            self._find_ranges(machine)
+
+    def _find_ranges(self, machine: Machine) -> None:
+        ranges = self.ranges[machine.name] = dict(_ranges_of(machine))
+        self.unchecked[machine.name] = _unchecked(machine, ranges)
+
+    def _take_changes(self, machine: Machine) -> None:
+        """Levels and parameters that came in since the last look."""
+        before, now = self.slots[machine.name], machine.slots
+        if changed := [slot for slot, choice in now.items() if choice is not before[slot]]:
+            self.slots[machine.name] = now
+            self.parts[machine.name] |= {slot: machine.parts[slot] for slot in changed}
+            self._find_ranges(machine)
 
     def values(self, machine: str, state: MachineState) -> Iterator[tuple[str, Checked, Any]]:
         """Of each slot and range of a machine what it meets now."""
         about = self.world.machines[machine]
+        self._take_changes(about)
         where = where_is(about, self.world.field, state)
         known: dict[str, float] = {}
         for slot, ranges in self.ranges[machine].items():
             part = self.parts[machine][slot]
             if about.parts.get(slot) is not part:
-                continue  # another level has come into the slot, whose ranges these are not
+                continue  # something from elsewhere has come into the slot, whose ranges these are not
             met = part.meets() if isinstance(part, MeetsRange) else {}
             for checked in ranges:
                 name = checked.quantity
@@ -115,7 +133,7 @@ class Scene:
 def _unchecked(machine: Machine, ranges: Mapping[str, Sequence[Checked]]) -> dict[str, list[str]]:
     """Of each slot the quantities that change what it does, and for which its level declares no range."""
     found = {}
-    for slot, choice in machine.section.slots.items():
+    for slot, choice in machine.slots.items():
         known = {checked.quantity for checked in ranges.get(slot, ())}
         names = [n for n, q in QUANTITIES.items() if choice.kind.name in q.touches and n not in known]
         if names and machine.parts.get(slot) is not None:
@@ -124,7 +142,7 @@ def _unchecked(machine: Machine, ranges: Mapping[str, Sequence[Checked]]) -> dic
 
 
 def _ranges_of(machine: Machine) -> Iterator[tuple[str, tuple[Checked, ...]]]:
-    for slot, choice in machine.section.slots.items():
+    for slot, choice in machine.slots.items():
         part = machine.parts.get(slot)
         own = part.checked if isinstance(part, MeetsRange) else ()
         if part is not None and (found := (*choice.found.checked, *own)):
@@ -150,12 +168,12 @@ class Credibility:
         machine = slot.partition(".")[0]
         if t < self._next_t.get(machine, t + 1):
             return
-        for sample in outputs.values():
-            if isinstance(sample, MachineState):
-                self._next_t[machine] = t + REST
-                if sample.distance >= self._next_m[machine] and t > 0:
-                    self._next_m[machine] = sample.distance + EVERY_M
-                    self._look(machine, sample)
+        way = number_of(outputs, MachineState, "distance")
+        if way is not None:
+            self._next_t[machine] = t + REST
+            if way >= self._next_m[machine] and t > 0:
+                self._next_m[machine] = float(way) + EVERY_M
+                self._look(machine, next(s for s in outputs.values() if isinstance(s, MachineState)))
         self.rests_until = min(self._next_t.values())
 
     def _look(self, machine: str, state: MachineState) -> None:
@@ -173,7 +191,7 @@ class Credibility:
         slots, rest = {}, []
         for machine in self.scene.world.machines.values():
             ranges = self.scene.ranges[machine.name]
-            for slot, choice in machine.section.slots.items():
+            for slot, choice in machine.slots.items():
                 name = f"{machine.name}.{slot}"
                 if slot not in ranges:
                     rest += [] if choice.kind.is_control else [name]
@@ -187,7 +205,7 @@ class Credibility:
         for (name, quantity), seen in self._seen.items():
             if name in met and seen.looks:
                 met[name][quantity] = [_short(seen.low), _short(seen.high)]
-        chosen = [choice for m in self.scene.world.machines.values() for choice in m.section.slots.values()]
+        chosen = [choice for m in self.scene.world.machines.values() for choice in m.slots.values()]
         return {
             "slots": slots,
             "undeclared": rest,
@@ -232,10 +250,11 @@ def annotate(summary: dict[str, Any], watch: Credibility, catalogue: EvaluatorCa
     summary[SUMMARY] = watch.told()
     outside = outside_of(summary)
     errors = _errors(watch.scene.world)
+    controls = _controls(watch.scene.world)
     doubtful = []
     for entry in summary["expect"]:
         slots = rests_on(watch.scene.world, catalogue, entry["subject"], entry["name"])
-        if beyond := [name for name in outside if name in slots]:
+        if beyond := [name for name in outside if name in slots - controls]:
             entry["rests_outside"] = beyond
             doubtful.append(entry["name"])
         if "hold" in entry["limit"]:
@@ -300,9 +319,15 @@ def _errors(world: World) -> Sequence[tuple[str, KnownError]]:
     return [
         (f"{machine.name}.{slot}", error)
         for machine in world.machines.values()
-        for slot, choice in machine.section.slots.items()
+        for slot, choice in machine.slots.items()
         for error in choice.found.errors
     ]
+
+
+def _controls(world: World) -> set[str]:
+    """Full names of slots of control: what they do is judged wherever they are used, they model nothing."""
+    of_each = ((m.name, slot, choice) for m in world.machines.values() for slot, choice in m.slots.items())
+    return {f"{name}.{slot}" for name, slot, choice in of_each if choice.kind.is_control}
 
 
 def _short(value: float) -> float:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from math import atan, atan2, cos, degrees, inf, nan, pi, sin
 from typing import Any
 
+import numpy as np
+
 from swath.core.errors import InputError
 from swath.core.signal import Signal
 from swath.documents.validation import near_miss
@@ -21,6 +23,7 @@ from swath.signals import MachineState
 SUMMARY = "met"
 EVERY_M = 1.0  # of the way, between two rows
 BASE_M = 6.0  # over which a slope is taken: the length of a combine, more than its tyres bridge
+AHEAD_M = (0.0, 4.0, 8.0)  # of the knife, where a scanner beside it looks
 BESIDE_M = 1.0  # from the edge into the crop, where the stand is looked up that the scanner has before it
 
 
@@ -62,7 +65,14 @@ def _slope(where: Where, aside: float) -> float:
 
 
 def _lean(where: Where) -> float:
-    return degrees(float(where.field.stand.lean(*where.crop)[0]))
+    """The most where sensors look, beside the edge and ahead."""
+    (x, y), c, s = where.crop, cos(where.heading), sin(where.heading)
+    inward = 1.0 if where.machine.edge_side == "right" else -1.0
+    ahead, in_crop = (a.ravel() for a in np.meshgrid(AHEAD_M, [0.0, 2.0]))
+    aside = inward * in_crop
+    return degrees(
+        float(where.field.stand.lean(x + c * ahead - s * aside, y + s * ahead + c * aside)[0].max())
+    )
 
 
 def _wind(where: Where) -> float:
@@ -79,8 +89,7 @@ def _param(kind: str, name: str) -> Callable[[Where], float]:
     """The largest value that a parameter has among the slots of a kind."""
 
     def at(where: Where) -> float:
-        slots, choices = where.machine.slots_of(kind), where.machine.section.slots
-        holders = [choices[slot].params for slot in slots]
+        holders = [choice.params for choice in where.machine.slots.values() if choice.kind.name == kind]
         *above, last = name.split(".")
         for part in above:
             holders = [getattr(held, part, None) for held in holders]
@@ -96,8 +105,8 @@ def _friction(where: Where) -> float:
 
 
 def _cone_index(where: Where) -> float:
-    choices = [where.machine.section.slots[slot].params for slot in where.machine.slots_of("motion")]
-    is_soft = any(getattr(params, "soil", "firm") == "brixius" for params in choices)
+    choices = [choice for choice in where.machine.slots.values() if choice.kind.name == "motion"]
+    is_soft = any(getattr(choice.params, "soil", "firm") == "brixius" for choice in choices)
     return _param("motion", "cone_index_kpa")(where) if is_soft else nan
 
 
@@ -121,8 +130,8 @@ QUANTITIES: Mapping[str, Quantity] = {
     "crop_height_m": Quantity("m", "usual height of the upright stand beside the edge",
                               lambda w: w.field.crop_height * float(w.field.stand.height_factor(*w.crop)),
                               CROP, (0.5, 1.6)),
-    "lean_deg": Quantity("deg", "mean lean of the stand, beside the edge or where beams meet it", _lean,
-                         CROP, (0.0, 20.0)),
+    "lean_deg": Quantity("deg", "mean lean of the stand, the most beside the edge or where beams meet it",
+                         _lean, CROP, (0.0, 20.0)),
     "yaw_rate_deg_s": Quantity("deg/s", "rate of turn, > 0 left", lambda w: degrees(w.state.yaw_rate),
                                (*MOVED, "gnss"), (-25.9, 25.9)),
     "wind_lean_deg": Quantity("deg", "the most that wind leans stems, on top of their own lean", _wind,

@@ -23,7 +23,7 @@ from swath.machine.machine_sheet import MachineSheet
 from swath.machine.towing import pose_of
 from swath.record.message_factory import RecordedMachine
 from swath.runtime.scene import Walkers
-from swath.scenario.resolved import MachineSection
+from swath.scenario.resolved import MachineSection, SlotChoice
 from swath.scenario.scenario import Scenario
 from swath.signals import F64, HeaderState
 
@@ -37,7 +37,7 @@ class Machine:
 
     edge: the initial edge that it follows; start: pose_world_machine at t = 0
     overlap: how far its steering wants the header end out over the cut ground [m], 0 where it does not say
-    retired: parts that others replaced while running
+    retired: parts that others replaced while running; changed: what was chosen then
     origin: where on Earth the world's origin lies, if that is known
     body: its shape from the user's file, if it has one
     """
@@ -50,6 +50,7 @@ class Machine:
     mountings: Mapping[str, Pose]
     overlap: float
     retired: list[Any] = dataclasses.field(default_factory=list)
+    changed: dict[str, SlotChoice] = dataclasses.field(default_factory=dict)
     origin: Origin | None = None
     body: MachineBody | None = None
 
@@ -57,6 +58,11 @@ class Machine:
     def name(self) -> str:
         """Its name in the scenario."""
         return self.section.name
+
+    @property
+    def slots(self) -> Mapping[str, SlotChoice]:
+        """What is chosen for its slots now."""
+        return {**self.section.slots, **self.changed}
 
     @property
     def edge_side(self) -> str:
@@ -257,10 +263,10 @@ class World:
         """What a machine's motion or header sent: its bodies stand there."""
         name = slot.partition(".")[0]
         if "state" in outputs:
-            self.bodies.follow(name, outputs["state"])
+            self.bodies.follow(name, lambda: outputs["state"])
             if "trailer" in outputs:
                 self.bodies.place(name + TRAILER, pose_of(outputs["trailer"]))
-        elif "height" in outputs:
+        elif "height" in outputs and self.machines[name].body is not None:
             self._lift_header(self.machines[name], outputs["height"])
 
     def _lift_header(self, machine: Machine, height: HeaderState | None) -> None:

@@ -2,5 +2,4 @@
 
 from swath.core.registry import Checked
 
-SPEED = Checked("ground_speed_kmh", -0.5, 14.4, "tests/levels/test_ranges.py")  # against closed forms
 PROFILE_STEMS = Checked("stems_per_m2", 50.0, 700.0, "tests/levels/test_ranges.py")  # against fixed_height

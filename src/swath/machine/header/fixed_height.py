@@ -15,7 +15,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.cut_result import Cut
 from swath.field.site_setup import SiteSetup
-from swath.machine.header import SPEED
+from swath.machine import SPEED
 from swath.machine.header.fill_gauge import FillGauge
 from swath.machine.sweep import LinePath, line_ends, signed_area, swept
 from swath.signals import CropFlow, MachineState

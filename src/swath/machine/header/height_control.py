@@ -30,7 +30,7 @@ from swath.core.schedule import NS
 from swath.core.units import DEG, KMH, PERCENT
 from swath.field.cut_result import Cut
 from swath.field.site_setup import SiteSetup
-from swath.machine.header import SPEED
+from swath.machine import SPEED
 from swath.machine.header.fill_gauge import FillGauge
 from swath.machine.header.header_kinematics import HeaderKinematics
 from swath.machine.sweep import LinePath, signed_area, swept

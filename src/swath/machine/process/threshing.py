@@ -27,6 +27,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
+from swath.machine import SLOPES, SPEED
 from swath.machine.compensated_sum import Total
 from swath.machine.drivetrain_sheet import Cleaning, drivetrain_of
 from swath.machine.process.straw_outlet import StrawOutlet
@@ -367,4 +368,5 @@ LEVEL = Level(
     cost="about 90 us per step, 70 us more when straw is laid",
     tolerance="steady losses equal the closed forms, mass within 1e-12; the rates are fitted to one machine",
     numbers=("transport", "threshing", "cleaning"),
+    checked=(SPEED, *SLOPES),
 )

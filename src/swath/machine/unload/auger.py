@@ -17,6 +17,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
 from swath.field.site_setup import Landing, SiteSetup
+from swath.machine import SPEED
 from swath.machine.compensated_sum import Total
 from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.tyre import GRAVITY
@@ -238,4 +239,5 @@ LEVEL = Level(
     summary="pipe with swing rate and limits, flow with run-up, run-out and tank level, ballistic stream",
     cost="0.3 ms per step while it pours",
     tolerance="equal to ideal without ramps; no stream was measured",
+    checked=(SPEED,),
 )

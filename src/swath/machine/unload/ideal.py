@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
+from swath.machine import SPEED
 from swath.machine.unload import auger
 
 
@@ -28,4 +29,5 @@ LEVEL = Level(
     summary="full flow at once, no spread of the stream",
     cost="0.1 ms per step while it pours",
     tolerance="tank volume over flow exact",
+    checked=(SPEED,),
 )

@@ -35,6 +35,7 @@ from swath.field.memory_layout import Solids
 from swath.field.site_setup import Body, SiteSetup
 from swath.field.solids import merge
 from swath.rays.single.buffers import BeamBuffer
+from swath.sensing import CHECKED
 from swath.sensing.gnss import error
 from swath.sensing.gnss.error import ErrorGnss, Reception
 from swath.sensing.gnss.receiver_errors import RECEIVERS
@@ -389,4 +390,5 @@ LEVEL = Level(
     "receiver that hears the satellites which trees, buildings and machine leave it; states of the fix",
     cost="0.4 ms per sample",
     tolerance="equal to ideal with every error at 0",
+    checked=CHECKED,
 )

@@ -39,6 +39,7 @@ from swath.core.registry import Level
 from swath.core.units import PERCENT
 from swath.field.site_setup import Body, SiteSetup
 from swath.field.solids import moved
+from swath.sensing import RADAR
 from swath.sensing.radar.detector import GUARD, Grid, processing_loss, window
 from swath.sensing.radar.ideal import IdealRadar, Target, entry
 from swath.sensing.radar.ideal import Params as IdealParams
@@ -336,4 +337,5 @@ LEVEL = Level(
     summary="radar equation, fluctuation, loss in the crop, resolution cells, noise and false alarms",
     cost="10 ms per look at ten things behind crop",
     tolerance="equal to ideal without noise and latency; Pd = Pfa^(1 / (1 + SNR))",
+    checked=RADAR,
 )

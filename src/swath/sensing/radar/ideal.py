@@ -12,6 +12,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import Body, SiteSetup
+from swath.sensing import SPEED
 from swath.sensing.mount import Length, LevelMount, poses_at
 from swath.sensing.radar.cross_section import cross_section
 from swath.sensing.radar.radar_sheet import load_radar
@@ -153,4 +154,5 @@ LEVEL = Level(
     summary="everything in the field of view with distance, angles, radial speed and cross section",
     cost="0.6 ms per look at ten things",
     tolerance="exact; radial speed of what stands within 1 mm/s",
+    checked=(SPEED,),
 )

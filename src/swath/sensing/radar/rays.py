@@ -25,6 +25,7 @@ from swath.core.portable import arcsin, arctan2, exp, power, product
 from swath.core.registry import Level
 from swath.field.field import Field
 from swath.field.site_setup import SiteSetup
+from swath.sensing import RADAR
 from swath.sensing.radar.cross_section import cross_section
 from swath.sensing.radar.detector import LOBE, Columns, Grid, peaks, processing_loss, window
 from swath.sensing.radar.error import PARTS, ErrorRadar, deviation
@@ -395,4 +396,5 @@ LEVEL = Level(
     summary="rays to things, clutter of crop and ground, noise, CFAR over distance, azimuth and speed",
     cost="25 ms per look at one thing, 45 ms at ten behind crop (24 GHz: 8 and 25)",
     tolerance="Pd of error within 0.05 without clutter; a post within 0.05 m and 0.05 m/s",
+    checked=RADAR,
 )

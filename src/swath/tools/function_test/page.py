@@ -13,6 +13,7 @@ from swath.tools.function_test.charts import colour, over_parameters, stanford
 from swath.tools.function_test.integrity import BIN_COUNT, BIN_M
 from swath.tools.function_test.judged import UNJUDGED
 from swath.tools.function_test.kept_runs import Kept
+from swath.tools.function_test.ranking import HEAD, by_tag, ranking
 from swath.tools.function_test.steering_accuracy import CLASS_COUNT, accuracy
 from swath.tools.function_test.verdict import BROKEN, NOT_JUDGED, NOT_SHOWN, SHOWN, VERDICTS
 
@@ -48,6 +49,14 @@ ABOUT_OUTSIDE = (
     "a failure says anything. They do not count; a claim with such runs is not judged, unless the others "
     "break it. `swath levels SLOT` lists the ranges."
 )
+ABOUT_RANKS = (
+    "By the runs that keep their limits, then by the median error of the edge. Medians with the interval that "
+    "holds them with 95 %. Differences to {} of the same case, point and seed: Hodges and Lehmann's estimate "
+    "with Wilcoxon's interval; not shown where chance alone makes one as large in more than 1 of 20. Sure and "
+    "wrong: the share of samples with a confidence of 0.5 and more and an error of more than 0.3 m; right of it "
+    "the runs with more than 1 % of them. Time is the median of what the detector's step took, on the machine "
+    "and beside the work that there was."
+)
 ABOUT_CLAIMS = (
     "A claim (at least so many of 100 runs pass) is **shown** when the runs exclude every lower rate, "
     "**broken** when they exclude the claimed one, each with the confidence of the case, and **not "
@@ -78,7 +87,13 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
     counts = {v: sum(c.verdict == v for c in cells) for v in VERDICTS}
     groups = _groups(cells)
     about = f"{counted(len(cases), 'case')}, {counted(len(candidates), 'candidate')}"
+    tags, rows = by_tag(cells)
+    ranks = [
+        Table("", HEAD, ranking(cells), (0, *range(2, 10)), ABOUT_RANKS.format(candidates[0])),
+        Table("", tags, rows, range(1, 1 + len(candidates))),
+    ]
     sections = [
+        Section("Candidates", ranks if len(candidates) > 1 else []),
         Table(
             "Cases and candidates",
             ["case", *candidates],
