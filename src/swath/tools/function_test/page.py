@@ -50,12 +50,12 @@ ABOUT_OUTSIDE = (
     "break it. `swath levels SLOT` lists the ranges."
 )
 ABOUT_RANKS = (
-    "By the runs that keep their limits, then by the median error of the edge. Medians with the interval that "
-    "holds them with 95 %. Differences to {} of the same case, point and seed: Hodges and Lehmann's estimate "
-    "with Wilcoxon's interval; not shown where chance alone makes one as large in more than 1 of 20. Sure and "
-    "wrong: the share of samples with a confidence of 0.5 and more and an error of more than 0.3 m; right of it "
-    "the runs with more than 1 % of them. Time is the median of what the detector's step took, on the machine "
-    "and beside the work that there was."
+    "By the runs that keep their limits, then by the median error of the edge. Medians with the interval "
+    "that holds them with 95 %. Differences to {} of the same case, point and seed: Hodges and Lehmann's "
+    "estimate with Wilcoxon's interval; not shown where chance alone makes one as large in more than 1 of "
+    "20. Sure and wrong: the share of samples with a confidence of 0.5 and more and an error of more than "
+    "0.3 m; right of it the runs with more than 1 % of them. Time is the median of what the detector's "
+    "step took, on the machine and beside the work that there was."
 )
 ABOUT_CLAIMS = (
     "A claim (at least so many of 100 runs pass) is **shown** when the runs exclude every lower rate, "
