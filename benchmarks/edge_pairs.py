@@ -5,6 +5,7 @@
              then, too, where that has no table of the crop (a line on stderr says so)
     python benchmarks/edge_pairs.py detect --from scans/ --levels likelihood_ratio otsu --out told.jsonl
     python benchmarks/edge_pairs.py drive --pool final --number 60 --out driven.jsonl        closed loop
+             a level may be of your own: mine.py:Mine
     python benchmarks/edge_pairs.py table told.jsonl ... [--each | --beside]     --beside: level beside level
 
 A case depends on its pool and number alone. Pools `building` (looked at) and `judging` (not) draw over all
@@ -28,7 +29,6 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +46,7 @@ from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.runtime.world import World
 from swath.scenario.scenario import load_scenario
+from swath.scenario.slots import CATALOGUE
 from swath.signals import CropEdge, Inertial, MachineState, Odometry, Scan
 from swath.signals.setup import ControlSetup
 
@@ -289,11 +290,18 @@ def _drawn(rng: np.random.Generator, number: int, *, is_wide: bool) -> dict[str,
     }
 
 
+def found(level: str) -> Any:
+    """A level of the edge by its name, or as `mine.py:Mine`."""
+    return CATALOGUE.registry.get("edge", level, base=Path.cwd())
+
+
 def world_of(sets: Sets, level: str, lidar: str) -> World:
     """The scenario `straight` with these settings."""
     given = {**sets, "combine.edge.level": level, "combine.lidar.level": lidar}
     try:
         with allow_code(None):
+            if "inertial" not in {port.name for port in found(level).component.inputs}:
+                given.pop("combine.edge.wires", None)
             return assemble(
                 load_scenario("straight", sets=[f"{k}={json.dumps(v)}" for k, v in given.items()])
             )
@@ -449,12 +457,14 @@ def detect(options: argparse.Namespace) -> None:
 
 def detected(stored: dict[str, Any], level: str) -> dict[str, Any]:
     """What a level tells of stored scans, without a world."""
-    entry = import_module(f"swath.control.edge.{level}").LEVEL
+    with allow_code(None):
+        entry = found(level)
+    names = {port.name for port in entry.component.inputs}
     part = entry.component(entry.params(), ControlSetup(*stored["setup"], **stored["known"]))
     told = [part.reset(Stream(1, "edge"))["edge"]]
     began = time.process_time()
     for t, dt, inputs in stored["kept"]:
-        told.append(part.step(t, dt, inputs)["edge"])
+        told.append(part.step(t, dt, {k: v for k, v in inputs.items() if k in names})["edge"])
     seconds = (time.process_time() - began) / max(len(stored["kept"]), 1)
     rows = errors(Line(stored["edge"], stored["teeth"]), stored["poses"], told)
     facts = {k: stored[k] for k in ("number", "kinds", "scanner", "crop", "side", "mount", "pitch", "speed")}

@@ -222,7 +222,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         infos["_reward"] = self._mask(infos, "reward", members)
         for row, (k, graph) in enumerate(zip(which.tolist(), graphs, strict=True)):
             if is_end or graph.t // period > begin // period:
-                score, run = cohort.scores[k], worlds.judged(k, cohort.scores[k].names)
+                score, run = cohort.scores[k], worlds.runs[k]
                 tracks = {n: own.arrays() for n, own in run.recorder.tracks.items()} if run.has_tracks else {}
                 own = score.parts(float(way[row] - before[row]), tracks, is_end=is_end, is_due=True)
                 self._reward[members[row]] = fsum(own.values())

@@ -169,32 +169,64 @@ def test_heights_are_above_the_ground_that_the_wheels_stand_on():
     assert 0.01 < populations.plane_sd < 0.06
 
 
-def test_where_rows_stand_is_seen_by_their_period():
-    """The canopy begins 0.14 m out of rows 0.75 m apart: the edge is half a spacing out of the last one."""
-    feet, rng = CanopyFeet(0.75), np.random.default_rng(1)
-    counts = np.zeros((PLACES, CLASSES))
-    for row in (0.14, 0.89, 1.64):
-        places = ((row + 0.06 * rng.standard_normal(400) + HALF) / CELL).astype(int)
+def rows_seen(rows, seed, spread=0.06):
+    """Feet that saw 8 m of tops over rows [m], or anywhere."""
+    feet, rng = CanopyFeet(0.75, 3.0), np.random.default_rng(seed)
+    for _ in range(20):
+        counts = np.zeros((PLACES, CLASSES))
+        tops = [row + spread * rng.standard_normal(10) for row in rows] or rng.uniform(0.0, 2.25, (3, 10))
+        places = ((np.concatenate(list(tops)) + HALF) / CELL).astype(int)
         np.add.at(counts, (places, round((0.75 - LOWEST) / LAYER)), 1.0)
-    feet._look_for_rows(counts, 0.0, 0.4, 0.75)
-    clear, beside = feet.rows
-    assert clear == 1.0
-    assert beside == pytest.approx(0.14 - 0.375, abs=0.01)
-    assert feet.shift(0.75, 0.9, 0.0, 0.0) == pytest.approx(beside)
+        feet._look_for_rows(counts, 0.0, 0.4, 0.75)
+    return feet
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_where_rows_stand_is_seen_by_their_period(seed):
+    """The canopy begins 0.14 m out of rows 0.75 m apart: the edge is half a spacing out of the last one."""
+    feet = rows_seen((0.14, 0.89, 1.64), seed)
+    clear, row, row_sd = feet.rows(0.0)
+    assert clear > 0.99
+    assert row == pytest.approx(0.14 - 0.375, abs=3.0 * row_sd)
+    assert row_sd < 0.03
+    shift, shift_sd = feet.shift(0.75, 0.8, 0.9, 0.0, 0.0)
+    assert shift == pytest.approx(row, abs=0.01)
+    assert 0.03 < shift_sd < 0.05
+    assert feet.rows(0.6)[1] == pytest.approx(row + 0.75)  # the one nearest to the place
     assert CanopyFeet(0.125).spacing == 0.0
+
+
+def test_tops_that_stand_anywhere_show_no_rows_and_the_edge_is_not_known():
+    """Nor do rows seen from beside them, whose flanks hide their middles, show it so well."""
+    seen = [rows_seen((), seed).rows(0.0)[0] for seed in range(20)]
+    assert np.median(seen) < 0.3
+    assert CanopyFeet(0.75, 3.0).shift(0.75, 0.8, 0.9, 0.0, 0.0)[1] > 0.2
+    above, beside = (
+        rows_seen((0.14, 0.89, 1.64), 1).shift(0.75, top, 0.9, 0.0, 0.0)[1] for top in (0.8, 2.8)
+    )
+    assert beside > 1.5 * above
 
 
 def test_a_lean_that_may_be_is_told_without_a_step():
     """Over heights from well below the usual one up to it, and over ramps, the deviation nowhere jumps."""
-    hang = HeightOverhang(0.9)
+    hang = HeightOverhang(0.9, 3.0)
     by_height = [hang.of(z, 0.03, 1.0, 0.0)[1] for z in np.linspace(0.6, 0.95, 200)]
     by_ramp = [hang.of(0.6, 0.03, 1.0, ramp)[1] for ramp in np.linspace(0.0, 1.0, 200)]
     assert by_height[0] > 0.3
-    assert by_height[-1] == 0.0
+    assert by_height[-1] < 0.03
     assert np.abs(np.diff(by_height)).max() < 0.02
     assert np.abs(np.diff(by_ramp)).max() < 0.03
     assert by_ramp[-1] == 0.0
     assert hang.of(float("nan"), 0.1, 0.0, 0.0)[1] > 0.2  # not known how high it stands: nor how it leans
+
+
+def test_a_height_says_less_of_a_thin_stand_and_of_one_that_ends_above_the_scanner():
+    low = HeightOverhang(0.9, 3.0).of(0.7, 0.03, 1.0, 0.0)[1]
+    assert low > 0.2
+    assert HeightOverhang(0.9, 3.0).of(0.7, 0.03, 0.75, 0.0)[1] < 0.5 * low
+    assert HeightOverhang(0.9, 0.75).of(0.7, 0.03, 1.0, 0.0)[1] < 0.5 * low
+    assert HeightOverhang(0.9, 3.0).lean(0.7, 1.0) > 0.5
+    assert HeightOverhang(0.9, 3.0).lean(0.85, 1.0) == 0.0
 
 
 def test_a_puff_above_the_crop_is_worth_nothing():

@@ -90,7 +90,7 @@ def test_clearance_follows_the_machine_in_three_dimensions():
 def test_a_machine_that_follows_its_state_is_there_and_as_fast_also_after_a_save():
     bodies, pose = Bodies(), Pose.from_euler((6.5, 2.0, 0.3), 0.05, -0.1, 0.8)
     bodies.add("combine", BODY, Pose.identity())
-    bodies.follow("combine", MachineState(5, pose, 2.0, 0.1, 0.3, 0.0, 1.0))
+    bodies.follow("combine", lambda: MachineState(5, pose, 2.0, 0.1, 0.3, 0.0, 1.0))
     saved, (body,) = bodies.save(), bodies.around()
     np.testing.assert_allclose(body.velocity, pose.turn([2.0, 0.1, 0.0]), atol=1e-15)
     assert body.pose is pose
@@ -99,7 +99,7 @@ def test_a_machine_that_follows_its_state_is_there_and_as_fast_also_after_a_save
     bodies.load(saved)
     np.testing.assert_array_equal(bodies.around()[0].velocity, body.velocity)
     with pytest.raises(InputError, match="machine = cart: expected one of combine"):
-        bodies.follow("cart", MachineState(5, pose, 2.0, 0.1, 0.3, 0.0, 1.0))
+        bodies.follow("cart", lambda: MachineState(5, pose, 2.0, 0.1, 0.3, 0.0, 1.0))
 
 
 def test_a_machine_starts_outside_the_field_when_none_of_it_is_inside():

@@ -54,7 +54,7 @@ def test_sections_side_by_side_are_one_header(tmp_path, count, has_id):
     np.testing.assert_allclose(log.position, alone.position, atol=0.02)
 
 
-@pytest.mark.parametrize(("days", "aside"), [(365.0, 0.0)])
+@pytest.mark.parametrize(("days", "aside"), [(365.0, 0.0), (365.0, 4.5), (40.0, 3.0), (40.0, -4.5)])
 def test_two_harvests_are_refused_or_chosen_between(tmp_path, days, aside):
     h = Harvest()
     later = columns(h, time_s=h.t + 86400 * days, yield_t_ha=15 * h.wet, lon=h.lon + aside / 74600.0)
@@ -69,13 +69,15 @@ def test_two_harvests_are_refused_or_chosen_between(tmp_path, days, aside):
         one_part(log, 3, path)
 
 
-@pytest.mark.parametrize("kind", ["two days", "a pass again", "over the road"])
+@pytest.mark.parametrize("kind", ["two days", "every second pass later", "a pass again", "over the road"])
 def test_one_harvest_stays_whole(tmp_path, kind):
     h = Harvest()
     rows = columns(h)
     half = np.arange(len(h)) >= len(h) // 2
     if kind == "two days":
         rows["time_s"] = rows["time_s"] + 86400.0 * half
+    elif kind == "every second pass later":
+        rows["time_s"] = rows["time_s"] + 86400.0 * (np.rint(h.course / 180.0) % 2)
     elif kind == "a pass again":
         first = {k: v[:125] for k, v in rows.items()}
         rows = joined(

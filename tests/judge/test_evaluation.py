@@ -1,9 +1,11 @@
 """All evaluators together: which limits hold, who is shown what, and that it stays cheap."""
 
+import pytest
+
 from swath.core.frames import Pose
 from swath.judge.catalogue import load_evaluators
 from swath.judge.evaluation import Evaluation
-from swath.judge.evaluator import EvaluatorSetup, Event, Metric, is_shown
+from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric, is_among
 from swath.judge.windows import EventFeed, Window
 from swath.scenario.resolved import Expectation
 from swath.scenario.sections import Limit
@@ -58,23 +60,21 @@ class Resting(States):
         self.rests_until = t + 200_000_000
 
 
-class Newest(Counting):
-    """Notes what it is shown: of states the first and, before anything else, the newest."""
+class Taking(Later):
+    """Notes the distances that it is given, each once."""
 
-    SIGNALS = (MachineState, SpeedCommand)
-    NEWEST = (MachineState,)
-    METRICS = (Metric("shown_last", "", "samples shown", "Run"),)
-    LIMITS = {"shown_last": {"max": 0.0}}
+    OF_FIELD = False
+    SIGNALS = (MachineState,)
+    METRICS = (Metric("taken", "", "states given", "Run"),)
 
     def __init__(self, setup):
-        super().__init__(setup)
-        self.seen = []
+        self.ways = []
 
-    def see(self, slot, t, outputs):
-        self.seen.append((slot, t))
+    def take(self, seen):
+        self.ways += seen.of(MachineState)["distance"].tolist()
 
     def metrics(self):
-        return {"shown_last": float(self.seen[-1][1])}
+        return {"taken": float(len(self.ways))}
 
 
 def judged(*classes, expect=(), names=("combine",)):
@@ -109,28 +109,20 @@ def test_an_evaluator_that_rests_is_shown_nothing_before_its_time():
     assert evaluation.find("combine", Resting).count == 6
 
 
-def test_an_evaluator_that_wants_the_newest_is_shown_it_before_all_else_and_before_it_is_asked():
-    evaluation, state = judged(Newest), MachineState(0, Pose.identity(), *[0.0] * 5)
-    for t in (0, 5, 10, 15):
-        evaluation("combine.motion", t, {"state": state})
-        if t == 10:
-            evaluation("combine.speed", t, {"command": SpeedCommand(0, 1.0)})
-    shown = [("combine.motion", 0), ("combine.motion", 10), ("combine.speed", 10), ("combine.motion", 15)]
-    assert evaluation.metrics("combine") == {"shown_last": 15.0}
-    assert evaluation.find("combine", Newest).seen == shown
-    evaluation("combine.motion", 20, {"state": state})
-    saved = evaluation.save()
-    evaluation("combine.motion", 25, {"state": state})
-    evaluation.load(saved)
-    assert evaluation.find("combine", Newest).seen == [*shown, ("combine.motion", 20)]
+def states_until(ways):
+    return [MachineState(t, Pose.identity(), *[0.0] * 4, float(way)) for t, way in enumerate(ways)]
 
 
-def test_windows_look_at_evaluators_that_are_shown_everything_at_once():
-    evaluation = judged(Newest, expect=[Expectation("combine", "shown_last", Limit(max=1.0, to_m=5.0))])
-    state = MachineState(0, Pose.identity(), *[0.0] * 5)
-    for t in (0, 5, 10):
-        evaluation("combine.motion", t, {"state": state})
-    assert len(evaluation.find("combine", Newest).seen) == 3
+@pytest.mark.parametrize("expect", [(), [Expectation("combine", "taken", Limit(max=1.0, to_m=5.0))]])
+def test_an_evaluator_that_takes_samples_is_given_each_of_its_machine_once(expect):
+    evaluation = judged(Taking, expect=expect, names=("combine", "cart"))
+    for state in states_until([1.0, 3.0, 9.0]):
+        evaluation("combine.motion", state.t, {"state": state})
+        evaluation("combine.speed", state.t, {"command": SpeedCommand(0, 1.0)})
+    assert evaluation.find("combine", Taking).ways == [1.0, 3.0, 9.0]
+    assert evaluation.find("cart", Taking).ways == []
+    if expect:
+        assert evaluation.check({"combine": {}}, {})[0]["value"] == 2.0
 
 
 def test_the_end_is_asked_for_once():
@@ -188,4 +180,6 @@ def test_an_event_is_told_once_when_the_window_may_begin():
 
 
 def test_the_built_in_evaluators_say_what_they_want_to_see():
-    assert all(is_shown(c, c.SIGNALS) and not is_shown(c, [Scan]) for c in load_evaluators().classes)
+    assert all(
+        is_among(c.SIGNALS, c.SIGNALS) and not is_among([Scan], c.SIGNALS) for c in load_evaluators().classes
+    )

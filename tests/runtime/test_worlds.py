@@ -8,12 +8,15 @@ import pytest
 
 import swath
 from swath.control.speed.constant import ConstantSpeed, Params
+from swath.core.blocks import Block, Pile
 from swath.core.errors import InputError, SwathError
 from swath.core.frames import Pose
 from swath.core.frozen import frozen
+from swath.core.schedule import NS
 from swath.core.signal import Signal
-from swath.core.together import InWorlds, OneByOne, Samples
+from swath.core.together import InWorlds, OneByOne, Samples, Sent
 from swath.record.digest import Columns, Digest, sample_bytes
+from swath.runtime import loop
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.signals import CropEdge, CropFlow, MachineState, Scan, SpeedCommand, SteerCommand
@@ -333,9 +336,15 @@ def test_the_digest_takes_in_the_same_bytes(seed):
     rng = np.random.default_rng(seed)
     for signals in drawn_signals(rng, 3):
         samples = Samples.joined(signals)
-        rows = Columns("combine.x", "out", samples).bytes_of(9, samples)
-        for row, signal in zip(rows, signals, strict=True):
-            assert row.tobytes() == sample_bytes("combine.x", "out", 9, signal)
+        pile = Pile("combine.x", "out", Sent(samples))
+        for k in range(20):
+            assert pile.add(k, 9 + k, Sent(samples))
+        rows = Columns(pile).bytes_of(pile)
+        assert rows.shape[:2] == (20, 3)
+        for k, row in np.ndindex(20, 3):
+            assert rows[k, row].tobytes() == sample_bytes("combine.x", "out", 9 + k, signals[row])
+            same = Block(pile, row).sample(k)
+            assert sample_bytes("a", "b", 7, same) == sample_bytes("a", "b", 7, signals[row])
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -359,3 +368,16 @@ def test_a_saved_run_goes_on_as_if_nothing_had_happened():
     again.load(parted.save())
     drive(second, [again], resume=True)
     assert again.hex == whole.hex
+
+
+def test_how_long_a_beat_is_changes_nothing(monkeypatch):
+    def summary(beat):
+        monkeypatch.setattr(loop, "BEAT", beat)
+        sets = {**KERNELS, "run.distance_m": 13, "run.max_duration_s": 8}
+        (run,) = swath.batch([{"scenario": "straight", "sets": sets, "seed": 4}])
+        return judged(run.summary)
+
+    known = summary(NS // 4)
+    assert '"digest"' in known
+    for beat in (NS // 200, NS // 30, 3 * NS):
+        assert summary(beat) == known

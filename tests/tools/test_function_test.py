@@ -12,8 +12,9 @@ from docs.make.cases import PAGE, PICTURES, page
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.foreign_code import Gate, through
+from swath.tools.function_test.candidates import read_candidates
 from swath.tools.function_test.case import find_cases, read_case
-from swath.tools.function_test.cells import cells_of
+from swath.tools.function_test.cells import Cell, cells_of
 from swath.tools.function_test.journal import Journal, finished, results_of, write_table
 from swath.tools.function_test.judged import PresentLimits
 from swath.tools.function_test.junit import write_junit
@@ -22,6 +23,7 @@ from swath.tools.function_test.one_run import scenario_of
 from swath.tools.function_test.page import write_matrix
 from swath.tools.function_test.plan import Plan, plan_of
 from swath.tools.function_test.pool import run_all
+from swath.tools.function_test.ranking import HEAD, by_tag, ranking
 from swath.tools.function_test.session import begin, open_session
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, log_capital, needed, verdict
 from tests.tools.fake_work import fake_work
@@ -163,6 +165,52 @@ def test_what_is_refused_of_a_candidate_names_the_file_where_it_stands(case_file
     assert said.endswith("/own.yaml)\n")
     assert main([*line, "--set", "combine.edge.level=otsuu"]) == 2
     assert capsys.readouterr().err.endswith("(--set combine.edge.level=otsuu)\n")
+
+
+def test_an_own_detector_is_tried_where_there_is_one_to_replace(case_file, tmp_path):
+    """In every machine that has an edge detector; a case without one, or without the machine, is left out."""
+    (tmp_path / "mine.py").write_text("class Edge: pass", encoding="utf-8")
+    folder = tmp_path / "cases"
+    folder.mkdir()
+    text = case_file.read_text(encoding="utf-8").partition("scenario: ")[0]
+    for name, scenario in (("one", "straight"), ("two", "two-combines"), ("none", "record-run")):
+        (folder / f"{name}.yaml").write_text(f"{text}scenario: {scenario}\nexpect: {{}}\n", encoding="utf-8")
+    own = read_candidates(tmp_path / "mine.py:Edge")
+    assert list(own) == ["shipped", "Edge"]
+    plan = Plan(str(folder), candidates=own, seeds=1)
+    given = {run.case: run.sets for run in plan.runs() if run.candidate == "Edge"}
+    keys = {name: [t.partition("=")[0] for t in sets if "edge.level" in t] for name, sets in given.items()}
+    assert keys == {"two": ["west.edge.level", "east.edge.level"], "one": ["combine.edge.level"]}
+    assert plan.left_out == {"none": "no parts of kind edge that could be replaced"}
+    assert set(Plan(str(folder), candidates=own, seeds=1, shadow=True).left_out) == {"none", "two"}
+    named = Plan(str(folder), candidates={"a": ("combine.edge.level=otsu",)}, seeds=1)
+    assert named.left_out == {"two": "no machine combine"}
+    with pytest.raises(InputError, match="combin: "):
+        Plan(str(folder), candidates={"a": ("combin.edge.level=otsu",)}).check()
+
+
+def test_candidates_are_ranked_by_what_passes_and_then_by_their_error(case_file):
+    """Two that pass alike, one of which is 2 cm worse in every pair, and one that fails half of the runs."""
+    cells = []
+    for name, worse, fails in (("far", 0.02, 0), ("near", 0.0, 0), ("bad", 0.0, 5)):
+        cell = Cell(Plan(str(case_file)).found[0], name, 10)
+        for seed in range(10):
+            metrics = {"edge_rmse_m": 0.01 + 0.001 * seed + worse, "sure_wrong_share": 0.1 * (seed < fails)}
+            verdict = "fail" if seed < fails else "pass"
+            cell.add({"id": f"{seed}", "point": {}, "seed": seed, "expect": [], "metrics": metrics,
+                      "verdict": verdict, "reason": "x: y" * (seed < fails), "edge_us": 80.0})  # fmt: skip
+        cells.append(cell)
+    rows = ranking(cells)
+    assert [row[1] for row in rows] == ["near", "far", "bad"]
+    assert [row[2] for row in rows] == ["10 of 10", "10 of 10", "5 of 10"]
+    assert rows[0][3] == "1.4 cm (1.1 to 1.8)"
+    assert rows[0][5] == "-2.0 cm (-2.0 to -2.0)"
+    assert rows[1][5] == ""
+    assert rows[2][7:] == ["5 %", "5 of 10", "80 us"]
+    assert all(len(row) == len(HEAD) for row in rows)
+    head, tagged = by_tag(cells)
+    assert head[1:] == ["far", "near", "bad"]
+    assert all(row[1:] == ["10 of 10", "10 of 10", "5 of 10"] for row in tagged)
 
 
 def test_a_run_that_kills_its_worker_is_named_and_costs_no_other(case_file, tmp_path, monkeypatch):

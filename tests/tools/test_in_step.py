@@ -59,12 +59,16 @@ def case_file(tmp_path):
     return path
 
 
-PRIVATE = ("cpu_s", "worker")  # of a journal: who did it, and how long it took
+PRIVATE = ("cpu_s", "edge_us", "worker")  # of a journal: who did it, and how long it took
 
 
 def line(result):
-    """As in a journal, without what tells who did it."""
-    return json.dumps({k: v for k, v in result.items() if k not in PRIVATE}, sort_keys=True)
+    """As in a journal, without what tells who did it, of the run and of its shadows."""
+
+    def told(of):
+        return {k: told(v) if isinstance(v, dict) else v for k, v in of.items() if k not in PRIVATE}
+
+    return json.dumps(told(result), sort_keys=True)
 
 
 def both(runs):

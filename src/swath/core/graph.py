@@ -3,11 +3,14 @@
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from operator import is_
 from typing import Any
 
 import numpy as np
 
 from swath.core.abilities import EndsRun, StepsAnyLength
+from swath.core.blocks import Block, Blocks, LooksOn, Seen, Shown, TakesBlocks
 from swath.core.component import Component, Outputs, Port, State, check_fit
 from swath.core.errors import SwathError, WiringError
 from swath.core.fault import FaultyOutput
@@ -17,9 +20,7 @@ from swath.core.signal import Signal
 from swath.core.together import EndsWorlds, InWorlds, Sent, StepsTogether, Together, takes_all
 
 Wire = tuple[str, str]
-Observer = Callable[[str, int, Outputs], None]
-ObserverOfAll = Callable[[str, int, Mapping[str, Sent], Any], None]  # slot, time [ns], outputs, active
-Ender = Callable[[int, Sequence[int]], Mapping[int, str]]  # time [ns], worlds that run: why some of them end
+Observer = Callable[[str, int, Mapping[str, Signal]], None]
 
 
 @dataclass
@@ -62,10 +63,11 @@ class EndOfRun(Exception):
 class Graph:
     """Runs the components of a scenario by their plan.
 
-    observers are called with (slot name, time [ns], outputs) after every step, in order; they must not
-    change anything that a component reads. watches: slot -> the same for this slot alone, called before
-    them. before_tick: called with the time [ns] of a tick before its steps
-    run, for those who wait (a real clock, a paused run); they change no result, but may raise EndOfRun
+    observers are called with (slot name, time [ns], outputs) after every step, in order, or look now and then
+    (`core/blocks.py`), and may end the run (`EndsRun`); they must not change anything that a component
+    reads. watches: slot -> the same for this slot alone, called before them
+    before_tick: called with the time [ns] of a tick before its steps run, for those who wait (a real clock, a
+    paused run); they change no result, but may raise EndOfRun
     ended: why a run stopped before its end, empty where it did not
     outside: slots that are not in this graph -> their outputs; whoever runs it puts their samples in
     lockstep: what steps it, alone or with graphs of other worlds
@@ -80,7 +82,7 @@ class Graph:
         self.t = 0
         self.ended = ""
         self.plan: Plan = make_plan([n.slot for n in nodes])
-        self.observers: list[Observer] = []
+        self.observers: list[Any] = []
         self.watches: dict[str, Observer] = {}
         self.before_tick: list[Callable[[int], None]] = []
         self._names = {n.slot.name: n for n in nodes}
@@ -108,7 +110,7 @@ class Graph:
         and not whenever Python looks for such circles. What was sent last stays.
         """
         self.observers, self.watches, self.before_tick = [], {}, []
-        self.lockstep.graphs, self.lockstep.observers, self.lockstep.enders = (), [], []
+        self.lockstep.let_go()
 
     def put(self, slot: str, output: str, sample: Signal) -> None:
         """A sample from outside: components that step from now on see it."""
@@ -287,8 +289,7 @@ class Lockstep:
 
     Parts whose class has `together` (`core/together.py`) are stepped at once, all others world by world.
     t [ns]; going, active: worlds that still run, as numbers and as an array; errors: of worlds that cannot
-    observers: called after every step, with the outputs of all worlds, before those of the graphs
-    enders: asked before every tick, after the graphs' own `before_tick`
+    blocks: what was sent since observers of the graphs looked
     """
 
     def __init__(self, graphs: Sequence[Graph]) -> None:
@@ -299,8 +300,10 @@ class Lockstep:
         self.active = np.ones(len(graphs), np.bool_)
         self.errors: dict[int, Exception] = {}
         self._failed: list[int] = []
-        self.observers: list[ObserverOfAll] = []
-        self.enders: list[Ender] = []
+        self.blocks = Blocks()
+        self._watched: list[_Watched] = []
+        self._takes = False
+        self._audience: dict[str, list[_Watched]] = {}  # by slot
         self._latest: dict[Wire, Sent] = {}
         self._before: dict[Wire, Sent] = {}
         self._ranks: list[_Rank] = []
@@ -320,6 +323,7 @@ class Lockstep:
             for name, wire in rank.sources.items():
                 rank.queues[name] += waiting.get((rank.name, name), ())
                 self._readers.setdefault(wire, []).append(rank.queues[name])
+        self.look_around(anew=True)
         for rank in ranks:
             for port in rank.parts[0].outputs:
                 wire = rank.name, port.name
@@ -329,6 +333,7 @@ class Lockstep:
         """Bring every component to t = 0 and collect the outputs valid there."""
         self.t = 0
         self.go_on()
+        self.look_around()
         for graph in self.graphs:
             graph.t, graph.ended = 0, ""
         self._latest.clear()
@@ -338,11 +343,33 @@ class Lockstep:
         for rank in self._ranks:
             self._send(rank, 0, rank.reset([Stream(graph.seed, rank.name) for graph in self.graphs]))
         self._before = dict(self._latest)
+        self.look()
+
+    def look(self) -> None:
+        """Give observers that look now and then what was sent since they did, of worlds that run."""
+        piles = self.blocks.take()
+        for world in self.going if piles else ():
+            if takers := self._watched[world].takers:
+                seen = Seen([Block(pile, world) for pile in piles])
+                for taker in takers:
+                    taker.take(seen)
+
+    def look_around(self, *, anew: bool = False) -> None:
+        """Take note of the observers that there are. anew: of what they look at, too"""
+        pairs = zip(self._watched, self.graphs, strict=False)
+        if self._watched and not anew and all(watched.is_same(graph) for watched, graph in pairs):
+            return
+        self._watched = [_Watched(graph, self.blocks, world) for world, graph in enumerate(self.graphs)]
+        self._takes = any(watched.takers for watched in self._watched)
+        self._audience = {}
+        for taker in (taker for watched in self._watched for taker in watched.takers):
+            taker.look = self.look
 
     def advance(self, until: int, arrived: Callable[[], Sequence[bool]] | None = None) -> Iterator[list[int]]:
         """Step to a time [ns]; gives worlds as they end: by a part, an EndOfRun, an error (see `errors`), or
         because they have `arrived`, which is asked after every tick. They are no longer stepped.
         """
+        self.look_around()
         for t, due in self.plan.walk(self.t, until):
             if over := self._ended_before(t):
                 self.stop(over)
@@ -368,6 +395,7 @@ class Lockstep:
         self.t = max(self.t, until)
         for world in self.going:
             self.graphs[world].t = self.t
+        self.look()
 
     def go_on(self) -> None:
         """Step all of them, those too that have ended."""
@@ -375,8 +403,14 @@ class Lockstep:
 
     def stop(self, worlds: Iterable[int]) -> None:
         """Step these no longer."""
+        self.look()
         self.active[[*worlds]] = False
         self.going = np.flatnonzero(self.active).tolist()
+
+    def let_go(self) -> None:
+        """Forget a graph that was alone, and who looks on."""
+        if len(self.graphs) == 1:
+            self.graphs, self._watched, self._audience = (), [], {}
 
     def raise_error(self) -> None:
         """Raise what the part of a graph alone raised."""
@@ -411,6 +445,7 @@ class Lockstep:
     def finish(self) -> None:
         """As `Graph.finish`, of a graph alone."""
         self.go_on()
+        self.look_around()
         for rank in self._ranks:
             slot, part, queues = rank.slot, rank.parts[0], rank.queues
             waits = any(queues.values()) or not queues
@@ -423,6 +458,7 @@ class Lockstep:
                     made = fault.pass_on(self.t, made)
                 rank.check(made)
                 self._send(rank, self.t, {name: Sent(None, [signal]) for name, signal in made.items()})
+        self.look()
 
     def save(self, world: int = 0) -> State:
         """What was sent last, and what waits at inputs, of one world."""
@@ -454,8 +490,10 @@ class Lockstep:
                         wait(t)
                 except EndOfRun as end:
                     found[world] = str(end)
-        for ask in self.enders:
-            found = {**ask(t, [world for world in self.going if world not in found]), **found}
+        for world in self.going:
+            for ender in self._watched[world].enders:
+                if world not in found and (reason := ender.end_reason(t)):
+                    found[world] = reason
         for world, reason in found.items():
             self.graphs[world].ended = reason
         return list(found)
@@ -536,16 +574,54 @@ class Lockstep:
                 kept = sent.kept()
                 for queue in queues:
                     queue.append(kept)
-        name = rank.name
-        for observe_all in self.observers:
-            observe_all(name, t, outputs, self.active)
-        for world in self.going:
-            graph = self.graphs[world]
-            watch = graph.watches.get(name)
-            if watch is None and not graph.observers:
+        if self._takes:
+            self.blocks.add(rank.name, t, outputs)
+        audience = self._audience.get(rank.name)
+        if audience is None:
+            kinds = [port.signal for part in rank.parts for port in part.outputs]
+            audience = [watched for watched in self._watched if watched.wants(rank.name, kinds)]
+            self._audience[rank.name] = audience
+        for watched in audience:
+            if self.active[watched.world]:
+                watched.show(rank.name, t, outputs)
+
+
+class _Watched:
+    """Who looks on in a world: now and then (`takers`), or at every sample; enders may end it."""
+
+    def __init__(self, graph: Graph, blocks: Blocks, world: int) -> None:
+        self.world, self._waiting = world, partial(blocks.waiting, world)
+        self.watches, self._known = graph.watches, [*graph.observers]
+        self.takers = [o for o in graph.observers if isinstance(o, TakesBlocks) and o.is_late]
+        self.enders = [o for o in graph.observers if isinstance(o, EndsRun)]
+        self._late = {*map(id, self.takers)}
+        self._by_slot: dict[str, list[tuple[Any, bool]]] = {}
+
+    def is_same(self, graph: Graph) -> bool:
+        """Whether nobody came or went since."""
+        now, known = graph.observers, self._known
+        return self.watches is graph.watches and len(now) == len(known) and all(map(is_, now, known))
+
+    def wants(self, slot: str, kinds: Sequence[type[Signal]]) -> bool:
+        """Whether somebody looks at what a slot sends, samples of these types."""
+        found = self._by_slot[slot] = []
+        for observer in self._known:
+            is_late = id(observer) in self._late
+            if not is_late or (isinstance(observer, LooksOn) and observer.looks_at(slot, kinds)):
+                found.append((observer, is_late))
+        return bool(found) or slot in self.watches
+
+    def show(self, slot: str, t: int, outputs: Mapping[str, Sent]) -> None:
+        """Show what a slot sent at t [ns] to those who look at every sample."""
+        own: Outputs | None = None
+        watch = self.watches.get(slot)
+        if watch is not None:
+            watch(slot, t, Shown(outputs, self.world, self._waiting))
+        for observer, is_late in self._by_slot[slot]:
+            if is_late:
+                if t >= observer.rests.get(slot, t):
+                    observer.show(slot, t, Shown(outputs, self.world, self._waiting))
                 continue
-            own = {output: sent.each[world] for output, sent in outputs.items()}
-            if watch is not None:
-                watch(name, t, own)
-            for observe in graph.observers:
-                observe(name, t, own)
+            if own is None:
+                own = {output: sent.each[self.world] for output, sent in outputs.items()}
+            observer(slot, t, own)

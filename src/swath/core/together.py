@@ -33,6 +33,7 @@ class Samples:
     arrays: by field, first axis the world, a pose as (n, 12): position, then rows of the rotation; they may
     be overwritten when their sender sends anew. alike: fields that are the same in all worlds, and
     stay so
+    memory: (worlds, ...), of which all arrays are views, where their sender has such; its own for life
     """
 
     def __init__(
@@ -41,8 +42,9 @@ class Samples:
         t: int,
         arrays: Mapping[str, NDArray[Any]],
         alike: Mapping[str, Any] | None = None,
+        memory: NDArray[Any] | None = None,
     ) -> None:
-        self.kind, self.t, self.arrays, self.alike = kind, t, arrays, alike or {}
+        self.kind, self.t, self.arrays, self.alike, self.memory = kind, t, arrays, alike or {}, memory
 
     @property
     def count(self) -> int:
@@ -86,8 +88,14 @@ class Samples:
             if _is_alike(values):
                 alike[name] = values[0]
             else:
-                arrays[name] = np.array([_plain(value) for value in values])
+                arrays[name] = np.array([plain(value) for value in values])
         return Samples(type(first), max(times, default=first.t), arrays, alike)
+
+
+def of_columns(kind: type[Signal], worlds: int, names: Sequence[str]) -> Samples:
+    """Real numbers of a sample in each world, in one memory (worlds, numbers) that its sender keeps."""
+    memory = np.zeros((worlds, len(names)))
+    return Samples(kind, 0, {name: memory[:, k] for k, name in enumerate(names)}, memory=memory)
 
 
 class Sent:
@@ -138,6 +146,15 @@ class Sent:
         found: list[Any] = self.all.arrays[name].tolist()
         return found
 
+    def number(self, world: int, name: str) -> Any:
+        """A field in one world, a pose as 12 numbers."""
+        if self._each is not None:
+            return plain(getattr(self._each[world], name))
+        if name == "t":
+            return self.all.t
+        found = field_of(self.all, name)
+        return found[world] if name in self.all.arrays else found
+
     def of(self, world: int) -> Any:
         """That of one world."""
         if self._each is None and self.all.count > 1:
@@ -186,7 +203,8 @@ def _is_alike(values: Sequence[Any]) -> bool:
     return all(value is first or np.array_equal(value, first) for value in values[1:])
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """What a field holds; of a pose its 12 numbers: position, then rows of the rotation."""
     if isinstance(value, Pose):
         place, (first, second, third) = value.numbers
         return (*place, *first, *second, *third)

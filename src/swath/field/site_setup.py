@@ -1,7 +1,7 @@
 """What the parts of a machine that touch the world are given: field, machine, what stands around."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -87,7 +87,8 @@ class Bodies:
 
     def __init__(self, obstacles: Mapping[str, Solids] | None = None) -> None:
         self._solids: dict[str, Solids] = {}
-        self._poses: dict[str, Pose] = {}
+        self._places: dict[str, Pose] = {}
+        self._told: dict[str, Callable[[], MachineState]] = {}  # where bodies are, once somebody asks
         self._starts: dict[str, Pose] = {}
         self._parts: dict[str, Parts] = {}
         self._shown: dict[str, dict[str, Solids]] = {}
@@ -96,7 +97,7 @@ class Bodies:
         self._hitched: set[frozenset[str]] = set()
         self._known: dict[str, tuple[Pose, Parts]] = {}
         self.boxes: dict[str, GrainBox] = {}  # by the body that carries them
-        self._velocities: dict[str, Sequence[float] | MachineState] = {}
+        self._speeds: dict[str, Sequence[float] | MachineState] = {}
         self._bounds: dict[str, tuple[Array, Array]] = {}
         self._things: dict[str, Thing] = {}  # what is known of the field's obstacles by name
         self._added: dict[str, Thing] = {}  # and of those that came while the run went
@@ -137,8 +138,8 @@ class Bodies:
         if name in self._obstacles:
             raise InputError("field.obstacles", name, "expected obstacles with other names than bodies")
         self._solids[name] = solids
-        self._poses[name] = self._starts[name] = pose
-        self._velocities[name] = STILL
+        self._places[name] = self._starts[name] = pose
+        self._speeds[name] = STILL
         self._parts[name] = parts_of(solids)
         self._known.pop(name, None)
         if not is_machine:
@@ -150,7 +151,7 @@ class Bodies:
 
     def remove(self, name: str) -> None:
         """Take one away; nothing where there is none of that name."""
-        for known in (self._solids, self._poses, self._starts, self._parts, self._known, self._velocities):
+        for known in (self._solids, self._poses, self._starts, self._parts, self._known, self._speeds):
             known.pop(name, None)
         self._bounds.pop(name, None)
         self._added.pop(name, None)
@@ -168,15 +169,24 @@ class Bodies:
         """
         if name not in self._solids:
             self._refuse(name)
-        self._poses[name] = pose
-        self._velocities[name] = velocity
+        self._told.pop(name, None)
+        self._places[name] = pose
+        self._speeds[name] = velocity
 
-    def follow(self, name: str, state: MachineState) -> None:
-        """Move a machine to where it now is."""
+    def follow(self, name: str, state: Callable[[], MachineState]) -> None:
+        """Move a machine to where it now is. state: tells that, until it is moved again"""
         if name not in self._solids:
             self._refuse(name)
-        self._poses[name] = state.pose
-        self._velocities[name] = state
+        self._told[name] = state
+
+    @property
+    def _poses(self) -> dict[str, Pose]:
+        """Where all bodies are now."""
+        while self._told:
+            name, tell = self._told.popitem()
+            state = tell()
+            self._places[name], self._speeds[name] = state.pose, state
+        return self._places
 
     def show(self, name: str, more: Solids, part: str = "") -> None:
         """What sensors see of a part of a body, in its frame; all such parts are seen instead of the solids
@@ -259,8 +269,9 @@ class Bodies:
 
     def reset(self) -> None:
         """All of them where they were added."""
-        self._poses = {name: self._starts[name] for name in self._poses}
-        self._velocities = dict.fromkeys(self._poses, STILL)
+        self._told.clear()
+        self._places = {name: self._starts[name] for name in self._places}
+        self._speeds = dict.fromkeys(self._places, STILL)
 
     def save(self) -> dict[str, Any]:
         """Where all machines and things stand, and how fast they go."""
@@ -276,7 +287,7 @@ class Bodies:
 
     def _velocity(self, name: str) -> Sequence[float]:
         """Velocity of a body, world (3,) [m/s]."""
-        held = self._velocities[name]
+        held = self._speeds[name] if self._poses else STILL
         if not isinstance(held, MachineState):
             return held
         ahead, left = held.speed, held.lateral_speed

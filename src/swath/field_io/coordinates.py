@@ -123,8 +123,13 @@ def reading_of(table: Table, found: ColumnMap, path: Path) -> tuple[Reading, str
     columns = found.columns
     if {"lat", "lon"} <= columns.keys():
         lat, lon = columns["lat"], columns["lon"]
-        own = Reading(np.stack([numbers(table, lon), numbers(table, lat)], axis=1))
-        return own, "", lambda: list(_of_degrees(table, lat, lon))
+        east = numbers(table, lon)
+        is_beyond = (east > 180.0) & (east <= 360.0)  # counted on to the east
+        own = Reading(np.stack([np.where(is_beyond, east - 360.0, east), numbers(table, lat)], axis=1))
+        note = f"lon: {lon.column} counts from 0 to 360 deg: those above 180 are west" * bool(
+            is_beyond.mean() > 0.5
+        )
+        return own, note, lambda: list(_of_degrees(table, lat, lon))
     if {"easting", "northing"} <= columns.keys() and table.points is None:
         pair = columns["easting"], columns["northing"]
         if not found.crs:

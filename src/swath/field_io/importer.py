@@ -49,6 +49,7 @@ MACHINES, FEWEST_BESIDE = (
     0.1,
     200,
 )  # yields of two machines on neighbouring passes; records that say something
+FEW_MOVE, OTHER_SPEED, IDLE = (0.5, 0.5), (0.5, 0.5), (0.9, 0.9)  # of a log without a record left: the cause
 MOISTURES = {"maize": (0.1, 0.42), "rape": (0.04, 0.16), "": (0.07, 0.26)}  # of grain at harvest, estimated
 FEW_USED = 0.5  # of the records
 
@@ -139,6 +140,7 @@ def import_log(
         else:
             cleaned = clean(records, settings.flow_delay_s, within)
         if cleaned.kept.sum() < 30:
+            judge(_of_raw(records), log)
             counts = ", ".join(f"{v} {k}" for k, v in cleaned.counts.items() if v)
             raise InputError(
                 "log",
@@ -423,6 +425,28 @@ def _doubts(
             f"{cleaned.kept.sum():,} of {len(log):,} records used: {count:,} {reason.replace('_', ' ')}"
         )
     return notes
+
+
+def _of_raw(log: Log) -> list[Pair]:
+    """What the records say twice before any of them is judged: of these the cause is where none is left."""
+    on_spot = log.broken.get("duplicated_position", 0) / max(log.row_count, 1)
+    goes_on = ~log.gap[1:] & (np.diff(log.time) > 0.0)
+    way = np.hypot(*np.diff(log.position, axis=0)[goes_on].T)
+    pace = float(way.sum() / np.diff(log.time)[goes_on].sum()) if goes_on.any() else np.nan
+    shown = float(np.mean(log.speed[1:][goes_on])) if goes_on.any() else np.nan
+    idle = [float((values <= 0.0).mean()) for values in (log.flow, log.width)]
+    far = f"the others are {np.median(way):.3g} m apart" if len(way) else "the others are far apart"
+    speeds = f"{3.6 * shown:.3g} km/h logged, {3.6 * pace:.3g} km/h by positions and times"
+    of_log, units = "of the records", "say the units with --columns"
+    return [
+        Pair("positions", f"{on_spot:.0%} of the rows lie on the very spot of the one before, {far}", on_spot,
+             *FEW_MOVE, "positions with more digits, or a machine that drives"),
+        Pair("speed", speeds, ratio(shown, pace), *OTHER_SPEED, units),
+        Pair("grain_flow", f"0 in {idle[0]:.0%} {of_log}, work states counted", idle[0], *IDLE, units),
+        Pair("header_width", f"0 in {idle[1]:.0%} {of_log}", idle[1], *IDLE, units),
+        Pair("time", f"{log.gap.mean():.0%} {of_log} follow a pause or a jump", float(log.gap.mean()), *IDLE,
+             "records of a machine at most 5 s apart, in one order"),
+    ]  # fmt: skip
 
 
 def _beside(cleaned: Cleaned, spacing: float, crop: Crop) -> list[Pair]:

@@ -47,6 +47,7 @@ LEAST_ONCE = 0.99  # of the rows of sections, each once at a time: with less the
 LEAST_COPIED = 0.2  # of the rows that are there a second time: with less a machine stood
 LEAST_LEVEL = 1.5  # times: a gap between the values of a column that may be one between two units
 ONE_LEVEL = 0.15  # log: two levels of values are those of two units
+SEASON = 30 * 86400.0  # s: a longer pause lies between two harvests
 MOST_TURNS = 6  # from one level to the other, in the order of the rows
 COUNTS_ON = 0.99  # of the steps of a distance that do not go back: it is that from the start
 MAP_WIDTH = 10.0  # m, where a map of yields holds no width of the header
@@ -208,6 +209,10 @@ def _settled(
     by = raw.get("record", np.arange(count, dtype=float)) if clock is None else clock
     cutting = _cutting(raw, not_working(table, found), count)
 
+    season = np.zeros(count, dtype=np.int64)
+    if clock is not None:
+        season = _seasons(clock * UNITS["time"][unit or found.columns["time"].unit] + day)
+
     def order_of(reading: Reading) -> NDArray[np.int64]:
         finite, on_earth, away = reading.placed()
         rows = np.flatnonzero(first & finite & on_earth & ~away)
@@ -220,7 +225,7 @@ def _settled(
         epsg = utm_epsg(*np.median(lon_lat[order], axis=0))
         position = np.full((count, 2), np.nan)
         position[order] = transform(lon_lat[order], "EPSG:4326", f"EPSG:{epsg}")
-        return position, drive_of(position, lon_lat, order, machine, cutting)
+        return position, drive_of(position, lon_lat, order, machine, cutting, season)
 
     order, known = order_of(places), driven(places)
     drive = Drive((0.0, 0.0), order[:0], order[:0], np.zeros(0)) if known is None else known[1]
@@ -258,6 +263,13 @@ def _settled(
         values["duration"] = np.full(count, period)
         more.append(f"no time: records taken as {period:.2f} s apart, by speed and positions")
     return found, values, {"copied": again, "other_section": other}, notes + more
+
+
+def _seasons(time: Array) -> NDArray[np.int64]:
+    """Number of the season of each time [s], shape (n,): behind a long pause begins another harvest."""
+    held = np.sort(time)
+    begins = held[1:][np.diff(held) > SEASON]
+    return np.searchsorted(begins, time, side="right").astype(np.int64)
 
 
 def _way_time(
@@ -298,7 +310,7 @@ def _clock(table: Table, found: ColumnMap) -> tuple[Array | None, Array, str, li
     if np.isfinite(numbers).mean() < 0.5:
         numbers, unit = si_values(table, found, "time"), "s"
     else:
-        coded = of_digits(numbers)
+        coded = of_digits(numbers) if column.is_assumed else None
         if coded is not None:
             numbers, day, form = coded
             unit, notes = "s", [f"time: {column.column} read as {form}, by its digits"]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.witness import Pair, judge
 from swath.field.crop_sheet import load_crop
 from swath.field_io import trade
 from swath.field_io.columns import FLOWS, QUANTITIES, UNITS, Column, ColumnMap
@@ -70,6 +71,9 @@ class Thresholds:
     drive [km/h]: in the mean of a log, stops and turns included
     same_course: length of the mean of unit vectors that point one way
     beside_deg: of a course beside the way, by the grid's convergence and a compass; agrees, contradicts
+    even_moisture: 10th to 90th percentile over the median; 0.1 to 0.2 in the logs above, the
+    flow 0.7
+    as_flow: the same of the moisture over that of the flow; told, refused
     american [deg]: west, east, south, north of where acres are usual
     """
 
@@ -95,6 +99,8 @@ class Thresholds:
     drive: Range = (0.2, 50.0)
     same_course: float = 0.8
     beside_deg: Range = (25.0, 30.0)
+    even_moisture: float = 0.35
+    as_flow: Range = (1.0, 2.0)
     american: tuple[float, float, float, float] = (-170.0, -50.0, 24.0, 72.0)
 
 
@@ -129,11 +135,13 @@ class Drive:
         return float(paced.step.sum()) / total if len(paced.step) >= AT.fewest and total > 0.0 else np.nan
 
 
-def drive_of(position: Array, lon_lat: Array, order: Indices, machine: Indices, cutting: Mask) -> Drive:
+def drive_of(
+    position: Array, lon_lat: Array, order: Indices, machine: Indices, cutting: Mask, season: Indices
+) -> Drive:
     """What the positions show.
 
-    position [m], lon_lat [deg], shape (n, 2); order: the records that count, as driven; machine: of each
-    record, cutting: whether grain flows, shape (n,)
+    position [m], lon_lat [deg], shape (n, 2); order: the records that count, as driven; machine, season: of
+    each record, cutting: whether grain flows, shape (n,)
     """
     x, y = position[order].T
     best, follows = np.full(len(order), np.inf), np.zeros(len(order), dtype=np.int64)
@@ -145,11 +153,11 @@ def drive_of(position: Array, lon_lat: Array, order: Indices, machine: Indices, 
     found = np.flatnonzero(best <= AT.longest * _median(best[np.isfinite(best)]))
     lon, lat = np.median(lon_lat[order], axis=0) if len(order) else (0.0, 0.0)
     drive = Drive((float(lon), float(lat)), order[found], order[follows[found]], best[found])
-    return replace(drive, spacing=_spacing(position, drive, cutting))
+    return replace(drive, spacing=_spacing(position, drive, cutting, season))
 
 
-def _spacing(position: Array, drive: Drive, cutting: Mask) -> float:
-    """Median distance from a cutting record to the nearest parallel pass on each side [m]."""
+def _spacing(position: Array, drive: Drive, cutting: Mask, season: Indices) -> float:
+    """Median distance from a cutting record to the nearest parallel pass of its season on each side [m]."""
     try:
         from scipy.spatial import cKDTree
     except ImportError as error:
@@ -159,14 +167,14 @@ def _spacing(position: Array, drive: Drive, cutting: Mask) -> float:
         return np.nan
     place, way = position[drive.here[both]], position[drive.after[both]] - position[drive.here[both]]
     forward = way / np.hypot(*way.T)[:, None]
-    beside = AT.beside * float(np.median(drive.step))
+    beside, own = AT.beside * float(np.median(drive.step)), season[drive.here[both]]
     some = np.unique(np.linspace(0, len(place) - 1, min(AT.places, len(place))).astype(int))
     gaps: list[float] = []
     for i, found in zip(some, cKDTree(place).query_ball_point(place[some], AT.farthest_pass), strict=True):
         near = np.asarray(found)
         off = place[near] - place[i]
         across = off @ np.array([-forward[i, 1], forward[i, 0]])
-        is_pass = np.abs(forward[near] @ forward[i]) > AT.parallel
+        is_pass = (np.abs(forward[near] @ forward[i]) > AT.parallel) & (own[near] == own[i])
         is_pass &= (np.abs(off @ forward[i]) < beside) & (np.abs(across) > AT.narrowest_pass)
         sides = (across[is_pass & (across > 0)], across[is_pass & (across < 0)])
         gaps += [float(np.abs(side).min()) for side in sides if len(side)]
@@ -232,7 +240,31 @@ def settle_units(
     _grain(bench, raw, cutting, header * speed)
     if "elevation" in raw:
         bench.decide("elevation", _near(_median(raw["elevation"]), 1.0, AT.height, is_sure=False), "")
+    bench.notes += judge([*_exchanged(bench.columns, raw, cutting), bench.mirrored()], path)
     return replace(found, columns=bench.columns), bench.notes
+
+
+def _exchanged(columns: Mapping[str, Column], raw: Mapping[str, Array], cutting: Mask) -> list[Pair]:
+    """Grain beside its moisture, which is more even: the flow follows speed, width and yield as well."""
+    key = next((k for k in FLOWS if k in columns), "")
+    if not key or "moisture" not in columns:
+        return []
+    flow, moisture = columns[key], columns["moisture"]
+    flows, moistures = (_spread(raw[k][cutting]) for k in (key, "moisture"))
+    text = f"{moisture.column} varies by {moistures:.0%}, {flow.column} by {flows:.0%}: are they exchanged?"
+    entry = f"say with --columns MAP.yaml, in it {key}: {{column: {json.dumps(moisture.column)}}}"
+    entry += f", moisture: {{column: {json.dumps(flow.column)}}}"
+    residual = moistures / max(flows, 0.01) if moistures > AT.even_moisture else 0.0
+    return [Pair("moisture", text, residual, *AT.as_flow, entry, flow.is_given and moisture.is_given)]
+
+
+def _spread(values: Array) -> float:
+    """10th to 90th percentile of those above 0, over their median; nan where there are too few."""
+    values = values[values > 0.0]
+    if len(values) < AT.fewest:
+        return np.nan
+    low, middle, high = np.percentile(values, [10.0, 50.0, 90.0])
+    return float((high - low) / middle)
 
 
 def _grain(bench: "_Bench", raw: Mapping[str, Array], cutting: Mask, area_rate: Array) -> None:
@@ -273,6 +305,11 @@ def _any_near(ratio: float, sizes: list[float]) -> Callable[[float], bool]:
     return lambda factor: any(AT.agrees[0] <= ratio * factor / size <= AT.agrees[1] for size in sizes)
 
 
+def _is_american(lon: float, lat: float) -> bool:
+    west, east, south, north = AT.american
+    return west <= lon <= east and south <= lat <= north
+
+
 class _Bench:
     """Where units are decided, one quantity after the other."""
 
@@ -283,8 +320,7 @@ class _Bench:
         self._is_in_form = True  # no unit of a known form is contradicted by one of another system
         stated = {**found.beside, **found.columns}
         self._votes = [c.unit for k, c in stated.items() if k in CANDIDATES and not c.is_assumed]
-        west, east, south, north = AT.american
-        self._is_american = west <= middle[0] <= east and south <= middle[1] <= north
+        self.middle, self._is_american = middle, _is_american(*middle)
 
     def size(self, key: str, unit: str) -> float:
         """Factor of a unit to SI."""
@@ -301,6 +337,17 @@ class _Bench:
         if len(votes) == 1:
             return votes.pop(), f"as {', '.join(sorted(set(self._votes) - _NO_SYSTEM))} elsewhere in the log"
         return self._is_american, f"as usual at {'an American' if self._is_american else 'its'} place"
+
+    def mirrored(self) -> Pair:
+        """The place beside the units, of which those of the USA are used there: west may be written without
+        its sign.
+        """
+        lon, lat = self.middle
+        units = sorted({c.unit for c in self.columns.values()} & (US_CUSTOMARY - {"ft", "in"}))
+        text = f"{', '.join(units)} at {lat:.2f} N, {lon:.2f} E"
+        is_west = bool(units) and not self._is_american and _is_american(-lon, lat)
+        entry = "where it lies west of Greenwich write lon: {unit: deg W} in --columns MAP.yaml"
+        return Pair("lon", text, float(is_west), 0.5, entry=entry)
 
     def possible(self, key: str) -> list[str]:
         """Units that a column beside may have."""

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from swath.core.abilities import EndsRun, HasNotes
+from swath.core.blocks import Seen, Shown, no_look
 from swath.core.schedule import NS
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluator import (
@@ -17,8 +18,9 @@ from swath.judge.evaluator import (
     HasLimits,
     HasSignals,
     Rests,
-    WantsNewest,
-    is_shown,
+    SeesLive,
+    TakesSeen,
+    is_among,
 )
 from swath.judge.limits import NO_SAMPLE, check_metric, check_samples, entry_of, window_of
 from swath.judge.windows import FIELD, EventFeed, WindowedEvaluator, concerns, restore, state_of
@@ -34,7 +36,8 @@ See = Callable[[str, int, Mapping[str, Signal]], None]
 
 
 class Evaluation:
-    """Observer of a graph; call it with (slot, t, outputs), before the recorder.
+    """Observer of a graph: it takes what was sent since it looked last, or is called with (slot, t, outputs),
+    before the recorder.
 
     setups: of each machine by its name; the first one's distance counts for windows of the field
     expect: limits of the scenario; those that evaluators bring along are added
@@ -62,9 +65,12 @@ class Evaluation:
         self._scenes = {f"scene {n}": watcher.scene for n, watcher in enumerate(watchers)}
         self._ending = [(n, e) for n, own in self._of.items() for e in own if isinstance(e, EndsRun)]
         self._noting = [e for own in self._of.values() for e in own if isinstance(e, HasEvents)]
-        self._newest = [_Newest(e) for own in self._of.values() for e in own if isinstance(e, WantsNewest)]
+        self.look: Callable[[], None] = no_look
         self._shown: dict[tuple[object, ...], _Shown] = {}
-        self._wanted: dict[tuple[object, ...], _Shown] = {}
+        self._takers: dict[tuple[str, type[Signal]], list[Any]] = {}
+        self.rests: dict[str, int] = {}
+        self._resting: dict[str, list[Rests]] = {}  # by slot, where all rest at times
+        self._left_out: set[int] = set()  # evaluators that nobody asks
         self.expect = (*expect, *self._implied(expect))
         self._windows = self._make_windows()
         self._distance = dict.fromkeys(self._setups, 0.0)
@@ -72,33 +78,68 @@ class Evaluation:
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Show samples to the evaluators whose business they are."""
-        key = slot, *map(type, outputs.values())
-        shown = self._shown.get(key)
-        if shown is None:
-            shown = self._shown[key] = self._shown_to(slot, tuple(map(type, outputs.values())))
-            for later in shown[2]:
-                later.see(slot, t, outputs)
-        elif shown[2]:
-            newest = slot, t, outputs
-            for later in shown[2]:
-                later.waiting[slot] = newest
-        awake, resting, _ = shown
-        for see in awake:
-            see(slot, t, outputs)
-        for evaluator in resting:
-            if t >= evaluator.rests_until:
-                evaluator.see(slot, t, outputs)
+        self._give(Seen.of_one(slot, t, outputs))
+        self._show(slot, t, tuple(map(type, outputs.values())), outputs)
         if self._windows:
             self._show_windows(slot, t, outputs)
 
-    def wants(self, slot: str, t: int, kinds: tuple[type[Signal], ...]) -> bool:
-        """Whether a call with samples of these types at t [ns] could change anything."""
-        if self._windows:
-            return True
-        shown = self._wanted.get((slot, *kinds))
+    @property
+    def is_late(self) -> bool:
+        """Windows begin with events at any time: where there are any, it is called with every sample."""
+        return not self._windows
+
+    def take(self, seen: Seen) -> None:
+        """Give what was sent to the evaluators that take many samples at once."""
+        self._give(seen)
+
+    def show(self, slot: str, t: int, outputs: Shown) -> None:
+        """Show samples to those that look at each at its time."""
+        self._show(slot, t, outputs.kinds(), outputs)
+
+    def looks_at(self, slot: str, kinds: Sequence[type[Signal]]) -> bool:
+        """Whether an evaluator looks at what a slot sends at its time."""
+        self._shown.clear()
+        self._resting.clear()
+        self.rests.clear()
+        return any(len(shown) for shown in self._shown_to(slot, tuple(kinds)))
+
+    def only_limits(self) -> None:
+        """From now on nothing is asked but limits: only what they stand on, and may end the run, looks on."""
+        if not self._windows:
+            names = {limit.name for limit in self.expect}
+            every = [e for own in self._of.values() for e in own if not isinstance(e, EndsRun)]
+            self._left_out = {id(e) for e in every if not any(m.name in names for m in e.METRICS)}
+            self._shown.clear()
+            self._takers.clear()
+
+    def _give(self, seen: Seen) -> None:
+        found: dict[int, tuple[Any, str]] = {}
+        for key in seen.kinds():
+            if key not in self._takers:
+                machine, kind = key
+                every = self.interested(machine, (kind,))
+                self._takers[key] = [e for e in every if isinstance(e, TakesSeen)]
+            found |= {id(e): (e, "" if e.OF_FIELD else key[0]) for e in self._takers[key]}
+        for evaluator, machine in found.values():
+            evaluator.take(seen.of_machine(machine))
+
+    def _show(
+        self, slot: str, t: int, kinds: tuple[type[Signal], ...], outputs: Mapping[str, Signal]
+    ) -> None:
+        shown = self._shown.get((slot, *kinds))
         if shown is None:
-            shown = self._wanted[(slot, *kinds)] = self._shown_to(slot, kinds)
-        return bool(shown[0] or shown[2]) or any(t >= resting.rests_until for resting in shown[1])
+            shown = self._shown[(slot, *kinds)] = self._shown_to(slot, kinds)
+            if shown[0]:
+                self._resting.pop(slot, None)
+            elif shown[1]:
+                self._resting.setdefault(slot, []).extend(evaluator for evaluator, _ in shown[1])
+        for see in shown[0]:
+            see(slot, t, outputs)
+        for evaluator, see in shown[1]:
+            if t >= evaluator.rests_until:
+                see(slot, t, outputs)
+        for name, resting in self._resting.items():
+            self.rests[name] = min(evaluator.rests_until for evaluator in resting)
 
     @property
     def reads_tracks(self) -> bool:
@@ -119,7 +160,7 @@ class Evaluation:
 
     def save(self) -> dict[str, Any]:
         """What the evaluators have seen so far; it may refer to what is `shared`."""
-        self._show_newest()
+        self.look()
         return {
             "evaluators": {subject: [state_of(e) for e in own] for subject, own in self._of.items()},
             "windows": [watch.save() for watch in self._windows.values()],
@@ -128,8 +169,6 @@ class Evaluation:
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Back to a saved moment, in an evaluation of the same scenario."""
-        for later in self._newest:
-            later.waiting.clear()
         for subject, saved in state["evaluators"].items():
             for evaluator, own in zip(self._of[subject], saved, strict=True):
                 restore(evaluator, own)
@@ -139,7 +178,7 @@ class Evaluation:
 
     def find(self, subject: str, kind: type[E]) -> E | None:
         """The evaluator of a class for a machine or the field; None where there is none."""
-        self._show_newest()
+        self.look()
         return next((e for e in self._of[subject] if isinstance(e, kind)), None)
 
     def columns(self, machine: str) -> tuple[Column, ...]:
@@ -148,19 +187,19 @@ class Evaluation:
 
     def events(self, subject: str = FIELD) -> list[Event]:
         """What happened so far to a machine, or in the field to any, in order of time."""
-        self._show_newest()
+        self.look()
         mine = (e for j in self._noting for e in j.events() if concerns(e, subject))
         return sorted(mine, key=lambda e: (e.t, e.kind, e.machine))
 
     def notes(self) -> list[str]:
         """What the evaluators want the user to know about the run."""
-        self._show_newest()
+        self.look()
         every = ((name, e) for name, own in self._of.items() for e in own)
         return [f"{name}: {note}" for name, e in every if isinstance(e, HasNotes) for note in e.notes]
 
     def metrics(self, subject: str, names: Collection[str] | None = None) -> Metrics:
         """Metrics of a machine, or of `field`. names: only evaluators that have one of these are asked"""
-        self._show_newest()
+        self.look()
         asked = [e for e in self._of[subject] if names is None or any(m.name in names for m in e.METRICS)]
         return {name: value for e in asked for name, value in e.metrics().items()}
 
@@ -213,44 +252,26 @@ class Evaluation:
         return value, f"{reason} because of {why}; {told}" if reason else ""
 
     def _shown_to(self, slot: str, kinds: tuple[type[Signal], ...]) -> "_Shown":
-        """Who is shown samples of these types from a slot: at once, unless it rests, or the newest later.
-
-        Windows look at events at any time: where there are any, nobody is shown anything later.
-        """
-        late = {} if self._windows else {id(later.evaluator): later for later in self._newest}
-        shown: _Shown = [], [], []
+        """Who is shown samples of these types from a slot: always, or unless it rests."""
+        shown: _Shown = [], []
         for e in self.interested(slot, kinds):
-            later = late.get(id(e))
-            if isinstance(e, Rests):
-                shown[1].append(e)
-            elif later is not None and all(issubclass(kind, later.evaluator.NEWEST) for kind in kinds):
-                shown[2].append(later)
-            else:
-                shown[0].append(e.see if later is None else later.see)
+            see = e.see_live if isinstance(e, SeesLive) else None if isinstance(e, TakesSeen) else e.see
+            if see is not None and isinstance(e, SeesLive) and is_among(kinds, e.live):
+                shown[0].append(see)
+            elif see is not None and isinstance(e, Rests):
+                shown[1].append((e, see))
+            elif see is not None and not isinstance(e, SeesLive):
+                shown[0].append(see)
         return shown
-
-    def _show_newest(self) -> None:
-        for later in self._newest:
-            later.show()
-
-    @property
-    def subjects(self) -> Sequence[str]:
-        """Machines, and the field."""
-        return list(self._of)
-
-    def of(self, subject: str) -> Sequence[Evaluator]:
-        """The evaluators of a machine, or of the field."""
-        return self._of[subject]
-
-    @property
-    def has_windows(self) -> bool:
-        """Whether a limit is on a part of the run."""
-        return bool(self._windows)
 
     def interested(self, slot: str, kinds: tuple[type[Signal], ...]) -> list[Evaluator]:
         """Who wants samples of these types from a slot: evaluators of its machine, then of the field."""
         own = self._of.get(slot.partition(".")[0], [])
-        return [e for e in (*own, *self._of[FIELD]) if not isinstance(e, HasSignals) or is_shown(e, kinds)]
+        return [
+            e
+            for e in (*own, *self._of[FIELD])
+            if id(e) not in self._left_out and (not isinstance(e, HasSignals) or is_among(kinds, e.SIGNALS))
+        ]
 
     def _implied(self, expect: Sequence[Expectation]) -> list[Expectation]:
         """Limits that evaluators bring along, where the scenario sets none on the metric of that subject."""
@@ -293,26 +314,7 @@ class Evaluation:
                 watch.see(self._distance[subject], slot, t, outputs)
 
 
-class _Newest:
-    """What an evaluator is shown before anything else. waiting: by slot, with its time [ns] and outputs"""
-
-    def __init__(self, evaluator: Any) -> None:
-        self.evaluator = evaluator
-        self.waiting: dict[str, tuple[str, int, Mapping[str, Signal]]] = {}
-
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """Show it what waits, then this."""
-        self.show()
-        self.evaluator.see(slot, t, outputs)
-
-    def show(self) -> None:
-        """Show it what waits."""
-        for sample in self.waiting.values():
-            self.evaluator.see(*sample)
-        self.waiting.clear()
-
-
-_Shown = tuple[list[See], list[Any], list[_Newest]]  # at once, when they do not rest, the newest later
+_Shown = tuple[list[See], list[tuple[Any, See]]]  # always, unless they rest
 
 
 def _is_object(value: Any) -> bool:

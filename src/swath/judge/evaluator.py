@@ -3,7 +3,7 @@
 An evaluator is a class made by `Class(setup)`, in a file of its own in `judge/evaluators/` that ends with
 `LEVEL = Level(Class, None, summary="...")`, or in a user's file, named `my.py:Class` under the scenario's key
 `evaluators`. Beside the members of `Evaluator` it may have those of `HasColumns`, `HasEvents`, `HasLimits`,
-`HasSignals`, `Rests`, `WantsNewest` and `core.abilities.EndsRun` and `HasNotes`.
+`HasSignals`, `Rests`, `TakesSeen` and `core.abilities.EndsRun` and `HasNotes`.
 
 What they keep: rows of numbers of a whole run in memory that does not grow with its length; their means and
 percentiles are nan where there is nothing.
@@ -19,6 +19,7 @@ from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 import numpy as np
 
 from swath.core.ability import ByMembers
+from swath.core.blocks import Block, Seen
 from swath.core.errors import SwathError
 from swath.core.packed_state import saved_type
 from swath.core.unnamed_file import UnnamedFile
@@ -291,17 +292,61 @@ class Rests(Protocol, metaclass=ByMembers):
 
 
 @runtime_checkable
-class WantsNewest(Protocol, metaclass=ByMembers):
-    """An evaluator that of some outputs needs the first and the newest alone: it is shown the newest before
-    anything else, and before it is asked for anything. NEWEST: types of the samples in such outputs
+class TakesSeen(Protocol, metaclass=ByMembers):
+    """An evaluator that takes many samples at once, some time after they were sent: what it says of them is
+    the same whenever it looks. It is given them before it is asked for anything.
     """
 
-    NEWEST: ClassVar[tuple[type[Signal], ...]]
+    def take(self, seen: Seen) -> None: ...
 
 
-def is_shown(evaluator: HasSignals, kinds: Iterable[type[Signal]]) -> bool:
-    """Whether an evaluator wants to see one of these types of samples."""
-    return any(issubclass(kind, evaluator.SIGNALS) for kind in kinds)
+@runtime_checkable
+class SeesLive(Protocol, metaclass=ByMembers):
+    """One of these that has to look something up at the time of a sample. live: types of those; with
+    `rests_until` (`Rests`) it is shown all that it wants from then on
+    """
+
+    @property
+    def live(self) -> tuple[type[Signal], ...]: ...
+
+    def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None: ...
+
+
+class Later:
+    """An evaluator that takes samples (`TakesSeen`), shown one: it takes that one."""
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Take in what a slot published at t [ns]."""
+        if isinstance(self, HasSignals) and not is_among(map(type, outputs.values()), self.SIGNALS):
+            return
+        self.take(Seen.of_one(slot, t, outputs))
+        if isinstance(self, SeesLive):
+            is_awake = isinstance(self, Rests) and t >= self.rests_until
+            if is_awake or is_among(map(type, outputs.values()), self.live):
+                self.see_live(slot, t, outputs)
+
+    def take(self, seen: Seen) -> None:
+        """Take in what slots published."""
+        raise NotImplementedError
+
+
+def is_among(kinds: Iterable[type[Signal]], wanted: tuple[type[Signal], ...]) -> bool:
+    """Whether samples of one of these types are wanted."""
+    return any(issubclass(kind, wanted) for kind in kinds)
+
+
+def added_up(begin: float, values: F64) -> float:
+    """begin + the first value + the second ..., in this order."""
+    return float(np.add.accumulate(np.concatenate([[begin], values]))[-1])
+
+
+def held(block: Block | None, name: str, orders: Any, before: float) -> F64:
+    """A field of the newest sample when others were sent; before: of those from before."""
+    if block is None:
+        return np.full(len(orders), before)
+    at = block.before(orders)
+    found = np.asarray(block[name], dtype=float)[at]
+    return np.where(at >= 0, found, before)
 
 
 @runtime_checkable

@@ -1,13 +1,14 @@
 """The fingerprint of a run: the same bytes for the same scenario and seed, on any number of threads.
 
-A chained SHA-256 (FIPS 180-4): value_k = sha256(value_{k-1} || bytes of samples), over blocks that end with
-the first sample that fills them. What is kept between two samples is the value and the block so far: a run
-saved in the middle and resumed ends on the digest of an uninterrupted one.
+Of each output a chained SHA-256 (FIPS 180-4): value_k = sha256(value_{k-1} || the next 64 KiB of the bytes of
+its samples, in order of time). The digest is the SHA-256 of these, in the order in which the outputs came
+first. What is kept between two looks is the value and the bytes so far: a run saved in the middle and resumed
+ends on the digest of an uninterrupted one.
 """
 
 import hashlib
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from math import isnan
 from operator import attrgetter
@@ -16,26 +17,37 @@ from typing import Any, cast
 
 import numpy as np
 
+from swath.core.blocks import Block, Pile, Seen, no_look
 from swath.core.frames import Pose
 from swath.core.frozen import define
-from swath.core.schedule import NS
-from swath.core.together import Samples, Sent
 from swath.kernels import repeatable, shared
 from swath.signals import Signal
 
 BLOCK_BYTES = 64 * 1024
-LATEST = NS // 10  # that a sample waits, where it may wait
 TIME, INTEGER, FLOAT = Struct("<q"), Struct("<cq"), Struct("<cd")
 PLAIN = {int: "cq", float: "cd", bool: "c"}  # layout of a number with its letter
 LETTERS = {int: b"i", float: b"d"}
 REAL = np.dtype(float)
 PLACE, TURN = b"(a<f8(3,)", b"a<f8(3, 3)"  # before the arrays of a pose
 Packer = Callable[[int, Any], "bytes | None"]
-_Published = tuple[str, int, tuple[tuple[str, Signal], ...]]  # slot, time [ns], output and sample
 FEW = 16  # numbers of an array that are looked at one by one
 _LAYOUTS: dict[tuple[str, str, Any], "_Layout"] = {}
-_PACKERS: dict[tuple[str, str, Any], Packer] = {}  # of those that have one
 _PREFIXES: dict[tuple[Any, tuple[int, ...]], bytes] = {}  # of arrays
+
+
+class _Chain:
+    """What came from an output so far."""
+
+    def __init__(self, kept: bytes = bytes(32)) -> None:
+        self.value, self.block = kept[:32], bytearray(kept[32:])
+
+    def add(self, data: "bytes | memoryview") -> None:
+        self.block += data
+        whole = len(self.block) // BLOCK_BYTES * BLOCK_BYTES
+        for at in range(0, whole, BLOCK_BYTES):
+            self.value = hashlib.sha256(self.value + self.block[at : at + BLOCK_BYTES]).digest()
+        if whole:
+            del self.block[:whole]
 
 
 class Digest:
@@ -44,74 +56,90 @@ class Digest:
     Wall clock, threads and the files that are written do not enter. NaNs count as one value.
     """
 
+    is_late = True
+
     def __init__(self) -> None:
-        self._value = bytes(32)
-        self._block = bytearray()
-        self._waiting: deque[_Published] | None = None  # what is to be taken in, None = nothing may wait
+        self.look: Callable[[], None] = no_look
+        self._chains: dict[tuple[str, str], _Chain] = {}
+        self._columns: dict[tuple[str, str], Columns] = {}
+        self._waiting: deque[Block] | None = None  # what is to be taken in, None = nothing may wait
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Take in what `slot` published at t [ns]."""
-        waiting = self._waiting
-        if waiting is None:
-            self._take(slot, t, outputs.items())
-            return
-        waiting.append((slot, t, tuple(outputs.items())))
-        while waiting[0][1] <= t - LATEST:
-            self.take_next()
+        for output, signal in outputs.items():
+            self.add(slot, output, t, signal)
+
+    def take(self, seen: Seen) -> None:
+        """Take in what all slots published; where it may wait, until it is asked for or more comes."""
+        if self._waiting is None:
+            for block in seen.blocks:
+                self._take(block)
+        else:
+            self._take_waiting()
+            self._waiting += seen.blocks
+
+    def add(self, slot: str, output: str, t: int, signal: Signal) -> None:
+        """Take in a sample."""
+        self._chain(slot, output).add(sample_bytes(slot, output, t, signal))
 
     def defer(self) -> None:
-        """From now on `take_next` takes samples in, a slot at a time; none waits longer than LATEST."""
+        """From now on `take_next` takes samples in, an output at a time; none waits longer than a beat."""
         self._waiting = deque()
 
     def take_next(self) -> bool:
         """Take in the oldest of what waits; False where nothing does."""
         if not self._waiting:
             return False
-        self._take(*self._waiting.popleft())
+        self._take(self._waiting.popleft())
         return True
 
-    def _take(self, slot: str, t: int, outputs: Iterable[tuple[str, Signal]]) -> None:
-        block = self._block
-        for output, signal in outputs:
-            pack = _PACKERS.get((slot, output, type(signal)))
-            block += (pack and pack(t, signal)) or sample_bytes(slot, output, t, signal)
-            if len(block) >= BLOCK_BYTES:
-                self._fold()
-
-    def add(self, sample: bytes | memoryview) -> None:
-        """Take in the bytes of one sample, or of all that ends with the one that fills a block."""
-        if not self._block and len(sample) >= BLOCK_BYTES:  # as below, without a copy
-            value = hashlib.sha256(self._value)
-            value.update(sample)
-            self._value = value.digest()
+    def _take(self, block: Block) -> None:
+        pile, slot, output = block.pile, block.slot, block.output
+        chain = self._chain(slot, output)
+        if not pile.arrays:
+            for t, each in zip(pile.times, pile.each, strict=True):
+                chain.add(sample_bytes(slot, output, t, each[block.world]))
             return
-        self._block += sample
-        if len(self._block) >= BLOCK_BYTES:
-            self._fold()
+        if pile.rows is None:  # of all worlds at once, for whoever comes first
+            columns = self._columns.get((slot, output))
+            if columns is None or not columns.fits(pile):
+                columns = self._columns[slot, output] = Columns(pile)
+            pile.rows = columns.bytes_of(pile)
+        own = pile.rows[:, block.world]
+        chain.add(own.data if own.flags.c_contiguous else own.tobytes())
+
+    def _chain(self, slot: str, output: str) -> _Chain:
+        chain = self._chains.get((slot, output))
+        if chain is None:
+            chain = self._chains[slot, output] = _Chain()
+        return chain
 
     def _take_waiting(self) -> None:
         while self.take_next():
             pass
 
-    def _fold(self) -> None:
-        self._value = hashlib.sha256(self._value + self._block).digest()
-        self._block.clear()
-
     @property
     def hex(self) -> str:
         """The digest so far, 64 hexadecimal digits."""
+        self.look()
         self._take_waiting()
-        return hashlib.sha256(self._value + self._block).hexdigest()
+        whole = hashlib.sha256()
+        for chain in self._chains.values():
+            whole.update(hashlib.sha256(chain.value + chain.block).digest())
+        return whole.hexdigest()
 
     def save(self) -> dict[str, Any]:
         """State between two samples."""
+        self.look()
         self._take_waiting()
-        return {"value": np.frombuffer(self._value + self._block, dtype=np.uint8).copy()}
+        kept = {f"{slot}/{output}": c.value + c.block for (slot, output), c in self._chains.items()}
+        return {name: np.frombuffer(data, dtype=np.uint8).copy() for name, data in kept.items()}
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Go on from a saved state."""
-        kept = np.asarray(state["value"], dtype=np.uint8).tobytes()
-        self._value, self._block = kept[:32], bytearray(kept[32:])
+        for name, kept in state.items():
+            slot, _, output = name.rpartition("/")
+            self._chains[slot, output] = _Chain(np.asarray(kept, dtype=np.uint8).tobytes())
 
 
 def sample_bytes(slot: str, output: str, t: int, signal: Signal) -> bytes:
@@ -133,7 +161,6 @@ class _Layout:
         self._names = tuple(f.name for f in fields(kind))
         self._values = attrgetter(*self._names, self._names[0])  # a tuple also of a single field
         self._head = "/".join((slot, output, kind.__name__, *self._names)).encode() + b"\n"
-        self._key = slot, output, kind
         self._types: tuple[type, ...] = ()
         self.pack: Packer | None = None
         self._kept: dict[int, tuple[Any, bytes]] = {}  # arrays that do not change, by field, and their bytes
@@ -146,8 +173,6 @@ class _Layout:
         if types != self._types:
             self._types = types
             self.pack = _packer(self._head, self._names, types)
-            if self.pack is not None:
-                _PACKERS[self._key] = self.pack
         return b"".join([self._head, TIME.pack(t), *map(self._encode, range(len(values)), values)])
 
     def _encode(self, place: int, value: Any) -> bytes:
@@ -193,123 +218,75 @@ def _packer(head: bytes, names: Sequence[str], types: Sequence[type]) -> Packer 
     return cast("Packer", define("packer", "t, s", lines, {**known, **kinds, "pack": Struct(layout).pack}))
 
 
-class Digests:
-    """Those of many worlds, fed with samples of all of them.
-
-    While the bytes of a sample are as many in all worlds, they lie side by side until a block is full.
-    """
-
-    def __init__(self, digests: Sequence[Digest]) -> None:
-        self._digests = digests
-        self._columns: dict[tuple[str, str], Columns] = {}
-        self._block = np.zeros((len(digests), BLOCK_BYTES), np.uint8)
-        self._at, self._is_even = 0, True
-
-    def take(self, slot: str, t: int, outputs: Mapping[str, Sent], active: np.ndarray) -> None:
-        """Take in what `slot` published at t [ns]; of worlds that have ended nothing counts any more."""
-        for output, sent in outputs.items():
-            if sent.is_of_all:
-                columns = self._columns.get((slot, output))
-                if columns is None:
-                    columns = self._columns[slot, output] = Columns(slot, output, sent.all)
-                if self._is_even:
-                    columns.put(t, sent.all, self._room(columns.size))
-                    self._grow(columns.size, active)
-                    continue
-                rows: Sequence[Any] | np.ndarray = columns.bytes_of(t, sent.all)
-            else:
-                rows = [sample_bytes(slot, output, t, sample) for sample in sent.each]
-            if self._is_even and len({len(row) for row in rows}) == 1:
-                size = len(rows[0])
-                self._room(size)[:] = np.frombuffer(b"".join(rows), np.uint8).reshape(len(rows), size)
-                self._grow(size, active)
-                continue
-            if self._is_even:
-                self._pass_on(np.flatnonzero(active).tolist())
-                self._is_even = False
-            for world in np.flatnonzero(active).tolist():
-                self._digests[world].add(bytes(rows[world]))
-
-    def give(self, world: int) -> None:
-        """What has come so far counts in the digest of a world."""
-        self._digests[world].add(self._block[world, : self._at].data)
-
-    def _room(self, size: int) -> np.ndarray:
-        """Where the next bytes of all worlds go, (worlds, size)."""
-        end = self._at + size
-        if end > self._block.shape[1]:
-            more = np.zeros((len(self._block), end), np.uint8)
-            more[:, : self._at] = self._block[:, : self._at]
-            self._block = more
-        return self._block[:, self._at : end]
-
-    def _grow(self, size: int, active: np.ndarray) -> None:
-        self._at += size
-        if self._at >= BLOCK_BYTES:
-            self._pass_on(np.flatnonzero(active).tolist())
-
-    def _pass_on(self, worlds: Sequence[int]) -> None:
-        for world in worlds:
-            self.give(world)
-        self._at = 0
-
-
 class Columns:
     """The bytes of the samples of an output in many worlds, as `sample_bytes` has them. size: of one"""
 
-    def __init__(self, slot: str, output: str, samples: Samples) -> None:
+    def __init__(self, pile: Pile) -> None:
         from swath.record import digest_kernel as kernel
 
-        kind = samples.kind
-        names = [f.name for f in fields(kind)]
-        row = bytearray("/".join((slot, output, kind.__name__, *names)).encode() + b"\n" + bytes(8))
-        table = [[0, 0, len(row) - 8, 8, kernel.ALIKE]]
-        self._arrays: list[tuple[str, np.dtype[Any], int]] = []  # field, type, first number of each
+        first = Block(pile, 0).sample(0)
+        names = [f.name for f in fields(pile.kind)]
+        row = bytearray("/".join((pile.slot, pile.output, pile.kind.__name__, *names)).encode() + b"\n")
+        table = [[0, 8, len(row), 8, kernel.COPIED]]
+        row += bytes(8)
+        self._alike = pile.alike
+        self._arrays: list[tuple[str, np.dtype[Any], int]] = [("", np.dtype(np.int64), 0)]
         for name in names:
             if name == "t":
                 row += b"i" + bytes(8)
-                table.append([samples.t, 0, len(row) - 8, 8, kernel.ALIKE])
-                self._t_again = len(table) - 1
+                table.append([0, 8, len(row) - 8, 8, kernel.COPIED])
+                self._arrays.append(("t", np.dtype(np.int64), 0))
                 continue
-            if name not in samples.arrays:
-                row += encode(getattr(samples.of(0), name))
+            if name not in pile.arrays:
+                row += encode(getattr(first, name))
                 continue
-            for before, dtype, first, shape, after in _column(
-                encode(samples.of(0).__dict__[name]), samples.arrays[name]
+            for before, dtype, begin, shape, after in _column(
+                encode(getattr(first, name)), pile.arrays[name][0]
             ):
                 row += before
                 count, how = int(np.prod(shape)), _kind(dtype)
                 size = count * dtype.itemsize
                 table.append([0, 0, len(row), size if how == kernel.COPIED else count, how])
                 row += bytes(size) + after
-                self._arrays.append((name, dtype, first))
+                self._arrays.append((name, dtype, begin))
+        self._form = _form_of(pile)
         self._row, self.size = np.frombuffer(bytes(row), np.uint8), len(row)
-        count = len(next(iter(samples.arrays.values())))
-        head = [self._row.ctypes.data, self.size, 0, 0, count, len(table)]
+        head = [self._row.ctypes.data, self.size, 0, self.size, 0, len(table)]
         self._job = np.array([*head, *(v for line in table for v in line)], np.int64)
         self._table = self._job[len(head) :].reshape(-1, 5)
         self._launch = repeatable(kernel.lay_rows, [shared(self._job)]).launch
-        self._varies = [k for k, line in enumerate(table) if line[4] != kernel.ALIKE]
 
-    def put(self, t: int, samples: Samples, rows: np.ndarray) -> None:
-        """Into rows, (worlds, size) uint8."""
-        table, kept = self._table, []
-        table[0, 0], table[self._t_again, 0] = t, samples.t
-        for k, (name, dtype, first) in zip(self._varies, self._arrays, strict=True):
-            array = samples.arrays[name]
-            if array.dtype != dtype or not (array.ndim == 1 or array[0].flags.c_contiguous):
-                array = np.ascontiguousarray(array, dtype)
-                kept.append(array)
+    def fits(self, pile: Pile) -> bool:
+        """Whether the samples have the same form."""
+        alike = len(self._alike) == len(pile.alike)
+        alike = alike and all(self._alike.get(name) is value for name, value in pile.alike.items())
+        return alike and _form_of(pile) == self._form
+
+    def bytes_of(self, pile: Pile) -> np.ndarray:
+        """(samples, worlds, size) uint8."""
+        count, worlds = len(pile.orders), pile.worlds
+        rows = np.empty((count, worlds, self.size), np.uint8)
+        when = {"": pile.times, "t": pile.stamps}
+        kept = []
+        for k, (name, dtype, first) in enumerate(self._arrays):
+            if name in when:
+                array = np.repeat(np.array(when[name], np.int64), worlds)
+            else:
+                array = pile.arrays[name][:count]
+                is_even = array.strides[0] == worlds * array.strides[1]
+                if array.dtype != dtype or not is_even or not array[0, 0].flags.c_contiguous:
+                    array = np.ascontiguousarray(array, dtype)
+                array = array[0]  # from one sample to the next it is as far as from world to world
+            kept.append(array)
             at = array.__array_interface__["data"][0]  # in half the time of `ctypes`
-            table[k, 0], table[k, 1] = at + first * dtype.itemsize, array.strides[0]
-        self._job[2], self._job[3] = rows.ctypes.data, rows.strides[0]
+            self._table[k, 0], self._table[k, 1] = at + first * dtype.itemsize, array.strides[0]
+        self._job[2], self._job[4] = rows.ctypes.data, count * worlds
         self._launch()
-
-    def bytes_of(self, t: int, samples: Samples) -> np.ndarray:
-        """(worlds, size) uint8."""
-        rows = np.empty((int(self._job[4]), self.size), np.uint8)
-        self.put(t, samples, rows)
         return rows
+
+
+def _form_of(pile: Pile) -> Any:
+    return pile.kind, [(name, a.dtype, a.shape[1:]) for name, a in pile.arrays.items()]
 
 
 def _kind(dtype: "np.dtype[Any]") -> Any:

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.abilities import MeetsRange
+from swath.core.blocks import number_of
 from swath.core.errors import InputError
 from swath.core.packed_state import saved_type
 from swath.core.registry import Checked, KnownError
@@ -167,12 +168,12 @@ class Credibility:
         machine = slot.partition(".")[0]
         if t < self._next_t.get(machine, t + 1):
             return
-        for sample in outputs.values():
-            if isinstance(sample, MachineState):
-                self._next_t[machine] = t + REST
-                if sample.distance >= self._next_m[machine] and t > 0:
-                    self._next_m[machine] = sample.distance + EVERY_M
-                    self._look(machine, sample)
+        way = number_of(outputs, MachineState, "distance")
+        if way is not None:
+            self._next_t[machine] = t + REST
+            if way >= self._next_m[machine] and t > 0:
+                self._next_m[machine] = float(way) + EVERY_M
+                self._look(machine, next(s for s in outputs.values() if isinstance(s, MachineState)))
         self.rests_until = min(self._next_t.values())
 
     def _look(self, machine: str, state: MachineState) -> None:

@@ -5,22 +5,23 @@ odometry, edge, steer, speed, steering. Observers record and judge.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
-from swath.core.abilities import EndsRun
-from swath.core.graph import EndOfRun, Lockstep, Observer
+from swath.core.graph import Lockstep
 from swath.core.schedule import NS
 from swath.core.stopping import raise_if_lost
 from swath.runtime.world import World
 from swath.signals import MachineState
 
-REPORT_EVERY = NS // 4  # simulated time between progress reports [ns]
+BEAT = NS // 4  # simulated time between looks of observers and progress reports [ns]
+LONG_BEAT = NS  # the same of worlds in step, at which nobody looks meanwhile
 
 Progress = Callable[[float, float], None]
 
 
 def drive(
     world: World,
-    observers: Sequence[Observer] = (),
+    observers: Sequence[Any] = (),
     *,
     until_s: float | None = None,
     progress: Progress | None = None,
@@ -34,16 +35,6 @@ def drive(
     """
     graph, run = world.graph, world.scenario.run
     graph.observers = [*observers]
-    seen: Sequence[object] = observers
-    ending = [o for o in seen if isinstance(o, EndsRun)]
-
-    def end_with_observers(t: int) -> None:
-        for observer in ending:
-            if reason := observer.end_reason(t):
-                raise EndOfRun(reason)
-
-    if ending:
-        graph.before_tick.append(end_with_observers)
     if not resume:
         world.reset()
     limit_s = run.max_duration_s if until_s is None else min(until_s, run.max_duration_s)
@@ -51,8 +42,6 @@ def drive(
     if not graph.ended and not has_arrived(world):
         for _ in advance([world], graph.lockstep, round(limit_s * NS), progress):
             pass
-    if ending:
-        graph.before_tick.remove(end_with_observers)
     if until_s is None:
         graph.finish()
 
@@ -65,8 +54,9 @@ def advance(
     What a part of a world that runs alone raises is raised; of others it is in `lockstep.errors`.
     """
     arrived = _arrival(worlds, lockstep)
+    beat = BEAT if len(worlds) == 1 else LONG_BEAT
     while lockstep.t < until and lockstep.going:
-        yield from lockstep.advance(min((lockstep.t // REPORT_EVERY + 1) * REPORT_EVERY, until), arrived)
+        yield from lockstep.advance(min((lockstep.t // beat + 1) * beat, until), arrived)
         if len(worlds) == 1:
             lockstep.raise_error()
         raise_if_lost()
@@ -74,7 +64,7 @@ def advance(
             progress(driven_m(worlds[0]), lockstep.t / NS)
 
 
-def ticks(world: World, observers: Sequence[Observer] = ()) -> Iterator[int]:
+def ticks(world: World, observers: Sequence[Any] = ()) -> Iterator[int]:
     """Drive tick by tick, for a loop of one's own or a debugger: gives the time [ns] after each tick.
 
     All of them are what `drive` does; between two of them samples can be looked at (`world.graph.latest`) and

@@ -263,10 +263,10 @@ class World:
         """What a machine's motion or header sent: its bodies stand there."""
         name = slot.partition(".")[0]
         if "state" in outputs:
-            self.bodies.follow(name, outputs["state"])
+            self.bodies.follow(name, lambda: outputs["state"])
             if "trailer" in outputs:
                 self.bodies.place(name + TRAILER, pose_of(outputs["trailer"]))
-        elif "height" in outputs:
+        elif "height" in outputs and self.machines[name].body is not None:
             self._lift_header(self.machines[name], outputs["height"])
 
     def _lift_header(self, machine: Machine, height: HeaderState | None) -> None:

@@ -6,15 +6,13 @@ byte. Parts whose class has `together` (`core/together.py`) are one batch; all o
 
 import time
 import warnings
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from swath.core.errors import SwathError
 from swath.core.graph import Lockstep
 from swath.core.schedule import NS
-from swath.core.together import GoesWith, Sent, takes_all
-from swath.judge.together import EvaluationOfAll
-from swath.record.digest import Digests
+from swath.core.together import GoesWith, takes_all
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import Running
 from swath.runtime.loop import advance, driven
@@ -22,7 +20,6 @@ from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 
 Ended = dict[str, Any] | SwathError  # a world's summary, or why there is none
-ALONE = 2  # observers of a run without tracks and hooks: digest, evaluation
 LOOK = ("lidar", "camera", "radar")  # kinds of slots beside which the others cost little
 
 
@@ -47,20 +44,12 @@ class Worlds:
         self.lockstep = Lockstep([world.graph for world in worlds])
         going = hooks or [()] * len(worlds)
         self.runs = [Running(world, None, None, own, ()) for world, own in zip(worlds, going, strict=True)]
-        self._digests = Digests([run.digest for run in self.runs]) if is_whole else None
-        if self._digests is not None:
-            self.lockstep.observers.append(self._digests.take)
         for run in self.runs:
             run.begin(())
-        self._has_more = [len(run.observers) > ALONE for run in self.runs]
-        self._judges: EvaluationOfAll | None = None
-        if any(self._has_more) or any(run.evaluation.has_windows for run in self.runs):
-            self.lockstep.observers.append(self._show_each)
-            self.lockstep.enders.append(self._reasons)
-        else:
-            self._judges = EvaluationOfAll([run.evaluation for run in self.runs], is_whole=is_whole)
-            self.lockstep.observers.append(self._judges)
-            self.lockstep.enders.append(self._judges.reasons)
+            if not is_whole:
+                run.observers.remove(run.digest)
+                run.evaluation.only_limits()
+            run.world.graph.observers = run.observers
 
     def drive(self) -> Iterator[tuple[int, Ended]]:
         """Drive all of them; gives number and summary, or error, of each as it ends."""
@@ -93,30 +82,6 @@ class Worlds:
         """How far each has driven [m]."""
         return driven(self.worlds, self.lockstep)
 
-    def judged(self, world: int, names: Collection[str] | None = None) -> Running:
-        """What goes along with a world, its evaluators knowing what was seen so far.
-
-        names: the evaluators of these metrics alone
-        """
-        if self._judges is not None:
-            self._judges.give(world, names)
-        return self.runs[world]
-
-    def _show_each(self, slot: str, t: int, outputs: Mapping[str, Sent], active: Any) -> None:
-        """Show samples to the evaluators of each world, and to what else looks on."""
-        kinds = tuple(sent.kind for sent in outputs.values())
-        for world in self.lockstep.going:
-            run = self.runs[world]
-            if self._has_more[world] or run.evaluation.wants(slot, t, kinds):
-                own = {output: sent.each[world] for output, sent in outputs.items()}
-                for see in run.observers[1:]:
-                    see(slot, t, own)
-
-    def _reasons(self, t: int, worlds: Sequence[int]) -> dict[int, str]:
-        """Why evaluators end worlds before the tick at t [ns]."""
-        found = ((world, self.runs[world].evaluation.end_reason(t)) for world in worlds)
-        return {world: reason for world, reason in found if reason}
-
     def _ended(self, ending: Sequence[int], started: float) -> Iterator[tuple[int, Ended]]:
         """End worlds as a run of its own ends."""
         for index in ending:
@@ -125,9 +90,6 @@ class Worlds:
                 if (error := self.lockstep.errors.get(index)) is not None:
                     raise error
                 self.lockstep.take_out(index)
-                if self._digests is not None:
-                    self._digests.give(index)
-                world.graph.observers = [*self.judged(index).observers]
                 world.graph.finish()
                 world.close()
                 found: Ended = run.finish(time.perf_counter() - started, incomplete=False)

@@ -49,11 +49,12 @@ DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 @dataclass(frozen=True)
 class Search:
     """spread: standard deviation of where the edge begins [m]; forget: unseen for so long it is lost [m];
-    spacing: of the rows that the crop stands in [m], 0 = unknown"""
+    spacing: of the rows that the crop stands in [m], 0 = unknown; view: height of the scanner [m]"""
 
     spread: float
     forget: float
     spacing: float = 0.0
+    view: float = 0.0
 
 
 class BlockTrack(KeepsState):
@@ -77,7 +78,7 @@ class BlockTrack(KeepsState):
     def __init__(self, search: Search) -> None:
         self._search = search
         self.track, self.points, self._block = ArcTrack(), EdgePoints(), Block()
-        self.populations, self.feet = Populations(), CanopyFeet(search.spacing)
+        self.populations, self.feet = Populations(), CanopyFeet(search.spacing, search.view)
         self._breaks, self._lodging, self.jagged = EdgeBreaks(), Lodging(), JaggedWall()
         self._walls = WallsBehind()
         self.clear()

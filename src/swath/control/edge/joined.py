@@ -16,9 +16,10 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
+from swath.control.edge.canopy_feet import mixed
 from swath.control.edge.likelihood_ratio import TOLERANCE, UNSURE, LikelihoodRatio
 from swath.control.edge.likelihood_ratio import Params as ScannerParams
-from swath.control.edge.overhang import HeightOverhang
+from swath.control.edge.overhang import HeightOverhang, density
 from swath.control.edge.profile import crop_sign
 from swath.control.edge.stem_lean import StemLean
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -35,7 +36,6 @@ ASKED_M = 0.4  # m of travel after which the lean is estimated anew
 INSIDE, FARTHEST = 0.6, 12.0  # m: rays that end at least so far in the crop, and no farther from the scanner
 CANOPY = (0.5, 1.25)  # of the crop's height, between which they end
 EDGE_OF_TOPS, EDGE_OF_THIN = 0.95, 0.7  # of the overhang of the tops: where a dense, a thin wall is seen
-DENSE, THIN = 0.9, 0.5  # share of the rays that the stand stops
 OWN = 0.01  # m: of each scanner at least, how it is mounted
 TOPS, LEAST_ABOVE = 0.08, 0.5  # of the crop's height: standard deviation of its tops; m above them
 MODEL = 0.1  # standard deviation of the tangent of a lean that the brightness tells
@@ -70,7 +70,8 @@ class Joined(KeepsState):
             raise InputError("wires", "none", "expected scanners, such as {left: lidar_left.scan}")
         scans = tuple(Port(name, Scan, unit="m", shape=(None,)) for name in self._mountings)
         self.inputs = (*scans, *LikelihoodRatio.inputs[1:])
-        self._height = HeightOverhang(params.each.upright_m or setup.crop_height)
+        highest = max(float(pose.position[2]) for pose in self._mountings.values())
+        self._height = HeightOverhang(params.each.upright_m or setup.crop_height, highest)
         self._lean = StemLean(PERCENT * params.gain_percent, len(self._mountings))
         self._each = {name: self._one(name, setup) for name in self._mountings}
         self._forget()
@@ -112,7 +113,7 @@ class Joined(KeepsState):
         return hang, self._hang_sd
 
     def _hang(self, crop: float, crop_sd: float, stopped: float, ramp: float) -> tuple[float, float]:
-        if not self._lean.is_seen or ramp >= 0.5:
+        if not self._lean.is_seen:
             return self._height.of(crop, crop_sd, stopped, ramp)
         low = self._height.lean(crop, stopped)
         if self._told is None or self._since >= ASKED_M:
@@ -120,9 +121,9 @@ class Joined(KeepsState):
         lean, sd = self._told
         if low == 0.0 and lean < 2.0 * sd:
             return 0.0, 0.0
-        dense = min(max((stopped - THIN) / (DENSE - THIN), 0.0), 1.0)
-        share = crop * (EDGE_OF_THIN + dense * (EDGE_OF_TOPS - EDGE_OF_THIN))
-        return share * lean, share * hypot(sd, MODEL)
+        share = crop * (EDGE_OF_THIN + density(stopped) * (EDGE_OF_TOPS - EDGE_OF_THIN))
+        hang, hang_sd = share * lean, share * hypot(sd, MODEL)
+        return mixed(ramp, (0.0, 0.0), (hang, hang_sd))  # of a lean inward the feet are seen
 
     def _look(self, inputs: Inputs, travel: float) -> None:
         """Take the brightness of what stands in the crop, where an edge was found before."""

@@ -17,7 +17,7 @@ from swath.control.edge.block_track import BLOCK, BlockTrack, Search
 from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
 from swath.control.edge.near_line import WAY, LineFit, NearLine
-from swath.control.edge.overhang import HeightOverhang, Overhang
+from swath.control.edge.overhang import HeightOverhang, Overhang, density
 from swath.control.edge.profile import crop_sign, finite, no_edge
 from swath.control.inclination import CRAB, Inclination
 from swath.control.yaw_rate import YawRate
@@ -31,16 +31,12 @@ from swath.signals.setup import ControlSetup
 
 BEGIN = 3  # blocks: a line through two shows nothing of its own error
 TOLERANCE = 0.10  # m, of the confidence
-STOPPED = (0.85, 0.97)  # share of the rays that open stands stop, and closed ones
 RAGGED, EVEN = 2.8, 0.03  # of the scatter beyond that of an even edge, of its height: bites, swing
-DUSTY, CLEAR, THICK = 0.08, 0.2, 0.8  # m, in dust; shares of the rays that are lost in clear air, in dust
 BENT = 0.4  # m per bend of 1/m: rays that cross the edge show it less well
 SLIPPED = 0.12  # m per rad that the edge turns away from the crop: 1.3 % of wheel slip, not known
 HIDDEN = 0.4  # of what the wall lies to and fro along the edge: bites behind what stands out
 BITES = 0.8  # of the depth of bites: the edge lies 0.76 of it further in than the line, at most
 ROWS = 0.125  # of their spacing: scatter of single plants in rows, which are no bites
-FEET = 0.25  # of the way from the edge of the canopy to the feet
-HALF_RAMP = 0.04  # m, where a lean may be one or not
 UNSURE, HELD = 0.45, 0.167  # greatest confidence of an edge that is held, not seen; m, its least deviation
 BETWEEN = 0.7  # m to the nearest block from which on an edge is held
 FLATTEST = 5.0  # m per m that the middle beam goes ahead while it falls
@@ -90,11 +86,16 @@ class LikelihoodRatio(KeepsState):
         self._sign = crop_sign(setup.edge_side)
         knife_x, end_y = setup.machine.header_end(setup.edge_side)
         usual = params.upright_m or setup.crop_height
-        self._overhang = overhang or HeightOverhang(usual)
+        self._overhang = overhang or HeightOverhang(usual, float(setup.mounting.position[2]))
         self._centre = self._sign * end_y
         self._reference = knife_x + params.reference_m
         self._blocks = BlockTrack(
-            Search(params.search_m, params.hold_m + AHEAD_OF_REFERENCE, setup.row_spacing)
+            Search(
+                params.search_m,
+                params.hold_m + AHEAD_OF_REFERENCE,
+                setup.row_spacing,
+                float(setup.mounting.position[2]),
+            )
         )
         self._ground, self._rays = Ground(), CanopyRays(setup.mounting, self._sign)
         self._line = LineFit(self._reference)
@@ -209,21 +210,18 @@ class LikelihoodRatio(KeepsState):
         canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
         feet = self._blocks.feet
         top = self._blocks.height
-        shift = feet.shift(top, stopped, line.spread, dust)
-        hang, hang_sd = self._overhang.of(crop, self._blocks.populations.plane_sd, stopped, feet.leans_in)
+        shift, shift_sd = feet.shift(top, crop, stopped, line.spread, dust)
+        rows = feet.rows(shift)[0]  # of plants, which stand out by themselves
+        dense = max(stopped, rows)  # where its plants are
+        hang, hang_sd = self._overhang.of(crop, self._blocks.populations.plane_sd, dense, feet.leans_in)
         is_smooth = self._blocks.bite > 0.0
-        even = max(EVEN * top, ROWS * feet.spacing)
+        even = max(EVEN * top, ROWS * rows * feet.spacing)
         ragged = 0.0 if is_smooth else sqrt(max(0.0, self._blocks.scatter - even**2))
-        hidden = (
-            0.0
-            if is_smooth or feet.spacing
-            else HIDDEN * _closed(stopped) * self._blocks.jagged.swing(self._blocks.height)
-        )
-        half = HALF_RAMP * 4.0 * feet.lean[0] * (1.0 - feet.lean[0])
-        known = hypot(line.offset_sd, RAGGED * ragged, hidden, FEET * shift, half)
-        alike = self._p.open_m + _closed(stopped) * (self._p.closed_m - self._p.open_m)
+        swing = 0.0 if is_smooth else self._blocks.jagged.swing(top)
+        hidden = HIDDEN * density(stopped) * (1.0 - rows) * swing
+        known = hypot(line.offset_sd, RAGGED * ragged, hidden, shift_sd)
+        alike = self._p.open_m + density(stopped) * (self._p.closed_m - self._p.open_m)
         known = hypot(known, BENT * edge.bend, SLIPPED * min(edge.angle, 0.0), alike)
-        known = hypot(known, DUSTY * min(max((dust - CLEAR) / (THICK - CLEAR), 0.0), 1.0))
         known = hypot(known, self._blocks.blank / sqrt(12.0))  # evenly anywhere in it
         sd = hypot(known, hang_sd) / steep
         sure = erf(TOLERANCE / (sd * sqrt(2.0))) * min(1.0, self._blocks.agreed / 0.8)
@@ -260,11 +258,6 @@ def _abreast(edge: EdgeFrame, reference: float) -> EdgeFrame:
     along = (reference - edge.x) / max(cos(edge.angle), 0.2)
     u = edge.u + (reference - edge.x) * tan(edge.angle) + 0.5 * edge.bend * along**2
     return EdgeFrame(reference, u, edge.angle + edge.bend * along, edge.bend)
-
-
-def _closed(stopped: float) -> float:
-    """How closed a stand is that stops a share of the rays, 0..1; of an open one the wall is ragged."""
-    return min(max((stopped - STOPPED[0]) / (STOPPED[1] - STOPPED[0]), 0.0), 1.0)
 
 
 DRAWN = "benchmarks/edge_pairs.py"  # cases at random, against the true edge

@@ -21,7 +21,7 @@ from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.together import Given, InWorlds, Samples, field_of
+from swath.core.together import Given, InWorlds, Samples, field_of, of_columns
 from swath.core.units import DEG, MM
 from swath.kernels import Rows, filled, of_worlds, repeatable, shared, start_warp
 from swath.signals import CropEdge, Inertial, Odometry, Scan, beam_directions
@@ -88,6 +88,9 @@ class Otsu(InWorlds):
         return Detectors(parts)
 
 
+NAMES = "offset", "heading", "curvature", "confidence", "crop_height", "stubble_height", "reference_x"
+
+
 class Detectors:
     """The detectors of many worlds."""
 
@@ -116,6 +119,8 @@ class Detectors:
         self._inertial = AllInertial(n)
         self._beams: tuple[Any, ...]
         self._reference = self._settings.of["reference"]
+        self._sent = of_columns(CropEdge, n, NAMES)
+        self._sent.arrays["reference_x"][:] = self._reference
         self._kernel, self._places = kernel.detect, kernel.SCRATCH
         self._make_room(0, 1)
 
@@ -212,9 +217,10 @@ class Detectors:
         self._launch = repeatable(self._kernel, self._given, threads=n)
 
     def _samples(self, t: int) -> dict[str, Samples]:
-        names = ("offset", "heading", "curvature", "confidence", "crop_height", "stubble_height")
-        arrays = {name: self._edges[:, k] for k, name in enumerate(names)}
-        return {"edge": Samples(CropEdge, t, {**arrays, "reference_x": self._reference})}
+        for k, name in enumerate(NAMES[:-1]):
+            self._sent.arrays[name][:] = self._edges[:, k]
+        self._sent.t = t
+        return {"edge": self._sent}
 
 
 def _settings(part: Otsu) -> tuple[float, ...]:

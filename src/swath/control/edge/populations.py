@@ -9,7 +9,7 @@ Nothing is assumed about crop, stubble, density or dust: where puffs swallow the
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.control.edge.canopy_classes import CLASSES, DUST, LAYER, LAYERS, LOWEST
+from swath.control.edge.canopy_classes import CLASSES, DUST, LAYER, LAYERS, LOWEST, NOTHING
 from swath.core.component import KeepsState
 from swath.core.portable import exp, log
 from swath.signals import F64
@@ -122,7 +122,10 @@ class Populations(KeepsState):
         return self._tell()[0]
 
     def dust(self) -> float:
-        """The greater share of both sides' rays that met dust, or came back with no echo."""
+        """The greater share of both sides' rays that met dust, or, in the crop, came back with no echo.
+
+        On the stubble side "no echo" may be that of a ray along the ground.
+        """
         return self._tell()[3]
 
     def _tell(self) -> tuple[float, float, float, float]:
@@ -131,7 +134,8 @@ class Populations(KeepsState):
             first = self._first_layer()
             answered = float(self.counts[0].sum() - self.counts[0, DUST])
             sides = self.counts[[0, 1, 4]]
-            dust = sides[:, LAYERS:].sum(axis=1) / np.maximum(sides.sum(axis=1), 1e-9)
+            lost = sides[:, DUST] + [1.0, 0.0, 1.0] * sides[:, NOTHING]
+            dust = lost / np.maximum(sides.sum(axis=1), 1e-9)
             self._told = (
                 canopy_height(crop, first),
                 _percentile(stubble, 0.9),

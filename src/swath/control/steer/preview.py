@@ -135,6 +135,9 @@ class Steerers:
         self._asked, self._odometry, self._commands = np.zeros(3), np.zeros((n, 3)), np.zeros((n, 2))
         self._upward, self._turning = AllInertial(n), AllInertial(n)
         self._pending = np.zeros((n, int(self._laws.of["pending"].max())))
+        rows = np.zeros(n, [("curvature", float), ("is_engaged", np.bool_)])
+        arrays = {"curvature": rows["curvature"], "is_engaged": rows["is_engaged"]}
+        self._sent = Samples(SteerCommand, 0, arrays, memory=rows)
         self._kernel = kernel.steer
         self._prepare()
 
@@ -199,8 +202,10 @@ class Steerers:
         self._launch = repeatable(self._kernel, self._held, threads=len(self._commands))
 
     def _samples(self, t: int) -> dict[str, Samples]:
-        arrays = {"curvature": self._commands[:, 0], "is_engaged": self._commands[:, 1] > 0.0}
-        return {"command": Samples(SteerCommand, t, arrays)}
+        self._sent.arrays["is_engaged"][:] = self._commands[:, 1] > 0.0
+        self._sent.arrays["curvature"][:] = self._commands[:, 0]
+        self._sent.t = t
+        return {"command": self._sent}
 
 
 EDGE = {

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import TRAILER, Contact
-from swath.judge.evaluator import EvaluatorSetup, Event, Metric
-from swath.judge.together import Asleep
+from swath.judge.evaluator import NEVER, EvaluatorSetup, Event, Metric
 from swath.record.tracks import Column, Latest
 from swath.signals import MachineState, Signal
 
@@ -45,24 +44,24 @@ class ContactWatch:
 
     def __init__(self, setup: EvaluatorSetup) -> None:
         self.setup = setup
-        self.rests_until = 0
+        self._next = 0
         self._count = 0
         self._clearance, self._least = float("nan"), float("inf")
         self._touched: dict[str, _Touch] = {}  # by the other body
         self._events: list[Event] = []
         self._reason = ""
 
+    @property
+    def rests_until(self) -> int:
+        """For ever where there is nothing to look at."""
+        return NEVER if self.setup.bodies.is_alone else self._next
+
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Look around whenever the machine has moved for a while."""
         for signal in outputs.values():
             if isinstance(signal, MachineState) and signal.t >= self.rests_until:
-                self.rests_until = signal.t + PERIOD
+                self._next = signal.t + PERIOD
                 self._look(signal)
-
-    @classmethod
-    def together(cls, evaluators: Sequence["ContactWatch"]) -> Asleep | None:
-        """Of many worlds: where each machine is alone there is nothing to look at."""
-        return Asleep() if all(e.setup.bodies.is_alone for e in evaluators) else None
 
     def metrics(self) -> dict[str, float]:
         """How often it touched something, and how near it came where there is something."""

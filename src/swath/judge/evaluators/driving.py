@@ -1,31 +1,29 @@
 """How far a machine drove."""
 
-from collections.abc import Mapping
-
+from swath.core.blocks import Seen
 from swath.core.registry import Level
-from swath.judge.evaluator import EvaluatorSetup, Metric
-from swath.signals import MachineState, Signal
+from swath.judge.evaluator import EvaluatorSetup, Later, Metric
+from swath.signals import MachineState
 
 
-class Driving:
+class Driving(Later):
     """The way of the middle of the fixed axle."""
 
     OF_FIELD = False
     SIGNALS = (MachineState,)
-    NEWEST = (MachineState,)
     METRICS = (Metric("distance_m", "m", "way of the fixed axle's centre", "Run", "", "", "", 1),)
 
     def __init__(self, setup: EvaluatorSetup) -> None:
         self._first: float | None = None
         self._last = 0.0
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+    def take(self, seen: Seen) -> None:
         """Note the distance."""
-        for signal in outputs.values():
-            if isinstance(signal, MachineState):
-                self._last = signal.distance
-                if self._first is None:
-                    self._first = self._last
+        if (states := seen.of(MachineState)) is not None:
+            way = states["distance"]
+            self._last = float(way[-1])
+            if self._first is None:
+                self._first = float(way[0])
 
     def metrics(self) -> dict[str, float]:
         """The distance driven."""

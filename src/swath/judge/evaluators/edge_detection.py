@@ -1,7 +1,5 @@
 """The detected crop edge against the one that stands in the field."""
 
-from bisect import bisect_left
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
@@ -11,15 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.blocks import Block, Seen, Shown, number_of
 from swath.core.frames import Pose, wrap_angle
 from swath.core.packed_state import saved_type
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.together import Samples, field_of
 from swath.field.present_edge import SIDE_M, STEP_M, Holes, crop_across, edges_of
-from swath.judge.evaluator import EvaluatorSetup, KeptRows, Metric, mean, rms
-from swath.judge.together import Bits, Table
-from swath.kernels import of_worlds, repeatable, shared
+from swath.judge.evaluator import NEVER, EvaluatorSetup, KeptRows, Later, Metric, mean, rms
 from swath.record.tracks import Column
 from swath.signals import F64, CropEdge, MachineState, Signal
 
@@ -35,6 +31,7 @@ RIGHT_M = 0.1  # error up to which an edge is right: what its confidence is the 
 FEW = 0.5  # a metric over a smaller share of the samples is noted
 NAN = float("nan")
 CHUNK = 32  # samples that are judged together: a millisecond of work
+MOST = 512  # states that are kept
 
 
 @dataclass(frozen=True)
@@ -105,7 +102,48 @@ class _Row:
     place: tuple[float, ...]  # as in `lines`
 
 
-class EdgeDetection:
+@saved_type("t", "rows")
+class States:
+    """The newest places of a machine. t [ns], (n,); rows: pose as 12 numbers, distance [m], (n, 13)"""
+
+    def __init__(self, t: NDArray[np.int64] | None = None, rows: F64 | None = None) -> None:
+        self.t = np.zeros(0, np.int64) if t is None else t
+        self.rows = np.zeros((0, 13)) if rows is None else rows
+
+    def take(self, block: Block) -> None:
+        """Note more of them."""
+        more = self.with_block(block)
+        self.t, self.rows = more.t[-MOST:], more.rows[-MOST:]
+
+    def with_block(self, block: Block | None) -> "States":
+        """These and more."""
+        if block is None:
+            return self
+        rows = np.column_stack([block["pose"], block["distance"]])
+        return States(np.concatenate([self.t, block["t"]]), np.concatenate([self.rows, rows]))
+
+    @property
+    def newest(self) -> tuple[int, Any, float]:
+        """Time [ns], -1 = none; pose as 12 numbers; distance."""
+        return (int(self.t[-1]), self.rows[-1, :12], self.rows[-1, 12]) if len(self.t) else (-1, (), 0.0)
+
+    def at(self, t: int) -> tuple[Pose, float]:
+        """True pose and distance at t [ns]; position and angles are interpolated between samples."""
+        after = min(int(np.searchsorted(self.t, t)), len(self.t) - 1)
+        if self.t[after] == t or after == 0:
+            return self._of(after)[1:]
+        return between_states(self._of(after - 1), self._of(after), t)
+
+    def _of(self, k: int) -> tuple[int, Pose, float]:
+        return int(self.t[k]), _pose_of(self.rows[k, :12]), float(self.rows[k, 12])
+
+
+def _pose_of(numbers: F64) -> Pose:
+    values = list(map(float, numbers))
+    return Pose.of_numbers(values[:3], [values[i : i + 3] for i in (3, 6, 9)])
+
+
+class EdgeDetection(Later):
     """Detected against true edge, at the place ahead that the detector reports for.
 
     What stands there is looked up at the time of the sample, and judged later, many samples together.
@@ -113,6 +151,7 @@ class EdgeDetection:
 
     OF_FIELD = False
     SIGNALS = (MachineState, CropEdge)
+    live = (CropEdge,)
     COLUMNS = ("edge_true_m", "edge_wall_m")
     METRICS = (
         Metric("edge_rmse_m", "m", "detected against true edge, root mean square; after settling", GROUP,
@@ -140,46 +179,49 @@ class EdgeDetection:
         self._reference, self._end_y = setup.machine.geometry.header_end(setup.machine.edge_side)[:2]
         self._begin = self._end_y + self.side * (FAR_M + SIDE_M)  # of the lines, on the cut side
         self._knife_x = self._reference
-        self._states: list[MachineState] = []
+        self._states = States()
+        self.rests_until = NEVER  # unless the truth has to reach the time of an edge
         self._waiting: list[CropEdge] = []
         self._rows: list[_Row] = []
         self._judged = KeptRows(10)
         self._newest: F64 | None = None  # row of those
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """Look up what stands where an edge is reported, once the truth has reached its time."""
-        for signal in outputs.values():
-            if isinstance(signal, MachineState):
-                self._states.append(signal)
-                if len(self._states) > 512:
-                    del self._states[:256]
-            elif isinstance(signal, CropEdge):
-                self._waiting.append(signal)
-        self.look()
-
-    def look(self) -> None:
-        """What stands where edges were reported up to the time of the newest state."""
-        if len(self._rows) >= CHUNK and not self._waiting:  # a tick with an edge has enough to do
+    def take(self, seen: Seen) -> None:
+        """Note where the machine was; judge what was looked up."""
+        if (states := seen.of(MachineState)) is not None:
+            self._states.take(states)
+        if len(self._rows) >= CHUNK:
             self._judge_rows()
-        while self._waiting and self._states and self._waiting[0].t <= self._states[-1].t:
-            self._look(self._waiting.pop(0))
 
-    def beside(self, across: Callable[..., NDArray[np.bool_]]) -> "EdgeDetection":
-        """A judge of another detector in the same run: it reads the states that this one keeps.
+    def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Look up what stands where an edge is reported, once the truth has reached its time."""
+        if number_of(outputs, CropEdge, "t") is not None:
+            self._waiting += [signal for signal in outputs.values() if isinstance(signal, CropEdge)]
+        if self._waiting:
+            now = outputs.waiting(MachineState, self.setup.name) if isinstance(outputs, Shown) else None
+            self.look(now)
+        self.rests_until = 0 if self._waiting else NEVER
+
+    def look(self, now: Block | None = None) -> None:
+        """What stands where edges were reported up to the time of the newest state. now: not yet taken in"""
+        newest = self._states.newest
+        if now is not None:
+            newest = int(now.last("t")), now.last("pose"), now.last("distance")
+        while self._waiting and self._waiting[0].t <= newest[0]:
+            edge = self._waiting.pop(0)
+            if edge.t == newest[0]:
+                self._look(edge, _pose_of(newest[1]), float(newest[2]))
+            else:
+                self._look(edge, *self._states.with_block(now).at(edge.t))
+
+    def beside(self, across: Callable[..., NDArray[np.bool_]], states: "States") -> "EdgeDetection":
+        """A judge of another detector in the same run. states: that others note for it
 
         Show it edges alone, and let it `look` after each state. across: in place of `crop_across`
         """
         other = EdgeDetection(self.setup, across)
-        other._states = self._states
+        other._states = states
         return other
-
-    @classmethod
-    def together(cls, evaluators: Sequence["EdgeDetection"]) -> "_Together | None":
-        """Of many worlds, where their fields are profiles without rows."""
-        fields = [e.setup.field for e in evaluators]
-        if any(getattr(f, "profile", None) is None or f.rows is not None for f in fields):
-            return None
-        return _Together(evaluators)
 
     def metrics(self) -> dict[str, float]:
         """Of all edges; nothing of a machine without an edge detection."""
@@ -235,8 +277,7 @@ class EdgeDetection:
         index = np.minimum(np.searchsorted(series.t, asked), len(series.t) - 1)
         return np.where(series.t[index] == asked, getattr(series, name)[index], np.nan)
 
-    def _look(self, edge: CropEdge) -> None:
-        pose, distance = self._at(edge.t)
+    def _look(self, edge: CropEdge, pose: Pose, distance: float) -> None:
         if isfinite(edge.reference_x):  # where none is reported, the last one counts, at first the knife
             self._reference = edge.reference_x
         end = 2.0 * self._end_y - self._begin
@@ -282,133 +323,6 @@ class EdgeDetection:
             return np.full(len(places), NAN)
         holes = Holes(self.setup.edge, self.setup.gaps, 0.5 * self.setup.machine.geometry.header_width)
         return self._end_y + holes.line(places[:, :2], places[:, 4:], places[:, 2:4])
-
-    def take(self, rows: F64) -> None:
-        """Rows that were judged elsewhere."""
-        self._judged.add(rows.ravel().tolist())
-        self._newest = rows[-1].copy()
-
-    def _at(self, t: int) -> tuple[Pose, float]:
-        """True pose and distance at t [ns]; position and angles are interpolated between samples."""
-        if self._states[-1].t == t:
-            return self._states[-1].pose, self._states[-1].distance
-        after = min(bisect_left(self._states, t, key=lambda s: s.t), len(self._states) - 1)
-        b = self._states[after]
-        if b.t == t or after == 0:
-            return b.pose, b.distance
-        first, second = ((s.t, s.pose, s.distance) for s in self._states[after - 1 : after + 1])
-        return between_states(first, second, t)
-
-
-class _Together:
-    """The same in arrays: a line across each machine, and its edges, in one launch.
-
-    states: time, poses, distances; waiting: edges of later times; rows: as in `_judge`, places: as in `lines`
-    """
-
-    def __init__(self, evaluators: Sequence[EdgeDetection]) -> None:
-        from swath.field.profile_kernel import Profile
-        from swath.judge.edge_detection_kernel import edges_across
-
-        n = len(evaluators)
-        self._evaluators = evaluators
-        self._side, self._end_y, self._begin, self._reference = np.array(
-            [(e.side, e._end_y, e._begin, e._reference) for e in evaluators]
-        ).T.copy()
-        self._states: deque[tuple[int, F64, F64]] = deque(maxlen=512)
-        self._waiting: deque[Samples] = deque()
-        self._rows, self._places = Table(n, 10), Table(n, 6)
-        self._knife_x = self._reference.copy()
-        count = round(2.0 * (FAR_M + SIDE_M) / STEP_M)
-        self._starts, self._steps = np.zeros((2, n, 2))
-        self._crop, self._counts = np.zeros((n, count), np.bool_), np.zeros(n, np.int32)
-        self._edges = np.zeros((n, 16), np.int32)
-        fields: list[Any] = [e.setup.field for e in evaluators]
-        self._held = [field.profile.struct() for field in fields]
-        inputs: list[Any] = [
-            of_worlds(Profile, self._held),
-            *(shared(array) for array in (self._starts, self._steps)),
-            round(SIDE_M / STEP_M),
-            *(shared(a) for a in (self._crop, np.zeros(n, np.int32), self._counts, self._edges)),
-        ]
-        self._launch = repeatable(edges_across, inputs, threads=n)
-        self._worlds = np.arange(n)
-
-    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
-        """Look up what stands where edges are reported, once the truth has reached their time."""
-        for samples in outputs.values():
-            if samples.kind is MachineState:
-                arrays = samples.arrays
-                self._states.append((samples.t, arrays["pose"].copy(), arrays["distance"].copy()))
-            elif samples.kind is CropEdge:
-                self._waiting.append(samples.copy())
-        while self._waiting and self._states and self._waiting[0].t <= self._states[-1][0]:
-            self._look(self._waiting.popleft())
-
-    def give(self, world: int) -> None:
-        """What was seen of a world."""
-        e, rows = self._evaluators[world], self._rows.news(world)
-        places = self._places.news(world)
-        if len(rows):
-            if e.setup.gaps:
-                lines = e.lines(places)
-                rows[:, 2] = np.where(np.isfinite(lines), lines, rows[:, 2])
-            e.take(rows)
-        e._waiting = [edge.of(world) for edge in self._waiting]
-
-    def _look(self, edge: Samples) -> None:
-        pose, distance = self._at(edge.t)
-        offset, confidence, reference = (
-            np.broadcast_to(field_of(edge, name), self._side.shape)
-            for name in ("offset", "confidence", "reference_x")
-        )
-        told = np.isfinite(reference)
-        self._reference[told] = reference[told]
-        px, py, _, ax, bx, _, ay, by, *_ = pose.T
-        begin = self._begin
-        end = 2.0 * self._end_y - begin
-        width = (end - begin) / self._crop.shape[1]
-        self._starts[:, 0] = px + bx * begin + ax * self._reference
-        self._starts[:, 1] = py + by * begin + ay * self._reference
-        self._steps[:, 0], self._steps[:, 1] = bx * width, by * width
-        self._launch.launch()
-        found = (confidence > 0.0) & np.isfinite(offset)
-        seen = np.where(found, offset, NAN)
-        at = begin[:, None] - (self._side * STEP_M)[:, None] * self._edges
-        at[np.arange(at.shape[1]) >= self._counts[:, None]] = np.inf
-        exists = (np.abs(at - self._end_y[:, None]) <= NEAR_M).any(axis=1)
-        to = np.where(found, offset, self._end_y)
-        wall = at[self._worlds, np.abs(at - to[:, None]).argmin(axis=1)]
-        wall[~((found & (self._counts > 0)) | exists)] = NAN
-        more = (field_of(edge, name) for name in ("is_held", "offset_sd"))
-        self._rows.add(self._worlds, edge.t, distance, wall, seen, found, exists, confidence, *more, wall)
-        place = _place((px, ax, bx), (py, ay, by), (self._reference, self._knife_x), self._end_y)
-        self._places.add(self._worlds, *place)
-
-    def _at(self, t: int) -> tuple[F64, F64]:
-        """As `EdgeDetection._at`, poses as numbers."""
-        newest, pose, distance = self._states[-1]
-        if newest == t:
-            return pose, distance
-        times = [state[0] for state in self._states]
-        after = min(bisect_left(times, t), len(times) - 1)
-        _, pose, distance = self._states[after]
-        if times[after] == t or after == 0:
-            return pose, distance
-        poses, distances = [], []
-        for world in range(len(pose)):
-            first, second = (_state_of(self._states[k], world) for k in (after - 1, after))
-            between, driven = between_states(first, second, t)
-            place, rows = between.numbers
-            poses.append([*place, *(v for row in rows for v in row)])
-            distances.append(driven)
-        return np.array(poses), np.array(distances)
-
-
-def _state_of(state: tuple[int, F64, F64], world: int) -> tuple[int, Pose, float]:
-    numbers = state[1][world].tolist()
-    rows = [numbers[k : k + 3] for k in (3, 6, 9)]
-    return state[0], Pose.of_numbers(numbers[:3], rows), float(state[2][world])
 
 
 def between_states(

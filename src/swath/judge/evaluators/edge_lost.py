@@ -1,24 +1,23 @@
 """When a machine steers itself and its edge detection reports no edge."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import fsum
 
 import numpy as np
 
+from swath.core.blocks import Seen
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.together import Samples, field_of
-from swath.judge.evaluator import EvaluatorSetup, Event, Metric
+from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric, held
 from swath.judge.header_path import HeaderPath
-from swath.judge.together import Bits
-from swath.signals import CropEdge, MachineState, Signal, SteerCommand
+from swath.signals import CropEdge, MachineState, SteerCommand
 
 GROUP = "Edge detection"
 LEAST_S = 1.0  # shorter losses are no event
 
 
-class EdgeLost:
+class EdgeLost(Later):
     """Events `edge_lost`: the automatic steered, then no edge was reported for LEAST_S or longer.
 
     An event begins with the first sample without an edge and ends with the next one with an edge, whether or
@@ -27,7 +26,6 @@ class EdgeLost:
 
     OF_FIELD = False
     SIGNALS = (MachineState, CropEdge, SteerCommand)
-    NEWEST = (MachineState,)
     METRICS = (
         Metric("edge_lost_count", "", f"times that the edge was lost for {LEAST_S:g} s or longer while the "
                "machine steered itself", GROUP, "lower", "edge lost, times", "", 0),
@@ -46,20 +44,23 @@ class EdgeLost:
         self._begin: Event | None = None
         self._events: list[Event] = []
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """Note whether there is an edge."""
-        for signal in outputs.values():
-            if isinstance(signal, MachineState):
-                self._state = signal
-            elif isinstance(signal, SteerCommand):
-                self._is_steering = signal.is_engaged
-            elif isinstance(signal, CropEdge) and self._state is not None:
-                self._see_edge(signal, self._state)
-
-    @classmethod
-    def together(cls, evaluators: Sequence["EdgeLost"]) -> "_Together":
-        """Of many worlds."""
-        return _Together(evaluators)
+    def take(self, seen: Seen) -> None:
+        """Note whether there was an edge."""
+        states, edges, commands = seen.of(MachineState), seen.of(CropEdge), seen.of(SteerCommand)
+        if edges is not None and (states is not None or self._state is not None):
+            at = np.full(len(edges), -1) if states is None else states.before(edges.orders)
+            steers = held(commands, "is_engaged", edges.orders, self._is_steering) > 0.0
+            is_found = (edges["confidence"] > 0.0) & np.isfinite(edges["offset"])
+            for k, found in enumerate(is_found.tolist()):
+                if found and self._was_found and self._begin is None:
+                    continue
+                state = self._state if states is None or at[k] < 0 else states.sample(at[k])
+                if state is not None:
+                    self._see_edge(int(edges["t"][k]), state, found, bool(steers[k]))
+        if commands is not None:
+            self._is_steering = bool(commands["is_engaged"][-1])
+        if states is not None:
+            self._state = states.sample(-1)
 
     def metrics(self) -> dict[str, float]:
         """Of all losses; nothing of a machine without an edge detection."""
@@ -92,55 +93,24 @@ class EdgeLost:
             self._events[-1] = replace(last, text=text)
         return self._events
 
-    def _see_edge(self, edge: CropEdge, state: MachineState) -> None:
+    def _see_edge(self, t: int, state: MachineState, is_found: bool, is_steering: bool) -> None:
         self._has_edges = True
-        if edge.is_found:
+        if is_found:
             self._was_found = True
             if self._is_listed:
                 last = self._events[-1]
-                text = f"no edge for {(edge.t - last.t) / NS:.1f} s"
-                self._events[-1] = replace(last, text=text, end_t=edge.t, end_distance=state.distance)
+                text = f"no edge for {(t - last.t) / NS:.1f} s"
+                self._events[-1] = replace(last, text=text, end_t=t, end_distance=state.distance)
             self._begin, self._is_listed = None, False
         elif self._begin is None:
-            if self._is_steering:
+            if is_steering:
                 x, y, _ = (float(v) for v in state.pose.apply(self._end))
                 self._begin = Event(
-                    edge.t, "edge_lost", self.setup.name, x, y, state.distance, "no edge since", end_t=None
+                    t, "edge_lost", self.setup.name, x, y, state.distance, "no edge since", end_t=None
                 )
-        elif not self._is_listed and edge.t - self._begin.t >= LEAST_S * NS:
+        elif not self._is_listed and t - self._begin.t >= LEAST_S * NS:
             self._events.append(self._begin)
             self._is_listed = True
-
-
-class _Together:
-    """Shows an edge to those who see none or saw none before, and when the automatic comes and goes."""
-
-    def __init__(self, evaluators: Sequence[EdgeLost]) -> None:
-        self._evaluators = evaluators
-        self._state: Samples | None = None
-        self._was_found, self._was_steering = np.zeros((2, len(evaluators)), np.bool_)
-
-    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
-        """Note whether there are edges."""
-        for samples in outputs.values():
-            if samples.kind is MachineState:
-                self._state = samples
-            elif samples.kind is SteerCommand:
-                is_steering = np.broadcast_to(field_of(samples, "is_engaged"), self._was_steering.shape)
-                for world in np.flatnonzero(is_steering != self._was_steering).tolist():
-                    self._evaluators[world]._is_steering = bool(is_steering[world])
-                self._was_steering[:] = is_steering
-            elif samples.kind is CropEdge and self._state is not None:
-                is_found = (field_of(samples, "confidence") > 0.0) & np.isfinite(field_of(samples, "offset"))
-                for world in np.flatnonzero(active & ~(is_found & self._was_found)).tolist():
-                    own: dict[str, Signal] = {"state": self._state.of(world), "edge": samples.of(world)}
-                    self._evaluators[world].see(slot, t, own)
-                self._was_found[:] = is_found
-
-    def give(self, world: int) -> None:
-        """What was seen of a world."""
-        if self._state is not None:
-            self._evaluators[world].see("", 0, {"state": self._state.of(world)})
 
 
 LEVEL = Level(EdgeLost, None, summary="when the machine steers itself and no edge is reported")

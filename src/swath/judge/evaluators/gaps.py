@@ -1,19 +1,20 @@
 """When the header end passes a gap in the crop's edge."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import hypot
 
+from swath.core.blocks import Seen
 from swath.core.registry import Level
-from swath.judge.evaluator import NEVER, EvaluatorSetup, Event, Metric
+from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric
 from swath.judge.header_path import HeaderPath
-from swath.signals import MachineState, Signal
+from swath.signals import MachineState
 
 BESIDE_M = 5.0  # the header end passes a gap when it is no farther from the edge than this
 STEP_M = 0.05  # driven between two looks
 
 
-class Gaps:
+class Gaps(Later):
     """Events `gap`: from where the header end comes beside a gap of its edge to where it leaves it."""
 
     OF_FIELD = False
@@ -25,17 +26,18 @@ class Gaps:
         self.setup = setup
         self._end = HeaderPath(setup.machine).end
         self._looked_at = -STEP_M
-        self.rests_until = 0 if setup.gaps else NEVER
         self._events: list[Event] = []
         self._open: dict[int, int] = {}  # gap -> index of its event
         self._circles: list[tuple[float, float, float]] | None = None  # around gaps: x, y, radius [m]
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """Look where the header end is."""
-        for signal in outputs.values():
-            if isinstance(signal, MachineState) and signal.distance - self._looked_at >= STEP_M:
-                self._looked_at = signal.distance
-                self._look(signal)
+    def take(self, seen: Seen) -> None:
+        """Look where the header end was."""
+        states = seen.of(MachineState) if self.setup.gaps else None
+        if states is not None:
+            for k, way in enumerate(states["distance"].tolist()):
+                if way - self._looked_at >= STEP_M:
+                    self._looked_at = way
+                    self._look(states.sample(k))
 
     def metrics(self) -> dict[str, float]:
         """None."""

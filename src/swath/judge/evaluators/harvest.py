@@ -1,23 +1,20 @@
 """What the header cut, and what it left standing."""
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 
 from swath.core import portable
+from swath.core.blocks import Seen
 from swath.core.registry import Level
-from swath.core.together import Samples, field_of
-from swath.judge.evaluator import EvaluatorSetup, Metric, ratio
-from swath.judge.header_path import HeaderPath, HeaderPaths
-from swath.judge.together import Bits
-from swath.signals import CropFlow, MachineState, Signal
+from swath.judge.evaluator import EvaluatorSetup, Later, Metric, added_up, held, ratio
+from swath.judge.header_path import HeaderPath
+from swath.signals import CropFlow, MachineState
 
 GROUP = "Harvest"
 OUTSIDE_M = 1.0  # uncut crop counts this far beyond the initial edge, where teeth may stand
 NODE_M = 0.5  # length of the strips in which uncut crop is counted
 
 
-class Harvest:
+class Harvest(Later):
     """Area and grain cut, use of the header's width, crop left uncut."""
 
     OF_FIELD = False
@@ -42,26 +39,27 @@ class Harvest:
         self._area = self._grain = self._settled_area = self._way = 0.0
         self._last: float | None = None  # distance at the last cut after settling
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+    def take(self, seen: Seen) -> None:
         """Add what was cut."""
-        for signal in outputs.values():
-            if isinstance(signal, MachineState):
-                self._distance = signal.distance
-                self._path.see(signal)
-            elif isinstance(signal, CropFlow):
-                self._has_header = True
-                self._area += signal.area
-                self._grain += signal.grain
-                if self._distance >= self.setup.settling_m:
-                    if self._last is not None:
-                        self._settled_area += signal.area
-                        self._way += self._distance - self._last
-                    self._last = self._distance
-
-    @classmethod
-    def together(cls, evaluators: Sequence["Harvest"]) -> "_Together":
-        """Of many worlds."""
-        return _Together(evaluators)
+        states, flows = seen.of(MachineState), seen.of(CropFlow)
+        if states is not None:
+            self._path.take(states)
+        if flows is not None:
+            self._has_header = True
+            area, way = flows["area"], held(states, "distance", flows.orders, self._distance)
+            self._area, self._grain = added_up(self._area, area), added_up(self._grain, flows["grain"])
+            is_settled = way >= self.setup.settling_m
+            if is_settled.any():
+                area, way = area[is_settled], way[is_settled]
+                before = way[:1] if self._last is None else [self._last]
+                steps = np.diff(way, prepend=before)
+                if self._last is None:
+                    area, steps = area[1:], steps[1:]
+                self._settled_area = added_up(self._settled_area, area)
+                self._way = added_up(self._way, steps)
+                self._last = float(way[-1])
+        if states is not None:
+            self._distance = float(states["distance"][-1])
 
     def metrics(self) -> dict[str, float]:
         """Of all that was cut; nothing of a machine without a header."""
@@ -97,46 +95,6 @@ class Harvest:
         for standing in self.setup.field.standing_areas(triangles).tolist():
             area += standing
         return area
-
-
-class _Together:
-    """sums: grain and area, area and way after settling; last: distance at the last cut after settling"""
-
-    def __init__(self, evaluators: Sequence[Harvest]) -> None:
-        n = len(evaluators)
-        self._evaluators = evaluators
-        self._paths = HeaderPaths([e._path for e in evaluators])
-        self._distance, self._last = np.zeros(n), np.full(n, np.nan)
-        self._settling = np.array([e.setup.settling_m for e in evaluators])
-        self._area, self._grain, self._settled_area, self._way = np.zeros((4, n))
-        self._has_header = False
-
-    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
-        """Add what was cut."""
-        for samples in outputs.values():
-            if samples.kind is MachineState:
-                self._distance[:] = samples.arrays["distance"]
-                self._paths.see(samples)
-            elif samples.kind is CropFlow:
-                self._has_header = True
-                area = field_of(samples, "area")
-                self._area += area
-                self._grain += field_of(samples, "grain")
-                is_settled = self._distance >= self._settling
-                counts = is_settled & (self._last == self._last)
-                self._settled_area += np.where(counts, area, 0.0)
-                self._way += np.where(counts, self._distance - self._last, 0.0)
-                self._last[is_settled] = self._distance[is_settled]
-
-    def give(self, world: int) -> None:
-        """What was seen of a world."""
-        e = self._evaluators[world]
-        self._paths.give(world)
-        e._distance, e._has_header = float(self._distance[world]), self._has_header
-        e._area, e._grain = float(self._area[world]), float(self._grain[world])
-        e._settled_area, e._way = float(self._settled_area[world]), float(self._way[world])
-        last = float(self._last[world])
-        e._last = last if last == last else None
 
 
 LEVEL = Level(Harvest, None, summary="what the header cut, and what it left standing")

@@ -1,24 +1,20 @@
 """How well a header kept its height, and what it lost."""
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 
+from swath.core.blocks import Seen
 from swath.core.registry import Level
-from swath.core.together import Samples, field_of
-from swath.judge.evaluator import EvaluatorSetup, KeptRows, Metric
-from swath.judge.together import Bits
-from swath.signals import CropFlow, HeaderState, MachineState, Signal
+from swath.judge.evaluator import EvaluatorSetup, KeptRows, Later, Metric, added_up, held
+from swath.signals import CropFlow, HeaderState, MachineState
 
 GROUP = "Header height"
 
 
-class HeaderHeight:
+class HeaderHeight(Later):
     """Height of the knife against the wanted one, after settling; grain that the header lost."""
 
     OF_FIELD = False
     SIGNALS = (MachineState, CropFlow, HeaderState)
-    NEWEST = (MachineState,)
     METRICS = (
         Metric("header_in_band", "1", "share of the time after settling in which the knife's mean height is "
                "within its band", GROUP, "higher", "mean height within the band", "%", 1),
@@ -40,25 +36,24 @@ class HeaderHeight:
         self._taken = self._left = self._lost = 0.0
         self._is_controlled = self._has_header = False
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+    def take(self, seen: Seen) -> None:
         """Note heights and losses."""
-        for signal in outputs.values():
-            if isinstance(signal, MachineState):
-                self._distance = signal.distance
-            elif isinstance(signal, CropFlow):
-                self._has_header = True
-                self._taken += signal.grain
-                self._lost += signal.lost_grain
-                self._left += signal.left_grain
-            elif isinstance(signal, HeaderState):
-                self._is_controlled, self._band = True, signal.band
-                if self._distance >= self._settling:
-                    self._note((signal.heights - signal.wanted).tolist())
-
-    @classmethod
-    def together(cls, evaluators: Sequence["HeaderHeight"]) -> "_Together":
-        """Of many worlds."""
-        return _Together(evaluators)
+        states, flows, headers = seen.of(MachineState), seen.of(CropFlow), seen.of(HeaderState)
+        if flows is not None:
+            self._has_header = True
+            self._taken = added_up(self._taken, flows["grain"])
+            self._lost = added_up(self._lost, flows["lost_grain"])
+            self._left = added_up(self._left, flows["left_grain"])
+        if headers is not None:
+            self._is_controlled, self._band = True, float(headers["band"][-1])
+            is_settled = held(states, "distance", headers.orders, self._distance) >= self._settling
+            if is_settled.any():
+                errors = headers["heights"][is_settled] - headers["wanted"][is_settled, None]
+                if self._errors is None:
+                    self._errors = KeptRows(errors.shape[1])
+                self._errors.add(errors.ravel().tolist())
+        if states is not None:
+            self._distance = float(states["distance"][-1])
 
     def metrics(self) -> dict[str, float]:
         """What there is to say; of heights nothing about a header that does not tell its own."""
@@ -74,40 +69,6 @@ class HeaderHeight:
             found["header_left_kg"] = self._left
             found["header_loss_percent"] = 100.0 * lost / whole if whole > 0.0 else float("nan")
         return found
-
-    def _note(self, errors: list[float]) -> None:
-        if self._errors is None:
-            self._errors = KeptRows(len(errors))
-        self._errors.add(errors)
-
-
-class _Together:
-    """Sums of flows; heights of knives one by one."""
-
-    def __init__(self, evaluators: Sequence[HeaderHeight]) -> None:
-        self._evaluators = evaluators
-        self._distance, *self._sums = np.zeros((4, len(evaluators)))
-        self._has_header = False
-
-    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
-        """Note heights and losses."""
-        for name, samples in outputs.items():
-            if samples.kind is MachineState:
-                self._distance[:] = samples.arrays["distance"]
-            elif samples.kind is CropFlow:
-                self._has_header = True
-                for total, part in zip(self._sums, ("grain", "lost_grain", "left_grain"), strict=True):
-                    total += field_of(samples, part)
-            elif samples.kind is HeaderState:
-                for world in np.flatnonzero(active).tolist():
-                    self._evaluators[world]._distance = float(self._distance[world])
-                    self._evaluators[world].see(slot, t, {name: samples.of(world)})
-
-    def give(self, world: int) -> None:
-        """What was seen of a world."""
-        e = self._evaluators[world]
-        e._taken, e._lost, e._left = (float(total[world]) for total in self._sums)
-        e._distance, e._has_header = float(self._distance[world]), self._has_header
 
 
 LEVEL = Level(HeaderHeight, None, summary="how well the header kept its height, and what it lost")

@@ -1,17 +1,16 @@
 """How far the header end is from where it should be beside the initial edge."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from swath.core.blocks import Seen
 from swath.core.registry import Level
-from swath.core.together import Samples
-from swath.judge.evaluator import EvaluatorSetup, Metric, even_path, mean, rms
-from swath.judge.header_path import HeaderPath, HeaderPaths
-from swath.judge.together import Bits
+from swath.judge.evaluator import EvaluatorSetup, Later, Metric, even_path, mean, rms
+from swath.judge.header_path import HeaderPath
 from swath.record.tracks import Column
-from swath.signals import F64, CropFlow, MachineState, Signal
+from swath.signals import F64, CropFlow, MachineState
 
 GROUP = "Steering"
 
@@ -27,7 +26,7 @@ class PathSeries:
     lateral: F64
 
 
-class LateralError:
+class LateralError(Later):
     """Lateral error of the header end against the initial edge, after settling."""
 
     OF_FIELD = False
@@ -47,18 +46,11 @@ class LateralError:
         self._path = HeaderPath(setup.machine)
         self._has_header = False
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+    def take(self, seen: Seen) -> None:
         """Note where the header end is."""
-        for signal in outputs.values():
-            if isinstance(signal, MachineState):
-                self._path.see(signal)
-            elif isinstance(signal, CropFlow):
-                self._has_header = True
-
-    @classmethod
-    def together(cls, evaluators: Sequence["LateralError"]) -> "_Together":
-        """Of many worlds."""
-        return _Together(evaluators)
+        if (states := seen.of(MachineState)) is not None:
+            self._path.take(states)
+        self._has_header |= seen.of(CropFlow) is not None
 
     def metrics(self) -> dict[str, float]:
         """Of the whole path; nothing of a machine without a header."""
@@ -99,26 +91,6 @@ def lateral_metrics(distance: F64, error: F64, *, settling: float) -> dict[str, 
     settled = settled[np.isfinite(settled)]
     p95 = float(np.percentile(np.abs(settled), 95.0)) if len(settled) else float("nan")
     return {"lateral_rms_m": rms(settled), "lateral_p95_m": p95, "lateral_bias_m": mean(settled)}
-
-
-class _Together:
-    def __init__(self, evaluators: Sequence[LateralError]) -> None:
-        self._evaluators = evaluators
-        self._paths = HeaderPaths([e._path for e in evaluators])
-        self._has_header = False
-
-    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
-        """Note where the header ends are."""
-        for samples in outputs.values():
-            if samples.kind is MachineState:
-                self._paths.see(samples)
-            elif samples.kind is CropFlow:
-                self._has_header = True
-
-    def give(self, world: int) -> None:
-        """What was seen of a world."""
-        self._paths.give(world)
-        self._evaluators[world]._has_header = self._has_header
 
 
 LEVEL = Level(LateralError, None, summary="the header end against where it should be beside the initial edge")

@@ -1,16 +1,15 @@
 """When a machine that cuts leaves its field, or passes the end of its edge."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from swath.core.blocks import Seen
 from swath.core.registry import Level
-from swath.core.together import Samples
-from swath.judge.evaluator import EvaluatorSetup, Event, Metric
+from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric
 from swath.judge.header_path import HeaderPath
-from swath.judge.together import Bits, Woken, newest_of
-from swath.signals import F64, CropFlow, MachineState, Signal
+from swath.signals import F64, CropFlow, MachineState
 
 GROUP = "Harvest"
 BESIDE_M = 2.0  # the field without a boundary ends this far on the cut side of the edge
@@ -18,7 +17,7 @@ STEP_M = 0.5  # driven between two looks
 CHUNK = 16  # of them are judged together
 
 
-class LeftField:
+class LeftField(Later):
     """Events `left_the_field`: both ends and the middle of the knife are outside; and `edge_end`: the header
     end passes the end of its edge.
 
@@ -50,37 +49,18 @@ class LeftField:
         self._events: list[Event] = []
         self._way = 0.0
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """Look where the knife is."""
-        for signal in outputs.values():
-            if isinstance(signal, MachineState):
-                if signal.distance >= self._next and self._has_header:
-                    self._waiting.append(signal)
-                    self._next = signal.distance + STEP_M
+    def take(self, seen: Seen) -> None:
+        """Look where the knife was, once the header has told of itself."""
+        states, flows = seen.of(MachineState), seen.of(CropFlow)
+        if states is not None and (self._has_header or flows is not None):
+            begin = 0 if self._has_header or flows is None else states.before(flows.orders[:1])[0] + 1
+            for k, way in enumerate(states["distance"][begin:].tolist(), begin):
+                if way >= self._next:
+                    self._waiting.append(states.sample(k))
+                    self._next = way + STEP_M
                     if len(self._waiting) == CHUNK:
                         self._judge()
-            elif isinstance(signal, CropFlow):
-                self._has_header = True
-
-    @classmethod
-    def together(cls, evaluators: Sequence["LeftField"]) -> Woken:
-        """Of many worlds."""
-        following, has_header = np.zeros(len(evaluators)), False
-
-        def asks(t: int, outputs: Mapping[str, Samples], active: Bits) -> Bits | None:
-            nonlocal has_header
-            if newest_of(outputs, CropFlow) is not None:
-                is_first, has_header = not has_header, True
-                return active if is_first else None
-            state = newest_of(outputs, MachineState)
-            if state is None or not has_header:
-                return None
-            distance = state.arrays["distance"]
-            looks = distance >= following
-            following[looks] = distance[looks] + STEP_M
-            return looks
-
-        return Woken(evaluators, asks)
+        self._has_header |= flows is not None
 
     def metrics(self) -> dict[str, float]:
         """Of the whole way; nothing of a machine without a header."""

@@ -1,18 +1,16 @@
 """Whether everything that left the field is somewhere: in a machine, lost, or on the ground."""
 
-from collections.abc import Mapping, Sequence
 from math import fsum
 
 import numpy as np
 
+from swath.core.blocks import Seen
 from swath.core.registry import Level
-from swath.core.together import Samples, field_of
-from swath.judge.evaluator import EvaluatorSetup, Metric
-from swath.judge.together import Bits
-from swath.signals import CropFlow, MachineLoad, Signal, UnloadState
+from swath.judge.evaluator import EvaluatorSetup, Later, Metric, added_up
+from swath.signals import CropFlow, MachineLoad, UnloadState
 
 
-class MassBalance:
+class MassBalance(Later):
     """Recounts the field and compares with what all its machines account for."""
 
     OF_FIELD = True
@@ -32,26 +30,28 @@ class MassBalance:
         self._loads: dict[str, MachineLoad] = {}
         self._unloads: dict[str, UnloadState] = {}
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """Note what a header took in and what a machine holds."""
-        for signal in outputs.values():
-            if isinstance(signal, CropFlow):
-                name = slot.partition(".")[0]
-                moving = self._in_transit.setdefault(name, [0.0, 0.0])
-                moving[0] += signal.grain
-                moving[1] += signal.straw
-                self._shed[name] = self._shed.get(name, 0.0) + signal.lost_grain
-            elif isinstance(signal, MachineLoad):
-                name = slot.partition(".")[0]
-                self._loads[name] = signal
+    def take(self, seen: Seen) -> None:
+        """Note what headers took in and what machines hold."""
+        for name in seen.machines(CropFlow):
+            flows, loads = seen.of(CropFlow, name), seen.of(MachineLoad, name)
+            assert flows is not None
+            moving = self._in_transit.get(name, [0.0, 0.0])
+            self._shed[name] = added_up(self._shed.get(name, 0.0), flows["lost_grain"])
+            is_new = np.ones(len(flows), np.bool_)
+            if loads is not None:  # which hold what came before
+                moving, is_new = [0.0, 0.0], flows.orders > loads.orders[-1]
+            parts = zip(moving, ("grain", "straw"), strict=True)
+            self._in_transit[name] = [added_up(begin, flows[part][is_new]) for begin, part in parts]
+        for name in seen.machines(MachineLoad):
+            loads = seen.of(MachineLoad, name)
+            assert loads is not None
+            self._loads[name] = loads.sample(-1)
+            if seen.of(CropFlow, name) is None:
                 self._in_transit[name] = [0.0, 0.0]
-            elif isinstance(signal, UnloadState):
-                self._unloads[slot.partition(".")[0]] = signal
-
-    @classmethod
-    def together(cls, evaluators: Sequence["MassBalance"]) -> "_Together":
-        """Of many worlds."""
-        return _Together(evaluators)
+        for name in seen.machines(UnloadState):
+            unloads = seen.of(UnloadState, name)
+            assert unloads is not None
+            self._unloads[name] = unloads.sample(-1)
 
     def metrics(self) -> dict[str, float]:
         """The error as it stands now."""
@@ -76,39 +76,6 @@ class MassBalance:
             if (unload := self._unloads.get(name)) is not None:  # drawn, and not yet booked by the process
                 grain += load.unloaded_grain - unload.drawn + unload.held
         return grain, straw
-
-
-class _Together:
-    """By machine. moving: grain, straw between header and process, grain that was shed, (3, worlds)"""
-
-    def __init__(self, evaluators: Sequence[MassBalance]) -> None:
-        self._evaluators = evaluators
-        self._moving: dict[str, np.ndarray] = {}
-        self._loads: dict[str, Samples] = {}
-        self._unloads: dict[str, Samples] = {}
-
-    def see(self, slot: str, t: int, outputs: Mapping[str, Samples], active: Bits) -> None:
-        """Note what headers took in and what machines hold."""
-        name, n = slot.partition(".")[0], len(self._evaluators)
-        for samples in outputs.values():
-            if samples.kind is CropFlow:
-                moving = self._moving.setdefault(name, np.zeros((3, n)))
-                for k, part in enumerate(("grain", "straw", "lost_grain")):
-                    moving[k] += field_of(samples, part)
-            elif samples.kind is MachineLoad:
-                self._loads[name] = samples
-                self._moving.setdefault(name, np.zeros((3, n)))[:2] = 0.0
-            elif samples.kind is UnloadState:
-                self._unloads[name] = samples
-
-    def give(self, world: int) -> None:
-        """What was seen of a world."""
-        e = self._evaluators[world]
-        for name, moving in self._moving.items():
-            grain, straw, shed = moving[:, world].tolist()
-            e._in_transit[name], e._shed[name] = [grain, straw], shed
-        e._loads = {name: samples.of(world) for name, samples in self._loads.items()}
-        e._unloads = {name: samples.of(world) for name, samples in self._unloads.items()}
 
 
 def balance_error(missing: float, accounted: float) -> float:

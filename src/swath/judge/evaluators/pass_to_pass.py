@@ -1,12 +1,11 @@
 """How passes lie beside each other: what is gone over twice, and what is left between them."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
+from swath.core.blocks import Seen
 from swath.core.registry import Level
-from swath.judge.evaluator import NEVER, EvaluatorSetup, KeptRows, Metric, even_path, mean
-from swath.signals import F64, CropFlow, GuidanceState, MachineState, Signal
+from swath.judge.evaluator import EvaluatorSetup, KeptRows, Later, Metric, even_path, held, mean
+from swath.signals import F64, CropFlow, GuidanceState, MachineState
 
 GROUP = "Passes"
 PATH_M = 0.05  # spacing of the stored path
@@ -15,7 +14,7 @@ APART = 3.0  # m without crop, behind which another pass begins
 SAME_WAY = 0.9  # cosine between two passes that are taken as driven the same way
 
 
-class PassToPass:
+class PassToPass(Later):
     """The header end that follows the edge, against where the other end went in a pass before.
 
     A pass is a way on which the header cuts, of a machine that has a path, too: none turns without.
@@ -43,23 +42,30 @@ class PassToPass:
         self._pass, self._cuts = 0, False
         self._last = float("inf")  # distance at which it cut last [m]
         self._next = float("-inf")  # distance from which on the next place is noted [m]
-        self.rests_until = 0 if {GuidanceState, CropFlow} <= {*machine.outputs.values()} else NEVER
+        self._counts = {GuidanceState, CropFlow} <= {*machine.outputs.values()}
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+    def take(self, seen: Seen) -> None:
         """Note where both ends of the header are while it cuts."""
-        for signal in outputs.values():
-            if isinstance(signal, CropFlow):
-                self._cuts = signal.area > 0.0
-            elif isinstance(signal, MachineState) and self._cuts and signal.distance >= self._next:
-                self._pass += signal.distance - self._last > APART
-                self._last = signal.distance
-                inner, outer = signal.pose.point(*self._inner), signal.pose.point(*self._outer)
-                self._rows.add((self._pass, signal.distance, *inner[:2], *outer[:2]))
-                self._next = signal.distance + PATH_M
+        if not self._counts:
+            return
+        states, flows = seen.of(MachineState), seen.of(CropFlow)
+        if states is not None:
+            cuts = held(flows, "area", states.orders, float(self._cuts)) > 0.0
+            for k in np.flatnonzero(cuts & (states["distance"] >= self._next)).tolist():
+                way = float(states["distance"][k])
+                if way >= self._next:
+                    self._pass += way - self._last > APART
+                    self._last = way
+                    pose = states.sample(k).pose
+                    inner, outer = pose.point(*self._inner), pose.point(*self._outer)
+                    self._rows.add((self._pass, way, *inner[:2], *outer[:2]))
+                    self._next = way + PATH_M
+        if flows is not None:
+            self._cuts = bool(flows["area"][-1] > 0.0)
 
     def metrics(self) -> dict[str, float]:
         """Of all passes; nothing of a machine that cuts one or none, nan where none lies beside another."""
-        if self.rests_until == NEVER or self._pass == 0:
+        if not self._counts or self._pass == 0:
             return {}
         overlap = self.overlaps()
         if not len(overlap):

@@ -1,21 +1,22 @@
 """How well a machine knows where it is, how long its receiver was without a fix, and what steered it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import atan2, cos, hypot, isfinite, sin
 
 import numpy as np
 
+from swath.core.blocks import Seen
 from swath.core.portable import solve
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.judge.evaluator import EvaluatorSetup, Event, KeptRows, Metric, mean, rms
-from swath.signals import F64, FIX_QUALITIES, Fix, GuidanceState, MachineState, PoseEstimate, Signal
+from swath.judge.evaluator import EvaluatorSetup, Event, KeptRows, Later, Metric, mean, rms
+from swath.signals import F64, FIX_QUALITIES, Fix, GuidanceState, MachineState, PoseEstimate
 
 GROUP = "Positioning"
 FIXED = FIX_QUALITIES.index("fix")
 
 
-class Positioning:
+class Positioning(Later):
     """The estimated pose against the true one, the quality of the fix, the time on a path.
 
     Events `fix_lost`: the receiver had a fix and has none until it comes back.
@@ -23,7 +24,6 @@ class Positioning:
 
     OF_FIELD = False
     SIGNALS = (MachineState, Fix, PoseEstimate, GuidanceState)
-    NEWEST = (MachineState,)
     METRICS = (
         Metric("pose_error_rms_m", "m", "estimated against true place, root mean square", GROUP, "lower",
                "pose error, RMS", "cm"),
@@ -52,18 +52,22 @@ class Positioning:
         self._events: list[Event] = []
         self._longest = 0.0
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+    def take(self, seen: Seen) -> None:
         """Samples beside the true state of their time."""
-        for signal in outputs.values():
-            if isinstance(signal, MachineState):
-                self._state = signal
-            elif isinstance(signal, PoseEstimate):
-                self._take(signal)
-            elif isinstance(signal, Fix):
-                self._hear(t, signal)
-            elif isinstance(signal, GuidanceState):
-                self._led += signal.is_following
-                self._state_count += 1
+        states = seen.of(MachineState)
+        for poses in (block for block in (seen.of(PoseEstimate), seen.of(Fix)) if block is not None):
+            at = np.full(len(poses), -1) if states is None else states.before(poses.orders)
+            for k, i in enumerate(at.tolist()):
+                state = self._state if states is None or i < 0 else states.sample(i)
+                if poses.kind is PoseEstimate:
+                    self._take(poses.sample(k), state)
+                else:
+                    self._hear(int(poses.times[k]), poses.sample(k), state)
+        if (guided := seen.of(GuidanceState)) is not None:
+            self._led += int(np.count_nonzero(guided["is_following"]))
+            self._state_count += len(guided)
+        if states is not None:
+            self._state = states.sample(-1)
 
     def metrics(self) -> dict[str, float]:
         """Of what the machine has."""
@@ -84,8 +88,7 @@ class Positioning:
             return self._events
         return [*self._events, self._event(self._lost, None, float("nan"))]
 
-    def _take(self, pose: PoseEstimate) -> None:
-        state = self._state
+    def _take(self, pose: PoseEstimate, state: MachineState | None) -> None:
         if state is None or not isfinite(pose.x) or not isfinite(pose.heading):
             return
         x, y, _ = state.pose.position.tolist()
@@ -94,21 +97,21 @@ class Positioning:
         error = np.array([pose.x - x, pose.y - y, turn, pose.speed - state.speed])
         self._rows.add((hypot(pose.x - x, pose.y - y), turn, _normalised(error, pose.covariance)))
 
-    def _hear(self, t: int, fix: Fix) -> None:
+    def _hear(self, t: int, fix: Fix, state: MachineState | None) -> None:
         is_fixed = fix.quality == FIXED
         self._had_fix = self._had_fix or is_fixed
         self._fixed += is_fixed
         self._fix_count += 1
-        if self._state is None or not self._had_fix:
+        if state is None or not self._had_fix:
             return
         if not is_fixed and self._lost is None:
-            x, y, _ = self._state.pose.position.tolist()
-            self._lost = t, x, y, self._state.distance
+            x, y, _ = state.pose.position.tolist()
+            self._lost = t, x, y, state.distance
         if self._lost is None:
             return
         self._longest = max(self._longest, (t - self._lost[0]) / NS)
         if is_fixed:
-            self._events.append(self._event(self._lost, t, self._state.distance))
+            self._events.append(self._event(self._lost, t, state.distance))
             self._lost = None
 
     def _event(self, lost: tuple[int, float, float, float], end: int | None, gone: float) -> Event:

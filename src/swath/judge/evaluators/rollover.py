@@ -5,12 +5,11 @@ from math import acos, cos, degrees, radians, sqrt
 
 import numpy as np
 
+from swath.core.blocks import number_of
 from swath.core.portable import product
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.together import Samples
 from swath.judge.evaluator import EvaluatorSetup, Event, Metric
-from swath.judge.together import Bits, Woken, newest_of
 from swath.signals import MachineState, Signal
 
 TIPPED = radians(20.0)  # one side's wheels are a metre up, the header's end is in the ground
@@ -42,28 +41,14 @@ class Rollover:
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Look how the machine stands."""
-        for signal in outputs.values():
-            if isinstance(signal, MachineState) and signal.t >= self.rests_until and not self._events:
-                self.rests_until = signal.t + PERIOD
-                if signal.pose.numbers[1][2][2] < cos(TIPPED) and (tilt := self._tilt(signal)) > TIPPED:
-                    self._note(signal, tilt)
-
-    @classmethod
-    def together(cls, evaluators: Sequence["Rollover"]) -> Woken:
-        """Of many worlds."""
-        until = np.zeros(1, np.int64)
-
-        def asks(t: int, outputs: Mapping[str, Samples], active: Bits) -> Bits | None:
-            state = newest_of(outputs, MachineState)
-            if state is None or state.t < until[0]:
-                return None
-            until[0] = state.t + PERIOD
-            leans: Bits = state.arrays["pose"][:, 11] < cos(TIPPED)
-            for world in np.flatnonzero(leans).tolist():
-                evaluators[world].rests_until = state.t
-            return leans
-
-        return Woken(evaluators, asks)
+        now = number_of(outputs, MachineState, "t")
+        if now is None or now < self.rests_until or self._events:
+            return
+        self.rests_until = int(now) + PERIOD
+        if number_of(outputs, MachineState, "pose")[-1] < cos(TIPPED):
+            state = next(signal for signal in outputs.values() if isinstance(signal, MachineState))
+            if (tilt := self._tilt(state)) > TIPPED:
+                self._note(state, tilt)
 
     def metrics(self) -> dict[str, float]:
         """1 for a machine that rolled over, else 0."""

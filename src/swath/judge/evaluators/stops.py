@@ -9,11 +9,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from swath.core.blocks import Seen, number_of
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.together import Samples
-from swath.judge.evaluator import EvaluatorSetup, Event, Metric
-from swath.judge.together import Bits, Woken, newest_of
+from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric
 from swath.signals import MachineState, Objects, Signal
 
 STANDS, DRIVES = 0.05, 0.5  # m/s: slower it stands, faster it has driven
@@ -22,7 +21,7 @@ NEAR_M = 1.0  # from a box to the middle of an object that tells of it, in the p
 LOOKED_BACK = 6 * NS  # from the stop: to brake from 10 km/h at 0.6 m/s2, and to react, takes as long
 
 
-class Stops:
+class Stops(Later):
     """Events `stop`: the machine drove, and stands."""
 
     OF_FIELD = False
@@ -39,24 +38,45 @@ class Stops:
         self._events: list[Event] = []
         self._told: dict[str, tuple[int, str]] = {}  # when it was told of last [ns], and of which kind it is
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+    @property
+    def live(self) -> tuple[type[Signal], ...]:
+        """What stands around is looked at when it stops."""
+        return () if self._setup.bodies.is_alone else self.SIGNALS
+
+    def take(self, seen: Seen) -> None:
+        """Does it drive, and does it stand, with nothing around?"""
+        states = seen.of(MachineState)
+        if states is not None and not self.live:
+            speeds = np.abs(states["speed"])
+            if self._drove and float(speeds.min()) >= STANDS:
+                return
+            for k, speed in enumerate(speeds.tolist()):
+                if self._stands(speed):
+                    self._stand(states.sample(k))
+
+    def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Does it drive, does it stand, and of what is it told?"""
-        for signal in outputs.values():
+        for signal in outputs.values() if number_of(outputs, Objects, "t") is not None else ():
             if isinstance(signal, Objects):
                 self._hear(signal)
-            if not isinstance(signal, MachineState):
-                continue
-            self._drove = self._drove or abs(signal.speed) > DRIVES
-            if self._drove and abs(signal.speed) < STANDS:
-                self._drove = False
-                x, y, _ = signal.pose.position.tolist()
-                gap, other = self._setup.bodies.clearance(self._setup.name)
-                near = f", {gap:.1f} m before {other}" if other and gap < 20.0 else ""
-                name, text = self._setup.name, f"{self._setup.name} stands{near}"
-                why = self._why(signal.t)
-                self._events.append(
-                    Event(signal.t, "stop", name, x, y, signal.distance, text, signal.t, because=why)
-                )
+        speed = number_of(outputs, MachineState, "speed")
+        if speed is not None and self._stands(abs(speed)):
+            self._stand(next(signal for signal in outputs.values() if isinstance(signal, MachineState)))
+
+    def _stands(self, speed: float) -> bool:
+        """Whether it drove and now stands."""
+        self._drove = self._drove or bool(speed > DRIVES)
+        stands = self._drove and bool(speed < STANDS)
+        self._drove &= not stands
+        return stands
+
+    def _stand(self, state: MachineState) -> None:
+        x, y, _ = state.pose.position.tolist()
+        gap, other = self._setup.bodies.clearance(self._setup.name)
+        near = f", {gap:.1f} m before {other}" if other and gap < 20.0 else ""
+        name, text = self._setup.name, f"{self._setup.name} stands{near}"
+        why = self._why(state.t)
+        self._events.append(Event(state.t, "stop", name, x, y, state.distance, text, state.t, because=why))
 
     def _hear(self, objects: Objects) -> None:
         """Note which bodies something told is near to."""
@@ -76,24 +96,6 @@ class Stops:
         """Names, then kinds, of what was told of lately."""
         lately = {name: kind for name, (when, kind) in self._told.items() if t - when <= LOOKED_BACK}
         return (*lately, *dict.fromkeys(lately.values()))
-
-    @classmethod
-    def together(cls, evaluators: Sequence["Stops"]) -> Woken:
-        """Of many worlds."""
-        drove = np.zeros(len(evaluators), np.bool_)
-
-        def asks(t: int, outputs: Mapping[str, Samples], active: Bits) -> Bits | None:
-            state = newest_of(outputs, MachineState)
-            if state is None:
-                return active  # of objects
-            speed = np.abs(state.arrays["speed"])
-            begins = ~drove & (speed > DRIVES)
-            ends = drove & (speed < STANDS)
-            drove[begins], drove[ends] = True, False
-            changes: Bits = begins | ends
-            return changes
-
-        return Woken(evaluators, asks)
 
     def metrics(self) -> dict[str, float]:
         """How often."""

@@ -6,9 +6,10 @@ from math import cos, fsum, hypot, inf, sin
 
 import numpy as np
 
+from swath.core.blocks import Block, Seen
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.judge.evaluator import EvaluatorSetup, Metric
+from swath.judge.evaluator import EvaluatorSetup, Later, Metric
 from swath.signals import F64, HeapState, MachineState, Signal, Station, TrailerState, UnloadState
 from swath.signals.setup import MachineGeometry
 
@@ -66,7 +67,7 @@ class _Load:
         return self.is_reached or now - self.begun > COMES_UP
 
 
-class Unloading:
+class Unloading(Later):
     """Pairs a machine that pours with the one that keeps a station beside it, by the truth of both.
 
     A deviation is that of the point where the stream comes down from where it was wanted in the box, along
@@ -76,7 +77,6 @@ class Unloading:
 
     OF_FIELD = True
     SIGNALS = (MachineState, TrailerState, UnloadState, Station, HeapState)
-    NEWEST = (MachineState, TrailerState)
     METRICS = (
         Metric("unloaded_kg", "kg", "grain that came down in a box", GROUP, "", "", "", 1),
         Metric("spill_share", "1", "grain that missed a box or ran over its rim, of what left the tank",
@@ -109,13 +109,14 @@ class Unloading:
         self._loads: dict[tuple[str, str], _Load] = {}  # by the machine that pours and that with the box
         self._flowing = self._late = 0.0
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+    def take(self, seen: Seen) -> None:
         """Keep the newest; judge at every sample of a pipe."""
-        name = slot.partition(".")[0]
-        for signal in outputs.values():
+        known = [block for block in seen.blocks if issubclass(block.kind, self.SIGNALS)]
+        carriers = [block for block in known if issubclass(block.kind, (MachineState, TrailerState))]
+        told = [block for block in known if block not in carriers]
+        for order, place, k in sorted((o, i, k) for i, b in enumerate(told) for k, o in enumerate(b.orders)):
+            name, signal = told[place].slot.partition(".")[0], told[place].sample(k)
             self._latest[name, type(signal)] = signal
-            if isinstance(signal, MachineState):  # by far the most
-                continue
             if isinstance(signal, HeapState):
                 self._keep(name, signal)
             elif isinstance(signal, UnloadState):
@@ -123,7 +124,16 @@ class Unloading:
                 self._times[name] = signal.t
                 if signal.flow > 0.0:
                     self._flowing += since
+                    for block in carriers:
+                        self._note(block, int(block.before(np.array([order]))[0]))
                     self._judge(name, signal, since)
+        for block in carriers:
+            self._note(block, len(block) - 1)
+
+    def _note(self, carrier: Block, k: int) -> None:
+        """Where a machine or trailer is: the kth of its samples, -1 = the last one before."""
+        if k >= 0:
+            self._latest[carrier.slot.partition(".")[0], carrier.kind] = carrier.sample(k)
 
     def metrics(self) -> dict[str, float]:
         """Nothing where no machine has a pipe with an auger."""

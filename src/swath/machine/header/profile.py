@@ -26,6 +26,7 @@ from swath.machine.header.fill_gauge import OVER_M
 from swath.signals import CropFlow, MachineState
 
 ROOM = 64  # states between two steps
+FLOWS = "grain", "straw", "area", "stem_count", "header_fill", "dt", "left_grain"  # as the kernel gives them
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,8 @@ class Headers:
         self._cuttings = Rows(kernel.Cutting, n)
         self._poses, self._flows = np.zeros((n, ROOM, 12)), np.zeros((n, 7))
         self._counts = np.zeros(n, np.int32)
+        self._rows = np.zeros(n, [(k, np.int64 if k == "stem_count" else float) for k in FLOWS])
+        self._sent = Samples(CropFlow, 0, {k: self._rows[k] for k in FLOWS}, memory=self._rows)
         self._inputs = [
             of_worlds(Profile, self._profiles),
             of_worlds(kernel.Taken, self._taken),
@@ -105,9 +108,10 @@ class Headers:
 
     def _samples(self, t: int, seconds: float) -> dict[str, Samples]:
         self._flows[:, 5] = seconds
-        grain, straw, area, stems, fill, dt, left = self._flows.T
-        sums = {"grain": grain, "straw": straw, "area": area, "stem_count": stems.astype(np.int64)}
-        return {"flow": Samples(CropFlow, t, {**sums, "header_fill": fill, "dt": dt, "left_grain": left})}
+        for k, name in enumerate(FLOWS):
+            self._rows[name] = self._flows[:, k]
+        self._sent.t = t
+        return {"flow": self._sent}
 
 
 def _taken(struct: Any, part: ProfileHeader) -> Any:

@@ -82,6 +82,9 @@ class Vehicles:
         self._rows = self._grounds.numpy()
         asked, moving = shared(self._asked), [self._tracks.array, self._stands.array]
         self._keeps = asked, shared(self._states)
+        names = ("speed", "lateral_speed", "yaw_rate", "steer_angle", "distance")
+        arrays = {"pose": self._states[:, :12]} | {n: self._states[:, 12 + k] for k, n in enumerate(names)}
+        self._sent = Samples(MachineState, 0, arrays, memory=self._states)
         self._drive = repeatable(kernel.drive_arcs, [self._vehicles, asked, *moving], threads=n)
         inputs = [self._grounds, self._vehicles, asked, *moving, self._keeps[1]]
         self._stand = repeatable(kernel.stand_on, inputs, threads=n)
@@ -108,7 +111,8 @@ class Vehicles:
         if drive is not None:
             limit = drive.arrays["speed_limit"]
             wanted = np.minimum(np.maximum(wanted, -limit), limit)
-        for world in np.flatnonzero(~np.isfinite(wanted)).tolist():
+        is_finite = np.isfinite(wanted)
+        for world in () if is_finite.all() else np.flatnonzero(~is_finite).tolist():
             self.errors[world] = InputError("speed command", float(wanted[world]), "expected a finite speed")
         self._asked[:, 0], self._asked[:, 1], self._asked[:, 2] = steer.arrays["angle"], wanted, dt / NS
         self._drive.launch()
@@ -142,7 +146,8 @@ class Vehicles:
 
     def _samples(self, t: int) -> dict[str, Samples]:
         self._stand.launch()
-        missing = np.flatnonzero(self._stands.of["is_done"] == 0.0).tolist()
+        done = self._stands.of["is_done"]
+        missing = [] if done.all() else np.flatnonzero(done == 0.0).tolist()
         for world in missing:
             try:
                 self._parts[world].follower.footprint.take(*self._place(world))
@@ -153,9 +158,8 @@ class Vehicles:
             self._rows[world] = self._held[world].numpy_value()
         if missing:
             self._stand.launch()
-        names = ("speed", "lateral_speed", "yaw_rate", "steer_angle", "distance")
-        arrays = {"pose": self._states[:, :12]} | {n: self._states[:, 12 + k] for k, n in enumerate(names)}
-        found = {"state": Samples(MachineState, t, arrays)}
+        self._sent.t = t
+        found = {"state": self._sent}
         trailers = [
             towed.state(t, Pose.of_numbers(*_numbers(self._states[world])), self._place(world)[2])
             for world, towed in self._towing

@@ -77,6 +77,8 @@ class Actuators:
         self._arrivals, self._curvatures = np.zeros((n, ROOM), np.int64), np.zeros((n, ROOM))
         self._engaged, self._asked = np.zeros((n, ROOM), np.bool_), np.zeros(4, np.int64)
         self._new, self._states = (np.zeros(n), np.zeros(n, np.bool_)), np.zeros((n, 2))
+        arrays = {"angle": self._states[:, 0], "rate": self._states[:, 1]}
+        self._sent = Samples(SteerState, 0, arrays, memory=self._states)
         self._seen = -1
         queue = (self._arrivals, self._curvatures, self._engaged, self._asked, *self._new, self._states)
         self._inputs = [
@@ -124,7 +126,8 @@ class Actuators:
         self._seen = state["seen"]
 
     def _samples(self, t: int) -> dict[str, Samples]:
-        return {"steering": Samples(SteerState, t, {"angle": self._states[:, 0], "rate": self._states[:, 1]})}
+        self._sent.t = t
+        return {"steering": self._sent}
 
 
 LEVEL = Level(

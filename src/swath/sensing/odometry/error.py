@@ -12,7 +12,7 @@ from swath.core.component import Port
 from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.together import Given, InWorlds, KeepsRows, Samples
+from swath.core.together import Given, InWorlds, KeepsRows, Samples, of_columns
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.sensing import CHECKED
@@ -85,6 +85,7 @@ class Odometers(KeepsRows):
         sizes = [(p.speed_noise_m_s, p.gyro_noise_deg_s * DEG, p.steer_noise_deg * DEG) for p in self._p]
         self._noise_sd, self._noise = np.array(sizes), np.zeros((n, 3))
         self.constant = np.zeros((n, 4))
+        self._sent = of_columns(Odometry, n, ("speed", "yaw_rate", "steer_angle"))
 
     def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
         """Draw the constant errors."""
@@ -94,7 +95,7 @@ class Odometers(KeepsRows):
             error = 1 + p.speed_scale_percent * PERCENT * draw[0]
             biases = p.gyro_bias_deg_s * DEG * draw[1], p.steer_bias_deg * DEG * draw[2]
             self.constant[world] = error, error * (1 + p.slip_percent * PERCENT), *biases
-        return _samples(0, np.zeros(len(streams)), self.constant[:, 2], self.constant[:, 3])
+        return self._samples(0, 0.0, self.constant[:, 2], self.constant[:, 3])
 
     def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
         """One sample at t + dt."""
@@ -106,16 +107,18 @@ class Odometers(KeepsRows):
             speed = state.arrays["speed"] * scale
         else:
             speed = wheels.arrays["speed"] * error
-        return _samples(
+        return self._samples(
             t + dt,
             speed + noise[:, 0],
             state.arrays["yaw_rate"] + gyro + noise[:, 1],
             steering.arrays["angle"] + steer + noise[:, 2],
         )
 
-
-def _samples(t: int, speed: F64, yaw_rate: F64, angle: F64) -> dict[str, Samples]:
-    return {"odometry": Samples(Odometry, t, {"speed": speed, "yaw_rate": yaw_rate, "steer_angle": angle})}
+    def _samples(self, t: int, *columns: F64 | float) -> dict[str, Samples]:
+        for array, column in zip(self._sent.arrays.values(), columns, strict=True):
+            array[:] = column
+        self._sent.t = t
+        return {"odometry": self._sent}
 
 
 LEVEL = Level(

@@ -9,15 +9,20 @@ from swath.documents.yaml_document import read_document
 from swath.tools.function_test.files import from_beside
 
 MOST = 1000  # candidates: the scenarios of all are read before the first run
+EVERY, SHIPPED = "*", "shipped"  # machine in a key: each with such a slot; what a detector is held against
 
 
 def read_candidates(path: Path | None) -> Mapping[str, Sequence[str]]:
     """Changes by name, as after `--set`, from a file `NAME: {KEY: VALUE}`; `{base: {}}` without a file.
 
+    `mine.py:Detector` in the place of a file is an edge detector, beside the one that each scenario has.
     Files that values name (`mine.py:Detector`) are relative to that file. Raises InputError.
     """
     if path is None:
         return {"base": ()}
+    if ".py:" in path.name:
+        part = from_beside(path.name, path.parent)
+        return {SHIPPED: (), path.name.rpartition(":")[2]: [f"{EVERY}.edge.level={json.dumps(part)}"]}
     document = read_document(path)
     document.kind = "candidates"
     if not isinstance(document.data, dict) or not document.data:

@@ -16,6 +16,7 @@ from swath.tools.function_test.journal import Result
 from swath.tools.function_test.judged import ERROR, OPEN, UNJUDGED, beyond
 from swath.tools.function_test.kept_runs import Kept, Region, Sample, Worst, kept
 from swath.tools.function_test.margin import is_kept_or_not, margin, margin_of
+from swath.tools.function_test.ranking import Measured
 from swath.tools.function_test.steering_accuracy import SUMMARY as STEERING
 from swath.tools.function_test.steering_accuracy import pooled as pooled_classes
 from swath.tools.function_test.verdict import BROKEN, NOT_JUDGED, NOT_SHOWN, SHOWN, describe, verdict
@@ -59,6 +60,7 @@ class Cell:
     integrity: dict[str, Any] = field(default_factory=lambda: pooled(()))
     steering: dict[str, tuple[int, dict[str, Any]]] = field(default_factory=dict)
     groups: dict[str, Region] = field(default_factory=dict)
+    measured: Measured = field(default_factory=Measured)
 
     def __post_init__(self) -> None:
         self.failed = Worst(max(10, self.room // 10))
@@ -70,6 +72,7 @@ class Cell:
     def add(self, result: Result) -> None:
         """Take in a run."""
         self._add_sums(result)
+        self.measured.add(result)
         shares = [(f"{e['subject']}.{e['name']}", margin_of(e), e) for e in result["expect"]]
         for name, share, entry in shares if result["verdict"] != UNJUDGED else ():
             if name not in self._nearest or share < self._nearest[name][0]:

@@ -31,7 +31,13 @@ def add(parsers: Any) -> None:
     add_folder(run, "function test", text="folder of the results", alone=False)
     run.add_argument("--odd", metavar="ODD", help="instead of cases: a bound ODD, a file or wheat-harvest")
     run.add_argument("--runs", type=int, default=0, metavar="N", help="runs of --odd (default 400)")
-    run.add_argument("--with", type=Path, dest="candidates", metavar="FILE", help="candidates to compare")
+    run.add_argument(
+        "--with",
+        type=Path,
+        dest="candidates",
+        metavar="FILE",
+        help="candidates to compare, or an edge detector of your own: mine.py:Mine",
+    )
     run.add_argument("--seeds", type=int, metavar="N", help="seeds 1 to N instead of those of the cases")
     run.add_argument("--draw", type=int, default=0, metavar="N", help="N random points instead of the grid")
     run.add_argument(
@@ -318,6 +324,7 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     from swath.tools.function_test.fidelity import told
     from swath.tools.function_test.junit import write_junit
     from swath.tools.function_test.page import write_matrix
+    from swath.tools.function_test.ranking import HEAD, ranking
     from swath.tools.function_test.verdict import NOT_JUDGED, VERDICTS
 
     cells = session.cells(again=again)
@@ -334,6 +341,10 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
         )
         rows.append((cell.case.name, cell.candidate, cell.verdict, "; ".join([cell.text, *cell.means]), said))
     table("", ("case", "candidate", "verdict", "what the runs show", "worst run"), rows)
+    if len(session.plan.candidates) > 1:
+        table("", HEAD, ranking(cells))
+    for case, why in session.plan.left_out.items():
+        print(f"note    {case} is left out: it has {why}")
     verdicts = [cell.verdict for cell in cells]
     print(", ".join(f"{verdicts.count(v)} {v}" for v in VERDICTS if v != NOT_JUDGED or v in verdicts))
     surprises = sum(cell.surprises.count for cell in cells)

@@ -13,7 +13,7 @@ from swath.judge.catalogue import load_evaluators
 from swath.sensing.lidar.empirical import BIASED
 from swath.tools.function_test.fidelity import CHEAP, LEVEL_BIAS_M, levels_of, scanners
 from swath.tools.function_test.journal import TABLE, Result, read_table
-from swath.tools.function_test.judged import UNJUDGED
+from swath.tools.function_test.judged import OPEN, UNJUDGED
 from swath.tools.function_test.paired import ALPHA, Difference, difference, holm, paired_values, verdict_test
 from swath.tools.function_test.plan import looked_at
 from swath.tools.function_test.session import open_session
@@ -94,7 +94,7 @@ def outcome(old: Result, new: Result) -> str:
     """What a pair comes to, most alike first; one that is not judged shows no difference."""
     if old["digest"] and old["digest"] == new["digest"]:
         return SAME_BYTES
-    if UNJUDGED in (old["verdict"], new["verdict"]):
+    if {UNJUDGED, OPEN} & {old["verdict"], new["verdict"]}:
         return SAME_VERDICT
     passed = old["verdict"] == "pass", new["verdict"] == "pass"
     return SAME_VERDICT if passed[0] == passed[1] else BETTER if passed[1] else WORSE

@@ -17,6 +17,7 @@ from swath.tools.function_test.integrity import SUMMARY as INTEGRITY
 from swath.tools.function_test.integrity import IntegrityHook
 from swath.tools.function_test.judged import verdict_of
 from swath.tools.function_test.plan import PlannedRun
+from swath.tools.function_test.ranking import EDGE_US
 from swath.tools.function_test.shadow import SUMMARY as SHADOW
 from swath.tools.function_test.shadow import ShadowHook
 from swath.tools.function_test.steering_accuracy import SUMMARY as STEERING
@@ -84,9 +85,16 @@ def result_of(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
             {k: e.get(k) for k in ("kind", "machine", "t_s", "distance_m")} for e in summary["incidents"]
         ],
         "digest": summary["digest"],
+        EDGE_US: _edge_us(summary.get("cost", {})),
         **({CREDIBILITY: outside} if outside else {}),
         **{key: summary[key] for key in (SHADOW, INTEGRITY, STEERING, MET) if key in summary},
     }
+
+
+def _edge_us(cost: dict[str, dict[str, float]]) -> float | None:
+    """Time of a step of the edge detectors [us], None where there is none."""
+    found = [of for slot, of in cost.items() if slot.rpartition(".")[2] == "edge" and of["steps"]]
+    return 1e6 * sum(of["seconds"] for of in found) / sum(of["steps"] for of in found) if found else None
 
 
 def _metrics(summary: dict[str, Any]) -> dict[str, float | None]:

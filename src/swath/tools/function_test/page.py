@@ -12,6 +12,7 @@ from swath.tools.function_test.charts import WIDTH as WIDE
 from swath.tools.function_test.charts import colour, over_parameters, stanford
 from swath.tools.function_test.judged import UNJUDGED
 from swath.tools.function_test.kept_runs import Kept
+from swath.tools.function_test.ranking import HEAD, by_tag, ranking
 from swath.tools.function_test.steering_accuracy import CLASS_COUNT, accuracy
 from swath.tools.function_test.verdict import BROKEN, NOT_JUDGED, NOT_SHOWN, SHOWN, VERDICTS
 
@@ -41,6 +42,8 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
         title="Function tests",
         version=__version__,
         candidates=candidates,
+        ranks={"head": HEAD, "rows": ranking(cells)} if len(candidates) > 1 else None,
+        tags=by_tag(cells),
         rows=rows,
         shadow=shadow,
         counts={v: sum(c.verdict == v for c in cells) for v in VERDICTS},

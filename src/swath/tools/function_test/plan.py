@@ -22,8 +22,10 @@ from swath.core.foreign_code import Gate, through
 from swath.documents.contents import file_hash, hashes_by_path, with_contents
 from swath.documents.validation import validate
 from swath.documents.yaml_document import Document, parse_value
-from swath.scenario.overrides import layered, says_about
+from swath.scenario.overrides import change_of, layered, says_about
 from swath.scenario.scenario import Scenario, load_scenario
+from swath.scenario.versions import SECTIONS
+from swath.tools.function_test.candidates import EVERY
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases
 from swath.tools.function_test.fidelity import CHEAP, chosen_level, scanners
 
@@ -82,14 +84,54 @@ class Plan:
 
     @cached_property
     def found(self) -> list[Case]:
-        """The cases."""
-        return find_cases(self.cases, self.tags)
+        """The cases that all candidates can be tried in."""
+        return [case for case in find_cases(self.cases, self.tags) if case.name not in self.left_out]
+
+    @cached_property
+    def left_out(self) -> dict[str, str]:
+        """Cases that a candidate cannot be tried in, and why; none where no case has what it changes."""
+        cases = find_cases(self.cases, self.tags)
+        lacks = {case.name: lack for case in cases if (lack := self._lack(case))}
+        return lacks if len(lacks) < len(cases) else {}
+
+    def _lack(self, case: Case) -> str:
+        changes = [change_of(text, text) for sets in self.candidates.values() for text in sets]
+        if not changes:
+            return ""
+        machines = _kinds_of(case)
+        for _, path, value in changes:
+            is_new = "machine" in (path[1:2] or (value if isinstance(value, dict) else ()))
+            if path[0] == EVERY:
+                count = sum(list(kinds.values()).count(str(path[1])) for kinds in machines.values())
+                if count == 0 or (self.shadow and count > 1):
+                    return f"{count or 'no'} parts of kind {path[1]} that could be replaced"
+            elif not (path[0] in SECTIONS or path[0] in machines or is_new):
+                return f"no machine {path[0]}"
+        return ""
+
+    def _placed(self, case: Case) -> dict[str, list[str]]:
+        """Changes of the scenarios of a case by candidate: with the machines that it has."""
+
+        def of(text: str) -> list[str]:
+            key, equals, value = text.partition("=")
+            machine, _, rest = key.partition(".")
+            if machine != EVERY:
+                return [text]
+            kind = rest.partition(".")[0]
+            inner = rest.removeprefix(kind)
+            places = ((m, slot, k) for m, kinds in _kinds_of(case).items() for slot, k in kinds.items())
+            return [f"{m}.{slot}{inner}{equals}{value}" for m, slot, k in places if k == kind]
+
+        return {
+            name: layered(self.sets, [one for text in sets for one in of(text)])
+            for name, sets in self.candidates.items()
+        }
 
     def runs(self) -> Iterator[PlannedRun]:
         """Every run, in order: case, seed, point, candidate, so that an early look has seen all points."""
         for case in self.found:
             base = _base(case, self.code or code_hash())
-            changed = {name: layered(self.sets, sets) for name, sets in self.candidates.items()}
+            changed = self._placed(case)
             contents = {name: _contents_of_sets(sets) for name, sets in changed.items()}
             for seed, point in self._points_of(case):
                 own = case.sets(point, self.expects.get(case.name))
@@ -151,15 +193,16 @@ class Plan:
         what a case varies. file: that names the candidates
         """
         for case in self.found:
-            for name, sets in self.candidates.items():
+            for name, changed in self._placed(case).items():
+                sets = self.candidates[name]
                 for varied in case.file.vary.values():
-                    for text in (*self.sets, *sets):
+                    for text in changed:
                         if told := next((key for key in varied.keys if says_about(text, key)), ""):
                             expected = f"expected another key, {case.name} varies {told}"
                             raise InputError(f"--set {text}", None, expected)
                 try:
                     point = self._point_of(case, 0)[1]
-                    load_scenario(case.scenario, sets=layered(case.sets(point), self.sets, sets))
+                    load_scenario(case.scenario, sets=layered(case.sets(point), changed))
                 except InputError as error:
                     where = f"{case.name}, candidate {name}: {error.key}"
                     source = self._source(error, sets, file) or case.document.file
@@ -200,6 +243,20 @@ def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
         raise wrong[0]
     points = tuple((seed, point) for seed, point in data.get("points", ()))
     return Plan(**{**keys, "tags": tuple(data["tags"]), "sets": tuple(data["sets"]), "points": points})
+
+
+def _kinds_of(case: Case) -> Mapping[str, Mapping[str, str]]:
+    """By machine of a case's scenario the kind of each slot whose part works on what is measured."""
+    return _kinds_in(case.scenario, tuple(f"{key}={json.dumps(value)}" for key, value in case.fixed.items()))
+
+
+@cache
+def _kinds_in(scenario: str, fixed: tuple[str, ...]) -> Mapping[str, Mapping[str, str]]:
+    found = looked_at(scenario, fixed).machines
+    return {
+        name: {slot: choice.kind.name for slot, choice in machine.slots.items() if choice.level != "truth"}
+        for name, machine in found.items()
+    }
 
 
 @cache

@@ -7,12 +7,13 @@ that of the detector at the wheel; a shadow of that one says the same to the las
 from collections.abc import Mapping
 from typing import Any
 
+from swath.core.blocks import Seen
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.graph import Graph, Node
 from swath.core.signal import Signal
 from swath.field.present_edge import Bits, Standing, crop_across
-from swath.judge.evaluators.edge_detection import EdgeDetection
+from swath.judge.evaluators.edge_detection import EdgeDetection, States
 from swath.judge.summary import json_safe
 from swath.record.digest import Digest
 from swath.runtime.assembly import make_part, outside_of
@@ -20,7 +21,9 @@ from swath.runtime.faults import make_fault
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
+from swath.signals import MachineState
 from swath.tools.function_test.integrity import integrity_of
+from swath.tools.function_test.ranking import EDGE_US
 
 SUMMARY = "shadow"
 
@@ -47,14 +50,14 @@ class Shadow:
     """One detector beside the one that steers, in the slot `name`, such as `combine.edge`."""
 
     def __init__(self, world: World, name: str, scenario: Scenario, judge: EdgeDetection,
-                 looks: SharedLooks) -> None:  # fmt: skip
+                 looks: SharedLooks, states: States) -> None:  # fmt: skip
         machine, _, slot = name.partition(".")
         choice = scenario.machines[machine].slots[slot]
         component, wires = make_part(world, name, choice)
         timing = next(node.slot for node in world.graph.nodes if node.slot.name == name)
         node = Node(timing, component, wires, make_fault(choice, component))
-        self.name, self.judge, self.digest = name, judge.beside(looks), Digest()
-        self._graph = Graph([node], scenario.seed, outside=outside_of([node]))
+        self.name, self.judge, self.digest = name, judge.beside(looks, states), Digest()
+        self._node, self._graph = node, Graph([node], scenario.seed, outside=outside_of([node]))
         self._sources = {source for source, _ in wires.values()}
         self.slots = {*self._sources, name}  # of the run, whose samples it takes
         self._graph.observers += [self.digest, self.judge.see]
@@ -71,7 +74,9 @@ class Shadow:
     def result(self) -> dict[str, Any]:
         """Its metrics of the edge and the digest of what it said."""
         integrity = integrity_of(self.judge.series(), self.judge.setup.settling_m)
-        return {"metrics": json_safe(self.judge.metrics()), "digest": self.digest.hex, "integrity": integrity}
+        took = 1e6 * self._node.cost_s / max(self._node.step_count, 1)
+        metrics = json_safe(self.judge.metrics())
+        return {"metrics": metrics, "digest": self.digest.hex, "integrity": integrity, EDGE_US: took}
 
 
 class ShadowHook(RunHook):
@@ -93,9 +98,10 @@ class ShadowHook(RunHook):
             raise InputError(f"{machine.name}.edge", len(slots), "expected one edge detector to shadow")
         name = f"{machine.name}.{slots[0]}"
         self._motion, self._looks = f"{machine.name}.motion", SharedLooks()
+        self._states = States()
         for candidate, scenario in self.scenarios.items():
             _check(candidate, scenario, run.world.scenario, name)
-            self._shadows[candidate] = Shadow(run.world, name, scenario, judge, self._looks)
+            self._shadows[candidate] = Shadow(run.world, name, scenario, judge, self._looks, self._states)
         for shadow in self._shadows.values():
             for slot in shadow.slots:
                 self._by_slot.setdefault(slot, []).append(shadow)
@@ -103,6 +109,8 @@ class ShadowHook(RunHook):
 
     def _see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         self._looks.clear()
+        if slot == self._motion and (states := Seen.of_one(slot, t, outputs).of(MachineState)) is not None:
+            self._states.take(states)
         for shadow in self._by_slot.get(slot, ()):
             shadow(slot, t, outputs)
         if slot == self._motion:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from swath.core.schedule import NS
-from swath.record.digest import Digest, encode, sample_bytes
+from swath.record.digest import Digest, encode
 from swath.record.read.feed import Demux, exact_samples, exact_topic, own_outputs
 from swath.record.read.files import Log
 from swath.runtime.hooks import ActiveRun, RunHook
@@ -78,8 +78,8 @@ class RecordingComparison(RunHook):
                 compared.note(recorded[0], f"{output} {ELSEWHEN}")
             elif names := _differences(signal, recorded[1]):
                 compared.note(t, f"{output}: {', '.join(names)}")
-            compared.digest.add(sample_bytes(slot, output, t, signal))
-            compared.recorded.add(sample_bytes(slot, output, *recorded))
+            compared.digest.add(slot, output, t, signal)
+            compared.recorded.add(slot, output, *recorded)
 
     def summarize(self, t: int) -> dict[str, Any]:
         """What summary.json says, after the run has ended at t [ns]."""

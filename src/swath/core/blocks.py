@@ -1,0 +1,359 @@
+"""What outputs sent over a while, side by side: for those who look on, and need not look at every sample.
+
+An observer of a graph with `take` is given what a world's slots sent since it looked last (`Seen`), at the
+end of a beat and before it is asked for anything (`look`). How long a beat is changes no result. One with
+`show` is shown every sample beside that, made where it is asked for (`Shown`).
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields
+from functools import cached_property
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.ability import ByMembers
+from swath.core.signal import Signal
+from swath.core.together import Samples, Sent, plain
+
+ROOM = 16  # samples of an output for which there is memory at first
+Wire = tuple[str, str]
+Ints = NDArray[np.int64]
+
+
+@runtime_checkable
+class TakesBlocks(Protocol, metaclass=ByMembers):
+    """An observer that is given what was sent since it looked last.
+
+    look: what has it look; is_late: False of one that has to be called with every sample
+    """
+
+    look: Callable[[], None]
+
+    @property
+    def is_late(self) -> bool: ...
+
+    def take(self, seen: "Seen") -> None: ...
+
+
+@runtime_checkable
+class LooksOn(Protocol, metaclass=ByMembers):
+    """One that is shown samples, too, of slots that it looks at. kinds: of what they may send
+
+    rests: by slot the time [ns] until when it need not be shown any
+    """
+
+    rests: Mapping[str, int]
+
+    def looks_at(self, slot: str, kinds: Sequence[type[Signal]]) -> bool: ...
+    def show(self, slot: str, t: int, outputs: "Shown") -> None: ...
+
+
+def no_look() -> None:
+    """Nothing waits."""
+
+
+class Pile:
+    """What an output sent in every world, as long as it comes in one form.
+
+    orders: of each sample the place among all that was sent; times: when it was [ns]; stamps: its own `t`
+    arrays: by field, (room, worlds, ...), where it came in arrays; alike: fields of all samples
+    each: samples of all worlds otherwise
+    rows: their bytes, (samples, worlds, size), once somebody has made them
+    """
+
+    def __init__(self, slot: str, output: str, sent: Sent, room: int = ROOM) -> None:
+        self.slot, self.output, self.kind = slot, output, sent.kind
+        self.orders, self.times, self.stamps = list[int](), list[int](), list[int]()
+        self.arrays: dict[str, NDArray[Any]] = {}
+        self.alike: Mapping[str, Any] = {}
+        self.each: list[Sequence[Signal]] = []
+        self.rows: NDArray[np.uint8] | None = None
+        self._memory: NDArray[Any] | None = None
+        self._sender: Samples | None = None
+        if sent.is_of_all:
+            samples = sent.all
+            self.alike = samples.alike
+            if samples.memory is not None:  # one copy takes all fields
+                self._sender, kept = samples, samples.memory
+                self._memory = np.empty((room, *kept.shape), kept.dtype)
+                self._lay_out(self._memory)
+            else:
+                self.arrays = {k: np.empty((room, *a.shape), a.dtype) for k, a in samples.arrays.items()}
+
+    def add(self, order: int, t: int, sent: Sent) -> bool:
+        """Take in a sample; False where it has another form."""
+        k = len(self.orders)
+        if not sent.is_of_all:
+            if self.arrays or sent.kind is not self.kind:
+                return False
+            self.each.append(sent.each)
+            self.stamps.append(0)
+        else:
+            samples = sent.all
+            if k == len(next(iter(self.arrays.values()), ())):
+                self._grow()
+            if self._memory is not None:
+                if samples is not self._sender:
+                    return False
+                self._memory[k] = samples.memory
+            else:
+                if not self._fits(samples):
+                    return False
+                for name, array in samples.arrays.items():
+                    self.arrays[name][k] = array
+            self.stamps.append(samples.t)
+        self.orders.append(order)
+        self.times.append(t)
+        return True
+
+    @property
+    def worlds(self) -> int:
+        """In how many."""
+        return len(self.each[0]) if self.each else next(iter(self.arrays.values())).shape[1]
+
+    def _fits(self, samples: Samples) -> bool:
+        if samples.kind is not self.kind or samples.arrays.keys() != self.arrays.keys():
+            return False
+        alike = samples.alike
+        if alike is not self.alike and not (
+            alike.keys() == self.alike.keys() and all(v is self.alike[k] for k, v in alike.items())
+        ):
+            return False
+        pairs = ((a, self.arrays[name]) for name, a in samples.arrays.items())
+        return all(a.shape == held.shape[1:] and a.dtype == held.dtype for a, held in pairs)
+
+    def _grow(self) -> None:
+        if self._memory is not None:
+            self._memory = np.concatenate([self._memory, np.empty_like(self._memory)])
+            self._lay_out(self._memory)
+        else:
+            self.arrays = {k: np.concatenate([a, np.empty_like(a)]) for k, a in self.arrays.items()}
+
+    def _lay_out(self, memory: NDArray[Any]) -> None:
+        """The fields as views of the memory, as they are of the sender's."""
+        sender: Any = self._sender
+        begin = sender.memory.__array_interface__["data"][0]
+        flat = memory.view(np.uint8).reshape(-1)
+        self.arrays = {}
+        for name, a in sender.arrays.items():
+            at = a.__array_interface__["data"][0] - begin
+            strides = memory.strides[0], *a.strides
+            self.arrays[name] = np.ndarray((len(memory), *a.shape), a.dtype, flat, at, strides)
+
+
+class Block:
+    """Samples of outputs of one type in one world, in the order in which they were sent."""
+
+    def __init__(self, pile: Pile, world: int) -> None:
+        self.pile, self.world, self.kind = pile, world, pile.kind
+        self.slot, self.output = pile.slot, pile.output
+        self._columns: dict[str, NDArray[Any]] = {}
+        self._count = len(pile.orders)
+
+    @cached_property
+    def orders(self) -> Ints:
+        """Of each the place among all that was sent."""
+        return np.array(self.pile.orders[: self._count], np.int64)
+
+    @cached_property
+    def times(self) -> Ints:
+        """When each was sent [ns]."""
+        return np.array(self.pile.times[: self._count], np.int64)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def last(self, name: str) -> Any:
+        """A field of the newest."""
+        pile, k = self.pile, self._count - 1
+        if pile.each:
+            return plain(getattr(pile.each[k][self.world], name))
+        return pile.stamps[k] if name == "t" else pile.arrays[name][k, self.world]
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """A field, (k, ...); a pose as (k, 12): position, then rows of the rotation."""
+        found = self._columns.get(name)
+        if found is None:
+            found = self._columns[name] = self._column(name)
+        return found
+
+    def sample(self, k: int) -> Any:
+        """One of them."""
+        pile, world, k = self.pile, self.world, k % self._count
+        if pile.each:
+            return pile.each[k][world]
+        arrays = {name: array[k, world : world + 1] for name, array in pile.arrays.items()}
+        return Samples(pile.kind, pile.stamps[k], arrays, pile.alike).each()[0]
+
+    def before(self, orders: Ints) -> Ints:
+        """The newest of these when others were sent, -1 where there was none."""
+        return np.searchsorted(self.orders, orders, side="right") - 1
+
+    def _column(self, name: str) -> NDArray[Any]:
+        pile, count = self.pile, self._count
+        if pile.each:
+            return np.array([plain(getattr(each[self.world], name)) for each in pile.each[:count]])
+        if name == "t":
+            return np.array(pile.stamps[:count], np.int64)
+        if name in pile.arrays:
+            return pile.arrays[name][:count, self.world]
+        value = pile.alike.get(name, next((f.default for f in fields(pile.kind) if f.name == name), None))
+        return np.broadcast_to(np.asarray(value), (count, *np.shape(value)))
+
+
+class _Joined(Block):
+    """Several of one type, by order."""
+
+    def __init__(self, blocks: Sequence[Block]) -> None:
+        self._blocks, self._columns = blocks, {}
+        self.kind, self.slot, self.output = blocks[0].kind, "", ""
+        self._order = np.argsort(np.concatenate([b.orders for b in blocks]), kind="stable")
+        self.orders = np.concatenate([b.orders for b in blocks])[self._order]
+        self.times = np.concatenate([b.times for b in blocks])[self._order]
+        self._count = len(self._order)
+        self._places = [(block, k) for block in blocks for k in range(len(block))]
+
+    def last(self, name: str) -> Any:
+        return self[name][-1]
+
+    def sample(self, k: int) -> Any:
+        block, own = self._places[self._order[k % self._count]]
+        return block.sample(own)
+
+    def _column(self, name: str) -> NDArray[Any]:
+        return np.concatenate([block[name] for block in self._blocks])[self._order]
+
+
+class Seen:
+    """What the slots of a world sent over a while. blocks: of each output, several where its form changed"""
+
+    def __init__(self, blocks: Sequence[Block]) -> None:
+        self.blocks = blocks
+        self._by_kind: dict[tuple[str, type[Signal]], Block | None] = {}
+        self._of_machine: dict[str, Seen] = {}
+
+    @classmethod
+    def of_one(cls, slot: str, t: int, outputs: Mapping[str, Signal]) -> "Seen":
+        """Of what a slot sent at t [ns]."""
+        blocks = []
+        for output, signal in outputs.items():
+            sent = Sent(None, [signal])
+            pile = Pile(slot, output, sent)
+            pile.add(0, t, sent)
+            blocks.append(Block(pile, 0))
+        return cls(blocks)
+
+    def of(self, kind: type[Signal], machine: str = "") -> Block | None:
+        """All of a type, of one machine or of all; None where none came."""
+        key = machine, kind
+        if key not in self._by_kind:
+            found = [b for b in self.blocks if issubclass(b.kind, kind) and self._is_of(b, machine)]
+            self._by_kind[key] = found[0] if len(found) == 1 else _Joined(found) if found else None
+        return self._by_kind[key]
+
+    def machines(self, kind: type[Signal]) -> list[str]:
+        """Whose samples of a type are among them."""
+        return list(dict.fromkeys(b.slot.partition(".")[0] for b in self.blocks if issubclass(b.kind, kind)))
+
+    def kinds(self) -> Sequence[tuple[str, type[Signal]]]:
+        """Machines and the types of what they sent."""
+        return list(dict.fromkeys((b.slot.partition(".")[0], b.kind) for b in self.blocks))
+
+    def of_machine(self, machine: str) -> "Seen":
+        """That of one machine, "" = of all."""
+        own = [b for b in self.blocks if self._is_of(b, machine)]
+        if len(own) == len(self.blocks):
+            return self
+        if machine not in self._of_machine:
+            self._of_machine[machine] = Seen(own)
+        return self._of_machine[machine]
+
+    @staticmethod
+    def _is_of(block: Block, machine: str) -> bool:
+        return not machine or block.slot.partition(".")[0] == machine
+
+
+class Shown(Mapping[str, Signal]):
+    """What a slot of one world sent at a time; samples are made where they are asked for.
+
+    waiting: what was sent since the last look, of a type and machine; None = nothing
+    """
+
+    __slots__ = ("_sent", "_world", "waiting")
+
+    def __init__(
+        self, sent: Mapping[str, Sent], world: int, waiting: Callable[[type[Signal], str], Block | None]
+    ) -> None:
+        self._sent, self._world, self.waiting = sent, world, waiting
+
+    def __contains__(self, output: object) -> bool:  # without making the sample
+        return output in self._sent
+
+    def __getitem__(self, output: str) -> Signal:
+        return self._sent[output].each[self._world]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._sent)
+
+    def __len__(self) -> int:
+        return len(self._sent)
+
+    def kinds(self) -> tuple[type[Signal], ...]:
+        """Their types."""
+        return tuple(sent.kind for sent in self._sent.values())
+
+    def number(self, kind: type[Signal], name: str) -> Any:
+        """A field of the sample of a type, a pose as 12 numbers; None without one."""
+        for sent in self._sent.values():
+            if issubclass(sent.kind, kind):
+                return sent.number(self._world, name)
+        return None
+
+
+def number_of(outputs: Mapping[str, Signal], kind: type[Signal], name: str) -> Any:
+    """As `Shown.number`, of any outputs."""
+    if isinstance(outputs, Shown):
+        return outputs.number(kind, name)
+    return next((plain(getattr(s, name)) for s in outputs.values() if isinstance(s, kind)), None)
+
+
+def newest_of(outputs: Mapping[str, Signal], kind: type[Signal], machine: str, before: Any) -> Any:
+    """The newest sample of a type from a machine. before: that of the last look"""
+    waiting = outputs.waiting(kind, machine) if isinstance(outputs, Shown) else None
+    return before if waiting is None else waiting.sample(-1)
+
+
+class Blocks:
+    """What all slots sent since the last look, in all worlds."""
+
+    def __init__(self) -> None:
+        self._piles: dict[Wire, list[Pile]] = {}
+        self._rooms: dict[Wire, int] = {}  # how many samples came before a look
+        self._order = 0
+
+    def add(self, slot: str, t: int, outputs: Mapping[str, Sent]) -> None:
+        """What a slot sent at t [ns]."""
+        self._order += 1
+        for output, sent in outputs.items():
+            wire = slot, output
+            piles = self._piles.get(wire)
+            if piles is None:
+                piles = self._piles[wire] = []
+            if not piles or not piles[-1].add(self._order, t, sent):
+                piles.append(Pile(slot, output, sent, self._rooms.get(wire, ROOM)))
+                piles[-1].add(self._order, t, sent)
+
+    def take(self) -> list[Pile]:
+        """All of it; from now on there is nothing."""
+        found = [pile for piles in self._piles.values() for pile in piles]
+        self._rooms |= {wire: max(len(piles[-1].orders), 1) for wire, piles in self._piles.items()}
+        self._piles = {}
+        return found
+
+    def waiting(self, world: int, kind: type[Signal], machine: str) -> Block | None:
+        """Of a type and machine what nobody has looked at."""
+        every = [pile for piles in self._piles.values() for pile in piles if issubclass(pile.kind, kind)]
+        own = [Block(pile, world) for pile in every if pile.slot.partition(".")[0] == machine]
+        return Seen(own).of(kind) if own else None

@@ -1,0 +1,73 @@
+"""What a log says twice: one of both is wrong, and the user is told which entry would mend it."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+pytest.importorskip("rasterio")
+
+from swath.core.errors import InputError
+from swath.field_io.importer import import_log
+from swath.field_io.log import read_log
+from tests.field.unit_logs import ACRE, FT, LB, Harvest, table
+
+
+def columns(h, **more):
+    made = {**h.places(("lat", "lon")), "time_s": h.t, "width_m": h.width * h.one, "yield_t_ha": 10 * h.wet}
+    return {**made, "moisture_pct": 100 * h.moisture * h.one, **more}
+
+
+@pytest.mark.parametrize("flow", ["yield_t_ha", "grain_flow_kg_s"])
+@pytest.mark.parametrize("late", [0, 6])
+def test_grain_and_moisture_exchanged_are_refused_with_the_entry(tmp_path, flow, late):
+    h = Harvest(late=late)
+    grown = 10 * h.wet if flow == "yield_t_ha" else h.flow
+    grown = grown * (1.0 + 0.3 * np.sin(h.t / 60.0))
+    moist = 14.0 + 0.5 * np.sin(h.t / 200.0)
+    right = columns(h) | {"moisture_pct": moist}
+    right = {k: v for k, v in right.items() if k != "yield_t_ha"} | {flow: grown}
+    read_log(table(tmp_path / "right.csv", right))
+    path = table(tmp_path / "log.csv", right | {flow: moist, "moisture_pct": grown})
+    with pytest.raises(InputError, match=f'exchanged.*moisture: .column: "{flow}"'):
+        read_log(path)
+
+
+@pytest.mark.parametrize(
+    ("place", "is_told"), [((42.0, -93.5), True), ((48.0, 11.0), False), ((42.0, 93.5), True)]
+)
+def test_american_units_where_nobody_has_them_ask_for_west(tmp_path, place, is_told):
+    h = Harvest(*place, width=30 * FT)
+    bushels = {k: v for k, v in columns(h).items() if k != "yield_t_ha"} | {
+        "yield_bu_ac": h.wet * ACRE / LB / 60
+    }
+    log = read_log(table(tmp_path / "log.csv", bushels | {"lon": np.abs(h.lon)}))
+    assert any("lon: {unit: deg W}" in note for note in log.notes) == is_told
+    metric = read_log(table(tmp_path / "si.csv", columns(h, lon=np.abs(h.lon))))
+    assert not any("deg W" in note for note in metric.notes)
+
+
+@pytest.mark.parametrize("place", [(42.0, -93.5), (-32.0, -63.5)])
+def test_longitudes_from_0_to_360_are_those_of_the_west(tmp_path, place):
+    h = Harvest(*place)
+    log, plain = (
+        read_log(table(tmp_path / "log.csv", columns(h, lon=lon))) for lon in (h.lon + 360.0, h.lon)
+    )
+    np.testing.assert_allclose(log.position, plain.position, atol=0.01)
+    assert log.epsg == plain.epsg
+    assert any("from 0 to 360 deg" in note for note in log.notes)
+    assert not any("360" in note for note in plain.notes)
+
+
+@pytest.mark.parametrize(
+    ("changed", "cause"),
+    [
+        (lambda h: {"lat": np.round(h.lat, 4), "lon": np.round(h.lon, 4)}, "positions = .*very spot.*digits"),
+        (lambda h: {"speed_kmh": 0.1 * h.one}, "speed = 0.1 km/h logged, 7.2 km/h by positions"),
+        (lambda h: {"yield_t_ha": 5.4 * (h.t < 25.0)}, "grain_flow = 0 in 9.%"),
+    ],
+)
+def test_a_refusal_names_the_cause_and_no_filter(tmp_path, changed, cause):
+    h = Harvest()
+    path = table(tmp_path / "log.csv", columns(h, **changed(h)))
+    with pytest.raises(InputError, match=cause):
+        import_log(path, tmp_path / "field", progress=False)
