@@ -1,9 +1,12 @@
 """Memory that Python and kernels share."""
 
+import os
+import tempfile
+
 import numpy as np
 import pytest
 
-from swath.kernels import address
+from swath.kernels import _own_temporary, address
 
 ROOM = np.arange(12.0)
 FIXED = ROOM.copy()
@@ -13,3 +16,17 @@ FIXED.setflags(write=False)
 @pytest.mark.parametrize("array", [ROOM, ROOM[3:], ROOM[::2], ROOM[:0], ROOM.reshape(3, 4)[:, 1:], FIXED])
 def test_an_address_is_that_of_the_first_number_also_of_what_has_gaps_or_is_read_only(array):
     assert address(array) == array.ctypes.data
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="users as of POSIX")
+@pytest.mark.parametrize(("mode", "is_taken"), [(0o700, True), (0o755, True), (0o777, False), (0o702, False)])
+def test_kernels_come_from_no_folder_that_others_may_write(tmp_path, monkeypatch, mode, is_taken):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    planted = tmp_path / f"swath-warp-{os.getuid()}"
+    planted.mkdir()
+    planted.chmod(mode)
+    assert (_own_temporary() == planted) == is_taken
+    link = tmp_path / "elsewhere"
+    planted.rename(link)
+    planted.symlink_to(link)
+    assert _own_temporary() != planted

@@ -1,6 +1,7 @@
 """The live page: what it sends, what it takes, who may come in, and that a run does not notice it."""
 
 import contextlib
+import errno
 import importlib
 import json
 import socket
@@ -22,7 +23,7 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.record.tracks import read_tracks
 from swath.replay.live.data import ECHO_UNIT
-from swath.replay.live.view import LARGEST, LiveView
+from swath.replay.live.view import LARGEST, MOST, Listener, LiveView, Server
 from swath.runtime.changes import read_events
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
@@ -357,3 +358,44 @@ def test_a_browser_shows_it(tmp_path):
         going.control.pause(False)
         summary = going.end()
     assert [e["set"] for e in summary["events"]] == ["combine.speed.speed_kmh"]
+
+
+def test_idle_connections_take_no_more_than_their_places_and_end_nothing():
+    """A flood of them is closed at once, whoever comes when it is over is served."""
+    server, threads = Server(lambda wait: b"page", lambda viewer: None), threading.active_count()
+    idle = []
+    try:
+        idle += [socket.create_connection(("127.0.0.1", server.port), timeout=5) for _ in range(300)]
+        for connection in idle[MOST:]:
+            with contextlib.suppress(ConnectionResetError):
+                assert connection.recv(1) == b""
+        assert threading.active_count() <= threads + 2 * MOST
+    finally:
+        for connection in idle:
+            connection.close()
+    end = time.monotonic() + 20
+    while time.monotonic() < end:
+        with contextlib.suppress(OSError), urllib.request.urlopen(server.address, timeout=5) as answer:
+            assert answer.read() == b"page"
+            break
+    else:
+        pytest.fail("nobody is served any more")
+    server.close()
+    assert not server._thread.is_alive()
+
+
+def test_where_no_file_is_left_the_next_connection_waits(monkeypatch):
+    listener, real, faults = Listener(), socket.socket.accept, [errno.EMFILE, errno.ENFILE]
+
+    def accept(self):
+        if faults:
+            raise OSError(faults.pop(), "too many open files")
+        return real(self)
+
+    monkeypatch.setattr(socket.socket, "accept", accept)
+    with listener, socket.create_connection(listener.getsockname(), timeout=5):
+        taken, _ = listener.accept()
+        taken.close()
+    assert not faults
+    with pytest.raises(OSError, match="closed"):
+        listener.accept()

@@ -27,6 +27,7 @@ sed 's/^module load python$/:/' "$1" > "$SLURM_JOBS/.run-$n"
 setsid bash "$SLURM_JOBS/.run-$n" > "$SLURM_JOBS/.log-$n" 2>&1 & echo $! > "$SLURM_JOBS/.pid-$n"
 echo "Submitted batch job $n"
 """
+KEYS = re.compile(r"\S*/\.dask-jobqueue\.worker\.\S+")
 SCANCEL = '#!/bin/sh\nfor n in "$@"; do kill -- "-$(cat "$SLURM_JOBS/.pid-$n")"; done\n'
 
 
@@ -51,29 +52,37 @@ def slurm(tmp_path, monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_jobs_have_the_settings_of_the_site_and_do_the_runs(slurm, tmp_path):
+def test_jobs_have_the_settings_of_the_site_and_do_the_runs(slurm, tmp_path, monkeypatch):
     """The text of a job is that of dask-jobqueue for one process of one thread; the runs are done by it."""
+    from distributed import Security
+
     (tmp_path / "drives.yaml").write_text(CASE, encoding="utf-8")
     runs = list(Plan(str(tmp_path / "drives.yaml"), seeds=2).runs())
     done = []
+    monkeypatch.setenv("HOME", str(tmp_path))
     with cluster_client("slurm", 2) as client:
+        keys = [path for path in tmp_path.iterdir() if path.name.startswith(".dask-jobqueue")]
+        assert len(keys) == 3
+        assert {path.stat().st_mode & 0o777 for path in keys} == {0o600}
         address = client.scheduler.address
         run_on_cluster(runs, tmp_path / "journal", client, done.append, work=fake_work)
     assert sorted(result["id"] for result in done) == sorted(run.id for run in runs)
     assert finished(tmp_path / "journal") == {run.id for run in runs}
 
+    assert not any(path.exists() for path in keys)
     texts = [path.read_text(encoding="utf-8") for path in sorted(slurm.glob("*.sh"))]
     assert len(texts) == 2
-    with slurm_cluster_class()(cores=1, processes=1) as cluster:
-        expected = cluster.job_script().replace(cluster.scheduler_address, address)
+    security = Security.temporary()
+    with slurm_cluster_class()(cores=1, processes=1, security=security, shared_temp_directory="~") as cluster:
+        expected = KEYS.sub("KEY", cluster.job_script().replace(cluster.scheduler_address, address))
     for text in texts:
-        assert re.sub(r"--name \S+", "--name dummy-name", text) == expected
+        assert KEYS.sub("KEY", re.sub(r"--name \S+", "--name dummy-name", text)) == expected
     asked = dict(line.removeprefix("#SBATCH ").split(" ", 1) for line in expected.splitlines()
                  if line.startswith("#SBATCH -") and not line.startswith("#SBATCH --"))  # fmt: skip
     assert (asked["-p"], asked["-A"], asked["-t"], asked["-n"]) == ("crop", "harvest", "02:00:00", "1")
     assert "#SBATCH --cpus-per-task=1" in expected
     assert "module load python" in expected
-    assert re.search(r"dask_worker tcp://\S+ .*--nthreads 1 --memory-limit 1.86GiB", expected)
+    assert re.search(r"dask_worker tls://\S+ .*--nthreads 1 --memory-limit 1.86GiB", expected)
 
 
 @pytest.mark.filterwarnings("ignore")  # of the cluster that was not made, when it is collected

@@ -12,10 +12,12 @@ Bytes of a frame: length of a JSON head (uint32, little endian), the head, padde
 The page and its websockets are served on the loopback interface, to whoever knows the token of its address.
 """
 
+import errno
 import hmac
 import json
 import logging
 import secrets
+import socket
 import threading
 import time
 from collections import deque
@@ -43,6 +45,7 @@ from swath.runtime.world import World
 from swath.signals import F64, MachineLoad, ScanTruth
 
 HOST = "127.0.0.1"
+MOST, POLL_S = 32, 0.2  # connections at a time; between looks whether it goes on [s]
 PATIENCE_S = 60.0  # for the world, of a browser that comes before it is there
 
 
@@ -98,6 +101,36 @@ class Viewer:
             return
 
 
+class Listener(socket.socket):
+    """Takes MOST connections at a time and closes the others, so that idle ones end nothing."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._taken: list[socket.socket] = []
+        self.bind((HOST, 0))
+        self.listen()
+        self.settimeout(POLL_S)
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        """The next one that there is room for. OSError once it is closed."""
+        while self.fileno() >= 0:
+            try:
+                connection, address = super().accept()
+            except TimeoutError:
+                continue
+            except OSError as error:
+                if error.errno not in (errno.EMFILE, errno.ENFILE, errno.ECONNABORTED):
+                    raise
+                time.sleep(POLL_S)  # no file is left for it
+                continue
+            self._taken = [taken for taken in self._taken if taken.fileno() >= 0]
+            if len(self._taken) < MOST:
+                self._taken.append(connection)
+                return connection, address
+            connection.close()
+        raise OSError(errno.EBADF, "closed")
+
+
 class Server:
     """page: the HTML, asked for once somebody opens the address; talk: called with each viewer, in a thread.
 
@@ -116,8 +149,7 @@ class Server:
         quiet.propagate = False
         self._server = serve(
             self._serve,
-            HOST,
-            0,
+            sock=Listener(),
             process_request=self._answer,
             compression=None,
             max_size=16_384,

@@ -17,7 +17,7 @@ from threading import Lock, current_thread, main_thread
 from typing import Any
 
 from swath.core.errors import InputError, MissingExtra, SwathError
-from swath.core.foreign_code import Gate, present_gate, through
+from swath.core.foreign_code import Gate, need_named, present_gate, through
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import STRIKES
 from swath.tools.function_test.journal import Journal, read_journals
@@ -27,36 +27,50 @@ from swath.tools.function_test.plan import PlannedRun, code_hash
 Result = dict[str, Any]
 LOOK_S = 2.0  # between looks at whether there are workers left
 PATIENCE = 150  # looks without a worker until a test gives up: a queue may start new ones
-KINDS = "local, slurm or the address of a scheduler, such as tcp://node1:8786"
+KINDS = "local, slurm or the address of a scheduler, such as tls://node1:8786"
+QUIET: dict[str, Any] = {
+    f"distributed.{part}.http.routes": [] for part in ("scheduler", "worker", "nanny")
+}  # no pages
 
 
 @contextmanager
 def cluster_client(kind: str, workers: int) -> Iterator[Any]:
     """A client of dask. kind: `local`, `slurm` (dask-jobqueue with its own settings) or an address
 
+    Who reaches a scheduler or a worker runs code there, so all talk TLS: `local` and `slurm` with
+    certificates made for this client alone, an address with those of dask's settings.
+
     workers: processes of `local`, jobs of `slurm`. MissingExtra without the extra, InputError for another
-    kind.
+    kind, NotNamed for an address without TLS that is not allowed.
     """
     try:
         import dask
-        from distributed import Client, LocalCluster
+        from distributed import Client, LocalCluster, Security
+
+        security = Security.temporary() if kind in ("local", "slurm") else None
     except ImportError:
         raise MissingExtra("cluster", "--cluster") from None
-    if kind not in ("local", "slurm") and "://" not in kind:
+    if security is None and "://" not in kind:
         raise InputError("--cluster", kind, f"expected {KINDS}")
-    with dask.config.set({"distributed.scheduler.allowed-failures": STRIKES - 1}):
+    if security is None and not kind.startswith("tls://"):
+        need_named("--cluster", kind)
+    with dask.config.set({"distributed.scheduler.allowed-failures": STRIKES - 1, **QUIET}):
+        cluster = None
         if kind == "local":
-            cluster = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None)
+            cluster = LocalCluster(
+                n_workers=workers, threads_per_worker=1, dashboard_address=None, security=security
+            )
         elif kind == "slurm":
-            cluster = _slurm(workers)
-        else:
-            cluster = None
+            cluster = _slurm(workers, security)
         try:
-            with Client(kind if cluster is None else cluster) as client:
+            with Client(kind if cluster is None else cluster, security=security) as client:
                 yield client
         finally:
             if cluster is not None:
                 cluster.close()
+            for part in ("ca_file", "cert", "key"):  # of SLURM's workers; files that go when they are closed
+                if (file := getattr(cluster, f"_job_{part}", None)) is not None:
+                    file.close()
 
 
 def run_on_cluster(
@@ -143,11 +157,16 @@ def _worker_count(client: Any) -> int:
     return len(client.nthreads())
 
 
-def _slurm(jobs: int) -> Any:
-    """Jobs of SLURM, one worker process each, as dask's `jobqueue.slurm` settings describe them."""
+def _slurm(jobs: int, security: Any) -> Any:
+    """Jobs of SLURM, one worker process each, as dask's `jobqueue.slurm` settings describe them. The workers'
+    keys are files for their owner alone, in its home folder unless `shared-temp-directory` says where.
+    """
+    import dask
+
     slurm_cluster = slurm_cluster_class()
+    place = dask.config.get("jobqueue.slurm.shared-temp-directory", None) or "~"
     try:
-        cluster = slurm_cluster(processes=1, cores=1)
+        cluster = slurm_cluster(processes=1, cores=1, security=security, shared_temp_directory=place)
     except ValueError as error:
         raise InputError("--cluster", "slurm", f"expected settings of jobqueue.slurm: {error}") from error
     cluster.scale(jobs=jobs)
