@@ -103,12 +103,14 @@ def as_image(fig: Any, *, kind: str = "svg", dpi: int = 150) -> str:
 
     kind: `svg` for what is drawn, which has a light and a dark look; `webp` for pictures of a camera
     """
+    import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     out = BytesIO()
     fig.set_dpi(dpi)  # and printed by its canvas: `savefig` draws everything twice
     if kind == "svg":
-        FigureCanvasSVG(fig).print_svg(out, metadata={"Date": None})
+        with matplotlib.rc_context({"svg.hashsalt": "swath"}):  # the same names each time
+            FigureCanvasSVG(fig).print_svg(out, metadata={"Date": None})
     else:
         from PIL import WebPImagePlugin  # noqa: F401 or Pillow loads all formats that it knows
 
