@@ -46,7 +46,7 @@ from swath.tools.function_test.odd.cells import (
 from swath.tools.function_test.odd.check import check
 from swath.tools.function_test.odd.coverage import Coverage, driven_of
 from swath.tools.function_test.odd.design import Design
-from swath.tools.function_test.odd.dossier import _causes, _lidar_levels, summary_of, write_dossier
+from swath.tools.function_test.odd.dossier import _lidar_levels, _runs_of, summary_of, write_dossier
 from swath.tools.function_test.odd.openodd import attributes_of
 from swath.tools.function_test.odd.trace import DEGREE_M, broken_by, trace_rows, traced, write_cod
 from swath.tools.function_test.one_run import scenario_of
@@ -337,12 +337,9 @@ def test_causes_are_what_contrasts_with_the_rest(tmp_path: Path, monkeypatch: py
     assert {first.text, second.text} == {rain, slope}
     assert first.counted + first.rest_counted == sum(run.counts for run in found.coverage.runs)
     assert second.counted + second.rest_counted == first.rest_counted
-    rows = _causes(found, [first, second])
-    assert [row["here"] for row in rows] == [
-        first.counted,
-        second.counted,
-    ]  # they drove where they were drawn
-    assert not set(rows[0]["ids"]) & set(rows[1]["ids"])
+    (_, runs, here, _), (_, others, there, _) = _runs_of(found, [first, second])
+    assert (here, there) == (first.counted, second.counted)  # they drove where they were drawn
+    assert not {run.result["id"] for run in runs} & {run.result["id"] for run in others}
     assert cause_texts(monkeypatch, tmp_path / "wide", 200, seed, adjacent) == [f"{SPEED} from 6 km/h on"]
 
 

@@ -39,6 +39,7 @@ class Cell:
     unjudged: runs with a level outside its checked range; outside: these by slot and quantity; errors: runs
     that came to one
     failed: runs that count and did not pass; groups: the same by the first limit that failed
+    measured: what its runs measured, None where there is no other candidate
     worst: the run farthest beyond a limit, or nearest to one; an error before all others
     """
 
@@ -60,7 +61,7 @@ class Cell:
     integrity: dict[str, Any] = field(default_factory=lambda: pooled(()))
     steering: dict[str, tuple[int, dict[str, Any]]] = field(default_factory=dict)
     groups: dict[str, Region] = field(default_factory=dict)
-    measured: Measured = field(default_factory=Measured)
+    measured: Measured | None = None
 
     def __post_init__(self) -> None:
         self.failed = Worst(max(10, self.room // 10))
@@ -72,7 +73,8 @@ class Cell:
     def add(self, result: Result) -> None:
         """Take in a run."""
         self._add_sums(result)
-        self.measured.add(result)
+        if self.measured is not None:
+            self.measured.add(result)
         shares = [(f"{e['subject']}.{e['name']}", margin_of(e), e) for e in result["expect"]]
         for name, share, entry in shares if result["verdict"] != UNJUDGED else ():
             if name not in self._nearest or share < self._nearest[name][0]:
@@ -167,6 +169,9 @@ def cells_of(cases: Sequence[Case], candidates: Iterable[str], planned: Mapping[
     names = list(candidates)
     room = max(DRAWN_LEAST, min(DRAWN_MAX, KEPT_MAX // (len(cases) * len(names))))
     cells = {(c.name, name): Cell(c, name, planned.get(c.name, 0), room) for c in cases for name in names}
+    if len(names) > 1:  # their runs are paired
+        for cell in cells.values():
+            cell.measured = Measured()
     for result in results:
         cells[result["case"], result["candidate"]].add(result)
     for cell in cells.values():

@@ -88,12 +88,13 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
     groups = _groups(cells)
     about = f"{counted(len(cases), 'case')}, {counted(len(candidates), 'candidate')}"
     tags, rows = by_tag(cells)
-    ranks = [
-        Table("", HEAD, ranking(cells), (0, *range(2, 10)), ABOUT_RANKS.format(candidates[0])),
-        Table("", tags, rows, range(1, 1 + len(candidates))),
-    ]
+    ranks = []
+    if len(candidates) > 1:
+        about_ranks = ABOUT_RANKS.format(candidates[0])
+        ranks.append(Table("", HEAD, ranking(cells), (0, *range(2, 10)), about_ranks))
+        ranks.append(Table("", tags, rows, range(1, 1 + len(candidates))))
     sections = [
-        Section("Candidates", ranks if len(candidates) > 1 else []),
+        Section("Candidates", ranks),
         Table(
             "Cases and candidates",
             ["case", *candidates],
