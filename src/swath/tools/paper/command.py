@@ -1,13 +1,13 @@
 """`swath paper`: the paper's figures, each a command of swath and the picture that it leaves."""
 
 import argparse
-import subprocess
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from subprocess import DEVNULL
 from typing import Any
 
+from swath.core.processes import start_module
 from swath.terminal.options import add_folder
 
 LEVELS = ("empirical", "plants")  # `replay` plays a recording; `heights` has all three
@@ -128,9 +128,9 @@ def run(args: argparse.Namespace) -> int:
     with steps(len(commands)) as step:
         for name, command in commands.items():
             step(name)
-            line = [sys.executable, "-m", "swath", *command, "--out", name]
-            if code := subprocess.run(line, cwd=args.out, stdout=subprocess.DEVNULL, check=False).returncode:
-                return code
+            with start_module("swath", *command, "--out", name, cwd=args.out, stdout=DEVNULL) as job:
+                if code := job.wait():
+                    return code
     print(write_paper(args.out))
     return 0
 
