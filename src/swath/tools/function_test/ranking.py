@@ -21,8 +21,8 @@ HEAD = ("rank", "candidate", "runs pass", *(f"{name}, median (95 %)" for name in
 class Measured:
     """What the runs of a cell measured, in their order. keys: which point and seed each had"""
 
-    keys: array[int] = field(default_factory=lambda: array("q"))
-    values: Mapping[str, array[float]] = field(
+    keys: "array[int]" = field(default_factory=lambda: array("q"))
+    values: "Mapping[str, array[float]]" = field(
         default_factory=lambda: {name: array("d") for name in (*METRICS, SURE_WRONG, EDGE_US)}
     )
 
