@@ -59,6 +59,7 @@ def test_a_nearest_echo_spot_shifts_the_edge_and_known_beam_data_shift_it_back(s
     plain = errors(drive(stand={"spot": spot}, params={"learn_m": 0.0}))[2]
     corrected = errors(drive(stand={"spot": spot}, params={"spot_mm": 1e3 * spot, "learn_m": 0.0}))[2]
     assert corrected == pytest.approx(plain - 0.5 * spot, abs=0.002)
+    assert 0.3 * spot < plain < 1.2 * spot
     assert 0.0 < corrected < 0.04  # rays of a spot meet 30 stems per metre: their end lies outside the edge
 
 

@@ -23,7 +23,7 @@ from swath.tools.function_test.one_run import scenario_of
 from swath.tools.function_test.page import write_matrix
 from swath.tools.function_test.plan import Plan, plan_of
 from swath.tools.function_test.pool import run_all
-from swath.tools.function_test.ranking import HEAD, by_tag, ranking
+from swath.tools.function_test.ranking import HEAD, Measured, by_tag, ranking
 from swath.tools.function_test.session import begin, open_session
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, log_capital, needed, verdict
 from tests.tools.fake_work import fake_work
@@ -193,7 +193,7 @@ def test_candidates_are_ranked_by_what_passes_and_then_by_their_error(case_file)
     """Two that pass alike, one of which is 2 cm worse in every pair, and one that fails half of the runs."""
     cells = []
     for name, worse, fails in (("far", 0.02, 0), ("near", 0.0, 0), ("bad", 0.0, 5)):
-        cell = Cell(Plan(str(case_file)).found[0], name, 10)
+        cell = Cell(Plan(str(case_file)).found[0], name, 10, measured=Measured())
         for seed in range(10):
             metrics = {"edge_rmse_m": 0.01 + 0.001 * seed + worse, "sure_wrong_share": 0.1 * (seed < fails)}
             verdict = "fail" if seed < fails else "pass"

@@ -92,10 +92,13 @@ class Samples:
         return Samples(type(first), max(times, default=first.t), arrays, alike)
 
 
-def of_columns(kind: type[Signal], worlds: int, names: Sequence[str]) -> Samples:
-    """Real numbers of a sample in each world, in one memory (worlds, numbers) that its sender keeps."""
-    memory = np.zeros((worlds, len(names)))
-    return Samples(kind, 0, {name: memory[:, k] for k, name in enumerate(names)}, memory=memory)
+def of_columns(kind: type[Signal], worlds: int, names: Sequence[str], **types: Any) -> Samples:
+    """Numbers of a sample in each world, in one memory (worlds,) that its sender keeps.
+
+    types: of the fields that are no real numbers
+    """
+    memory = np.zeros(worlds, [(name, types.get(name, np.float64)) for name in names])
+    return Samples(kind, 0, {name: memory[name] for name in names}, memory=memory)
 
 
 class Sent:

@@ -179,13 +179,17 @@ class Bodies:
             self._refuse(name)
         self._told[name] = state
 
-    @property
-    def _poses(self) -> dict[str, Pose]:
-        """Where all bodies are now."""
+    def _settle(self) -> None:
+        """Ask where they are that are followed."""
         while self._told:
             name, tell = self._told.popitem()
             state = tell()
             self._places[name], self._speeds[name] = state.pose, state
+
+    @property
+    def _poses(self) -> dict[str, Pose]:
+        """Where all bodies are now."""
+        self._settle()
         return self._places
 
     def show(self, name: str, more: Solids, part: str = "") -> None:
@@ -287,7 +291,8 @@ class Bodies:
 
     def _velocity(self, name: str) -> Sequence[float]:
         """Velocity of a body, world (3,) [m/s]."""
-        held = self._speeds[name] if self._poses else STILL
+        self._settle()
+        held = self._speeds[name]
         if not isinstance(held, MachineState):
             return held
         ahead, left = held.speed, held.lateral_speed

@@ -49,7 +49,9 @@ MACHINES, FEWEST_BESIDE = (
     0.1,
     200,
 )  # yields of two machines on neighbouring passes; records that say something
-FEW_MOVE, OTHER_SPEED, IDLE = (0.5, 0.5), (0.5, 0.5), (0.9, 0.9)  # of a log without a record left: the cause
+# of a log without a record left (told, refused), estimated: shares of its records on the spot of the one
+# before, and without flow, without width or behind a pause; by how much the faster of two speeds is faster
+FEW_MOVE, IDLE, OTHER_SPEED = (0.5, 0.5), (0.9, 0.9), (0.5, 0.5)
 MOISTURES = {"maize": (0.1, 0.42), "rape": (0.04, 0.16), "": (0.07, 0.26)}  # of grain at harvest, estimated
 FEW_USED = 0.5  # of the records
 

@@ -222,10 +222,12 @@ def covered_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
     index = np.flatnonzero(cleaned.cutting)
     ends = (np.diff(index) > 2) | (np.diff(np.cumsum(log.gap)[index]) != 0)
     pieces = np.split(index, np.flatnonzero(ends) + 1)
-    lines = {shapely.LineString(log.position[p]).simplify(0.3): p for p in pieces if len(p) > 5}
+    passes = [piece for piece in pieces if len(piece) > 5]
+    lines = [shapely.LineString(log.position[piece]).simplify(0.3) for piece in passes]
     if not lines or width <= 0.0:
         raise InputError("log", None, "expected at least one pass of 30 m with the header in the crop")
-    own = ((line, 0.5 * float(np.median(log.width[piece]))) for line, piece in lines.items())
+    halves = [0.5 * float(np.median(log.width[piece])) for piece in passes]
+    own = zip(lines, halves, strict=True)
     strips = shapely.union_all([line.buffer(half, cap_style="flat") for line, half in own])
     grow = CLOSING_WIDTHS * width
     closed = strips.buffer(grow, join_style="mitre").buffer(-grow, join_style="mitre")

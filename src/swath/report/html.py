@@ -1,7 +1,7 @@
 """The one page that swath writes: a heading, facts and sections of tables, figures and text.
 
 Everything that is put in is escaped. In running text `code` in backticks, **bold** text and [links](target)
-are set as such.
+are set as such; a link leads to a place or a file beside the page alone, for the text may be a stranger's.
 """
 
 import html
@@ -16,7 +16,7 @@ from swath.core.whole_file import write_whole
 
 TEMPLATES = Path(__file__).parent / "templates"
 INLINE = ((r"`([^`\n]+)`", r"<code>\1</code>"), (r"\*\*(.+?)\*\*", r"<strong>\1</strong>"),
-          (r"\[([^\]\n]+)\]\(([^)\s]+)\)", r'<a href="\2">\1</a>'))  # fmt: skip
+          (r"\[([^\]\n]+)\]\((#?\w[\w./-]*)\)", r'<a href="\2">\1</a>'))  # fmt: skip
 
 
 class Html(str):

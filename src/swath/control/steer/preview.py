@@ -38,7 +38,7 @@ from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.registry import Checked, Level
 from swath.core.schedule import NS
-from swath.core.together import Given, InWorlds, Samples, field_of
+from swath.core.together import Given, InWorlds, Samples, field_of, of_columns
 from swath.core.units import CM, DEG
 from swath.kernels import Rows, repeatable, shared
 from swath.signals import CropEdge, Inertial, Odometry, SteerCommand
@@ -135,9 +135,7 @@ class Steerers:
         self._asked, self._odometry, self._commands = np.zeros(3), np.zeros((n, 3)), np.zeros((n, 2))
         self._upward, self._turning = AllInertial(n), AllInertial(n)
         self._pending = np.zeros((n, int(self._laws.of["pending"].max())))
-        rows = np.zeros(n, [("curvature", float), ("is_engaged", np.bool_)])
-        arrays = {"curvature": rows["curvature"], "is_engaged": rows["is_engaged"]}
-        self._sent = Samples(SteerCommand, 0, arrays, memory=rows)
+        self._sent = of_columns(SteerCommand, n, ("curvature", "is_engaged"), is_engaged=np.bool_)
         self._kernel = kernel.steer
         self._prepare()
 

@@ -16,7 +16,7 @@ from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.together import Given, InWorlds, Samples
+from swath.core.together import Given, InWorlds, Samples, of_columns
 from swath.field.profile import BIN, refused
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Rows, filled, of_worlds, repeatable, shared
@@ -70,8 +70,7 @@ class Headers:
         self._cuttings = Rows(kernel.Cutting, n)
         self._poses, self._flows = np.zeros((n, ROOM, 12)), np.zeros((n, 7))
         self._counts = np.zeros(n, np.int32)
-        self._rows = np.zeros(n, [(k, np.int64 if k == "stem_count" else float) for k in FLOWS])
-        self._sent = Samples(CropFlow, 0, {k: self._rows[k] for k in FLOWS}, memory=self._rows)
+        self._sent = of_columns(CropFlow, n, FLOWS, stem_count=np.int64)
         self._inputs = [
             of_worlds(Profile, self._profiles),
             of_worlds(kernel.Taken, self._taken),
@@ -109,7 +108,7 @@ class Headers:
     def _samples(self, t: int, seconds: float) -> dict[str, Samples]:
         self._flows[:, 5] = seconds
         for k, name in enumerate(FLOWS):
-            self._rows[name] = self._flows[:, k]
+            self._sent.arrays[name][:] = self._flows[:, k]
         self._sent.t = t
         return {"flow": self._sent}
 

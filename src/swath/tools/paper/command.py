@@ -16,17 +16,9 @@ FILES = ("index.html", "heights", "edge", *LEVELS, *CASES)
 _DESCRIPTION = """Make the figures of the paper that swath implements: each is a command of swath beside
 what the paper says. Writes index.html and a folder for each command; takes some minutes."""
 _SCAN = ("scan", "straight", "--at-s", "12", "--format", "png")
-_DRIVE = (
-    "run",
-    "straight",
-    "--set",
-    "combine.lidar.level=plants",
-    "--set",
-    "run.distance_m=60",
-    "--set",
-    "expect={}",
-)
-_LAB = ("lab", "stand", "--depression-deg", "30")
+_PLANTS = ("--set", "combine.lidar.level=plants")
+_DRIVE = ("run", "straight", *_PLANTS, "--set", "run.distance_m=60", "--set", "expect={}")
+_LAB = ("lab", "stand", "--depression-deg", "30", "--stems-per-m2", "200", "600", "--seeds", "2")
 _GAP = "[{start_m: 30, end_m: 33, depth_m: 0.8, stubble_height_m: 0.15}]"
 _TEETH = "{amplitude_m: 0.15, wavelength_m: 3, kind: random}"
 _BEND = "{shape: curve, run_in_m: 25, radius_m: 16, angle_deg: 70}"
@@ -58,25 +50,13 @@ FIGURES = (
         "Histograms of the height measured over stands of 200 and 600 plants/m² by two scanners with "
         "beams of different size, real and simulated, printed without numbers. Height and number of "
         "plants influence what is measured, and the size of the spot does so strongly.",
-        {
-            "heights": (
-                "lab",
-                "stand",
-                "--depression-deg",
-                "30",
-                "--stems-per-m2",
-                "200",
-                "600",
-                "--seeds",
-                "2",
-            ),
-        },
+        {"heights": _LAB},
     ),
     Shown(
         "Figures 2 and 6: edge detection",
         "Flow chart of steering along the crop edge by LiDAR, and detection of the edge on the 3D "
         "surfaces of the plants.",
-        {"edge": (*_SCAN, "--set", "combine.lidar.level=plants")},
+        {"edge": (*_SCAN, *_PLANTS)},
     ),
     Shown(
         "Closed loop: a gap of 3 m and random bites up to 15 cm deep",

@@ -483,10 +483,7 @@ def _causes(found: Conducted, causes: Sequence[Cause]) -> list[list[object]]:
     rows: list[list[object]] = []
     for cause, runs, here, is_elsewhere in _runs_of(found, causes):
         failing = sorted((run.result for run in runs if not run.passes), key=lambda result: str(result["id"]))
-        repeat = [
-            element("code", command("test", "again", found.folder.name, str(result["id"])[:8]))
-            for result in failing[:3]
-        ]
+        repeat = [element("code", again(found.folder.name, result)) for result in failing[:3]]
         rows.append(
             [
                 element("strong", cause.text),
