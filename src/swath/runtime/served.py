@@ -34,7 +34,7 @@ def resolved(host: str, port: int, kind: socket.SocketKind, who: str) -> tuple[A
 
 
 def bound(host: str, port: int, kind: socket.SocketKind, who: str) -> Any:
-    """A socket that has an address, of TCP a `Listener`. SwathError, which begins with `who`, where that cannot be had."""
+    """A socket that has an address; of TCP a `Listener`. SwathError, beginning with `who`."""
     family, at = resolved(host, port, kind, who)
     made = (Listener if kind == socket.SOCK_STREAM else socket.socket)(family, kind)
     try:
@@ -156,7 +156,7 @@ class Viewer:
 class Server:
     """Websockets, and a page where there is one.
 
-    talk: called with each connection, in a thread. page: the HTML, asked for with a patience [s]; whoever asks
+    talk: called with each connection, in a thread. page: the HTML, asked for with a patience [s]; who asks
     for it, or for its websocket at `/live`, has to know the token of `address` and come from the page.
     origins: without a page, the pages that may look (regular expression); what is no browser names none.
 
