@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.temporary import TemporaryFolder
+
 # Kernels are compiled for this processor, or for the one that SWATH_CPU names as Clang does (`haswell` has
 # AVX2 and no AVX-512): the results are the same.
 BUILT_FOR = f"-target-cpu {os.environ['SWATH_CPU']}" if "SWATH_CPU" in os.environ else "-march=native"
@@ -223,7 +225,12 @@ def _own_temporary() -> Path:
     """A folder in the system's temporary one that nobody else can write to."""
     folder = Path(tempfile.gettempdir()) / f"swath-warp-{os.getuid() if hasattr(os, 'getuid') else -1}"
     is_good = not folder.is_symlink() and _is_usable(folder)
-    return folder if is_good else Path(tempfile.mkdtemp(prefix="swath-warp-"))
+    return folder if is_good else _aside().path
+
+
+@cache
+def _aside() -> TemporaryFolder:
+    return TemporaryFolder("warp")
 
 
 def _user_cache() -> Path:

@@ -30,6 +30,7 @@ from swath.core.foreign_code import allow_code, code_in, texts_in
 from swath.core.processes import skip_folder_settings
 from swath.core.registry import installed, installed_part, user_line
 from swath.core.stopping import Terminated, raise_if_lost, stoppable
+from swath.core.temporary import sweep
 from swath.fleet import command as fleet
 from swath.link.can import command as can
 from swath.link.fmi import command as fmu
@@ -132,6 +133,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         collect_rarely()
         _name_unknown_settings()
         skip_folder_settings()
+        sweep()
         with stoppable():
             try:
                 code = _dispatch(list(sys.argv[1:] if argv is None else argv))

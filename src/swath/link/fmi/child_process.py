@@ -6,12 +6,10 @@ The child is `python -m swath.link.fmi.child_process FD`; it answers the verbs o
 import ctypes
 import os
 import pickle
-import shutil
 import signal
 import socket
 import subprocess
 import sys
-import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from multiprocessing.connection import Connection
@@ -20,6 +18,7 @@ from typing import Any
 
 from swath.core.errors import SwathError
 from swath.core.processes import start_module
+from swath.core.temporary import TemporaryFolder
 from swath.link.fmi.calls import FmuError
 from swath.link.fmi.description import Description, Variable
 from swath.link.fmi.instance import Numbers, Steps, unpack
@@ -47,7 +46,7 @@ class ChildProcess:
     ) -> None:
         self.notes = [*notes]
         self._spec = (replace(description, package=None), name, tuple(inputs), tuple(outputs))
-        self._remove: Any = None  # the unpacked files, here so that it is done even if the child dies
+        self._unpacked: TemporaryFolder | None = None  # here, so that it goes even if the child dies
         self.folder: Path | None = None
         self._timeout_s = timeout_s
         self.child: subprocess.Popen[bytes] | None = None
@@ -74,8 +73,8 @@ class ChildProcess:
 
     def _start(self, starts: Mapping[str, Any]) -> list[float]:
         if self.child is None:
-            folder = self.folder = unpack(self._spec[0].file)
-            self._remove = weakref.finalize(self, shutil.rmtree, folder, True)
+            self._unpacked = unpack(self._spec[0].file)
+            folder = self.folder = self._unpacked.path
             self._launch()
             self._ask("make", *self._spec, folder, doing="being loaded", extra_s=START_TIMEOUT_S)
         found: list[float] = self._ask("start", dict(starts), doing="initialising", extra_s=START_TIMEOUT_S)
@@ -112,8 +111,8 @@ class ChildProcess:
             except subprocess.TimeoutExpired:
                 child.kill()
                 child.wait()
-        if self._remove is not None:
-            self._remove()
+        if self._unpacked is not None:
+            self._unpacked.remove()
 
     def _note(self, text: str) -> None:
         if text not in self.notes:

@@ -7,7 +7,6 @@ FMUs and System Structure Packages are zip archives, unpacked here or refused in
 import re
 import shutil
 import struct
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -20,6 +19,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.temporary import TemporaryFolder
 from swath.core.whole_file import write_whole
 from swath.documents.packed import open_archive
 from swath.link.fmi.units import BASE, Unit, known_unit
@@ -41,25 +41,23 @@ BROKEN = (
 )
 
 
-def unpack_archive(file: Path, prefix: str) -> Path:
-    """The archive in a new temporary folder, which the caller removes. ValueError with the reason."""
-    folder = Path(tempfile.mkdtemp(prefix=prefix))
+def unpack_archive(file: Path, what: str) -> TemporaryFolder:
+    """The archive in a new temporary folder. ValueError with the reason."""
+    made = TemporaryFolder(what)
     try:
         with open_archive(file, "file", what="an FMU, a zip archive") as archive:
-            size, room = sum(i.file_size for i in archive.infolist()), shutil.disk_usage(folder).free
+            size, room = sum(i.file_size for i in archive.infolist()), shutil.disk_usage(made.path).free
             if size > room:
                 raise ValueError(f"it would take {size / 1e6:.0f} MB, there is room for {room / 1e6:.0f}")
-            archive.extractall(folder)
-    except InputError as error:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise ValueError(error.expected) from error
-    except BROKEN as error:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise ValueError(reason(error)) from error
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
+            archive.extractall(made.path)
+    except BaseException as error:
+        made.remove()
+        if isinstance(error, InputError):
+            raise ValueError(error.expected) from error
+        if isinstance(error, BROKEN):
+            raise ValueError(reason(error)) from error
         raise
-    return folder
+    return made
 
 
 def reason(error: BaseException) -> str:
@@ -99,8 +97,8 @@ def repaired(file: Path) -> Iterator[tuple[Path, list[str]]]:
             repairs.append("its model structure is left out")
         for child in list(node):
             node.remove(child)
-    with tempfile.TemporaryDirectory(prefix="swath-fmu-") as folder:
-        copy = Path(folder) / "modelDescription.xml"
+    with TemporaryFolder("fmu") as folder:
+        copy = folder / "modelDescription.xml"
         write_whole(copy, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
         yield copy, repairs
 

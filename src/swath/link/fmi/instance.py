@@ -5,14 +5,13 @@ Numbers go in and come out as flat lists, in the order of the variables given, a
 
 import ctypes
 import math
-import shutil
-import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
 from swath.core.stopping import unstopped
+from swath.core.temporary import TemporaryFolder
 from swath.link.fmi.calls import FmuError, Group, Library, log_categories, make_groups
 from swath.link.fmi.description import Description, Variable, unpack_archive
 
@@ -20,14 +19,14 @@ Numbers = Sequence[float]
 Steps = Sequence[tuple[float, float, Numbers]]  # t, length [s], inputs
 
 
-def unpack(file: Path) -> Path:
-    """The archive in a new folder of its own, which the caller removes."""
+def unpack(file: Path) -> TemporaryFolder:
+    """The archive in a new folder of its own."""
     try:
-        folder = unpack_archive(file, "swath-fmu-")
-        (folder / "resources").mkdir(exist_ok=True)
+        made = unpack_archive(file, "fmu")
+        (made.path / "resources").mkdir(exist_ok=True)
     except (OSError, ValueError) as error:
         raise FmuError(f"{file.name} cannot be unpacked: {error}") from error
-    return folder
+    return made
 
 
 class Instance(ABC):
@@ -55,7 +54,7 @@ class Instance(ABC):
         self._inputs = make_groups(inputs, description.major)
         self._outputs = make_groups(outputs, description.major)
         self._given_folder = folder
-        self._clean: Any = None
+        self._unpacked: TemporaryFolder | None = None
         self._library: Library | None = None
         self.is_closed = False
         self.handle: Any = None
@@ -150,8 +149,8 @@ class Instance(ABC):
             self._library.unload()
         self._library = self.handle = None
         self.is_closed = True
-        if self._clean is not None:
-            self._clean()
+        if self._unpacked is not None:
+            self._unpacked.remove()
 
     # for the versions
 
@@ -197,8 +196,8 @@ class Instance(ABC):
         self.is_closed = False
         folder = self._given_folder
         if folder is None:
-            folder = unpack(self.description.file)
-            self._clean = weakref.finalize(self, shutil.rmtree, folder, True)
+            self._unpacked = unpack(self.description.file)
+            folder = self._unpacked.path
         self.folder = folder
         self._library = Library(self.description, folder, self.name)
 

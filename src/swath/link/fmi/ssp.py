@@ -4,14 +4,13 @@ Systems within systems are flattened: a component is named by its path, `Drive.E
 from the start of a connection to its end, then its linear transformation is applied (SSP 1.0, 4.5.5.6).
 """
 
-import shutil
-import weakref
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 from swath.core.errors import InputError
+from swath.core.temporary import TemporaryFolder
 from swath.link.fmi.description import BROKEN, Description, read_fmu, reason, unpack_archive
 from swath.link.fmi.units import BASE, Scale, Unit, parse_unit, scale
 
@@ -29,6 +28,7 @@ class System:
 
     components: FMUs by path, in declared order; kinds, units: of connectors; edges: end -> where it starts
     starts: (path, variable) -> value in the unit of the variable; notes: what was left out
+    unpacked: the files, where they came in an archive
     """
 
     file: Path
@@ -38,6 +38,7 @@ class System:
     edges: dict[Node, Edge] = field(default_factory=dict)
     starts: dict[Node, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    unpacked: TemporaryFolder | None = None
 
     def unit_of(self, node: Node) -> Unit | None:
         """Unit of a connector: of the FMU's variable, else as declared."""
@@ -87,10 +88,10 @@ def read_system(file: Path) -> System:
     system = System(file)
     if file.suffix.lower() == ".ssp":
         try:
-            folder, name = unpack_archive(file, "swath-ssp-"), "SystemStructure.ssd"
+            system.unpacked = unpack_archive(file, "ssp")
         except ValueError as error:
             raise InputError("file", str(file), f"expected a System Structure Package: {error}") from error
-        weakref.finalize(system, shutil.rmtree, folder, True)
+        folder, name = system.unpacked.path, "SystemStructure.ssd"
     try:
         root = ElementTree.parse(folder / name).getroot()
         top = root.find(SSD + "System")

@@ -19,6 +19,7 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
+from swath.core.temporary import TemporaryFolder
 from swath.core.units import DEG
 from swath.documents.validation import known_keys, near_miss, unknown_key, validate
 from swath.documents.yaml_document import Document
@@ -195,14 +196,11 @@ class Bench:
 
     def echoes(self, level: str) -> list[F64]:
         """First echoes in the world as the scanner places them [m], (beams, 3) for each stop, nan = none."""
-        more = {}
-        if level == "replay" and "file" not in self.settings.sets:
-            more = {"file": str(self._record())}
-        try:
+        if level != "replay" or "file" in self.settings.sets:
+            return [points for _, points, _ in self._sweeps(level, self.stops(), {})]
+        with TemporaryFolder("lab") as folder:
+            more = {"file": str(self._record(folder / "replay.npz"))}
             return [points for _, points, _ in self._sweeps(level, self.stops(), more)]
-        finally:
-            if more:
-                Path(more["file"]).unlink()
 
     def _sweeps(
         self, level: str, stops: Sequence[Pose], more: dict[str, Any]
@@ -231,10 +229,8 @@ class Bench:
         known = known_keys(CATALOGUE.registry.get("lidar", level, base=self.settings.base).params)
         return {k: v for k, v in values.items() if k in known}
 
-    def _record(self) -> Path:
+    def _record(self, path: Path) -> Path:
         """A file for replay: passes 0.3 m aside, scanned by the dearest level."""
-        import tempfile
-
         from swath.tools.height_map.build import Settings as GridSettings
         from swath.tools.height_map.build import build_height_map
         from swath.tools.height_map.poses import make_track
@@ -255,8 +251,6 @@ class Bench:
 
         source = Source("lab", track, self.mount.pose(CARRIAGE, "left"), echoes)
         grid = build_height_map(source, GridSettings(reach_m=max(self.reach, 1.0)))
-        with tempfile.NamedTemporaryFile(suffix=".npz", prefix="swath-lab-", delete=False) as file:
-            path = Path(file.name)
         grid.save(path)
         return path
 

@@ -1,7 +1,6 @@
 """A recorded run made again, with recorded signals in the place of some of its slots."""
 
 import json
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.foreign_code import code_unread
+from swath.core.temporary import TemporaryFolder
 from swath.judge.summary import read_summary
 from swath.record.read.feed import own_outputs
 from swath.record.read.files import Log, open_log
@@ -65,8 +65,8 @@ def draw_report(folder: Path) -> Path:
     plan = plan_rerun(folder, slots=None, sets=["run.record=standard"], is_all=True)
     with code_unread():
         writer = ReportWriter(of=FinishedRun(folder, summary, recorded_scenario(plan.log, folder, ())))
-    with tempfile.TemporaryDirectory(prefix="swath-report-") as aside:
-        run_job(plan.scenario, Path(aside) / "run", hooks=[writer])
+    with TemporaryFolder("report") as aside:
+        run_job(plan.scenario, aside / "run", hooks=[writer])
     return folder / "report.html"
 
 

@@ -6,7 +6,6 @@ functions: read, judge values, and write what was met.
 """
 
 import re
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.temporary import TemporaryFolder
 from swath.core.whole_file import own_folder, write_whole
 from swath.documents.yaml_document import Document, read_document
 
@@ -133,10 +133,10 @@ def export_tables(
     """
     document = {"odd": {"samples": {"attributes": list(attributes), "rows": [list(row) for row in rows]}}}
     own_folder(folder)
-    with tempfile.TemporaryDirectory() as made:
-        if _library().export_cod(document, Path(made), stem) is None:
+    with TemporaryFolder("odd") as made:
+        if _library().export_cod(document, made, stem) is None:
             return False
-        for file in sorted(Path(made).iterdir()):
+        for file in sorted(made.iterdir()):
             write_whole(folder / file.name, file.read_text(encoding="utf-8"))
     return True
 
