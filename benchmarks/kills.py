@@ -1,34 +1,39 @@
-"""Runs stopped at random moments, all into one folder: nothing whole that is not, and the next run works.
+"""Commands that write a folder, stopped at random moments and with faults of the disk: nothing is lost.
 
-    nice python -m benchmarks.kills --count 40
+    nice python -m benchmarks.kills --count 200
+    python -m benchmarks.kills --only dataset --seed 17 --count 5
 
-For SIGKILL, SIGTERM and SIGINT, without and with an FMU in the process (a part of swath, exported). Half of
-the moments are spread over the whole life of the process, half over the time in which it has the folder.
+Each attempt is one fault, of a kind and at a moment that the seed says: a signal after a time, or one of
+benchmarks/faults.c at a count of what is written. After some, the same command runs to its end, and the
+folder has to equal one that was never disturbed: in the files that two undisturbed ones have in common, and
+the common values of their JSON. Until then, whatever has its name is whole.
 """
 
 import argparse
+import ctypes
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from swath.core.foreign_code import code_unread
 from swath.core.output_folder import LOCK
-from swath.runtime.folder import RUN_FILES
-from swath.scenario.scenario import load_scenario
+from swath.core.whole_file import PART
+from swath.tools.function_test.journal import finished
 
-SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
-STOPPED = {signal.SIGTERM: 143, signal.SIGINT: 130}
+SIGNALS = {"SIGKILL": -signal.SIGKILL, "SIGTERM": 143, "SIGINT": 130}
+FAULTS = {"kill": -signal.SIGKILL, "torn": -signal.SIGKILL, "lost": -signal.SIGKILL, "full": 2, "short": 0}
+STREAK = 3  # faults one after the other, before a run to the end
 SCENARIO = """
 format: swath scenario 2
 name: killed
@@ -43,27 +48,64 @@ machines:
     motion: {level: kinematic, start_speed_kmh: 7}
     lidar: off
     edge: truth
-    process: PROCESS
+    process: constant
 """
+CASE = """
+format: swath test case 1
+objective: drives
+source: made
+scenario: killed.yaml
+set: {run.record: none}
+vary:
+  speed_kmh: {key: combine.motion.start_speed_kmh, at: [6, 7, 8], range: [5, 9]}
+seeds: 3
+expect: {distance_m: {min: 1}}
+"""
+CAMERA = "combine.camera={level: rays, reach_m: 14, mount: {at: axle, x_m: 2, z_m: 3, pitch_deg: 20}}"
+LINES = {  # command line, and how it may end
+    "run": (["run", "killed.yaml", "--quiet"], (0,)),
+    "test run": (["test", "run", "case.yaml", "--workers", "1"], (3,)),
+    "fleet run": (["fleet", "run", "small-field"], (0,)),
+    "dataset": (["dataset", "straight", "--set", CAMERA, "--count", "4", "--per-scene", "2",
+                 "--width-px", "64", "--height-px", "48", "--workers", "1"], (0,)),
+    "test estimate": (["test", "estimate", "case.yaml", "--budget", "20", "--workers", "1"], (0, 3)),
+}  # fmt: skip
+
+
+AGAIN = ("run", "fleet run")  # do all of it again in a folder that is whole
 
 
 class Starter:
-    """Starts runs as forks of a process that has imported everything, so that many can be stopped."""
+    """Starts commands as forks of a process that has imported everything, so that many can be stopped."""
 
-    def __init__(self, said: Path) -> None:
-        command = [sys.executable, "-m", "benchmarks.kills", "--serve", str(said)]
-        self._said, self._process = said, subprocess.Popen(command, stdin=-1, stdout=-1, text=True)
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        shim = folder / "faults.so"
+        source = Path(__file__).with_name("faults.c")
+        subprocess.run(["cc", "-O1", "-shared", "-fPIC", "-o", str(shim), str(source), "-ldl"], check=True)
+        command = [sys.executable, "-m", "benchmarks.kills", "--serve", str(folder)]
+        path = os.pathsep.join([os.getcwd(), *filter(None, [os.environ.get("PYTHONPATH")])])
+        environment = {**os.environ, "LD_PRELOAD": str(shim), "PYTHONPATH": path}
+        self._said, self._counter = folder / "said.txt", folder / "counter"
+        self._process = subprocess.Popen(command, stdin=-1, stdout=-1, text=True, cwd=folder, env=environment)
         self._tell()
 
-    def start(self, *argv: str) -> int:
-        """Start `swath ARGV`; its process id."""
+    def start(self, line: list[str], out: Path, kind: str = "count", at: int = 0, whom: str = "one") -> int:
+        """Start `swath LINE --out OUT` with a fault; its process id."""
         assert self._process.stdin is not None
-        print(json.dumps(argv), file=self._process.stdin, flush=True)
+        self._counter.write_bytes(bytes(8))
+        told = {"line": [*line, "--out", str(out)], "faults": f"{kind} {at} {whom} {self._counter} {out}"}
+        print(json.dumps(told), file=self._process.stdin, flush=True)
         return int(self._tell())
 
     def wait(self) -> tuple[int, str]:
         """Wait for its end: exit code, < 0 for a signal, and what it said."""
         return int(self._tell()), self._said.read_text()
+
+    @property
+    def count(self) -> int:
+        """Writes, names and removals of the last command and of what it started."""
+        return int.from_bytes(self._counter.read_bytes(), sys.byteorder)
 
     def close(self) -> None:
         """End the process."""
@@ -74,176 +116,211 @@ class Starter:
         return self._process.stdout.readline()
 
 
-def serve(said: Path) -> None:
+def serve(folder: Path) -> None:
     """The process that forks: a command line in, its process id and its exit code out."""
     import matplotlib.pyplot
     import pyarrow.parquet
 
+    import swath.fleet.report
     import swath.report.report
     import swath.runtime.job
     from swath.commands.main import main
 
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
     assert matplotlib.pyplot
     assert pyarrow.parquet
+    assert swath.fleet.report
     assert swath.report.report
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
     print("ready", flush=True)
     for line in sys.stdin:
+        told = json.loads(line)
         pid = os.fork()
         if pid == 0:
-            file, code = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 70
+            os.setsid()
+            file, code = os.open(folder / "said.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 70
             os.dup2(file, 1)
             os.dup2(file, 2)
+            os.environ["FAULTS_OF_WRITES"] = told["faults"]
+            ctypes.CDLL(str(folder / "faults.so")).arm()
             try:
-                code = main(json.loads(line))
+                code = main(told["line"])
             except KeyboardInterrupt:  # before or after swath had the signals
-                code = STOPPED[signal.SIGINT]
+                code = SIGNALS["SIGINT"]
             finally:
                 os._exit(code)
         print(pid, flush=True)
         print(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), flush=True)
 
 
-@dataclass
-class Victim:
-    """A scenario to be run into a folder. length_s, held_s: of an undisturbed run, all and with the folder"""
-
-    file: Path
-    folder: Path
-    starter: Starter
-    length_s: float = 0.0
-    held_s: float = 0.0
-    digest: str = ""
-
-    def start(self) -> int:
-        """Start a run."""
-        return self.starter.start("run", str(self.file), "--allow-code", "--out", str(self.folder), "--quiet")
-
-    def run(self) -> None:
-        """An undisturbed run; the first one is what the others have to equal."""
-        began = time.monotonic()
-        pid = self.start()
-        held = self.wait_until_held(pid)
-        code, said = self.starter.wait()
-        ended = time.monotonic()
-        assert code == 0, said
-        summary = json.loads((self.folder / "summary.json").read_text())
-        assert self.digest in ("", summary["digest"])
-        self.digest, self.length_s, self.held_s = summary["digest"], ended - began, ended - held
-
-    def wait_until_held(self, pid: int) -> float:
-        """Wait until the run has its folder, or is over; the time."""
-        before = self.mark()
-        while self.mark() == before and Path(f"/proc/{pid}").exists():
-            time.sleep(0.002)
-        return time.monotonic()
-
-    def mark(self) -> Any:
-        """Something that changes when a run takes the folder."""
-        try:
-            return (self.folder / LOCK).stat().st_mtime_ns
-        except FileNotFoundError:
-            return None
-
-    def kill(self, number: signal.Signals, rng: random.Random, *, is_held: bool) -> str:
-        """Start a run, stop it at a random moment, check what it left; returns how that is called."""
-        pid = self.start()
-        if is_held:
-            self.wait_until_held(pid)
-        time.sleep(rng.uniform(0.0, self.held_s if is_held else self.length_s))
-        with suppress(ProcessLookupError):
-            os.kill(pid, number)
-        return check(self, number, *self.starter.wait())
+def contents(folder: Path) -> dict[str, Any]:
+    """What lies in a folder: bytes by name, of JSON its values by name and key."""
+    found: dict[str, Any] = {}
+    for file in sorted(p for p in folder.rglob("*") if p.is_file()):
+        name = str(file.relative_to(folder))
+        if file.suffix == ".json":
+            found |= {f"{name} {key}": value for key, value in leaves(json.loads(file.read_bytes()), "")}
+        else:
+            found[name] = file.read_bytes()
+    return found
 
 
-def check(victim: Victim, number: signal.Signals, code: int, said: str) -> str:
-    """What a run left that was sent a signal, in words. AssertionError where something lies."""
-    about = f"{number.name}, exit code {code}, {said!r}"
-    assert code in (0, -number, STOPPED.get(number)), about
-    known = {*RUN_FILES, LOCK, *(f"{name}.part" for name in RUN_FILES)}
-    assert not victim.folder.exists() or {f.name for f in victim.folder.iterdir()} <= known, about
-    file, report = victim.folder / "summary.json", victim.folder / "report.html"
-    assert file.exists() or (not report.exists() and code != 0 and "recorded" not in said), about
-    if not file.exists():
-        return "no summary"
-    summary = json.loads(file.read_text())
-    check_files(victim.folder)
-    if summary["incomplete"]:
-        assert not report.exists(), about
-        assert code != 0, about
-        return "incomplete"
-    assert summary["digest"] == victim.digest, about
-    if report.exists():
-        assert report.read_text().rstrip().endswith("</html>"), about
-        return "complete"
-    assert code != 0, about
-    return "complete, no report"
-
-
-def check_files(folder: Path) -> None:
-    """All files beside a summary can be read to their ends."""
+def check_whole(folder: Path) -> None:
+    """A file that has its name can be read to its end, whatever stopped the command."""
+    from PIL import Image
     from pyarrow.parquet import read_table
 
     from swath.record.read.files import open_log
 
-    with code_unread():
-        load_scenario(folder)
-    assert read_table(folder / "tracks.parquet").num_columns > 10
-    log = open_log(folder)
-    list(log.messages(log.topics()))
+    for file in (p for p in folder.rglob("*") if p.is_file() and p.stat().st_size):
+        if file.suffix == ".json":
+            json.loads(file.read_bytes())
+        elif file.suffix == ".jsonl":
+            for line in file.read_bytes().split(b"\n")[:-1]:  # what is behind the last line is left out
+                json.loads(line or b"{}")
+        elif file.suffix == ".parquet":
+            read_table(file)
+        elif file.suffix in (".png", ".jpg"):
+            with Image.open(file) as image:
+                image.load()
+        elif file.suffix == ".html":
+            assert file.read_bytes().rstrip().endswith(b"</html>"), file
+        elif file.suffix == ".mcap" and (folder / "summary.json").exists():
+            log = open_log(file)
+            list(log.messages(log.topics()))
 
 
-def make_victim(folder: Path, *, has_fmu: bool) -> Victim:
-    """A scenario, with its undisturbed run."""
-    file = folder / f"{'fmu' if has_fmu else 'plain'}.yaml"
-    process = "constant"
-    if has_fmu:
-        from swath.link.fmi.export import export_fmu
-        from swath.scenario.scenario import parse_scenario
-
-        made = parse_scenario(SCENARIO.replace("PROCESS", "{level: delay_line}"))
-        export_fmu(made, ["process"], folder / "part.fmu")
-        process = "{level: fmu, file: part.fmu}"
-    file.write_text(SCENARIO.replace("PROCESS", process))
-    victim = Victim(file, folder / file.stem, Starter(folder / "said.txt"))
-    victim.run()
-    return victim
+def leaves(data: Any, key: str) -> Iterator[tuple[str, Any]]:
+    """The values in plain data, by their keys."""
+    inner: Mapping[Any, Any] = dict(enumerate(data)) if isinstance(data, list) else data
+    if isinstance(data, dict | list):
+        for each in inner:
+            yield from leaves(inner[each], f"{key}.{each}")
+    else:
+        yield key, data
 
 
-def study(
-    folder: Path, count: int, seed: int, signals: Sequence[signal.Signals] = SIGNALS, *, has_fmu: bool
-) -> Iterator[tuple[str, Counter[str]]]:
-    """Stop `count` runs with each signal; how often they left what."""
-    victim, rng = make_victim(folder, has_fmu=has_fmu), random.Random(seed)
-    try:
-        for number in signals:
-            yield number.name, Counter(victim.kill(number, rng, is_held=bool(k % 2)) for k in range(count))
-            victim.run()
-    finally:
-        victim.starter.close()
+@dataclass
+class Victim:
+    """A command. count, length_s: of an undisturbed one, of what it writes and of its time"""
+
+    name: str
+    starter: Starter
+    whole: dict[str, Any] = field(default_factory=dict)
+    count: int = 0
+    length_s: float = 0.0
+    done: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.line, self.codes = LINES[self.name]
+        self.out = self.starter.folder / self.name.replace(" ", "-")
+        self.finish()
+        first, names = contents(self.out), {str(p) for p in self.out.rglob("*")}
+        shutil.rmtree(self.out)
+        self.done.clear()
+        began = time.monotonic()
+        self.finish()
+        self.length_s, self.count = time.monotonic() - began, self.starter.count
+        second = contents(self.out)
+        self.whole = {name: value for name, value in first.items() if second.get(name) == value}
+        assert self.count > 5, "its writes are not seen"
+        assert len(self.whole) > 3, names
+        shutil.rmtree(self.out)
+        self.done.clear()
+
+    def finish(self) -> None:
+        """Run it to its end: it goes on where it was, and what it makes is that of an undisturbed one."""
+        self.starter.start(self.line, self.out)
+        code, said = self.starter.wait()
+        assert code in self.codes, (code, said, sorted(map(str, self.out.rglob("*"))))
+        self.check()
+
+    def check(self) -> None:
+        """That the folder is as if nothing had happened."""
+        found = contents(self.out)
+        wrong = [name for name, value in self.whole.items() if found.get(name) != value]
+        assert not wrong, wrong
+        left = [n for n in found if n.endswith(PART) or n == LOCK]
+        assert not left, left
+        self._count_done()
+
+    def disturb(self, kind: str, rng: random.Random) -> str:
+        """One fault; how the command ended. AssertionError where that is no way to end."""
+        at, whom = rng.randint(1, self.count), rng.choice(["one", "all"])
+        if kind in FAULTS:
+            self.starter.start(self.line, self.out, kind, at, whom)
+        else:
+            pid = self.starter.start(self.line, self.out)
+            time.sleep(rng.uniform(0.0, self.length_s))
+            with suppress(ProcessLookupError):
+                os.kill(pid, getattr(signal, kind))
+        code, said = self.starter.wait()
+        assert code in (*self.codes, (SIGNALS | FAULTS)[kind]), (
+            code,
+            said,
+            sorted(map(str, self.out.rglob("*"))),
+        )
+        assert "Traceback" not in said, said
+        if kind == "full" and code == 2:
+            assert "No space left" in said, said
+            assert str(self.out) in said, said
+        if code in self.codes:
+            self.check()
+            shutil.rmtree(self.out)  # else the next one has nothing to do
+            self.done.clear()
+            return "to its end"
+        check_whole(self.out)
+        self._count_done()
+        return kind
+
+    def _count_done(self) -> None:
+        """What a journal held it still holds."""
+        now = finished(self.out / "journal") if (self.out / "journal").is_dir() else set()
+        assert self.done <= now or (not now and self.done and (self.out / "results.parquet").exists())
+        self.done = set(now)
+
+
+def study(name: str, starter: Starter, count: int, seed: int) -> Iterator[tuple[int, str, str]]:
+    """Disturb a command so often: number, kind, how it ended."""
+    (starter.folder / "killed.yaml").write_text(SCENARIO)
+    (starter.folder / "case.yaml").write_text(CASE)
+    victim = Victim(name, starter)
+    kinds = [*SIGNALS, *FAULTS]
+    for number in range(count):
+        rng = random.Random(f"{name} {seed} {number}")
+        kind = kinds[(number + seed) % len(kinds)]
+        try:
+            yield number, kind, victim.disturb(kind, rng)
+            if number % STREAK == STREAK - 1 or number == count - 1:
+                victim.finish()
+                if name not in AGAIN or rng.random() < 0.5:
+                    shutil.rmtree(victim.out)
+                    victim.done.clear()
+        except AssertionError as error:
+            raise AssertionError(f"{name}, seed {seed}, number {number}, {kind}: {error}") from error
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--count", type=int, default=40, help="runs to stop, for each signal (default 40)")
+    parser.add_argument("--count", type=int, default=40, help="faults of each command (default 40)")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", choices=("plain", "fmu"), help="only runs without, or with, an FMU")
-    parser.add_argument("--signal", choices=[s.name for s in SIGNALS], help="only this one")
+    parser.add_argument("--only", choices=LINES, help="only this command")
     parser.add_argument("--serve", type=Path, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.serve is not None:
         serve(args.serve)
         return
-    signals = [s for s in SIGNALS if args.signal in (None, s.name)]
-    kinds = ("complete", "complete, no report", "incomplete", "no summary")
-    print(f"| run | signal | {' | '.join(kinds)} |\n|---|---|{'---|' * len(kinds)}", flush=True)
-    for name in ("plain", "fmu") if args.only is None else (args.only,):
-        with tempfile.TemporaryDirectory() as folder:
-            for sent, counts in study(Path(folder), args.count, args.seed, signals, has_fmu=name == "fmu"):
-                row = " | ".join(str(counts[kind]) for kind in kinds)
-                print(f"| {name} | {sent} | {row} |", flush=True)
+    print("| command | fault | stopped | to its end |\n|---|---|---|---|", flush=True)
+    with tempfile.TemporaryDirectory() as made:
+        starter = Starter(Path(made).resolve())
+        for name in LINES if args.only is None else (args.only,):
+            counts: Counter[tuple[str, bool]] = Counter()
+            for _, kind, ended in study(name, starter, args.count, args.seed):
+                counts[kind, ended == kind] += 1
+            for kind in [*SIGNALS, *FAULTS]:
+                print(f"| {name} | {kind} | {counts[kind, True]} | {counts[kind, False]} |", flush=True)
+        starter.close()
 
 
 if __name__ == "__main__":

@@ -66,7 +66,8 @@ def _within(folder: Path) -> Any:
 @contextmanager
 def _no_pictures() -> Any:
     """Seconds of matplotlib are not what is tried here."""
-    with patch("swath.field_io.importer.draw"), patch("swath.fleet.report.draw", create=True):
+    image = patch("swath.fleet.report.plots.as_image", return_value="")
+    with patch("swath.field_io.importer.draw"), patch("swath.fleet.report.draw", create=True), image:
         yield
 
 

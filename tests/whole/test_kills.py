@@ -1,14 +1,27 @@
-"""A few of the stopped runs of benchmarks/kills.py, which does many."""
+"""A few of the faults of benchmarks/kills.py, which does many: nothing is lost, the same command goes on."""
 
-import random
-import signal
+import shutil
+import sys
 
-from benchmarks.kills import make_victim
+import pytest
+from benchmarks.kills import FAULTS, SIGNALS, Starter, study
+
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux" or shutil.which("cc") is None, reason="faults are of Linux, and built"
+)
 
 
-def test_stopped_runs_leave_nothing_whole_that_is_not(tmp_path):
-    victim, rng = make_victim(tmp_path, has_fmu=False), random.Random(5)
-    for number in (signal.SIGKILL, signal.SIGTERM):
-        victim.kill(number, rng, is_held=True)
-    victim.run()
-    victim.starter.close()
+@pytest.fixture(scope="module")
+def starter(tmp_path_factory):
+    made = Starter(tmp_path_factory.mktemp("starter"))
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize(("name", "count"), [("run", len(SIGNALS) + len(FAULTS)), ("test run", 3)])
+def test_a_stopped_command_loses_nothing_and_goes_on(name, count, starter):
+    """Of a run every fault once. What fails says its seed and number."""
+    seed = 5
+    ended = list(study(name, starter, count, seed))
+    assert len(ended) == count
+    assert any(kind == how for _, kind, how in ended)

@@ -21,11 +21,14 @@ class NamedFile(io.FileIO):
     """A file opened to write, whose errors name it: those of the system name none, as on a full disk."""
 
     def write(self, data: Any) -> int:
-        """As `io.FileIO`."""
+        """As `io.FileIO`, but all of it."""
+        done, whole = 0, memoryview(data).cast("B")
         try:
-            return super().write(data)
+            while done < len(whole):
+                done += super().write(whole[done:])
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(self.name)) from error
+        return done
 
 
 def open_to_write(path: Path) -> BinaryIO:
@@ -50,8 +53,8 @@ def open_to_keep(path: Path, flags: int) -> int:
 
 
 def open_to_append(path: Path) -> BinaryIO:
-    """A file to write at its end, which is made where it is missing. InputError where it is a link."""
-    return os.fdopen(open_to_keep(path, os.O_WRONLY | os.O_APPEND), "ab")
+    """A file to write at its end, at once, made where it is missing. InputError where it is a link."""
+    return NamedFile(str(path), "ab", opener=lambda name, flags: open_to_keep(Path(name), flags))
 
 
 @contextmanager
@@ -66,6 +69,8 @@ def new_file(path: Path) -> Iterator[BinaryIO]:
             own = os.fstat(file.fileno())
             yield file
         if is_alone := part.exists() and os.path.samestat(own, part.stat()):
+            with open(part, "r+b", 0) as whole:
+                os.fsync(whole)  # else a crash of the system can leave the name and not what it names
             part.replace(path)
     except BaseException:
         part.unlink(missing_ok=True)

@@ -62,7 +62,7 @@ def find_sheet(kind: str, name: str, base: Path | None = None) -> Path:
         path = Path(name) if Path(name).is_absolute() else (base or Path.cwd()) / name
     else:
         path = sheet_folder(kind) / f"{name}.yaml"
-    if path.is_file():
+    if path.exists():
         return path
     raise InputError(kind, name, expected_name(kind, name))
 

@@ -78,8 +78,8 @@ def open_archive(
     `ZipFile.read` gives no more of a member than the directory says, so this bounds all of them together.
     """
     with readable(key, what, path):
-        most = most_unpacked(path.stat().st_size, ratio)
         archive = _Archive(check_readable(path, key, what))
+        most = most_unpacked(path.stat().st_size, ratio)
     with archive:
         held = sum(info.file_size for info in archive.infolist())
         if held > most:

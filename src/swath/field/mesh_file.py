@@ -54,10 +54,8 @@ def read_mesh(path: Path, *, key: str, file: Path | None = None) -> tuple[MeshPa
     for a file that is missing, cannot be read, or holds no triangle, a corner that is no number, or
     coordinates beyond SIZE_MAX; MissingExtra without trimesh.
     """
-    if not path.is_file():
-        raise InputError(key, str(path), "expected a mesh file, there is no such file", file=file)
-    stat = path.stat()
     try:
+        stat = check_readable(path, key, "a mesh file").stat()
         with readable(key, "a mesh that can be read", path):
             return _read(path, stat.st_mtime_ns, stat.st_size)
     except InputError as error:
@@ -127,7 +125,7 @@ def _load(path: Path) -> Any:
     if kind in ("glb", "gltf"):
         _check_accessors(path)
     if kind != "obj":
-        return trimesh.load_scene(check_readable(path, "mesh", "a mesh file"), process=False)
+        return trimesh.load_scene(path, process=False)
     data = read_bytes(path, "mesh", "a mesh file", BYTES_MAX)
     text, library = _own_materials(data.decode("utf-8", errors="replace"))
     resolver = trimesh.resolvers.ZipResolver({"swath.mtl": io.BytesIO(library.encode())})

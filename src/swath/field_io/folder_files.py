@@ -133,7 +133,8 @@ def read_info(folder: Path, kind: type[T]) -> tuple[T, dict[str, Any]]:
     """What field.yaml says, checked as `kind`, and all of it. InputError names key, file and line."""
     path = folder / "field.yaml"
     if not folder.is_dir():
-        raise InputError("field folder", str(folder), "expected a folder, there is none")
+        what = "this is a file" if folder.exists() else "there is none"
+        raise InputError("field folder", str(folder), f"expected a folder, {what}")
     if not path.is_file():
         raise InputError("field folder", str(folder), "expected a field folder, it has no field.yaml")
     document = read_document(path)

@@ -129,8 +129,6 @@ def load_height_grid(path: Path) -> HeightGrid:
     def wrong(expected: str) -> InputError:
         return InputError("replay file", None, f"expected {expected}", file=path)
 
-    if not path.is_file():
-        raise wrong("a file made by `swath height-map build`")
     what = f"a file made by `swath height-map build` ({FORMAT}), this one cannot be read"
     arrays = read_arrays(path, "replay file", what, RATIO)
     with readable("replay file", what, path):

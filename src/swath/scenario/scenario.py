@@ -202,7 +202,7 @@ def find_scenario(source: str | Path) -> Path:
             return find_sheet("scenarios", source)
         if path.is_dir() and (path / "scenario.yaml").is_file():
             return path / "scenario.yaml"
-        if path.is_file():
+        if path.exists() and not path.is_dir():
             return path
         is_name = path.suffix not in (".yaml", ".yml") and len(path.parts) == 1 and not path.is_dir()
         if isinstance(source, str) and is_name:

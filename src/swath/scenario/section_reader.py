@@ -172,7 +172,7 @@ class SectionReader:
         wants_folder = key.endswith("folder")
         try:
             target = (self.base(path) / value).resolve()
-            is_there = target.is_dir() if wants_folder else target.is_file()
+            is_there = target.is_dir() if wants_folder else target.exists()
         except (OSError, ValueError, RuntimeError):
             is_there = False
         if is_there:

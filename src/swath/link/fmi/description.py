@@ -241,8 +241,6 @@ def read_fmu(file: Path, key: str = "file") -> Description:
         import fmpy
     except ImportError as error:
         raise MissingExtra("fmi", "an FMU") from error
-    if not file.is_file():
-        raise InputError(key, str(file), "expected an FMU, there is no such file")
     with open_archive(file, key, what="an FMU, a zip archive") as archive:
         names = archive.namelist()
     if "modelDescription.xml" not in names:

@@ -6,7 +6,6 @@ as the module of AgOpenGPS does. The newest message counts: the run has to be pa
 """
 
 import math
-import socket
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -21,8 +20,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.link.device import pgn
 from swath.link.device.address import read_address
-from swath.link.device.wires import Events, Reader
-from swath.runtime.served import resolved
+from swath.link.device.wires import Events, Reader, UdpSender
 from swath.scenario.slots import kind_of
 from swath.signals import Odometry, SteerCommand
 from swath.signals.setup import LinkSetup
@@ -61,7 +59,7 @@ class AgOpenGpsSteering(KeepsState):
         self.outputs = (Port("command", SteerCommand),)
         self._reader: Reader | None = None
         self._events = Events()
-        self._answers: socket.socket | None = None
+        self._answers: UdpSender | None = None
         self._arrived: list[int] = []
         self._peer: Any = None
         self._wrong, self._others = 0, 0
@@ -89,11 +87,7 @@ class AgOpenGpsSteering(KeepsState):
         self.close()
         self._events = Events()
         self._reader = Reader(self._listen, self._events)
-        family, self._to = resolved(
-            self._reply.host, self._reply.port, socket.SOCK_DGRAM, f"device {self._reply}"
-        )
-        self._answers = socket.socket(family, socket.SOCK_DGRAM)
-        self._answers.setblocking(False)
+        self._answers = UdpSender(self._reply, self._events)
         self._arrived, self._wrong, self._others, self._peer = [], 0, 0, None
         self._heard_at: int | None = None
         self._command = SteerCommand(0, 0.0, False)
@@ -151,10 +145,7 @@ class AgOpenGpsSteering(KeepsState):
 
     def _say(self, data: bytes) -> None:
         assert self._answers is not None
-        try:
-            self._answers.sendto(data, self._to)
-        except OSError as error:
-            self._events(f"no answer could be sent to {self._reply.host}: {error.strerror or error}")
+        self._answers.send(data)
 
     def _released(self, silent: int, end: int) -> None:
         text = f"no PGN 254 for {silent / NS:.2f} s"

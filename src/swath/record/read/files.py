@@ -211,8 +211,6 @@ def _open(path: Path) -> Log:
         path = path / RUN
     if path.is_dir():
         return _open_folder(path)
-    if not path.is_file():
-        raise InputError("recording", str(path), "there is no such file")
     if path.suffix == ".mcap" or _begins(path, MAGIC):
         return McapLog(path, by_time=path.name != RUN)
     return open_rosbag1(path) if path.suffix == ".bag" or _begins(path, MAGIC_1) else BagLog(path)

@@ -298,7 +298,7 @@ def _paths(source: str) -> list[Path]:
         if not found:
             raise InputError("cases", source, "expected a folder with case files, *.yaml")
         return found
-    if path.is_file():
+    if path.exists():
         return [path]
     names = ["catalogue", *bundled]
     raise InputError(

@@ -235,7 +235,8 @@ def begin(folder: Path, plan: Plan, candidates: Path | None = None) -> Session:
         )
         raise InputError("--out", str(folder), expected)
     if not file.is_file():
-        check_folder(folder, (PLAN,), "function test")
+        check_folder(folder, (PLAN, JOURNALS), "function test")
+        check_folder(folder / JOURNALS, (RUNS,), "function test")  # written before the plan
     plan.check(candidates)
     session = Session(folder, plan)
     old = session.counted()

@@ -44,8 +44,6 @@ class MeasuredHeights:
 
 def read_measured(path: Path) -> MeasuredHeights:
     """Read the file. InputError names file, line and what is wrong."""
-    if not path.is_file():
-        raise InputError("--real", str(path), "expected a CSV file, there is none")
     table = _read_csv(path)
     height = table.pop(HEIGHT)
     if not np.isfinite(height).any():

@@ -1,0 +1,94 @@
+"""Every socket that a command opens is in the table of SECURITY.md, at the address that it says."""
+
+import ast
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import swath
+from swath.commands.main import main
+
+ROOT = Path(__file__).parents[2]
+SCENARIO = """
+format: swath scenario 2
+name: heard
+run: {distance_m: 0.3, max_duration_s: 1}
+realtime: {}
+field: {stand: {level: uniform}, edge: {shape: straight},
+  origin: {latitude_deg: 51, longitude_deg: 8}}
+machines:
+  combine: {lidar: {level: empirical}, gnss: {level: ideal}, edge: truth}
+"""
+MODULES = {  # of src that make sockets, and the rows of the table that they are for
+    "runtime/served.py": "run --view, run --foxglove, run --device",
+    "link/device/wires.py": "run --device, level device, level agopengps",
+    "link/can/bus.py": "run --isobus, can box, level can",
+    "link/can/udp.py": "can box",
+    "link/ros2/middleware.py": "run --ros2, ros2 play, level ros2",
+    "link/fmi/child_process.py": "",  # a pair without an address
+    "link/ros2/bridge.py": "run --ros2",
+    "link/ros2/slotnode.py": "level ros2",
+    "link/ros2/drive_node.py": "ros2 play",
+    "link/foxglove.py": "run --foxglove",
+    "replay/live/view.py": "run --view",
+    "tools/function_test/cluster.py": "test run --cluster local",
+}
+LIBRARIES = {"socket", "socketserver", "http.server", "http.client", "asyncio", "websockets", "can", "rclpy",
+             "distributed", "dask", "dask_jobqueue", "xmlrpc", "ftplib", "smtplib", "ssl", "zmq"}  # fmt: skip
+BOUND = []
+LINES = {  # words behind `run`: what is bound, and where
+    "": set(),
+    "--foxglove 127.0.0.1:0": {"127.0.0.1"},
+    "--view": {"127.0.0.1"},
+    "--device lidar=lms://:0": {"127.0.0.1"},
+    "--device gnss=nmea://:0": {"127.0.0.1"},
+    "--device gnss=nmea+udp://:9": set(),  # sends
+    "--set combine.steer.level=agopengps --set combine.steer.listen=127.0.0.1:0": {"127.0.0.1"},
+    "--isobus virtual:heard": set(),
+}
+
+
+def _bound(event, args):
+    if event == "socket.bind":
+        BOUND.append(args[1])
+
+
+sys.addaudithook(_bound)
+
+
+def rows():
+    table = (ROOT / "SECURITY.md").read_text().split("## Sockets")[1].split("\n## ")[0]
+    return re.findall(r"^\| (.+?) \| (.+?) \| (.+?) \|$", table, re.MULTILINE)[1:]
+
+
+@pytest.mark.parametrize("words", LINES)
+def test_a_command_binds_what_the_table_says_and_nothing_else(words, tmp_path, monkeypatch):
+    pytest.importorskip("websockets")
+    monkeypatch.chdir(tmp_path)
+    Path("heard.yaml").write_text(SCENARIO)
+    BOUND.clear()
+    line = ["run", "heard.yaml", *words.split(), "--quiet", "--no-report", "--no-replay", "--out", "out"]
+    assert main(line) in (0, 1, 3)
+    assert {at[0] for at in BOUND if isinstance(at, tuple)} == LINES[words]
+
+
+def test_what_makes_sockets_is_in_the_table():
+    listed = " ".join(row[0] for row in rows()).replace("`", "")
+    source = Path(swath.__file__).parent
+    found = set()
+    for file in source.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            if LIBRARIES.intersection({*names, *(name.split(".")[0] for name in names)}):
+                found.add(str(file.relative_to(source)))
+    assert found == set(MODULES)
+    for module, commands in MODULES.items():
+        for command in filter(None, commands.split(", ")):
+            assert command.split(" --")[-1].split()[-1] in listed, (module, command)
+    for opened, at, known in rows():
+        assert "`" in opened
+        assert at
+        assert known
