@@ -23,6 +23,7 @@ BUFFER = 1 << 18  # bytes that wait for a client
 MOST_CLIENTS = 8
 MOST_EVENTS = 100  # that are kept
 POLL_S = 0.5
+FLUSH_S = 0.05  # between two tries to send what a client did not take
 DATAGRAM = 1 << 16
 MOST_WAITING = 4096  # pieces that came in and were not taken
 
@@ -68,23 +69,17 @@ class TcpServer:
     """
 
     def __init__(self, where: Address, make_session: Callable[[], Session], tell: Tell) -> None:
-        self._where, self._make, self._tell = where, make_session, tell
+        self._make, self._tell = make_session, tell
         self._clients: list[Client] = []
         self._lock = threading.RLock()
         self._socket = bound(where.host, where.port, socket.SOCK_STREAM, f"device {where}")
         self._socket.most, self._socket.refused = MOST_CLIENTS, tell
         self.port = int(self._socket.getsockname()[1])
-        self._selector = selectors.DefaultSelector()
-        self._selector.register(self._socket, selectors.EVENT_READ)
-        self._wake, self._woken = socket.socketpair()
-        self._woken.setblocking(False)
-        self._selector.register(self._woken, selectors.EVENT_READ, self._woken)
-        self._is_open = True
-        self._thread = threading.Thread(target=self._serve, name=f"device {where}", daemon=True)
+        self._thread = threading.Thread(target=self._accept, name=f"device {where}", daemon=True)
 
     def start(self) -> None:
         """Serve from now on; again it does nothing."""
-        if self._is_open and self._thread.ident is None:
+        if self._socket.fileno() >= 0 and self._thread.ident is None:
             self._thread.start()
 
     def send(self, make: Callable[[Any], bytes]) -> int:
@@ -104,28 +99,17 @@ class TcpServer:
 
     def close(self) -> None:
         """Let all clients go."""
-        if not self._is_open:
-            return
-        self._is_open = False
-        with suppress(OSError):
-            self._wake.send(b"x")
+        self._socket.close()
         if self._thread.ident is not None:
             self._thread.join(2.0)
         with self._lock:
             for client in self._clients:
                 client.connection.close()
             self._clients.clear()
-        self._socket.close()
-        self._selector.close()
-        self._wake.close()
-        self._woken.close()
 
     def _put(self, client: Client, data: bytes) -> bool:
+        """Send what waits and more, as far as it goes; False where the client is lost."""
         client.waiting += data
-        return self._flush(client)
-
-    def _flush(self, client: Client) -> bool:
-        """Send what waits, as far as it goes; False where the client is lost."""
         try:
             while client.waiting:
                 sent = client.connection.send(client.waiting)
@@ -133,80 +117,51 @@ class TcpServer:
         except (BlockingIOError, InterruptedError):
             pass
         except OSError as error:
-            self._lose(client, f"{client.name} is gone ({error.strerror or error})")
-            return False
+            return self._lose(client, f"is gone ({error.strerror or error})")
         if len(client.waiting) > BUFFER:
-            self._lose(client, f"{client.name} does not read: let go with {len(client.waiting)} bytes unsent")
-            return False
-        self._watch(client)
+            return self._lose(client, f"does not read: let go with {len(client.waiting)} bytes unsent")
         return True
 
-    def _watch(self, client: Client) -> None:
-        wanted = selectors.EVENT_READ | (selectors.EVENT_WRITE if client.waiting else 0)
-        with suppress(KeyError, ValueError):
-            if self._selector.get_key(client.connection).events != wanted:
-                self._selector.modify(client.connection, wanted, client)
-                if threading.current_thread() is not self._thread:
-                    with suppress(OSError):
-                        self._wake.send(b"x")
-
-    def _lose(self, client: Client, text: str) -> None:
-        self._tell(text)
-        with suppress(KeyError, ValueError):
-            self._selector.unregister(client.connection)
-        if client in self._clients:
-            self._clients.remove(client)
+    def _lose(self, client: Client, text: str) -> bool:
+        self._tell(f"{client.name} {text}")
+        self._clients.remove(client)
         client.connection.close()
-
-    def _serve(self) -> None:
-        while self._is_open:
-            for key, events in self._selector.select(POLL_S):
-                if isinstance(key.data, Client):
-                    self._serve_client(key.data, events)
-                elif key.data is None:
-                    self._accept()
-                else:
-                    with suppress(OSError):
-                        key.data.recv(4096)
+        return False
 
     def _accept(self) -> None:
-        try:
-            found = self._socket.take()
-        except OSError:
-            return
-        if found is None:
-            return
-        connection, peer = found
-        name = f"client {peer[0]}:{peer[1]}"
-        with self._lock:
-            connection.setblocking(False)
-            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            client = Client(connection, name, self._make())
-            self._clients.append(client)
-            self._selector.register(connection, selectors.EVENT_READ, client)
-        self._tell(f"{name} has connected")
+        with suppress(OSError):  # it is closed
+            while True:
+                threading.Thread(target=self._serve, args=self._socket.accept(), daemon=True).start()
 
-    def _serve_client(self, client: Client, events: int) -> None:
+    def _serve(self, connection: socket.socket, peer: Any) -> None:
+        connection.setblocking(False)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        client = Client(connection, f"client {peer[0]}:{peer[1]}", self._make())
         with self._lock:
-            if client not in self._clients:
-                return
-            if events & selectors.EVENT_WRITE and not self._flush(client):
-                return
-            if not events & selectors.EVENT_READ:
-                return
-            try:
-                data = client.connection.recv(DATAGRAM)
-            except (BlockingIOError, InterruptedError):
-                return
-            except OSError as error:
-                self._lose(client, f"{client.name} is gone ({error.strerror or error})")
-                return
-            if not data:
-                self._lose(client, f"{client.name} has left")
-                return
-            answer = client.session.feed(data)
-            if answer:
-                self._put(client, answer)
+            self._clients.append(client)
+        self._tell(f"{client.name} has connected")
+        with (
+            suppress(OSError, ValueError),
+            selectors.DefaultSelector() as selector,
+        ):  # closed by another thread
+            selector.register(connection, selectors.EVENT_READ)
+            while True:
+                is_read = selector.select(FLUSH_S)
+                with self._lock:
+                    if client not in self._clients or not self._hear(client, bool(is_read)):
+                        return
+
+    def _hear(self, client: Client, is_read: bool) -> bool:
+        """Take what a client says, and send what waits for it; False where it is lost."""
+        try:
+            data = client.connection.recv(DATAGRAM) if is_read else None
+        except (BlockingIOError, InterruptedError):
+            return True
+        except OSError as error:
+            return self._lose(client, f"is gone ({error.strerror or error})")
+        if data == b"":
+            return self._lose(client, "has left")
+        return self._put(client, client.session.feed(data) if data else b"")
 
 
 class UdpSender:
