@@ -1,6 +1,5 @@
 """Distances of solids: against closed forms, against an independent optimiser, and what they cost."""
 
-
 import numpy as np
 import pytest
 from scipy.optimize import minimize

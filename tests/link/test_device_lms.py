@@ -13,9 +13,10 @@ from swath.core.foreign_code import allow_code
 from swath.link import foxglove
 from swath.link.device import cola, lms
 from swath.link.device.address import read_address
-from swath.link.device.wires import BUFFER, MOST_CLIENTS, listening
+from swath.link.device.wires import BUFFER, MOST_CLIENTS
 from swath.link.levels import agopengps
 from swath.link.levels.device import PROTOCOLS
+from swath.runtime.served import bound
 from swath.signals import Scan
 from tests.link.device_rig import STEP, device, plane_scan, until
 from tests.link.independent_lms import Lms, Refused, scan_of
@@ -241,7 +242,7 @@ def test_an_address_that_is_none_is_one_error(address, expected):
 def test_it_listens_on_this_machine_alone_unless_an_address_is_named(address, host):
     with allow_code((), addresses=[address.format("0.0.0.0")]):
         where = read_address(address.format(host), PROTOCOLS)
-    with listening(where) as made:
+    with bound(where.host, where.port, socket.SOCK_STREAM, "device") as made:
         assert made.getsockname()[0] == (host or "127.0.0.1")
 
 

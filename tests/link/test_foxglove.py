@@ -15,10 +15,12 @@ from swath.core.errors import InputError, SwathError
 from swath.runtime.job import run_job, run_unrecorded
 from swath.scenario.scenario import load_scenario
 
-pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
 client = pytest.importorskip("websockets.sync.client")
+from websockets.exceptions import InvalidStatus  # noqa: E402
 
+from swath.core.foreign_code import allow_code  # noqa: E402
 from swath.link.foxglove import Foxglove  # noqa: E402
+from swath.runtime.served import MOST  # noqa: E402
 from tests.link.device_rig import free_port  # noqa: E402
 
 
@@ -135,3 +137,50 @@ def test_a_port_in_use_and_an_address_that_is_none_are_one_error():
         Foxglove(f"127.0.0.1:{taken.getsockname()[1]}")
     with pytest.raises(InputError, match="expected host:port, such as 127"):
         Foxglove("8765")
+
+
+@pytest.mark.parametrize("name", ["foxglove.sdk.v1", "foxglove.websocket.v1"])
+@pytest.mark.parametrize(("origin", "comes_in"), [
+    (None, True), ("https://app.foxglove.dev", True), ("http://localhost:8080", True), ("file://", True),
+    ("https://mine.example", True), ("null", False), ("https://app.foxglove.dev.example", False),
+    ("http://127.0.0.1.example:8765", False), ("https://mineXexample", False),
+])  # fmt: skip
+def test_only_pages_of_the_viewers_and_of_this_machine_come_in(name, origin, comes_in):
+    with allow_code((), addresses=["https://mine.example"]):
+        hook = Foxglove("127.0.0.1:0")
+    try:
+        if comes_in:
+            with client.connect(hook.address, subprotocols=[name], origin=origin) as link:
+                assert json.loads(link.recv(5))["op"] == "serverInfo"
+                assert link.subprotocol == name
+        else:
+            with (
+                pytest.raises(InvalidStatus) as refused,
+                client.connect(hook.address, subprotocols=[name], origin=origin),
+            ):
+                pass
+            assert refused.value.response.status_code == 403
+    finally:
+        hook.close()
+
+
+def test_a_flood_takes_no_more_than_its_places_and_the_run_ends():
+    """Connections that say nothing, that stop amid a request, and viewers that never read or close."""
+    hook, before = Foxglove("127.0.0.1:0"), threading.active_count()
+    where = ("127.0.0.1", int(hook.address.rpartition(":")[2]))
+    with ExitStack() as held:
+        for n in range(MOST // 2):
+            half = held.enter_context(socket.create_connection(where, 5.0))
+            half.sendall(b"" if n % 2 else b"GET / HTTP/1.1\r\nHost: ")
+        for _ in range(MOST // 2):
+            link = client.connect(hook.address, subprotocols=["foxglove.sdk.v1"], close_timeout=0.1)
+            held.callback(link.socket.close)
+        late = [held.enter_context(socket.create_connection(where, 5.0)) for _ in range(300)]
+        for connection in late:
+            with suppress(ConnectionResetError):
+                assert connection.recv(1) == b""
+        assert threading.active_count() < before + 8 * MOST
+        ends = threading.Thread(target=hook.close, daemon=True)
+        ends.start()
+        ends.join(60)
+        assert not ends.is_alive()

@@ -23,11 +23,12 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.record.tracks import read_tracks
 from swath.replay.live.data import ECHO_UNIT
-from swath.replay.live.view import LARGEST, MOST, Listener, LiveView, Server
+from swath.replay.live.view import LARGEST, LiveView
 from swath.runtime.changes import read_events
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
 from swath.runtime.run_control import RunControl
+from swath.runtime.served import MOST, Server, bound
 from swath.scenario.scenario import parse_scenario
 from swath.signals import ScanTruth
 from tests.replay.browser import Browser, NoBrowser
@@ -362,7 +363,8 @@ def test_a_browser_shows_it(tmp_path):
 
 def test_idle_connections_take_no_more_than_their_places_and_end_nothing():
     """A flood of them is closed at once, whoever comes when it is over is served."""
-    server, threads = Server(lambda wait: b"page", lambda viewer: None), threading.active_count()
+    server = Server(lambda connection: None, extra=("view", ""), who="", page=lambda wait: b"page")
+    threads = threading.active_count()
     idle = []
     try:
         idle += [socket.create_connection(("127.0.0.1", server.port), timeout=5) for _ in range(300)]
@@ -385,7 +387,8 @@ def test_idle_connections_take_no_more_than_their_places_and_end_nothing():
 
 
 def test_where_no_file_is_left_the_next_connection_waits(monkeypatch):
-    listener, real, faults = Listener(), socket.socket.accept, [errno.EMFILE, errno.ENFILE]
+    listener = bound("127.0.0.1", 0, socket.SOCK_STREAM, "")
+    real, faults = socket.socket.accept, [errno.EMFILE, errno.ENFILE]
 
     def accept(self):
         if faults:

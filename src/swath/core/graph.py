@@ -122,25 +122,34 @@ class Graph:
         return None if sent is None else sent.of(self.lockstep.place(self))
 
     def exchange(
-        self, slot: str, component: Component, wires: Mapping[str, Wire], state: State | None = None
+        self,
+        slot: str,
+        component: Component,
+        wires: Mapping[str, Wire],
+        state: State | None = None,
+        guard: Callable[[FaultyOutput | None], FaultyOutput | None] = lambda fault: fault,
     ) -> None:
         """Another component in a slot, from its next step on.
 
         It begins with `reset`, at the present time, or goes on from `state`; what the slot sent last stays
-        until it sends anew. The period stays. Raises WiringError when it does not fit, and what the component
-        raises; then nothing has changed.
+        until it sends anew. The period stays, and the fault, which `guard` may make anew. Raises
+        WiringError when it does not fit, and what the component raises; then nothing has changed.
         """
         component.reset(Stream(self.seed, slot))
         if state is not None:
             component.load(state)
         node = self._names[slot]
-        before = node.component, node.wires
-        node.component, node.wires = component, dict(wires)
+        before = node.component, node.wires, node.fault
+        node.component, node.wires, node.fault = component, dict(wires), guard(node.fault)
+        if node.fault is not None and node.fault is not before[2]:
+            node.fault.reset(Stream(self.seed, slot))
+            if before[2] is not None:
+                node.fault.load(before[2].save())
         try:
             for each in self.nodes:
                 self._check(each)
         except WiringError:
-            node.component, node.wires = before
+            node.component, node.wires, node.fault = before
             raise
         self.lockstep.connect()
 

@@ -17,6 +17,7 @@ from typing import Any, Protocol
 
 from swath.core.errors import SwathError
 from swath.link.device.address import Address
+from swath.runtime.served import bound, resolved
 
 BUFFER = 1 << 18  # bytes that wait for a client
 MOST_CLIENTS = 8
@@ -70,7 +71,8 @@ class TcpServer:
         self._where, self._make, self._tell = where, make_session, tell
         self._clients: list[Client] = []
         self._lock = threading.RLock()
-        self._socket = listening(where)
+        self._socket = bound(where.host, where.port, socket.SOCK_STREAM, f"device {where}")
+        self._socket.most, self._socket.refused = MOST_CLIENTS, tell
         self.port = int(self._socket.getsockname()[1])
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._socket, selectors.EVENT_READ)
@@ -169,15 +171,14 @@ class TcpServer:
 
     def _accept(self) -> None:
         try:
-            connection, peer = self._socket.accept()
+            found = self._socket.take()
         except OSError:
             return
+        if found is None:
+            return
+        connection, peer = found
         name = f"client {peer[0]}:{peer[1]}"
         with self._lock:
-            if len(self._clients) >= MOST_CLIENTS:
-                self._tell(f"{name} was refused: there are {MOST_CLIENTS} already")
-                connection.close()
-                return
             connection.setblocking(False)
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             client = Client(connection, name, self._make())
@@ -213,7 +214,7 @@ class UdpSender:
 
     def __init__(self, where: Address, tell: Tell) -> None:
         self._where, self._tell = where, tell
-        self._to = resolved(where, socket.SOCK_DGRAM)
+        self._to = resolved(where.host, where.port, socket.SOCK_DGRAM, f"device {where}")
         self._socket = socket.socket(self._to[0], socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._is_told = False
@@ -290,7 +291,11 @@ class Reader:
         self._pieces: deque[tuple[int, bytes, Any]] = deque(maxlen=MOST_WAITING)
         self._arrived = threading.Event()
         self._is_open = True
-        self._socket: socket.socket | None = listening(where) if where.transport == "udp" else None
+        self._socket: socket.socket | None = (
+            bound(where.host, where.port, socket.SOCK_DGRAM, f"device {where}")
+            if where.transport == "udp"
+            else None
+        )
         self.port = 0 if self._socket is None else int(self._socket.getsockname()[1])
         run = {"tcp": self._read_tcp, "udp": self._read_udp, "pty": self._read_terminal}[where.transport]
         self._thread = threading.Thread(target=run, name=f"device {where}", daemon=True)
@@ -336,7 +341,8 @@ class Reader:
         is_told = False
         while self._is_open:
             try:
-                family, where = resolved(self._where, socket.SOCK_STREAM)
+                host, port = self._where.host, self._where.port
+                family, where = resolved(host, port, socket.SOCK_STREAM, f"device {self._where}")
                 with socket.socket(family, socket.SOCK_STREAM) as connection:
                     connection.settimeout(POLL_S)
                     connection.connect(where)
@@ -394,31 +400,3 @@ class Reader:
             finally:
                 os.close(file)
             time.sleep(0.2)
-
-
-def listening(where: Address) -> socket.socket:
-    """A socket that is bound to an address. SwathError that says why it cannot be."""
-    kind = socket.SOCK_DGRAM if where.transport == "udp" else socket.SOCK_STREAM
-    family, at = resolved(where, kind)
-    made = socket.socket(family, kind)
-    try:
-        if kind == socket.SOCK_STREAM:
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        made.bind(at)
-        if kind == socket.SOCK_STREAM:
-            made.listen(MOST_CLIENTS)
-            made.setblocking(False)
-    except OSError as error:
-        made.close()
-        is_taken = "the port is in use, by another run or program" if error.errno == 98 else error.strerror
-        raise SwathError(f"device {where}: could not listen: {is_taken or error}") from error
-    return made
-
-
-def resolved(where: Address, kind: socket.SocketKind) -> tuple[Any, Any]:
-    """Family and socket address of a host and port. SwathError where there is no such host."""
-    try:
-        found = socket.getaddrinfo(where.host, where.port, type=kind)[0]
-    except (OSError, UnicodeError) as error:
-        raise SwathError(f"device {where}: there is no host {where.host!r}") from error
-    return found[0], found[4]

@@ -21,7 +21,8 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.link.device import pgn
 from swath.link.device.address import read_address
-from swath.link.device.wires import Events, Reader, resolved
+from swath.link.device.wires import Events, Reader
+from swath.runtime.served import resolved
 from swath.scenario.slots import kind_of
 from swath.signals import Odometry, SteerCommand
 from swath.signals.setup import LinkSetup
@@ -88,7 +89,9 @@ class AgOpenGpsSteering(KeepsState):
         self.close()
         self._events = Events()
         self._reader = Reader(self._listen, self._events)
-        family, self._to = resolved(self._reply, socket.SOCK_DGRAM)
+        family, self._to = resolved(
+            self._reply.host, self._reply.port, socket.SOCK_DGRAM, f"device {self._reply}"
+        )
         self._answers = socket.socket(family, socket.SOCK_DGRAM)
         self._answers.setblocking(False)
         self._arrived, self._wrong, self._others, self._peer = [], 0, 0, None
