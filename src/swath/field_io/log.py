@@ -50,6 +50,7 @@ PLAUSIBLE: dict[str, tuple[float, float]] = {
 """Limits in SI units (m/s, m, kg/s, kg/m2, share, m, m, s, m). Outside, the number means something else."""
 _NEEDED = {"grain_flow": "kg/s", "yield": "kg/m2", "speed": "m/s", "header_width": "m"}
 """A bad value here breaks the row, elsewhere the cell."""
+MOST_JUDGED = 10_000  # records on which another reading of the positions is judged
 MANY = 0.2  # of the rows: so many left out for one reason are told
 LATEST = 1e19  # of a number that is a time: nanoseconds of the year 2286
 LEAST_ONCE = 0.99  # of the rows of sections, each once at a time: with less the clock has coarse steps
@@ -219,6 +220,9 @@ def _settled(
     if clock is not None:
         season = _seasons(clock * UNITS["time"][unit or found.columns["time"].unit] + day)
 
+    early = np.zeros(count, dtype=bool)
+    early[np.lexsort((by, day))[:MOST_JUDGED]] = True
+
     def order_of(reading: Reading) -> NDArray[np.int64]:
         finite, on_earth, away = reading.placed()
         rows = np.flatnonzero(first & finite & on_earth & ~away)
@@ -226,6 +230,7 @@ def _settled(
 
     def driven(reading: Reading) -> tuple[Array, Drive] | None:
         order, lon_lat = order_of(reading), reading.lon_lat
+        order = order if reading is places else order[early[order]]
         if len(order) < FEWEST_RECORDS:
             return None
         epsg = utm_epsg(*np.median(lon_lat[order], axis=0))
