@@ -44,7 +44,8 @@ def inside(options: argparse.Namespace) -> None:
 
     collect_rarely()  # as every process that swath has for itself
     length = f"run.distance_m={SETTLING_M + 10.0 * options.seconds:g}"
-    world = assemble(load_scenario(options.scenario, sets=[length, LEVEL, *options.set]))
+    level = [] if any(text.startswith(LEVEL.partition("=")[0]) for text in options.set) else [LEVEL]
+    world = assemble(load_scenario(options.scenario, sets=[length, *level, *options.set]))
     evaluation = make_evaluation(world)
     observers: list = [Digest(), evaluation]
     if options.record != "none":

@@ -4,7 +4,7 @@ import re
 import shlex
 
 import pytest
-from docs.make.figures import FIGURE, PAGE, ROOT, found, stated
+from docs.make.figures import DEAR, FIGURE, NONE, PAGE, ROOT, found, held_by, is_dear, stated
 
 from swath.commands.main import make_parser
 
@@ -14,12 +14,12 @@ STATED = stated()
 
 def test_every_figure_is_in_the_table_and_no_other():
     counted = {place: len(figures) for place, figures in found().items()}
-    assert counted == {place: count for place, (count, _, _) in STATED.items()}, (
+    assert counted == {place: count for place, (count, *_) in STATED.items()}, (
         "run: python -m docs.make.figures, and say in reference/figures.md what gives the new ones"
     )
 
 
-@pytest.mark.parametrize("by", sorted({by for _, by, _ in STATED.values()}))
+@pytest.mark.parametrize("by", sorted({by for _, by, *_ in STATED.values()}))
 def test_what_gives_a_figure_is_there(by):
     for part in by.split("; "):
         if not (command := re.fullmatch("`(.*)`", part)):
@@ -34,8 +34,17 @@ def test_what_gives_a_figure_is_there(by):
 
 
 def test_each_says_since_which_commit():
-    assert all(re.fullmatch("[0-9a-f]{8}", commit) for _, _, commit in STATED.values())
+    assert all(re.fullmatch("[0-9a-f]{8}", commit) for _, _, commit, _ in STATED.values())
     assert PAGE.read_text(encoding="utf-8").count("\n| ") >= len(STATED)
+
+
+@pytest.mark.parametrize("place", sorted(STATED), ids=str)
+def test_each_says_on_which_commit_it_was_measured_or_that_it_was_not(place):
+    _, by, _, measured = STATED[place]
+    if is_dear(by):
+        assert measured == DEAR
+    else:
+        assert measured == NONE or (held_by(by) and re.fullmatch("[0-9a-f]{8}", measured))
 
 
 @pytest.mark.parametrize(

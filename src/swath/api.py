@@ -25,7 +25,7 @@ from swath.documents.yaml_document import Document, parse_value
 from swath.judge.limits import exit_code_of
 from swath.report.notebook import picture, run_html
 from swath.runtime.assembly import assemble
-from swath.runtime.folder import choose_run_folder, choose_scan_folder, remove_empty
+from swath.runtime.folder import choose_run_folder, choose_scan_folder, remove_empty, scan_of
 from swath.runtime.job import JobResult, run_job, run_unrecorded
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import Lost, in_workers
@@ -118,15 +118,20 @@ def scan(
     seed: int | None = None,
     camera: bool = False,
     code: bool = False,
+    replace: bool = False,
 ) -> ScanResult:
     """One scan of a scenario after `at_s` of driving, as `swath scan` makes it.
 
-    out: default: a new folder in `runs`; sets, seed, code: as in `load_scenario`; camera: the image too
+    out: default: a new folder in `runs`; replace: any other scan that is there; sets, seed, code: as in
+    `load_scenario`; camera: the image too
     Raises InputError.
     """
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario, sets=sets, seed=seed, code=code)
-    folder = choose_scan_folder(scenario.name, scenario.seed, None if out is None else Path(out))
+    target = None if out is None else Path(out)
+    folder = choose_scan_folder(
+        scenario.name, scenario.seed, target, of=scan_of(scenario, at_s), replace=replace
+    )
     try:
         notes: list[str] = []
         files = scan_job(scenario, folder, at_s=at_s, camera=camera, tell=notes.append)
@@ -200,11 +205,12 @@ def branch(
     report: bool = True,
     progress: bool = False,
     code: bool = False,
+    replace: bool = False,
 ) -> RunResult:
     """Go back in a finished run, change something, go on from there into another folder, as `swath branch`.
 
     folder: of the earlier run; at_s: time of the change [s]; sets: what changes then, as in `run`
-    out, report, progress, code: as in `run`
+    out, report, progress, code, replace: as in `run`
     Raises InputError.
     """
     from swath.tools.branch.branch import pairs, plan_branch
@@ -214,8 +220,9 @@ def branch(
         plan = plan_branch(Path(folder), at_s, texts)
         scenario = plan.scenario
         target = choose_run_folder(
-            scenario.name, scenario.seed, None if out is None else Path(out), what="branch"
-        )
+            scenario.name, scenario.seed, None if out is None else Path(out), what="branch",
+            summary=scenario.summary, events=plan.events, replace=replace,
+        )  # fmt: skip
         try:
             made = plan.run(target, progress=progress, report=report)
             return RunResult(made.summary, made.exit_code, made.folder)

@@ -167,6 +167,7 @@ class Repeated:
     def _prepare(self) -> None:
         """`launch`: the compiled function itself; Warp's own way where this Warp is built otherwise."""
         self.launch: Callable[[], Any] = self._recorded.launch
+        self._blocks: tuple[Any, Any, Any] | None = None
         try:
             bounds, *given = self._recorded.params
             forward, is_plain = self._recorded.hooks.forward, self._recorded.block_dim <= 1
@@ -177,6 +178,17 @@ class Repeated:
             packed: Any = type("Arguments", (ctypes.Structure,), {"_fields_": fields})(*given)
             packed.owner = self._recorded  # the memory lives as long as who launches
             self.launch = partial(forward, ctypes.byref(bounds), ctypes.byref(packed))
+            self._blocks = forward, bounds, packed
+
+    def addresses(self) -> tuple[int, int, int] | None:
+        """Of the compiled function, the bounds and the arguments, for life; None where this Warp hides
+        them.
+        """
+        if self._blocks is None:
+            return None
+        forward, *given = self._blocks
+        entry: Any = ctypes.cast(forward, ctypes.c_void_p).value
+        return entry, *map(ctypes.addressof, given)
 
 
 @contextmanager

@@ -169,15 +169,15 @@ def test_heights_are_above_the_ground_that_the_wheels_stand_on():
     assert 0.01 < populations.plane_sd < 0.06
 
 
-def rows_seen(rows, seed, spread=0.06):
-    """Feet that saw 8 m of tops over rows [m], or anywhere."""
+def rows_seen(rows, seed, spread=0.06, turned=0.0):
+    """Feet that saw 8 m of tops over rows [m], or anywhere; turned: the edge since, away from them [rad]."""
     feet, rng = CanopyFeet(0.75, 3.0), np.random.default_rng(seed)
-    for _ in range(20):
+    for turns in [*20 * [0.0], *(1 * [turned] if turned else [])]:
         counts = np.zeros((PLACES, CLASSES))
         tops = [row + spread * rng.standard_normal(10) for row in rows] or rng.uniform(0.0, 2.25, (3, 10))
         places = ((np.concatenate(list(tops)) + HALF) / CELL).astype(int)
         np.add.at(counts, (places, round((0.75 - LOWEST) / LAYER)), 1.0)
-        feet._look_for_rows(counts, 0.0, 0.4, 0.75)
+        feet._look_for_rows(counts, 0.0, 0.4, 0.75, turns)
     return feet
 
 
@@ -194,6 +194,19 @@ def test_where_rows_stand_is_seen_by_their_period(seed):
     assert 0.03 < shift_sd < 0.05
     assert feet.rows(0.6)[1] == pytest.approx(row + 0.75)  # the one nearest to the place
     assert CanopyFeet(0.125).spacing == 0.0
+
+
+def test_an_edge_that_turns_away_from_rows_is_not_told_by_them():
+    """How sure falls to none where it leaves its row within the way that is summed."""
+    clear = [
+        rows_seen((0.14, 0.89, 1.64), 3, turned=sign * turn).rows(0.0)[0]
+        for turn in (0.0, 0.05, 0.2)
+        for sign in (1, -1)
+    ]
+    assert clear[0] > 0.99
+    assert 0.3 < clear[2] < 0.6
+    assert clear[4] == 0.0
+    assert clear[::2] == clear[1::2]
 
 
 def test_tops_that_stand_anywhere_show_no_rows_and_the_edge_is_not_known():
@@ -354,22 +367,6 @@ def test_an_edge_across_a_hole_is_not_sure(length, depth):
     assert np.mean(np.array(across) >= 0.5) < 0.4
     assert max(beyond) > 0.7
     assert np.abs(error[75:]).max() < 0.15
-
-
-def test_a_line_goes_on_where_the_last_ten_metres_point():
-    """Not where the last block turned it; a bend that they show is kept."""
-    track = ArcTrack()
-    track.begin(Arc(0.0, 0.0, 0.0, 0.0))
-    rows = []
-    for k in range(25):
-        track.advance(0.4)
-        rows.append((0.4 * (k + 1), 0.02 * (-1) ** k, 0.001, 0.4 * (k + 1)))
-        track.accept(0.03 if k > 17 else 0.02 * (-1) ** k, 0.015**2)
-    way = track.rewind(0.3, np.array(rows))
-    assert way == pytest.approx(7.6)
-    assert abs(track.arc.u) < 0.06
-    assert abs(track.arc.angle) < 0.01
-    assert track.arc.bend == 0.0
 
 
 @pytest.mark.parametrize(("depth", "seed"), [(0.5, 1), (0.65, 2)])

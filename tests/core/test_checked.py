@@ -1,5 +1,6 @@
 """What a part of somebody else sends: types, ranges and finiteness of every sample, with file and field."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -72,6 +73,7 @@ def test_arrays():
 
 
 WRONG = """
+import json
 from dataclasses import replace
 
 from swath.control.edge import otsu
@@ -103,3 +105,18 @@ def test_a_run_with_a_wrong_part_ends_with_its_file_and_field(tmp_path, capsys):
     assert "combine.edge.edge.confidence = 9.0: expected a number, from 0 to 1" in said
     assert "my.py" in said
     assert "mistake in swath" not in said
+
+
+def test_a_part_that_comes_while_a_run_goes_is_checked_too(tmp_path, capsys):
+    (tmp_path / "my.py").write_text(WRONG, encoding="utf-8")
+    part = f"{tmp_path / 'my.py'}:Mine"
+    events = [{"t_s": 0.5, "set": "combine.edge.level", "value": part}]
+    (tmp_path / "events.json").write_text(json.dumps(events), encoding="utf-8")
+    sets = [
+        word for text in ("combine.lidar.level=empirical", "run.distance_m=6") for word in ("--set", text)
+    ]
+    given = ["--events", str(tmp_path / "events.json"), "--allow", part, "--out", str(tmp_path / "run")]
+    assert main(["run", "straight", *sets, *given, "--no-report", "--no-replay"]) == 2
+    said = capsys.readouterr().err
+    assert "combine.edge.edge.confidence = 9.0: expected a number, from 0 to 1" in said
+    assert "my.py" in said

@@ -71,3 +71,12 @@ def test_a_refusal_names_the_cause_and_no_filter(tmp_path, changed, cause):
     path = table(tmp_path / "log.csv", columns(h, **changed(h)))
     with pytest.raises(InputError, match=cause):
         import_log(path, tmp_path / "field", progress=False)
+
+
+@pytest.mark.parametrize(("times", "is_told"), [(1.0, False), (1.0 / LB, True)])
+def test_a_yield_beyond_those_of_the_crop_is_told(tmp_path, times, is_told):
+    h = Harvest(passes=6, length=160.0)
+    log = {k: v for k, v in columns(h).items() if k != "yield_t_ha"} | {"grain_flow_kg_s": times * h.flow}
+    report = import_log(table(tmp_path / "log.csv", log), tmp_path / "field", progress=False)
+    told = [note for note in report.notes if note.startswith("crop.yield: ") and "usual of wheat" in note]
+    assert bool(told) == is_told

@@ -7,7 +7,7 @@ import pytest
 
 from swath.core.frames import Pose
 from swath.judge.evaluator import EvaluatorSetup
-from swath.judge.evaluators.rollover import LEVEL, Rollover
+from swath.judge.evaluators.rollover import FASTEST, LEVEL, Rollover
 from swath.signals import MachineState
 
 
@@ -44,7 +44,7 @@ def test_a_machine_on_the_ground_has_not_rolled_over(percent):
 @pytest.mark.parametrize(("roll", "pitch"), [(25.0, 0.0), (-40.0, 0.0), (0.0, 30.0), (170.0, 0.0)])
 def test_one_that_tips_ends_the_run_with_time_and_place(roll, pitch):
     watched = watch()
-    show(watched, 0.1 * roll, 900_000_000, 0.1 * pitch)
+    show(watched, 0.1 * roll, 700_000_000, 0.1 * pitch)
     show(watched, roll, pitch=pitch)
     show(watched, roll, 2_000_000_000, pitch)
     (event,) = watched.events()
@@ -54,3 +54,20 @@ def test_one_that_tips_ends_the_run_with_time_and_place(roll, pitch):
     )
     assert watched.metrics() == {"rollover_count": 1.0}
     assert LEVEL.component.LIMITS == {"rollover_count": {"max": 0.0}}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_it_is_found_as_if_looked_at_all_the_time(seed):
+    """Tilts as fast as a machine can: it rests meanwhile, and misses nothing."""
+    draw = np.random.default_rng(seed)
+    resting, watching, tilt, shown = watch(), watch(), 0.0, 0
+    for t in range(0, 4_000_000_000, 20_000_000):
+        tilt = max(tilt + 0.02 * draw.uniform(-0.5, 1.0) * FASTEST, 0.0)
+        shown += t >= resting.rests_until
+        watching.rests_until = 0
+        for each in (resting, watching):
+            show(each, np.degrees(tilt), t)
+        if watching.events():
+            break
+    assert [e.t for e in resting.events()] == [e.t for e in watching.events()]
+    assert shown < 0.8 * (t / 20_000_000 + 1)

@@ -46,7 +46,7 @@ def test_straightens_by_63_percent_in_a_drawbar_length(level):
     if level is articulated:
         x, y, yaw, *_ = motion._q
         motion._q = (x, y, yaw, 0.0, 0.0, yaw + 0.1, *motion._q[6:])
-    towed = motion.towed if level is kinematic else motion._towed
+    towed = motion._towed if level is articulated else motion.towed
     towed.yaw += 0.1
     start = towed.yaw
     states = run(motion, TRAILER.drawbar)

@@ -206,10 +206,11 @@ def test_a_run_is_replaced_by_the_same_command_and_by_no_other(tmp_path):
     """With the same changes, also after an edit of the file; other changes ask for --replace."""
     folder, at, other = tmp_path / "run", "small with seed=3", "small with seed=4"
 
-    def lies(summary, version=__version__):
+    def lies(summary, version=__version__, events=()):
         folder.mkdir(exist_ok=True)
         (folder / "scenario.yaml").write_text(f"name: small\nsummary: {summary}\n")
-        (folder / "summary.json").write_text(json.dumps({"name": "small", "swath": version}))
+        told = {"name": "small", "swath": version, "events": events}
+        (folder / "summary.json").write_text(json.dumps(told))
 
     lies(at)
     assert choose_run_folder("small", 3, folder, summary=at) == folder
@@ -217,6 +218,12 @@ def test_a_run_is_replaced_by_the_same_command_and_by_no_other(tmp_path):
         with pytest.raises(InputError, match="--replace writes over it"):
             choose_run_folder("small", 3, folder, summary=summary)
         assert choose_run_folder("small", 3, folder, summary=summary, replace=True) == folder
+    events = [{"t_s": 1.5, "set": "combine.speed.speed_kmh", "value": 5}]
+    for has, asks in (([], events), (events, []), (events, [{**events[0], "value": 4}])):
+        lies(at, events=has)
+        with pytest.raises(InputError, match="--replace writes over it"):
+            choose_run_folder("small", 3, folder, summary=at, events=asks)
+    assert choose_run_folder("small", 3, folder, summary=at, events=events) == folder
     lies("as its author says")
     assert choose_run_folder("small", 3, folder, summary="as its author says now") == folder
     with pytest.raises(InputError, match="an earlier run of small with seed=4"):
@@ -276,3 +283,18 @@ def test_a_file_that_does_not_fit_names_itself_and_leaves_nothing_whole(tmp_path
     assert (
         run_job(scenario(SHORT), choose_run_folder("fmu", 3, tmp_path / "run")).summary["incomplete"] is False
     )
+
+
+def test_a_scan_is_replaced_by_the_same_scan_and_by_no_other(tmp_path, capsys):
+    def scan(*words):
+        return main(["scan", "straight", "--format", "csv", "--out", str(tmp_path / "scan"), *words])
+
+    assert scan("--seed", "3") == 0
+    made = (tmp_path / "scan" / "scan.csv").read_bytes()
+    assert scan("--seed", "4") == 2
+    assert "--replace writes over it" in capsys.readouterr().err
+    assert (tmp_path / "scan" / "scan.csv").read_bytes() == made
+    assert scan("--seed", "3") == 0
+    assert (tmp_path / "scan" / "scan.csv").read_bytes() == made
+    assert scan("--seed", "4", "--replace") == 0
+    assert (tmp_path / "scan" / "scan.csv").read_bytes() != made

@@ -11,11 +11,17 @@ from swath.sensing.normals import LEVELS, AllNormals, ziggurat
 def test_they_are_numpys(count):
     streams = [Stream(seed, "combine.imu") for seed in range(count)]
     memory = np.full((count, 20), -1.0)
-    drawn = AllNormals(streams, memory[:, 3:16])
+    drawn, counter, needs = AllNormals(memory[:, 3:16]), np.zeros(1, np.int64), np.zeros(1, np.int32)
+    drawn.reset(streams)
+    launch, called = drawn.launch(counter, needs), 0
     for t in range(0, 4_000_000_000, 40_000_003):
-        drawn.draw(t)
+        counter[0], needs[0] = t, 0
+        launch.launch()
+        called += int(needs[0])
+        drawn.finish(t) if needs[0] else None
         own = np.array([stream.at(t).standard_normal(13) for stream in streams])
         assert (memory[:, 3:16] == own).all()
+    assert 0 < called <= 100
     assert (memory[:, :3] == -1.0).all()
     assert (memory[:, 16:] == -1.0).all()
 

@@ -1,7 +1,7 @@
 """Lines of engine, drum and sieves on an inertial unit."""
 
 import math
-from types import SimpleNamespace
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ import pytest
 from swath.core.random import Stream
 from swath.sensing.imu.error import AXES, ErrorImu, Params, Shaking, Vibration
 from swath.sensing.imu.strapdown import Place
+from swath.signals import EngineState
 from tests.sensing.driven_states import setup_of, standing, state
 
 STEP = 10_000_000
@@ -18,11 +19,17 @@ QUIET = dict.fromkeys(
 FREQUENCIES = {"engine": 15.8, "drum": 9.2, "sieves": 4.5}
 
 
+def turning(share):
+    """The engine at a share of its rated speed."""
+    rest = (f.name for f in fields(EngineState) if f.name not in ("t", "speed_ratio"))
+    return EngineState(0, speed_ratio=share, **dict.fromkeys(rest, 0.0))
+
+
 def shaken(share, seconds=20.0):
     """(n, 6) rates and forces, 100 a second, of a unit with the axes of the machine."""
     unit = ErrorImu(Params(mount=Place(), vibration=Vibration(), **QUIET), setup_of(period=0.01))
     unit.reset(Stream(1, "combine.imu"))
-    engine = SimpleNamespace(speed_ratio=share)
+    engine = turning(share)
     rows = []
     for i in range(round(seconds * 100)):
         times = (i * STEP + STEP // 2, (i + 1) * STEP)

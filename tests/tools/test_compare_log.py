@@ -18,6 +18,7 @@ from swath.machine.machine_sheet import load_machine, open_machine, read_machine
 from swath.machine.powertrain.power_balance import full_torque, governed_torque
 from swath.tools.compare_log.compare import (
     Drive,
+    _standard_errors,
     best_lag,
     compare_log,
     compare_series,
@@ -100,6 +101,18 @@ def test_a_fit_finds_the_numbers_that_made_the_log(made):
     assert abs(tested.lag_s) < 0.3
     assert found.statistics["engine_load"]["machine 2"]["regression"].r2 < tested.r2 - 0.1
     assert found.sheet["power"]["auxiliary_kw"]["value"] == pytest.approx(55.0, rel=0.03)
+
+
+def test_an_error_counts_what_is_alike_within_a_stretch_once():
+    """Slopes of drawn lines whose errors are those of whole stretches: two of three lie within one error."""
+    rng, stretch, within = np.random.default_rng(1), np.repeat(np.arange(30), 20), []
+    for _ in range(300):
+        x = rng.normal(size=30)[stretch] + 0.3 * rng.normal(size=600)
+        y = rng.normal(size=30)[stretch]
+        slope = float(x @ y / (x @ x))
+        within.append(abs(slope) < _standard_errors(x[:, None], y - slope * x, stretch)[0])
+    assert 0.58 < np.mean(within) < 0.75
+    assert np.isnan(_standard_errors(np.ones((9, 1)), np.ones(9), np.zeros(9, dtype=int))).all()
 
 
 def test_the_lag_of_a_shifted_series_is_found(made):

@@ -101,15 +101,16 @@ def run(args: argparse.Namespace) -> int:
             "expected together with --ros2 or --view: a ROS 2 service call, or the page, starts a paused run",
         )
     scenario = load(args)
-    out = choose_run_folder(
-        scenario.name, scenario.seed, args.out, summary=scenario.summary, replace=args.replace
-    )
     from swath.runtime.changes import read_events
+
+    events = read_events(args.events) if args.events is not None else []
+    out = choose_run_folder(
+        scenario.name, scenario.seed, args.out, summary=scenario.summary, events=events, replace=args.replace
+    )
     from swath.runtime.job import run_job
     from swath.runtime.saves import EVERY_S, Saves, SavesField
     from swath.scenario.scenario import code_of
 
-    events = read_events(args.events) if args.events is not None else []
     if args.events is None and (changed := _changed_on_the_way(args.scenario)) is not None:
         how = f"--events {quote(str(changed))}"
         print(f"swath: {changed} was changed on its way, {how} repeats that", file=sys.stderr)

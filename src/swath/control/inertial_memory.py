@@ -6,8 +6,9 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
+from swath.core.rows import Trail
 from swath.core.together import Samples
-from swath.kernels import launch_on
+from swath.kernels import Repeated, launch_on, repeatable, shared
 from swath.signals import F64, Inertial
 
 SAMPLES, ROOM = 21, 32  # where samples begin; how many there may be
@@ -95,6 +96,17 @@ class AllInertial:
     def clear(self) -> None:
         """Zeros."""
         self.rows[:] = 0.0
+
+    def launch(self, trail: Trail) -> Repeated:
+        """What lies on a trail into the rows, which lie elsewhere from now on."""
+        from swath.control import inertial_kernel
+
+        rows = np.zeros((len(self.rows), SAMPLES + 7 * len(trail.times)))
+        rows[:, :SAMPLES] = self.rows[:, :SAMPLES]
+        self.rows = rows
+        columns = [trail.head, trail.stamps, *(trail.memory[name] for name in FIELDS)]
+        given = [*map(shared, columns), SAMPLES, shared(rows)]
+        return repeatable(inertial_kernel.take_samples, given, threads=len(rows))
 
     def put(self, samples: Sequence[Samples]) -> bool:
         """Take samples over; True where the rows lie elsewhere now, since these were more than before."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.ability import ByMembers
+from swath.core.rows import HEAD, Row, Trail
 from swath.core.signal import Signal
 from swath.core.together import Samples, Sent, plain
 
@@ -54,59 +55,101 @@ def no_look() -> None:
     """Nothing waits."""
 
 
+def no_waiting(kind: type[Signal], machine: str) -> "Block | None":
+    """Nothing waits for one who follows."""
+    return None
+
+
 class Pile:
     """What an output sent in every world, as long as it comes in one form.
 
-    orders: of each sample the place among all that was sent; times: when it was [ns]; stamps: its own `t`
     arrays: by field, (room, worlds, ...), where it came in arrays; alike: fields of all samples
     each: samples of all worlds otherwise
+    trail: of a row, whose memory the arrays then are
     rows: their bytes, (samples, worlds, size), once somebody has made them
     """
 
-    def __init__(self, slot: str, output: str, sent: Sent, room: int = ROOM) -> None:
+    def __init__(
+        self, slot: str, output: str, sent: Sent, room: int = ROOM, head: Ints | None = None
+    ) -> None:
         self.slot, self.output, self.kind = slot, output, sent.kind
-        self.orders, self.times, self.stamps = list[int](), list[int](), list[int]()
-        self.arrays: dict[str, NDArray[Any]] = {}
+        self._orders, self._times, self._stamps = list[int](), list[int](), list[int]()
+        self._count: int | None = None
+        self._arrays: dict[str, NDArray[Any]] = {}
         self.alike: Mapping[str, Any] = {}
         self.each: list[Sequence[Signal]] = []
         self.rows: NDArray[np.uint8] | None = None
-        self._memory: NDArray[Any] | None = None
-        self._sender: Samples | None = None
+        self.trail: Trail | None = None
         if sent.is_of_all:
             samples = sent.all
             self.alike = samples.alike
-            if samples.memory is not None:  # one copy takes all fields
-                self._sender, kept = samples, samples.memory
-                self._memory = np.empty((room, *kept.shape), kept.dtype)
-                self._lay_out(self._memory)
+            if isinstance(samples, Row):
+                self.trail = Trail(samples, room, head)
             else:
-                self.arrays = {k: np.empty((room, *a.shape), a.dtype) for k, a in samples.arrays.items()}
+                self._arrays = {k: np.empty((room, *a.shape), a.dtype) for k, a in samples.arrays.items()}
 
     def add(self, order: int, t: int, sent: Sent) -> bool:
         """Take in a sample; False where it has another form."""
-        k = len(self.orders)
+        if self.trail is not None:
+            if not sent.is_of_all or sent.all is not self.trail.row:
+                return False
+            self.trail.append(t, order)
+            return True
+        k = len(self._orders)
         if not sent.is_of_all:
-            if self.arrays or sent.kind is not self.kind:
+            if self._arrays or sent.kind is not self.kind:
                 return False
             self.each.append(sent.each)
-            self.stamps.append(0)
+            self._stamps.append(0)
         else:
             samples = sent.all
-            if k == len(next(iter(self.arrays.values()), ())):
-                self._grow()
-            if self._memory is not None:
-                if samples is not self._sender:
-                    return False
-                self._memory[k] = samples.memory
-            else:
-                if not self._fits(samples):
-                    return False
-                for name, array in samples.arrays.items():
-                    self.arrays[name][k] = array
-            self.stamps.append(samples.t)
-        self.orders.append(order)
-        self.times.append(t)
+            if isinstance(samples, Row) or not self._fits(samples):
+                return False
+            if k == len(next(iter(self._arrays.values()))):
+                self._arrays = {n: np.concatenate([a, np.empty_like(a)]) for n, a in self._arrays.items()}
+            for name, array in samples.arrays.items():
+                self._arrays[name][k] = array
+            self._stamps.append(samples.t)
+        self._orders.append(order)
+        self._times.append(t)
         return True
+
+    def close(self) -> None:
+        """No more come."""
+        self._count = self.count
+
+    @property
+    def count(self) -> int:
+        """How many samples there are of each world."""
+        if self._count is not None:
+            return self._count
+        return len(self._orders) if self.trail is None else self.trail.count
+
+    @property
+    def orders(self) -> Sequence[int] | Ints:
+        """Of each the place among all that was sent."""
+        return self._orders if self.trail is None else self.trail.orders[: self.count]
+
+    @property
+    def times(self) -> Sequence[int] | Ints:
+        """When each was sent [ns]."""
+        return self._times if self.trail is None else self.trail.times[: self.count]
+
+    @property
+    def stamps(self) -> Sequence[int] | Ints:
+        """The `t` of each [ns], where it came in arrays."""
+        return self._stamps if self.trail is None else self.trail.stamps[: self.count]
+
+    @property
+    def arrays(self) -> Mapping[str, NDArray[Any]]:
+        """By field, first axis the sample; some room may follow."""
+        if self.trail is not None and not self._arrays:
+            memory = self.trail.memory
+            found = {name: memory[name] for name in self.trail.row.arrays}
+            if self._count is None:  # the memory may still move
+                return found
+            self._arrays = found
+        return self._arrays
 
     @property
     def worlds(self) -> int:
@@ -114,33 +157,15 @@ class Pile:
         return len(self.each[0]) if self.each else next(iter(self.arrays.values())).shape[1]
 
     def _fits(self, samples: Samples) -> bool:
-        if samples.kind is not self.kind or samples.arrays.keys() != self.arrays.keys():
+        if samples.kind is not self.kind or samples.arrays.keys() != self._arrays.keys():
             return False
         alike = samples.alike
         if alike is not self.alike and not (
             alike.keys() == self.alike.keys() and all(v is self.alike[k] for k, v in alike.items())
         ):
             return False
-        pairs = ((a, self.arrays[name]) for name, a in samples.arrays.items())
+        pairs = ((a, self._arrays[name]) for name, a in samples.arrays.items())
         return all(a.shape == held.shape[1:] and a.dtype == held.dtype for a, held in pairs)
-
-    def _grow(self) -> None:
-        if self._memory is not None:
-            self._memory = np.concatenate([self._memory, np.empty_like(self._memory)])
-            self._lay_out(self._memory)
-        else:
-            self.arrays = {k: np.concatenate([a, np.empty_like(a)]) for k, a in self.arrays.items()}
-
-    def _lay_out(self, memory: NDArray[Any]) -> None:
-        """The fields as views of the memory, as they are of the sender's."""
-        sender: Any = self._sender
-        begin = sender.memory.__array_interface__["data"][0]
-        flat = memory.view(np.uint8).reshape(-1)
-        self.arrays = {}
-        for name, a in sender.arrays.items():
-            at = a.__array_interface__["data"][0] - begin
-            strides = memory.strides[0], *a.strides
-            self.arrays[name] = np.ndarray((len(memory), *a.shape), a.dtype, flat, at, strides)
 
 
 class Block:
@@ -150,7 +175,7 @@ class Block:
         self.pile, self.world, self.kind = pile, world, pile.kind
         self.slot, self.output = pile.slot, pile.output
         self._columns: dict[str, NDArray[Any]] = {}
-        self._count = len(pile.orders)
+        self._count = pile.count
 
     @cached_property
     def orders(self) -> Ints:
@@ -170,7 +195,7 @@ class Block:
         pile, k = self.pile, self._count - 1
         if pile.each:
             return plain(getattr(pile.each[k][self.world], name))
-        return pile.stamps[k] if name == "t" else pile.arrays[name][k, self.world]
+        return int(pile.stamps[k]) if name == "t" else pile.arrays[name][k, self.world]
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A field, (k, ...); a pose as (k, 12): position, then rows of the rotation."""
@@ -185,7 +210,7 @@ class Block:
         if pile.each:
             return pile.each[k][world]
         arrays = {name: array[k, world : world + 1] for name, array in pile.arrays.items()}
-        return Samples(pile.kind, pile.stamps[k], arrays, pile.alike).each()[0]
+        return Samples(pile.kind, int(pile.stamps[k]), arrays, pile.alike).each()[0]
 
     def before(self, orders: Ints) -> Ints:
         """The newest of these when others were sent, -1 where there was none."""
@@ -326,34 +351,60 @@ def newest_of(outputs: Mapping[str, Signal], kind: type[Signal], machine: str, b
 
 
 class Blocks:
-    """What all slots sent since the last look, in all worlds."""
+    """What all slots sent since the last look, in all worlds. order: (1,) how many times a slot sent
+    anything
+    """
 
     def __init__(self) -> None:
         self._piles: dict[Wire, list[Pile]] = {}
         self._rooms: dict[Wire, int] = {}  # how many samples came before a look
-        self._order = 0
+        self._heads: dict[Wire, Ints] = {}
+        self.order = np.zeros(1, np.int64)
 
     def add(self, slot: str, t: int, outputs: Mapping[str, Sent]) -> None:
         """What a slot sent at t [ns]."""
-        self._order += 1
+        order = int(self.order[0]) + 1
+        self.order[0] = order
         for output, sent in outputs.items():
-            wire = slot, output
-            piles = self._piles.get(wire)
-            if piles is None:
-                piles = self._piles[wire] = []
-            if not piles or not piles[-1].add(self._order, t, sent):
-                piles.append(Pile(slot, output, sent, self._rooms.get(wire, ROOM)))
-                piles[-1].add(self._order, t, sent)
+            piles = self._piles.get((slot, output))
+            if not piles or not piles[-1].add(order, t, sent):
+                self._begin(slot, output, sent).add(order, t, sent)
+
+    def head(self, wire: Wire) -> Ints:
+        """By which compiled code knows the trail of an output, for life."""
+        return self._heads.setdefault(wire, np.zeros(HEAD, np.int64))
+
+    def reserve(self, wire: Wire, row: Row, more: int) -> None:
+        """A trail of a row with room for so many more samples."""
+        piles = self._piles.get(wire)
+        trail = piles[-1].trail if piles else None
+        if trail is None or trail.row is not row:
+            self._begin(*wire, Sent(row), more)
+        else:
+            trail.reserve(more)
 
     def take(self) -> list[Pile]:
         """All of it; from now on there is nothing."""
-        found = [pile for piles in self._piles.values() for pile in piles]
-        self._rooms |= {wire: max(len(piles[-1].orders), 1) for wire, piles in self._piles.items()}
+        found = [pile for piles in self._piles.values() for pile in piles if pile.count]
+        for pile in found:
+            pile.close()
+        self._rooms |= {wire: max(piles[-1].count, 1) for wire, piles in self._piles.items()}
         self._piles = {}
         return found
 
     def waiting(self, world: int, kind: type[Signal], machine: str) -> Block | None:
         """Of a type and machine what nobody has looked at."""
         every = [pile for piles in self._piles.values() for pile in piles if issubclass(pile.kind, kind)]
-        own = [Block(pile, world) for pile in every if pile.slot.partition(".")[0] == machine]
+        own = [Block(p, world) for p in every if p.slot.partition(".")[0] == machine and p.count]
         return Seen(own).of(kind) if own else None
+
+    def _begin(self, slot: str, output: str, sent: Sent, room: int = ROOM) -> Pile:
+        """Another pile of an output."""
+        wire = slot, output
+        piles = self._piles.setdefault(wire, [])
+        if piles:
+            piles[-1].close()
+        is_row = sent.is_of_all and isinstance(sent.all, Row)
+        head = self.head(wire) if is_row else None
+        piles.append(Pile(slot, output, sent, max(room, self._rooms.get(wire, 0)), head))
+        return piles[-1]

@@ -1,6 +1,7 @@
 """Components, their connections and the schedule: a runnable, saveable whole, alone or in step."""
 
 import time
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -8,18 +9,23 @@ from operator import is_
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swath.core.abilities import EndsRun, StepsAnyLength
-from swath.core.blocks import Block, Blocks, LooksOn, Seen, Shown, TakesBlocks
+from swath.core.blocks import Block, Blocks, LooksOn, Seen, Shown, TakesBlocks, no_waiting
 from swath.core.component import Component, Outputs, Port, State, check_fit
 from swath.core.errors import SwathError, WiringError
 from swath.core.fault import FaultyOutput
+from swath.core.ops import Goal, Member, Op, Program, Queue, Source
 from swath.core.random import Stream
+from swath.core.rows import Row, Trail, can_be_row, row_of
 from swath.core.schedule import Plan, Slot, make_plan
 from swath.core.signal import Signal
 from swath.core.together import EndsWorlds, InWorlds, Sent, StepsTogether, Together, takes_all
 
 Wire = tuple[str, str]
+Ints = NDArray[np.int64]
+NEVER, SOME = 1 << 62, 64  # ns; samples for which a trail has room at first
 Observer = Callable[[str, int, Mapping[str, Signal]], None]
 
 
@@ -65,7 +71,8 @@ class Graph:
 
     observers are called with (slot name, time [ns], outputs) after every step, in order, or look now and then
     (`core/blocks.py`), and may end the run (`EndsRun`); they must not change anything that a component
-    reads. watches: slot -> the same for this slot alone, called before them
+    reads. watches: slot -> the same for this slot alone, called before them. follows: slot -> the same
+    for who asks for nothing but its newest sample: called before a part in Python is stepped, at the latest
     before_tick: called with the time [ns] of a tick before its steps run, for those who wait (a real clock, a
     paused run); they change no result, but may raise EndOfRun
     ended: why a run stopped before its end, empty where it did not
@@ -84,6 +91,7 @@ class Graph:
         self.plan: Plan = make_plan([n.slot for n in nodes])
         self.observers: list[Any] = []
         self.watches: dict[str, Observer] = {}
+        self.follows: dict[str, Observer] = {}
         self.before_tick: list[Callable[[int], None]] = []
         self._names = {n.slot.name: n for n in nodes}
         for node in nodes:
@@ -97,7 +105,7 @@ class Graph:
     def run(self, until: int, stop: Callable[[], bool] | None = None) -> None:
         """Advance to time `until` [ns], or to the first tick after which `stop()` is true."""
         self.lockstep.go_on()
-        for _ in self.lockstep.advance(until, None if stop is None else lambda: (stop(),)):
+        for _ in self.lockstep.advance(until, stop=stop):
             pass
         self.lockstep.raise_error()
 
@@ -109,7 +117,7 @@ class Graph:
         """Forget those who watch, wait and step. They hold the graph, too: then all go when nobody uses them,
         and not whenever Python looks for such circles. What was sent last stays.
         """
-        self.observers, self.watches, self.before_tick = [], {}, []
+        self.observers, self.watches, self.follows, self.before_tick = [], {}, {}, []
         self.lockstep.let_go()
 
     def put(self, slot: str, output: str, sample: Signal) -> None:
@@ -122,25 +130,34 @@ class Graph:
         return None if sent is None else sent.of(self.lockstep.place(self))
 
     def exchange(
-        self, slot: str, component: Component, wires: Mapping[str, Wire], state: State | None = None
+        self,
+        slot: str,
+        component: Component,
+        wires: Mapping[str, Wire],
+        state: State | None = None,
+        guard: Callable[[FaultyOutput | None], FaultyOutput | None] = lambda fault: fault,
     ) -> None:
         """Another component in a slot, from its next step on.
 
         It begins with `reset`, at the present time, or goes on from `state`; what the slot sent last stays
-        until it sends anew. The period stays. Raises WiringError when it does not fit, and what the component
-        raises; then nothing has changed.
+        until it sends anew. The period stays, and the fault, which `guard` may make anew. Raises
+        WiringError when it does not fit, and what the component raises; then nothing has changed.
         """
         component.reset(Stream(self.seed, slot))
         if state is not None:
             component.load(state)
         node = self._names[slot]
-        before = node.component, node.wires
-        node.component, node.wires = component, dict(wires)
+        before = node.component, node.wires, node.fault
+        node.component, node.wires, node.fault = component, dict(wires), guard(node.fault)
+        if node.fault is not None and node.fault is not before[2]:
+            node.fault.reset(Stream(self.seed, slot))
+            if before[2] is not None:
+                node.fault.load(before[2].save())
         try:
             for each in self.nodes:
                 self._check(each)
         except WiringError:
-            node.component, node.wires = before
+            node.component, node.wires, node.fault = before
             raise
         self.lockstep.connect()
 
@@ -155,10 +172,10 @@ class Graph:
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved moment. Components are reset first, so that each knows its random stream."""
-        told = self.observers, self.watches
-        self.observers, self.watches = [], {}
+        told = self.observers, self.watches, self.follows
+        self.observers, self.watches, self.follows = [], {}, {}
         self.reset()
-        self.observers, self.watches = told
+        self.observers, self.watches, self.follows = told
         for node in self.nodes:
             node.component.load(state["components"][node.slot.name])
             if node.fault is not None:
@@ -203,9 +220,9 @@ class _Rank:
         self.parts = [node.component for node in nodes]
         ports = [(port, first.wires.get(port.name)) for port in self.parts[0].inputs]
         self.wires = [(p.name, wire) for p, wire in ports if wire is None or not p.history]
-        self.queues: dict[str, list[Sent]] = {p.name: [] for p, wire in ports if wire and p.history}
+        self.queues = {p.name: Queue() for p, wire in ports if wire and p.history}
         self.sources = {p.name: wire for p, wire in ports if wire and p.history}
-        self.sends: dict[str, tuple[type[Signal], Wire, list[list[Sent]]]] = {}
+        self.sends: dict[str, tuple[type[Signal], Wire, list[Queue]]] = {}
         self.may_end = any(isinstance(part, EndsRun) for part in self.parts)
         self.batch: Together | None = None
         # what checks samples, and changes none, of the worlds whose part is not swath's own
@@ -224,6 +241,12 @@ class _Rank:
         if len(self.parts) == 1:
             return part.alone if isinstance(part, InWorlds) else None
         return kind.together(self.parts) if isinstance(kind, StepsTogether) else None
+
+    @property
+    def is_op(self) -> bool:
+        """Whether compiled code may step it."""
+        batch: Any = self.batch
+        return isinstance(batch, Op) and batch.walks and not self.checks
 
     def reset(self, streams: Sequence[Stream]) -> dict[str, Sent]:
         """Outputs valid at t = 0."""
@@ -269,7 +292,7 @@ class _Rank:
             sent = latest.get(wire) if wire is not None else None
             found[name] = None if sent is None else sent.each[world]
         for name, queue in self.queues.items():
-            found[name] = tuple(sent.each[world] for sent in queue)
+            found[name] = tuple(sent.each[world] for sent in queue.waiting())
         return found
 
     def newest_of_all(self, latest: Mapping[Wire, Sent]) -> dict[str, Any]:
@@ -279,7 +302,7 @@ class _Rank:
             sent = latest.get(wire) if wire is not None else None
             found[name] = None if sent is None else sent.all
         for name, queue in self.queues.items():
-            found[name] = tuple(sent.all for sent in queue)
+            found[name] = tuple(sent.all for sent in queue.waiting())
             queue.clear()
         return found
 
@@ -304,24 +327,32 @@ class Lockstep:
         self._watched: list[_Watched] = []
         self._takes = False
         self._audience: dict[str, list[_Watched]] = {}  # by slot
+        self._followers: dict[str, list[tuple[int, Observer]]] = {}
+        self._looked_at: list[tuple[int, _Watched]] | None = None  # ops, by place
         self._latest: dict[Wire, Sent] = {}
         self._before: dict[Wire, Sent] = {}
         self._ranks: list[_Rank] = []
+        self._program: Program | None = None
+        self._until, self._has_room = 0, False  # the next look [ns]; room for what ops send until then
+        self._rows: dict[Wire, Row] = {}  # of what parts in Python send to ops
+        self._sources: dict[Wire, list[Source]] = {}  # of what comes to inputs with a history by a trail
         self.connect()
         for graph in graphs:
             graph.lockstep = self
 
     def connect(self) -> None:
         """Join outputs and inputs, again where a component was exchanged: what waited at inputs waits on."""
+        self._dismiss()
         waiting = {(rank.name, port): queue for rank in self._ranks for port, queue in rank.queues.items()}
         every = zip(*(graph.nodes for graph in self.graphs), strict=True)
         self._ranks = ranks = [_Rank(nodes) for nodes in every]
+        self._names = {rank.name: rank for rank in ranks}
         self._ending = [rank for rank in ranks if rank.may_end]
         self._latches = any(rank.slot.latch for rank in ranks)
-        self._readers: dict[Wire, list[list[Sent]]] = {}
+        self._readers: dict[Wire, list[Queue]] = {}
         for rank in ranks:
             for name, wire in rank.sources.items():
-                rank.queues[name] += waiting.get((rank.name, name), ())
+                rank.queues[name].set(waiting[key].waiting() if (key := (rank.name, name)) in waiting else ())
                 self._readers.setdefault(wire, []).append(rank.queues[name])
         self.look_around(anew=True)
         for rank in ranks:
@@ -332,6 +363,7 @@ class Lockstep:
     def reset(self) -> None:
         """Bring every component to t = 0 and collect the outputs valid there."""
         self.t = 0
+        self._dismiss()
         self.go_on()
         self.look_around()
         for graph in self.graphs:
@@ -347,6 +379,8 @@ class Lockstep:
 
     def look(self) -> None:
         """Give observers that look now and then what was sent since they did, of worlds that run."""
+        self._count_steps()
+        self._has_room = False
         piles = self.blocks.take()
         for world in self.going if piles else ():
             if takers := self._watched[world].takers:
@@ -356,37 +390,65 @@ class Lockstep:
 
     def look_around(self, *, anew: bool = False) -> None:
         """Take note of the observers that there are. anew: of what they look at, too"""
+        self._followers = {}
+        for world, graph in enumerate(self.graphs):
+            for slot, follow in graph.follows.items():
+                self._followers.setdefault(slot, []).append((world, follow))
         pairs = zip(self._watched, self.graphs, strict=False)
         if self._watched and not anew and all(watched.is_same(graph) for watched, graph in pairs):
             return
         self._watched = [_Watched(graph, self.blocks, world) for world, graph in enumerate(self.graphs)]
-        self._takes = any(watched.takers for watched in self._watched)
-        self._audience = {}
+        takes = any(watched.takers for watched in self._watched)
+        if takes != self._takes:
+            self._takes = takes
+            self._dismiss()
+        self._audience, self._looked_at = {}, None
         for taker in (taker for watched in self._watched for taker in watched.takers):
             taker.look = self.look
 
-    def advance(self, until: int, arrived: Callable[[], Sequence[bool]] | None = None) -> Iterator[list[int]]:
+    def advance(
+        self, until: int, goal: Goal | None = None, stop: Callable[[], bool] | None = None
+    ) -> Iterator[list[int]]:
         """Step to a time [ns]; gives worlds as they end: by a part, an EndOfRun, an error (see `errors`), or
-        because they have `arrived`, which is asked after every tick. They are no longer stepped.
+        because they have reached the goal. They are no longer stepped. stop: asked after every tick
         """
         self.look_around()
-        for t, due in self.plan.walk(self.t, until):
-            if over := self._ended_before(t):
-                self.stop(over)
-                yield over
-            if not self.going:
-                return
-            if self._latches:
-                self._before = {wire: sent.kept() for wire, sent in self._latest.items()}
-            ranks = self._ranks  # others where a component was exchanged before this tick
-            for index in due:
-                self._step(ranks[index], t)
-            self.t = t
+        self._until, self._has_room = until, False
+        program = self._prepared(goal)
+        ticks, slots, round_ns = self.plan.ticks, self.plan.slots, self.plan.hyperperiod
+        base = self.t // round_ns * round_ns
+        number = bisect_right(program.times, self.t - base)
+        while True:
+            if number == len(ticks):
+                number, base = 0, base + round_ns
+            if not ticks or base + program.times[number] > until:
+                break
+            if self._program is not program:  # something came to a slot for the first time, or too much
+                program = self._prepared(goal)
+            last = number if stop is not None else self._span(program, number, base, until)
+            if last > number:
+                number = self._walk(program, number, last, base)
+            else:
+                at, due = ticks[number]
+                number, t = number + 1, base + at
+                if t <= program.begun and all(t <= slots[index].offset for index in due):
+                    continue  # nothing has begun yet
+                if over := self._ended_before(t):
+                    self.stop(over)
+                    yield over
+                if not self.going:
+                    return
+                if self._program is not program:  # a component was exchanged before this tick
+                    program = self._prepared(goal)
+                self._step_all(program, number - 1, base)
+            self.t = base + program.times[number - 1]
             for world in self.going:
-                self.graphs[world].t = t
+                self.graphs[world].t = self.t
             over, self._failed = self._failed, []
-            if arrived is not None and any(there := arrived()):
+            if goal is not None and program.may_have_reached() and (there := self.reached(goal)).any():
                 over += [world for world in self.going if there[world]]
+            if stop is not None and stop():
+                over = self.going
             if over:
                 self.stop(over)
                 yield over
@@ -397,6 +459,258 @@ class Lockstep:
             self.graphs[world].t = self.t
         self.look()
 
+    def reached(self, goal: Goal) -> NDArray[np.bool_]:
+        """Which worlds have reached a goal."""
+        found = np.zeros(len(self.graphs), np.bool_)
+        for wire in goal.wires:
+            sent = self._latest.get(wire)
+            if sent is not None and goal.name in sent.names:
+                found |= np.asarray(sent.values(goal.name)) >= goal.least
+        return found
+
+    def _span(self, program: Program, number: int, base: int, until: int) -> int:
+        """Up to which tick compiled code may walk from one on; that tick where it may not."""
+        last = program.spans[number]
+        if last <= number or base + program.times[number] <= program.begun:
+            return number
+        until = min(until, self._sleep(program) - 1)
+        last = min(last, bisect_right(program.times, until - base))
+        if last <= number:
+            return number
+        t = base + program.times[last - 1]
+        return number if self._parts_end(t) or self._observers_end(t) else last
+
+    def _sleep(self, program: Program) -> int:
+        """The time [ns] from which on somebody wants to see each sample of an op, or each tick."""
+        if any(self.graphs[world].before_tick for world in self.going):
+            return 0
+        return min((until for _, until in self._sleeps(program)), default=NEVER)
+
+    def _sleeps(self, program: Program) -> Iterator[tuple[int, int]]:
+        """Places of ops that somebody looks at, and from when on [ns] each sample has to be shown."""
+        if self._looked_at is None:
+            every = ((place, self._seen_by(self._ranks[place])) for place in program.by_place)
+            self._looked_at = [(place, watched) for place, seen in every for watched in seen]
+        for place, watched in self._looked_at:
+            yield place, watched.sleeps(self._ranks[place].name)
+
+    def _walk(self, program: Program, first: int, last: int, base: int) -> int:
+        """Ticks at which nothing but ops is due; gives the one after the last that was walked."""
+        self._go(program, first, last, base)
+        number = program.reached
+        self._follow(program, base + program.times[number - 1], program.by_place)
+        return number
+
+    def _step_all(self, program: Program, number: int, base: int) -> None:
+        """All that is due at a tick: parts in Python one by one, ops between them by compiled code."""
+        t = base + program.times[number]
+        if self._latches:
+            self._before = {wire: sent.kept() for wire, sent in self._latest.items()}
+        ranks = self._ranks
+        if t <= program.begun or not program.members:
+            for index in self.plan.ticks[number][1]:
+                if t > self.plan.slots[index].offset:
+                    self._step(ranks[index], t)
+            return
+        awake = {place for place, until in self._sleeps(program) if until <= t}
+        for piece in program.pieces[number]:
+            if isinstance(piece, int):
+                self._step(ranks[piece], t)
+                continue
+            first, last = piece
+            if self._program is not program:
+                for place in program.places[first:last]:
+                    self._step(ranks[place], t)
+                continue
+            ends = [part + 1 for part in range(first, last) if program.places[part] in awake]
+            for end in ends if last in ends else [*ends, last]:
+                if self.going:
+                    self._go(program, number, number + 1, base, (first, end))
+                    self._follow(program, t, program.places[first:end])
+                    if (place := program.places[end - 1]) in awake and self.going:
+                        self._show(ranks[place], t)
+                first = end
+
+    def _go(
+        self, program: Program, first: int, last: int, base: int, piece: tuple[int, int] = (-1, -1)
+    ) -> None:
+        """Walk ticks, or a piece of one, and give ops what they need."""
+        if not self._has_room:
+            self._reserve(program)
+        need = program.walk(first, last, base, piece)
+        while need is not None:
+            op, stage = need[0].op, need[1]
+            op.needs[0] = 0
+            op.supply(stage)
+            if errors := {world: error for world, error in op.errors.items() if self.active[world]}:
+                self._fail(errors)
+                program.end_with_tick()
+                self._reserve(program)
+            if not self.going:
+                program.give_up()
+                return
+            need = program.go_on()
+
+    def _reserve(self, program: Program) -> None:
+        """Room for what ops send until the next look."""
+        for place, member in program.by_place.items():
+            slot = self.plan.slots[place]
+            more = (self._until - self.t) // slot.period + 2
+            for output, row in member.op.sent.items():
+                wire = slot.name, output
+                if self._takes:
+                    self.blocks.reserve(wire, row, more)
+                for source in self._sources.get(wire, ()):
+                    if not source.is_of_op:
+                        source.trail.reserve(more)
+        self._has_room = True
+
+    def _follow(self, program: Program, t: int, places: Iterable[int]) -> None:
+        """What ops sent is the newest there is; who follows them is told."""
+        for place in places:
+            rank = self._ranks[place]
+            outputs = {output: Sent(row) for output, row in program.by_place[place].op.sent.items()}
+            for output, sent in outputs.items():
+                self._latest[rank.name, output] = sent
+            if rank.name in self._followers:
+                self._tell(rank, t, outputs)
+
+    def _show(self, rank: _Rank, t: int) -> None:
+        """Show what an op sent to those who look at every sample."""
+        outputs = {output: self._latest[rank.name, output] for output in rank.sends}
+        for watched in self._seen_by(rank):
+            if self.active[watched.world]:
+                watched.show(rank.name, t, outputs)
+
+    def _tell(self, rank: "_Rank", t: int, outputs: Mapping[str, Sent]) -> None:
+        """Tell who follows a slot of its newest sample."""
+        for world, follow in self._followers.get(rank.name, ()):
+            if self.active[world]:
+                follow(rank.name, t, Shown(outputs, world, no_waiting))
+
+    def _prepared(self, goal: Goal | None) -> Program:
+        """The program of the components and observers that there are."""
+        program = self._program
+        if program is None or not program.aim(goal, self.active):
+            self._dismiss()
+            program = self._program = self._compile(goal)
+            program.aim(goal, self.active)
+            self._has_room = False
+        return program
+
+    def _compile(self, goal: Goal | None) -> Program:
+        """Link ops with what they read, and write their program."""
+        clock = np.zeros(3, np.int64)
+        ops: dict[str, Any] = {}
+        if not self._latches:
+            ops = {rank.name: rank.batch for rank in self._ranks if rank.is_op}
+        while wrong := [name for name in ops if not self._link(name, ops, clock)]:
+            self._loosen()  # those that read from these have to be linked anew
+            for name in wrong:
+                del ops[name]
+        members = list[Member]()
+        for place, rank in enumerate(self._ranks):
+            if (op := ops.get(rank.name)) is None:
+                continue
+            keeps = {}
+            for output, row in op.sent.items():
+                wire = rank.name, output
+                keeps[output] = [self.blocks.head(wire)] if self._takes else []
+                self._hold(wire, row)
+                in_python = [q for q in self._readers.get(wire, ()) if q.source is None]
+                if in_python:
+                    self._follow_trail(wire, Source(Trail(row, SOME)), in_python)
+                keeps[output] += [source.trail.head for source in self._sources.get(wire, ())]
+            members.append(Member(place, op, keeps))
+        return Program(self.plan, members, clock, goal, self.blocks.order)
+
+    def _link(self, name: str, ops: Mapping[str, Any], clock: Ints) -> bool:
+        """Let an op read where its inputs lie; False where that cannot be."""
+        rank = self._names[name]
+        rows = {port: self._row(ops, wire) for port, wire in rank.wires if wire is not None}
+        heard = {port: self._like(ops, wire) for port, wire in rank.sources.items()}
+        known = {port: row for port, row in {**rows, **heard}.items() if row is not None}
+        if len(known) < len(rows) + len(heard):
+            return False
+        trails, op = {}, ops[name]
+        for port, row in ((port, known[port]) for port in heard):
+            sender = self._names[rank.sources[port][0]]
+            waiting = rank.queues[port].waiting()
+            room = len(waiting) + rank.slot.period // sender.slot.period + 2
+            trails[port] = Trail(row_of(row.kind, row.count, [*row.arrays]), room)
+            queue = rank.queues[port]
+            queue.set([])
+            source = Source(trails[port], is_of_op=True)
+            self._follow_trail(rank.sources[port], source, [queue])
+            for sent in waiting:
+                source.take(sent)
+        op.link(known, trails, clock)
+        return op.calls() is not None
+
+    def _follow_trail(self, wire: Wire, source: Source, queues: Sequence[Queue]) -> None:
+        """From now on what an output sends comes to these inputs by a trail."""
+        self._sources.setdefault(wire, []).append(source)
+        for queue in queues:
+            queue.follow(source)
+
+    def _row(self, ops: Mapping[str, Any], wire: Wire) -> Row | None:
+        """Where the newest sample of an output lies; None where it is not of numbers."""
+        slot, output = wire
+        if slot in ops:
+            row: Row = ops[slot].sent[output]
+            return row
+        if wire not in self._rows and (like := self._like(ops, wire)) is not None:
+            self._rows[wire] = like
+            if (sent := self._latest[wire]).all is not like:
+                like.take(sent.all)
+        return self._rows.get(wire)
+
+    def _like(self, ops: Mapping[str, Any], wire: Wire) -> Row | None:
+        """A row of its form; its sender's own, where that has one."""
+        slot, output = wire
+        if slot in ops:
+            row: Row = ops[slot].sent[output]
+            return row
+        sent = self._latest.get(wire)
+        if sent is None or slot not in self._names:
+            return None
+        if sent.is_of_all and isinstance(sent.all, Row):
+            return sent.all
+        return row_of(sent.kind, len(self.graphs)) if can_be_row(sent.kind) else None
+
+    def _hold(self, wire: Wire, row: Row) -> None:
+        """A row holds the newest sample."""
+        sent = self._latest[wire]
+        if not sent.is_of_all or sent.all is not row:
+            row.take(sent.all)
+            self._latest[wire] = Sent(row)
+
+    def _dismiss(self) -> None:
+        """Forget the program; what waits at inputs waits on."""
+        self._count_steps()
+        self._loosen()
+        self._program, self._looked_at = None, None
+
+    def _loosen(self) -> None:
+        """No trails, no rows of parts in Python."""
+        for source in (source for sources in self._sources.values() for source in sources):
+            for queue in source.readers:
+                queue.follow(None)
+        self._rows, self._sources = {}, {}
+
+    def _count_steps(self) -> None:
+        """What the steps of ops took, into the costs of their slots."""
+        program = self._program
+        if program is None or not program.seconds:
+            return
+        cycles = int(np.add.reduce([member.about[1] for member in program.members]))
+        for member in program.members:
+            cost = self._ranks[member.place].cost
+            cost.steps += int(member.about[0])
+            cost.seconds += program.seconds * int(member.about[1]) / max(cycles, 1)
+            member.about[:] = 0
+        program.seconds = 0.0
+
     def go_on(self) -> None:
         """Step all of them, those too that have ended."""
         self.active[:], self.going = True, list(range(len(self.graphs)))
@@ -404,8 +718,11 @@ class Lockstep:
     def stop(self, worlds: Iterable[int]) -> None:
         """Step these no longer."""
         self.look()
-        self.active[[*worlds]] = False
+        over = [*worlds]
+        self.active[over] = False
         self.going = np.flatnonzero(self.active).tolist()
+        if self._program is not None and self._program.goal is not None:
+            self._program.least[over] = np.inf
 
     def let_go(self) -> None:
         """Forget a graph that was alone, and who looks on."""
@@ -427,9 +744,7 @@ class Lockstep:
 
     def put(self, wire: Wire, sample: Signal) -> None:
         """A sample from outside, for a graph alone."""
-        self._latest[wire] = sent = Sent(None, [sample])
-        for queue in self._readers.get(wire, ()):
-            queue.append(sent)
+        self._arrive(wire, Sent(None, [sample]))
 
     def take_out(self, world: int) -> None:
         """Its graph is alone from now on: what it sent last stays, and it can be finished."""
@@ -448,7 +763,7 @@ class Lockstep:
         self.look_around()
         for rank in self._ranks:
             slot, part, queues = rank.slot, rank.parts[0], rank.queues
-            waits = any(queues.values()) or not queues
+            waits = any(map(len, queues.values())) or not queues
             last = slot.offset + max(self.t - slot.offset, 0) // slot.period * slot.period
             if waits and last < self.t and isinstance(part, StepsAnyLength) and part.steps_any_length:
                 made = part.step(last, self.t - last, self._inputs(rank, 0))
@@ -466,22 +781,21 @@ class Lockstep:
         return {
             "t": self.graphs[world].t,
             "latest": {wire: sent.of(world) for wire, sent in self._latest.items()},
-            "queues": {(name, port): [sent.of(world) for sent in queue] for name, port, queue in every},
+            "queues": {(name, port): [s.of(world) for s in queue.waiting()] for name, port, queue in every},
         }
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Back to it, of a graph alone."""
+        self._dismiss()
         self.t = self.graphs[0].t = state["t"]
         self._latest = {wire: Sent(None, [sample]) for wire, sample in state["latest"].items()}
         for rank in self._ranks:
             for port, queue in rank.queues.items():
-                queue[:] = [Sent(None, [sample]) for sample in state["queues"][rank.name, port]]
+                queue.set([Sent(None, [sample]) for sample in state["queues"][rank.name, port]])
 
     def _ended_before(self, t: int) -> list[int]:
         """Worlds that end before the tick at t [ns]; their graphs know why."""
-        found: dict[int, str] = {}
-        for rank in self._ending:
-            found = {**rank.reasons(self.going, t), **found}
+        found = self._parts_end(t)
         for world in self.going:
             graph = self.graphs[world]
             if world not in found and graph.before_tick:
@@ -490,13 +804,23 @@ class Lockstep:
                         wait(t)
                 except EndOfRun as end:
                     found[world] = str(end)
-        for world in self.going:
-            for ender in self._watched[world].enders:
-                if world not in found and (reason := ender.end_reason(t)):
-                    found[world] = reason
+        found = {**self._observers_end(t), **found}
         for world, reason in found.items():
             self.graphs[world].ended = reason
         return list(found)
+
+    def _parts_end(self, t: int) -> dict[int, str]:
+        """Worlds that a part wants to end before a tick, and why; once it does, it does later, too."""
+        found: dict[int, str] = {}
+        for rank in self._ending:
+            found = {**rank.reasons(self.going, t), **found}
+        return found
+
+    def _observers_end(self, t: int) -> dict[int, str]:
+        """The same of those that look on."""
+        enders = ((world, ender) for world in self.going for ender in self._watched[world].enders)
+        found = ((world, ender.end_reason(t)) for world, ender in enders)
+        return {world: reason for world, reason in reversed([*found]) if reason}
 
     def _step(self, rank: _Rank, t: int) -> None:
         period, batch, outputs = rank.slot.period, rank.batch, dict[str, Sent]()
@@ -568,22 +892,40 @@ class Lockstep:
     def _send(self, rank: _Rank, t: int, outputs: Mapping[str, Sent]) -> None:
         """Publish what a slot gave at t in every world."""
         for output, sent in outputs.items():
-            _, wire, queues = rank.sends[output]
-            self._latest[wire] = sent
-            if queues:
-                kept = sent.kept()
-                for queue in queues:
-                    queue.append(kept)
+            self._arrive(rank.sends[output][1], sent)
         if self._takes:
             self.blocks.add(rank.name, t, outputs)
+        if rank.name in self._followers:
+            self._tell(rank, t, outputs)
+        for watched in self._seen_by(rank):
+            if self.active[watched.world]:
+                watched.show(rank.name, t, outputs)
+
+    def _arrive(self, wire: Wire, sent: Sent) -> None:
+        """The newest sample of an output: who reads it has it from now on."""
+        if wire not in self._latest:  # what reads it can be linked to it from now on
+            self._dismiss()
+        self._latest[wire] = sent
+        row = self._rows.get(wire)
+        if row is not None and not (sent.is_of_all and sent.all is row):
+            row.take(sent.all)
+        if any(source.is_full for source in self._sources.get(wire, ())):
+            self._dismiss()
+        for source in self._sources.get(wire, ()):
+            source.take(sent)
+        if queues := [queue for queue in self._readers.get(wire, ()) if queue.source is None]:
+            kept = sent.kept()
+            for queue in queues:
+                queue.append(kept)
+
+    def _seen_by(self, rank: _Rank) -> "list[_Watched]":
+        """Who looks at what a slot sends."""
         audience = self._audience.get(rank.name)
         if audience is None:
             kinds = [port.signal for part in rank.parts for port in part.outputs]
             audience = [watched for watched in self._watched if watched.wants(rank.name, kinds)]
             self._audience[rank.name] = audience
-        for watched in audience:
-            if self.active[watched.world]:
-                watched.show(rank.name, t, outputs)
+        return audience
 
 
 class _Watched:
@@ -610,6 +952,14 @@ class _Watched:
             if not is_late or (isinstance(observer, LooksOn) and observer.looks_at(slot, kinds)):
                 found.append((observer, is_late))
         return bool(found) or slot in self.watches
+
+    def sleeps(self, slot: str) -> int:
+        """Until when [ns] nobody looks at every sample of a slot."""
+        if slot in self.watches:
+            return 0
+        return min(
+            (o.rests.get(slot, 0) if is_late else 0 for o, is_late in self._by_slot[slot]), default=NEVER
+        )
 
     def show(self, slot: str, t: int, outputs: Mapping[str, Sent]) -> None:
         """Show what a slot sent at t [ns] to those who look at every sample."""

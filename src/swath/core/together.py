@@ -9,7 +9,7 @@
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import fields
 from itertools import compress
 from typing import Any, ClassVar, Protocol, get_type_hints, runtime_checkable
@@ -33,7 +33,6 @@ class Samples:
     arrays: by field, first axis the world, a pose as (n, 12): position, then rows of the rotation; they may
     be overwritten when their sender sends anew. alike: fields that are the same in all worlds, and
     stay so
-    memory: (worlds, ...), of which all arrays are views, where their sender has such; its own for life
     """
 
     def __init__(
@@ -42,9 +41,8 @@ class Samples:
         t: int,
         arrays: Mapping[str, NDArray[Any]],
         alike: Mapping[str, Any] | None = None,
-        memory: NDArray[Any] | None = None,
     ) -> None:
-        self.kind, self.t, self.arrays, self.alike, self.memory = kind, t, arrays, alike or {}, memory
+        self.kind, self.t, self.arrays, self.alike = kind, t, arrays, alike or {}
 
     @property
     def count(self) -> int:
@@ -92,15 +90,6 @@ class Samples:
         return Samples(type(first), max(times, default=first.t), arrays, alike)
 
 
-def of_columns(kind: type[Signal], worlds: int, names: Sequence[str], **types: Any) -> Samples:
-    """Numbers of a sample in each world, in one memory (worlds,) that its sender keeps.
-
-    types: of the fields that are no real numbers
-    """
-    memory = np.zeros(worlds, [(name, types.get(name, np.float64)) for name in names])
-    return Samples(kind, 0, {name: memory[name] for name in names}, memory=memory)
-
-
 class Sent:
     """What an output sent in each world: in arrays (`all`), or one by one (`each`), made where asked for.
 
@@ -124,6 +113,11 @@ class Sent:
     def kind(self) -> type[Signal]:
         """Of which type they are."""
         return type(self._each[0]) if self._all is None else self._all.kind  # type: ignore[index]
+
+    @property
+    def names(self) -> Collection[str]:
+        """Of fields that may differ between worlds."""
+        return _makers(self.kind).keys() if self._all is None else self._all.arrays.keys()
 
     @property
     def all(self) -> Samples:
@@ -236,8 +230,8 @@ class Together(Protocol):
 
     errors: dict[int, SwathError]
 
-    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]: ...
-    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]: ...
+    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]: ...
+    def step(self, t: int, dt: int, inputs: Given) -> Mapping[str, Samples]: ...
     def save(self, world: int) -> State: ...
     def load(self, world: int, state: State) -> None: ...
 

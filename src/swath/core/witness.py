@@ -28,6 +28,21 @@ class Pair:
     is_stated: bool = False
     """The user says what is contradicted: it is told, not refused."""
 
+    @property
+    def agrees(self) -> bool:
+        """Whether both are there and say the same."""
+        return self.residual <= self.told
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether nothing can be made of both together."""
+        return self.residual > self.refused
+
+
+def outside(value: float, limits: tuple[float, float]) -> float:
+    """Residual of a measure > 0 and what it can be: how far it lies outside, as a ratio less 1; 0 within."""
+    return max(limits[0] / value, value / limits[1], 1.0) - 1.0 if 0.0 < value < np.inf else np.nan
+
 
 def ratio(one: float, other: float) -> float:
     """Residual of two measures that are greater than 0: how far the larger over the smaller lies above 1."""
@@ -38,7 +53,7 @@ def judge(pairs: Iterable[Pair], file: Path | None = None) -> list[str]:
     """What the pairs in doubt say, as notes. Raises InputError for the first pair that is refused."""
     notes = []
     for pair in pairs:
-        if pair.residual > pair.refused and not pair.is_stated:
+        if pair.contradicts and not pair.is_stated:
             raise InputError(
                 pair.key, pair.shown, f"expected both to agree; {pair.entry}".rstrip("; "), file=file
             )

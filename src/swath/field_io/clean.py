@@ -142,9 +142,9 @@ def geometry(log: Log) -> tuple[Array, Array, Array]:
     Course is the chord over half TURN_REACH before and after, so noise of centimetres does not matter.
     """
     course, curvature, distance = np.zeros(len(log)), np.zeros(len(log)), np.zeros(len(log))
-    start = np.flatnonzero(log.gap)
+    start, position = np.flatnonzero(log.gap), log.position
     for a, b in zip(start, np.r_[start[1:], len(log)], strict=True):
-        p = log.position[a:b]
+        p = position[a:b]
         s = np.r_[0.0, np.cumsum(np.hypot(*np.diff(p, axis=0).T))]
         distance[a:b] = s
         if s[-1] < 1.0:

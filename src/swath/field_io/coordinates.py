@@ -8,7 +8,7 @@ all of it. A place that is wrong by a shift alone contradicts nothing: it is pri
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, some_of
+from swath.core.witness import Pair
 from swath.field.projection import known_crs, transform, utm_epsg
-from swath.field_io.columns import QUANTITIES, UNITS, Column, ColumnMap
+from swath.field_io.columns import UNITS, Column, ColumnMap
 from swath.field_io.table import Table
-from swath.field_io.witnesses import AT, CANDIDATES, Drive
+from swath.field_io.witnesses import PLACES, Drive, Logged, place_pairs
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -27,8 +28,7 @@ DDMM = "ddmm"  # degrees and minutes as NMEA 0183 writes them: 5215.1234 is 52 d
 FARTHEST_M = 20e3  # from the median position: no field is that large
 MIRRORED = ("deg W", "deg S")
 BEYOND_DEG = 6.0  # where a system is still used beside its own area: the next zone
-LEAST_PLACED = 0.5  # share of the positions: with less on one place of the earth they are something else
-MOST_PLACED = 0.9  # and with so much they are positions
+NOWHERE = 0.1, 0.5  # share of the positions that are on no place of the earth: told, something else
 _ANGLE = re.compile(
     r"([NSEW]?)\s*([+-]?\d+(?:\.\d+)?)(?:[\s°d:]+(\d+(?:\.\d+)?))?(?:[\s'’′m:]+(\d+(?:\.\d+)?))?"
     r"[\s\"”″'’′°]*([NSEW]?)",
@@ -70,20 +70,6 @@ class Reading:
 
 Others = Callable[[], list[Reading]]
 Driven = Callable[[Reading], tuple[Array, Drive] | None]
-
-
-@dataclass(frozen=True)
-class Logged:
-    """What a log says about its way. raw: columns in their own units; time: in clock_units, None = no clock;
-    course: clockwise from north [deg], None = not logged; width: of the header, where no column says it [m]
-    """
-
-    columns: Mapping[str, Column]
-    raw: Mapping[str, Array]
-    time: Array | None
-    clock_units: Sequence[str]
-    cutting: Mask
-    width: float | None
 
 
 def numbers(table: Table, column: Column) -> Array:
@@ -203,24 +189,28 @@ def check_places(
     drive: positions [m] and what they show, None where there are too few
     Raises InputError where another reading agrees with all of it, and the user has not said this one.
     """
-    against = [w for w in _witnesses(own, drive, logged) if w.contradicts]
+    against = [pair for pair in _pairs(own, drive, logged) if pair.contradicts]
     if not against:
         return []
-    doubts = [w.text for w in against]
+    doubts = [pair.shown for pair in against]
     better: list[Reading] = []
     signs = (False, True) if "course" in logged.raw else (False,)
     for is_mirrored in signs:
         for other in [] if better else others():
             same = np.allclose(other.lon_lat, own.lon_lat, equal_nan=True, rtol=0.0, atol=1e-9)
-            if same or other.share() < MOST_PLACED or is_mirrored != any(m in other.name for m in MIRRORED):
+            if (
+                same
+                or 1.0 - other.share() > NOWHERE[0]
+                or is_mirrored != any(m in other.name for m in MIRRORED)
+            ):
                 continue
-            seen = _witnesses(other, drive, logged)
-            better += [other] if all(w.agrees for w in seen) and len(seen) > 1 else []
+            seen = _pairs(other, drive, logged)
+            better += [other] if all(pair.agrees for pair in seen) and len(seen) > 1 else []
     columns = [found.columns[k] for k in ("lat", "lon", "easting", "northing") if k in found.columns]
     is_said = (columns and all(c.is_given for c in columns)) or bool(found.axes)
     named = ", ".join(f"{c.column} in {c.unit}" for c in columns) or "as in the shapes"
     if is_said or not better:
-        told = doubts if better else [w.text for w in against if w.is_news]
+        told = doubts if better else [pair.shown for pair in against if pair.key == PLACES]
         return [f"positions: {named}, though {'; '.join(told)}"] if told else []
     ways = some_of((other.name for other in better), 2, " or ")
     expected = f"expected what the log shows: {some_of(doubts, 2, '; ')}; all agrees with {ways}"
@@ -232,123 +222,12 @@ def check_places(
     raise error
 
 
-@dataclass(frozen=True)
-class _Seen:
-    """What one witness says of a reading. Between `contradicts` and `agrees` it says nothing.
-
-    is_news: no other check tells it
-    """
-
-    contradicts: bool
-    agrees: bool
-    text: str
-    is_news: bool = False
-
-
-def _witnesses(reading: Reading, drive: Driven, logged: Logged) -> list[_Seen]:
-    share = reading.share()
-    text = f"{100 * (1 - share):.0f} % of them are at no place"
-    seen = [_Seen(share < LEAST_PLACED, share >= MOST_PLACED, text)]
-    driven = None if seen[0].contradicts else drive(reading)
-    if driven is None:
-        return seen
-    position, whole = driven
-    steps = whole if logged.time is None else whole.paced(logged.time)
-    if len(whole.step) < AT.fewest:
-        extent = float(np.hypot(*np.nanstd(position, axis=0)))
-        return [*seen, _Seen(True, False, f"by them the machine stays within {extent:.2g} m")]
-    sizes = [1.0] if logged.time is None else [UNITS["time"][u] for u in logged.clock_units]
-    if logged.time is not None and np.isfinite(pace := whole.speed(logged.time)):
-        speeds = [3.6 * pace / size for size in sizes]
-        slow, fast = AT.drive
-        usual = [3.6 * limit for limit in AT.speed]
-        text = f"{speeds[0]:.3g} km/h by positions and times"
-        wide = all(not slow <= v <= fast for v in speeds)
-        seen.append(_Seen(wide, any(usual[0] <= v <= usual[1] for v in speeds), text))
-    way = position[steps.after] - position[steps.here]
-    lengths: dict[str, float | Array] = {"distance": 1.0}
-    if logged.time is not None:
-        lengths["speed"] = logged.time[steps.after] - logged.time[steps.here]
-    for key, length in lengths.items():
-        if key not in logged.raw:
-            continue
-        ratio = logged.raw[key][steps.after] * length / steps.step
-        column = logged.columns[key]
-        factors = [f * s for f in _factors(key, column) for s in (sizes if key == "speed" else [1.0])]
-        seen += _of_way(column, ratio, factors)
-        seen += _of_directions(column, ratio, np.degrees(np.arctan2(*way.T)))
-    if np.isfinite(whole.spacing) and (seen_width := _of_spacing(logged, whole.spacing)):
-        seen.append(seen_width)
-    if "course" in logged.raw and (turned := _of_course(logged, steps, np.arctan2(*way.T))):
-        seen.append(turned)
-    return seen
-
-
-def _factors(key: str, column: Column) -> list[float]:
-    """To SI, of every unit that a column may have."""
-    sizes = UNITS[QUANTITIES[key]]
-    return [sizes[u] for u in (sum(CANDIDATES[key], ()) if column.is_assumed else (column.unit,))]
-
-
-def _of_way(column: Column, ratio: Array, factors: list[float]) -> list[_Seen]:
-    known = ratio[np.isfinite(ratio) & (ratio > 0.0)]
-    if len(known) < AT.fewest:
-        return []
-    middles = [float(np.median(known)) * factor for factor in factors]
-    off = min(middles, key=lambda m: abs(np.log(m)))
-    text = f"{column.column} says {off:.2f} of the way between them"
-    return [_Seen(not 1 / AT.alike < off < AT.alike, AT.agrees[0] <= off <= AT.agrees[1], text)]
-
-
-def _of_directions(column: Column, ratio: Array, azimuth: Array) -> list[_Seen]:
-    """The way by directions, of 45 degrees each: the unit does not matter."""
-    known = np.isfinite(ratio) & (ratio > 0.0)
-    sector = np.round(azimuth / 45.0).astype(int) % 4
-    held = [ratio[known & (sector == k)] for k in range(4)]
-    middles = [float(np.median(own)) for own in held if len(own) >= AT.fewest]
-    if len(middles) < 2:
-        return []
-    spread = max(middles) / min(middles)
-    text = f"{column.column} over the way between them differs by {spread:.2f} with the direction"
-    return [_Seen(spread > AT.every_way[1], spread < AT.every_way[0], text, is_news=True)]
-
-
-def _of_spacing(logged: Logged, spacing: float) -> _Seen | None:
-    """Width of the header beside the distance between passes."""
-    if "header_width" in logged.raw:
-        column = logged.columns["header_width"]
-        values = logged.raw["header_width"][logged.cutting]
-        values = values[np.isfinite(values) & (values > 0.0)]
-        if len(values) < AT.fewest:
-            return None
-        name, widths = column.column, [float(np.median(values)) * f for f in _factors("header_width", column)]
-    elif logged.width is not None:
-        name, widths = "the header", [logged.width]
-    else:
-        return None
-    low, high = AT.header_over_spacing
-    ratios = [width / spacing for width in widths]
-    best = min(ratios, key=lambda r: abs(np.log(r)))
-    text = f"passes lie {spacing:.2f} m apart, {name} is {best * spacing:.2f} m wide"
-    wide = all(not low / AT.alike**0.5 <= r <= high * AT.alike for r in ratios)
-    return _Seen(wide, any(low <= r <= high for r in ratios), text)
-
-
-def _of_course(logged: Logged, steps: Drive, azimuth: Array) -> _Seen | None:
-    """The logged course beside the azimuth [rad] of the way."""
-    course = np.radians(logged.raw["course"][steps.after])
-    off = np.exp(1j * (course - azimuth))[np.isfinite(course)]
-    if len(off) < AT.fewest or np.ptp(course[np.isfinite(course)]) == 0.0:
-        return None
-    mean = complex(off.mean())
-    turn = float(np.degrees(np.angle(mean)))
-    column = logged.columns["course"].column
-    text = f"{column} lies {abs(turn):.0f} deg beside the way" + (
-        "" if abs(mean) > AT.same_course else ", in the mean of many"
-    )
-    is_along = abs(mean) > AT.same_course and abs(turn) < AT.beside_deg[0]
-    is_other = abs(mean) < 0.5 * AT.same_course or abs(turn) > AT.beside_deg[1]
-    return _Seen(is_other, is_along, text, is_news=True)
+def _pairs(reading: Reading, drive: Driven, logged: Logged) -> list[Pair]:
+    """The table of a reading."""
+    away = 1.0 - reading.share()
+    nowhere = Pair("rows", f"{100 * away:.0f} % of them are at no place", away, *NOWHERE)
+    driven = None if nowhere.contradicts else drive(reading)
+    return [nowhere, *([] if driven is None else place_pairs(logged, *driven))]
 
 
 def place(lon_lat: Array) -> str:

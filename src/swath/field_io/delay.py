@@ -1,10 +1,11 @@
 """How late the logged grain flow is: the time from the knife to the sensor, less what the monitor took off.
 
-Two things show it. Neighbouring passes driven in opposite directions see the same soil: a flow that is late
-by d shifts the yield of one forwards and of the other backwards, so the two agree best at the right d, in a
-fine band of the yield as in a coarse one. And at the headland the crop ends at one line for the pass that
-comes and the pass that goes: at the right d the flow begins and ends on it. The delay counts where these
-agree with each other and within themselves; else it is not known.
+Two things show it. Neighbouring passes see the same soil: a flow that is late by d shifts its yield along
+the way, so that two passes agree best at the right delays, in a fine band of the yield as in a coarse one.
+Driven in opposite directions they show the mean of both delays, that of one machine where both are its own;
+driven in one direction, by two machines, half of the difference. And at the headland the crop ends at one
+line for the pass that comes and the pass that goes: at the right d the flow begins and ends on it. The delay
+counts where these agree with each other and within themselves; else it is not known.
 """
 
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ LEAST_FLOW = 0.2  # of the median flow: below, the header is not full
 LEAST_AGREEMENT = 0.15  # correlation of neighbouring passes; below, the peak is chance
 # s: the yield is smoothed over the first, freed of trends over the second
 BANDS = (5.0, 41.0), (9.0, 81.0), (15.0, 161.0)
+FEWEST_PASSES = 4  # in pairs: the spread of fewer says nothing
 PARTS = 40  # of the passes, of which one each is left out for the standard error
 CLEAR = 2.0  # standard errors by which a peak stands above the agreement at any other delay
 APART = 3.0  # s from a peak on: another delay
@@ -41,8 +43,8 @@ SLACK = 1.5  # s: what a ramp of the flow, and a line of a headland, are off in 
 
 @dataclass(frozen=True)
 class Delay:
-    """Delay of a machine's flow [s], nan = not known; agreement: correlation of opposite neighbour passes
-    with it, nan = they say nothing
+    """Delay of a machine's flow [s], nan = not known; agreement: correlation of neighbour passes with it,
+    nan = they say nothing
 
     error: standard error of the delay [s], nan = not known
     """
@@ -56,14 +58,14 @@ class Delay:
 
 
 def estimate_delays(log: Log) -> list[Delay]:
-    """The delay of each machine, from its own passes and turns."""
-    first, second = opposite_pairs(log)
+    """The delay of each machine, from passes beside each other and its own turns."""
+    first, second, is_opposite = neighbour_pairs(log)
+    bands = _of_passes(log, first, second, is_opposite)
     delays = []
     for index, name in enumerate(log.machine_names):
-        own = (log.machine[first] == index) & (log.machine[second] == index)
-        bands = _of_passes(log, first[own], second[own])
+        own = (log.machine[first] == index) | (log.machine[second] == index)
         edges = _of_turns(log, np.flatnonzero(log.machine == index))
-        delays.append(_joined(name, bands, edges, int(own.sum())))
+        delays.append(_joined(name, bands[index], edges, int(own.sum())))
     return delays
 
 
@@ -93,19 +95,22 @@ def _clock(log: Log) -> tuple[Array, Indices, Indices]:
     return since + block * (float(since.max()) + 1000.0), first[block], last[block]
 
 
-def opposite_pairs(log: Log) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Indices of records that lie side by side on neighbouring passes of opposite direction."""
+def neighbour_pairs(log: Log) -> tuple[Indices, Indices, NDArray[np.bool_]]:
+    """Indices of records that lie side by side on neighbouring passes, and whether their directions are
+    opposite; of passes in one direction only those of two machines.
+    """
     try:
         from scipy.spatial import cKDTree
     except ImportError as error:
         raise MissingExtra("geo", "cleaning a yield log") from error
     none = np.zeros(0, dtype=np.int64)
+    nothing = none, none, none.astype(bool)
     width = float(np.median(log.width[log.width > 0.0])) if (log.width > 0.0).any() else 0.0
     forward = direction(log)
     cutting = (log.speed > 0.8) & (log.width > 0.9 * width)
     index = np.flatnonzero(cutting & np.isfinite(forward[:, 0]))
     if len(index) < FEWEST_PAIRS or width <= 0.0:
-        return none, none
+        return nothing
     tree = cKDTree(log.position[index])
     count = min(60, len(index))
     distance, near = tree.query(log.position[index], k=count, distance_upper_bound=NEIGHBOUR * width)
@@ -113,8 +118,10 @@ def opposite_pairs(log: Log) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     i, j = index[here], index[near[here, rank]]
     offset = log.position[j] - log.position[i]
     beside = np.abs((offset * forward[i]).sum(axis=1)) < 1.5
-    opposite = (forward[i] * forward[j]).sum(axis=1) < -0.95
-    return i[beside & opposite], j[beside & opposite]
+    along = (forward[i] * forward[j]).sum(axis=1)
+    i_first = log.machine[i] <= log.machine[j]
+    shown = beside & i_first & ((along < -0.95) | ((along > 0.95) & (log.machine[i] != log.machine[j])))
+    return i[shown], j[shown], along[shown] < 0.0
 
 
 def direction(log: Log) -> Array:
@@ -136,11 +143,12 @@ def _joined(
     that they count alone; a single band and the ends of records do not.
     """
     agreement = max((r for _, r in bands), default=float("nan"))
+    turns = [(part, what) for part, what in turns if part.error <= SLACK]
     parts, by = [part for part, _ in turns], [what for _, what in turns]
     passes = agreed([part for part, _ in bands], SLACK)
     if passes is not None:  # bands are of one flow: more of them are no surer
         parts.append(Estimate(passes.value, max(passes.error, min(part.error for part, _ in bands))))
-    by += ["its opposite neighbour passes"] * bool(bands)
+    by += ["neighbour passes"] * bool(bands)
     found = agreed(parts, SLACK)
     is_enough = len(by) > 1 or len(bands) > 1 or by == ["its turns"]
     is_split = found is None or (passes is None and bool(bands))
@@ -157,27 +165,86 @@ def _joined(
     )
 
 
-def _of_passes(log: Log, first: Indices, second: Indices) -> list[tuple[Estimate, float]]:
-    """Delay at which the passes agree best, and their correlation there, in each band with a clear peak."""
-    found: list[tuple[Estimate, float]] = []
-    if len(first) < FEWEST_PAIRS:
+def _of_passes(
+    log: Log, first: Indices, second: Indices, is_opposite: NDArray[np.bool_]
+) -> list[list[tuple[Estimate, float]]]:
+    """Of each machine its delay and the correlation of its passes there, in each band that shows it."""
+    count = len(log.machine_names)
+    found: list[list[tuple[Estimate, float]]] = [[] for _ in range(count)]
+    kinds = np.stack([log.machine[first], log.machine[second], is_opposite.astype(np.int64)], axis=1)
+    kind, number = np.unique(kinds, axis=0, return_inverse=True)
+    number = number.ravel()
+    kept = [k for k in range(len(kind)) if (number == k).sum() >= FEWEST_PAIRS]
+    if not kept:
         return found
     steady = _steady(log)
     flows = [_later(log, steady, float(seconds)) for seconds in TRIES]
     between = float(np.median(np.diff(log.time)[~log.gap[1:]]))  # s from record to record
-    for short, long in BANDS:
-        sums = _sums(log, flows, first, second, *(2 * round(0.5 * s / between) + 1 for s in (short, long)))
-        r, likely = _agreement(sums.sum(axis=2))
-        peak = _peak(r, likely, short)
-        if peak is None or not (agreement := float(np.interp(peak, TRIES, r))) >= LEAST_AGREEMENT:
-            continue
-        without = [_agreement(sums.sum(axis=2) - part) for part in np.moveaxis(sums, 2, 0)]
-        others = np.array([peak if (other := _peak(*curves, short)) is None else other for curves in without])
-        away = np.abs(TRIES - peak) > APART
-        above = np.array([np.interp(peak, TRIES, curve) - curve[away].max() for _, curve in without])
-        if above.mean() > CLEAR * _left_out_error(above):
-            found.append((Estimate(peak, max(_left_out_error(others), LEAST_ERROR)), agreement))
+    for band in BANDS:
+        short, long = (2 * round(0.5 * s / between) + 1 for s in band)
+        local = [_local(log, flow, short, long) for flow in flows]
+        rows, shown, agreements = [], list[Estimate](), []
+        for k in kept:
+            a, b = first[number == k], second[number == k]
+            i, j, opposite = kind[k]
+            peak = _shown(log, local, a, b, band[0], is_opposite=bool(opposite))
+            if peak is not None:
+                fast = [
+                    float(np.median(log.speed[of])) / (1.0 if opposite or of is a else -1.0) for of in (a, b)
+                ]
+                row = np.zeros(count)
+                np.add.at(row, [i, j], np.array(fast) / np.abs(fast).sum())
+                rows.append(row)
+                shown.append(peak[0])
+                agreements.append(peak[1])
+        for index, part in enumerate(_solved(np.array(rows), shown) if rows else []):
+            if part is not None:
+                found[index].append(
+                    (part, max(r for r, row in zip(agreements, rows, strict=True) if row[index]))
+                )
     return found
+
+
+def _solved(rows: Array, shown: list[Estimate]) -> list[Estimate | None]:
+    """Delays of which rows, shape (shown, delays), times them are shown; None where none follows, or what
+    is shown disagrees.
+    """
+    value, error = (np.array([getattr(part, key) for part in shown]) for key in ("value", "error"))
+    inverse = np.linalg.pinv(rows / error[:, None])
+    delay, known = inverse @ (value / error), np.diag(inverse @ (rows / error[:, None]))
+    agrees = (np.abs(rows @ delay - value) <= 3.0 * error + SLACK).all()
+    return [
+        Estimate(float(d), float(np.hypot.reduce(part))) if agrees and k > 1.0 - 1e-6 else None
+        for d, part, k in zip(delay, inverse, known, strict=True)
+    ]
+
+
+def _shown(
+    log: Log, local: list[Array], first: Indices, second: Indices, short: float, *, is_opposite: bool
+) -> tuple[Estimate, float] | None:
+    """The shift at which pairs agree best, of the first forwards, of the second as much, backwards where both
+    go in one direction; and their correlation. None without a clear peak, or of few passes.
+    """
+    part = _passes(log)[first]
+    passes, part = np.unique(part, return_inverse=True)
+    if len(passes) < FEWEST_PASSES:
+        return None
+    back = range(len(TRIES)) if is_opposite else [int(np.argmin(np.abs(TRIES + s))) for s in TRIES]
+    tries = [k for k, b in enumerate(back) if is_opposite or TRIES[b] == -TRIES[k]]
+    shift = TRIES[tries]
+    part = part * PARTS // len(passes)
+    sums = np.array([_sums(local[k][first], local[back[k]][second], part) for k in tries])
+    r, likely = _agreement(sums.sum(axis=2))
+    peak = _peak(shift, r, likely, short)
+    if peak is None or not (agreement := float(np.interp(peak, shift, r))) >= LEAST_AGREEMENT:
+        return None
+    without = [_agreement(sums.sum(axis=2) - own) for own in np.moveaxis(sums, 2, 0)]
+    others = np.array([peak if (at := _peak(shift, *curves, short)) is None else at for curves in without])
+    away = np.abs(shift - peak) > APART
+    above = np.array([np.interp(peak, shift, curve) - curve[away].max() for curve, _ in without])
+    if above.mean() <= CLEAR * _left_out_error(above):
+        return None
+    return Estimate(peak, max(_left_out_error(others), LEAST_ERROR)), agreement
 
 
 def _left_out_error(values: Array) -> float:
@@ -193,8 +260,8 @@ def _agreement(sums: Array) -> tuple[Array, Array]:
     return r, -0.5 * np.sign(r) * count / max(count.max(), 1.0) * np.log1p(-np.minimum(r * r, 0.9999))
 
 
-def _peak(r: Array, likely: Array, short: float) -> float | None:
-    """Delay [s] of the best correlation around the most likely one, which many pairs make so; None where that
+def _peak(shift: Array, r: Array, likely: Array, short: float) -> float | None:
+    """Shift [s] of the best correlation around the most likely one, which many pairs make so; None where that
     is at an end of those that the log shows. short: over which the yield is smoothed [s]
     """
     peak, reach = int(likely.argmax()), max(int(short / 3.0), 2)
@@ -205,7 +272,7 @@ def _peak(r: Array, likely: Array, short: float) -> float | None:
     near = np.arange(max(peak - reach, 0), min(peak + reach + 1, len(r)))
     curve, slope, _ = np.polyfit(near - peak, r[near], 2)
     offset = -0.5 * slope / curve if curve < 0.0 else 0.0
-    return float(TRIES[peak] + np.clip(offset, -0.5 * reach, 0.5 * reach))
+    return float(shift[peak] + np.clip(offset, -0.5 * reach, 0.5 * reach))
 
 
 def _passes(log: Log) -> Indices:
@@ -217,25 +284,20 @@ def _passes(log: Log) -> Indices:
     return np.cumsum(log.gap | back)
 
 
-def _sums(log: Log, flows: list[Array], first: Indices, second: Indices, short: int, long: int) -> Array:
-    """Sums of both yields' product, of their squares, and pairs, shape (tries, 4, PARTS of the pairs).
-
-    short, long: of a band, in records
-    """
-    part = _passes(log)[first]
-    part = np.unique(part, return_inverse=True)[1] * PARTS // len(np.unique(part))
+def _local(log: Log, flow: Array, short: int, long: int) -> Array:
+    """Yield of a band, log of it over what it is around, shape (n,). short, long: of the band, in records"""
+    known = np.isfinite(flow)
     area_rate = np.maximum(log.speed, 0.5) * np.maximum(log.width, 1.0)
-    made = []
-    for flow in flows:
-        known = np.isfinite(flow)
-        value = np.where(known, np.log(np.clip(np.where(known, flow, 1.0) / area_rate, 0.01, 5.0)), 0.0)
-        local = _smooth(value, known, short) - _smooth(value, known, long)
-        local = np.clip(np.where(known, local, np.nan), -0.5, 0.5)
-        a, b = local[first], local[second]
-        both = np.isfinite(a) & np.isfinite(b)
-        a, b = np.where(both, a, 0.0), np.where(both, b, 0.0)
-        made.append([np.bincount(part, v, minlength=PARTS) for v in (a * b, a * a, b * b, both)])
-    return np.array(made)
+    value = np.where(known, np.log(np.clip(np.where(known, flow, 1.0) / area_rate, 0.01, 5.0)), 0.0)
+    local = _smooth(value, known, short) - _smooth(value, known, long)
+    return np.clip(np.where(known, local, np.nan), -0.5, 0.5)
+
+
+def _sums(a: Array, b: Array, part: Indices) -> Array:
+    """Sums of both yields' product, of their squares, and pairs, shape (4, PARTS of the pairs)."""
+    both = np.isfinite(a) & np.isfinite(b)
+    a, b = np.where(both, a, 0.0), np.where(both, b, 0.0)
+    return np.array([np.bincount(part, v, minlength=PARTS) for v in (a * b, a * a, b * b, both)])
 
 
 def _steady(log: Log) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.read_file import open_to_read
 from swath.core.whole_file import write_whole
-from swath.core.witness import Pair, judge, ratio
+from swath.core.witness import Pair, judge, outside, ratio
 from swath.field.crop import Crop
 from swath.field.crop_sheet import load_crop
 from swath.field.projection import Origin, transform
@@ -42,18 +42,18 @@ Array = NDArray[np.float64]
 MARGIN_M = 40.0  # of terrain around the field, for turning
 CLIPPED = 0.05, 0.5  # of the cells, with stems outside what the crop can have: told, refused
 BALANCE = 0.25, 1.5  # of more logged than mapped grain: told, refused; of less: told
-WIDER = (
-    0.03  # of passes that lie farther apart than the header is wide: no crop is left standing between them
-)
-MACHINES, FEWEST_BESIDE = (
-    0.1,
-    200,
-)  # yields of two machines on neighbouring passes; records that say something
+WIDER = 0.03  # of passes farther apart than the header is wide: no crop is left standing between them
+MACHINES, FEWEST_BESIDE = 0.1, 200  # yields of two machines side by side; records that say something
 # of a log without a record left (told, refused), estimated: shares of its records on the spot of the one
 # before, and without flow, without width or behind a pause; by how much the faster of two speeds is faster
 FEW_MOVE, IDLE, OTHER_SPEED = (0.5, 0.5), (0.9, 0.9), (0.5, 0.5)
-MOISTURES = {"maize": (0.1, 0.42), "rape": (0.04, 0.16), "": (0.07, 0.26)}  # of grain at harvest, estimated
-FEW_USED = 0.5  # of the records
+# at harvest, estimated: moisture of the grain, and t/ha of a field, a good year included
+MOISTURES = {"maize": (0.1, 0.42), "rape": (0.04, 0.16), "": (0.07, 0.26)}
+YIELDS = {
+    "wheat": (1, 11), "barley": (1, 9.5), "rye": (1, 9.5), "soy": (0.8, 5.5), "rape": (0.7, 5.5),
+    "maize": (2, 16),
+}  # fmt: skip
+FEW_USED = 0.5  # of the records, that are not
 
 
 @dataclass(frozen=True)
@@ -390,43 +390,36 @@ def _doubts(
     path: Path,
 ) -> list[str]:
     """What the result itself contradicts. Raises InputError where it cannot be."""
-    log, notes = cleaned.log, []
+    log, kept = cleaned.log, int(cleaned.kept.sum())
     yields = float(np.mean(cleaned.grain[cleaned.kept])) * 10.0
     key = next(k for k in FLOWS[:2] if k in log.column_map.columns)
     column = log.column_map.columns[key]
     cells = int(np.isfinite(maps.grain.values).sum())
-    clipped = maps.clipped_count / max(cells, 1)
     assert settings.grain_g_per_stem is not None
     low, high = (s * crop.stand.density * settings.grain_g_per_stem / 100.0 for s in STEMS)
     shown = f"{yields:.3g} t/ha in the mean, by {column.column} in {column.unit}"
-    if clipped > CLIPPED[0]:
-        text = (
-            f"{maps.clipped_count} of {cells} cells lie outside {low:.2g} to {high:.3g} t/ha of {crop.name}"
-        )
-        if clipped > CLIPPED[1]:
-            expected = (
-                f"expected yields of the crop: {text}; say the unit with --columns, or --grain-g-per-stem"
-            )
-            raise InputError("crop.yield", shown, expected, file=path)
-        notes.append(f"stems: {text}, and are clipped")
+    text = (
+        f"{shown}; {maps.clipped_count} of {cells} cells lie outside {low:.2g} to {high:.3g} of {crop.name}"
+    )
+    unit = "say the unit with --columns, or --grain-g-per-stem"
+    pairs = [Pair("crop.yield", f"{text}, clipped", maps.clipped_count / max(cells, 1), *CLIPPED, unit)]
+    if usual := YIELDS.get(crop.name):
+        text = f"{shown}, usual of {crop.name} are {usual[0]} to {usual[1]}"
+        entry = "another unit (--columns), or another crop (--crop)?"
+        pairs.append(Pair("crop.yield", text, outside(yields, usual), 0.0, entry=entry))
     if settings.as_map:
-        return notes
+        return judge(pairs, path)
     own = np.ones(len(log), bool) if within is None else outline.inside(polygon, log.position)
     logged, mapped = float((log.flow * log.duration)[own].sum()), _mapped_kg(maps, polygon)
     text = f"{logged / 1000:.1f} t logged, {mapped / 1000:.1f} t on the map of {polygon.area / 1e4:.2f} ha"
-    far = max(
-        logged / mapped - 1.0 if mapped > 0.0 else np.inf, 0.0
-    )  # less is grain of rows that are left out
-    less = ratio(logged, mapped) if logged < mapped else 0.0
+    over = logged / mapped - 1.0 if mapped > 0.0 else np.inf  # less is grain of rows that are left out
+    less = ratio(logged, mapped) if over < 0.0 else 0.0
     flag = f"{shown}; say the units of width, speed and yield with --columns"
-    pairs = [Pair("crop.grain", text, far, *BALANCE, flag), Pair("crop.grain", text, less, BALANCE[0])]
-    notes += judge([*pairs, *_beside(cleaned, spacing, crop)], path)
-    if cleaned.kept.sum() < FEW_USED * len(log):
-        reason, count = max(cleaned.counts.items(), key=lambda item: item[1])
-        notes.append(
-            f"{cleaned.kept.sum():,} of {len(log):,} records used: {count:,} {reason.replace('_', ' ')}"
-        )
-    return notes
+    reason, count = max(cleaned.counts.items(), key=lambda item: item[1])
+    text_used = f"{kept:,} of {len(log):,} are used: {count:,} {reason.replace('_', ' ')}"
+    pairs += [Pair("crop.grain", text, over, *BALANCE, flag), Pair("crop.grain", text, less, BALANCE[0]),
+              Pair("records", text_used, 1.0 - kept / len(log), FEW_USED)]  # fmt: skip
+    return judge([*pairs, *_beside(cleaned, spacing, crop)], path)
 
 
 def _of_raw(log: Log) -> list[Pair]:

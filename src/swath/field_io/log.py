@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, capped
+from swath.core.witness import judge
 from swath.field.projection import transform, utm_epsg
 from swath.field_io import trade
 from swath.field_io.clock import MILLISECONDS, days_of, of_digits, over_midnight, seconds_of, spread, usable
 from swath.field_io.columns import FLOWS, QUANTITIES, UNITS, Column, ColumnMap, find_columns
-from swath.field_io.coordinates import Logged, Others, Reading, check_places, numbers, reading_of
+from swath.field_io.coordinates import Others, Reading, check_places, numbers, reading_of
 from swath.field_io.machines import separate_machines
 from swath.field_io.records import (
     PAUSE,
@@ -28,7 +29,15 @@ from swath.field_io.records import (
     unrounded,
 )
 from swath.field_io.table import Table, read_table
-from swath.field_io.witnesses import CLOCK_UNITS, Drive, clock_unit, drive_of, settle_units
+from swath.field_io.witnesses import (
+    CLOCK_UNITS,
+    Drive,
+    Logged,
+    clock_unit,
+    drive_of,
+    level_pairs,
+    settle_units,
+)
 
 Array = NDArray[np.float64]
 FEWEST_RECORDS = 30  # below, there is no pass to speak of
@@ -41,14 +50,12 @@ PLAUSIBLE: dict[str, tuple[float, float]] = {
 """Limits in SI units (m/s, m, kg/s, kg/m2, share, m, m, s, m). Outside, the number means something else."""
 _NEEDED = {"grain_flow": "kg/s", "yield": "kg/m2", "speed": "m/s", "header_width": "m"}
 """A bad value here breaks the row, elsewhere the cell."""
+MOST_JUDGED = 10_000  # records on which another reading of the positions is judged
 MANY = 0.2  # of the rows: so many left out for one reason are told
 LATEST = 1e19  # of a number that is a time: nanoseconds of the year 2286
 LEAST_ONCE = 0.99  # of the rows of sections, each once at a time: with less the clock has coarse steps
 LEAST_COPIED = 0.2  # of the rows that are there a second time: with less a machine stood
-LEAST_LEVEL = 1.5  # times: a gap between the values of a column that may be one between two units
-ONE_LEVEL = 0.15  # log: two levels of values are those of two units
 SEASON = 30 * 86400.0  # s: a longer pause lies between two harvests
-MOST_TURNS = 6  # from one level to the other, in the order of the rows
 COUNTS_ON = 0.99  # of the steps of a distance that do not go back: it is that from the start
 MAP_WIDTH = 10.0  # m, where a map of yields holds no width of the header
 WHOLE_CROP_SHARE = 0.2  # of the rows with a flow: so many above what grain can be are no slips
@@ -200,7 +207,7 @@ def _settled(
     numeric = {k: c for k, c in {**found.beside, **found.columns}.items() if QUANTITIES[k] != "text"}
     raw = {k: table.numbers(c.column) for k, c in numeric.items() if k not in ("lat", "lon", "time")}
     clock, day, unit, notes = _clock(table, found)
-    _check_units_within(table, found, raw, path)
+    judge(level_pairs({**found.beside, **found.columns}, raw, table.row_number), path)
     machine = declared_machines(table, found)[1]
     again, other = _joined(table, found, places.lon_lat, raw, None if clock is None else clock + day, machine)
     first = ~again & ~other
@@ -208,10 +215,13 @@ def _settled(
         notes.append(f"{int(again.sum()):,} rows are there twice, and count once")
     by = raw.get("record", np.arange(count, dtype=float)) if clock is None else clock
     cutting = _cutting(raw, not_working(table, found), count)
-
+    logged = Logged(found.columns, raw, None, (), cutting, header_width)
     season = np.zeros(count, dtype=np.int64)
     if clock is not None:
         season = _seasons(clock * UNITS["time"][unit or found.columns["time"].unit] + day)
+
+    early = np.zeros(count, dtype=bool)
+    early[np.lexsort((by, day))[:MOST_JUDGED]] = True
 
     def order_of(reading: Reading) -> NDArray[np.int64]:
         finite, on_earth, away = reading.placed()
@@ -220,6 +230,7 @@ def _settled(
 
     def driven(reading: Reading) -> tuple[Array, Drive] | None:
         order, lon_lat = order_of(reading), reading.lon_lat
+        order = order if reading is places else order[early[order]]
         if len(order) < FEWEST_RECORDS:
             return None
         epsg = utm_epsg(*np.median(lon_lat[order], axis=0))
@@ -232,11 +243,10 @@ def _settled(
     notes += _step_wise(raw, order, drive)
     columns, seconds, pace = dict(found.columns), None, None
     if not as_map:
-        logged = Logged(
-            columns, raw, *_way_time(columns, raw, clock, day, unit, order), cutting, header_width
-        )
+        time, units = _way_time(columns, raw, clock, day, unit, order)
+        of_way = replace(logged, time=time, clock_units=units)
         notes += check_places(
-            places, others, lambda r: known if r is places else driven(r), logged, found, path
+            places, others, lambda r: known if r is places else driven(r), of_way, found, path
         )
     if known is not None:
         check_order(np.arange(len(order), dtype=float), machine[order], *known[0][order].T)
@@ -253,7 +263,8 @@ def _settled(
             pace = np.full(count, np.nan)
             pace[order] = np.cumsum(raw["duration"][order] * UNITS["time"][columns["duration"].unit])
     found = replace(found, columns=columns)
-    found, more = settle_units(found, raw, pace, drive, cutting & first, header_width, sheet, path)
+    logged = replace(logged, time=pace, cutting=cutting & first)
+    found, more = settle_units(found, logged, drive, sheet, path)
     values = {k: np.full(count, np.nan) for k in QUANTITIES if QUANTITIES[k] != "text"}
     values |= {k: raw[k] * UNITS[QUANTITIES[k]][c.unit] for k, c in found.columns.items() if k in raw}
     if seconds is not None:
@@ -446,36 +457,6 @@ def _first(keys: Array) -> NDArray[np.bool_]:
     first = np.zeros(len(keys), dtype=bool)
     first[np.unique(np.nan_to_num(keys), axis=0, return_index=True)[1]] = True
     return first
-
-
-def _check_units_within(table: Table, found: ColumnMap, raw: dict[str, Array], path: Path) -> None:
-    """Raise InputError for a column whose first rows are in one unit, and others in another one."""
-    for key in (*FLOWS, "speed", "header_width", "moisture", "elevation"):
-        column = {**found.beside, **found.columns}.get(key)
-        if key not in raw or column is None:
-            continue
-        rows = np.flatnonzero(raw[key] > 0.0)
-        size = np.log(raw[key][rows])
-        if len(rows) < FEWEST_RECORDS:
-            continue
-        middle = np.sort(size)[len(size) // 10 : -(len(size) // 10)]
-        step = int(np.diff(middle).argmax())
-        if middle[step + 1] - middle[step] < np.log(LEAST_LEVEL):
-            continue
-        is_high = size > 0.5 * (middle[step] + middle[step + 1])
-        levels = [float(np.median(size[own])) for own in (~is_high, is_high)]
-        sizes = np.log(list(UNITS[QUANTITIES[key]].values()))
-        of_units = np.abs(np.subtract.outer(sizes, sizes) - (levels[1] - levels[0])) < ONE_LEVEL
-        turns = np.flatnonzero(np.diff(is_high)) + 1
-        if of_units.any() and len(turns) <= MOST_TURNS:
-            ends = np.split(table.row_number[rows], turns)[:2]
-            said = " and ".join(
-                f"{np.exp(levels[int(is_high[at])]):.3g} in rows {end[0]} to {end[-1]}"
-                for at, end in zip((0, turns[0]), ends, strict=True)
-            )
-            raise InputError(
-                key, f"{column.column}: {said}", "expected one unit in a column, not two", file=path
-            )
 
 
 def _sums(group: NDArray[np.int64], values: Array) -> Array:

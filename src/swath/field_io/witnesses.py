@@ -6,15 +6,16 @@ the file says, and contradict units that are said wrongly.
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
-from swath.core.witness import Pair, judge
+from swath.core.witness import Pair, judge, outside
 from swath.field.crop_sheet import load_crop
 from swath.field_io import trade
 from swath.field_io.columns import FLOWS, QUANTITIES, UNITS, Column, ColumnMap
@@ -36,6 +37,7 @@ CANDIDATES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 """Usual units of each quantity, and rare ones, which count where no usual one fits."""
 _NO_SYSTEM = {"%", "1"}
+PLACES = "positions"  # key of a pair that no unit mends
 CLOCK_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")
 
 
@@ -68,9 +70,10 @@ class Thresholds:
     What can be in the middle of a harvest, estimated:
     speed [m/s]; header [m]: from plot combines to the widest drapers; height [m]: of fields
     moisture: share of the wet mass of grain
-    drive [km/h]: in the mean of a log, stops and turns included
-    same_course: length of the mean of unit vectors that point one way
+    driven: how far outside, as a ratio less 1, the mean of a log may be, stops and turns included
     beside_deg: of a course beside the way, by the grid's convergence and a compass; agrees, contradicts
+    level, one_level: ratio less 1 of two levels of one column, and log by which they may miss that of two
+    units; most_turns: from one to the other, in the order of the rows
     even_moisture: 10th to 90th percentile over the median; 0.1 to 0.2 in the logs above, the
     flow 0.7
     as_flow: the same of the moisture over that of the flow; told, refused
@@ -96,9 +99,11 @@ class Thresholds:
     header: Range = (1.2, 18.5)
     height: Range = (-430.0, 5500.0)
     moisture: Range = (0.05, 0.45)
-    drive: Range = (0.2, 50.0)
-    same_course: float = 0.8
+    driven: float = 1.3
     beside_deg: Range = (25.0, 30.0)
+    level: float = 0.5
+    one_level: float = 0.15
+    most_turns: int = 6
     even_moisture: float = 0.35
     as_flow: Range = (1.0, 2.0)
     american: tuple[float, float, float, float] = (-170.0, -50.0, 24.0, 72.0)
@@ -186,60 +191,161 @@ def _spacing(position: Array, drive: Drive, cutting: Mask, season: Indices) -> f
 
 
 @dataclass(frozen=True)
-class Witness:
-    """Whether a unit, as its factor to SI, can be. is_sure: measured twice, not only plausible."""
+class Logged:
+    """What a log says. raw: columns, and those beside, in their own units; time: in clock_units, None = no
+    clock; course: clockwise from north [deg]; width: of the header, where no column says it [m]
+    """
 
-    fits: Callable[[float], bool]
-    is_sure: bool
+    columns: Mapping[str, Column]
+    raw: Mapping[str, Array]
+    time: Array | None
+    clock_units: Sequence[str]
+    cutting: Mask
+    width: float | None
 
 
-def _near(value: float, shown: float, limits: Range, *, is_sure: bool = True) -> list[Witness]:
-    """The witness that value times the factor over what is shown lies within limits; none of nan."""
-    if not np.isfinite(value) or not np.isfinite(shown):
+Row = Callable[[float], Pair]
+"""A row of the table: what a column says beside something else, by the factor of its unit to SI."""
+
+
+def _row(key: str, shown: str, value: float, limits: Range, refused: float = np.inf) -> list[Row]:
+    """The row of a value in the unit of its column, which times the factor lies within limits; none of nan.
+
+    shown: with the value in it; refused: how far outside it is in another unit, as a ratio less 1; inf where
+    it is plausible only
+    """
+    if not value > 0.0:
         return []
-    return [Witness(lambda factor: limits[0] <= value * factor / shown <= limits[1], is_sure)]
+    return [lambda f: Pair(key, shown.format(value * f), outside(value * f, limits), 0.0, refused)]
+
+
+def _nearest(pairs: Iterable[Pair]) -> Pair:
+    return min(pairs, key=lambda pair: pair.residual)
+
+
+def way_rows(logged: Logged, drive: Drive) -> dict[str, list[Row]]:
+    """What columns say about the way, beside the positions."""
+    rows, other = {}, AT.alike - 1.0
+    for key, length in _lengths(logged, drive).items():
+        name, steps = logged.columns[key].column, drive.step
+        own = (length >= 0.0) & (length <= AT.longest * _median(length))
+        shown = float(length[own].sum() / steps[own].sum()) if own.sum() >= AT.fewest else np.nan
+        rows[key] = _row(key, f"{name} says {{:.2f}} of the way between them", shown, AT.agrees, other)
+    width, name = logged.width, "the header"
+    if "header_width" in logged.raw:
+        width = _median(logged.raw["header_width"][logged.cutting])
+        name = logged.columns["header_width"].column
+    text = f"passes lie {drive.spacing:.2f} m apart, {name} is {{:.2f}} of that wide"
+    over = (width or np.nan) / drive.spacing
+    return rows | {"header_width": _row("header_width", text, over, AT.header_over_spacing, other)}
+
+
+def _lengths(logged: Logged, drive: Drive) -> dict[str, Array]:
+    """The way of each step by the columns that say it, in their units."""
+    after, raw = drive.after, logged.raw
+    found = {"distance": raw["distance"][after]} if "distance" in raw else {}
+    if "speed" in raw and logged.time is not None:
+        found["speed"] = raw["speed"][after] * (logged.time[after] - logged.time[drive.here])
+    return found
+
+
+def place_pairs(logged: Logged, position: Array, drive: Drive) -> list[Pair]:
+    """The table of a way to read positions [m], shape (n, 2): all that a log says beside them, in the units
+    that agree best where none is said.
+    """
+    steps = drive if logged.time is None else drive.paced(logged.time)
+    if len(steps.step) < AT.fewest:
+        extent = float(np.hypot(*np.nanstd(position, axis=0)))
+        text = f"by them the machine stays within {extent:.2g} m"
+        return [Pair("step", text, np.inf, 0.0, 0.0)]
+    sizes, pairs = [1.0], []
+    if logged.time is not None:
+        sizes = [UNITS["time"][u] for u in logged.clock_units]
+        pace = [drive.speed(logged.time) / size for size in sizes]
+        text = f"{3.6 * pace[0]:.3g} km/h by positions and times"
+        pairs.append(Pair("time", text, min(outside(v, AT.speed) for v in pace), 0.0, AT.driven))
+    for key, rows in way_rows(logged, steps).items():
+        column = logged.columns.get(key, Column("", "m"))
+        units = sum(CANDIDATES[key], ()) if column.is_assumed else (column.unit,)
+        factors = [UNITS[QUANTITIES[key]][u] * s for u in units for s in (sizes if key == "speed" else [1.0])]
+        pairs += [_nearest(map(row, factors)) for row in rows]
+    azimuth = np.degrees(np.arctan2(*(position[steps.after] - position[steps.here]).T))
+    sector = np.round(azimuth / 45.0).astype(int) % 4  # of 45 degrees each: the unit does not matter
+    for key, length in _lengths(logged, steps).items():
+        over = np.where(length > 0.0, length / steps.step, np.nan)
+        middles = [m for k in range(4) if (m := _median(over[sector == k])) > 0.0]
+        if len(middles) > 1:
+            spread, name = max(middles) / min(middles), logged.columns[key].column
+            text = f"{name} over the way between them differs by {spread:.2f} with the direction"
+            pairs.append(Pair(PLACES, text, spread - 1.0, *AT.every_way))
+    if "course" in logged.raw:
+        course = logged.raw["course"][steps.after]
+        off = np.abs((course - azimuth + 180.0)[np.isfinite(course)] % 360.0 - 180.0)
+        if len(off) >= AT.fewest and np.nanmax(course) > np.nanmin(course):
+            beside = float(np.median(off))
+            text = f"{logged.columns['course'].column} lies {beside:.0f} deg beside the way"
+            pairs.append(Pair(PLACES, text, beside, *AT.beside_deg))
+    return [pair for pair in pairs if np.isfinite(pair.residual)]
+
+
+def level_pairs(
+    columns: Mapping[str, Column], raw: Mapping[str, Array], row_number: Indices
+) -> Iterator[Pair]:
+    """The rows of a column beside its others: the first ones in one unit, and others in another one."""
+    for key in (*FLOWS, "speed", "header_width", "moisture", "elevation"):
+        rows = np.flatnonzero(raw[key] > 0.0) if key in raw else np.zeros(0, dtype=int)
+        if len(rows) < AT.fewest:
+            continue
+        size = np.log(raw[key][rows])
+        middle = np.sort(size)[len(size) // 10 : -(len(size) // 10)]
+        step = int(np.diff(middle).argmax())
+        gap = float(np.expm1(middle[step + 1] - middle[step]))
+        if gap <= AT.level:
+            continue
+        is_high = size > 0.5 * (middle[step] + middle[step + 1])
+        low, high = (float(np.median(size[own])) for own in (~is_high, is_high))
+        sizes = np.log(list(UNITS[QUANTITIES[key]].values()))
+        of_units = np.abs(np.subtract.outer(sizes, sizes) - (high - low)) < AT.one_level
+        turns = np.flatnonzero(np.diff(is_high)) + 1
+        if of_units.any() and 0 < len(turns) <= AT.most_turns:
+            said = " and ".join(
+                f"{np.median(raw[key][own]):.3g} in rows {row_number[own[0]]} to {row_number[own[-1]]}"
+                for own in np.split(rows, turns)[:2]
+            )
+            yield Pair(key, f"{columns[key].column}: {said}", gap, AT.level, AT.level, "one unit in a column")
 
 
 def settle_units(
-    found: ColumnMap, raw: Mapping[str, Array], time: Array | None, drive: Drive, cutting: Mask,
-    width: float | None, sheet: str, path: Path,
-) -> tuple[ColumnMap, list[str]]:  # fmt: skip
+    found: ColumnMap, logged: Logged, drive: Drive, sheet: str, path: Path
+) -> tuple[ColumnMap, list[str]]:
     """The columns with units that agree with the data, and what was inferred or is in doubt.
 
-    raw: all columns of found and found.beside in their own units; time [s], None = no clock; cutting: records
-    with grain; width: of the header, where the log holds none [m]; sheet: of the crop
+    logged: its time in s; sheet: of the crop
     Raises InputError for a unit that the data contradicts.
     """
+    raw, time, cutting = logged.raw, logged.time, logged.cutting
     bench = _Bench(found, drive.middle, sheet, path)
     steps = drive if time is None else drive.paced(time)
+    rows = way_rows(logged, steps)
     if "distance" in raw:
-        ratio = _median(raw["distance"][steps.after] / steps.step)
-        bench.decide("distance", _near(ratio, 1.0, AT.agrees), "the positions show it", is_needed=False)
-    speed = np.full(len(cutting), np.nan if time is None else drive.speed(time))
+        bench.decide("distance", rows["distance"], "the positions show it", is_needed=False)
+    pace = np.nan if time is None else drive.speed(time)
+    speed = np.full(len(cutting), pace)
     if time is not None:
         speed[steps.after] = steps.step / _positive(time[steps.after] - time[steps.here])
     if "speed" in raw:
-        shown = np.nan if time is None else drive.speed(time)
-        took = np.ones(len(steps.step)) if time is None else time[steps.after] - time[steps.here]
-        speeds = raw["speed"][steps.after]
-        own = speeds <= AT.longest * _median(speeds)
-        mean = float((speeds * took)[own].sum()) / max(float(took[own].sum()), 1e-9) if own.any() else np.nan
-        seen = _near(mean, shown, AT.agrees)
-        seen = seen or _near(_median(raw["speed"][cutting]), 1.0, AT.speed, is_sure=False)
-        by = f"{3.6 * shown:.2f} km/h by positions and times"
-        bench.decide("speed", seen, by if np.isfinite(shown) else "")
+        seen = rows.get("speed") or _row("speed", "", _median(raw["speed"][cutting]), AT.speed)
+        bench.decide("speed", seen, f"{3.6 * pace:.2f} km/h by positions and times" * bool(pace > 0.0))
         speed = raw["speed"] * bench.factor("speed")
-    header = np.full(len(cutting), np.nan if width is None else width)
+    header = np.full(len(cutting), np.nan if logged.width is None else logged.width)
     if "header_width" in raw:
-        logged = _median(raw["header_width"][cutting])
-        can_be = _near(logged, 1.0, AT.header, is_sure=False)
-        can_be += _near(logged, drive.spacing, AT.header_over_spacing)
-        by = f"passes lie {drive.spacing:.2f} m apart"
-        bench.decide("header_width", can_be, by if np.isfinite(drive.spacing) else "")
+        can_be = _row("header_width", "", _median(raw["header_width"][cutting]), AT.header)
+        by = f"passes lie {drive.spacing:.2f} m apart" * bool(drive.spacing > 0.0)
+        bench.decide("header_width", can_be + rows["header_width"], by)
         header = raw["header_width"] * bench.factor("header_width")
     _grain(bench, raw, cutting, header * speed)
     if "elevation" in raw:
-        bench.decide("elevation", _near(_median(raw["elevation"]), 1.0, AT.height, is_sure=False), "")
+        bench.decide("elevation", _row("elevation", "", _median(raw["elevation"]), AT.height), "")
     bench.notes += judge([*_exchanged(bench.columns, raw, cutting), bench.mirrored()], path)
     return replace(found, columns=bench.columns), bench.notes
 
@@ -272,7 +378,7 @@ def _grain(bench: "_Bench", raw: Mapping[str, Array], cutting: Mask, area_rate: 
     share = np.zeros(len(cutting))
     if "moisture" in raw:
         middle = _median(raw["moisture"][cutting])
-        grain = _near(middle, 1.0, AT.moisture, is_sure=False)
+        grain = _row("moisture", "", middle, AT.moisture)
         bench.decide("moisture", grain, f"{middle:.3g} in the middle" if grain else "")
         share = np.clip(np.nan_to_num(raw["moisture"] * bench.factor("moisture")), 0.0, AT.moisture[1])
     per_area = {k: raw[k] for k in FLOWS if k in raw}
@@ -288,21 +394,21 @@ def _grain(bench: "_Bench", raw: Mapping[str, Array], cutting: Mask, area_rate: 
     crop = load_crop(bench.sheet)
     usual = crop.stand.density * crop.yields.grain_mass
     low, high = (limit * usual for limit in trade.STEMS)
-    middle = _median(per_area[key][cutting])
-    witnesses = _near(middle, 1.0, (low, high), is_sure=False) if usual > 0.0 else []
+    rows = _row(key, "", _median(per_area[key][cutting]), (low, high)) if usual > 0.0 else []
     by = []
     for other in [k for k in per_area if k != key]:
         ratio = _median(per_area[key][cutting] / _positive(per_area[other][cutting]))
         sizes = [bench.size(other, unit) for unit in bench.possible(other)]
-        if np.isfinite(ratio) and sizes and (other != "dry_yield" or (share > 0.0).any()):
-            witnesses.append(Witness(_any_near(ratio, sizes), True))
+        of_units = [r for size in sizes for r in _row(key, "", ratio / size, AT.agrees, AT.alike - 1.0)]
+        if of_units and (other != "dry_yield" or (share > 0.0).any()):
+            rows.append(partial(_any, of_units))
             by.append(bench.found.beside[other].column)
     text = f"{crop.name} yields {10 * low:.2g} to {10 * high:.2g} t/ha"
-    bench.decide(key, witnesses, ", ".join([*by, text]))
+    bench.decide(key, rows, ", ".join([*by, text]))
 
 
-def _any_near(ratio: float, sizes: list[float]) -> Callable[[float], bool]:
-    return lambda factor: any(AT.agrees[0] <= ratio * factor / size <= AT.agrees[1] for size in sizes)
+def _any(rows: list[Row], factor: float) -> Pair:
+    return _nearest(row(factor) for row in rows)
 
 
 def _is_american(lon: float, lat: float) -> bool:
@@ -358,25 +464,25 @@ class _Bench:
         is_american, _ = self.system()
         return [u for u in units if u in _NO_SYSTEM or (u in US_CUSTOMARY) == is_american]
 
-    def decide(self, key: str, witnesses: list[Witness], shown: str, *, is_needed: bool = True) -> None:
+    def decide(self, key: str, rows: list[Row], shown: str, *, is_needed: bool = True) -> None:
         """Keep, find or refuse the unit of a column; one that is not needed is left out instead.
 
-        shown: what the witnesses say
+        rows: of the table, shown: what they say
         """
         if key not in self.columns:
             return
         column = self.columns[key]
         usual, rare = CANDIDATES[key]
-        sure = [w for w in witnesses if w.is_sure]
-        pools = [self._fitting(key, units, witnesses) for units in (self._own(usual), usual, rare)]
+        sure = [row for row in rows if row(1.0).refused < np.inf]
+        pools = [self._fitting(key, units, rows) for units in (self._own(usual), usual, rare)]
         pool = next((units for units in pools if units), [])
-        may_be = pool if column.is_assumed else self._fitting(key, [column.unit], witnesses)
+        may_be = pool if column.is_assumed else self._fitting(key, [column.unit], rows)
         if not (is_needed or may_be or column.is_given):
             self.notes.append(f"{key}: {column.column} not used: {shown} otherwise")
             del self.columns[key]
             return
         if not column.is_assumed:
-            self._check(key, column, sure, witnesses, self._fitting(key, usual, witnesses), shown)
+            self._check(key, column, rows, self._fitting(key, usual, rows), shown)
             return
         of_format = column.of_format and self._is_in_form and not sure and column.unit in pools[1]
         if pool:
@@ -387,7 +493,7 @@ class _Bench:
             by = ", ".join(filter(None, (shown, system)))
             text = f"{key}: {column.column} taken as {unit}{': ' if by else ''}{by}{doubt}"
         else:
-            likely = [w for w in witnesses if not w.is_sure]
+            likely = [row for row in rows if row not in sure]
             plausible = self._fitting(key, (*self._own(usual), *usual, *rare), likely)
             if not plausible:
                 raise self._refused(key, column, shown, "")
@@ -400,21 +506,17 @@ class _Bench:
         self.columns[key] = replace(column, unit=unit, is_assumed=False, is_shown=True)
         self._votes += [unit] if sure and pool else []
 
-    def _fitting(self, key: str, units: Sequence[str], witnesses: list[Witness]) -> list[str]:
-        return [u for u in units if all(w.fits(self.size(key, u)) for w in witnesses)]
+    def _fitting(self, key: str, units: Sequence[str], rows: list[Row]) -> list[str]:
+        return [u for u in units if all(row(self.size(key, u)).agrees for row in rows)]
 
-    def _check(
-        self, key: str, column: Column, sure: list[Witness], witnesses: list[Witness], fitting: list[str],
-        shown: str,
-    ) -> None:  # fmt: skip
+    def _check(self, key: str, column: Column, rows: list[Row], fitting: list[str], shown: str) -> None:
         """A unit that the file or the user says: refused where another one would agree."""
         size = self.size(key, column.unit)
-        if all(w.fits(size) for w in witnesses):
-            return
+        off = [pair for pair in (row(size) for row in rows) if not pair.agrees]
         better = [u for u in fitting if not 1 / AT.alike < self.size(key, u) / size < AT.alike]
-        if better and not all(w.fits(size) for w in sure) and not column.is_given:
+        if better and any(pair.refused < np.inf for pair in off) and not column.is_given:
             raise self._refused(key, column, shown, better[0])
-        self.notes.append(f"{key}: {column.column} in {column.unit}, though {shown}")
+        self.notes += [f"{key}: {column.column} in {column.unit}, though {shown}"] if off else []
 
     def _refused(self, key: str, column: Column, shown: str, better: str) -> InputError:
         said = f"in {column.unit}" if not column.is_assumed else "without a unit"
@@ -440,7 +542,7 @@ def clock_unit(column: Column, time: Array, drive: Drive, path: Path) -> tuple[s
     by = f"{column.column}: by it as {column.unit} the machine drives {speeds[column.unit]:.3g} km/h"
     if column.is_assumed and fitting:
         return fitting[0], f"time: {column.column} taken as {fitting[0]}: {speeds[fitting[0]]:.1f} km/h"
-    if column.is_given or AT.drive[0] < speeds[column.unit] < AT.drive[1]:
+    if column.is_given or outside(pace / sizes[column.unit], AT.speed) < AT.driven:
         return column.unit, f"time: {by}"
     better = f"time: {{unit: {fitting[0]}}}" if fitting else "time: null, for records one after the other"
     known = "expected a clock of seconds, milliseconds, hours, days or HHMMSS"

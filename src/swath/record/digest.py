@@ -264,7 +264,7 @@ class Columns:
 
     def bytes_of(self, pile: Pile) -> np.ndarray:
         """(samples, worlds, size) uint8."""
-        count, worlds = len(pile.orders), pile.worlds
+        count, worlds = pile.count, pile.worlds
         rows = np.empty((count, worlds, self.size), np.uint8)
         when = {"": pile.times, "t": pile.stamps}
         kept = []

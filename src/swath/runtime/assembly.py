@@ -25,7 +25,7 @@ from swath.core.abilities import (
 from swath.core.checked import CheckedOutput
 from swath.core.component import Port, State
 from swath.core.errors import InputError, SwathError
-from swath.core.fault import NOTHING
+from swath.core.fault import NOTHING, FaultyOutput
 from swath.core.foreign_code import through
 from swath.core.frames import Pose
 from swath.core.graph import Graph, Node
@@ -341,7 +341,7 @@ def exchange(
     if state is None and (kind is None or not kind.is_exchangeable):
         able = ", ".join(s.name for s in SLOTS if s.is_exchangeable)
         raise InputError("slot", name, f"expected one of {able} to exchange")
-    world.graph.exchange(name, component, wires, state)
+    world.graph.exchange(name, component, wires, state, partial(_guarded, name, choice, component))
     machine = world.machines[machine_name]
     before, machine.parts[slot] = machine.parts[slot], component
     if choice is not None:
@@ -480,10 +480,18 @@ def _node(
         fault = make_fault(choice, component)
     except InputError as error:
         raise InputError(f"{section.name}.{slot}.{error.key}", error.value, error.expected) from error
-    if choice.found.is_link or not type(component).__module__.startswith("swath."):
-        own = NOTHING if fault is None else fault.fault
-        fault = CheckedOutput(timing.name, choice.level, component.outputs, own)
-    return Node(timing, component, wires, fault)
+    return Node(timing, component, wires, _guarded(timing.name, choice, component, fault))
+
+
+def _guarded(
+    name: str, choice: SlotChoice | None, component: Any, fault: FaultyOutput | None
+) -> FaultyOutput | None:
+    """The fault of a slot, before which the samples of a part that is not swath's own are checked."""
+    kind = type(component)
+    if kind.__module__.startswith("swath.") and (choice is None or not choice.found.is_link):
+        return fault
+    part = kind.__qualname__ if choice is None else choice.level
+    return CheckedOutput(name, part, component.outputs, NOTHING if fault is None else fault.fault)
 
 
 def _devices(scenario: Scenario, machines: Mapping[str, Machine]) -> list[Any]:

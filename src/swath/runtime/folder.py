@@ -1,16 +1,18 @@
 """Where a run is written: over nothing but an earlier run of the same scenario with the same changes."""
 
 import atexit
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from swath import __version__
 from swath.core.errors import InputError
 from swath.core.output_folder import LOCK, check_folder, check_free, held
 from swath.core.whole_file import PART
 from swath.documents.json_file import read_object
-from swath.scenario.scenario import changes_in
+from swath.documents.text_file import read_text
+from swath.scenario.scenario import Scenario, changes_in
 
 RUNS = "runs"  # where the folders lie whose place nobody chose
 RUN_FILES = (
@@ -22,7 +24,7 @@ RUN_FILES = (
     "run.mcap",
     "scenario.yaml",
 )
-SCAN_FILES = ("scan.*",)
+SCAN_FILES, SCAN_OF = ("scan.*",), "scan.of.txt"
 SAVES, SAVED, PAGES = "saves", ".save", "field.bin"  # a folder, names in it
 
 
@@ -43,9 +45,11 @@ def choose_run_folder(
     *,
     what: str = "",
     summary: str | None = None,
+    events: Sequence[Mapping[str, Any]] = (),
     replace: bool = False,
 ) -> Path:
-    """The folder for a run. summary: its head line; replace: it may take the place of any other run
+    """The folder for a run. summary: its head line; events: changes on its way; replace: it may take the
+    place of any other run
 
     Without `out` a fresh one, `runs/<name>-<seed>[-<what>]`, with -2, -3 ... when that exists; it is made at
     once, so that two runs of the same moment get two. A given `out` must be new, empty, or an earlier run of
@@ -54,7 +58,7 @@ def choose_run_folder(
     """
     if out is None:
         return _fresh(f"{name}-{seed}-{what}" if what else f"{name}-{seed}")
-    was, asked = run_name(out), None if summary is None else changes_in(name, summary)
+    was, asked = run_name(out), None if summary is None else _changes(name, summary, events)
     lies = _changes_of(out) if was == name and asked is not None else asked
     if was is not None and not replace and (was != name or lies not in (asked, None)):
         of = f"{name} with {asked}" if asked else f"{name} as it is" if lies else name
@@ -65,12 +69,30 @@ def choose_run_folder(
     return out
 
 
-def choose_scan_folder(name: str, seed: int, out: Path | None = None) -> Path:
-    """The folder for a scan: as for a run, a given `out` may hold an earlier scan (files `scan.*`)."""
+def choose_scan_folder(
+    name: str, seed: int, out: Path | None = None, *, of: str = "", replace: bool = False
+) -> Path:
+    """The folder for a scan: as for a run, a given `out` may hold an earlier scan (files `scan.*`) `of` the
+    same.
+    """
     if out is None:
         return _fresh(f"{name}-{seed}-scan")
     check_folder(out, SCAN_FILES, "scan")
+    if not replace and scan_in(out) not in (of, None):
+        expected = f"expected a new or empty folder, or an earlier scan of {of}; --replace writes over it"
+        raise InputError("--out", str(out), expected)
     return out
+
+
+def scan_of(scenario: Scenario, at_s: float) -> str:
+    """What a scan is of, in words."""
+    return f"{scenario.summary or scenario.name}, seed {scenario.seed}, at {at_s:g} s"
+
+
+def scan_in(folder: Path) -> str | None:
+    """What the scan in a folder is of; None where there is none, or its version of swath did not tell."""
+    file = folder / SCAN_OF
+    return read_text(file, "--out", "a scan").strip() if file.is_file() else None
 
 
 def run_name(folder: Path) -> str | None:
@@ -96,11 +118,18 @@ def _changes_of(folder: Path) -> str | None:
     from swath.documents.yaml_document import read_document
 
     with suppress(InputError, KeyError):
-        if read_object(folder / "summary.json", "run", "a summary.json")["swath"] != __version__:
+        summary = read_object(folder / "summary.json", "run", "a summary.json")
+        if summary["swath"] != __version__:
             return None
         data = read_document(folder / "scenario.yaml").data
-        return changes_in(data["name"], data["summary"])
+        return _changes(data["name"], data["summary"], summary.get("events", ()))
     return None
+
+
+def _changes(name: str, summary: str, events: Iterable[Mapping[str, Any]]) -> str:
+    """What was changed of a scenario, before a run and on its way."""
+    on_way = (f"{event['set']}={event['value']} at {event['t_s']:g} s" for event in events)
+    return "; ".join(filter(None, (changes_in(name, summary), *on_way)))
 
 
 @contextmanager

@@ -7,7 +7,10 @@ odometry, edge, steer, speed, steering. Observers record and judge.
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
+import numpy as np
+
 from swath.core.graph import Lockstep
+from swath.core.ops import Goal
 from swath.core.schedule import NS
 from swath.core.stopping import raise_if_lost
 from swath.runtime.world import World
@@ -53,10 +56,10 @@ def advance(
 
     What a part of a world that runs alone raises is raised; of others it is in `lockstep.errors`.
     """
-    arrived = _arrival(worlds, lockstep)
+    goal = _arrival(worlds)
     beat = BEAT if len(worlds) == 1 else LONG_BEAT
     while lockstep.t < until and lockstep.going:
-        yield from lockstep.advance(min((lockstep.t // beat + 1) * beat, until), arrived)
+        yield from lockstep.advance(min((lockstep.t // beat + 1) * beat, until), goal)
         if len(worlds) == 1:
             lockstep.raise_error()
         raise_if_lost()
@@ -100,10 +103,10 @@ def driven_m(world: World) -> float:
 
 def has_arrived(world: World) -> bool:
     """True when the scenario's distance is driven."""
-    return _arrival([world], world.graph.lockstep)()[0]
+    return bool(world.graph.lockstep.reached(_arrival([world]))[0])
 
 
-def _arrival(worlds: Sequence[World], lockstep: Lockstep) -> Callable[[], list[bool]]:
-    """Which worlds have driven their distances, asked after every tick."""
-    distances = [world.scenario.run.distance_m for world in worlds]
-    return lambda: [way >= far for way, far in zip(driven(worlds, lockstep), distances, strict=True)]
+def _arrival(worlds: Sequence[World]) -> Goal:
+    """That a machine has driven the scenario's distance."""
+    wires = tuple((slot, "state") for slot in worlds[0].driving)
+    return Goal(wires, "distance", np.array([world.scenario.run.distance_m for world in worlds]))

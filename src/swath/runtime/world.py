@@ -239,7 +239,7 @@ class World:
         """The bodies of the machines and their trailers stand where these do from now on."""
         for machine in self.machines.values():
             for slot in (*machine.slots_of("motion"), *machine.slots_of("header")):
-                self.graph.watches[f"{machine.name}.{slot}"] = self.place_bodies
+                self.graph.follows[f"{machine.name}.{slot}"] = self.place_bodies
 
     def add_obstacle(self, name: str, thing: Thing, t: int) -> None:
         """Another obstacle from the tick at t [ns] on, in place of one of that name."""

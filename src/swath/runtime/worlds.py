@@ -40,7 +40,7 @@ class Worlds:
         self.worlds = worlds
         for world in worlds:
             if world.bodies.is_alone:
-                world.graph.watches = {}
+                world.graph.follows = {}
         self.lockstep = Lockstep([world.graph for world in worlds])
         going = hooks or [()] * len(worlds)
         self.runs = [Running(world, None, None, own, ()) for world, own in zip(worlds, going, strict=True)]

@@ -1,41 +1,44 @@
 """Standard normal numbers of many streams at once: those of `core.random.Normals`, bit for bit."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from swath.core.random import Normals, Stream
-from swath.kernels import repeatable, shared
+from swath.kernels import Repeated, repeatable, shared
 
 LEVELS = 256  # of numpy's ziggurat (Marsaglia and Tsang 2000, doi:10.18637/jss.v005.i08)
 ONE = 1 << 52  # what its 52 bits count to
-FEW = 2  # streams, for which nothing needs to be compiled
 DOUBT = 64  # bounds of levels are known to this, in shares of ONE; what is nearer to one numpy draws itself
 
 
 class AllNormals:
     """rows: where the numbers go, a row for each stream, (n, k) float64 whose rows have no gaps"""
 
-    def __init__(self, streams: Sequence[Stream], rows: np.ndarray) -> None:
+    def __init__(self, rows: np.ndarray) -> None:
+        self._rows, self._alone = rows, list[Normals]()
+        self._keys, self._slow = np.zeros((len(rows), 2), np.uint64), np.ones(len(rows), np.bool_)
+
+    def reset(self, streams: Sequence[Stream]) -> None:
+        """Of these streams from now on."""
         self._alone = [Normals(stream) for stream in streams]
-        self._rows, self._asked = rows, np.zeros(1, np.uint64)
-        self._slow = np.ones(len(rows), np.bool_)
-        self._launch: Callable[[], Any] = lambda: None
-        if len(rows) <= FEW:
-            return
+        self._keys[:] = [stream.key for stream in streams]
+
+    def launch(self, counter: np.ndarray, needs: np.ndarray) -> Repeated:
+        """A launch that draws number `counter` (1,) int64 (a time in ns; >= 0) of every stream.
+
+        It sets `needs` where `finish` has to complete it.
+        """
         from swath.sensing.native.normals_kernel import draw_normals
 
-        keys = np.array([stream.key for stream in streams])
         widths, bounds = ziggurat()
-        given = (keys, self._asked, widths, bounds, rows, self._slow)
-        self._launch = repeatable(draw_normals, [shared(array) for array in given]).launch
+        given = (self._keys, counter.view(np.uint64), widths, bounds, self._rows, self._slow, needs)
+        return repeatable(draw_normals, [shared(array) for array in given])
 
-    def draw(self, counter: int) -> None:
-        """Draw number `counter` (a time in ns; >= 0) of every stream."""
-        self._asked[0] = counter
-        self._launch()
+    def finish(self, counter: int) -> None:
+        """Draw what numpy has to draw itself."""
         for k in np.flatnonzero(self._slow).tolist():
             self._alone[k].into(counter, self._rows[k])
 

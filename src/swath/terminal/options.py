@@ -36,8 +36,10 @@ def add_run_folder(parser: argparse.ArgumentParser) -> None:
 
 
 def add_replace(parser: argparse.ArgumentParser) -> None:
-    """`--replace`, for an `--out` in which another run lies."""
-    parser.add_argument("--replace", action="store_true", help="write over another run that lies in DIR")
+    """`--replace`, for an `--out` in which another run or scan lies."""
+    parser.add_argument(
+        "--replace", action="store_true", help="write over another run or scan that lies in DIR"
+    )
 
 
 def add_sets(parser: argparse.ArgumentParser, text: str = "change the scenario") -> None:

@@ -21,10 +21,7 @@ from swath.signals import F64
 BEND_STEP = 0.02  # 1/m per sqrt(m): how fast the bend of an edge changes
 ANGLE_STEP = 0.01  # rad per sqrt(m), of a ragged one
 CLIP = 2.0  # standard deviations that an innovation may count
-BACK, BACK_M = 6, 4.0  # blocks that a break takes back, and the way along the edge [m] that they lie in
 KEPT = 12  # earlier states
-STRETCH, ALIGNED, ENOUGH = 10.0, 0.1, 8  # m, m and number of points that tell where a line goes on from
-SCATTER, TURNS = 0.03, 0.05  # m of a point; rad that the arc may be off
 _ONE = np.eye(3)
 
 
@@ -116,10 +113,11 @@ class ArcTrack(KeepsState):
         assert self.arc is not None
         self.arc = self.arc.ahead(way, is_seen=self.arc.unseen < 2.0)
 
-    def retrace(self, way: float, points: F64) -> None:
+    def retrace(self, way: float, points: F64, noise: float) -> None:
         """Back to before a way along the edge [m], and from there on along the points seen since.
 
-        points: of the edge so far, rows of x, u [m], variance [m2] and way along the edge [m]
+        points: of the edge so far, rows of x, u [m], variance [m2] and way along the edge [m]; noise: of
+        all, beside that [m2]
         """
         assert self.arc is not None
         now = self.arc.way
@@ -131,53 +129,13 @@ class ArcTrack(KeepsState):
         for x, u, variance, there in points[points[:, -1] > arc.way + 1e-6].tolist():
             at = arc.frame(x, u, arc.angle)
             arc = arc.ahead(-at.x)
-            arc = replace(arc, way=there).corrected(-arc.frame(x, u, arc.angle).u, variance)
+            arc = replace(arc, way=there).corrected(-arc.frame(x, u, arc.angle).u, variance + noise)
             self._past.append(arc)
         unseen = now - arc.way
         self.arc = replace(arc.ahead(unseen), unseen=unseen) if unseen > 0.0 else arc
 
-    def rewind(self, straighten: float, points: F64) -> float:
-        """Back behind the last blocks, and on from there; the way along [m] from which blocks are doubted.
-
-        straighten: part of the bend that is kept; points: of the edge so far, rows that begin with x, u [m]
-        and end with the way along the edge [m]
-        """
-        assert self.arc is not None
-        way = self.arc.way
-        for _ in range(min(BACK, len(self._past) - 1)):
-            if self._past[-1].way > way - BACK_M:
-                self._past.pop()
-        if not self._past:
-            return way
-        old = self._past[-1]
-        old = _aligned(old, points[points[:, -1] < old.way + 1e-6])
-        old = replace(old, bend=straighten * old.bend)
-        self.arc = replace(old.ahead(way - old.way, is_seen=False), unseen=way - old.way)
-        return old.way + 1e-6
-
-
-def _aligned(arc: Arc, points: F64) -> Arc:
-    """An arc turned into line with the points before it, straight where as many show that as show its bend.
-
-    Its own angle rests on the last metre. Least squares over the last points that lie near it.
-    """
-    c, s = cos(arc.angle), sin(arc.angle)
-    x, u = points[::-1, 0] - arc.x, points[::-1, 1] - arc.u
-    along, beside = c * x + s * u, c * u - s * x
-    straight, bent = (_last_near(along, beside - 0.5 * bend * along**2) for bend in (0.0, arc.bend))
-    bend = 0.0 if straight >= bent else arc.bend
-    count = max(straight, bent)
-    if count < ENOUGH:
-        return arc
-    t, v = along[:count], (beside - 0.5 * bend * along**2)[:count]
-    s0, s1, s2 = count + 1.0, float(t.sum()), float((t * t).sum()) + (SCATTER / TURNS) ** 2
-    b0, b1 = float(v.sum()), float((t * v).sum())
-    det = s0 * s2 - s1 * s1
-    aside, turn = (s2 * b0 - s1 * b1) / det, (s0 * b1 - s1 * b0) / det
-    return replace(arc, x=arc.x - aside * s, u=arc.u + aside * c, angle=arc.angle + turn, bend=bend)
-
-
-def _last_near(along: F64, beside: F64) -> int:
-    """How many points from the last one on lie so near a line that a small turn takes them into it."""
-    far = (np.abs(beside) > ALIGNED - TURNS * along) | (along < -STRETCH)
-    return int(np.argmax(far)) if far.any() else len(far)
+    def rewind(self, arc: Arc, way: float) -> None:
+        """Back to before a way along the edge [m], and on as an arc from where the last block fitted."""
+        while self._past and self._past[-1].way > way + 1e-6:
+            self._past.pop()
+        self.arc = replace(arc, unseen=arc.way - way)

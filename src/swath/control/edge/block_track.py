@@ -11,6 +11,7 @@ import numpy as np
 
 from swath.control.edge.arc_track import KEPT, Arc, ArcTrack
 from swath.control.edge.blocks import Block, Found, find_edge, split
+from swath.control.edge.broken_line import carried_on
 from swath.control.edge.canopy_classes import HEADROOM
 from swath.control.edge.canopy_feet import CanopyFeet
 from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
@@ -31,7 +32,6 @@ MOST_ALIKE, MORE_CROP = 0.93, 0.03  # overlap of both sides' classes; share of r
 HEIGHT = 0.85  # m, of a crop that was not seen yet
 TALL, MANY = 0.5, 100  # of that height: echoes above are crop; so many show how high it stands
 LEARNED = 0.15  # m beside the track: blocks further off teach nothing
-STRAIGHTEN = 0.3  # part of the bend that is kept where the edge broke off
 RAGGED_M = 6.0  # m of travel over which it is seen how ragged the edge is
 RELIC_M, ELSEWHERE, TURNED = 15.0, 0.8, 0.5  # m that a lost line is remembered; m, rad from it: another edge
 USED = 0.9  # share of late blocks that fitted, from which on a step is one
@@ -218,22 +218,23 @@ class BlockTrack(KeepsState):
 
     def _find(self, arc: Arc) -> Found:
         """The edge of the block within the gate, which shall not cut off what the block says."""
-        bites = self.bite + OUT if self.bite > 0.0 else 0.0
-        gate, ratios = min(WIDEST, max(GATE + WIDENING * arc.unseen**2, bites)), self.populations.ratios()
+        bites, row = self.bite + OUT if self.bite > 0.0 else 0.0, self.feet.spacing
+        gate = min(WIDEST, max(GATE + WIDENING * arc.unseen**2, bites)) + row  # where rows end it steps
+        ratios = self.populations.ratios()
         found = find_edge(self._block, ratios, gate)
         is_cut_off = found.variance > BLURRED**2 and found.lead < LEAD and gate < BROAD
         return find_edge(self._block, ratios, BROAD) if is_cut_off else found
 
     def _step_out(self, found: Found, arc: Arc, heading: float) -> Found | None:
         """A step outward beside a line that fitted so far, along the machine."""
-        is_used = self.followed >= YOUNG and arc.unseen < 1.0 and self.bite == 0.0
+        is_used = self.followed >= YOUNG and arc.unseen < 1.0 and self.bite == 0.0 and not self.feet.spacing
         if not (is_used and abs(arc.angle - heading) < ALONG):
             return None
         return self._breaks.step_out(found, self._block, self.populations)
 
     def _is_hole(self, found: Found, arc: Arc) -> bool:
         is_even = self.agreed > USED and self.bite == 0.0
-        return self._breaks.is_hole(found, arc, self.scatter, is_even=is_even)
+        return self._breaks.is_hole(found, arc, self.scatter, self.feet.spacing, is_even=is_even)
 
     @property
     def _middle(self) -> float:
@@ -249,7 +250,7 @@ class BlockTrack(KeepsState):
         edge = self.track.arc
         assert edge is not None
         self.points.add(*edge.beside(found.beside), found.variance, edge.way)
-        own = 0.0
+        own, noise = 0.0, self._noise
         if self._is_broken:  # what the track drifted by across the hole is not the edge's
             self.points.found_again(edge.way)
             own = float(edge.covariance[0, 0])
@@ -259,16 +260,22 @@ class BlockTrack(KeepsState):
         self._scatters.append((edge.way, self.scatter, self.jagged.variance))
         more = max(0.0, found.beside**2 - found.variance - own)
         self.scatter += min(1.0, self._block.travel / RAGGED_M) * (more - self.scatter)
-        self.track.accept(found.beside, found.variance)
+        self.track.accept(found.beside, found.variance + noise)
         angle = edge.angle - heading
         if not (was_broken or self._is_broken):
             self.jagged.add(wall, self._middle, angle, self._block.travel)
-        if is_dense and isfinite(wall.along) and self.followed >= YOUNG:
+        if is_dense and not self.feet.spacing and isfinite(wall.along) and self.followed >= YOUNG:
             self._walls.add(edge.way, edge.angle, wall.along - along)
         self._smooth(heading)
         self._turn_away()
         self.agreed += 0.2 * (1.0 - self.agreed)
-        self.feet.learn(self._scans, self._block.counts, found.beside, self._block.travel, self.height, angle)
+        seen = self._block.counts, found.beside, self._block.travel
+        self.feet.learn(self._scans, *seen, self.height, angle, edge.angle)
+
+    @property
+    def _noise(self) -> float:
+        """Of blocks about the line, beyond their own variance [m2]; of rows, whole ones come and go."""
+        return self.scatter + self.feet.spacing**2 / 12.0
 
     def _smooth(self, heading: float) -> None:
         """Along an edge with bites the track goes on as their outer line."""
@@ -295,7 +302,7 @@ class BlockTrack(KeepsState):
         moves = self._walls.moves(arc.angle)
         if len(moves):
             self.points.move(moves)
-            self.track.retrace(float(moves[:, 0].min()), self.points.rows)
+            self.track.retrace(float(moves[:, 0].min()), self.points.rows, self._noise)
 
     def _bend_away(self, found: Found) -> None:
         """What seemed bites may be the begin of a bend: from there on the track follows its blocks again."""
@@ -303,7 +310,7 @@ class BlockTrack(KeepsState):
         way = self._breaks.bends_away(found, arc.way, has_bites=has_bites) if arc is not None else None
         if way is None:
             return
-        self.track.retrace(way, self.points.rows)
+        self.track.retrace(way, self.points.rows, self._noise)
         self.bite, self._bends = 0.0, way
         self.jagged.clear()
         while self._scatters and self._scatters[-1][0] >= way:
@@ -316,7 +323,7 @@ class BlockTrack(KeepsState):
         self._is_broken = self._is_broken or broke
         if broke:
             self._walls.clear()
-        if broke and arc.unseen < 1.0 and self.bite == 0.0:
+        if broke and self.bite == 0.0:
             self._take_back()
         self.track.advance(along)
         self.agreed *= 0.8
@@ -351,7 +358,13 @@ class BlockTrack(KeepsState):
 
     def _take_back(self) -> None:
         """The last blocks were already wrong: what they did to the track and its scatter goes."""
-        way = self.track.rewind(STRAIGHTEN, self.points.rows)
+        if self.track.arc is None or self.track.arc.unseen >= 1.0 or not self._scatters:
+            return
+        arc, last = carried_on(
+            self.points.rows, self.track.arc, min(scatter for _, scatter, _ in self._scatters)
+        )
+        self.track.rewind(arc, last)
+        way = last + 1e-6
         self.points.doubt(way)
         while self._scatters and self._scatters[-1][0] >= way:
             _, self.scatter, self.jagged.variance = self._scatters.pop()

@@ -41,7 +41,7 @@ class CanopyFeet(KeepsState):
     spacing: of the rows [m], 0 where they stand so near that they are none; view: height of the scanner [m]
     """
 
-    kept = ("_offset", "_ramp", "lean", "_tops", "_noise")
+    kept = ("_offset", "_ramp", "lean", "_tops", "_noise", "_heading", "_turned")
 
     def __init__(self, spacing: float = 0.0, view: float = 0.0) -> None:
         self._offset, self._ramp = CanopyOffset(MEMORY, GUESS, parts=PARTS), LeanRamp()
@@ -57,6 +57,7 @@ class CanopyFeet(KeepsState):
         self.lean = (0.0, 0.0, 0.0)
         self._tops: F64 = np.zeros(2)  # of the uppermost layers: sums of cosines and sines of places
         self._noise = 0.0  # sum of the squares of what each block added to them
+        self._heading, self._turned = 0.0, 0.0  # of the rows, at rest, and of the edge to them [rad]
 
     def compile(self) -> None:
         """Load what is compiled, before a run is in step with a clock."""
@@ -70,10 +71,11 @@ class CanopyFeet(KeepsState):
         travel: float,
         height: float,
         angle: float,
+        heading: float,
     ) -> None:
         """A block: its scans, their counts, its edge [m] and travel [m].
 
-        height [m] of the crop; angle [rad] of the edge to the machine
+        height [m] of the crop; angle [rad] of the edge to the machine; heading: of the edge at rest [rad]
         """
         self._offset.move(travel)
         if not height > 0.0:
@@ -84,15 +86,19 @@ class CanopyFeet(KeepsState):
         lower = np.concatenate([rays.lower for rays in scans])[seen] - edge
         self._offset.add(Rays(upper, lower, tall[seen], height, LIMIT * height), 0.0, height)
         self._ramp.move(travel)
-        self._look_for_rows(counts, edge, travel, height)
+        self._look_for_rows(counts, edge, travel, height, heading)
         if abs(angle) < OBLIQUE:
             self._ramp.add(counts, edge)
         feigned = ROLL * abs(scans[-1].rise) + ACROSS * max(scans[-1].across - ALONG, 0.0)
         feigned += COARSE * max(_apart(scans[-1].upper - edge) - FINE, 0.0)
         self.lean = self._ramp.foot(height, self._overhang(height), feigned)
 
-    def _look_for_rows(self, counts: F64, edge: float, travel: float, height: float) -> None:
+    def _look_for_rows(self, counts: F64, edge: float, travel: float, height: float, heading: float) -> None:
+        """Rows run straight: an edge that turned away from them goes across, and its plants agree by that."""
         if self.spacing:
+            self._heading = self._heading if self._noise > 0.0 else heading
+            self._turned = heading - self._heading
+            self._heading += self._along * travel / MEMORY * self._turned
             cells = round(self.spacing * int(WINDOW / self.spacing) / CELL)
             first, layer = round((edge + HALF) / CELL), round((TOPS * height - LOWEST) / LAYER)
             tops = counts[first : first + cells, layer:LAYERS].sum(axis=1)
@@ -113,7 +119,13 @@ class CanopyFeet(KeepsState):
         f = (c * c + s * s) / self._noise
         row = self.spacing * (atan2(s, c) / (2.0 * pi) - 0.5)
         row += self.spacing * round((beside - row) / self.spacing)
-        return 1.0 - exp(-max(f - 1.0, 0.0)), row, self.spacing / (2.0 * pi * sqrt(2.0 * max(f, 1.0)))
+        clear = self._along * (1.0 - exp(-max(f - 1.0, 0.0)))
+        return clear, row, self.spacing / (2.0 * pi * sqrt(2.0 * max(f, 1.0)))
+
+    @property
+    def _along(self) -> float:
+        """How sure the edge goes along the rows, which run straight, 0..1."""
+        return 1.0 - min(abs(self._turned) * ALIKE / self.spacing, 1.0)
 
     @property
     def leans_in(self) -> float:

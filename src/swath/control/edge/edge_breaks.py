@@ -17,6 +17,7 @@ HOLE, NEARER = 0.3, 0.5  # m inward from which on an edge beside a line that bro
 OUT = 0.2  # m: a step outward
 SUNKEN = 0.25  # of the crop's height
 BENDS, NOISE, GROWS = 3, 0.03, 0.08  # blocks, m between two, m in all: crop stands out ever further
+STAYS = 2.0  # m along which all crop stands out: no tooth
 
 
 class EdgeBreaks(KeepsState):
@@ -50,18 +51,21 @@ class EdgeBreaks(KeepsState):
         self._hole = float("nan")
         self.inner.clear()
 
-    def is_hole(self, found: Found, arc: Arc, scatter: float, *, is_even: bool) -> bool:
+    def is_hole(self, found: Found, arc: Arc, scatter: float, row: float, *, is_even: bool) -> bool:
         """The edge steps into the crop, or still stands where it was seen when the line broke off.
 
         Steps outward are left to the gate: behind a tooth, crop that stands out is the edge.
 
-        scatter: of the blocks about the line [m2]; is_even: they fitted it, and the edge has no bites
+        scatter: of the blocks about the line [m2]; row: of the crop to the next one [m], where one ends in a
+        bend across them the edge steps; is_even: they fitted it, and the edge has no bites
         """
         inward = found.beside if found.lead < LEAD else found.best
         if self._hole > 0.0:
-            return inward > max(HOLE, NEARER * self._hole)
+            return inward > max(HOLE, row, NEARER * self._hole)
         own = sqrt(found.variance + float(arc.covariance[0, 0]))  # thin stands show a block less well
-        return is_even and arc.unseen < 1.0 and inward > max(FLANK, RAGGEDS * sqrt(scatter), CHANCE * own)
+        return (
+            is_even and arc.unseen < 1.0 and inward > max(FLANK, row, RAGGEDS * sqrt(scatter), CHANCE * own)
+        )
 
     def step_out(self, found: Found, block: Block, populations: Populations) -> Found | None:
         """Crop stands out beside a line that fitted so far: the edge has bites, and here it is, outside."""
@@ -72,7 +76,7 @@ class EdgeBreaks(KeepsState):
         return wide if is_one else None
 
     def bends_away(self, found: Found, way: float, *, has_bites: bool) -> float | None:
-        """The edge leaves a line along bites outward, ever further: from which way along it on [m], or None.
+        """The edge leaves a line along bites outward, far or for long: from which way along it [m], or None.
 
         Bites come back to the line: of teeth and saws of up to 0.6 m single blocks lie so far outside it.
         """
@@ -83,7 +87,7 @@ class EdgeBreaks(KeepsState):
         before = self._outside if self._outside and beside < self._outside[-1][0] + NOISE else ()
         self._outside = (*before, (beside, way))
         first, since = self._outside[0]
-        if len(self._outside) < BENDS or beside > first - GROWS:
+        if len(self._outside) < BENDS or (beside > first - GROWS and way < since + STAYS):
             return None
         self._outside = ()
         return since

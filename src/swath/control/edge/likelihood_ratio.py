@@ -196,10 +196,14 @@ class LikelihoodRatio(KeepsState):
         if arc is None:
             return None
         line = self._line.near(self._blocks.points.rows, at, arc.frame(*at), arc.way)
-        if line is None or bite == 0.0:
+        if line is None or (bite == 0.0 and self._blocks.points.shows_beyond(self._way_of(line) - BETWEEN)):
             return line
         frame, sd = _abreast(arc.frame(*at), self._reference), max(line.offset_sd, BITES * bite)
-        return replace(line, frame=frame, offset_sd=sd, angle_sd=self._blocks.turn_sd)
+        return replace(line, frame=frame, offset_sd=sd, angle_sd=max(line.angle_sd, self._blocks.turn_sd))
+
+    def _way_of(self, line: NearLine) -> float:
+        """Along the edge, of the reported place [m]."""
+        return float(self._blocks.points.rows[-1, WAY]) - line.seen_to
 
     def _as_edge(self, now: int, line: NearLine) -> CropEdge:
         sign, edge = self._sign, line.frame
@@ -248,9 +252,8 @@ class LikelihoodRatio(KeepsState):
         The wall behind a hole is seen from over it. Rays on their way down from the canopy's top to the lower
         limit are stopped by it; a block lies in the middle of that way.
         """
-        points = self._blocks.points
-        way = float(points.rows[-1, WAY]) - line.seen_to
-        return points.shows(way, BETWEEN, self._early * crop + 0.5 * BLOCK)
+        early = self._early * crop + 0.5 * BLOCK
+        return self._blocks.points.shows(self._way_of(line), BETWEEN, early)
 
 
 def _abreast(edge: EdgeFrame, reference: float) -> EdgeFrame:

@@ -46,6 +46,10 @@ class EdgePoints(KeepsState):
             return False
         return not any(way - early < again < way + reach for again in self.returns)
 
+    def shows_beyond(self, way: float) -> bool:
+        """A standing edge was seen beyond a way along it [m]."""
+        return bool(((self.rows[:, WAY] >= way) & (self.rows[:, VARIANCE] < VAGUE**2)).any())
+
     def add(self, x: float, u: float, variance: float, way: float) -> None:
         """A block's edge point [m], its variance [m2], and its way along the edge [m]."""
         rows = self.rows[self.rows[:, WAY] > way - BEHIND - 10.0]

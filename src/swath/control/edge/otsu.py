@@ -20,8 +20,9 @@ from swath.core.component import Port, State
 from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
+from swath.core.rows import row_of
 from swath.core.schedule import NS
-from swath.core.together import Given, InWorlds, Samples, field_of, of_columns
+from swath.core.together import Given, InWorlds, Samples, field_of
 from swath.core.units import DEG, MM
 from swath.kernels import Rows, filled, of_worlds, repeatable, shared, start_warp
 from swath.signals import CropEdge, Inertial, Odometry, Scan, beam_directions
@@ -119,7 +120,7 @@ class Detectors:
         self._inertial = AllInertial(n)
         self._beams: tuple[Any, ...]
         self._reference = self._settings.of["reference"]
-        self._sent = of_columns(CropEdge, n, NAMES)
+        self._sent = row_of(CropEdge, n, NAMES)
         self._sent.arrays["reference_x"][:] = self._reference
         self._kernel, self._places = kernel.detect, kernel.SCRATCH
         self._make_room(0, 1)

@@ -30,11 +30,11 @@ def bite_of(rows: F64, newest: Arc) -> float:
     From what its points scatter about a parabola, beyond their own variance. A saw of depth d gives 0.5 d, as
     the parabola follows part of it, and blocks are longer than its steps; a bend that begins 0.13 m at most.
     """
-    used = _last(rows, newest.way, WINDOW)
+    used = last_of(rows, newest.way, WINDOW)
     if len(used) < FEWEST:
         return 0.0
-    columns, beside = _seen_from(used, newest, newest.angle)
-    p, _ = _fit(columns, beside, np.ones(len(beside)), (EVEN / TURNS, EVEN / BENDS))
+    columns, beside = seen_from(used, newest, newest.angle)
+    p, _ = fitted(columns, beside, np.ones(len(beside)), (EVEN / TURNS, EVEN / BENDS))
     away = beside - (p[0] + p[1] * columns[1] + p[2] * columns[2])
     return _ALL * sqrt(max(0.0, float((away * away).mean() - used[:, VARIANCE].mean())))
 
@@ -44,25 +44,25 @@ def ragged_line(rows: F64, newest: Arc, heading: float) -> tuple[Arc, float]:
 
     heading: of the machine [rad], in the frame at rest as all
     """
-    used = _last(rows, newest.way, LENGTH)
-    columns, beside = _seen_from(used, newest, heading)
+    used = last_of(rows, newest.way, LENGTH)
+    columns, beside = seen_from(used, newest, heading)
     weight = np.ones(len(beside))
     for _ in range(ROUNDS):
-        p, variance = _fit(columns, beside, weight, (LIKE / TURN, LIKE / BEND))
+        p, inverse = fitted(columns, beside, weight, (LIKE / TURN, LIKE / BEND))
         inside = beside > p[0] + p[1] * columns[1] + p[2] * columns[2]
         weight = np.where(inside, INNER, 1.0)
     c, s = cos(heading), sin(heading)
     covariance = np.diag([0.1**2, 0.05**2, BEND**2])
     x, u, angle = newest.x - p[0] * s, newest.u + p[0] * c, heading + atan(p[1])
-    return Arc(x, u, angle, p[2], covariance, newest.way, newest.unseen), LIKE * sqrt(variance)
+    return Arc(x, u, angle, p[2], covariance, newest.way, newest.unseen), LIKE * sqrt(inverse[1][1])
 
 
-def _last(rows: F64, way: float, length: float) -> F64:
+def last_of(rows: F64, way: float, length: float) -> F64:
     """Those that show the edge, over a length [m] behind a way along it [m]."""
     return rows[(rows[:, WAY] > way - length) & (rows[:, VARIANCE] < VAGUE**2)]
 
 
-def _seen_from(rows: F64, place: Arc, angle: float) -> tuple[tuple[F64, F64, F64], F64]:
+def seen_from(rows: F64, place: Arc, angle: float) -> tuple[tuple[F64, F64, F64], F64]:
     """(1, t, t^2 / 2), and the points beside a line through a place at an angle [rad]; t: along it [m]."""
     c, s = cos(angle), sin(angle)
     x, u = rows[:, 0] - place.x, rows[:, 1] - place.u
@@ -70,10 +70,10 @@ def _seen_from(rows: F64, place: Arc, angle: float) -> tuple[tuple[F64, F64, F64
     return (np.ones(len(along)), along, 0.5 * along * along), c * u - s * x
 
 
-def _fit(
+def fitted(
     columns: tuple[F64, F64, F64], beside: F64, weight: F64, prior: tuple[float, float]
-) -> tuple[tuple[float, float, float], float]:
-    """Weighted least squares: offset, slope and bend; variance of the slope over that of a point.
+) -> tuple[tuple[float, float, float], list[list[float]]]:
+    """Weighted least squares: offset, slope and bend; their covariance over the variance of a point.
 
     prior: standard deviations of a point over those of slope and bend
     """
@@ -90,4 +90,5 @@ def _fit(
     p0 = (c00 * b[0] + c01 * b[1] + c02 * b[2]) / det
     p1 = (c01 * b[0] + c11 * b[1] + c12 * b[2]) / det
     p2 = (c02 * b[0] + c12 * b[1] + c22 * b[2]) / det
-    return (p0, p1, p2), c11 / det
+    inverse = (c00, c01, c02), (c01, c11, c12), (c02, c12, c22)
+    return (p0, p1, p2), [[c / det for c in row] for row in inverse]

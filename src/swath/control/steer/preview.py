@@ -21,7 +21,7 @@ All this holds in the frame in which the machine will stand when the command has
 lag), and the slip of the machine on slopes is observed. The law itself is `preview_kernel.steer`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import tan
 from typing import Annotated, Any, ClassVar
@@ -29,18 +29,18 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
+from swath.compiled import Compiled
 from swath.control.inclination import CRAB, Inclination
 from swath.control.inertial_memory import SAMPLES, AllInertial
 from swath.control.steer.plant_model import PREVIEW, SLIP_LIMIT, ActuatorModel, SlipObserver
 from swath.control.yaw_rate import YawRate
 from swath.core.component import Port, State
-from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.registry import Checked, Level
-from swath.core.schedule import NS
-from swath.core.together import Given, InWorlds, Samples, field_of, of_columns
+from swath.core.rows import row_of
+from swath.core.together import InWorlds, Samples
 from swath.core.units import CM, DEG
-from swath.kernels import Rows, repeatable, shared
+from swath.kernels import Repeated, Rows, repeatable, shared
 from swath.signals import CropEdge, Inertial, Odometry, SteerCommand
 from swath.signals.setup import ControlSetup
 
@@ -122,49 +122,57 @@ class Preview(InWorlds):
         steerers.commanded(0, curvature)
 
 
-class Steerers:
+class Steerers(Compiled):
     """Those of many worlds."""
+
+    reads: ClassVar = {"edge": CropEdge, "odometry": Odometry}
+    hears: ClassVar = {"inertial": Inertial}
 
     def __init__(self, parts: Sequence[Preview]) -> None:
         from swath.control.steer import preview_kernel as kernel
 
         n = len(parts)
-        self.errors: dict[int, SwathError] = {}
+        super().__init__(n, {"command": row_of(SteerCommand, n)})
         self._parts, self._laws = parts, Rows(kernel.Law, n, [part.numbers for part in parts])
         self._states, self._edges = Rows(kernel.State, n), Rows(kernel.Edge, n)
-        self._asked, self._odometry, self._commands = np.zeros(3), np.zeros((n, 3)), np.zeros((n, 2))
+        self._asked, self._odometry = np.zeros(3), np.zeros((n, 3))
         self._upward, self._turning = AllInertial(n), AllInertial(n)
         self._pending = np.zeros((n, int(self._laws.of["pending"].max())))
-        self._sent = of_columns(SteerCommand, n, ("curvature", "is_engaged"), is_engaged=np.bool_)
-        self._kernel = kernel.steer
-        self._prepare()
 
-    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
+    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Straight ahead, not engaged, until an edge is seen."""
         self._states.clear()
         self._states.of["lost"][:], self._states.of["error"][:] = np.inf, np.nan
-        self._pending[:], self._commands[:] = 0.0, 0.0
+        self._pending[:] = 0.0
         for world, part in enumerate(self._parts):
             for memory, own in zip((self._upward, self._turning), part.memories, strict=True):
                 memory.rows[world, :SAMPLES] = own
-        return self._samples(0)
+        self.sent["command"].memory[:] = 0
+        return self.sent_at(0)
 
-    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
-        """The wanted curvatures from the newest edges and odometry, valid at t + dt."""
-        edge, odometry = inputs["edge"], inputs["odometry"]
-        samples = inputs.get("inertial") or ()
-        moved = self._upward.put(samples), self._turning.put(samples)
-        if any(moved):
-            self._prepare()
-        for k, name in enumerate(("speed", "yaw_rate", "steer_angle")):
-            self._odometry[:, k] = field_of(odometry, name)
-        self._asked[0], self._asked[2] = dt / NS, edge is not None
-        if edge is not None:
-            self._asked[1] = (t + dt - edge.t) / NS
-            for name, of in EDGE.items():
-                self._edges.of[name][:] = field_of(edge, of)
-        self._launch.launch()
-        return self._samples(t + dt)
+    def launches(self) -> Sequence[Repeated]:
+        """What is read into the memories, then the law."""
+        from swath.control.steer import preview_kernel as kernel
+
+        edges = (
+            [self.column("edge", name) for name in EDGE]
+            if "edge" in self.given
+            else [shared(np.zeros(1))] * 6
+        )
+        measured = [self.column("odometry", name) for name in ("speed", "yaw_rate", "steer_angle")]
+        stamp = self.given["edge"].stamp if "edge" in self.given else np.full(1, NEVER)
+        own = [shared(self._asked), shared(self._odometry), self._edges.array]
+        gather = [shared(self.clock), shared(stamp), *edges, *measured, *own]
+        trail = self.heard.get("inertial")
+        memories = [] if trail is None else [memory.launch(trail) for memory in (self._upward, self._turning)]
+        rows = map(shared, (self._upward.rows, self._turning.rows, self._pending))
+        told = map(shared, self.sent["command"].arrays.values())
+        law = [self._laws.array, *own, *rows, self._states.array, *told]
+        return [
+            repeatable(kernel.gather, gather, threads=self.worlds),
+            *memories,
+            repeatable(kernel.steer, law, threads=self.worlds),
+        ]
 
     def save(self, world: int) -> State:
         """Everything that is needed to go on exactly."""
@@ -186,34 +194,16 @@ class Steerers:
         """As `Preview.was_commanded`."""
         self._states.of["command"][world] = curvature
 
-    def _prepare(self) -> None:
-        """A launch over the memory that is there."""
-        rows = (self._upward.rows, self._turning.rows, self._pending)
-        self._held = [
-            self._laws.array,
-            *(shared(array) for array in (self._asked, self._odometry)),
-            self._edges.array,
-            *(shared(array) for array in rows),
-            self._states.array,
-            shared(self._commands),
-        ]
-        self._launch = repeatable(self._kernel, self._held, threads=len(self._commands))
 
-    def _samples(self, t: int) -> dict[str, Samples]:
-        self._sent.arrays["is_engaged"][:] = self._commands[:, 1] > 0.0
-        self._sent.arrays["curvature"][:] = self._commands[:, 0]
-        self._sent.t = t
-        return {"command": self._sent}
-
-
-EDGE = {
-    "offset": "offset",
-    "heading": "heading",
-    "curvature": "curvature",
-    "reference": "reference_x",
-    "confidence": "confidence",
-    "sd": "offset_sd",
-}  # of the kernel's -> of the signal
+EDGE = (
+    "offset",
+    "heading",
+    "curvature",
+    "reference_x",
+    "confidence",
+    "offset_sd",
+)  # as `preview_kernel.Edge` has them
+NEVER = -1  # time of an edge where there is none
 
 
 BENCH = "tests/control/test_preview.py"  # of a kinematic machine, against the line

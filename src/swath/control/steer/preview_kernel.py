@@ -217,6 +217,46 @@ def observe(
 
 
 @wp.kernel
+def gather(
+    clock: wp.array(dtype=wp.int64),
+    stamp: wp.array(dtype=wp.int64),
+    offset: wp.array(dtype=wp.float64),
+    heading: wp.array(dtype=wp.float64),
+    curvature: wp.array(dtype=wp.float64),
+    reference: wp.array(dtype=wp.float64),
+    confidence: wp.array(dtype=wp.float64),
+    sd: wp.array(dtype=wp.float64),
+    speed: wp.array(dtype=wp.float64),
+    yaw_rate: wp.array(dtype=wp.float64),
+    angle: wp.array(dtype=wp.float64),
+    asked: wp.array(dtype=wp.float64),
+    odometry: wp.array2d(dtype=wp.float64),
+    edges: wp.array(dtype=Edge),
+):
+    """What `steer` asks for. clock: begin, end, length of the step [ns]; stamp: time of the edge, < 0 =
+    none
+    """
+    w = wp.tid()
+    ns = real(1.0e9)
+    asked[0] = real(clock[2]) / ns
+    asked[1] = real(clock[1] - stamp[0]) / ns
+    asked[2] = ZERO
+    odometry[w, 0] = speed[w]
+    odometry[w, 1] = yaw_rate[w]
+    odometry[w, 2] = angle[w]
+    if stamp[0] >= wp.int64(0):
+        asked[2] = ONE
+        edge = Edge()
+        edge.offset = offset[w]
+        edge.heading = heading[w]
+        edge.curvature = curvature[w]
+        edge.reference = reference[w]
+        edge.confidence = confidence[w]
+        edge.sd = sd[w]
+        edges[w] = edge
+
+
+@wp.kernel
 def steer(
     laws: wp.array(dtype=Law),
     asked: wp.array(dtype=wp.float64),
@@ -226,11 +266,12 @@ def steer(
     turning: wp.array2d(dtype=wp.float64),
     pendings: wp.array2d(dtype=wp.float64),
     states: wp.array(dtype=State),
-    commands: wp.array2d(dtype=wp.float64),
+    curvatures: wp.array(dtype=wp.float64),
+    engaged: wp.array(dtype=wp.bool),
 ):
     """asked: length of the step [s], age of the edge at its end [s], whether there is one
 
-    upward, turning: memories of `Inclination` and `YawRate`; commands: curvature, whether it steers
+    upward, turning: memories of `Inclination` and `YawRate`; curvatures, engaged: the command
     """
     w = wp.tid()
     law = laws[w]
@@ -313,8 +354,6 @@ def steer(
     step = law.rate * seconds
     wanted = between(wanted, -law.limit, law.limit)
     state.command += between(wanted - state.command, -step, step)
-    commands[w, 0] = state.command
-    commands[w, 1] = ZERO
-    if state.lost <= law.hold:
-        commands[w, 1] = ONE
+    curvatures[w] = state.command
+    engaged[w] = state.lost <= law.hold
     states[w] = state

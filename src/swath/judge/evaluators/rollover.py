@@ -13,7 +13,10 @@ from swath.judge.evaluator import EvaluatorSetup, Event, Metric
 from swath.signals import MachineState, Signal
 
 TIPPED = radians(20.0)  # one side's wheels are a metre up, the header's end is in the ground
-PERIOD = NS // 50  # of looking [ns]
+PERIOD = NS // 50  # of looking, or several of them [ns]
+FASTEST = (
+    1.5  # that a machine on the ground tilts [rad/s]: free, a body of 2 m falls over its wheels more slowly
+)
 NEAR = np.array([[1.5, 0.0], [-1.5, 0.0], [0.0, 1.5], [0.0, -1.5]])  # where the ground is looked up [m]
 
 
@@ -44,8 +47,10 @@ class Rollover:
         now = number_of(outputs, MachineState, "t")
         if now is None or now < self.rests_until or self._events:
             return
-        self.rests_until = int(now) + PERIOD
-        if number_of(outputs, MachineState, "pose")[-1] < cos(TIPPED):
+        upright = number_of(outputs, MachineState, "pose")[-1]
+        left = TIPPED - acos(min(max(upright, -1.0), 1.0))
+        self.rests_until = int(now) + PERIOD * max(1, int(left / FASTEST * NS / PERIOD))
+        if upright < cos(TIPPED):
             state = next(signal for signal in outputs.values() if isinstance(signal, MachineState))
             if (tilt := self._tilt(state)) > TIPPED:
                 self._note(state, tilt)

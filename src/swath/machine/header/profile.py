@@ -4,29 +4,28 @@ Each end of the knife notes where it passed every 5 cm along the edge; what lies
 masses that stand on a square metre there.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from annotated_types import Gt, Le
 
+from swath.compiled import Compiled
 from swath.core.component import Port, State
-from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.schedule import NS
-from swath.core.together import Given, InWorlds, Samples, of_columns
+from swath.core.rows import row_of
+from swath.core.together import InWorlds, Samples
 from swath.field.profile import BIN, refused
 from swath.field.site_setup import SiteSetup
-from swath.kernels import Rows, filled, of_worlds, repeatable, shared
+from swath.kernels import Repeated, Rows, filled, of_worlds, repeatable, shared
 from swath.machine import SPEED
 from swath.machine.header import PROFILE_STEMS
 from swath.machine.header.fill_gauge import OVER_M
 from swath.signals import CropFlow, MachineState
 
-ROOM = 64  # states between two steps
-FLOWS = "grain", "straw", "area", "stem_count", "header_fill", "dt", "left_grain"  # as the kernel gives them
+FLOWS = "grain", "straw", "area", "stem_count", "header_fill", "dt", "left_grain"  # as `cut_along` has them
 
 
 @dataclass(frozen=True)
@@ -56,46 +55,44 @@ class ProfileHeader(InWorlds):
         return Headers(parts)
 
 
-class Headers:
+class Headers(Compiled):
     """The headers of many worlds."""
+
+    hears: ClassVar = {"state": MachineState}
 
     def __init__(self, parts: Sequence[ProfileHeader]) -> None:
         from swath.field.profile_kernel import Profile
         from swath.machine.header import profile_kernel as kernel
 
-        self.errors: dict[int, SwathError] = {}
         n = len(parts)
-        self._profiles = [part.profile.struct() for part in parts]
-        self._taken = [_taken(kernel.Taken, part) for part in parts]
+        super().__init__(n, {"flow": row_of(CropFlow, n, FLOWS)})
+        self._held = [part.profile.struct() for part in parts], [_taken(kernel.Taken, part) for part in parts]
         self._cuttings = Rows(kernel.Cutting, n)
-        self._poses, self._flows = np.zeros((n, ROOM, 12)), np.zeros((n, 7))
-        self._counts = np.zeros(n, np.int32)
-        self._sent = of_columns(CropFlow, n, FLOWS, stem_count=np.int64)
-        self._inputs = [
-            of_worlds(Profile, self._profiles),
-            of_worlds(kernel.Taken, self._taken),
+        self._given = [
+            of_worlds(Profile, self._held[0]),
+            of_worlds(kernel.Taken, self._held[1]),
             Rows(kernel.Knife, n, [part.knife for part in parts]).array,
             self._cuttings.array,
-            *(shared(array) for array in (self._poses, self._counts, self._flows)),
         ]
-        self._launch = repeatable(kernel.cut_along, self._inputs, threads=n)
 
-    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
+    def launches(self) -> Sequence[Repeated]:
+        """Cut what the knives passed over since the last step."""
+        from swath.machine.header.profile_kernel import cut_along
+
+        trail, flow = self.heard["state"], self.sent["flow"]
+        more = trail.head, trail.memory["pose"], self.clock, self.needs, *flow.arrays.values()
+        return [repeatable(cut_along, [*self._given, *map(shared, more)], threads=self.worlds)]
+
+    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Nothing cut; the knife's place is taken from the first state that comes."""
         self._cuttings.clear()
-        self._flows[:] = 0.0
-        return self._samples(0, 0.0)
+        self.sent["flow"].memory[:] = 0
+        return self.sent_at(0)
 
-    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
-        """Cut what the knives passed over since the last step."""
-        states = inputs["state"][-ROOM:]
-        for k, state in enumerate(states):
-            self._poses[:, k] = state.arrays["pose"]
-        self._counts[:] = len(states)
-        self._launch.launch()
+    def supply(self, stage: int) -> None:
+        """A knife that goes where it cannot ends its world."""
         for world in np.flatnonzero(self._cuttings.of["is_refused"]).tolist():
             self.errors[world] = refused("second pass, or a drive against the edge's direction")
-        return self._samples(t + dt, dt / NS)
 
     def save(self, world: int) -> State:
         """Where a knife was; the cut itself is the field's."""
@@ -104,13 +101,6 @@ class Headers:
     def load(self, world: int, state: State) -> None:
         """Back to it."""
         self._cuttings.load(world, state["cutting"])
-
-    def _samples(self, t: int, seconds: float) -> dict[str, Samples]:
-        self._flows[:, 5] = seconds
-        for k, name in enumerate(FLOWS):
-            self._sent.arrays[name][:] = self._flows[:, k]
-        self._sent.t = t
-        return {"flow": self._sent}
 
 
 def _taken(struct: Any, part: ProfileHeader) -> Any:

@@ -71,12 +71,20 @@ def cut_along(
     taken: wp.array(dtype=Taken),
     knives: wp.array(dtype=Knife),
     cuttings: wp.array(dtype=Cutting),
+    head: wp.array(dtype=wp.int64),
     poses: wp.array3d(dtype=wp.float64),
-    counts: wp.array(dtype=int),
-    flows: wp.array2d(dtype=wp.float64),
+    clock: wp.array(dtype=wp.int64),
+    needs: wp.array(dtype=int),
+    taken_grain: wp.array(dtype=wp.float64),
+    taken_straw: wp.array(dtype=wp.float64),
+    cut_area: wp.array(dtype=wp.float64),
+    cut_stems: wp.array(dtype=wp.int64),
+    fills: wp.array(dtype=wp.float64),
+    lengths: wp.array(dtype=wp.float64),
+    left_grain: wp.array(dtype=wp.float64),
 ):
-    """One world a thread. poses: (world, k, 12), the new ones; counts: how many of them;
-    flows: grain, straw, area, stems, fill, length of the step (not written), grain left.
+    """One world a thread. head, poses: of the trail of the new ones, (k, world, 12); clock: begin, end,
+    length of the step [ns]; needs: 1 where a knife goes where it cannot; the others: of a `CropFlow`
     """
     w = wp.tid()
     profile = profiles[w]
@@ -91,13 +99,13 @@ def cut_along(
     moved = wp.float64(0.0)
     swept = wp.float64(0.0)
     last = profile.reach.shape[0] - 1
-    for i in range(counts[w]):
-        px = poses[w, i, 0]
-        py = poses[w, i, 1]
-        ax = poses[w, i, 3]
-        bx = poses[w, i, 4]
-        ay = poses[w, i, 6]
-        by = poses[w, i, 7]
+    for i in range(int(head[1])):
+        px = poses[i, w, 0]
+        py = poses[i, w, 1]
+        ax = poses[i, w, 3]
+        bx = poses[i, w, 4]
+        ay = poses[i, w, 6]
+        by = poses[i, w, 7]
         left = beside(
             profile, px + ax * knife.x + bx * knife.left, py + ay * knife.x + by * knife.left, c.station
         )
@@ -168,9 +176,12 @@ def cut_along(
     if moved > wp.float64(1.0e-6) and c.swept > wp.float64(0.0):
         fill = wp.min(c.cut / c.swept, wp.float64(1.0))
     cuttings[w] = c
-    flows[w, 0] = grain
-    flows[w, 1] = straw
-    flows[w, 2] = area
-    flows[w, 3] = wp.floor(stems + wp.float64(0.5))
-    flows[w, 4] = fill
-    flows[w, 6] = remains
+    if c.is_refused == 1:
+        needs[0] = 1
+    taken_grain[w] = grain
+    taken_straw[w] = straw
+    cut_area[w] = area
+    cut_stems[w] = wp.int64(wp.floor(stems + wp.float64(0.5)))
+    fills[w] = fill
+    lengths[w] = wp.float64(clock[2]) / wp.float64(1.0e9)
+    left_grain[w] = remains

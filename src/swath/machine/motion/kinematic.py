@@ -6,29 +6,27 @@ docs/explanation/machine.md for what that hides. On a slope the wheels slip as i
 across, behind by the relaxation lengths: both axles drift alike, so it crabs downhill and keeps its heading.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Le
 
-from swath.core.component import Port, State
-from swath.core.errors import InputError, SwathError
-from swath.core.frames import Pose
+from swath.core.component import Port
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.schedule import NS
-from swath.core.together import Given, InWorlds, Samples
+from swath.core.together import InWorlds, Samples
 from swath.core.units import KMH
 from swath.field.site_setup import SiteSetup
-from swath.kernels import Rows, filled, of_worlds, repeatable, shared
+from swath.kernels import Repeated, filled, of_worlds, repeatable, shared
 from swath.machine.attitude import TerrainFollower
 from swath.machine.machine_sheet import dynamics_of
 from swath.machine.motion import CHECKED
-from swath.machine.towing import ports_of, refuse_reverse, towed_by
+from swath.machine.motion.on_ground import OnGround
+from swath.machine.towing import ports_of, towed_by
 from swath.machine.traction import Traction, across_of, traction_of
-from swath.signals import EngineState, HeapState, MachineState, SpeedCommand, SteerState
+from swath.signals import EngineState, HeapState, SpeedCommand, SteerState
 from swath.signals.setup import MachineGeometry
 
 
@@ -63,121 +61,31 @@ class Kinematic(InWorlds):
         return Vehicles(parts)
 
 
-class Vehicles:
+class Vehicles(OnGround):
     """The machines of many worlds."""
 
     def __init__(self, parts: Sequence[Kinematic]) -> None:
         from swath.machine.motion import kinematic_kernel as kernel
-        from swath.machine.motion.single_track_kernel import Track
-        from swath.machine.motion.single_track_step_kernel import Stand
 
-        n = len(parts)
-        self._parts, self.errors = parts, dict[int, SwathError]()
-        self._towing = [(world, part.towed) for world, part in enumerate(parts) if part.towed is not None]
-        self._tracks, self._stands = Rows(Track, n), Rows(Stand, n)
-        self._asked, self._states = np.zeros((n, 3)), np.zeros((n, 17))
+        super().__init__(parts)
+        self._steer = np.zeros(self.worlds)
         self._vehicles = of_worlds(kernel.Vehicle, [_vehicle(kernel, part.machine) for part in parts])
-        grounds = [_ground(kernel.Ground, part) for part in parts]
-        self._held, self._grounds = grounds, of_worlds(kernel.Ground, grounds)
-        self._rows = self._grounds.numpy()
-        asked, moving = shared(self._asked), [self._tracks.array, self._stands.array]
-        self._keeps = asked, shared(self._states)
-        names = ("speed", "lateral_speed", "yaw_rate", "steer_angle", "distance")
-        arrays = {"pose": self._states[:, :12]} | {n: self._states[:, 12 + k] for k, n in enumerate(names)}
-        self._sent = Samples(MachineState, 0, arrays, memory=self._states)
-        self._drive = repeatable(kernel.drive_arcs, [self._vehicles, asked, *moving], threads=n)
-        inputs = [self._grounds, self._vehicles, asked, *moving, self._keeps[1]]
-        self._stand = repeatable(kernel.stand_on, inputs, threads=n)
+        moving = self.tracks.array, self.stands.array, shared(self._steer)
+        inputs = [self.grounds, self._vehicles, *moving, shared(self.table), shared(self.needs)]
+        self.stand = repeatable(kernel.stand_on, inputs, threads=self.worlds)
 
-    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
+    def launches(self) -> Sequence[Repeated]:
+        """Drive one arc, then stand on the ground there."""
+        from swath.machine.motion import kinematic_kernel as kernel
+
+        given = [self._vehicles, *self.asked(), shared(self.clock), shared(self.needs)]
+        moving = [self.tracks.array, self.stands.array, shared(self._steer)]
+        return [repeatable(kernel.drive_arcs, [*given, *moving], threads=self.worlds), self.stand]
+
+    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Stand at the start pose."""
-        self._tracks.clear()
-        self._stands.clear()
-        self._asked[:] = 0.0
-        for name, values in zip(
-            ("x", "y", "yaw"), zip(*(p.start for p in self._parts), strict=True), strict=True
-        ):
-            self._tracks.of[name][:] = values
-        speed = [part.start_speed for part in self._parts]
-        self._stands.of["speed"][:] = self._stands.of["rim"][:] = speed
-        for part in self._parts:
-            if part.towed is not None:
-                part.towed.place(*part.start)
-        return self._samples(0)
-
-    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
-        """Drive one arc."""
-        steer, wanted, drive = inputs["steering"], inputs["speed"].arrays["speed"], inputs.get("drive")
-        if drive is not None:
-            limit = drive.arrays["speed_limit"]
-            wanted = np.minimum(np.maximum(wanted, -limit), limit)
-        is_finite = np.isfinite(wanted)
-        for world in () if is_finite.all() else np.flatnonzero(~is_finite).tolist():
-            self.errors[world] = InputError("speed command", float(wanted[world]), "expected a finite speed")
-        self._asked[:, 0], self._asked[:, 1], self._asked[:, 2] = steer.arrays["angle"], wanted, dt / NS
-        self._drive.launch()
-        for world, towed in self._towing:
-            refuse_reverse(float(wanted[world]))
-            cargo = inputs.get("cargo")
-            towed.carry(None if cargo is None else cargo.of(world))
-            towed.follow(*self._place(world))
-        return self._samples(t + dt)
-
-    def save(self, world: int) -> State:
-        """Everything that is needed to go on exactly."""
-        towed = self._parts[world].towed
-        return {
-            "track": self._tracks.save(world),
-            "stand": self._stands.save(world),
-            "towed": None if towed is None else towed.save(),
-        }
-
-    def load(self, world: int, state: State) -> None:
-        """Back to a saved moment."""
-        self._tracks.load(world, state["track"])
-        self._stands.load(world, state["stand"])
-        towed = self._parts[world].towed
-        if towed is not None:
-            towed.load(state["towed"])
-
-    def _place(self, world: int) -> tuple[float, float, float]:
-        of = self._tracks.of
-        return float(of["x"][world]), float(of["y"][world]), float(of["yaw"][world])
-
-    def _samples(self, t: int) -> dict[str, Samples]:
-        self._stand.launch()
-        done = self._stands.of["is_done"]
-        missing = [] if done.all() else np.flatnonzero(done == 0.0).tolist()
-        for world in missing:
-            try:
-                self._parts[world].follower.footprint.take(*self._place(world))
-            except SwathError as error:
-                self.errors[world] = error
-                continue
-            self._held[world] = _ground(self._ground_of(), self._parts[world])
-            self._rows[world] = self._held[world].numpy_value()
-        if missing:
-            self._stand.launch()
-        self._sent.t = t
-        found = {"state": self._sent}
-        trailers = [
-            towed.state(t, Pose.of_numbers(*_numbers(self._states[world])), self._place(world)[2])
-            for world, towed in self._towing
-        ]
-        if trailers:
-            found["trailer"] = Samples.joined(trailers)
-        return found
-
-    @staticmethod
-    def _ground_of() -> Any:
-        from swath.machine.motion.kinematic_kernel import Ground
-
-        return Ground
-
-
-def _ground(struct: Any, part: Kinematic) -> Any:
-    nodes, first, points, span = part.follower.footprint.arguments()
-    return filled(struct, nodes=nodes, first=first, points=points, span=span)
+        self._steer[:] = 0.0
+        return super().reset(streams)
 
 
 def _vehicle(kernel: Any, machine: MachineGeometry) -> Any:
@@ -213,11 +121,6 @@ def _wheels(of: Traction) -> dict[str, float]:
         "level_share": of.level_share,
         "grade_share": of.grade_share,
     }
-
-
-def _numbers(row: Any) -> tuple[list[float], list[list[float]]]:
-    x, y, z, a, b, c, d, e, f, g, h, i = row[:12].tolist()
-    return [x, y, z], [[a, b, c], [d, e, f], [g, h, i]]
 
 
 LEVEL = Level(

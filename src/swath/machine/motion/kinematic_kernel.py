@@ -4,10 +4,10 @@ from pathlib import Path
 
 import warp as wp
 
-from swath.field.footprint_kernel import Span
 from swath.kernels import exact_code
 from swath.machine.motion.single_track_kernel import HALF, ONE, Car, Track
 from swath.machine.motion.single_track_step_kernel import (
+    Ground,
     Loop,
     Stand,
     driven,
@@ -25,16 +25,6 @@ _HERE = Path(__file__).parent
 
 @wp.func_native(exact_code(_HERE / "length_of_two.cpp"))
 def length_of(x: wp.float64, y: wp.float64) -> wp.float64: ...
-
-
-@wp.struct
-class Ground:
-    """Nodes in memory around a machine, and what its tyres touch, as `Footprint.arguments`."""
-
-    nodes: wp.array2d(dtype=wp.float64)
-    first: wp.array(dtype=int)
-    points: wp.array2d(dtype=wp.float64)
-    span: wp.array(dtype=Span)
 
 
 @wp.struct
@@ -81,11 +71,18 @@ def way_of(speed: wp.float64, wanted: wp.float64, dt: wp.float64, loop: Loop) ->
 @wp.kernel
 def drive_arcs(
     vehicles: wp.array(dtype=Vehicle),
-    asked: wp.array2d(dtype=wp.float64),
+    steering: wp.array(dtype=wp.float64),
+    speeds: wp.array(dtype=wp.float64),
+    limits: wp.array(dtype=wp.float64),
+    clock: wp.array(dtype=wp.int64),
+    needs: wp.array(dtype=int),
     tracks: wp.array(dtype=Track),
     stands: wp.array(dtype=Stand),
+    steered: wp.array(dtype=wp.float64),
 ):
-    """asked: angle of the steered axle [rad], wanted speed [m/s], length of the step [s]
+    """steering: angle of the steered axle [rad], and `steered` what it was; speeds: wanted [m/s];
+    limits: what the
+    drive can [m/s]; clock: begin, end, length of the step [ns]; needs: 1 where a speed is no number
 
     `side` of a track is the drift.
     """
@@ -93,9 +90,13 @@ def drive_arcs(
     v = vehicles[w]
     q = tracks[w]
     a = stands[w]
-    steer = asked[w, 0]
-    wanted = asked[w, 1]
-    dt = asked[w, 2]
+    steer = steering[w]
+    wanted = speeds[w]
+    if not wp.isfinite(wanted):
+        needs[0] = 1
+    if wp.isfinite(limits[w]):
+        wanted = wp.min(wp.max(wanted, -limits[w]), limits[w])
+    dt = real(clock[2]) / real(1.0e9)
     grade = -wp.sin(a.pitch) / wp.cos(a.pitch)
     before = a.speed
     slip = slipped(a.slip, grade, wp.abs(before) * dt, v.along)
@@ -128,19 +129,22 @@ def drive_arcs(
     a.slip = slip
     tracks[w] = q
     stands[w] = a
+    steered[w] = steer
 
 
 @wp.kernel
 def stand_on(
     grounds: wp.array(dtype=Ground),
     vehicles: wp.array(dtype=Vehicle),
-    asked: wp.array2d(dtype=wp.float64),
     tracks: wp.array(dtype=Track),
     stands: wp.array(dtype=Stand),
+    steered: wp.array(dtype=wp.float64),
     states: wp.array2d(dtype=wp.float64),
+    needs: wp.array(dtype=int),
 ):
     """states: pose (12), speed, lateral speed, yaw rate, angle of the steered axle, distance. is_done of a
-    stand is 0 where the ground under a machine is not in memory: then nothing else has changed.
+    stand is 0, and `needs` 1, where the ground under a machine is not in memory: then nothing else has
+    changed.
     """
     w = wp.tid()
     v = vehicles[w]
@@ -169,9 +173,10 @@ def stand_on(
         states[w, 11] = a.zz
         states[w, 12] = a.speed
         states[w, 13] = a.speed * q.side
-        states[w, 14] = a.speed * wp.tan(asked[w, 0]) / v.wheelbase
-        states[w, 15] = asked[w, 0]
+        states[w, 14] = a.speed * wp.tan(steered[w]) / v.wheelbase
+        states[w, 15] = steered[w]
         states[w, 16] = q.distance
     else:
         old.is_done = real(0.0)
         stands[w] = old
+        needs[0] = 1

@@ -4,34 +4,34 @@ One tyre per axle; lateral speed of the centre of gravity and yaw rate as in the
 the drive's closed loop. Equations, signs and validation: docs/explanation/machine.md.
 """
 
-from collections.abc import Callable
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
-from math import ceil
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
+import numpy as np
 from annotated_types import Ge, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
-from swath.core.frames import Pose
+from swath.core.component import Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.core.signal import Signal
+from swath.core.together import Given, InWorlds, Samples
 from swath.core.units import DEG_PER_G, KMH, MS
-from swath.field.footprint import Footprint
 from swath.field.site_setup import SiteSetup
-from swath.kernels import Row, repeatable
+from swath.kernels import Repeated, Rows, repeatable, shared
 from swath.machine.attitude import TerrainFollower
-from swath.machine.loops import SpeedLoop, within_drive
-from swath.machine.machine_sheet import Dynamics, MachineSheet, dynamics_of, loaded
+from swath.machine.machine_sheet import MachineSheet, dynamics_of, loaded
 from swath.machine.motion import CHECKED
-from swath.machine.towing import ports_of, tow, towed_by, with_trailer
-from swath.machine.traction import DrivenWheels, check_wheel_slip, pull, traction_of, wheels_of
+from swath.machine.motion.on_ground import OnGround
+from swath.machine.towing import ports_of, towed_by
+from swath.machine.traction import Traction, check_wheel_slip, pull, traction_of, wheels_of
 from swath.machine.tyre import GRAVITY, axle_stiffness
 from swath.signals import (
+    F64,
     EngineState,
     HeapState,
     MachineLoad,
-    MachineState,
     SpeedCommand,
     SteerState,
     WheelState,
@@ -59,7 +59,7 @@ class Params:
     substep_ms: Annotated[float, Ge(0.01), Le(20)] = 20.0
 
 
-class SingleTrack:
+class SingleTrack(InWorlds):
     """Single-track model on terrain, steered behind or ahead of the fixed axle; it does not feel its trailer.
 
     Steering angle and slopes are held over a step. Lengths behind the fixed axle are below 0 where the
@@ -78,11 +78,11 @@ class SingleTrack:
         d = dynamics_of(setup.machine)
         if params.wheel_slip:
             check_wheel_slip(setup.machine)
-        self._params, self._start = params, setup.start
-        self._wheelbase, self._track = -setup.machine.steered_x, setup.machine.front_track
-        self._sense = -1.0 if setup.machine.steers_ahead else 1.0
-        self._machine, self._grain = setup.machine, 0.0
-        self._carried: MachineLoad | None = None  # the newest that was looked at
+        self.params, self.machine = params, setup.machine
+        start = setup.start
+        self.start = float(start.position[0]), float(start.position[1]), start.euler()[2]
+        self.start_speed = params.start_speed_kmh * KMH
+        self.sense = -1.0 if setup.machine.steers_ahead else 1.0
         given = params.understeer_deg_per_g
         self._stiffness = axle_stiffness(
             _either(params.stiffness_per_rad, d.stiffness),
@@ -90,175 +90,170 @@ class SingleTrack:
             steers_ahead=setup.machine.steers_ahead,
         )
         self._friction = _either(params.friction, d.friction)
-        self._rolling = _either(params.rolling_resistance, d.rolling_resistance)
-        self._follower = TerrainFollower(setup.field, setup.machine)
-        self._wheels = DrivenWheels(SpeedLoop(d))
-        self._compile()
-        self._weigh(d)
-        self._dt, self._count, self._h = 0, 1, 0.0  # of the last step [ns], its substeps, their length [s]
-        self._towed = towed_by(setup)
+        self.rolling = _either(params.rolling_resistance, d.rolling_resistance)
+        self.follower = TerrainFollower(setup.field, setup.machine)
+        self.towed = towed_by(setup)
         wheels = (Port("wheels", WheelState),) if params.wheel_slip else ()
-        self.outputs = (*ports_of(self._towed), *wheels)
-        self._tells_more = len(self.outputs) > 1
+        self.outputs = (*ports_of(self.towed), *wheels)
 
-    def reset(self, stream: Stream) -> Outputs:
-        """Stand (or roll straight) at the start pose, tyres without slip."""
-        self._carried = None
-        self._fill(0.0)
-        x, y, yaw = float(self._start.position[0]), float(self._start.position[1]), self._start.euler()[2]
-        self._go_to(x, y, yaw, 0.0, 0.0, 0.0, 0.0, 0.0)
-        self._wheels.reset(self._params.start_speed_kmh * KMH)
-        if self._towed is not None:
-            self._towed.place(x, y, yaw)
-        self._stand_there()
-        state = MachineState(0, self._follower.pose(), self._wheels.speed, 0.0, 0.0, 0.0, 0.0)
-        return self._outputs(state, yaw, 0.0) if self._tells_more else {"state": state}
-
-    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """Integrate over dt in equal substeps."""
-        load = inputs.get("load")
-        if load is not None and load is not self._carried:
-            self._carry(load)
-        steer: float = inputs["steering"].angle
-        wanted = within_drive(inputs["speed"].speed, inputs.get("drive"))
-        if dt != self._dt:
-            self._dt = dt
-            self._count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
-            self._h = dt / NS / self._count
-        before = self._wheels.speed
-        state = self._drive_on(t + dt, steer, wanted) or self._drive_in_python(t + dt, steer, wanted)
-        if not self._tells_more:
-            return {"state": state}
-        x, y, yaw, *_ = self._q.read()
-        tow(self._towed, inputs, x, y, yaw)
-        return self._outputs(state, yaw, (self._wheels.speed - before) / (dt / NS))
-
-    def _drive_on(self, t: int, steer: float, wanted: float) -> MachineState | None:
-        """The state at t, after all substeps in one launch; None where that cannot be done."""
-        if self._whole is None:
-            return None
-        self._asked.write(self._count, self._h, steer, wanted)
-        self._whole()
-        is_done, *speeds, z, _, _, _, _, xx, xy, xz, yx, yy, yz, zx, zy, zz, x, y, lateral, turn, distance = (
-            self._stand.read()
-        )
-        if not is_done:
-            return None
-        w = self._wheels
-        w.speed, w.rim, w.slip = speeds
-        pose = Pose.of_numbers([x, y, z], [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]])
-        return MachineState(t, pose, w.speed, lateral, turn, steer, distance)
-
-    def _drive_in_python(self, t: int, steer: float, wanted: float) -> MachineState:
-        """The same substeps one by one, where the ground is no lattice in memory, or not yet."""
-        h, read = self._h, self._q.read
-        self._follower.at(*read()[:3])
-        for _ in range(self._count):
-            start = self._wheels.speed
-            middle, _ = self._wheels.advance(wanted, h, self._follower.stance.pitch, self._traction)
-            end = self._wheels.speed
-            self._drive.write(h, start, middle, end, self._sense * steer, *self._follower.stance[1:])
-            self._advance()
-            self._follower.at(*read()[:3])
-        self._stand_there()
-        _, _, _, side, turn, _, _, distance = read()
-        lateral = side + self._ahead * turn
-        return MachineState(t, self._follower.pose(), self._wheels.speed, lateral, turn, steer, distance)
+    @classmethod
+    def together(cls, parts: Sequence["SingleTrack"]) -> "Cars":
+        """All of them."""
+        return Cars(parts)
 
     @property
     def axle_loads(self) -> tuple[float, float]:
         """Loads of the fixed and the steered axle in the last step [N]."""
-        _, _, fixed, steered, _, _ = self._moment.read()
-        return fixed, steered
+        cars: Any = self.alone
+        loads: tuple[float, float] = cars.axle_loads(0)
+        return loads
 
-    def save(self) -> State:
-        """Place, heading, lateral speed of the centre of gravity, yaw rate, slips, way, speeds, grain."""
-        state = dict(zip(self._q.names, self._q.read(), strict=True))
-        towed = None if self._towed is None else self._towed.save()
-        return {**state, "wheels": self._wheels.save(), "grain": self._grain, "towed": towed}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._carried = None
-        self._wheels.load(state["wheels"])
-        self._fill(state["grain"])
-        self._go_to(*(state[name] for name in self._q.names))
-        self._stand_there()
-        if self._towed is not None:
-            self._towed.load(state["towed"])
-
-    def _compile(self) -> None:
-        """Memory that is shared with the compiled step: the state `_q`, what is held, what stays."""
-        from swath.machine.motion.single_track_kernel import Car, Drive, Moment, Track, advance
-        from swath.machine.motion.single_track_step_kernel import Asked, Stand
-
-        self._car, self._drive, self._moment, self._q = (Row(s) for s in (Car, Drive, Moment, Track))
-        rows = self._car, self._drive, self._moment, self._q
-        self._advance = repeatable(advance, [row.array for row in rows]).launch
-        self._asked, self._stand = Row(Asked), Row(Stand)
-        self._whole: Callable[[], Any] | None = None
-
-    def _compile_whole(self, footprint: Footprint) -> None:
-        """The launch of a whole step."""
-        from swath.machine.motion.single_track_step_kernel import Loop, drive
-
-        d, machine = dynamics_of(self._machine), self._machine
-        self._loop_row = loop = Row(Loop)
-        tracks = machine.front_track, machine.rear_track
-        loop.write(d.speed_lag, d.accel, d.decel, d.max_speed, self._wheelbase, *tracks, self._sense)
-        rows = self._car, loop, self._asked, self._moment, self._q, self._stand
-        launch = repeatable(drive, [*footprint.arguments(), *(row.array for row in rows)])
-        footprint.serve(launch, 0)
-        self._whole = lambda: launch.launch()
-
-    def _stand_there(self) -> None:
-        """Tell the compiled step how fast the machine is, and how it stands."""
-        if self._whole is None and isinstance(self._follower.footprint, Footprint):
-            self._compile_whole(self._follower.footprint)
-        w = self._wheels
-        self._stand.write(0.0, w.speed, w.rim, w.slip, *self._follower.stance, *[0.0] * 14)
-
-    def _go_to(self, x: float, y: float, yaw: float, *rest: float) -> None:
-        self._q.write(x, y, yaw, *rest)
-        self._follower.at(x, y, yaw)
-
-    def _weigh(self, d: Dynamics) -> None:
-        """Take over mass, inertia and centre of gravity."""
-        self._ahead = self._sense * d.cg_behind
-        self._behind = self._wheelbase - self._ahead
+    def weighed(self, grain: float) -> tuple[Traction, list[float]]:
+        """Of the driven wheels; the numbers of a `Car`, with grain [kg] in the tank of a sheet that has
+        one.
+        """
+        d, machine = dynamics_of(self.machine), self.machine
+        if grain > 0.0 and isinstance(machine, MachineSheet) and machine.masses is not None:
+            d = loaded(d, machine.masses.tank, grain)
+        ahead = self.sense * d.cg_behind
         wheels = d.front.radius, d.rear.radius, d.front.relaxation, d.rear.relaxation
-        tyres = *self._stiffness, self._friction, self._rolling
-        body = self._ahead, self._behind, d.mass, d.yaw_inertia, d.cg_height, self._track
-        self._traction = traction_of(self._machine, d)
-        self._car.write(*body, *wheels, *tyres, *astuple(self._traction))
+        tyres = *self._stiffness, self._friction, self.rolling
+        body = ahead, -machine.steered_x - ahead, d.mass, d.yaw_inertia, d.cg_height, machine.front_track
+        traction = traction_of(machine, d)
+        return traction, [*body, *wheels, *tyres, *astuple(traction)]
 
-    def _carry(self, load: MachineLoad) -> None:
-        """Follow the tank in steps of GRAIN_STEP; the speed of the fixed axle and the turn rate go on."""
-        self._carried = load
-        grain = max(load.tank_grain, 0.0)
-        if abs(grain - self._grain) >= GRAIN_STEP:
-            before = self._ahead
-            self._fill(grain)
-            x, y, yaw, side, turn, *rest = self._q.read()
-            self._q.write(x, y, yaw, side + (before - self._ahead) * turn, turn, *rest)
 
-    def _fill(self, grain: float) -> None:
-        """Grain [kg] in the tank, for a sheet that has one."""
-        machine = self._machine
-        if grain != self._grain and isinstance(machine, MachineSheet) and machine.masses is not None:
-            d = dynamics_of(machine)
-            self._weigh(loaded(d, machine.masses.tank, grain) if grain > 0.0 else d)
-        self._grain = grain
+class Cars(OnGround):
+    """The machines of many worlds."""
 
-    def _outputs(self, state: MachineState, yaw: float, accel: float) -> Outputs:
-        """With the trailer and the wheels. yaw: of the machine [rad]; accel: mean of the step [m/s2]"""
-        found = with_trailer(self._towed, state, yaw)
-        if not self._params.wheel_slip:
+    reads: ClassVar = {**OnGround.reads, "load": MachineLoad}
+
+    def __init__(self, parts: Sequence[SingleTrack]) -> None:
+        from swath.machine.motion import single_track_step_kernel as kernel
+        from swath.machine.motion.single_track_kernel import Car, Moment
+
+        super().__init__(parts)
+        n = self.worlds
+        self.walks = self.walks and not any(part.params.wheel_slip for part in parts)
+        self._cars, self._moments = Rows(Car, n), Rows(Moment, n)
+        self._loops = Rows(kernel.Loop, n, [_loop(part) for part in parts])
+        self._grain, self._again, self._sought = np.zeros(n), np.zeros(1, np.int32), np.zeros((n, 3))
+        self._tractions: list[Traction] = [part.weighed(0.0)[0] for part in parts]
+        rows = [row.array for row in (self._cars, self._loops, self.tracks, self.stands)]
+        self.stand = repeatable(kernel.stand_cars, [self.grounds, *rows, shared(self.table)], threads=n)
+
+    def launches(self) -> Sequence[Repeated]:
+        """Look what is in the tank, drive on."""
+        from swath.machine.motion import single_track_step_kernel as kernel
+
+        n, needs = self.worlds, shared(self.needs)
+        bodies = [self.grounds, self._cars.array, self._loops.array]
+        flags = [shared(self.clock), needs, shared(self._again), shared(self._sought)]
+        rows = [row.array for row in (self._moments, self.tracks, self.stands)]
+        given = [*bodies, *self.asked(), *flags, *rows, shared(self.table)]
+        self._drive = repeatable(kernel.drive, given, threads=n)
+        if "load" not in self.given:
+            return [self._drive]
+        weight = [self.column("load", "tank_grain"), shared(self._grain), GRAIN_STEP, needs]
+        return [repeatable(kernel.weigh, weight, threads=n), self._drive]
+
+    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
+        """Stand (or roll straight) at the start pose, tyres without slip, the tank empty."""
+        self._moments.clear()
+        self._sought[:] = [part.start for part in self.parts]
+        for world in range(self.worlds):
+            self._fill(world, 0.0)
+        return super().reset(streams)
+
+    def step(self, t: int, dt: int, inputs: Given) -> Mapping[str, Samples]:
+        """Integrate over dt in equal substeps."""
+        before = self.stands.of["speed"].copy()
+        found = super().step(t, dt, inputs)
+        return (
+            found if self.walks else self._with_wheels(found, (self.stands.of["speed"] - before) / (dt / NS))
+        )
+
+    def supply(self, stage: int) -> None:
+        """A tank that is another weight; ground that is not in memory."""
+        if stage == 0 and "load" in self.given:
+            grain = np.maximum(self.given["load"].arrays["tank_grain"], 0.0)
+            for world in np.flatnonzero(np.abs(grain - self._grain) >= GRAIN_STEP).tolist():
+                self._carry(world, float(grain[world]))
+            self.needs[0] = 0
+        else:
+            super().supply(stage)
+
+    def stand_again(self) -> None:
+        """Drive those that had no ground."""
+        self._again[0] = 1
+        self._drive.launch()
+        self._again[0] = 0
+
+    def lacking(self, world: int) -> tuple[float, float, float]:
+        """Farther on than where it is."""
+        x, y, yaw = self._sought[world].tolist()
+        return x, y, yaw
+
+    def save(self, world: int) -> State:
+        """Everything that is needed to go on exactly."""
+        return {
+            **super().save(world),
+            "grain": float(self._grain[world]),
+            "moment": self._moments.save(world),
+        }
+
+    def load(self, world: int, state: State) -> None:
+        """Back to a saved moment."""
+        self._fill(world, state["grain"])
+        self._moments.load(world, state["moment"])
+        super().load(world, state)
+
+    def axle_loads(self, world: int) -> tuple[float, float]:
+        """Of the fixed and the steered axle in the last step [N]."""
+        of = self._moments.of
+        return float(of["front_load"][world]), float(of["rear_load"][world])
+
+    def with_trailers(self, t: int) -> Mapping[str, Samples]:
+        """With the wheels at rest, at the start."""
+        found = super().with_trailers(t)
+        return found if self.walks or t > 0 else self._with_wheels(found, np.zeros(self.worlds))
+
+    def _carry(self, world: int, grain: float) -> None:
+        """Follow the tank; the speed of the fixed axle and the turn rate go on."""
+        before = float(self._cars.of["ahead"][world])
+        self._fill(world, grain)
+        ahead, of = float(self._cars.of["ahead"][world]), self.tracks.of
+        of["side"][world] += (before - ahead) * of["turn"][world]
+
+    def _fill(self, world: int, grain: float) -> None:
+        """Grain [kg] in the tank."""
+        self._grain[world] = grain
+        self._tractions[world], numbers = self.parts[world].weighed(grain)
+        for column, number in zip(self._cars.of.values(), numbers, strict=True):
+            column[world] = number
+
+    def _with_wheels(self, found: Mapping[str, Samples], accel: F64) -> Mapping[str, Samples]:
+        """What the driven wheels pull, and how they slip. accel: mean of the step [m/s2]"""
+        if not self.parts[0].params.wheel_slip:
             return found
-        dynamics = replace(dynamics_of(self._machine), rolling_resistance=self._rolling)
-        force, t = pull(state, accel, self._grain, dynamics), state.t
-        load = self.axle_loads[0] if t > 0 else GRAVITY * dynamics.mass * self._behind / self._wheelbase
-        return {**found, "wheels": wheels_of(t, state.speed, force, load, self._traction)}
+        wheels: list[Signal] = []
+        states: list[Any] = self.sent["state"].each()
+        for world, (part, state) in enumerate(zip(self.parts, states, strict=True)):
+            d = replace(dynamics_of(part.machine), rolling_resistance=part.rolling)
+            force, t = pull(state, float(accel[world]), float(self._grain[world]), d), state.t
+            behind = float(self._cars.of["behind"][world])
+            at_rest = GRAVITY * d.mass * behind / -part.machine.steered_x
+            load = self.axle_loads(world)[0] if t > 0 else at_rest
+            wheels.append(wheels_of(t, state.speed, force, load, self._tractions[world]))
+        return {**found, "wheels": Samples.joined(wheels)}
+
+
+def _loop(part: SingleTrack) -> tuple[float, ...]:
+    """In the order of `single_track_step_kernel.Loop`."""
+    d, machine = dynamics_of(part.machine), part.machine
+    tracks = -machine.steered_x, machine.front_track, machine.rear_track
+    longest = part.params.substep_ms * MS
+    return d.speed_lag, d.accel, d.decel, d.max_speed, *tracks, part.sense, longest
 
 
 def _either(given: float | None, sheet: float) -> float:

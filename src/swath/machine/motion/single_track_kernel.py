@@ -201,16 +201,3 @@ def integrated(q: Track, d: Drive, car: Car, m: Moment) -> Track:
     most = THREE * car.friction / car.rear_stiffness
     q.rear_slip = wp.clamp(q.rear_slip, -most, most)
     return q
-
-
-@wp.kernel
-def advance(
-    cars: wp.array(dtype=Car),
-    drives: wp.array(dtype=Drive),
-    moments: wp.array(dtype=Moment),
-    tracks: wp.array(dtype=Track),
-):
-    """One step in place."""
-    m = held(cars[0], drives[0])
-    tracks[0] = integrated(tracks[0], drives[0], cars[0], m)
-    moments[0] = m

@@ -25,9 +25,20 @@ real = wp.float64
 
 
 @wp.struct
+class Ground:
+    """Nodes in memory around a machine, and what its tyres touch, as `Footprint.arguments`."""
+
+    nodes: wp.array2d(dtype=wp.float64)
+    first: wp.array(dtype=int)
+    points: wp.array2d(dtype=wp.float64)
+    span: wp.array(dtype=Span)
+
+
+@wp.struct
 class Loop:
     """The closed loop of the drive, as `machine_sheet.Dynamics`; wheelbase, tracks of the axles [m]: below 0
-    where the steered axle is ahead, as in `attitude.TerrainFollower`; sense: of the steering, 1 or -1.
+    where the steered axle is ahead, as in `attitude.TerrainFollower`; sense: of the steering, 1 or -1;
+    longest: substep [s]
     """
 
     lag: wp.float64
@@ -38,18 +49,7 @@ class Loop:
     front_track: wp.float64
     rear_track: wp.float64
     sense: wp.float64
-
-
-@wp.struct
-class Asked:
-    """What is held over a step: number and length [s] of its substeps, angle of the steered wheel [rad],
-    wanted speed [m/s].
-    """
-
-    count: wp.float64
-    h: wp.float64
-    steer: wp.float64
-    wanted: wp.float64
+    longest: wp.float64
 
 
 @wp.struct
@@ -214,45 +214,120 @@ def turned(a: Stand, q: Track, car: Car) -> Stand:
 
 
 @wp.kernel
-def drive(
-    nodes: wp.array2d(dtype=wp.float64),
-    first: wp.array(dtype=int),
-    points: wp.array2d(dtype=wp.float64),
-    spans: wp.array(dtype=Span),
+def weigh(
+    tank_grain: wp.array(dtype=wp.float64),
+    carried: wp.array(dtype=wp.float64),
+    step: wp.float64,
+    needs: wp.array(dtype=int),
+):
+    """needs: 1 where the grain [kg] in a tank is no longer what a machine carries, but for a step"""
+    w = wp.tid()
+    if wp.abs(wp.max(tank_grain[w], real(0.0)) - carried[w]) >= step:
+        needs[0] = 1
+
+
+@wp.func
+def tell(states: wp.array2d(dtype=wp.float64), w: int, a: Stand, steer: wp.float64):
+    """As the columns of a `MachineState`."""
+    states[w, 0] = a.x
+    states[w, 1] = a.y
+    states[w, 2] = a.z
+    states[w, 3] = a.xx
+    states[w, 4] = a.xy
+    states[w, 5] = a.xz
+    states[w, 6] = a.yx
+    states[w, 7] = a.yy
+    states[w, 8] = a.yz
+    states[w, 9] = a.zx
+    states[w, 10] = a.zy
+    states[w, 11] = a.zz
+    states[w, 12] = a.speed
+    states[w, 13] = a.lateral
+    states[w, 14] = a.turn
+    states[w, 15] = steer
+    states[w, 16] = a.distance
+
+
+@wp.kernel
+def stand_cars(
+    grounds: wp.array(dtype=Ground),
     cars: wp.array(dtype=Car),
     loops: wp.array(dtype=Loop),
-    asked: wp.array(dtype=Asked),
+    tracks: wp.array(dtype=Track),
+    stands: wp.array(dtype=Stand),
+    states: wp.array2d(dtype=wp.float64),
+):
+    """Where the tracks are, wheels straight."""
+    w = wp.tid()
+    g = grounds[w]
+    old = stands[w]
+    a = stood(g.nodes, g.first, g.points, g.span[0], tracks[w], loops[w])
+    if a.is_done == ONE:
+        a = turned(a, tracks[w], cars[w])
+        a.is_done = ONE
+    a.speed = old.speed
+    a.rim = old.rim
+    a.slip = old.slip
+    stands[w] = a
+    tell(states, w, a, real(0.0))
+
+
+@wp.kernel
+def drive(
+    grounds: wp.array(dtype=Ground),
+    cars: wp.array(dtype=Car),
+    loops: wp.array(dtype=Loop),
+    steering: wp.array(dtype=wp.float64),
+    speeds: wp.array(dtype=wp.float64),
+    limits: wp.array(dtype=wp.float64),
+    clock: wp.array(dtype=wp.int64),
+    needs: wp.array(dtype=int),
+    again: wp.array(dtype=int),
+    sought: wp.array2d(dtype=wp.float64),
     moments: wp.array(dtype=Moment),
     tracks: wp.array(dtype=Track),
     stands: wp.array(dtype=Stand),
+    states: wp.array2d(dtype=wp.float64),
 ):
-    """One step of the machine in place, by the substeps of `single_track.SingleTrack`: drive, tyres, ground.
+    """One step of the machines in place, in equal substeps: drive, tyres, ground.
 
-    nodes, first, points: as in `footprint_kernel.mean_heights`
+    steering: angle of the steered wheel [rad]; speeds: wanted [m/s]; limits: what the drive can [m/s]; clock:
+    begin, end, length of the step [ns]; needs: 1 where the ground under a machine is not in memory or a
+    speed is no number: nothing has changed then; again: 1 = only those for which that was so;
+    sought: where that ground is, and the heading there
     """
-    ask = asked[0]
-    loop = loops[0]
-    car = cars[0]
-    q = tracks[0]
-    a = stands[0]
-    m = moments[0]
+    w = wp.tid()
+    a = stands[w]
+    if again[0] == 1 and a.is_done == ONE:
+        return
+    g = grounds[w]
+    loop = loops[w]
+    car = cars[w]
+    q = tracks[w]
+    m = moments[w]
+    wanted = speeds[w]
+    is_done = wp.isfinite(wanted)
+    if wp.isfinite(limits[w]):
+        wanted = wp.min(wp.max(wanted, -limits[w]), limits[w])
+    seconds = real(clock[2]) / real(1.0e9)
+    count = wp.max(real(1.0), wp.ceil(seconds / loop.longest - real(1.0e-9)))
+    h = seconds / count
     speed = a.speed
     rim = a.rim
     slip = a.slip
     d = Drive()
-    d.h = ask.h
-    d.steer = loop.sense * ask.steer
-    is_done = wp.isfinite(ask.wanted)
-    for _ in range(int(ask.count)):
+    d.h = h
+    d.steer = loop.sense * steering[w]
+    for _ in range(int(count)):
         if is_done:
             grade = -wp.sin(a.pitch) / wp.cos(a.pitch)
             before = slip
-            slip = slipped(slip, grade, wp.abs(speed) * ask.h, car)
+            slip = slipped(slip, grade, wp.abs(speed) * h, car)
             d.start = speed
-            d.middle = driven(rim, ask.wanted, HALF * ask.h, loop) / (ONE + HALF * (before + slip))
-            rim = driven(rim, ask.wanted, ask.h, loop)
+            d.middle = driven(rim, wanted, HALF * h, loop) / (ONE + HALF * (before + slip))
+            rim = driven(rim, wanted, h, loop)
             free = rim / (ONE + slip)
-            d.end = given(speed, free, grade, ask.h, car)
+            d.end = given(speed, free, grade, h, car)
             if d.end != free:
                 rim = d.end * (ONE + slip)
                 d.middle = HALF * (speed + d.end)
@@ -262,19 +337,25 @@ def drive(
             d.rear_slope = a.rear_slope
             m = held(car, d)
             q = integrated(q, d, car, m)
-            a = stood(nodes, first, points, spans[0], q, loop)
+            a = stood(g.nodes, g.first, g.points, g.span[0], q, loop)
             speed = d.end
             is_done = a.is_done == ONE
+            if not is_done:
+                sought[w, 0] = q.x
+                sought[w, 1] = q.y
+                sought[w, 2] = q.yaw
     if is_done:
         a = turned(a, q, car)
         a.is_done = ONE
         a.speed = speed
         a.rim = rim
         a.slip = slip
-        stands[0] = a
-        tracks[0] = q
-        moments[0] = m
+        stands[w] = a
+        tracks[w] = q
+        moments[w] = m
+        tell(states, w, a, steering[w])
     else:
-        a = stands[0]
+        a = stands[w]
         a.is_done = real(0.0)
-        stands[0] = a
+        stands[w] = a
+        needs[0] = 1

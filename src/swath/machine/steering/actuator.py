@@ -9,22 +9,24 @@ Solved exactly between the instants at which delayed commands arrive, so the ste
 dead band leaves a rest error of b * lag * rate_max (0.12 deg with the numbers of the large combine).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
+from swath.compiled import Compiled
 from swath.core.component import Port, State
-from swath.core.errors import InputError, SwathError
+from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
+from swath.core.rows import row_of
 from swath.core.schedule import NS
-from swath.core.together import Given, InWorlds, Samples
+from swath.core.together import InWorlds, Samples
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.kernels import Rows, repeatable, shared
+from swath.kernels import Repeated, Rows, repeatable, shared
 from swath.machine.machine_sheet import dynamics_of
 from swath.signals import SteerCommand, SteerState
 
@@ -65,46 +67,49 @@ class Actuator(InWorlds):
         return Actuators(parts)
 
 
-class Actuators:
+class Actuators(Compiled):
     """The servos of many worlds."""
+
+    reads: ClassVar = {"command": SteerCommand}
 
     def __init__(self, parts: Sequence[Actuator]) -> None:
         from swath.machine.steering import actuator_kernel as kernel
 
         n = len(parts)
-        self.errors: dict[int, SwathError] = {}
+        super().__init__(n, {"steering": row_of(SteerState, n)})
+        self._servos = Rows(kernel.Servo, n, [part.servo for part in parts])
         self._wheels = Rows(kernel.Wheel, n)
         self._arrivals, self._curvatures = np.zeros((n, ROOM), np.int64), np.zeros((n, ROOM))
-        self._engaged, self._asked = np.zeros((n, ROOM), np.bool_), np.zeros(4, np.int64)
-        self._new, self._states = (np.zeros(n), np.zeros(n, np.bool_)), np.zeros((n, 2))
-        arrays = {"angle": self._states[:, 0], "rate": self._states[:, 1]}
-        self._sent = Samples(SteerState, 0, arrays, memory=self._states)
-        self._seen = -1
-        queue = (self._arrivals, self._curvatures, self._engaged, self._asked, *self._new, self._states)
-        self._inputs = [
-            Rows(kernel.Servo, n, [part.servo for part in parts]).array,
-            self._wheels.array,
-            *(shared(array) for array in queue),
-        ]
-        self._launch = repeatable(kernel.turn_wheels, self._inputs, threads=n)
+        self._engaged, self._seen = np.zeros((n, ROOM), np.bool_), np.full(n, -1)
 
-    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
+    def launches(self) -> Sequence[Repeated]:
+        """The wheels turn."""
+        from swath.machine.steering import actuator_kernel as kernel
+
+        command, steering = self.given["command"], self.sent["steering"]
+        queue = (
+            self._arrivals,
+            self._curvatures,
+            self._engaged,
+            self._seen,
+            self.clock,
+            self.needs,
+            command.stamp,
+        )
+        columns = *command.arrays.values(), *steering.arrays.values()
+        given = [self._servos.array, self._wheels.array, *map(shared, (*queue, *columns))]
+        return [repeatable(kernel.turn_wheels, given, threads=self.worlds)]
+
+    def supply(self, stage: int) -> None:
+        """There is no room for a command."""
+        raise InputError("dead_time_s", None, f"expected fewer than {ROOM} commands under way")
+
+    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Wheels straight, nothing under way."""
         self._wheels.clear()
-        self._seen = -1
-        self._states[:] = 0.0
-        return self._samples(0)
-
-    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
-        """Turn towards what was wanted a dead time ago, arrival by arrival."""
-        command: Samples = inputs["command"]
-        self._asked[:] = t, t + dt, command.t != self._seen, command.t
-        self._seen = command.t
-        self._new[0][:], self._new[1][:] = command.arrays["curvature"], command.arrays["is_engaged"]
-        if int(self._wheels.of["count"].max()) >= ROOM:
-            raise InputError("dead_time_s", None, f"expected fewer than {ROOM} commands under way")
-        self._launch.launch()
-        return self._samples(t + dt)
+        self._seen[:] = -1
+        self.sent["steering"].memory[:] = 0
+        return self.sent_at(0)
 
     def save(self, world: int) -> State:
         """Everything that is needed to go on exactly."""
@@ -114,7 +119,7 @@ class Actuators:
         return {
             "wheel": self._wheels.save(world),
             "queue": [array[world, way] for array in queue],
-            "seen": self._seen,
+            "seen": int(self._seen[world]),
         }
 
     def load(self, world: int, state: State) -> None:
@@ -123,11 +128,7 @@ class Actuators:
         way = (int(self._wheels.of["first"][world]) + np.arange(len(state["queue"][0]))) % ROOM
         for array, own in zip((self._arrivals, self._curvatures, self._engaged), state["queue"], strict=True):
             array[world, way] = own
-        self._seen = state["seen"]
-
-    def _samples(self, t: int) -> dict[str, Samples]:
-        self._sent.t = t
-        return {"steering": self._sent}
+        self._seen[world] = state["seen"]
 
 
 LEVEL = Level(

@@ -53,24 +53,34 @@ def turn_wheels(
     arrivals: wp.array2d(dtype=wp.int64),
     curvatures: wp.array2d(dtype=wp.float64),
     engaged: wp.array2d(dtype=wp.bool),
-    asked: wp.array(dtype=wp.int64),
+    seen: wp.array(dtype=wp.int64),
+    clock: wp.array(dtype=wp.int64),
+    needs: wp.array(dtype=int),
+    stamp: wp.array(dtype=wp.int64),
     new_curvature: wp.array(dtype=wp.float64),
     new_engaged: wp.array(dtype=wp.bool),
-    states: wp.array2d(dtype=wp.float64),
+    angles: wp.array(dtype=wp.float64),
+    rates: wp.array(dtype=wp.float64),
 ):
-    """asked: begin and end of the step, 1 where a command is new, its time [ns]; states: angle, rate"""
+    """arrivals, curvatures, engaged: of the commands under way, a ring for each world; seen: time of the
+    last one that was taken [ns]; clock: begin and end of the step; stamp: time of the newest command
+    """
     w = wp.tid()
     servo = servos[w]
     wheel = wheels[w]
     room = arrivals.shape[1]
-    if asked[2] == wp.int64(1):
+    if stamp[0] != seen[w]:
+        if wheel.count >= room:
+            needs[0] = 1
+            return
+        seen[w] = stamp[0]
         at = (wheel.first + wheel.count) % room
-        arrivals[w, at] = asked[3] + servo.dead
+        arrivals[w, at] = stamp[0] + servo.dead
         curvatures[w, at] = new_curvature[w]
         engaged[w, at] = new_engaged[w]
         wheel.count += 1
-    now = asked[0]
-    end = asked[1]
+    now = clock[0]
+    end = clock[1]
     while wheel.count > 0 and arrivals[w, wheel.first] < end:
         arrival = arrivals[w, wheel.first]
         wheel.angle = turned_to(servo, wheel, arrival - now)
@@ -92,5 +102,5 @@ def turn_wheels(
         else:
             rate = servo.rate * (wp.float64(0.0) - flow)
     wheels[w] = wheel
-    states[w, 0] = wheel.angle
-    states[w, 1] = rate
+    angles[w] = wheel.angle
+    rates[w] = rate

@@ -8,27 +8,29 @@ engine half a turn (six cylinders, four strokes: the strongest of the low orders
 estimates within 0.5 to 2 m/s2 RMS at 2 to 30 Hz.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import cos, pi, sqrt
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, KeepsState, Outputs, Port, State
-from swath.core.random import Normals, Stream
+from swath.compiled import Compiled
+from swath.core.component import KeepsState, Port, State
+from swath.core.random import Stream
 from swath.core.registry import Level
+from swath.core.rows import row_of
 from swath.core.schedule import NS
-from swath.core.together import Given, OneByOne, Samples
+from swath.core.together import Given, InWorlds, Samples
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.kernels import repeatable, shared
+from swath.kernels import Repeated, repeatable, shared
 from swath.sensing import CHECKED
-from swath.sensing.imu.imu_step import DRAW, FIRST, LAST_TWO, MADE, READING, SIZE, ImuStep
+from swath.sensing.imu.imu_step import DRAW, READING, SIZE, ImuStep
 from swath.sensing.imu.strapdown import Place, Reading, back
 from swath.sensing.normals import AllNormals
-from swath.signals import EngineState, Inertial, MachineState
+from swath.signals import F64, EngineState, Inertial, MachineState
 
 Force = Annotated[float, Ge(0), Le(50)]
 Rate = Annotated[float, Gt(0), Le(50)]
@@ -164,68 +166,74 @@ class Params:
     vibration: Vibration | None = None
 
 
-class ErrorImu(KeepsState):
+class ErrorImu(InWorlds):
     """The true rates and forces, scaled, biased and noisy."""
-
-    kept = ("_bias", "_motion", "_shaking")
 
     inputs: tuple[Port, ...] = (Port("state", MachineState, history=True),)
     outputs = (Port("inertial", Inertial),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        p, unit = params, UNITS[params.unit]
-        self.mounting = p.mount.pose()
-        self._start = setup.start
-        self._motion = ImuStep(self.mounting)
-        self._shaking = None if p.vibration is None else Shaking(p.vibration)
-        if self._shaking is not None:
+        self.params, self.setup = params, setup
+        self.mounting = params.mount.pose()
+        if params.vibration is not None:
             self.inputs = (*self.inputs, Port("engine", EngineState, optional=True))
-        self._turn = self.mounting.rotation.tolist()
+        unit, root = UNITS[params.unit], sqrt(setup.period)
         # of three gyroscopes, then three accelerometers
-        self._density = _six(p.noise_factor * unit.gyro.density, p.noise_factor * unit.accel.density)
-        self._walk = _six(p.walk_factor * unit.gyro.walk, p.walk_factor * unit.accel.walk)
-        self._bias_sd = _six(p.gyro_bias_deg_s * DEG, p.accel_bias_mg * MILLI_G)
-        self._scale_sd = _six(PERCENT * p.gyro_scale_percent, PERCENT * p.accel_scale_percent)
-        self._white_sd = self._density[0] / sqrt(setup.period), self._density[3] / sqrt(setup.period)
-        self._spread(round(setup.period * NS))
+        p = params
+        self.density = _six(p.noise_factor * unit.gyro.density, p.noise_factor * unit.accel.density)
+        self.walk = _six(p.walk_factor * unit.gyro.walk, p.walk_factor * unit.accel.walk)
+        self.bias_sd = _six(p.gyro_bias_deg_s * DEG, p.accel_bias_mg * MILLI_G)
+        self.scale_sd = _six(PERCENT * p.gyro_scale_percent, PERCENT * p.accel_scale_percent)
+        self.white_sd = self.density[0] / root, self.density[3] / root
 
     def errors(self, sample: Inertial) -> dict[str, tuple[float, float]]:
         """White noise, and the bias at the start of a run."""
-        rate, force = self._white_sd
-        return {"rate": (rate, self._bias_sd[0]), "force": (force, self._bias_sd[3])}
+        rate, force = self.white_sd
+        return {"rate": (rate, self.bias_sd[0]), "force": (force, self.bias_sd[3])}
 
     @classmethod
-    def together(cls, parts: Sequence["ErrorImu"]) -> "Units | None":
-        """All of them; not those that shake."""
-        return Units(parts) if all(part._shaking is None for part in parts) else None
+    def together(cls, parts: Sequence["ErrorImu"]) -> "Units":
+        """All of them."""
+        return Units(parts)
 
-    def reset(self, stream: Stream) -> Outputs:
-        """At rest, level; draws bias and scale of this unit."""
-        self._normals = Normals(stream)
-        draw = stream.at(0).standard_normal(12).tolist()
-        self._bias = [sd * d for sd, d in zip(self._bias_sd, draw[:6], strict=True)]
-        self._motion.scale[:] = [1.0 + sd * d for sd, d in zip(self._scale_sd, draw[6:], strict=True)]
+
+class UnitStep(KeepsState):
+    """One of them, and its step in Python. memory: (SIZE,) of `ImuStep`."""
+
+    kept = ("_bias", "_motion", "_shaking")
+
+    def __init__(self, part: ErrorImu, memory: F64) -> None:
+        vibration = part.params.vibration
+        self._part, self._motion = part, ImuStep(part.mounting, memory)
+        self._shaking = None if vibration is None else Shaking(vibration)
+        self._turn = part.mounting.rotation.tolist()
+        self.spread(round(part.setup.period * NS))
+
+    def reset(self, stream: Stream) -> list[float]:
+        """At rest, level; draws bias and scale of this unit. Its first sample."""
+        part, draw = self._part, stream.at(0).standard_normal(12).tolist()
+        self._bias = [sd * d for sd, d in zip(part.bias_sd, draw[:6], strict=True)]
+        self._motion.scale[:] = [1.0 + sd * d for sd, d in zip(part.scale_sd, draw[6:], strict=True)]
         if self._shaking is not None:
             self._shaking.reset(stream.child("vibration").at(0).random(3).tolist())
-        return self._read(0, self._motion.reset(self._start), [0.0] * 6)
+        return self._read(self._motion.reset(part.setup.start), [0.0] * 6)
 
-    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """One sample at t + dt."""
-        motion, states = self._motion, inputs["state"]
-        self._normals.into(t + dt, motion.draw)
-        if dt != self._dt:
-            self._spread(dt)
-        made = motion.sample(states) if self._shaking is None else None
-        if made is not None:
-            p, q, r, x, y, z = made
-            return {"inertial": Inertial(t + dt, p, q, r, x, y, z, *self._white_sd)}
+    def step(self, dt: int, states: Sequence[MachineState], engine: EngineState | None) -> list[float]:
+        """A sample, of normal numbers that were drawn."""
+        motion = self._motion
         draw = motion.draw.tolist()
         walk = zip(self._bias, motion.steps.tolist(), draw[6:], strict=True)
         self._bias = [bias + step * d for bias, step, d in walk]
         truth = motion.take(states)
         if self._shaking is not None:
-            truth = self._shaken(self._shaking, truth, dt / NS, inputs.get("engine"))
-        return self._read(t + dt, truth, draw[:6])
+            truth = self._shaken(self._shaking, truth, dt / NS, engine)
+        return self._read(truth, draw[:6])
+
+    def spread(self, dt: int) -> None:
+        """Standard deviations of what is drawn for a step of dt [ns]."""
+        root = sqrt(dt / NS)
+        self._motion.steps[:] = [walk * root for walk in self._part.walk]
+        self._motion.white[:] = [density / root for density in self._part.density]
 
     @property
     def _bias(self) -> list[float]:
@@ -244,88 +252,91 @@ class ErrorImu(KeepsState):
             for own, extra in zip(truth, more, strict=True)
         )  # type: ignore[return-value]
 
-    def _spread(self, dt: int) -> None:
-        """Standard deviations of what is drawn for a step of dt [ns]."""
-        root = sqrt(dt / NS)
-        self._dt = dt
-        self._motion.steps[:] = [walk * root for walk in self._walk]
-        self._motion.white[:] = [density / root for density in self._density]
-
-    def _read(self, t: int, truth: Reading, draw: Sequence[float]) -> Outputs:
+    def _read(self, truth: Reading, draw: Sequence[float]) -> list[float]:
         """draw: normal numbers of the white noise."""
         kept = self._motion.scale.tolist(), self._bias, self._motion.white.tolist()
         wrong = zip((*truth[0], *truth[1]), *kept, draw, strict=True)
-        p, q, r, x, y, z = [v * scale + bias + sd * d for v, scale, bias, sd, d in wrong]
-        return {"inertial": Inertial(t, p, q, r, x, y, z, *self._white_sd)}
+        return [v * scale + bias + sd * d for v, scale, bias, sd, d in wrong]
 
 
-class Units(OneByOne):
-    """Those of many worlds: their memories side by side; the first samples, of rest, one by one."""
+class Units(Compiled):
+    """The units of many worlds."""
+
+    reads: ClassVar = {"engine": EngineState}
+    hears: ClassVar = {"state": MachineState}
 
     def __init__(self, parts: Sequence[ErrorImu]) -> None:
-        super().__init__(parts)
-        self._memory = np.zeros((len(parts), SIZE))
-        for part, row in zip(parts, self._memory, strict=True):
-            part._motion.lie_in(row)
-        self._sd = np.array([part._white_sd for part in parts]).T
-        self._last: Samples | None = None
-        self._launch: Any = None
+        n = len(parts)
+        super().__init__(n, {"inertial": row_of(Inertial, n)})
+        self._memory = np.zeros((n, SIZE))
+        self._units = [UnitStep(part, row) for part, row in zip(parts, self._memory, strict=True)]
+        self._dt = round(parts[0].setup.period * NS)
+        self.walks = all(part.params.vibration is None for part in parts)
+        self._normals = AllNormals(self._memory[:, DRAW:READING])
+        self._table = self.sent["inertial"].memory.view(np.float64).reshape(n, -1)
+        self._table[:, 6:] = [part.white_sd for part in parts]
 
-    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
+    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """At rest, level."""
-        self._last = None
-        self._normals = AllNormals(streams, self._memory[:, DRAW:READING])
-        return super().reset(streams)
+        self._normals.reset(streams)
+        for world, (unit, stream) in enumerate(zip(self._units, streams, strict=True)):
+            self._table[world, :6] = unit.reset(stream)
+        return self.sent_at(0)
 
-    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
+    def launches(self) -> Sequence[Repeated]:
+        """Normal numbers, the states into the memories, the samples."""
+        from swath.sensing.imu.imu_step_kernel import lay_states, sample_each
+
+        trail, memory = self.heard["state"], shared(self._memory)
+        states = [*map(shared, (trail.head, trail.stamps, trail.memory["pose"])), memory, shared(self.needs)]
+        noise = self._normals.launch(self.clock[1:2], self.needs)
+        made = [memory, shared(self._table)]
+        if not self.walks:
+            return [noise]
+        return [
+            noise,
+            repeatable(lay_states, states, threads=self.worlds),
+            repeatable(sample_each, made, threads=self.worlds),
+        ]
+
+    def step(self, t: int, dt: int, inputs: Given) -> Mapping[str, Samples]:
         """Samples at t + dt."""
-        states: tuple[Samples, ...] = inputs["state"]
-        if self._last is None or not states or states[0].t <= self._last.t:
-            self._give_back()
-            made = super().step(t, dt, inputs)
-            if states and all(part._motion.moves for part in self.parts):
-                self._last = states[-1]
-                self._lay(FIRST, self._last)
-            return made
-        self._normals.draw(t + dt)
-        for part in self.parts:
-            if dt != part._dt:
-                part._spread(dt)
-        self._memory[:, 0] = min(len(states), 2)
-        for place, state in zip((LAST_TWO + 13, LAST_TWO), states[::-1], strict=False):
-            self._lay(place, state)
-        if self._launch is None:
-            from swath.sensing.imu.imu_step_kernel import sample_each
+        if dt != self._dt:
+            self._dt = dt
+            for unit in self._units:
+                unit.spread(dt)
+        if self.walks:
+            return super().step(t, dt, inputs)
+        self._memory[:, 0] = 0.0
+        found = super().step(t, dt, inputs)
+        engine = inputs.get("engine")
+        self._in_python(dt, inputs["state"], None if engine is None else engine.each())
+        return found
 
-            self._launch = repeatable(sample_each, [shared(self._memory)], threads=len(self.parts)).launch
-        self._launch()
-        self._last = states[-1]
-        made_of = self._memory[:, MADE:SIZE].T
-        names = ("rate_x", "rate_y", "rate_z", "force_x", "force_y", "force_z", "rate_sd", "force_sd")
-        arrays = dict(zip(names, (*made_of, *self._sd), strict=True))
-        return {"inertial": Samples(Inertial, t + dt, arrays)}
+    def supply(self, stage: int) -> None:
+        """Numbers that numpy draws; samples that need more than the states."""
+        if stage == 0:
+            self._normals.finish(int(self.clock[1]))
+        else:
+            trail = self.heard["state"]
+            self._in_python(int(self.clock[2]), [trail.at(k) for k in range(trail.count)], None)
 
     def save(self, world: int) -> State:
         """Everything that is needed to go on exactly."""
-        if self._last is not None:
-            self.parts[world]._motion.went_on(self._last.of(world))
-        return super().save(world)
+        found: State = self._units[world].save()
+        return found
 
     def load(self, world: int, state: State) -> None:
-        """Back to it: the next sample is made one by one."""
-        self._give_back()
-        super().load(world, state)
+        """Back to a saved moment."""
+        self._units[world].load(state)
 
-    def _lay(self, place: int, state: Samples) -> None:
-        self._memory[:, place] = state.t
-        self._memory[:, place + 1 : place + 13] = state.arrays["pose"]
-
-    def _give_back(self) -> None:
-        """Each part knows where it was last."""
-        if self._last is not None:
-            for world, part in enumerate(self.parts):
-                part._motion.went_on(self._last.of(world))
-            self._last = None
+    def _in_python(self, dt: int, states: Sequence[Samples], engines: Sequence[Any] | None) -> None:
+        """Samples of the worlds whose states were not laid."""
+        every = [sample.each() for sample in states]
+        for world in np.flatnonzero(self._memory[:, 0] == 0.0).tolist():
+            own: list[Any] = [each[world] for each in every]
+            engine = None if engines is None else engines[world]
+            self._table[world, :6] = self._units[world].step(dt, own, engine)
 
 
 def _six(gyro: float, accel: float) -> list[float]:

@@ -1,13 +1,13 @@
 // A sample of the level `error`, from the motion to the noise: the body of a native function, after exact.cpp. The same
 // operations in the same order as `Strapdown` and `ErrorImu` do them in Python.
 //
-// In and out: m, see `imu_step.py`, whose offsets these are.
+// In and out: m, see `imu_step.py`, whose offsets these are. Out: the sample, six numbers.
 
 typedef double D;
 D* m = (D*)memory.data;
 const D *count = m, *first = m + 1, *scale = m + 56, *steps = m + 68, *white = m + 74, *draw = m + 80;
 const D *before = *count > 1.0 ? m + 14 : first, *newest = m + 27, *place = m + 40, *mounting = m + 43;
-D *bias = m + 62, *velocity = m + 52, *reading = m + 92, *sample = m + 98;
+D *bias = m + 62, *velocity = m + 52, *reading = m + 92, *sample = (D*)told.data;
 constexpr D NS = 1e9, GRAVITY = 9.81;
 
 auto turned_back = [](const D* r, const D* v, D* out) {  // as `strapdown.back`

@@ -1,6 +1,7 @@
 // Standard normal numbers as numpy draws them from Philox 4x64 (sensing/normals.py): the body of a native function.
 //
-// In: keys (n, 2) of streams, the counter, widths and bounds of levels. Out: rows (n, k); slow: 1 where numpy has to draw a stream.
+// In: keys (n, 2) of streams, the counter, widths and bounds of levels. Out: rows (n, k); slow: 1 where numpy has to draw a stream,
+// and then needs, too.
 
 typedef unsigned long long W;
 constexpr W BITS = (1ull << 52) - 1;
@@ -30,4 +31,5 @@ for (int n = 0; n < rows.shape[0]; ++n) {
     }
   }
   slow.data[n] = is_slow;
+  if (is_slow) needs.data[0] = 1;
 }

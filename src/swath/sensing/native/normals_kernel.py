@@ -15,6 +15,7 @@ def numpys_normals(
     bounds: wp.array(dtype=wp.int64),
     rows: wp.array2d(dtype=wp.float64),
     slow: wp.array(dtype=wp.bool),
+    needs: wp.array(dtype=int),
 ): ...
 
 
@@ -26,6 +27,7 @@ def draw_normals(
     bounds: wp.array(dtype=wp.int64),
     rows: wp.array2d(dtype=wp.float64),
     slow: wp.array(dtype=wp.bool),
+    needs: wp.array(dtype=int),
 ):
     """All streams in one thread."""
-    numpys_normals(keys, counter, widths, bounds, rows, slow)
+    numpys_normals(keys, counter, widths, bounds, rows, slow, needs)

@@ -1,23 +1,25 @@
 """Odometry with the errors of wheel speed, gyro and steer-angle sensor."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Le
 
+from swath.compiled import Compiled
 from swath.core.component import Port
-from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.together import Given, InWorlds, KeepsRows, Samples, of_columns
+from swath.core.rows import row_of
+from swath.core.together import InWorlds, KeepsRows, Samples
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
+from swath.kernels import Repeated, repeatable, shared
 from swath.sensing import CHECKED
 from swath.sensing.normals import AllNormals
-from swath.signals import F64, MachineState, Odometry, SteerState, WheelState
+from swath.signals import MachineState, Odometry, SteerState, WheelState
 
 Share = Annotated[float, Ge(0), Le(30)]
 Angle = Annotated[float, Ge(0), Le(10)]
@@ -73,52 +75,52 @@ class ErrorOdometry(InWorlds):
         return Odometers(parts)
 
 
-class Odometers(KeepsRows):
+class Odometers(KeepsRows, Compiled):
     """Of many worlds. constant: what was drawn for each: error of the speed, with slip, the two biases"""
 
     kept = ("constant",)
+    reads: ClassVar = {"state": MachineState, "steering": SteerState, "wheels": WheelState}
 
     def __init__(self, parts: Sequence[ErrorOdometry]) -> None:
         n = len(parts)
+        super().__init__(n, {"odometry": row_of(Odometry, n)})
         self._p = [part.p for part in parts]
-        self.errors: dict[int, SwathError] = {}
         sizes = [(p.speed_noise_m_s, p.gyro_noise_deg_s * DEG, p.steer_noise_deg * DEG) for p in self._p]
         self._noise_sd, self._noise = np.array(sizes), np.zeros((n, 3))
+        self._normals = AllNormals(self._noise)
         self.constant = np.zeros((n, 4))
-        self._sent = of_columns(Odometry, n, ("speed", "yaw_rate", "steer_angle"))
 
-    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
+    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Draw the constant errors."""
-        self._normals = AllNormals(streams, self._noise)
+        self._normals.reset(streams)
         for world, (p, stream) in enumerate(zip(self._p, streams, strict=True)):
             draw = stream.at(0).standard_normal(3).tolist()
             error = 1 + p.speed_scale_percent * PERCENT * draw[0]
             biases = p.gyro_bias_deg_s * DEG * draw[1], p.steer_bias_deg * DEG * draw[2]
             self.constant[world] = error, error * (1 + p.slip_percent * PERCENT), *biases
-        return self._samples(0, 0.0, self.constant[:, 2], self.constant[:, 3])
+        told = self.sent["odometry"].arrays
+        told["speed"][:], told["yaw_rate"][:], told["steer_angle"][:] = 0.0, *self.constant[:, 2:].T
+        return self.sent_at(0)
 
-    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
-        """One sample at t + dt."""
-        state, steering, wheels = inputs["state"], inputs["steering"], inputs.get("wheels")
-        error, scale, gyro, steer = self.constant.T
-        self._normals.draw(t + dt)
-        noise = self._noise_sd * self._noise
-        if wheels is None:
-            speed = state.arrays["speed"] * scale
-        else:
-            speed = wheels.arrays["speed"] * error
-        return self._samples(
-            t + dt,
-            speed + noise[:, 0],
-            state.arrays["yaw_rate"] + gyro + noise[:, 1],
-            steering.arrays["angle"] + steer + noise[:, 2],
-        )
+    def launches(self) -> Sequence[Repeated]:
+        """The noise, then a sample with it."""
+        from swath.sensing.odometry.error_kernel import measure
 
-    def _samples(self, t: int, *columns: F64 | float) -> dict[str, Samples]:
-        for array, column in zip(self._sent.arrays.values(), columns, strict=True):
-            array[:] = column
-        self._sent.t = t
-        return {"odometry": self._sent}
+        has_wheels = "wheels" in self.given
+        inputs = [
+            self.column("wheels" if has_wheels else "state", "speed"),
+            self.column("state", "yaw_rate"),
+            self.column("steering", "angle"),
+        ]
+        table = self.sent["odometry"].memory.view(np.float64).reshape(self.worlds, -1)
+        own = self.constant, self._noise_sd, self._noise, table
+        given = [*inputs, 0 if has_wheels else 1, *map(shared, own)]
+        noise = self._normals.launch(self.clock[1:2], self.needs)
+        return [noise, repeatable(measure, given, threads=self.worlds)]
+
+    def supply(self, stage: int) -> None:
+        """Numbers that numpy draws."""
+        self._normals.finish(int(self.clock[1]))
 
 
 LEVEL = Level(

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_allow, add_run_folder, add_sets
+from swath.terminal.options import add_allow, add_replace, add_run_folder, add_sets
 
 
 def add(parsers: Any) -> None:
@@ -17,6 +17,7 @@ def add(parsers: Any) -> None:
     parser.add_argument("--at-s", type=float, required=True, metavar="S", help="time of the change")
     add_sets(parser, "what changes from then on, e.g. combine.speed.speed_kmh=5; may be given several times")
     add_run_folder(parser)
+    add_replace(parser)
     add_allow(parser)
     parser.add_argument("--save-every-s", type=float, metavar="S", help="as in swath run")
     parser.add_argument("--no-replay", action="store_true", help="do not write replay.html")
@@ -33,7 +34,10 @@ def run(args: argparse.Namespace) -> int:
 
     plan = plan_branch(args.folder, args.at_s, pairs(args.sets), args.allow)
     scenario = plan.scenario
-    out = choose_run_folder(scenario.name, scenario.seed, args.out, what="branch")
+    out = choose_run_folder(
+        scenario.name, scenario.seed, args.out, what="branch", summary=scenario.summary, events=plan.events,
+        replace=args.replace,
+    )  # fmt: skip
     if plan.has_unreadable:
         print("swath: saves of another version of swath, or damaged ones, are not read", file=sys.stderr)
     if not args.quiet:

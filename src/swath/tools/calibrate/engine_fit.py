@@ -23,13 +23,20 @@ from swath.core.units import split_unit
 from swath.documents.data_sheets import Sheet
 from swath.field_io.machine_log import MachineLog
 from swath.machine.machine_sheet import read_machine
-from swath.tools.compare_log.compare import SHOWN, Drive, LogRunner, SeriesStatistics, compare_series, usable
+from swath.tools.compare_log.compare import (
+    SHOWN,
+    STRETCH,
+    Drive,
+    LogRunner,
+    SeriesStatistics,
+    compare_series,
+    usable,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 KEYS = ("engine.rated_power_kw", "engine.fuel_idle_g_s", "power.auxiliary_kw", "power.drum_kj_per_kg")
 ON = ("engine_load", "fuel")
-STRETCH = 300.0  # s: what is left of the load is no longer correlated with itself after that time
 STEPS = 4  # of Gauss and Newton
 DIFFERENCE = 0.02  # of a number, for its derivative
 LEAST = 0.02  # of its start that a number keeps

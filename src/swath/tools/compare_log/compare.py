@@ -274,6 +274,7 @@ _LEVEL = Pose.identity()
 
 SHOWN = {"engine_load": ("%", 100.0), "engine_speed": ("1/min", 1.0 / RPM), "fuel": ("l/h", 3.6e6)}
 """Measured quantity -> unit of all results, factor from SI."""
+STRETCH = 300.0  # s: what is left of the load is no longer correlated with itself after that time
 PAUSE = 60.0  # s, of a machine at rest: what lies between is a stretch of its own
 DELAYS = ("transport.", "threshing.", "cleaning.")  # sections of the process
 RANGE = (0.02, 20.0)  # of a fitted value over its start
@@ -281,7 +282,7 @@ RANGE = (0.02, 20.0)  # of a fitted value over its start
 
 @dataclass(frozen=True)
 class Fitted:
-    """A key of the sheet. error: standard error of the value from the curvature, independent errors taken."""
+    """A key of the sheet. error: standard error of the value by stretches of the log, nan = one alone."""
 
     key: str
     start: float
@@ -471,7 +472,9 @@ def _fit(
     if steady.any() and not steady.all():
         ratio[steady] = least_squares(lambda x: residuals(_put(ratio, steady, x)), ratio[steady], **limits).x
     found = least_squares(residuals, ratio, **limits)
-    doubt = _standard_errors(found.jac, found.fun) * start
+    at = np.stack([part.machine, np.floor(part.time / STRETCH)], axis=1)[inside]
+    stretch = np.unique(at, axis=0, return_inverse=True)[1].ravel()
+    doubt = _standard_errors(found.jac, found.fun, np.tile(stretch, len(on))) * start
     units = [split_unit(key)[1] for key in keys]
     rows = zip(keys, start, start * found.x, doubt, units, strict=True)
     best = sheet.changed(dict(zip(keys, start * found.x, strict=True)))
@@ -488,7 +491,9 @@ def _plain(value: Any) -> Any:
     return float(f"{value:.5g}") if isinstance(value, float | np.floating) else value
 
 
-def _standard_errors(jacobian: Array, residual: Array) -> Array:
-    freedom = max(len(residual) - jacobian.shape[1], 1)
-    inverse = np.linalg.pinv(jacobian.T @ jacobian)
-    return np.asarray(np.sqrt(np.diag(inverse) * float(residual @ residual) / freedom))
+def _standard_errors(jacobian: Array, residual: Array, stretch: NDArray[np.int64]) -> Array:
+    """By how much stretches of the log pull apart, whatever is alike within each; nan of a single one."""
+    pull = np.stack([np.bincount(stretch, column * residual) for column in jacobian.T])
+    inverse, count = np.linalg.pinv(jacobian.T @ jacobian), pull.shape[1]
+    spread = np.sqrt(np.diag(inverse @ pull @ pull.T @ inverse))
+    return np.asarray(spread * np.sqrt(count / (count - 1.0)) if count > 1 else np.full(len(spread), np.nan))

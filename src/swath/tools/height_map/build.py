@@ -142,8 +142,9 @@ def _gather(
         _tell(progress, echoes, source)
     counts["echoes"] = gatherer.echo_count
     if gatherer.echo_count == 0:
-        what = ", ".join(f"{k.replace('_', ' ')} {n}" for k, n in counts.items() if n)
-        raise InputError("source", source.name, f"expected echoes near the path; found {what or 'no scan'}")
+        what = ", ".join(f"{k.replace('_', ' ')} {n}" for k, n in counts.items() if n) or "no scan"
+        told = "; ".join((f"expected echoes near the path; found {what}", *source.notes))
+        raise InputError("source", source.name, told)
     return gatherer.finish(), {**counts, "notes": dict(source.notes)}
 
 

@@ -32,8 +32,9 @@ def run(args: argparse.Namespace) -> int:
     rerun = plan_rerun(args.source, slots=slots, sets=args.sets, seed=args.seed)
     scenario = rerun.scenario
     out = choose_run_folder(
-        scenario.name, scenario.seed, args.out, what="rerun", summary=scenario.summary, replace=args.replace
-    )
+        scenario.name, scenario.seed, args.out, what="rerun", summary=scenario.summary, events=rerun.events,
+        replace=args.replace,
+    )  # fmt: skip
     result = rerun.run(out, progress=not args.quiet)
     if args.quiet:
         print(out)

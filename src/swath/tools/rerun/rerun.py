@@ -42,9 +42,10 @@ class Rerun:
             played=self.played,
         )
         hooks: list[RunHook] = [comparison, *([ReportWriter()] if report else [])]
-        return run_job(self.scenario, out, progress=progress, events=self._events(), hooks=hooks)
+        return run_job(self.scenario, out, progress=progress, events=self.events, hooks=hooks)
 
-    def _events(self) -> list[dict[str, Any]]:
+    @property
+    def events(self) -> list[dict[str, Any]]:
         """What was changed while it was recorded, but for the slots that play the log."""
         folder = self.log.path.parent
         events = read_events(folder) if (folder / "summary.json").is_file() else []

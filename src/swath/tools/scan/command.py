@@ -4,7 +4,7 @@ import argparse
 import sys
 from typing import Any
 
-from swath.terminal.options import add_scenario_options, load
+from swath.terminal.options import add_replace, add_scenario_options, load
 
 
 def add(parsers: Any) -> None:
@@ -12,6 +12,7 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("scan", help="one scan of a scenario, as a picture and a file")
     parser.add_argument("scenario", metavar="NAME|FILE", help="a bundled scenario, or a YAML file")
     add_scenario_options(parser)
+    add_replace(parser)
     parser.add_argument("--at-s", metavar="S", help="after S seconds of driving (default: where it starts)")
     parser.add_argument(
         "--format",
@@ -29,11 +30,13 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Make the scan, print where its files are."""
     from swath.core.errors import InputError
-    from swath.runtime.folder import choose_scan_folder
+    from swath.runtime.folder import choose_scan_folder, scan_of
 
     at = _seconds(args.at_s)
     scenario = _with_camera(args) if args.camera else load(args)
-    out = choose_scan_folder(scenario.name, scenario.seed, args.out)
+    out = choose_scan_folder(
+        scenario.name, scenario.seed, args.out, of=scan_of(scenario, at), replace=args.replace
+    )
     from swath.tools.scan import scan
 
     formats = None if args.format is None else [name.strip() for name in args.format.split(",")]

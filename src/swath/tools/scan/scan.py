@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.output_folder import held
-from swath.core.whole_file import new_file
+from swath.core.whole_file import new_file, write_whole
 from swath.field.memory_layout import Organ
 from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.record.message_factory import RecordedMachine
@@ -25,7 +25,7 @@ from swath.report.scan_sampler import KeptScan, ScanSampler
 from swath.report.stand3d import COLOURS, GROUND, Stand, stand_figure
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
-from swath.runtime.folder import SCAN_FILES
+from swath.runtime.folder import SCAN_FILES, SCAN_OF, scan_in, scan_of
 from swath.runtime.loop import drive
 from swath.runtime.world import Machine, World
 from swath.scenario.scenario import Scenario
@@ -243,6 +243,10 @@ def scan_job(
             tell(note)
     files: list[Path] = []
     with held(out, SCAN_FILES, "scan"):
+        if scan_in(out) not in (of := scan_of(scenario, at_s), None):
+            for file in out.glob(SCAN_FILES[0]):
+                file.unlink()
+        write_whole(out / SCAN_OF, of + "\n")
         if driven.lidar:
             scan, truth = driven.latest(driven.lidar, "scan"), driven.latest(driven.lidar, "truth")
             assert isinstance(scan, Scan)

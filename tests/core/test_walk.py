@@ -1,0 +1,125 @@
+"""Ops are walked by compiled code as they are from Python, whatever a beat is, to the bit."""
+
+import numpy as np
+import pytest
+
+import swath.compiled
+from swath.core.rows import Row, Trail, can_be_row, row_of
+from swath.core.together import Samples
+from swath.record.digest import Digest
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
+from swath.runtime.worlds import drive_together
+from swath.scenario.scenario import load_scenario
+from swath.signals import CropEdge, Inertial, MachineState, Scan, SteerCommand
+
+QUICK = ("combine.lidar.level=profile", "combine.header.level=profile", "combine.edge.level=otsu")
+SETS = {
+    "kinematic": (*QUICK, "combine.motion.level=kinematic"),
+    "single track": QUICK,
+    "parts in Python between ops": ("combine.lidar.level=empirical",),
+}
+NS = 1_000_000_000
+
+
+def world_of(sets, *more):
+    return assemble(load_scenario("straight", sets=[*sets, "run.max_duration_s=4", *more]))
+
+
+def digest_of(world, beats=()):
+    digest = Digest()
+    world.graph.observers = [digest]
+    world.reset()
+    for until in (*np.cumsum(beats).tolist(), 3.0):
+        world.graph.run(round(until * NS))
+    assert bool(world.graph.lockstep._program.members) is not swath.compiled.IS_WALKED_BY_PYTHON
+    return digest.hex
+
+
+@pytest.mark.parametrize("sets", SETS.values(), ids=SETS)
+def test_compiled_and_python_walk_the_same(sets, monkeypatch):
+    compiled = digest_of(world_of(sets))
+    draw = np.random.default_rng(1)
+    for beats in ([0.005] * 40, [0.05] * 30, draw.uniform(0.001, 0.3, 9)):
+        assert digest_of(world_of(sets), beats) == compiled
+    monkeypatch.setattr(swath.compiled, "IS_WALKED_BY_PYTHON", True)
+    assert digest_of(world_of(sets)) == compiled
+
+
+def test_a_run_that_is_saved_and_loaded_goes_on_the_same():
+    sets = SETS["single track"]
+    digest = digest_of(world_of(sets))
+    for seconds in (0.005, 0.13, 1.0):
+        world, seen = world_of(sets), Digest()
+        world.graph.observers = [seen]
+        world.reset()
+        world.graph.run(round(seconds * NS))
+        saved, kept = world.save(), seen.save()
+        other, seen = world_of(sets), Digest()
+        other.load(saved)
+        seen.load(kept)
+        other.graph.observers = [seen]
+        other.graph.run(3 * NS)
+        assert seen.hex == digest
+
+
+def test_a_distance_is_reached_at_the_same_tick(monkeypatch):
+    ends = []
+    for by_python in (False, True):
+        monkeypatch.setattr(swath.compiled, "IS_WALKED_BY_PYTHON", by_python)
+        world = world_of(SETS["kinematic"], "run.distance_m=3.3")
+        drive(world)
+        ends.append((world.graph.t, world.graph.latest("combine.motion", "state").distance))
+    assert ends[0] == ends[1]
+    assert 3.3 <= ends[0][1] < 3.33
+
+
+def test_worlds_that_end_one_after_the_other_are_each_as_alone():
+    lengths = 2.0, 3.0, 3.7
+    found = {}
+    for _, summary in drive_together([world_of(QUICK, f"run.distance_m={m}") for m in lengths]):
+        found[summary["simulated_s"]] = summary["digest"]
+    alone = {}
+    for m in lengths:
+        ((_, summary),) = drive_together([world_of(QUICK, f"run.distance_m={m}")])
+        alone[summary["simulated_s"]] = summary["digest"]
+    assert found == alone
+    assert len(found) == 3
+
+
+def test_a_row_is_its_samples():
+    draw = np.random.default_rng(2)
+    row = row_of(MachineState, 3)
+    row.memory.view(np.float64)[:] = draw.normal(size=row.memory.view(np.float64).shape)
+    row.t = 7
+    other = row_of(MachineState, 3)
+    for world, sample in enumerate(row.each()):
+        other.put(world, sample)
+    assert other.memory.tobytes() == row.memory.tobytes()
+    again = row_of(MachineState, 3)
+    again.take(Samples.joined(row.each()))
+    assert (again.memory.tobytes(), again.t) == (row.memory.tobytes(), 7)
+
+
+def test_what_cannot_be_a_row():
+    assert [can_be_row(kind) for kind in (MachineState, SteerCommand, CropEdge, Inertial)] == [True] * 4
+    assert not can_be_row(Scan)
+
+
+def test_a_trail_keeps_samples_in_order_while_it_grows():
+    row = row_of(SteerCommand, 2)
+    trail, kept = Trail(row, 2), []
+    for k in range(50):
+        row.arrays["curvature"][:] = k, -k
+        row.t = 10 * k
+        trail.append(10 * k + 1, k)
+        kept.append(k)
+        if k % 7 == 3:
+            trail.forget(2)
+            kept = kept[2:]
+    assert trail.count == len(kept)
+    found = [trail.at(k) for k in range(trail.count)]
+    assert [r.each()[1].curvature for r in found] == [-float(k) for k in kept]
+    assert [r.t for r in found] == [10 * k for k in kept]
+    assert trail.times[: trail.count].tolist() == [10 * k + 1 for k in kept]
+    assert isinstance(found[0], Row)
