@@ -69,8 +69,9 @@ def new_file(path: Path) -> Iterator[BinaryIO]:
             own = os.fstat(file.fileno())
             yield file
         if is_alone := part.exists() and os.path.samestat(own, part.stat()):
-            with open(part, "r+b", 0) as whole:
-                os.fsync(whole)  # else a crash of the system can leave the name and not what it names
+            whole = open_to_keep(part, os.O_RDWR)
+            os.fsync(whole)  # else a crash of the system can leave the name and not what it names
+            os.close(whole)
             part.replace(path)
     except BaseException:
         part.unlink(missing_ok=True)
