@@ -271,7 +271,7 @@ def test_the_help_has_every_command_once_in_a_group(capsys):
 def test_a_camera_without_a_lidar_is_seen(tmp_path, capsys):
     flags = ["--set", "combine.lidar=off", "--set", "combine.edge=truth"]
     assert main(["scan", "straight", "--camera", *flags, "--out", str(tmp_path / "s")]) == 0
-    assert sorted(os.listdir(tmp_path / "s")) == ["scan.camera.npz", "scan.camera.png"]
+    assert sorted(os.listdir(tmp_path / "s")) == ["scan.camera.npz", "scan.camera.png", "scan.of.txt"]
 
 
 DRIVING = """format: swath scenario 2

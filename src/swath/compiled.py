@@ -31,6 +31,7 @@ class Compiled(ABC):
     reads: ClassVar[Mapping[str, type[Signal]]] = {}
     hears: ClassVar[Mapping[str, type[Signal]]] = {}
     walks = True  # whether launches are all that a step takes
+    takes_signals = True
 
     def __init__(self, worlds: int, sent: Mapping[str, Row]) -> None:
         self.worlds, self.sent = worlds, sent
@@ -55,7 +56,7 @@ class Compiled(ABC):
         self._launches = self.launches()
 
     def step(self, t: int, dt: int, inputs: Given) -> Mapping[str, Samples]:
-        """A step; inputs that lie elsewhere are copied."""
+        """A step; inputs that lie elsewhere are copied, of one world signals, too."""
         if self._launches is None or not self._fits(inputs):
             rows = {
                 name: self._own(name, inputs[name]) for name in self.reads if inputs.get(name) is not None
@@ -65,11 +66,11 @@ class Compiled(ABC):
         self.clock[:] = t, t + dt, dt
         for name, row in self.given.items():
             if inputs[name] is not row:
-                row.take(inputs[name])
+                _lay(row, inputs[name])
         for name, trail in self.heard.items():
             trail.forget(trail.count)
             for sample in inputs[name] or ():
-                trail.row.take(sample)
+                _lay(trail.row, sample)
                 trail.append(sample.t)
         for stage, launch in enumerate(self._launches or ()):
             launch.launch()
@@ -101,10 +102,11 @@ class Compiled(ABC):
             for name in self.hears
         )
 
-    def _own(self, name: str, sample: Samples) -> Row:
+    def _own(self, name: str, sample: Samples | Signal) -> Row:
         """A row of their own, that inputs are copied to."""
         row = self.given.get(name)
-        return row_of(sample.kind, self.worlds) if row is None or row is sample else row
+        kind = type(sample) if isinstance(sample, Signal) else sample.kind
+        return row_of(kind, self.worlds) if row is None or row is sample else row
 
     def _long(self, name: str, samples: Sequence[Samples] | None) -> Trail:
         """The same for a history."""
@@ -132,6 +134,13 @@ class Compiled(ABC):
 
         flat = [shared(table.reshape(-1)) for table in tables]
         return repeatable(walk, flat).launch
+
+
+def _lay(row: Row, sample: Samples | Signal) -> None:
+    if isinstance(sample, Signal):
+        row.put(0, sample)
+    else:
+        row.take(sample)
 
 
 IS_WALKED_BY_PYTHON = os.environ.get("SWATH_WALK") == "python"

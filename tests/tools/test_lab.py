@@ -179,7 +179,7 @@ def test_bad_real_heights(tmp_path, text, said):
     file.write_text(text)
     with pytest.raises(InputError, match=said):
         read_measured(file)
-    with pytest.raises(InputError, match="expected a CSV file"):
+    with pytest.raises(InputError, match="expected a table, there is no such file"):
         read_measured(tmp_path / "none.csv")
 
 

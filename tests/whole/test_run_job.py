@@ -105,7 +105,12 @@ def test_several_echoes_reach_the_files_of_a_scan(tmp_path):
         f"combine.lidar.{s}" for s in ("echo=all", "within=nearest", "sub_rays=19", "sensor=sick-lms511-sr")
     ]
     scan_job(small(*sets), tmp_path / "scan", formats=["csv", "npz", "ply"])
-    assert sorted(f.name for f in (tmp_path / "scan").iterdir()) == ["scan.csv", "scan.npz", "scan.ply"]
+    assert sorted(f.name for f in (tmp_path / "scan").iterdir()) == [
+        "scan.csv",
+        "scan.npz",
+        "scan.of.txt",
+        "scan.ply",
+    ]
     data = np.load(tmp_path / "scan" / "scan.npz")
     ranges, intensity = data["ranges_m"], data["intensity"]
     assert ranges.shape == intensity.shape == (81, 5)

@@ -728,6 +728,10 @@ class Lockstep:
         """Forget a graph that was alone, and who looks on."""
         if len(self.graphs) == 1:
             self.graphs, self._watched, self._audience = (), [], {}
+            self._followers, self._looked_at = {}, None
+            for part in (rank.parts[0] for rank in self._ranks):
+                if isinstance(part, InWorlds):
+                    part.alone = None  # which holds the part
 
     def raise_error(self) -> None:
         """Raise what the part of a graph alone raised."""

@@ -64,16 +64,19 @@ class Row(Samples):
 
     def each(self) -> list[Signal]:
         """The samples of all worlds."""
-        kind, t, names, poses = self.kind, self.t, self.memory.dtype.names or (), _poses(self.kind)
-        found = []
-        for values in self.memory.tolist():
-            if poses:
-                values = [_pose(v) if name in poses else v for name, v in zip(names, values, strict=True)]
-            if names == _names(kind):
-                found.append(kind(t, *values))
-            else:
-                found.append(kind(t, **dict(zip(names, values, strict=True))))
-        return found
+        return [self._made(values) for values in self.memory.tolist()]
+
+    def of(self, world: int) -> Signal:
+        """The sample of one world."""
+        return self._made(self.memory[world].tolist())
+
+    def _made(self, values: Sequence[Any]) -> Signal:
+        kind, names, poses = self.kind, self.memory.dtype.names or (), _poses(self.kind)
+        if poses:
+            values = [_pose(v) if name in poses else v for name, v in zip(names, values, strict=True)]
+        if names == _names(kind):
+            return kind(int(self.stamp[0]), *values)
+        return kind(int(self.stamp[0]), **dict(zip(names, values, strict=True)))
 
 
 def _pose(numbers: Sequence[float]) -> Pose:

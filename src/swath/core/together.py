@@ -289,7 +289,7 @@ class OneByOne:
         """As a part's own; what a part raises is in `errors`."""
         made: list[Outputs] = []
         for world, part in enumerate(self.parts):
-            own = {name: _in_world(value, world) for name, value in inputs.items()}
+            own = {name: in_world(value, world) for name, value in inputs.items()}
             made.append(part.step(t, dt, own))
         return _joined(made)
 
@@ -307,7 +307,8 @@ def _joined(made: Sequence[Outputs]) -> dict[str, Samples]:
     return {name: Samples.joined([own[name] for own in made]) for name in made[0]}
 
 
-def _in_world(value: Any, world: int) -> Any:
+def in_world(value: Any, world: int) -> Any:
+    """An input as it is in one world."""
     if isinstance(value, Samples):
         return value.of(world)
     return tuple(sample.of(world) for sample in value) if isinstance(value, tuple) else value
@@ -331,7 +332,9 @@ class InWorlds(ABC):
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """One step of a batch of one."""
         alone = self._begun()
-        found = alone.step(t, dt, {name: _of_one(value) for name, value in inputs.items()})
+        if not getattr(alone, "takes_signals", False):
+            inputs = {name: _of_one(value) for name, value in inputs.items()}
+        found = alone.step(t, dt, inputs)
         if alone.errors:
             raise alone.errors.pop(0)
         return _first(found)

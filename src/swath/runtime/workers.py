@@ -8,6 +8,7 @@ import multiprocessing as mp
 import os
 import signal
 import sys
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -185,11 +186,23 @@ def _signals_held() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
+    before, came = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS), list[int]()
+    handlers: dict[int, Any] = {}
+    if (
+        threading.current_thread() is threading.main_thread()
+    ):  # another thread lets them in, and Python tells this one
+        found = {number: signal.getsignal(number) for number in STOPS}
+        handlers = {number: handler for number, handler in found.items() if callable(handler)}
+    for number in handlers:
+        signal.signal(number, lambda number, frame: came.append(number))
     try:
         yield
     finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for number in came:
+            signal.raise_signal(number)
 
 
 def _serve(pipe: Connection, begin: Begin[Any, Any], gate: Gate) -> None:

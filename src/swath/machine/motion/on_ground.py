@@ -10,7 +10,7 @@ from swath.core.component import State
 from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.core.rows import row_of
-from swath.core.together import Given, Samples
+from swath.core.together import Given, Samples, in_world
 from swath.kernels import Repeated, Rows, filled, of_worlds, shared
 from swath.machine.towing import refuse_reverse
 from swath.signals import EngineState, MachineState, SpeedCommand, SteerState
@@ -73,8 +73,7 @@ class OnGround(Compiled):
             return found
         for world, towed in self.towing:
             refuse_reverse(float(self.given["speed"].arrays["speed"][world]))
-            cargo = inputs.get("cargo")
-            towed.carry(None if cargo is None else cargo.of(world))
+            towed.carry(in_world(inputs.get("cargo"), world))
             towed.follow(*self.place(world))
         return self.with_trailers(t + dt)
 

@@ -22,7 +22,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.rows import row_of
 from swath.core.schedule import NS
-from swath.core.together import Given, InWorlds, Samples
+from swath.core.together import Given, InWorlds, Samples, in_world
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Repeated, repeatable, shared
@@ -309,8 +309,7 @@ class Units(Compiled):
             return super().step(t, dt, inputs)
         self._memory[:, 0] = 0.0
         found = super().step(t, dt, inputs)
-        engine = inputs.get("engine")
-        self._in_python(dt, inputs["state"], None if engine is None else engine.each())
+        self._in_python(dt, inputs["state"], inputs.get("engine"))
         return found
 
     def supply(self, stage: int) -> None:
@@ -330,13 +329,11 @@ class Units(Compiled):
         """Back to a saved moment."""
         self._units[world].load(state)
 
-    def _in_python(self, dt: int, states: Sequence[Samples], engines: Sequence[Any] | None) -> None:
+    def _in_python(self, dt: int, states: Sequence[Any], engines: Any) -> None:
         """Samples of the worlds whose states were not laid."""
-        every = [sample.each() for sample in states]
         for world in np.flatnonzero(self._memory[:, 0] == 0.0).tolist():
-            own: list[Any] = [each[world] for each in every]
-            engine = None if engines is None else engines[world]
-            self._table[world, :6] = self._units[world].step(dt, own, engine)
+            own = [in_world(state, world) for state in states]
+            self._table[world, :6] = self._units[world].step(dt, own, in_world(engines, world))
 
 
 def _six(gyro: float, accel: float) -> list[float]:

@@ -10,9 +10,8 @@ as it was.
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
-from math import atan2, cos, sin, sqrt
+from math import atan2, cos, floor, sin, sqrt
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -26,6 +25,7 @@ from swath.core.units import DEG, split_unit
 from swath.documents.data_sheets import Sheet
 from swath.documents.validation import near_miss
 from swath.field.field import Field
+from swath.field.footprint import Footprint
 from swath.field.site_setup import SiteSetup
 from swath.field_io.steer_log import SteerLog, read_steer_log
 from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine
@@ -38,6 +38,7 @@ Mask = NDArray[np.bool_]
 SETTLE = 3.0  # s: a stretch starts with wheels straight and tyres without slip, as the machine did not
 WINDOW = 10.0  # s: positions are compared over such times, place and heading at their start left free
 COARSEST = 0.05  # s between the steps of the motion
+NODE_M = 1000.0  # m between nodes of flat ground
 
 
 @dataclass(frozen=True)
@@ -53,9 +54,13 @@ class PathAlong:
 class _Level:
     """Flat ground; the machine's straw and grain are none."""
 
-    def footprint(self, points: Any, *, groups: int) -> Any:
+    def footprint(self, points: Any, *, groups: int) -> Footprint:
         """Ground height under groups of points: 0."""
-        return SimpleNamespace(means=lambda x, y, yaw: [0.0] * groups)
+
+        def around(u: float, v: float, room: float, turn: tuple[float, float]) -> tuple[int, int, Array]:
+            return floor(u) - 1, floor(v) - 1, np.zeros((4, 4))
+
+        return Footprint(points, (1.0, 0.0), NODE_M, around, groups=groups)
 
 
 def run_steering(machine: MachineSheet, log: SteerLog) -> Array:
