@@ -89,10 +89,6 @@ class Compiled(ABC):
             array = np.full(self.worlds, field_of(row, name))
         return shared(array)
 
-    def columns(self, port: str, *names: str) -> list[Any]:
-        """Fields of what was heard, (room, worlds, ...), for a kernel."""
-        return [shared(self.heard[port].memory[name]) for name in names]
-
     def _fits(self, inputs: Given) -> bool:
         """Whether inputs are connected as they were, and not longer."""
         is_same = all((inputs.get(name) is not None) == (name in self.given) for name in self.reads)

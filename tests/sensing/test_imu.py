@@ -225,4 +225,8 @@ def test_the_compiled_step_is_that_in_python_to_the_last_bit(count):
         if step == 100:  # each goes on from what the other saved
             saved = compiled.save(), python.save()
             python.load(saved[0]), compiled.load(saved[1])
+    assert (compiled.alone._memory[0, 0], python.alone._memory[0, 0]) == (
+        min(count, 2),
+        0.0,
+    )  # who made the last
     assert bits(made[0]) == bits(made[1])

@@ -15,6 +15,7 @@ from swath.machine.motion.single_track_step_kernel import (
     given,
     slipped,
     stood,
+    tell,
     turned,
 )
 
@@ -159,23 +160,9 @@ def stand_on(
         a.rim = old.rim
         a.slip = old.slip
         stands[w] = a
-        states[w, 0] = q.x
-        states[w, 1] = q.y
-        states[w, 2] = a.z
-        states[w, 3] = a.xx
-        states[w, 4] = a.xy
-        states[w, 5] = a.xz
-        states[w, 6] = a.yx
-        states[w, 7] = a.yy
-        states[w, 8] = a.yz
-        states[w, 9] = a.zx
-        states[w, 10] = a.zy
-        states[w, 11] = a.zz
-        states[w, 12] = a.speed
-        states[w, 13] = a.speed * q.side
-        states[w, 14] = a.speed * wp.tan(steered[w]) / v.wheelbase
-        states[w, 15] = steered[w]
-        states[w, 16] = q.distance
+        a.lateral = a.speed * q.side
+        a.turn = a.speed * wp.tan(steered[w]) / v.wheelbase
+        tell(states, w, a, steered[w])
     else:
         old.is_done = real(0.0)
         stands[w] = old
