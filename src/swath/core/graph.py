@@ -546,6 +546,8 @@ class Lockstep:
                 self._fail(errors)
                 program.end_with_tick()
                 self._reserve(program)
+            elif isinstance(op, EndsWorlds) and op.reasons:
+                program.end_with_tick()  # before the next one they end
             if not self.going:
                 program.give_up()
                 return

@@ -61,6 +61,8 @@ class Samples:
         makers = _makers(self.kind)
         columns = [makers[name](array) for name, array in self.arrays.items()]
         names, kind, t, alike = tuple(self.arrays), self.kind, self.t, self.alike
+        if not names:  # of one world, no field of which is written to
+            return [kind(t, **alike)]
         return [kind(t, **dict(zip(names, row, strict=True)), **alike) for row in zip(*columns, strict=True)]
 
     def copy(self) -> "Samples":

@@ -1,18 +1,18 @@
 """Drive at one speed, as long as the crop edge is seen."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
 from annotated_types import Ge, Le
 
 from swath.control.speed.edge_guard import EdgeGuards
-from swath.control.speed.guards import GUARD_INPUTS, Guarded, Guards
-from swath.core.component import Inputs, KeepsState, Outputs, Port, State
+from swath.control.speed.guards import GUARD_INPUTS, Guarded
+from swath.control.speed.obstacle_stop import ObstacleStop
+from swath.core.component import Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.together import Given, OneByOne, Samples
+from swath.core.together import Given, InWorlds, Samples, in_world
 from swath.core.units import KMH
 from swath.signals import Odometry, SpeedCommand
 from swath.signals.setup import ControlSetup
@@ -25,75 +25,57 @@ class Params(Guarded):
     speed_kmh: Annotated[float, Ge(0), Le(40)] = 7.0
 
 
-class ConstantSpeed(KeepsState):
-    """The same forward speed wherever the edge is sure."""
-
-    kept = ("_guard",)
+class ConstantSpeed(InWorlds):
+    """The same forward speed wherever the edge is sure. stop: bounds it by objects; wanted [m/s]"""
 
     inputs = (Port("odometry", Odometry, optional=True), *GUARD_INPUTS)
     outputs = (Port("command", SpeedCommand),)
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
-        self._speed = params.speed_kmh * KMH
-        self._guard = Guards(params, setup.machine)
+        self.wanted, self.guard = params.speed_kmh * KMH, params.guard
+        self.stop = ObstacleStop(params.stop, setup.machine)
 
     @classmethod
     def together(cls, parts: Sequence["ConstantSpeed"]) -> "Speeds":
         """All of them."""
         return Speeds(parts)
 
-    def reset(self, stream: Stream) -> Outputs:
-        """The command at t = 0."""
-        self._guard.reset()
-        return {"command": SpeedCommand(0, self._speed)}
-
-    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """The command that is valid at t + dt."""
-        speed = self._guard.limit(self._speed, inputs, dt)
-        return {"command": SpeedCommand(t + dt, speed)}
-
     def end_reason(self, t: int) -> str:
         """Why the run ends: the machine stopped because it no longer saw the edge."""
-        return self._guard.reason
+        return self.alone.reasons.get(0, "") if isinstance(self.alone, Speeds) else ""
 
 
-class Speeds(OneByOne):
-    """Those of many worlds; one by one where they hear of obstacles or paths."""
+class Speeds(EdgeGuards):
+    """Those of many worlds; objects are looked at one by one."""
 
     def __init__(self, parts: Sequence[ConstantSpeed]) -> None:
-        super().__init__(parts)
-        self._wanted = np.array([part._speed for part in parts])
-        self._guards = EdgeGuards([part._guard.edge for part in parts])
+        super().__init__([part.guard for part in parts], [part.wanted for part in parts])
+        self._parts = parts
 
-    @property
-    def reasons(self) -> dict[int, str]:
-        """Why worlds end, by their number."""
-        return self._guards.reasons
-
-    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
+    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """The commands at t = 0."""
-        self._guards.reset()
+        for part in self._parts:
+            part.stop.reset()
         return super().reset(streams)
 
-    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
+    def step(self, t: int, dt: int, inputs: Given) -> Mapping[str, Samples]:
         """The commands that are valid at t + dt."""
-        if inputs.get("objects") is not None or inputs.get("guidance") is not None:
-            made = super().step(t, dt, inputs)
-            for world, part in enumerate(self.parts):
-                self._guards.take(world, part._guard.edge)
-            return made
-        speed = self._guards.limit(self._wanted, inputs.get("edge"), inputs.get("odometry"), dt)
-        return {"command": Samples(SpeedCommand, t + dt, {"speed": speed})}
+        made = super().step(t, dt, inputs)
+        if (objects := inputs.get("objects")) is not None:
+            speeds, odometry = made["command"].arrays["speed"], inputs.get("odometry")
+            for world, part in enumerate(self._parts):
+                seen = in_world(objects, world), in_world(odometry, world)
+                speeds[world] = min(speeds[world], part.stop.limit(part.wanted, *seen, dt))
+        return made
 
     def save(self, world: int) -> State:
         """Everything that is needed to go on exactly."""
-        self._guards.give(world, self.parts[world]._guard.edge)
-        return super().save(world)
+        return {**super().save(world), "stop": self._parts[world].stop.save()}
 
     def load(self, world: int, state: State) -> None:
         """Back to it."""
         super().load(world, state)
-        self._guards.take(world, self.parts[world]._guard.edge)
+        self._parts[world].stop.load(state["stop"])
 
 
 LEVEL = Level(

@@ -40,15 +40,8 @@ class Guards(KeepsState):
     def limit(self, wanted: float, inputs: Inputs, dt: int) -> float:
         """The speed [m/s] that may be driven instead of a wanted one, over the next `dt` [ns]."""
         odometry = inputs.get("odometry")
-        guidance: GuidanceState | None = inputs.get("guidance")
-        is_led = guidance is not None and guidance.is_following
-        by_edge = self._edge.limit(wanted, inputs.get("edge"), odometry, dt, is_led=is_led)
+        by_edge = self._edge.limit(wanted, inputs.get("edge"), odometry, dt, inputs.get("guidance"))
         return min(by_edge, self._stop.limit(wanted, inputs.get("objects"), odometry, dt))
-
-    @property
-    def edge(self) -> EdgeGuard:
-        """That of the edge."""
-        return self._edge
 
     @property
     def reason(self) -> str:

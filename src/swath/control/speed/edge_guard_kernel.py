@@ -1,0 +1,99 @@
+"""How fast machines may drive by what they see of the crop edge, as a kernel over worlds."""
+
+import warp as wp
+
+from swath.control.speed import edge_guard
+from swath.kernels import constants
+
+wp.set_module_options({"fuse_fp": False, "enable_backward": False})
+
+Numbers = wp.array(dtype=wp.float64)
+ZERO, ONE, TWO, NS, LEAST = constants(0.0, 1.0, 2.0, 1e9, 1e-6)
+BRAKE, LAG, STANDING = constants(edge_guard.BRAKE, edge_guard.LAG, edge_guard.STANDING)
+UNSURE, BEND_M, EVEN_CHANCE = constants(edge_guard.UNSURE, edge_guard.BEND_M, edge_guard.EVEN_CHANCE)
+SLOW, IGNORE, PATH = (wp.constant(edge_guard.CHOICES.index(name)) for name in ("slow", "ignore", "path"))
+
+
+@wp.struct
+class Limits:
+    """Numbers of `Guard` in SI; when_lost: place in `CHOICES`; wanted: speed where nothing bounds it [m/s]"""
+
+    when_lost: wp.int32
+    wanted: wp.float64
+    blind_m: wp.float64
+    slow: wp.float64
+    sure: wp.float64
+    bend: wp.float64
+    room: wp.float64
+
+
+@wp.struct
+class Driven:
+    """blind: driven without knowing the edge [m]; bend: of the edge [1/m]; is_over: it stopped for that"""
+
+    blind: wp.float64
+    bend: wp.float64
+    is_over: wp.int32
+
+
+@wp.kernel
+def bound_speeds(
+    limits: wp.array(dtype=Limits),
+    driven: wp.array(dtype=Driven),
+    clock: wp.array(dtype=wp.int64),
+    needs: wp.array(dtype=wp.int32),
+    sees: wp.bool,
+    offset: Numbers,
+    confidence: Numbers,
+    curvature: Numbers,
+    seen_to: Numbers,
+    reference_x: Numbers,
+    offset_sd: Numbers,
+    measured: Numbers,
+    is_led: wp.array(dtype=wp.bool),
+    told: Numbers,
+):
+    """told: what may be driven over the next step [m/s]; needs: set where a machine stops for good"""
+    w = wp.tid()
+    p = limits[w]
+    wanted = p.wanted
+    told[w] = wanted
+    if is_led[w] and p.when_lost == PATH:
+        driven[w].blind = ZERO
+        told[w] = wp.min(wanted, p.slow)
+        return
+    if not sees or p.when_lost == IGNORE:
+        return
+    speed = wanted
+    if wp.isfinite(measured[w]):
+        speed = wp.abs(measured[w])
+    travel = ZERO
+    if speed >= STANDING:
+        travel = speed * wp.float64(clock[2]) / NS
+    is_found = confidence[w] > ZERO and wp.isfinite(offset[w])
+    is_known = is_found and not (seen_to[w] < reference_x[w]) and not (EVEN_CHANCE * offset_sd[w] > p.room)
+    blind = driven[w].blind + travel
+    if is_known:
+        blind = ZERO
+    bend = ZERO
+    if is_found and wp.isfinite(curvature[w]):
+        bend = wp.abs(curvature[w])
+    bend = driven[w].bend + wp.min(ONE, travel / BEND_M) * (bend - driven[w].bend)
+    driven[w].blind = blind
+    driven[w].bend = bend
+    most = wp.min(wanted, wp.sqrt(p.bend / wp.max(bend, LEAST)))
+    low = UNSURE * p.sure
+    trust = wp.min(wp.max((confidence[w] - low) / (p.sure - low), ZERO), ONE)
+    slow = wp.min(p.slow, wanted)
+    bound = wp.min(most, slow + trust * wp.max(wanted - slow, ZERO))
+    told[w] = bound
+    if p.when_lost == SLOW:
+        return
+    left = p.blind_m - blind - LAG * speed
+    if left <= STANDING * LAG and speed < STANDING and driven[w].is_over == 0:
+        driven[w].is_over = 1
+        needs[0] = 1
+    if blind != ZERO:
+        told[w] = ZERO
+        if left > ZERO:
+            told[w] = wp.min(bound, wp.sqrt(TWO * BRAKE * left))
