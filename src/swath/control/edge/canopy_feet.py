@@ -16,8 +16,9 @@ from swath.control.edge.canopy_offset import CanopyOffset, Rays
 from swath.control.edge.canopy_rays import RayAnswers
 from swath.control.edge.lean_ramp import LeanRamp
 from swath.control.edge.overhang import density
+from swath.control.edge.profile import EVENLY
 from swath.core.component import KeepsState
-from swath.core.portable import product
+from swath.core.portable import median, product
 from swath.signals import F64
 
 OBLIQUE = 0.09  # rad to the edge from which on its wall looks like a ramp
@@ -160,7 +161,7 @@ class CanopyFeet(KeepsState):
         clear, row, row_sd = self.rows(upright)
         aside = max(self.spacing - max(self._view - top, 0.0), self.spacing / 3.0)
         row_sd = hypot(row_sd, FLANKS * aside)
-        upright_sd = hypot(upright_sd, self.spacing / sqrt(12.0))
+        upright_sd = hypot(upright_sd, self.spacing / EVENLY)
         upright, upright_sd = mixed(clear, (row, row_sd), (upright, upright_sd))
         share, foot, _ = self.lean
         return mixed((1.0 - clear) * share, (seen * foot, FEET * abs(foot)), (upright, upright_sd))
@@ -176,4 +177,4 @@ def mixed(share: float, one: tuple[float, float], other: tuple[float, float]) ->
 def _apart(places: F64) -> float:
     """Distance of neighbouring rays where they reach the canopy, within 1 m of the edge [m]; places (n,)."""
     near = np.sort(places[np.abs(places) < 1.0])
-    return float(np.median(np.diff(near))) if len(near) > 2 else np.inf
+    return median(np.diff(near)) if len(near) > 2 else np.inf

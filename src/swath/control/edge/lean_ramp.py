@@ -13,7 +13,7 @@ from math import exp
 import numpy as np
 
 from swath.control.edge.canopy_classes import CELL, LAYER, LAYERS, LOWEST, PLACES
-from swath.core.component import KeepsState
+from swath.control.edge.profile import Clears
 from swath.signals import F64
 
 HALF = 1.2  # m to either side of the edge that are kept
@@ -35,13 +35,10 @@ _PLACE = CELL * (np.arange(_CELLS) + 0.5) - HALF
 _WALL = slice(*(round((HALF + place) / CELL) for place in WALL))
 
 
-class LeanRamp(KeepsState):
+class LeanRamp(Clears):
     """Counts of answers by place beside the edge and by layer."""
 
     kept = ("_counts", "_way")
-
-    def __init__(self) -> None:
-        self.clear()
 
     def clear(self) -> None:
         """Nothing seen."""
