@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra, some_of
-from swath.documents.json_file import read_json
+from swath.documents.geojson import read_shapes
 from swath.documents.packed import is_archive, open_archive, readable
 from swath.documents.text_file import read_bytes
 from swath.documents.xml_file import read_xml
@@ -286,20 +286,12 @@ def inside(polygon: Any, points: Array) -> NDArray[np.bool_]:
 
 
 def _from_geojson(path: Path, epsg: int | None) -> tuple[list[Shape], str, list[str]]:
-    data = read_json(path, "boundary", "GeoJSON or a polygon shapefile")
-    if not isinstance(data, dict) or "type" not in data:
-        raise InputError("boundary", None, "expected GeoJSON", file=path)
-    crs = data.get("crs")
-    name = crs.get("properties", {}).get("name", "") if isinstance(crs, dict) else ""
-    features = data["features"] if data["type"] == "FeatureCollection" else [data]
+    found, name = read_shapes(path, "boundary", "GeoJSON or a polygon shapefile")
     shapes, attributes = [], dict[str, None]()
-    for feature in features:
-        geometry = feature["geometry"] if feature.get("type") == "Feature" else feature
-        told = feature.get("properties") or {}
+    for geometry, told in found:
         attributes |= dict.fromkeys(map(str, told))
         called = next((str(v) for k, v in told.items() if k.lower() in NAMES and v), "")
-        if geometry:
-            shapes += [Shape(p, called[:60]) for p in _parts(_shapely().geometry.shape(geometry))]
+        shapes += [Shape(p, called[:60]) for p in _parts(_shapely().geometry.shape(geometry))]
     if are_records(len(shapes), list(attributes), path):
         expected = "expected an outline, each has a yield: records of a log, which a .csv or .shp holds"
         raise InputError("boundary", f"{len(shapes)} polygons", expected, file=path)

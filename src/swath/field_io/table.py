@@ -251,7 +251,7 @@ def _rows(lines: "_Lines", separator: str, path: Path) -> Iterator[tuple[int, li
         for row in reader:
             blank += lines.since_row
             lines.since_row = 0
-            if any(cell.strip() for cell in row):
+            if "".join(row).strip():
                 blank = 0
                 yield reader.line_num, row
             elif blank > LONGEST_BLANK:

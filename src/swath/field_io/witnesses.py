@@ -57,6 +57,7 @@ class Thresholds:
     places: at which the distance to the next pass is taken; more take longer and say the same
     farthest_pass, narrowest_pass [m]: to a neighbouring pass; 2.5 of the widest headers, and nearer lies the
     same one
+    nearest: records among which a pass on either side is sought, and where none is there
     parallel: cosine between two passes; beside: usual steps along, of what lies beside a record
     regular: about the median of these distances, least_regular: share of them that must lie so near
 
@@ -86,6 +87,7 @@ class Thresholds:
     fewest: int = 25
     places: int = 1500
     farthest_pass: float = 45.0
+    nearest: tuple[int, int] = (32, 1024)
     narrowest_pass: float = 1.0
     parallel: float = 0.98
     beside: float = 0.75
@@ -174,19 +176,27 @@ def _spacing(position: Array, drive: Drive, cutting: Mask, season: Indices) -> f
     forward = way / np.hypot(*way.T)[:, None]
     beside, own = AT.beside * float(np.median(drive.step)), season[drive.here[both]]
     some = np.unique(np.linspace(0, len(place) - 1, min(AT.places, len(place))).astype(int))
-    gaps: list[float] = []
-    for i, found in zip(some, cKDTree(place).query_ball_point(place[some], AT.farthest_pass), strict=True):
-        near = np.asarray(found)
-        off = place[near] - place[i]
-        across = off @ np.array([-forward[i, 1], forward[i, 0]])
-        is_pass = (np.abs(forward[near] @ forward[i]) > AT.parallel) & (own[near] == own[i])
-        is_pass &= (np.abs(off @ forward[i]) < beside) & (np.abs(across) > AT.narrowest_pass)
-        sides = (across[is_pass & (across > 0)], across[is_pass & (across < 0)])
-        gaps += [float(np.abs(side).min()) for side in sides if len(side)]
-    middle = _median(np.array(gaps))
+    tree, gaps = cKDTree(place), np.full((len(some), 2), np.inf)
+    for most in AT.nearest:
+        left = np.flatnonzero(np.isinf(gaps).any(axis=1))
+        distance, near = tree.query(
+            place[some[left]], min(most, len(place)), distance_upper_bound=AT.farthest_pass
+        )
+        row, rank = np.nonzero(np.isfinite(distance))
+        i, j = some[left[row]], near[row, rank]
+        off, ahead = place[j] - place[i], forward[i]
+        across = off[:, 1] * ahead[:, 0] - off[:, 0] * ahead[:, 1]
+        is_pass = (np.abs((forward[j] * ahead).sum(axis=1)) > AT.parallel) & (own[j] == own[i])
+        is_pass &= (np.abs((off * ahead).sum(axis=1)) < beside) & (np.abs(across) > AT.narrowest_pass)
+        is_pass &= (
+            np.hypot(across, beside) <= np.where(np.isinf(distance[:, -1]), np.inf, distance[:, -1])[row]
+        )
+        side = left[row[is_pass]], (across[is_pass] > 0.0).astype(int)
+        np.minimum.at(gaps, side, np.abs(across[is_pass]))
+    middle = _median(gaps)
     if not np.isfinite(middle):
         return np.nan
-    is_regular = (np.abs(np.array(gaps) / middle - 1.0) < AT.regular).mean() >= AT.least_regular
+    is_regular = (np.abs(gaps[np.isfinite(gaps)] / middle - 1.0) < AT.regular).mean() >= AT.least_regular
     return middle if is_regular else np.nan
 
 
