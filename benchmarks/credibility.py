@@ -18,7 +18,7 @@ from math import degrees, isfinite, nan
 from statistics import fmean
 from typing import Any
 
-from swath.core.errors import SwathError
+from swath.core.errors import InputError, SwathError
 from swath.core.units import KMH
 from swath.runtime.assembly import assemble
 from swath.runtime.credibility import Scene, outside_of, why_outside
@@ -55,7 +55,7 @@ def _slope(azimuth: float) -> Callable[[float], list[str]]:
 
 def _bend(rate: float) -> list[str]:
     """A bend of the edge at whose side the machine turns at a rate [deg/s]."""
-    radius, angle = degrees(7.0 * KMH) / rate - END_M, 40.0 if rate > 0 else -40.0
+    radius, angle = degrees(7.0 * KMH) / rate - END_M, 90.0 if rate > 0 else -90.0
     return [f"field.edge={{shape: curve, run_in_m: 12, radius_m: {abs(radius):g}, angle_deg: {angle:g}}}"]
 
 
@@ -159,8 +159,12 @@ def drive_ends(names: Sequence[str], distance: float) -> None:
     for name, own in ends().items():
         for end, slots in sorted(own.items() if not names or name in names else ()):
             for value in beside(name, end) if name in DRIVES else ():
+                try:
+                    cheap = met(name, value, CHEAP, distance=distance)
+                except InputError as error:
+                    print(f"| {name} | {', '.join(slots)} | {end:g} | {value:g} | - | - | refused: {error} |")
+                    continue
                 count += 1
-                cheap = met(name, value, CHEAP, distance=distance)
                 moved, off = abs(cheap.line - plain.line), nan
                 trusts_scanner = not {"lidar", "(lidar)"} & {*cheap.said}
                 if name not in MACHINE and (not cheap.said or ("lidar" in slots and trusts_scanner)):
