@@ -229,14 +229,7 @@ def covered_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
     halves = [0.5 * float(np.median(log.width[piece])) for piece in passes]
     own = zip(lines, halves, strict=True)
     strips = shapely.union_all([line.buffer(half, cap_style="flat") for line, half in own])
-    grow = CLOSING_WIDTHS * width
-    closed = strips.buffer(grow, join_style="mitre").buffer(-grow, join_style="mitre")
-    field = largest(closed.simplify(0.5), None)
-    notes = []
-    if field.area < 0.98 * closed.area:
-        notes.append(f"covered ground in several parts: {(closed.area - field.area) / 1e4:.2f} ha left out")
-    holes = [ring for ring in field.interiors if shapely.Polygon(ring).area >= SMALLEST_HOLE]
-    field = shapely.Polygon(field.exterior, holes)
+    field, notes = _closed(strips, width, 0.5)
     bare = 1.0 - strips.intersection(field).area / field.area
     if bare > 0.05:
         notes.append(
@@ -252,15 +245,23 @@ def mapped_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
     width = float(np.median(cleaned.log.width[kept]))
     cells = np.unique(np.floor(cleaned.log.position[kept] / width), axis=0) * width
     ground = shapely.union_all(shapely.box(*cells.T, *(cells + width).T))
+    return _closed(ground, width, 0.5 * width)
+
+
+def _closed(ground: Any, width: float, tolerance: float) -> tuple[Any, list[str]]:
+    """The largest piece of some ground, with what lies between its passes, and what was left out.
+
+    width: of the header [m]; tolerance: of the outline [m]
+    """
     grow = CLOSING_WIDTHS * width
-    closed = ground.buffer(grow, join_style="mitre").buffer(-grow, join_style="mitre").simplify(0.5 * width)
-    field = largest(closed, None)
-    holes = [ring for ring in field.interiors if shapely.Polygon(ring).area >= SMALLEST_HOLE]
-    left_out = (closed.area - field.area) / 1e4
+    closed = ground.buffer(grow, join_style="mitre").buffer(-grow, join_style="mitre").simplify(tolerance)
+    field = largest(closed)
+    left_out = closed.area - field.area
     notes = (
-        [f"ground in several parts: {left_out:.2f} ha left out"] if left_out > 0.02 * field.area / 1e4 else []
+        [f"ground in several parts: {left_out / 1e4:.2f} ha left out"] if left_out > 0.02 * field.area else []
     )
-    return shapely.Polygon(field.exterior, holes), notes
+    polygon = _shapely().Polygon
+    return polygon(field.exterior, [r for r in field.interiors if polygon(r).area >= SMALLEST_HOLE]), notes
 
 
 def long_axis(polygon: Any) -> float:

@@ -538,25 +538,22 @@ class _Bench:
         return InputError(key, f"{column.column} {said}", expected, file=self.path)
 
 
-def clock_unit(column: Column, time: Array, drive: Drive, path: Path) -> tuple[str, str]:
-    """Unit of a numeric clock by which the machine drives as machines do, and a note.
+def clock_unit(column: Column, time: Array, drive: Drive, path: Path) -> tuple[str, list[str]]:
+    """Unit of a numeric clock by which the machine drives as machines do, and notes.
 
-    time: as logged. Raises InputError for a clock that is contradicted, or none.
+    time: as logged. Raises InputError for a clock that is contradicted.
     """
     pace = drive.speed(time)
-    sizes = {u: UNITS["time"][u] for u in CLOCK_UNITS}
-    fitting = [u for u, size in sizes.items() if AT.speed[0] <= pace / size <= AT.speed[1]]
-    if not np.isfinite(pace) or column.unit in fitting:
-        return column.unit, ""
-    speeds = {u: 3.6 * pace / size for u, size in sizes.items()}
-    by = f"{column.column}: by it as {column.unit} the machine drives {speeds[column.unit]:.3g} km/h"
-    if column.is_assumed and fitting:
-        return fitting[0], f"time: {column.column} taken as {fitting[0]}: {speeds[fitting[0]]:.1f} km/h"
-    if column.is_given or outside(pace / sizes[column.unit], AT.speed) < AT.driven:
-        return column.unit, f"time: {by}"
-    better = f"time: {{unit: {fitting[0]}}}" if fitting else "time: null, for records one after the other"
-    known = "expected a clock of seconds, milliseconds, hours, days or HHMMSS"
-    raise InputError("time", by, f"{known}; say it with --columns MAP.yaml, in it {better}", file=path)
+    speeds = {u: pace / UNITS["time"][u] for u in (column.unit, *CLOCK_UNITS)}
+    fitting = [u for u, speed in speeds.items() if outside(speed, AT.speed) == 0.0]
+    unit = fitting[0] if fitting and column.is_assumed else column.unit
+    if unit != column.unit:
+        return unit, [f"time: {column.column} taken as {unit}: {3.6 * speeds[unit]:.1f} km/h"]
+    text = f"{column.column}: by it as {unit} the machine drives {3.6 * speeds[unit]:.3g} km/h"
+    better = f"{{unit: {fitting[0]}}}" if fitting else "null, for records one after the other"
+    entry = f"say its unit with --columns MAP.yaml, in it time: {better}"
+    off = outside(speeds[unit], AT.speed)
+    return unit, judge([Pair("time", text, off, 0.0, AT.driven, entry, column.is_given)], path)
 
 
 def _median(values: Array) -> float:
