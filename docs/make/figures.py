@@ -100,7 +100,7 @@ def markdown(measured: Mapping[str, str]) -> str:
             commit = _since(page, [number for number, _ in figures])
             last = NONE
         if is_dear(by):
-            last = DEAR
+            last = DEAR if last == NONE else last
         elif (commands := held_by(by)) and all(command in measured for command in commands):
             last = measured[commands[0]]
         rows.append(f"| {page} | {heading} | {len(figures)} | {by} | {commit} | {last} |")

@@ -212,21 +212,22 @@ def _is_usable(folder: Path) -> bool:
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
-            return all(_is_own(each) for each in (folder.resolve(), *folder.resolve().parents))
+            inside = (each for depth in ("*", "*/*", "*/*/*") for each in folder.glob(depth))
+            return all(map(_is_own, (folder.resolve(), *folder.resolve().parents, *inside)))
     except OSError:
         return False
 
 
 def _is_own(folder: Path) -> bool:
-    """Whether a folder is this user's or root's, and others cannot change what lies in it; in one as /tmp
-    they can only add to it. A group of the user's own name counts as the user.
+    """Whether a folder or file is this user's or root's, no link, and others cannot change what it holds; in
+    one as /tmp they can only add to it. A group of the user's own name counts as the user.
     """
     if not hasattr(os, "getuid"):
         return True
     import grp
     import pwd
 
-    about, others = folder.stat(), stat.S_IWOTH
+    about, others = folder.lstat(), stat.S_IWOTH
     with suppress(KeyError):
         others |= 0 if pwd.getpwuid(os.getuid())[0] == grp.getgrgid(about.st_gid)[0] else stat.S_IWGRP
     is_free = about.st_mode & others and not about.st_mode & stat.S_ISVTX

@@ -72,27 +72,29 @@ def drive(
 
 def along(
     level, course=None, *, metres=20.0, side="left", stand=None, speed=SPEED, seed=0, y=0.1, inside=None,
-    mounted=None, begin=0, **made,
+    mounted=None, begin=0, hz=25.0, scanner=None, **made,
 ):  # fmt: skip
     """(edges, their errors [m], > 0 to the left) of a machine that drives along its course.
 
-    level(side, mounted=..., **made) makes the detector; begin: periods that it has behind it
+    level(side, mounted=..., **made) makes the detector; begin: periods that it has behind it; hz: scans per
+    second; scanner: what it has otherwise than usual
     """
     sign = 1.0 if side == "left" else -1.0
     course = course or Course(y=6.0 * sign)
     inside = inside or (lambda x, y: -sign * course.left_of(x, y))
-    scanner = Scanner(Stand(inside, **(stand or {})), mounted or mounting(side))
+    scanner = Scanner(Stand(inside, **(stand or {})), mounted or mounting(side), **(scanner or {}))
+    period = round(1e9 / hz)
     detector, rng = level(side, mounted=mounted, **made), np.random.default_rng(seed)
     pose, edges, wrong = [0.0, course.y - 6.0 * sign + y * sign, 0.0], [], []
-    for k in range(begin, begin + round(metres / (speed * 0.04))):
+    for k in range(begin, begin + round(metres / (speed / hz))):
         yaw_rate = speed / (course.radius + course.y) if pose[0] > course.bend_at else 0.0
-        pose[2] += yaw_rate * 0.04
-        pose[0] += speed * 0.04 * np.cos(pose[2])
-        pose[1] += speed * 0.04 * np.sin(pose[2])
-        scan = scanner.scan((k + 1) * PERIOD, pose, rng)
+        pose[2] += yaw_rate / hz
+        pose[0] += speed / hz * np.cos(pose[2])
+        pose[1] += speed / hz * np.sin(pose[2])
+        scan = scanner.scan((k + 1) * period, pose, rng)
         steering = float(np.arctan(3.9 * yaw_rate / speed))
         inputs = {"scan": scan, "odometry": Odometry(0, speed, yaw_rate, steering)}
-        edge = detector.step(k * PERIOD, PERIOD, inputs)["edge"]
+        edge = detector.step(k * period, period, inputs)["edge"]
         edges.append(edge)
         wrong.append(edge.offset - course.seen_from(pose, edge.reference_x)[0])
     return edges, np.array(wrong)

@@ -46,7 +46,7 @@ def test_thin_crop_costs_confidence_before_it_costs_accuracy():
     assert confidence == sorted(confidence, reverse=True)
     assert confidence[2] < 0.85
     assert confidence[3] < 0.4  # half of the rays go on: one threshold shows the edge 12 cm off
-    assert errors(drives[3])[1] < 0.2
+    assert errors(drives[3])[1] < 0.14
 
 
 def test_low_crop_needs_the_height_step_it_was_promised():
@@ -60,7 +60,7 @@ def test_a_nearest_echo_spot_shifts_the_edge_and_known_beam_data_shift_it_back(s
     corrected = errors(drive(stand={"spot": spot}, params={"spot_mm": 1e3 * spot, "learn_m": 0.0}))[2]
     assert corrected == pytest.approx(plain - 0.5 * spot, abs=0.002)
     assert 0.3 * spot < plain < 1.2 * spot
-    assert 0.0 < corrected < 0.04  # rays of a spot meet 30 stems per metre: their end lies outside the edge
+    assert 0.01 < corrected < 0.035  # rays of a spot meet 30 stems per metre: their end lies outside the edge
 
 
 def test_a_canopy_offset_that_is_given_is_half_the_lean_times_the_crop_height():

@@ -30,3 +30,21 @@ def test_kernels_come_from_no_folder_that_others_may_write(tmp_path, monkeypatch
     planted.rename(link)
     planted.symlink_to(link)
     assert _own_temporary() != planted
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="users as of POSIX")
+@pytest.mark.parametrize("name", ["1.0", "1.0/wp_mine", "1.0/wp_mine/mine.o"])
+def test_no_folder_or_file_of_a_kernel_cache_is_written_by_others(tmp_path, monkeypatch, name):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    planted = tmp_path / f"swath-warp-{os.getuid()}"
+    (planted / "1.0" / "wp_mine").mkdir(parents=True, mode=0o755)
+    planted.chmod(0o755)
+    (planted / "1.0/wp_mine/mine.o").touch(0o644)
+    assert _own_temporary() == planted
+    inside = planted / name
+    inside.chmod(inside.stat().st_mode | 0o002)
+    assert _own_temporary() != planted
+    inside.chmod(inside.stat().st_mode & ~0o002)
+    inside.rename(tmp_path / "elsewhere")
+    inside.symlink_to(tmp_path / "elsewhere")
+    assert _own_temporary() != planted

@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("scipy")
 
 from swath.core.witness import Estimate, agreed
-from swath.field_io.delay import estimate_delays
+from swath.field_io.delay import estimate_delays, neighbour_pairs
 from swath.field_io.log import read_log
 from tests.field.drawn_logs import draw
 
@@ -40,3 +40,12 @@ def test_a_delay_is_right_or_not_known(tmp_path):
 def test_an_estimate_counts_where_its_parts_agree(parts, expected):
     found = agreed([Estimate(*part) for part in parts])
     assert (found and (found.value, found.error)) == (expected and pytest.approx(expected, rel=0.02))
+
+
+@pytest.mark.parametrize("seed", [3, 11])
+def test_a_pair_of_records_counts_once(seed, tmp_path):
+    """Counted twice, a pass that is left out would still be there."""
+    log = read_log(draw(seed).write(tmp_path / "log.csv"))
+    first, second, _ = neighbour_pairs(log)
+    pairs = {tuple(sorted(pair)) for pair in zip(first.tolist(), second.tolist(), strict=True)}
+    assert len(pairs) == len(first) > 0

@@ -7,7 +7,7 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.field.projection import origin_at
-from swath.field_io.lines import read_line
+from swath.runtime.assembly import read_line
 
 ORIGIN = origin_at(52.3, 10.4)
 LINES = [[[0.0, 0.0], [100.0, 3.0]], [[5.0, 5.0], [5.0, 60.0], [20.0, 90.0]]]

@@ -234,7 +234,7 @@ REFUSED = {
         "Width": 9 * h.one, "Yield": h.wet * 1e7}),
     "a crop that failed": (r"yield = Yield without a unit.*wheat yields 0\.9 to 18 t/ha", lambda h: {
         "Width": 9 * h.one, "Yield": h.wet}),
-    "no clock at all": (r"time = time: by it as s the machine drives .* expected a clock.*time: null",
+    "no clock at all": (r"time = time: by it as s the machine drives .* expected both to agree.*time: null",
                         lambda h: {"time": h.t * 100.0, "width_m": 9 * h.one, "flow_kg_s": h.flow}),
     "no moisture of grain": (r"moisture = Moisture without a unit", lambda h: {
         "Width": 9 * h.one, "Yield": h.wet * 10, "Moisture": 1400 * h.one}),

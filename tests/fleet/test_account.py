@@ -53,8 +53,11 @@ def test_all_grain_that_is_cut_is_somewhere_all_the_time(level, done):
     for t in np.linspace(0.0, w.ends + 100.0, 60):
         there = math.fsum(float(np.interp(t, *levels)) for levels in held.values())
         come = math.fsum(kg * min(max((t - a) / (b - a), 0.0), 1.0) for a, b, kg in cut)
-        assert there == pytest.approx(come, abs=0.5)
-    assert held["truck"][1][-1] == pytest.approx(w.schedule.harvested)
+        assert there == pytest.approx(come, abs=1e-9 * w.schedule.harvested)
+    assert held["truck"][1][-1] == pytest.approx(w.schedule.harvested, rel=1e-9)
+    assert w.mass_error <= 1e-9
+    (printed,) = [value for what, value, _ in result_rows(w) if what.startswith("mass error")]
+    assert float(printed) <= 1e-9
     for m in (*w.schedule.machines.combines, *w.schedule.machines.carts):
         most = m.tank if hasattr(m, "tank") else m.load
         assert held[m.name][1].min() >= -1e-6

@@ -128,3 +128,27 @@ def test_processes_are_started_in_one_place(calls):
         ):
             found.setdefault(file, set()).add(name)
     assert found == OWN_STARTS
+
+
+OWN_READS = {  # parts of swath itself, and what it wrote in the same command; all else of `core/read_file.py`
+    "api.py", "commands/docs.py", "commands/main.py", "commands/new.py", "commands/scenarios.py",
+    "commands/sheets.py", "core/read_file.py", "documents/packed.py", "field/cut_kernel.py",
+    "field/recount_kernel.py",
+    "fleet/command.py", "fleet/ground_kernel.py", "judge/summary.py", "kernels.py", "link/fmi/export.py",
+    "link/fmi/export_slave.py", "rays/packets/kernel.py", "rays/sight_kernel.py", "rays/single/kernel.py",
+    "replay/writer.py", "report/html.py", "sensing/native/kernel.py", "sensing/native/normals_kernel.py",
+    "sensing/native/receive_kernel.py", "tools/function_test/journal.py",
+    "tools/function_test/odd/openodd.py",
+}  # fmt: skip
+READERS = re.compile(
+    r"\.read_(?:text|bytes)\(|np\.load\(|ParquetFile\(|pq\.read_table\(|(?<!def )(?<![\w.])open\("
+)
+
+
+def test_no_reader_takes_a_path():
+    found = {
+        file.relative_to(ROOT).as_posix()
+        for file in ROOT.rglob("*.py")
+        if READERS.search(file.read_text(encoding="utf-8"))
+    }
+    assert found == OWN_READS

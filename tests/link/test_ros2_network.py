@@ -128,3 +128,15 @@ def test_what_a_stranger_sets_while_parameters_are_declared_is_checked(domain): 
         assert node.get_parameter("combine.edge.level").value == "truth"
     finally:
         close_node(node)
+
+
+@pytest.mark.parametrize("cut", [0, 9, 2000, -40])
+def test_a_cut_recording_is_not_played(tmp_path, cut):
+    from swath.core.errors import InputError
+    from swath.link.ros2.player import play
+
+    run_job(parse_scenario(CHEAP.format(seconds=1, steer="level: constant")), tmp_path / "out")
+    file = tmp_path / "cut.mcap"
+    file.write_bytes((tmp_path / "out" / "run.mcap").read_bytes()[:cut])
+    with pytest.raises(InputError, match=r"recording: expected a whole MCAP file.*cut\.mcap"):
+        play(file)

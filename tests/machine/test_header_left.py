@@ -2,6 +2,7 @@
 
 import pytest
 
+from swath.core.errors import InputError
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive
@@ -40,7 +41,7 @@ def cut_at(height, *sets):
     [
         ("combine.header=fixed_height", "field.stand.lean_deg=5"),
         ("combine.header=fixed_height", "field.stand.lean_deg=50"),
-        ("combine.header=profile", "field.stand.lean_deg=5"),
+        ("combine.header=profile", "field.stand.lean_deg=20"),
     ],
 )
 def test_from_the_ground_to_the_tip_what_is_not_taken_is_left_and_told(header, stand):
@@ -61,6 +62,11 @@ def test_from_the_ground_to_the_tip_what_is_not_taken_is_left_and_told(header, s
     for m, kept in zip(told, left, strict=True):
         assert m["header_loss_percent"] == pytest.approx(100.0 * kept / whole, abs=1e-9)
         assert m["mass_balance_error"] <= 1e-9
+
+
+def test_the_level_that_knows_no_lodged_crop_refuses_it():
+    with pytest.raises(InputError, match="expected no lodged crop"):
+        cut_at(0.5, "combine.header=profile", "field.stand.lean_deg=50")
 
 
 def test_a_lodged_crop_leaves_more_under_the_same_knife():

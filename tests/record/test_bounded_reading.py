@@ -1,6 +1,7 @@
 """Recordings are read chunk by chunk in the order of time, with little of them in memory."""
 
 import bz2
+import os
 import struct
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError
+from swath.documents import packed
 from swath.record.formats import TRACKS
 from swath.record.mcap_file import Container
 from swath.record.read.definitions import Definitions
@@ -24,6 +26,7 @@ from swath.record.read.files import open_log
 from swath.record.read.mcap_log import BROKEN, in_time_order
 from swath.record.tracks import signal_columns
 from swath.signals import MachineState
+from swath.tools.function_test.journal import TABLE, read_table, write_rows
 from tests.bags import BEGIN, KINDS, Bag
 
 MIB = 1 << 20
@@ -326,3 +329,22 @@ def test_a_standard_message_without_a_standard_field_says_so(tmp_path):
     assert getattr(message, "header", None) is None
     with pytest.raises(InputError, match="expected a field header, the definition in the file has none"):
         print(message.header.stamp)
+
+
+@pytest.mark.parametrize("held", ["pipe", "bytes", "many values"])
+def test_a_table_of_results_is_read_within_bounds(tmp_path, monkeypatch, held):
+    path = tmp_path / TABLE
+    if held == "pipe":
+        if not hasattr(os, "mkfifo"):
+            pytest.skip("pipes as of POSIX")
+        os.mkfifo(path)
+    elif held == "bytes":
+        path.write_bytes(b"PAR1" + bytes(range(60)) + b"PAR1")
+    else:
+        monkeypatch.setattr(packed, "MOST_VALUES", 0)
+        pq.write_table(pa.table({"a": pa.array([1] * 1_000_000)}), path)
+    with pytest.raises(InputError, match="results"):
+        read_table(path)
+    if held != "pipe":  # which is none of an earlier test: it is replaced
+        with pytest.raises(InputError, match="results"):
+            write_rows(tmp_path, iter(()), ())

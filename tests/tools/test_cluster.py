@@ -1,6 +1,7 @@
 """Function tests on dask: complete and the same bytes as the pool's, with a worker killed on the way."""
 
 import os
+import re
 import signal
 import socket
 import ssl
@@ -130,4 +131,11 @@ def test_other_places_are_refused_and_a_missing_extra_is_named(monkeypatch):
         pass
     for address in ("tcp://127.0.0.1:1", "ucx://node:2"):
         with pytest.raises(NotNamed, match=f"--allow-address {address}"), cluster_client(address, 1):
+            pass
+    for address in (
+        "tls://127.0.0.1:1",
+        "tls://127.0.0.1",
+        "tls://[::",
+    ):  # without certificates in dask's settings
+        with pytest.raises(InputError, match=f"--cluster = {re.escape(address)}"), cluster_client(address, 1):
             pass

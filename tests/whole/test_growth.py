@@ -124,8 +124,20 @@ def summary(count):
     return lambda: validate(_Summary, data, (), Document(data))
 
 
-GROWING = {"brackets": (brackets, 20_000), "events": (events, 2_000), "YAML": (yaml_values, 1_000),
-           "summary": (summary, 2_000)}  # fmt: skip
+def errors(text):
+    return lambda count: lambda: InputError("key", text * count, text * count)
+
+
+GROWING = {
+    "brackets": (brackets, 20_000),
+    "events": (events, 2_000),
+    "YAML": (yaml_values, 1_000),
+    "summary": (summary, 2_000),
+    "error": (errors("9"), 20_000),
+    "error of a list": (errors("name, "), 20_000),
+    "error of lists": (errors("a, b, c, d; "), 2_000),
+    "error of brackets": (errors("a (b "), 20_000),
+}
 
 
 @pytest.mark.parametrize("what", GROWING)

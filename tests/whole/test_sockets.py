@@ -1,6 +1,7 @@
 """Every socket that a command opens is in the table of SECURITY.md, at the address that it says."""
 
 import ast
+import os
 import re
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ import pytest
 
 import swath
 from swath.commands.main import main
+from tests.link.ros2_rig import domain, needs_ros2, start  # noqa: F401
 
 ROOT = Path(__file__).parents[2]
 SCENARIO = """
@@ -72,6 +74,48 @@ def test_a_command_binds_what_the_table_says_and_nothing_else(words, tmp_path, m
     line = ["run", "heard.yaml", *words.split(), "--quiet", "--no-report", "--no-replay", "--out", "out"]
     assert main(line) in (0, 1, 3)
     assert {at[0] for at in BOUND if isinstance(at, tuple)} == LINES[words]
+
+
+@pytest.mark.parametrize("words", ["box heard.yaml", "listen --count 0"])
+def test_can_binds_one_port_that_every_interface_reaches(words, tmp_path, monkeypatch):
+    pytest.importorskip("can")
+    monkeypatch.chdir(tmp_path)
+    Path("heard.yaml").write_text(SCENARIO)
+    monkeypatch.setattr("swath.link.can.box.run_box", lambda *args, **options: None)
+    BOUND.clear()
+    assert main(["can", *words.split(), "--interface", "udp_multicast", "--channel", "239.74.163.7"]) == 0
+    assert set(BOUND) == {("", 43113)}  # others' frames are dropped: tests/link/test_can_udp.py
+
+
+def opened(pid):
+    """(kind, address, port) of the internet sockets of a process, the address as the system writes it."""
+    own = {os.readlink(fd) for fd in Path(f"/proc/{pid}/fd").iterdir() if os.path.lexists(fd)}
+    files = [Path("/proc/net", kind) for kind in ("udp", "udp6", "tcp", "tcp6")]
+    rows = [(f.name, line.split()) for f in files if f.exists() for line in f.read_text().splitlines()[1:]]
+    places = [(kind, *row[1].split(":")) for kind, row in rows if f"socket:[{row[9]}]" in own]
+    return {(kind, address, int(port, 16)) for kind, address, port in places}
+
+
+class TestRos2Play:
+    pytestmark = needs_ros2
+
+    @pytest.mark.skipif(not Path("/proc/net/udp").exists(), reason="needs Linux")
+    def test_it_opens_nothing_beyond_this_machine(self, domain, tmp_path, monkeypatch):  # noqa: F811
+        monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE")
+        monkeypatch.chdir(tmp_path)
+        Path("heard.yaml").write_text(SCENARIO)
+        run = ["run", "heard.yaml", "--quiet", "--no-report", "--no-replay", "--out", "out"]
+        assert main(run) in (0, 1, 3)
+        process = start("-m", "swath", "ros2", "play", "out")
+        found = set()
+        while process.poll() is None:
+            try:
+                found |= opened(process.pid)
+            except OSError:  # it has ended since
+                continue
+        assert process.returncode == 0
+        sending = range(*map(int, Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()))
+        assert {place[:2] for place in found if place[2] not in sending} == {("udp", "0100007F")}
 
 
 def test_what_makes_sockets_is_in_the_table():

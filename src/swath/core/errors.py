@@ -11,8 +11,9 @@ MIGRATED_BY = "`swath migrate` of version 0.2 rewrites a file of version 0.1"
 LONGEST = 300
 """Characters of an error at most, whatever its input holds."""
 _LONGEST_PLACE, _LONGEST_VALUE, _LEAST_VALUE = 150, 80, 50
-_ITEM = r"[^\s,;]+(?: \([^()]*\))?"
-_LIST = re.compile(f"(?:{_ITEM}, (?!did you|or )){{3,}}{_ITEM}")  # four names or more
+_MOST_LISTS, _MOST_LIKE = 8, 2000  # lists in a text that are cut; names of one that are compared
+_ITEM = r"[^\s,;]++(?: \([^()]*+\))?"
+_LIST = re.compile(rf"(?<![^\s,;])(?:{_ITEM}, (?!did you|or )){{3,}}{_ITEM}")  # four names or more
 
 
 class SwathError(Exception):
@@ -87,13 +88,15 @@ class MissingExtra(SwathError):
 def fitted(text: str, limit: int = LONGEST, like: str = "") -> str:
     """Text of at most `limit` characters: its longest lists of names with the first of them, or those nearest
     to `like`, and the number of the others; then as `shortened`."""
-    while len(text) > limit and (runs := list(_LIST.finditer(text))):
+    for _ in range(_MOST_LISTS):
+        if len(text) <= limit or not (runs := list(_LIST.finditer(text))):
+            break
         run = max(runs, key=lambda found: len(found.group()))
         names = run.group().split(", ")
-        if like:
+        if like and len(names) <= _MOST_LIKE:
             names.sort(key=lambda name: -_likeness(name, like))
         room = limit - (len(text) - len(run.group()))
-        count = len(names) - 1
+        count = min(len(names) - 1, max(room, 1))
         while count > 1 and len(_first_of(names, count)) > room:
             count -= 1
         text = text[: run.start()] + _first_of(names, count) + text[run.end() :]

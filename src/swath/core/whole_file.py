@@ -6,6 +6,7 @@ to: a link there goes, what it leads to stays. Errors of writing name their file
 
 import io
 import os
+import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from swath.core.errors import InputError
+from swath.core.read_file import open_to_read
 
 PART = ".part"  # at the end of the name of a file that is still being written
 
@@ -85,6 +87,12 @@ def write_whole(path: Path, data: str | bytes) -> Path:
     with new_file(path) as file:
         file.write(data.encode("utf-8") if isinstance(data, str) else data)
     return path
+
+
+def copy_whole(source: Path, target: Path, key: str, what: str) -> None:
+    """Copy a file. InputError with this key, `expected what`, where it cannot be read."""
+    with open_to_read(source, key, what) as old, new_file(target) as new:
+        shutil.copyfileobj(old, new)
 
 
 def no_link(path: Path) -> Path:

@@ -15,6 +15,7 @@ from swath.core.read_file import check_readable, open_to_read
 MIB = 1 << 20
 FLOOR_BYTES = 16 * MIB  # what a file of any size may unpack to
 RATIO = 60  # unpacked bytes to packed ones above; logs and grids reach 5 to 15, padded tables 30
+MOST_VALUES, VALUES_PER_BYTE = 20_000_000, 25  # of a Parquet file: columns that do not change pack well
 LARGEST_BYTES = 1 << 30  # of an unpacked log; a season of one combine is about 1e8
 
 
@@ -89,6 +90,24 @@ def open_archive(
             yield archive
         except zipfile.BadZipFile as error:
             raise InputError(key, None, f"expected {what}: {str(error)[:120]}", file=path) from error
+
+
+@contextmanager
+def open_parquet(path: Path, key: str, what: str) -> Iterator[Any]:
+    """A Parquet file. InputError with this key where it is none, or holds more values than one of its size
+    can.
+    """
+    import pyarrow.parquet as pq
+
+    with (
+        readable(key, what, path),
+        pq.ParquetFile(check_readable(path, key, what), pre_buffer=False) as file,
+    ):
+        about = file.metadata
+        if about.num_rows * about.num_columns > MOST_VALUES + VALUES_PER_BYTE * path.stat().st_size:
+            size = f"{about.num_rows} x {about.num_columns}"
+            raise InputError(key, size, "expected fewer values in a file of its size", file=path)
+        yield file
 
 
 def read_arrays(path: Path, key: str, what: str, ratio: int = RATIO) -> dict[str, NDArray[Any]]:

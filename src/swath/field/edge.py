@@ -15,8 +15,7 @@ from pydantic import Field as PydanticField
 
 from swath.core.errors import InputError
 from swath.core.units import DEG
-from swath.documents.json_file import read_json
-from swath.documents.packed import readable
+from swath.documents.geojson import lines_of, read_shapes
 from swath.field.boundary import Region
 from swath.field.edge_defects import BrokenEdge, Gap, Teeth
 from swath.field.field_setup import FieldSetup, HasExtent, Stand, Terrain
@@ -259,14 +258,8 @@ def _track(params: TrackEdge, setup: FieldSetup, key: str) -> Array:
 
 
 def read_lines(path: Path, setup: FieldSetup, key: str = "field.edge") -> tuple[Array, ...]:
-    """World points (n, 2) [m] of every LineString of a GeoJSON file (longitude, latitude)."""
+    """World points (n, 2) [m] of every line of a GeoJSON file (longitude, latitude)."""
     if setup.to_local is None:
         raise InputError(f"{key}.file", str(path), "expected a field folder, which says where the field is")
-    features = read_json(path, f"{key}.file", "GeoJSON")
-    with readable(f"{key}.file", "GeoJSON with LineStrings", path):
-        lines = [
-            f["geometry"]["coordinates"]
-            for f in features["features"]
-            if f["geometry"]["type"] == "LineString"
-        ]
-        return tuple(np.asarray(setup.to_local([point[:2] for point in line])) for line in lines)
+    shapes, _ = read_shapes(path, f"{key}.file", "GeoJSON with LineStrings")
+    return tuple(np.asarray(setup.to_local(line)) for line in lines_of(shapes, path, f"{key}.file"))

@@ -96,8 +96,8 @@ def _clock(log: Log) -> tuple[Array, Indices, Indices]:
 
 
 def neighbour_pairs(log: Log) -> tuple[Indices, Indices, NDArray[np.bool_]]:
-    """Indices of records that lie side by side on neighbouring passes, and whether their directions are
-    opposite; of passes in one direction only those of two machines.
+    """Indices of records that lie side by side on neighbouring passes, each pair once, and whether their
+    directions are opposite; of passes in one direction only those of two machines.
     """
     try:
         from scipy.spatial import cKDTree
@@ -119,8 +119,9 @@ def neighbour_pairs(log: Log) -> tuple[Indices, Indices, NDArray[np.bool_]]:
     offset = log.position[j] - log.position[i]
     beside = np.abs((offset * forward[i]).sum(axis=1)) < 1.5
     along = (forward[i] * forward[j]).sum(axis=1)
-    i_first = log.machine[i] <= log.machine[j]
-    shown = beside & i_first & ((along < -0.95) | ((along > 0.95) & (log.machine[i] != log.machine[j])))
+    order = log.machine[j] - log.machine[i]
+    once = (order > 0) | ((order == 0) & (i < j))
+    shown = beside & once & ((along < -0.95) | ((along > 0.95) & (log.machine[i] != log.machine[j])))
     return i[shown], j[shown], along[shown] < 0.0
 
 

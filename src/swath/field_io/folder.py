@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.output_folder import check_folder, held
 from swath.core.whole_file import PART, write_whole
+from swath.documents.text_file import read_bytes
 from swath.documents.yaml_document import dump
 from swath.field.band import CROP_HEIGHT, GRAIN, GROUND, MOISTURE, STEMS
 from swath.field.projection import Origin, known_crs
@@ -89,7 +90,7 @@ class FieldFolder:
     def _repr_html_(self) -> str:
         """Of a notebook: the overview."""
         file = self.path / PICTURE
-        data = base64.b64encode(file.read_bytes()).decode() if file.is_file() else ""
+        data = base64.b64encode(read_bytes(file, "field", "a picture")).decode() if file.is_file() else ""
         return f'<b>{html.escape(self.path.name)}</b><br/><img src="data:image/png;base64,{data}"/>'
 
     @property

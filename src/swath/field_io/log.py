@@ -252,8 +252,8 @@ def _settled(
         check_order(np.arange(len(order), dtype=float), machine[order], *known[0][order].T)
     if clock is not None:
         if not unit:
-            unit, note = clock_unit(columns["time"], clock, drive, path)
-            notes += [note] if note else []
+            unit, more = clock_unit(columns["time"], clock, drive, path)
+            notes += more
         columns["time"] = replace(columns["time"], unit=unit)
         seconds = clock * UNITS["time"][unit] + day
         pace = seconds

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.field_io.clock import usable
 from swath.field_io.columns import ColumnMap, find_columns
 from swath.field_io.log import PLAUSIBLE, not_working, si_values, si_values_within
 from swath.field_io.records import declared_machines
@@ -103,29 +104,21 @@ def _clock(
 ) -> tuple[NDArray[np.int64], Array, Array, Mask]:
     """Order of the records by machine and time; then time, duration and gap in that order."""
     count = len(machine)
-    stamp = _filled(si_values_within(table, found, "time", LIMITS))
+    clock, _ = usable(si_values_within(table, found, "time", LIMITS))
     logged = si_values(table, found, "duration")
     by_record = si_values(table, found, "record")
-    key = next((k for k in (stamp, by_record) if np.isfinite(k).all()), np.arange(count, dtype=float))
+    key = by_record if np.isfinite(by_record).all() else np.arange(count, dtype=float)
+    key = key if clock is None else clock
     order = np.lexsort((key, machine))
     other = np.diff(machine[order], prepend=-1) != 0
-    if np.isfinite(stamp).all():
-        step = np.diff(stamp[order], prepend=stamp[order[:1]])
+    if clock is not None:
+        step = np.diff(clock[order], prepend=clock[order[:1]])
         gap = other | (step > LONGEST_STEP) | (step <= 0.0)
-        time = stamp[order] - stamp.min()
+        time = clock[order] - clock.min()
         return order, time, np.where(gap, 1.0, step), gap
     step = np.clip(np.nan_to_num(logged[order], nan=1.0), 0.05, 1e5)
     gap = other | (step > LONGEST_STEP)
     return order, np.cumsum(step), np.where(gap, 1.0, step), gap
-
-
-def _filled(stamp: Array) -> Array:
-    """Missing times put between their neighbours in the file, when most are there."""
-    known = np.isfinite(stamp)
-    if known.mean() < 0.5:
-        return stamp
-    row = np.arange(len(stamp), dtype=float)
-    return np.asarray(np.interp(row, row[known], stamp[known]))
 
 
 def _grade(height: Array, way: Array, gap: Mask) -> Array:

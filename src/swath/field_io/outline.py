@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra, some_of
-from swath.documents.json_file import read_json
+from swath.documents.geojson import read_shapes
 from swath.documents.packed import is_archive, open_archive, readable
 from swath.documents.text_file import read_bytes
 from swath.documents.xml_file import read_xml
@@ -229,14 +229,7 @@ def covered_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
     halves = [0.5 * float(np.median(log.width[piece])) for piece in passes]
     own = zip(lines, halves, strict=True)
     strips = shapely.union_all([line.buffer(half, cap_style="flat") for line, half in own])
-    grow = CLOSING_WIDTHS * width
-    closed = strips.buffer(grow, join_style="mitre").buffer(-grow, join_style="mitre")
-    field = largest(closed.simplify(0.5), None)
-    notes = []
-    if field.area < 0.98 * closed.area:
-        notes.append(f"covered ground in several parts: {(closed.area - field.area) / 1e4:.2f} ha left out")
-    holes = [ring for ring in field.interiors if shapely.Polygon(ring).area >= SMALLEST_HOLE]
-    field = shapely.Polygon(field.exterior, holes)
+    field, notes = _closed(strips, width, 0.5)
     bare = 1.0 - strips.intersection(field).area / field.area
     if bare > 0.05:
         notes.append(
@@ -252,15 +245,23 @@ def mapped_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
     width = float(np.median(cleaned.log.width[kept]))
     cells = np.unique(np.floor(cleaned.log.position[kept] / width), axis=0) * width
     ground = shapely.union_all(shapely.box(*cells.T, *(cells + width).T))
+    return _closed(ground, width, 0.5 * width)
+
+
+def _closed(ground: Any, width: float, tolerance: float) -> tuple[Any, list[str]]:
+    """The largest piece of some ground, with what lies between its passes, and what was left out.
+
+    width: of the header [m]; tolerance: of the outline [m]
+    """
     grow = CLOSING_WIDTHS * width
-    closed = ground.buffer(grow, join_style="mitre").buffer(-grow, join_style="mitre").simplify(0.5 * width)
-    field = largest(closed, None)
-    holes = [ring for ring in field.interiors if shapely.Polygon(ring).area >= SMALLEST_HOLE]
-    left_out = (closed.area - field.area) / 1e4
+    closed = ground.buffer(grow, join_style="mitre").buffer(-grow, join_style="mitre").simplify(tolerance)
+    field = largest(closed)
+    left_out = closed.area - field.area
     notes = (
-        [f"ground in several parts: {left_out:.2f} ha left out"] if left_out > 0.02 * field.area / 1e4 else []
+        [f"ground in several parts: {left_out / 1e4:.2f} ha left out"] if left_out > 0.02 * field.area else []
     )
-    return shapely.Polygon(field.exterior, holes), notes
+    polygon = _shapely().Polygon
+    return polygon(field.exterior, [r for r in field.interiors if polygon(r).area >= SMALLEST_HOLE]), notes
 
 
 def long_axis(polygon: Any) -> float:
@@ -286,20 +287,12 @@ def inside(polygon: Any, points: Array) -> NDArray[np.bool_]:
 
 
 def _from_geojson(path: Path, epsg: int | None) -> tuple[list[Shape], str, list[str]]:
-    data = read_json(path, "boundary", "GeoJSON or a polygon shapefile")
-    if not isinstance(data, dict) or "type" not in data:
-        raise InputError("boundary", None, "expected GeoJSON", file=path)
-    crs = data.get("crs")
-    name = crs.get("properties", {}).get("name", "") if isinstance(crs, dict) else ""
-    features = data["features"] if data["type"] == "FeatureCollection" else [data]
+    found, name = read_shapes(path, "boundary", "GeoJSON or a polygon shapefile")
     shapes, attributes = [], dict[str, None]()
-    for feature in features:
-        geometry = feature["geometry"] if feature.get("type") == "Feature" else feature
-        told = feature.get("properties") or {}
+    for geometry, told in found:
         attributes |= dict.fromkeys(map(str, told))
         called = next((str(v) for k, v in told.items() if k.lower() in NAMES and v), "")
-        if geometry:
-            shapes += [Shape(p, called[:60]) for p in _parts(_shapely().geometry.shape(geometry))]
+        shapes += [Shape(p, called[:60]) for p in _parts(_shapely().geometry.shape(geometry))]
     if are_records(len(shapes), list(attributes), path):
         expected = "expected an outline, each has a yield: records of a log, which a .csv or .shp holds"
         raise InputError("boundary", f"{len(shapes)} polygons", expected, file=path)

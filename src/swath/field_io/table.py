@@ -9,7 +9,8 @@ from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import chain, islice
+from functools import partial
+from itertools import chain, compress, islice
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -90,12 +91,12 @@ class Cells:
 
         self._blocks.append(pa.array(cells, pa.string()))
 
-    def blocks(self) -> Iterator[list[str]]:
-        """All cells in order, some at a time."""
-        return (block.to_pylist() for block in self._blocks)
-
     def __iter__(self) -> Iterator[str]:
-        return (cell for block in self.blocks() for cell in block)
+        return (cell for block in self._blocks for cell in block.to_pylist())
+
+    def numbers(self) -> Array:
+        """As numbers, nan where a cell is none."""
+        return np.concatenate([_floats(block) for block in self._blocks] or [np.zeros(0)])
 
 
 def read_table(path: Path) -> Table:
@@ -186,10 +187,11 @@ def _read_csv(start: bytes, lines: "_Lines", path: Path) -> Table:
     cells = {name: Cells() for name in header}
     numbers, wrong = array("q"), 0
     while block := list(islice(rows, ROWS_AT_ONCE)):
-        whole = [(line, row) for line, row in block if len(row) == len(header)]
-        wrong += len(block) - len(whole)
-        numbers.extend(line for line, _ in whole)
-        for name, column in zip(header, zip(*(row for _, row in whole), strict=True), strict=False):
+        whole = [len(row) == len(header) for _, row in block]
+        wrong += whole.count(False)
+        kept = zip(*(block if all(whole) else compress(block, whole)), strict=True)
+        numbers.extend(next(kept, ()))
+        for name, column in zip(header, zip(*next(kept, ()), strict=True), strict=False):
             cells[name].append(_decimal_points(column) if separator != "," else column)
     notes: tuple[str, ...] = ()
     if known and (last := header[-1]) in ("GPS status", "PDOP"):
@@ -246,15 +248,17 @@ def _header(names: list[str], line: int, path: Path) -> list[str]:
 def _rows(lines: "_Lines", separator: str, path: Path) -> Iterator[tuple[int, list[str]]]:
     """Line and cells of each row that is not blank."""
     reader = csv.reader(lines, delimiter=separator)
-    blank = 0
+    read = until = 0  # characters, and those up to the last row that is not blank
     try:
         for row in reader:
-            blank += lines.since_row
+            read += lines.since_row
             lines.since_row = 0
-            if any(cell.strip() for cell in row):
-                blank = 0
+            if read > lines.most:
+                raise InputError("log", None, "expected less unpacked from a file of its size", file=path)
+            if "".join(row).strip():
+                until = read
                 yield reader.line_num, row
-            elif blank > LONGEST_BLANK:
+            elif read - until > LONGEST_BLANK:
                 expected = f"expected rows, here are {LONGEST_BLANK} characters without one"
                 raise InputError("log", None, expected, file=path, line=reader.line_num)
     except csv.Error as error:
@@ -262,24 +266,20 @@ def _rows(lines: "_Lines", separator: str, path: Path) -> Iterator[tuple[int, li
 
 
 class _Lines:
-    """Lines of a text; InputError for a row or a whole that is longer than a log's. since_row: characters."""
+    """Lines of a text; InputError for a row that is longer than a log's. most: characters of the whole;
+    since_row: of the row that is being read
+    """
 
     def __init__(self, text: TextIO, path: Path, most: int) -> None:
         self._text, self._path = text, path
-        self._left, self._line, self.since_row = most, 0, 0
+        self.most, self.since_row = most, 0
 
     def __iter__(self) -> Iterator[str]:
-        while line := self._text.readline(LONGEST_ROW + 1):
-            self._line += 1
-            self._left -= len(line)
+        for number, line in enumerate(iter(partial(self._text.readline, LONGEST_ROW + 1), ""), 1):
             self.since_row += len(line)
             if self.since_row > LONGEST_ROW:
                 expected = f"expected rows of at most {LONGEST_ROW} characters"
-                raise InputError("log", None, expected, file=self._path, line=self._line)
-            if self._left < 0:
-                raise InputError(
-                    "log", None, "expected less unpacked from a file of its size", file=self._path
-                )
+                raise InputError("log", None, expected, file=self._path, line=number)
             yield line.replace("\x00", "\ufffd")
 
 
@@ -299,12 +299,22 @@ def _read_shapefile(path: Path) -> Table:
 def to_numbers(values: Iterable[Any]) -> Array:
     """Numbers of cells, nan where a cell is none. Dates and truth values are not numbers."""
     if isinstance(values, Cells):
-        return np.concatenate([to_numbers(block) for block in values.blocks()] or [np.zeros(0)])
+        return values.numbers()
     values = list(values)
     try:
         return np.array(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
         return np.array([_number(v) for v in values], dtype=float)
+
+
+def _floats(block: Any) -> Array:
+    """A block of cells as numbers; what only Python reads, blanks around them too, by Python."""
+    import pyarrow as pa
+
+    try:
+        return np.array(block.cast(pa.float64()))
+    except pa.ArrowInvalid:
+        return to_numbers(block.to_pylist())
 
 
 def _number(value: Any) -> float:

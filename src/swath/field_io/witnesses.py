@@ -57,6 +57,7 @@ class Thresholds:
     places: at which the distance to the next pass is taken; more take longer and say the same
     farthest_pass, narrowest_pass [m]: to a neighbouring pass; 2.5 of the widest headers, and nearer lies the
     same one
+    nearest: records among which a pass on either side is sought, and where none is there
     parallel: cosine between two passes; beside: usual steps along, of what lies beside a record
     regular: about the median of these distances, least_regular: share of them that must lie so near
 
@@ -86,6 +87,7 @@ class Thresholds:
     fewest: int = 25
     places: int = 1500
     farthest_pass: float = 45.0
+    nearest: tuple[int, int] = (32, 1024)
     narrowest_pass: float = 1.0
     parallel: float = 0.98
     beside: float = 0.75
@@ -174,19 +176,27 @@ def _spacing(position: Array, drive: Drive, cutting: Mask, season: Indices) -> f
     forward = way / np.hypot(*way.T)[:, None]
     beside, own = AT.beside * float(np.median(drive.step)), season[drive.here[both]]
     some = np.unique(np.linspace(0, len(place) - 1, min(AT.places, len(place))).astype(int))
-    gaps: list[float] = []
-    for i, found in zip(some, cKDTree(place).query_ball_point(place[some], AT.farthest_pass), strict=True):
-        near = np.asarray(found)
-        off = place[near] - place[i]
-        across = off @ np.array([-forward[i, 1], forward[i, 0]])
-        is_pass = (np.abs(forward[near] @ forward[i]) > AT.parallel) & (own[near] == own[i])
-        is_pass &= (np.abs(off @ forward[i]) < beside) & (np.abs(across) > AT.narrowest_pass)
-        sides = (across[is_pass & (across > 0)], across[is_pass & (across < 0)])
-        gaps += [float(np.abs(side).min()) for side in sides if len(side)]
-    middle = _median(np.array(gaps))
+    tree, gaps = cKDTree(place), np.full((len(some), 2), np.inf)
+    for most in AT.nearest:
+        left = np.flatnonzero(np.isinf(gaps).any(axis=1))
+        distance, near = tree.query(
+            place[some[left]], min(most, len(place)), distance_upper_bound=AT.farthest_pass
+        )
+        row, rank = np.nonzero(np.isfinite(distance))
+        i, j = some[left[row]], near[row, rank]
+        off, ahead = place[j] - place[i], forward[i]
+        across = off[:, 1] * ahead[:, 0] - off[:, 0] * ahead[:, 1]
+        is_pass = (np.abs((forward[j] * ahead).sum(axis=1)) > AT.parallel) & (own[j] == own[i])
+        is_pass &= (np.abs((off * ahead).sum(axis=1)) < beside) & (np.abs(across) > AT.narrowest_pass)
+        is_pass &= (
+            np.hypot(across, beside) <= np.where(np.isinf(distance[:, -1]), np.inf, distance[:, -1])[row]
+        )
+        side = left[row[is_pass]], (across[is_pass] > 0.0).astype(int)
+        np.minimum.at(gaps, side, np.abs(across[is_pass]))
+    middle = _median(gaps)
     if not np.isfinite(middle):
         return np.nan
-    is_regular = (np.abs(np.array(gaps) / middle - 1.0) < AT.regular).mean() >= AT.least_regular
+    is_regular = (np.abs(gaps[np.isfinite(gaps)] / middle - 1.0) < AT.regular).mean() >= AT.least_regular
     return middle if is_regular else np.nan
 
 
@@ -528,25 +538,22 @@ class _Bench:
         return InputError(key, f"{column.column} {said}", expected, file=self.path)
 
 
-def clock_unit(column: Column, time: Array, drive: Drive, path: Path) -> tuple[str, str]:
-    """Unit of a numeric clock by which the machine drives as machines do, and a note.
+def clock_unit(column: Column, time: Array, drive: Drive, path: Path) -> tuple[str, list[str]]:
+    """Unit of a numeric clock by which the machine drives as machines do, and notes.
 
-    time: as logged. Raises InputError for a clock that is contradicted, or none.
+    time: as logged. Raises InputError for a clock that is contradicted.
     """
     pace = drive.speed(time)
-    sizes = {u: UNITS["time"][u] for u in CLOCK_UNITS}
-    fitting = [u for u, size in sizes.items() if AT.speed[0] <= pace / size <= AT.speed[1]]
-    if not np.isfinite(pace) or column.unit in fitting:
-        return column.unit, ""
-    speeds = {u: 3.6 * pace / size for u, size in sizes.items()}
-    by = f"{column.column}: by it as {column.unit} the machine drives {speeds[column.unit]:.3g} km/h"
-    if column.is_assumed and fitting:
-        return fitting[0], f"time: {column.column} taken as {fitting[0]}: {speeds[fitting[0]]:.1f} km/h"
-    if column.is_given or outside(pace / sizes[column.unit], AT.speed) < AT.driven:
-        return column.unit, f"time: {by}"
-    better = f"time: {{unit: {fitting[0]}}}" if fitting else "time: null, for records one after the other"
-    known = "expected a clock of seconds, milliseconds, hours, days or HHMMSS"
-    raise InputError("time", by, f"{known}; say it with --columns MAP.yaml, in it {better}", file=path)
+    speeds = {u: pace / UNITS["time"][u] for u in (column.unit, *CLOCK_UNITS)}
+    fitting = [u for u, speed in speeds.items() if outside(speed, AT.speed) == 0.0]
+    unit = fitting[0] if fitting and column.is_assumed else column.unit
+    if unit != column.unit:
+        return unit, [f"time: {column.column} taken as {unit}: {3.6 * speeds[unit]:.1f} km/h"]
+    text = f"{column.column}: by it as {unit} the machine drives {3.6 * speeds[unit]:.3g} km/h"
+    better = f"{{unit: {fitting[0]}}}" if fitting else "null, for records one after the other"
+    entry = f"say its unit with --columns MAP.yaml, in it time: {better}"
+    off = outside(speeds[unit], AT.speed)
+    return unit, judge([Pair("time", text, off, 0.0, AT.driven, entry, column.is_given)], path)
 
 
 def _median(values: Array) -> float:

@@ -23,7 +23,7 @@ from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.core.errors import InputError
 from swath.documents.data_sheets import find_sheet
-from swath.documents.json_file import read_json
+from swath.documents.geojson import lines_of, read_shapes
 from swath.documents.validation import near_miss, validate
 from swath.documents.yaml_document import Document, read_document
 from swath.scenario.overrides import change_of, put
@@ -31,7 +31,6 @@ from swath.scenario.section_reader import NAME
 
 FORMAT = "swath fleet 1"
 SIMPLER = 0.3  # m, within which points of an outline from a file are left out
-LINES = ("LineString", "MultiLineString")
 AREAS = ("Polygon", "MultiPolygon", "GeometryCollection")
 SQUARE = 10.0  # m, side of those in which the yield of a log is averaged, about a header wide
 SHORT = 1.0  # m between the ends of a line, below which it has no direction
@@ -371,9 +370,9 @@ def read_field(path: Path, header: float) -> FileField:
     if path.suffix.lower() not in (".geojson", ".json", ".kml", ".kmz") and is_taskdata(path):
         return _of_taskdata(path)
     is_json = path.suffix.lower() in (".geojson", ".json")
-    shapes = _shapes(path) if is_json else []
-    lines = _lines(path, shapes)
-    if lines and not any(shape["type"] in AREAS for shape in shapes):
+    shapes = read_shapes(path, "field.file")[0] if is_json else []
+    lines = lines_of(shapes, path, "field.file")
+    if lines and not any(shape["type"] in AREAS for shape, _ in shapes):
         return _along(_under(lines, header), lines, "lines")
     outlines = read_outlines(path)
     return _along(FileField(outlines.areas, outlines.epsg, notes=outlines.notes), lines, "lines")
@@ -429,32 +428,6 @@ def _under(lines: list[Any], header: float) -> FileField:
     largest = max(ground, key=lambda part: part.area)
     said = f"the file has no outline: the field is the {largest.area / 1e4:.2f} ha under its lines"
     return FileField((largest,), epsg, notes=(said,))
-
-
-def _shapes(path: Path) -> list[dict[str, Any]]:
-    """Geometries of a GeoJSON file."""
-    data = read_json(path, "field.file", "GeoJSON")
-    features = data.get("features", [data]) if isinstance(data, dict) else []
-    if not isinstance(features, list):
-        return []
-    shapes = [f.get("geometry", f) for f in features if isinstance(f, dict)]
-    return [shape for shape in shapes if isinstance(shape, dict) and isinstance(shape.get("type"), str)]
-
-
-def _lines(path: Path, shapes: list[dict[str, Any]]) -> list[Any]:
-    """Points (n, 2) of each line of some geometries [deg]."""
-    found: list[Any] = []
-    try:
-        for shape in shapes:
-            if shape["type"] in LINES:
-                parts = shape.get("coordinates") or []
-                found += parts if shape["type"] == LINES[1] else [parts]
-        lines = [np.array([p[:2] for p in line], float) for line in found if len(line) >= 2]
-    except (TypeError, ValueError, IndexError):
-        lines = [np.full((2, 2), math.inf)]
-    if any(line.shape != (len(line), 2) or not (np.abs(line) <= (180.0, 90.0)).all() for line in lines):
-        raise InputError("field.file", str(path), "expected lines of longitude and latitude", file=path)
-    return lines
 
 
 def read_log_field(path: Path) -> FileField:

@@ -18,12 +18,11 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError, SwathError
-from swath.core.read_file import check_readable
 from swath.core.schedule import NS
 from swath.core.signal import TrackColumn, quantities, signal_types
 from swath.core.unnamed_file import UnnamedFile
 from swath.core.whole_file import new_file
-from swath.documents.packed import readable
+from swath.documents.packed import open_parquet
 from swath.record.formats import TRACKS, check_format
 from swath.record.message_factory import RecordedMachine
 from swath.signals import MachineState, Signal
@@ -34,7 +33,6 @@ Rows = Mapping[str, np.ndarray]  # columns of a table, or of a piece of it, (row
 STORED = 1 << 16  # numbers that are kept in memory; those before lie in a file that has no name
 PIECE = 1 << 14  # rows that are read or written together
 SHOWN_ROWS = 1 << 14  # of a machine, of which pages are made: what they show has no more points
-MOST_VALUES, VALUES_PER_BYTE = 20_000_000, 25  # that a file may hold: columns that do not change pack well
 
 
 @dataclass(frozen=True)
@@ -374,16 +372,7 @@ def track_pieces(path: Path) -> Iterator[dict[str, np.ndarray]]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    import pyarrow.parquet as pq
-
-    with (
-        readable("tracks", "a tracks.parquet", path),
-        pq.ParquetFile(check_readable(path, "tracks", "a tracks.parquet"), pre_buffer=False) as file,
-    ):
-        about = file.metadata
-        if about.num_rows * about.num_columns > MOST_VALUES + VALUES_PER_BYTE * path.stat().st_size:
-            size = f"{about.num_rows} x {about.num_columns}"
-            raise InputError("tracks", size, "expected fewer values in a file of its size", file=path)
+    with open_parquet(path, "tracks", "a tracks.parquet") as file:
         schema = file.schema_arrow
         check_format((schema.metadata or {}).get(b"format", b"").decode(), TRACKS, path)
         written = ["machine", *(c.name for c in signal_columns(MachineState, MachineState))]

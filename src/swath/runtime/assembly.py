@@ -32,6 +32,7 @@ from swath.core.graph import Graph, Node
 from swath.core.portable import product
 from swath.core.random import Stream
 from swath.core.schedule import Slot, from_hz
+from swath.documents.geojson import lines_of, read_shapes
 from swath.field.field import Field
 from swath.field.memory_layout import Solids
 from swath.field.projection import Origin
@@ -357,7 +358,7 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     section, site = place.section, place.site
     period = from_hz(choice.common.rate_hz) * 1e-9
     mountings, height = _mountings(place, choice), site.field.seen_height
-    side, lines = section.common.edge_side, partial(_read_line, site.origin)
+    side, lines = section.common.edge_side, partial(read_line, site.origin)
     rows = site.field.library.row_spacing
     control = ControlSetup(place.sheet, mountings, side, period, height, lines, rows)
     if choice.found.is_link:
@@ -373,10 +374,18 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     return _site_setup(place, period, choice.common.peer)
 
 
-def _read_line(origin: Origin | None, file: str, index: int) -> F64:
-    from swath.field_io.lines import read_line
+def read_line(origin: Origin | None, file: str, index: int) -> F64:
+    """The n-th line of a GeoJSON file, in the order in which they stand in it: points (n, 2) of the field's
+    frame [m].
 
-    return read_line(origin, file, index)
+    origin: of the field on Earth. InputError where there is none, or no such line
+    """
+    if origin is None:
+        raise InputError("file", file, "expected a field that lies on Earth, with an origin")
+    lines = lines_of(read_shapes(Path(file), "file")[0], Path(file), "file")
+    if index >= len(lines):
+        raise InputError("line", index, f"expected less than the {len(lines)} lines of the file")
+    return origin.to_local(lines[index])
 
 
 def _site_setup(place: _Place, period: float, peer: str | None = None) -> SiteSetup:

@@ -7,7 +7,6 @@ saved: who goes on copies the beginning of theirs.
 `SavesField` is the run hook of `swath run --save-field`.
 """
 
-import shutil
 import time
 import zlib
 from collections.abc import Iterator, Mapping
@@ -20,7 +19,7 @@ from swath.core.errors import InputError, SwathError
 from swath.core.packed_state import MAGIC, UnpackableState, pack, unpack
 from swath.core.read_file import open_to_read
 from swath.core.schedule import NS
-from swath.core.whole_file import new_file, open_to_append, own_folder, write_whole
+from swath.core.whole_file import copy_whole, open_to_append, own_folder, write_whole
 from swath.field.state_file import write_state
 from swath.runtime.field_state import about
 from swath.runtime.folder import PAGES, SAVED, SAVES
@@ -219,11 +218,7 @@ def copy_saves(source: Path, target: Path, until: int) -> list[int]:
     """Copy saves up to a time [ns] from a run folder to another; returns their times."""
     times = [t for t in saves_in(source) if t <= until]
     for name in [*(f"{t}{SAVED}" for t in times), *([PAGES] if times else [])]:
-        with (
-            open_to_read(source / SAVES / name, "save", "a save") as read,
-            new_file(target / SAVES / name) as written,
-        ):
-            shutil.copyfileobj(read, written)
+        copy_whole(source / SAVES / name, target / SAVES / name, "save", "a save")
     return times
 
 

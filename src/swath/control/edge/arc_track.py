@@ -13,7 +13,7 @@ from math import cos, sin
 import numpy as np
 
 from swath.control.edge.canopy_rays import EdgeFrame
-from swath.core.component import KeepsState
+from swath.control.edge.profile import Clears
 from swath.core.packed_state import saved_type
 from swath.core.portable import product
 from swath.signals import F64
@@ -22,6 +22,8 @@ BEND_STEP = 0.02  # 1/m per sqrt(m): how fast the bend of an edge changes
 ANGLE_STEP = 0.01  # rad per sqrt(m), of a ragged one
 CLIP = 2.0  # standard deviations that an innovation may count
 KEPT = 12  # earlier states
+MOST_BENT = 0.2  # 1/m
+SAME = 1e-6  # m along an edge: one place
 _ONE = np.eye(3)
 
 
@@ -70,7 +72,7 @@ class Arc:
         covariance = product(product(left, p), left.T) + variance * np.outer(gain, gain)
         x = self.x - float(move[0]) * np.sin(self.angle)
         u = self.u + float(move[0]) * np.cos(self.angle)
-        bend = min(max(self.bend + float(move[2]), -0.2), 0.2)
+        bend = min(max(self.bend + float(move[2]), -MOST_BENT), MOST_BENT)
         return Arc(float(x), float(u), float(self.angle + move[1]), bend, covariance, self.way, 0.0)
 
     def beside(self, aside: float) -> tuple[float, float]:
@@ -84,13 +86,10 @@ class Arc:
         return EdgeFrame(c * dx + s * du, c * du - s * dx, self.angle - angle, self.bend)
 
 
-class ArcTrack(KeepsState):
+class ArcTrack(Clears):
     """An arc and what it was before. arc: None = no edge."""
 
     kept = ("arc", "_past")
-
-    def __init__(self) -> None:
-        self.clear()
 
     def clear(self) -> None:
         """No edge."""
@@ -126,7 +125,7 @@ class ArcTrack(KeepsState):
         if not self._past:
             return
         arc = self._past[-1]
-        for x, u, variance, there in points[points[:, -1] > arc.way + 1e-6].tolist():
+        for x, u, variance, there in points[points[:, -1] > arc.way + SAME].tolist():
             at = arc.frame(x, u, arc.angle)
             arc = arc.ahead(-at.x)
             arc = replace(arc, way=there).corrected(-arc.frame(x, u, arc.angle).u, variance + noise)
@@ -136,6 +135,6 @@ class ArcTrack(KeepsState):
 
     def rewind(self, arc: Arc, way: float) -> None:
         """Back to before a way along the edge [m], and on as an arc from where the last block fitted."""
-        while self._past and self._past[-1].way > way + 1e-6:
+        while self._past and self._past[-1].way > way + SAME:
             self._past.pop()
         self.arc = replace(arc, unseen=arc.way - way)

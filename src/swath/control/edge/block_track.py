@@ -9,7 +9,7 @@ from math import isfinite, tan
 
 import numpy as np
 
-from swath.control.edge.arc_track import KEPT, Arc, ArcTrack
+from swath.control.edge.arc_track import KEPT, SAME, Arc, ArcTrack
 from swath.control.edge.blocks import Block, Found, find_edge, split
 from swath.control.edge.broken_line import carried_on
 from swath.control.edge.canopy_classes import HEADROOM
@@ -364,7 +364,7 @@ class BlockTrack(KeepsState):
             self.points.rows, self.track.arc, min(scatter for _, scatter, _ in self._scatters)
         )
         self.track.rewind(arc, last)
-        way = last + 1e-6
+        way = last + SAME
         self.points.doubt(way)
         while self._scatters and self._scatters[-1][0] >= way:
             _, self.scatter, self.jagged.variance = self._scatters.pop()

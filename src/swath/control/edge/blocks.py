@@ -9,30 +9,29 @@ import numpy as np
 
 from swath.control.edge.canopy_classes import CELL, CLASSES, DUST, HALF, LAYERS, NOTHING, PLACES
 from swath.control.edge.canopy_rays import RayAnswers
-from swath.core.component import KeepsState
+from swath.control.edge.profile import Clears
 from swath.core.portable import exp, log, product
 from swath.signals import F64
 
 EDGES = -HALF + CELL * np.arange(PLACES + 1)
 WINDOW = 2.5  # m to either side of the expected edge whose rays count for a known edge
 ALIKE = 0.24  # m of travel from one look at the stand to another that is independent of it
+NONE = 1e-12  # in the place of no counts
 FINEST = 0.015  # m, standard deviation that no block falls below
+FEWEST = 30.0  # rays to either side of an edge
 CLEAR = 0.35  # m beside the edge from which on a ray belongs to one side
 # layers that count as one while nothing is known: the stubble, whose plane is not known well, then pairs
 _MERGED = np.array([0, *range(8, LAYERS, 2), DUST, NOTHING])
 _WITHIN = slice(round((HALF - WINDOW) / CELL), round((HALF + WINDOW) / CELL) + 1)
 
 
-class Block(KeepsState):
+class Block(Clears):
     """Counts (PLACES, CLASSES) of rays beside a frame, and how far along it they lie.
 
     solid: of the same, echoes that were there a scan before
     """
 
     kept = ("counts", "solid", "travel", "_along", "_rays", "_scans")
-
-    def __init__(self) -> None:
-        self.clear()
 
     def clear(self) -> None:
         """No rays."""
@@ -131,7 +130,7 @@ def split(block: Block, expected: float, spread: float) -> tuple[float, float, F
     gain -= np.count_nonzero(total)
     place = EDGES[4:-1:4]
     rays = below.sum(axis=1), above.sum(axis=1)
-    gain[(rays[0] < 30.0) | (rays[1] < 30.0)] = -np.inf
+    gain[(rays[0] < FEWEST) | (rays[1] < FEWEST)] = -np.inf
     weighed = gain - 0.5 * ((place - expected) / spread) ** 2
     best = float(place[int(np.argmax(weighed))])
     first = round((best + HALF) / CELL)
@@ -141,7 +140,7 @@ def split(block: Block, expected: float, spread: float) -> tuple[float, float, F
 def _entropy(counts: F64) -> F64:
     """Log-likelihood [nat] of rows of counts under their own shares."""
     total = counts.sum(axis=1, keepdims=True)
-    return np.asarray((counts * log(np.maximum(counts, 1e-12) / np.maximum(total, 1e-12))).sum(axis=1))
+    return np.asarray((counts * log(np.maximum(counts, NONE) / np.maximum(total, NONE))).sum(axis=1))
 
 
 def _between(counts: F64, low: float, high: float) -> F64:

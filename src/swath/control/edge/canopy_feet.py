@@ -10,12 +10,14 @@ from math import atan2, cos, exp, hypot, pi, sin, sqrt
 
 import numpy as np
 
+from swath.control.edge.blocks import ALIKE as ALONE
 from swath.control.edge.blocks import WINDOW
 from swath.control.edge.canopy_classes import CELL, HALF, LAYER, LAYERS, LIMIT, LOWEST, PLACES
 from swath.control.edge.canopy_offset import CanopyOffset, Rays
 from swath.control.edge.canopy_rays import RayAnswers
 from swath.control.edge.lean_ramp import LeanRamp
 from swath.control.edge.overhang import density
+from swath.control.edge.profile import EVENLY
 from swath.core.component import KeepsState
 from swath.core.portable import product
 from swath.signals import F64
@@ -27,7 +29,6 @@ MOST = 0.19  # of the crop's height
 STEEP, STEEPER = 0.2, 0.35  # tangents of a lean inward that may be, and is, beyond doubt
 ROLL = 0.35  # slope of a ramp that upright plants feign, per rise across the edge
 ACROSS, ALONG = 0.6, 0.03  # the same per rad at which rays go into the crop, from so many on: they soak in
-FINE, COARSE = 0.07, 5.0  # the same per m by which the rays of a scan lie farther apart than that
 TOPS = 0.9  # of the crop's height, from which on echoes are of tops
 APART, ALIKE = 0.3, 8.0  # m from row to row: nearer ones are a closed stand; m along which rows go alike
 FLANKS = 0.15  # of their spacing: by how much rows seen from the side seem nearer; a third of it from above
@@ -90,8 +91,9 @@ class CanopyFeet(KeepsState):
         if abs(angle) < OBLIQUE:
             self._ramp.add(counts, edge)
         feigned = ROLL * abs(scans[-1].rise) + ACROSS * max(scans[-1].across - ALONG, 0.0)
-        feigned += COARSE * max(_apart(scans[-1].upper - edge) - FINE, 0.0)
-        self.lean = self._ramp.foot(height, self._overhang(height), feigned)
+        self.lean = self._ramp.foot(
+            height, self._overhang(height), max(1.0, len(scans) * ALONE / max(travel, ALONE)), feigned
+        )
 
     def _look_for_rows(self, counts: F64, edge: float, travel: float, height: float, heading: float) -> None:
         """Rows run straight: an edge that turned away from them goes across, and its plants agree by that."""
@@ -160,7 +162,7 @@ class CanopyFeet(KeepsState):
         clear, row, row_sd = self.rows(upright)
         aside = max(self.spacing - max(self._view - top, 0.0), self.spacing / 3.0)
         row_sd = hypot(row_sd, FLANKS * aside)
-        upright_sd = hypot(upright_sd, self.spacing / sqrt(12.0))
+        upright_sd = hypot(upright_sd, self.spacing / EVENLY)
         upright, upright_sd = mixed(clear, (row, row_sd), (upright, upright_sd))
         share, foot, _ = self.lean
         return mixed((1.0 - clear) * share, (seen * foot, FEET * abs(foot)), (upright, upright_sd))
@@ -171,9 +173,3 @@ def mixed(share: float, one: tuple[float, float], other: tuple[float, float]) ->
     rest = 1.0 - share
     variance = share * one[1] ** 2 + rest * other[1] ** 2 + share * rest * (one[0] - other[0]) ** 2
     return share * one[0] + rest * other[0], sqrt(variance)
-
-
-def _apart(places: F64) -> float:
-    """Distance of neighbouring rays where they reach the canopy, within 1 m of the edge [m]; places (n,)."""
-    near = np.sort(places[np.abs(places) < 1.0])
-    return float(np.median(np.diff(near))) if len(near) > 2 else np.inf

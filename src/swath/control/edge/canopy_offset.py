@@ -19,7 +19,7 @@ import numpy as np
 
 from swath.core.component import KeepsState
 from swath.core.portable import exp, geomspace
-from swath.kernels import repeatable, start_warp
+from swath.kernels import repeatable, shared
 from swath.signals import F64
 
 REACHED = 0.9  # share of the rays within the stand that are stopped above the height that is watched
@@ -165,12 +165,11 @@ class CanopyOffset(KeepsState):
             return
         from swath.control.edge.canopy_offset_kernel import score_shifts
 
-        wp = start_warp()
         self._depth, self._counts = np.zeros(1), np.zeros((2, len(self._middle)))
         shape = len(self._spreads), len(self._shifts)
         self._score, logs = np.zeros(shape), np.zeros((2, len(self._there)))
         given = (self._depth, np.array([STRAY]), _MET, self._chance, self._there, self._which)
-        arrays = [wp.array(a, device="cpu", copy=False) for a in (*given, self._counts, logs, self._score)]
+        arrays = [shared(a) for a in (*given, self._counts, logs, self._score)]
         self._launch = repeatable(score_shifts, arrays).launch
 
 

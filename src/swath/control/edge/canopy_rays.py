@@ -14,14 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.control.edge.canopy_classes import GROUND_REACH, GROUND_SPREAD
+from swath.control.edge.profile import Clears
 from swath.control.edge.silent_beams import SilentBeams
 from swath.core.component import KeepsState, State
 from swath.core.frames import Pose
 from swath.core.packed_state import saved_type
-from swath.kernels import Row, filled, repeatable, start_warp
+from swath.kernels import Row, filled, repeatable, shared, start_warp
 from swath.signals import F64, Scan, beam_directions
 
 FEW, MANY = 5, 20  # echoes near the plane before; so many elsewhere show that it was wrong
+STEEP = 0.3  # slope of the plane at most
 RELAX = 0.98  # part of the plane that is kept from scan to scan where the stubble sends no echoes
 
 
@@ -63,7 +65,7 @@ class RayAnswers:
     across: float = 0.0
 
 
-class Ground(KeepsState):
+class Ground(Clears):
     """The stubble side as a plane across the line of travel: z = level + slope (u - u0) [m].
 
     Weighted least squares on the echoes beside the edge; those far from the plane, weeds and straw, hardly
@@ -74,9 +76,6 @@ class Ground(KeepsState):
 
     OUTSIDE = (-3.5, -0.25)  # m beside the edge
     WORTH, FIRST_WORTH = (6.0, 60.0), (2.0, 20.0)  # echoes, and their m2, that the plane before is worth
-
-    def __init__(self) -> None:
-        self.clear()
 
     def clear(self) -> None:
         """Level with the machine."""
@@ -100,7 +99,7 @@ class Ground(KeepsState):
         self._set(*self._fit(u, z))
 
     def _set(self, level: float, slope: float) -> None:
-        self.level, self.slope, self.is_known = level, min(max(slope, -0.3), 0.3), True
+        self.level, self.slope, self.is_known = level, min(max(slope, -STEEP), STEEP), True
 
     def _fit(self, u: F64, z: F64) -> tuple[float, float]:
         near = np.abs(z - self.level) < GROUND_REACH
@@ -232,7 +231,6 @@ class CanopyRays(KeepsState):
         """Launches over memory for so many beams."""
         from swath.control.edge import canopy_kernel as kernel
 
-        wp = start_warp()
         self._room = room
         self._way, self._crop = Row(kernel.Way), Row(kernel.Canopy)
         self._directions, start, aim = (np.zeros((room, 3)) for _ in range(3))
@@ -251,10 +249,9 @@ class CanopyRays(KeepsState):
         columns = dict(zip(("height", "upper", "lower"), self._columns, strict=True))
         answers = filled(kernel.Answers, cell=self._cells, solid=self._solid, ahead=self._ahead, **columns)
 
-        directions = wp.array(self._directions, dtype=wp.vec3d, device="cpu", copy=False)
+        directions = shared(self._directions, start_warp().vec3d)
         ago, ranges, plane, along, counts = (
-            wp.array(a, device="cpu", copy=False)
-            for a in (self._ago, self._ranges, self._plane, self._along, self._counts)
+            shared(a) for a in (self._ago, self._ranges, self._plane, self._along, self._counts)
         )
         inputs = [self._way.array, directions, ago, ranges, rays, plane, counts]
         self._trace = repeatable(kernel.trace, inputs).launch

@@ -14,7 +14,7 @@ import numpy as np
 
 from swath.control.edge.canopy_classes import CELL, CLASSES, HALF
 from swath.control.edge.canopy_rays import RayAnswers
-from swath.core.component import KeepsState
+from swath.control.edge.profile import Clears
 from swath.signals import F64
 
 STRIP, ENOUGH = (-0.05, 0.2), 4  # m beside the edge, number: the echoes that show the wall
@@ -55,7 +55,7 @@ def place_along(wall: Wall, middle: float, angle: float) -> float:
     return middle + share * (wall.along - middle) if share > 0.0 and isfinite(wall.along) else middle
 
 
-class WallsBehind(KeepsState):
+class WallsBehind(Clears):
     """How far ahead of the middles of their blocks the walls of the last metres lie.
 
     While an edge goes straight on that says nothing. Where it has turned away since, they are where it was.
@@ -64,9 +64,6 @@ class WallsBehind(KeepsState):
     """
 
     kept = ("rows",)
-
-    def __init__(self) -> None:
-        self.clear()
 
     def clear(self) -> None:
         """None."""
@@ -96,13 +93,10 @@ class WallsBehind(KeepsState):
         return np.column_stack([way[which], more[which, None] * towards])
 
 
-class JaggedWall(KeepsState):
+class JaggedWall(Clears):
     """How far to and fro the wall lies, from block to block. variance [m2], beyond what chance gives."""
 
     kept = ("variance", "_usual")
-
-    def __init__(self) -> None:
-        self.clear()
 
     def clear(self) -> None:
         """Nothing seen."""

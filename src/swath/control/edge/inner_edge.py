@@ -6,7 +6,7 @@ longer than a hole that is bridged, is the edge: another header width was driven
 
 import numpy as np
 
-from swath.core.component import KeepsState
+from swath.control.edge.profile import Clears
 from swath.core.portable import median
 from swath.signals import F64
 
@@ -17,13 +17,10 @@ EVEN, PARALLEL = 0.06, 0.06  # m, root mean square about its line; rad to the li
 FEWEST = 3  # blocks that show a wall
 
 
-class InnerEdge(KeepsState):
+class InnerEdge(Clears):
     """Blocks that show an edge beside a line. rows: beside it [m], x, u [m], variance [m2], way along [m]."""
 
     kept = ("rows",)
-
-    def __init__(self) -> None:
-        self.clear()
 
     def clear(self) -> None:
         """None seen."""

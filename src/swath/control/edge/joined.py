@@ -20,7 +20,7 @@ from swath.control.edge.canopy_feet import mixed
 from swath.control.edge.likelihood_ratio import TOLERANCE, UNSURE, LikelihoodRatio
 from swath.control.edge.likelihood_ratio import Params as ScannerParams
 from swath.control.edge.overhang import HeightOverhang, density
-from swath.control.edge.profile import crop_sign
+from swath.control.edge.profile import LEAST_SURE, crop_sign
 from swath.control.edge.stem_lean import StemLean
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
@@ -192,7 +192,7 @@ class Joined(KeepsState):
             offset=offset,
             heading=_mean(lines, [edge.heading for edge in found]),
             curvature=_mean(lines, [edge.curvature for edge in found]),
-            confidence=max(sure if is_one else min(sure, UNSURE), 0.01),
+            confidence=max(sure if is_one else min(sure, UNSURE), LEAST_SURE),
             offset_sd=sd,
             heading_sd=1.0 / sqrt(fsum(lines)),
             seen_to=max(edge.seen_to for edge in found),

@@ -18,7 +18,7 @@ from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
 from swath.control.edge.near_line import WAY, LineFit, NearLine
 from swath.control.edge.overhang import HeightOverhang, Overhang, density
-from swath.control.edge.profile import crop_sign, finite, no_edge
+from swath.control.edge.profile import EVENLY, LEAST_SURE, crop_sign, finite, no_edge
 from swath.control.inclination import CRAB, Inclination
 from swath.control.yaw_rate import YawRate
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -42,6 +42,7 @@ BETWEEN = 0.7  # m to the nearest block from which on an edge is held
 FLATTEST = 5.0  # m per m that the middle beam goes ahead while it falls
 ROLLS = 0.15  # m of rise: short waves, of which the beams see more, say little of what is nearer
 OLD, LATE = 0.15, 0.4  # s: age of the newest scan from which on an edge is less sure, and is none
+LEAST_COS = 0.2  # of the edge's angle to the machine
 AHEAD_OF_REFERENCE = 4.0  # m that blocks lie ahead of where the edge is reported
 
 
@@ -183,7 +184,7 @@ class LikelihoodRatio(KeepsState):
             return no_edge(now, self._reference)
         edge = self._as_edge(now, line)
         fresh = min((LATE - age) / (LATE - OLD), 1.0)
-        return edge if fresh >= 1.0 else replace(edge, confidence=max(fresh * edge.confidence, 0.01))
+        return edge if fresh >= 1.0 else replace(edge, confidence=max(fresh * edge.confidence, LEAST_SURE))
 
     def _lies_ahead(self, line: NearLine) -> bool:
         """All that was seen of the edge lies ahead of the reported place: what is ahead will be reached."""
@@ -207,7 +208,7 @@ class LikelihoodRatio(KeepsState):
 
     def _as_edge(self, now: int, line: NearLine) -> CropEdge:
         sign, edge = self._sign, line.frame
-        steep = max(cos(edge.angle), 0.2)
+        steep = max(cos(edge.angle), LEAST_COS)
         beyond = self._reference - edge.x
         crop, stubble, stopped = self._blocks.populations.heights()
         dust = self._blocks.populations.dust()
@@ -226,7 +227,7 @@ class LikelihoodRatio(KeepsState):
         known = hypot(line.offset_sd, RAGGED * ragged, hidden, shift_sd)
         alike = self._p.open_m + density(stopped) * (self._p.closed_m - self._p.open_m)
         known = hypot(known, BENT * edge.bend, SLIPPED * min(edge.angle, 0.0), alike)
-        known = hypot(known, self._blocks.blank / sqrt(12.0))  # evenly anywhere in it
+        known = hypot(known, self._blocks.blank / EVENLY)  # evenly anywhere in it
         sd = hypot(known, hang_sd) / steep
         sure = erf(TOLERANCE / (sd * sqrt(2.0))) * min(1.0, self._blocks.agreed / 0.8)
         if is_smooth or not isfinite(crop) or not self._shows(line, crop):
@@ -237,7 +238,7 @@ class LikelihoodRatio(KeepsState):
             heading=sign * edge.angle,
             curvature=sign * edge.bend,
             reference_x=self._reference,
-            confidence=min(max(sure, 0.01), 1.0),
+            confidence=min(max(sure, LEAST_SURE), 1.0),
             crop_height=crop,
             stubble_height=stubble,
             offset_sd=sd,
@@ -258,7 +259,7 @@ class LikelihoodRatio(KeepsState):
 
 def _abreast(edge: EdgeFrame, reference: float) -> EdgeFrame:
     """A parabola's frame moved along it, to a place ahead of the machine's origin [m]."""
-    along = (reference - edge.x) / max(cos(edge.angle), 0.2)
+    along = (reference - edge.x) / max(cos(edge.angle), LEAST_COS)
     u = edge.u + (reference - edge.x) * tan(edge.angle) + 0.5 * edge.bend * along**2
     return EdgeFrame(reference, u, edge.angle + edge.bend * along, edge.bend)
 

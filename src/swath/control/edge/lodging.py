@@ -8,7 +8,7 @@ from swath.control.edge.blocks import Block
 from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_feet import OBLIQUE
 from swath.control.edge.populations import Populations
-from swath.core.component import KeepsState
+from swath.control.edge.profile import Clears
 
 UNEVEN = 0.12  # m, by which the ground's level may change over 8 blocks
 STANDS, LOW_SHARE, LOW_STEP = (
@@ -20,16 +20,13 @@ MAT = 0.3  # m inside the track: there crop that lies flat is looked for
 DENSE = 0.8  # share of the rays that crop stops, from which on its height is known
 
 
-class Lodging(KeepsState):
+class Lodging(Clears):
     """Compares the first metre of crop with itself before.
 
     is_lodged: the last block was; blocks: of the patch so far
     """
 
     kept = ("is_lodged", "blocks", "_usual", "_levels", "_rise")
-
-    def __init__(self) -> None:
-        self.clear()
 
     def clear(self) -> None:
         """No crop was seen."""

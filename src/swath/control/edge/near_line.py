@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from swath.control.edge.arc_track import SAME
 from swath.control.edge.canopy_rays import EdgeFrame
-from swath.core.component import KeepsState
-from swath.kernels import Row, repeatable, start_warp
+from swath.control.edge.profile import Clears
+from swath.kernels import Row, repeatable, shared, start_warp
 from swath.signals import F64
 
 VARIANCE, WAY, COLUMNS = 2, 3, 4  # of the rows: x, u, variance, way
@@ -20,16 +21,13 @@ BEHIND = 14.0  # m of the edge that are kept
 ROOM = 256  # points that a fit takes, the newest
 
 
-class EdgePoints(KeepsState):
+class EdgePoints(Clears):
     """Points of the accepted blocks, in the frame at rest. rows (n, COLUMNS).
 
     returns: ways along the edge at which it was found again behind a hole [m]
     """
 
     kept = ("rows", "returns")
-
-    def __init__(self) -> None:
-        self.clear()
 
     def clear(self) -> None:
         """None."""
@@ -63,7 +61,7 @@ class EdgePoints(KeepsState):
     def move(self, moves: F64) -> None:
         """Points at ways along the edge go on: rows of way, and by how much in x, u and way [m]."""
         for way, *more in moves.tolist():
-            self.rows[np.abs(self.rows[:, WAY] - way) < 1e-6] += [more[0], more[1], 0.0, more[2]]
+            self.rows[np.abs(self.rows[:, WAY] - way) < SAME] += [more[0], more[1], 0.0, more[2]]
 
     def doubt(self, way: float) -> None:
         """Forget those from a way along the edge [m] on."""
@@ -116,10 +114,9 @@ class LineFit:
             return
         from swath.control.edge import near_line_kernel as kernel
 
-        wp = start_warp()
         self._asked, self._line = Row(kernel.Asked), Row(kernel.Line)
         self._points = np.zeros((ROOM, COLUMNS))
-        points = wp.array(self._points, dtype=wp.vec4d, device="cpu", copy=False)
-        scratch = wp.zeros((8, ROOM + 1), dtype=wp.float64, device="cpu")
+        points = shared(self._points, start_warp().vec4d)
+        scratch = shared(np.zeros((8, ROOM + 1)))
         inputs = [self._asked.array, points, scratch, self._line.array]
         self._launch = repeatable(kernel.near_line, inputs).launch

@@ -16,9 +16,10 @@ only after it was seen for a while: longer when that lies beside the one it reme
 import warp as wp
 
 from swath.control import inclination
-from swath.control.edge import canopy_offset
+from swath.control.edge import canopy_classes, canopy_offset, line_weights, profile
 from swath.control.edge.canopy_offset_kernel import SPREADS, score_of_shifts
 from swath.control.inertial_kernel import incline
+from swath.core import schedule
 from swath.kernels import constants
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
@@ -26,7 +27,7 @@ wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 real = wp.float64
 Numbers = wp.array(dtype=wp.float64)
 Table = wp.array2d(dtype=wp.float64)
-ZERO, HALF, ONE, NS, INF = constants(0.0, 0.5, 1.0, 1e9, float("inf"))
+ZERO, HALF, ONE, NS, INF = constants(0.0, 0.5, 1.0, schedule.NS, float("inf"))
 X, U, VARIANCE, QUALITY, AGE, IS_USED, SLOPE, COLUMNS = (
     wp.constant(i) for i in range(8)
 )  # of a track's rows
@@ -36,8 +37,9 @@ ECHO_X, ECHO_U, ECHO_Z, RAW_X, RAW_LEVEL, RAW_UPPER, RAW_LOWER = (wp.constant(i)
 AHEAD, LATERAL, LEVEL, UPPER, LOWER, VALUES, SCORE, MET = (wp.constant(7 + i) for i in range(8))
 FIT_X, FIT_U, FIT_VARIANCE, ROBUST, SCRATCH = (wp.constant(15 + i) for i in range(5))
 MIN_POINTS = wp.constant(5)  # fewest on each side of a step
-NEAR, FAR, LOWEST, HIGHEST = constants(1.0, 25.0, -1.5, 2.2)  # m: ranges, heights of the echoes that count
-HEADROOM, ROOM = constants(1.25, 0.3)  # [1], m: crop over its 90th percentile, over uneven ground
+NEAR, FAR = constants(canopy_classes.NEAR, canopy_classes.FAR)
+LOWEST, HIGHEST = constants(-1.5, 2.2)  # m: heights of the echoes that count
+HEADROOM, ROOM = constants(canopy_classes.HEADROOM, canopy_classes.ROOM)
 FIRST_TOP, SECOND_TOP = constants(1.5, 1.15)  # m, tried while the crop's height is unknown: dust hides edges
 CLEARER = constants(1.3)[0]  # times the separation that a lower top must reach to count
 # of a ray's way through the upper half of the crop, from its end nearer to the crop: there it counts. 0.36
@@ -46,7 +48,9 @@ INNER = constants(0.35)[0]
 MAX_GROUND, RESOLUTION = constants(0.6, 0.02)  # m: stubble off the machine's plane, least sd of a point
 SLOPE_SD, BEND_SD = constants(0.07, 0.02)  # [1], 1/m: of how far an edge is from straight ahead
 # 95 % efficiency on normal errors (Beaton & Tukey 1974, doi:10.1080/00401706.1974.10489171); sd / median
-TUKEY, MAD = constants(4.685, 1.4826)
+TUKEY, MAD = constants(line_weights.TUKEY, line_weights.MAD)
+TINY, SOON = constants(1e-9, 1e-6)  # in the place of nothing, to divide by; s, m2
+LATE, TOP, LEAST_SURE = constants(0.1, 0.9, profile.LEAST_SURE)  # shares: newest scan, echoes of crop
 ERROR_ODDS = constants(3.0)[0]  # nat: odds of an echo on its side of a threshold between heights, 95 %
 WINDOW_S, FORGET_S, MIN_SHARE = constants(6.0, 4.0, 0.6)  # s, s, [1]: greatest age, memory of the lost, scans
 PER_SAMPLE, LEVER = constants(8.0, 1.2)  # scans see the same stems; m, a point's place in its scan
@@ -161,6 +165,11 @@ def at(line: Line, x: wp.float64) -> wp.float64:
 
 
 @wp.func
+def later(before: wp.float64, now: wp.float64) -> wp.float64:
+    return (ONE - LATE) * before + LATE * now
+
+
+@wp.func
 def moved(line: Line, distance: wp.float64, turn: wp.float64) -> Line:
     offset = line.offset + distance * (line.slope + HALF * line.bend * distance)
     slope = line.slope + line.bend * distance
@@ -245,7 +254,7 @@ def variance_of(v: Numbers, first: int, last: int, mean: wp.float64) -> wp.float
 @wp.func
 def coin(count: int, n: int) -> wp.float64:
     """Entropy [nat] of n draws of which `count` fell on one side."""
-    share = wp.min(wp.max(real(count) / real(n), real(1e-9)), ONE - real(1e-9))
+    share = wp.min(wp.max(real(count) / real(n), TINY), ONE - TINY)
     return -real(n) * (share * wp.log(share) + (ONE - share) * wp.log(ONE - share))
 
 
@@ -321,7 +330,7 @@ def ground_slope(lateral: Numbers, z: Numbers, n: int, values: Numbers) -> wp.fl
         noise += values[i] * dh * dh
         both += values[i] * dw * dh
         wide += values[i] * dw * dw
-    return both / (wide + noise / total / (real(0.035) * real(0.035)) + real(1e-9))
+    return both / (wide + noise / total / (real(0.035) * real(0.035)) + TINY)
 
 
 @wp.func_native("""
@@ -433,7 +442,7 @@ def find_step(
     limit = HALF * (low + mean_of(z, first, n))
     for i in range(first, n):
         values[i - first] = z[i]
-    top = wp.min(chosen(values, n - first, int(real(0.9) * real(n - first))), sensor[2] - real(0.3))
+    top = wp.min(chosen(values, n - first, int(TOP * real(n - first))), sensor[2] - real(0.3))
     top = wp.max(top, limit)
     aside = -slope
     if is_known == 1:
@@ -473,7 +482,7 @@ def find_step(
     below = mean_of(level, 0, first)
     above = mean_of(level, first, n)
     spread = variance_of(level, 0, first, below) + variance_of(level, first, n, above)
-    separation = (above - below) / wp.sqrt(spread + real(1e-6))
+    separation = (above - below) / wp.sqrt(spread + SOON)
     if above - below < s.min_step or separation < s.min_separation or wp.abs(below) > MAX_GROUND:
         return step
     most = score[first - 1]
@@ -497,10 +506,10 @@ def find_step(
     for i in range(first):
         values[i] = level[i]
     step.ground = chosen(values, first, int(real(0.1) * real(first)))
-    step.stubble = chosen(values, first, int(real(0.9) * real(first))) - step.ground
+    step.stubble = chosen(values, first, int(TOP * real(first))) - step.ground
     for i in range(first, n):
         values[i - first] = level[i]
-    step.crop = chosen(values, n - first, int(real(0.9) * real(n - first))) - step.ground
+    step.crop = chosen(values, n - first, int(TOP * real(n - first))) - step.ground
     step.separation = separation
     step.top = top - step.ground
     step.limit = limit - step.ground
@@ -597,14 +606,14 @@ def fit_used(rows: Table, scratch: Table, state: State, s: Settings) -> Line:
 @wp.func
 def tried(rows: Table, scratch: Table, state: State, span: wp.float64, near: Line, s: Settings) -> State:
     """Found when enough scans of the last `span` agree on one line, near one if that is there."""
-    if state.unseen < span - real(1e-6) and near.is_there == ZERO:
+    if state.unseen < span - SOON and near.is_there == ZERO:
         return state
     asked = int(0)
     n = int(0)
     oldest = real(0.0)
     for i in range(int(state.rows)):
         oldest = wp.max(oldest, rows[i, AGE])
-        if rows[i, AGE] <= span + real(1e-6):
+        if rows[i, AGE] <= span + SOON:
             asked += 1
             if wp.isfinite(rows[i, X]):
                 scratch[FIT_X, n] = rows[i, X]
@@ -612,7 +621,7 @@ def tried(rows: Table, scratch: Table, state: State, span: wp.float64, near: Lin
                 scratch[FIT_VARIANCE, n] = rows[i, VARIANCE]
                 n += 1
     fewest = wp.max(real(3.0), MIN_SHARE * real(asked))
-    if oldest < span - real(1e-6) or real(n) < fewest:
+    if oldest < span - SOON or real(n) < fewest:
         return state
     line = fit_line(scratch, n, near, s.reference)
     reference = near
@@ -630,7 +639,7 @@ def tried(rows: Table, scratch: Table, state: State, span: wp.float64, near: Lin
     point = int(0)
     for i in range(int(state.rows)):
         rows[i, IS_USED] = ZERO
-        if rows[i, AGE] <= span + real(1e-6) and wp.isfinite(rows[i, X]):
+        if rows[i, AGE] <= span + SOON and wp.isfinite(rows[i, X]):
             if scratch[ROBUST, point] > ZERO:
                 rows[i, IS_USED] = ONE
             point += 1
@@ -741,9 +750,9 @@ def confidence_of(rows: Table, state: State, s: Settings) -> wp.float64:
                 quality += rows[i, QUALITY]
     if used == 0:
         return ZERO
-    fading = wp.max(ZERO, ONE - state.unseen / (s.lost_s + real(1e-9)))
+    fading = wp.max(ZERO, ONE - state.unseen / (s.lost_s + TINY))
     share = real(used) / real(recent) * (quality / real(used)) * fading
-    return wp.min(wp.max(share, real(0.01)), ONE)
+    return wp.min(wp.max(share, LEAST_SURE), ONE)
 
 
 @wp.func
@@ -797,7 +806,7 @@ def fitted_shift(o: Offset, guess: wp.float64, seen: Table, logs: Table, score: 
         if o.middle[i] > INSIDE_FROM:
             passed += seen[0, i]
             held += seen[1, i]
-    most = wp.min(wp.max(held / wp.max(passed + held, real(1e-9)), real(0.3)), ONE - STRAY)
+    most = wp.min(wp.max(held / wp.max(passed + held, TINY), real(0.3)), ONE - STRAY)
     depth = stopped_depth(o, most)
     score_of_shifts(depth, STRAY, o.met, o.chance, o.there, o.which, seen, logs, score)
     best = -INF
@@ -961,9 +970,9 @@ def detect(
         state = update_track(rows, scratch, state, best, s)
         if best.is_there == 1:
             if wp.isfinite(state.crop):
-                state.crop = real(0.9) * state.crop + real(0.1) * best.crop
-                state.stubble = real(0.9) * state.stubble + real(0.1) * best.stubble
-                state.ground = real(0.9) * state.ground + real(0.1) * best.ground
+                state.crop = later(state.crop, best.crop)
+                state.stubble = later(state.stubble, best.stubble)
+                state.ground = later(state.ground, best.ground)
             else:
                 state.crop = best.crop
                 state.stubble = best.stubble

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.control.edge.canopy_classes import CLASSES, DUST, LAYER, LAYERS, LOWEST, NOTHING
-from swath.core.component import KeepsState
+from swath.control.edge.profile import Clears
 from swath.core.portable import exp, log
 from swath.signals import F64
 
@@ -25,11 +25,13 @@ UNKNOWN = 0.1  # m: deviation of the height of the stubble's plane over the grou
 WAVE = 4.0  # m of travel over which the ground's level is alike
 COMES_AGAIN = 0.1  # share of the echoes of a layer: fewer that come again are dust
 SAMPLE = 0.5  # counts added to each class
+TOP = 0.9  # share of the echoes of a stand below its height
+NONE = 1e-9  # in the place of no counts, to divide by
 _HEIGHT = LOWEST + LAYER * (np.arange(LAYERS) + 0.5)
 _TOP = LOWEST + LAYER * (np.arange(LAYERS) + 1)
 
 
-class Populations(KeepsState):
+class Populations(Clears):
     """Counts of classes in the crop, beside it, the solid ones of both, and lately in the crop (5, CLASSES).
 
     In the air echoes do not come again from scan to scan: a layer where they do not is dust.
@@ -38,17 +40,12 @@ class Populations(KeepsState):
     is seen `plane` [m] higher than that, in the mean over the travel, with a deviation of `plane_sd` [m].
     """
 
-    kept = ("counts", "_told", "_first", "plane", "_waves", "_way")
-
-    def __init__(self) -> None:
-        self.clear()
+    kept = ("counts", "_told", "_first", "_is_air", "plane", "_waves", "_way")
 
     def clear(self) -> None:
         """Nothing learned."""
-        self.counts: F64 = np.zeros((5, CLASSES))
+        self._count(np.zeros((5, CLASSES)))
         self.plane, self._waves, self._way = 0.0, 0.0, 0.0
-        self._told: tuple[float, float, float, float] | None = None  # heights and dust of these counts
-        self._first: int | None = None  # the lowest layer of these counts that is no stubble
 
     def begin(self, sides: F64) -> None:
         """Start with the counts of both sides, as `Block.sides`."""
@@ -80,14 +77,12 @@ class Populations(KeepsState):
         """Counts of a side, 0 = the crop, without the layers in which nothing comes again (LAYERS,)."""
         return np.asarray(np.where(self._is_air, 0.0, self.counts[side, :LAYERS]))
 
-    @property
-    def _is_air(self) -> NDArray[np.bool_]:
-        """Which layers, of both sides together, are dust."""
-        echoes, solid = (self.counts[k, :LAYERS] + self.counts[k + 1, :LAYERS] for k in (0, 2))
-        return np.asarray(COMES_AGAIN * echoes >= solid + 1.0)
-
     def _count(self, counts: F64) -> None:
-        self.counts, self._told, self._first = counts, None, None
+        self.counts = counts
+        self._told: tuple[float, float, float, float] | None = None  # heights and dust of these counts
+        self._first: int | None = None  # the lowest layer of these counts that is no stubble
+        echoes, solid = (counts[k, :LAYERS] + counts[k + 1, :LAYERS] for k in (0, 2))
+        self._is_air: NDArray[np.bool_] = COMES_AGAIN * echoes >= solid + 1.0  # layers of both sides
 
     def ratios(self) -> F64:
         """Log-likelihood ratio [nat] of each class: crop over stubble, (CLASSES,)."""
@@ -103,11 +98,6 @@ class Populations(KeepsState):
         worth = np.clip(log(crop / stubble), -MOST, MOST)
         worth[top : DUST + 1] = 0.0  # a puff above the crop says nothing of what is behind it
         return np.asarray(worth)
-
-    def overlap(self) -> float:
-        """Bhattacharyya coefficient of both sides: 0 = nothing in common, 1 = alike."""
-        crop, stubble = _shares(self.counts[:2])
-        return float(np.sqrt(crop * stubble).sum())
 
     def heights(self) -> tuple[float, float, float]:
         """(crop height, stubble height, share stopped): of echoes above the stubble's own 97th percentile
@@ -135,11 +125,11 @@ class Populations(KeepsState):
             answered = float(self.counts[0].sum() - self.counts[0, DUST])
             sides = self.counts[[0, 1, 4]]
             lost = sides[:, DUST] + [1.0, 0.0, 1.0] * sides[:, NOTHING]
-            dust = lost / np.maximum(sides.sum(axis=1), 1e-9)
+            dust = lost / np.maximum(sides.sum(axis=1), NONE)
             self._told = (
                 canopy_height(crop, first),
-                _percentile(stubble, 0.9),
-                float(crop[first:].sum()) / max(answered, 1e-9),
+                _percentile(stubble, TOP),
+                float(crop[first:].sum()) / max(answered, NONE),
                 float(dust.max()),
             )
         return self._told
@@ -177,7 +167,7 @@ def canopy_height(layers: F64, first: int) -> float:
     if float(canopy.sum()) < 10.0:
         return float("nan")
     canopy[_end_of_peak(canopy) :] = 0.0
-    return _percentile(canopy, 0.9)
+    return _percentile(canopy, TOP)
 
 
 def _end_of_peak(layers: F64) -> int:
@@ -206,7 +196,7 @@ def crop_excess(crop: F64, stubble: F64) -> float:
     for top in CROP_TO:
         is_crop = (_HEIGHT > CROP_FROM) & (top > _HEIGHT)
         shares = [
-            float(side[:LAYERS][is_crop].sum()) / max(float(side.sum()), 1e-9) for side in (crop, stubble)
+            float(side[:LAYERS][is_crop].sum()) / max(float(side.sum()), NONE) for side in (crop, stubble)
         ]
         excess.append(shares[0] - shares[1])
     return max(excess)

@@ -5,9 +5,24 @@ at the left header end the crop lies to the right, so u = -y; with the edge at t
 arithmetic is the same for both sides, so left and right give mirrored results exactly.
 """
 
-from math import isfinite
+from math import isfinite, sqrt
 
+from swath.core.component import KeepsState
 from swath.signals import CropEdge
+
+EVENLY = sqrt(12.0)  # width of an even spread over its standard deviation
+LEAST_SURE = 0.01  # confidence of an edge that is told
+
+
+class Clears(KeepsState):
+    """State that begins as `clear` leaves it."""
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """As at the beginning."""
+        raise NotImplementedError
 
 
 def crop_sign(edge_side: str) -> float:

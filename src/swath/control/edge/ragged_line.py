@@ -12,6 +12,7 @@ import numpy as np
 
 from swath.control.edge.arc_track import Arc
 from swath.control.edge.near_line import VAGUE, VARIANCE, WAY
+from swath.control.edge.profile import EVENLY
 from swath.signals import F64
 
 INNER = 0.35  # weight of a point inside the line, where one outside counts 1
@@ -21,7 +22,6 @@ TURN, BEND = 0.07, 0.01  # rad from the machine's heading, 1/m: prior standard d
 WINDOW, FEWEST = 8.0, 8  # m, number of points in which bites are looked for
 EVEN, TURNS, BENDS = 0.03, 0.3, 0.1  # m, rad, 1/m: scatter, angle and bend of an edge without bites
 ROUNDS = 8
-_ALL = sqrt(12.0)  # depth of evenly spread bites over their standard deviation
 
 
 def bite_of(rows: F64, newest: Arc) -> float:
@@ -36,7 +36,7 @@ def bite_of(rows: F64, newest: Arc) -> float:
     columns, beside = seen_from(used, newest, newest.angle)
     p, _ = fitted(columns, beside, np.ones(len(beside)), (EVEN / TURNS, EVEN / BENDS))
     away = beside - (p[0] + p[1] * columns[1] + p[2] * columns[2])
-    return _ALL * sqrt(max(0.0, float((away * away).mean() - used[:, VARIANCE].mean())))
+    return EVENLY * sqrt(max(0.0, float((away * away).mean() - used[:, VARIANCE].mean())))
 
 
 def ragged_line(rows: F64, newest: Arc, heading: float) -> tuple[Arc, float]:

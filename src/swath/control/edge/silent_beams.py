@@ -7,20 +7,17 @@ what is there. A beam that alone is silent tells nothing, always of the same pla
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.component import KeepsState
+from swath.control.edge.profile import Clears
 
 WINDOW = 50  # scans that a beam has to miss
 NEIGHBOURS = 4  # beams to either side among which one has to answer
 ANSWERS = 0.2  # share of the scans that it has to
 
 
-class SilentBeams(KeepsState):
+class SilentBeams(Clears):
     """is_dead: which beams of the scans tell nothing, shape (beam_count,); none before enough scans."""
 
     kept = ("is_dead", "_echoes", "_scans")
-
-    def __init__(self) -> None:
-        self.clear()
 
     def clear(self) -> None:
         """All beams count."""

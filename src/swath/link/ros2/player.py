@@ -9,6 +9,7 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.core.read_file import open_to_read
 from swath.core.schedule import NS
+from swath.documents.packed import readable
 from swath.link.ros2.middleware import Clock, close_node, open_node
 from swath.link.ros2.publisher import Publisher
 from swath.record.read.definitions import definitions_of
@@ -63,26 +64,20 @@ def _open(file: Path) -> tuple[Any, dict[str, tuple[Any, bool]]]:
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)
-    try:
+    firsts: dict[str, tuple[Any, bool]] = {}
+    with readable("recording", "a whole MCAP file", file):
         with open_to_read(file, "recording", "an MCAP file") as stream:
             summary = make_reader(stream).get_summary()
-    except Exception as error:
-        raise InputError("recording", str(file), f"expected a whole MCAP file: {error}") from error
-    if summary is None:
-        raise InputError("recording", str(file), "expected a whole MCAP file, `mcap recover` mends a cut one")
-    for schema in summary.schemas.values():
-        try:
+        if summary is None:
+            raise ValueError("`mcap recover` mends a cut one")
+        for schema in summary.schemas.values():
             found = definitions_of(schema.data, schema.name).types
-        except Exception as error:
-            expected = f"expected definitions that can be read: {error}"
-            raise InputError("recording", str(file), expected) from error
-        store.register({name: kind for name, kind in found.items() if name not in store.types})
-    firsts: dict[str, tuple[Any, bool]] = {}
-    for topic, _, kind, data, is_latched in _messages(file):
-        if topic not in firsts:
-            firsts[topic] = store.deserialize_cdr(data, kind), is_latched
-            if len(firsts) == len(summary.channels):
-                break
+            store.register({name: kind for name, kind in found.items() if name not in store.types})
+        for topic, _, kind, data, is_latched in _messages(file):
+            if topic not in firsts:
+                firsts[topic] = store.deserialize_cdr(data, kind), is_latched
+                if len(firsts) == len(summary.channels):
+                    break
     return store, firsts
 
 

@@ -156,7 +156,7 @@ class Params:
 class Heap(KeepsState):
     """Grain in the open box of a machine. A level gives `cell`, the side of the cells of its surface [m]."""
 
-    kept = ("_surface", "_caught", "_spilled", "_shown", "_visible")
+    kept = ("start", "density", "_surface", "_caught", "_spilled", "_shown", "_visible")
     cell = 0.1
     inputs = (Port("trailer", TrailerState, optional=True),)
     outputs = (Port("heap", HeapState),)

@@ -180,7 +180,8 @@ class Flows:
 class ThreshingProcess(KeepsState):
     """Transport, threshing, separation and cleaning with delays and losses that depend on the load."""
 
-    kept = (*PARTS, "_totals", "_back", "_loss_share", "_shoe_loss", "_is_unloading", "_outlet")
+    kept = (*PARTS, "_totals", "_tank_start", "_back", "_loss_share", "_shoe_loss", "_is_unloading",
+            "_outlet")  # fmt: skip
     steps_any_length = True
 
     inputs = (

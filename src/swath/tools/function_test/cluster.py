@@ -63,7 +63,11 @@ def cluster_client(kind: str, workers: int) -> Iterator[Any]:
         elif kind == "slurm":
             cluster = _slurm(workers, security)
         try:
-            with Client(kind if cluster is None else cluster, security=security) as client:
+            try:
+                client = Client(kind if cluster is None else cluster, security=security)
+            except (OSError, TypeError, ValueError) as error:  # nobody answers, no certificates, no address
+                raise InputError("--cluster", kind, f"expected {KINDS}: {error}") from error
+            with client:
                 yield client
         finally:
             if cluster is not None:

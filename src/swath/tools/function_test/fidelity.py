@@ -20,12 +20,7 @@ LEVEL_BIAS_M, *_ = BIAS  # by which the bias of two detectors may move apart bet
 
 def scanners(scenario: Scenario, level: str) -> list[str]:
     """Full names of the scanners at a level."""
-    return [
-        f"{machine.name}.{slot}"
-        for machine in scenario.machines.values()
-        for slot, choice in machine.slots.items()
-        if choice.kind.name == "lidar" and choice.level == level
-    ]
+    return [name for name, own in levels_of(scenario, "lidar").items() if own == level]
 
 
 def why_not_cheap(scenario: Scenario) -> str:

@@ -20,7 +20,7 @@ from swath.core.errors import InputError
 from swath.core.whole_file import new_file, open_to_append, own_folder
 from swath.documents.contents import changed_since
 from swath.documents.json_file import read_object
-from swath.documents.packed import readable
+from swath.documents.packed import open_parquet
 from swath.documents.text_file import MAX_BYTES
 
 Result = dict[str, Any]
@@ -148,14 +148,16 @@ def write_table(folder: Path, results: Iterable[Mapping[str, Any]]) -> Path:
 def write_rows(folder: Path, rows: Iterator[Mapping[str, Any]], metrics: Iterable[str]) -> Path:
     """Write results.parquet. InputError where the one that is there holds more."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     names = sorted(metrics)
     fields = [(name, pa.string()) for name in TEXTS[:6]] + [("seed", pa.int64())]
     fields += [(name, pa.string()) for name in TEXTS[6:]] + [(f"metric.{m}", pa.float64()) for m in names]
     schema = pa.schema(fields)
     path = folder / TABLE
-    least = pq.ParquetFile(path).metadata.num_rows if path.is_file() else 0
+    least = 0
+    if path.is_file():
+        with open_parquet(path, "results", "a results.parquet") as there:
+            least = there.metadata.num_rows
     flat = (
         {**{n: row[n] for n in (*TEXTS[:6], "seed")},
          **{n: json.dumps(row[n], sort_keys=True) for n in TEXTS[6:]},
@@ -183,10 +185,8 @@ def write_parquet(path: Path, schema: Any, rows: Iterator[Mapping[str, Any]], le
 
 def read_table(path: Path) -> list[Result]:
     """The rows of a results.parquet. InputError for another file."""
-    import pyarrow.parquet as pq
-
-    with readable("results", "a results.parquet", path):
-        rows: list[Result] = pq.read_table(path).to_pylist()
+    with open_parquet(path, "results", "a results.parquet") as file:
+        rows: list[Result] = file.read().to_pylist()
         for row in rows:
             row |= {name: json.loads(row[name]) for name in ("point", "expect", "incidents")}
             names = [name for name in row if name.startswith("metric.")]

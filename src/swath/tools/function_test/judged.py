@@ -71,11 +71,9 @@ class PresentLimits:
         limit = None if "window" in entry or "hold" in entry["limit"] else self._limit_of(entry)
         if limit is None:
             return entry
-        value, reason = check_metric(limit, entry["value"])
         plain = {k: v for k, v in limit.plain().items() if k not in limit.window}
-        kept = {k: v for k, v in entry.items() if k not in ("limit", "result", "reason", "value")}
-        return {**kept, "limit": plain, "value": value, "result": "fail" if reason else "pass",
-                **({"reason": reason} if reason else {})}  # fmt: skip
+        kept = {k: v for k, v in entry.items() if k not in ("result", "reason")}
+        return {**kept, "limit": plain, **_checked(limit, entry["value"])}
 
     def _limit_of(self, entry: dict[str, Any]) -> Limit | None:
         """The limit on a metric of the whole run; None where it is of another kind."""
@@ -89,6 +87,12 @@ class PresentLimits:
         return self._found[place]
 
 
+def _checked(limit: Limit, value: Any) -> dict[str, Any]:
+    """What the entry of a limit says of the value of a metric."""
+    found, reason = check_metric(limit, value)
+    return {"value": found, "result": "fail" if reason else "pass", **({"reason": reason} if reason else {})}
+
+
 def in_shadow(result: Result, names: Iterable[str]) -> Iterator[Result]:
     """The results of the candidates that went along with a run in shadow, judged by the limits on what they
     have: metrics of the edge. `open` where there is no such limit.
@@ -98,12 +102,9 @@ def in_shadow(result: Result, names: Iterable[str]) -> Iterator[Result]:
         entries = []
         for entry in result["expect"]:
             if entry["name"] in told["metrics"] and "window" not in entry and "hold" not in entry["limit"]:
-                value, reason = check_metric(
-                    Limit.model_validate(entry["limit"]), told["metrics"][entry["name"]]
-                )
-                said = {"reason": reason} if reason else {}
                 kept = {k: entry[k] for k in ("subject", "name", "limit", "rests_outside") if k in entry}
-                entries.append({**kept, "value": value, "result": "fail" if reason else "pass", **said})
+                limit = Limit.model_validate(entry["limit"])
+                entries.append({**kept, **_checked(limit, told["metrics"][entry["name"]])})
         verdict, reason = verdict_of(entries, result.get(CREDIBILITY, {})) if entries else (OPEN, "")
         yield {
             **result,

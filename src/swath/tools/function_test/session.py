@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import shutil
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields, replace
@@ -12,11 +11,10 @@ from typing import Any, TypeVar
 
 from swath.core.errors import InputError
 from swath.core.output_folder import check_folder
-from swath.core.read_file import open_to_read
-from swath.core.whole_file import new_file, no_link, own_folder, write_whole
+from swath.core.whole_file import copy_whole, no_link, own_folder, write_whole
 from swath.documents.contents import changed_since, hashes_by_path
 from swath.documents.json_file import read_object
-from swath.documents.packed import readable
+from swath.documents.packed import open_parquet
 from swath.documents.text_file import read_text
 from swath.runtime.kept import KeptFields
 from swath.tools.function_test.cells import Cell, cells_of
@@ -86,11 +84,7 @@ class Session:
         aside = own_folder(folder / str(1 + len(list(folder.glob("*")))))
         own_folder(aside / JOURNALS)
         for file in (self.folder / PLAN, *self.journals.iterdir()):
-            with (
-                open_to_read(file, "file", "a file of the plan") as old,
-                new_file(aside / file.relative_to(self.folder)) as new,
-            ):
-                shutil.copyfileobj(old, new)
+            copy_whole(file, aside / file.relative_to(self.folder), "file", "a file of the plan")
         for name in (TABLE, *PAGES):
             if (self.folder / name).is_file():
                 (self.folder / name).rename(aside / name)
@@ -210,9 +204,7 @@ def _rows(file: Path, first: int, end: int | None) -> Iterator[dict[str, Any]]:
     """Rows of a file of planned runs."""
     if not file.is_file() or end == first:
         return
-    import pyarrow.parquet as pq
-
-    with readable("runs", "the runs of a plan", file), pq.ParquetFile(file) as found:
+    with open_parquet(file, "runs", "the runs of a plan") as found:
         yield from islice((row for some in found.iter_batches(ROWS) for row in some.to_pylist()), first, end)
 
 

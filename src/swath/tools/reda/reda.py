@@ -12,6 +12,7 @@ from typing import Any
 from swath import __version__
 from swath.core.errors import SwathError
 from swath.core.whole_file import new_file, write_whole
+from swath.documents.text_file import read_text
 from swath.runtime.workers import Lost, in_workers
 from swath.tools.reda.scene import SCANS, Condition, Scene, Sensor, Settings, make_sensor, places
 from swath.tools.reda.scores import Cell, Scores, scores_of
@@ -70,7 +71,7 @@ def _keep(path: Path, settings: Settings, found: list[Found]) -> None:
 def _read_kept(path: Path, settings: Settings) -> list[Found]:
     """The conditions that are done; none where the file is of other settings, or of another version."""
     try:
-        own, *lines = (json.loads(line) for line in path.read_text(encoding="utf-8").splitlines())
+        own, *lines = (json.loads(line) for line in read_text(path, "--out", "done conditions").splitlines())
         if own != json.loads(json.dumps(_settings_of(settings))):
             return []
         return [
@@ -81,7 +82,7 @@ def _read_kept(path: Path, settings: Settings) -> list[Found]:
             )
             for condition, line in zip(settings.conditions(), lines, strict=False)
         ]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (SwathError, ValueError, KeyError, TypeError, AttributeError):
         return []
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.output_folder import check_folder
-from swath.core.whole_file import write_whole
+from swath.core.whole_file import copy_whole, write_whole
 from swath.tools.function_test.case import Claim, Point
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.odd.binding import Odd, read_odd
@@ -161,7 +161,7 @@ def _claim_folder(folder: Path, campaign: Campaign, odd: Odd) -> Campaign:
         names = [f"{number}.openodd.yaml" for number in range(len(odd.domain.documents))]
         for name, document in zip(names, odd.domain.documents, strict=True):
             assert document.file is not None
-            write_whole(folder / name, document.file.read_text(encoding="utf-8"))
+            copy_whole(document.file, folder / name, "odd", "a domain")
         write_whole(folder / ODD_FILE, _copy(odd, names))
         write_whole(folder / CASE_FILE, odd.case_text())
     write_whole(file, json.dumps(asdict(campaign), indent=1, sort_keys=True) + "\n")

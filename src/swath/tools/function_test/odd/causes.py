@@ -8,8 +8,7 @@ Kulldorff 1997, with the error of Bonferroni), its runs exclude the claim. Cells
 wrong cause, boxes of one, two and three attributes a sixth each.
 
 A run belongs to what it was drawn for: where it drove may be what the function made of it. The strongest
-contrast comes first; the next cause has to contrast among the runs of none before, on both sides. Neighbours
-of a cell along an attribute that pass the same two tests are one range with it.
+contrast comes first; the next cause has to contrast among the runs of none before, on both sides.
 """
 
 from collections import Counter
@@ -119,7 +118,7 @@ def causes_of(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[Ca
             is_in = box.holds(values)
         else:
             assert best is not None
-            spans = _widened(odd, cells[best], drawn[left], fails[left], claim)
+            spans = cells[best]
             is_in = _is_in(drawn, spans)
         here, there = left & is_in, left & ~is_in
         n, k, others, k_others = (int(some.sum()) for some in (here, here & fails, there, there & fails))
@@ -238,33 +237,6 @@ def _is_in(drawn: Flags, spans: Sequence[Span]) -> Flags:
     for first, last in spans:
         found &= drawn[:, first : last + 1].any(axis=1)
     return found
-
-
-def _widened(odd: Odd, spans: tuple[Span, ...], drawn: Flags, fails: Flags, claim: Claim) -> tuple[Span, ...]:
-    """With the adjacent buckets that break the claim and contrast with the runs outside of both."""
-    while True:
-        tried = list(_neighbours(odd, spans))
-        limit = (1.0 - claim.confidence) / max(1, len(tried))
-        here, found = _is_in(drawn, spans), list[tuple[float, tuple[Span, ...]]]()
-        for wider in tried:
-            new = _is_in(drawn, wider) & ~here
-            counted, failed = int(new.sum()), int((new & fails).sum())
-            p = _contrast_of(counted, failed, int((~here).sum()), int((fails & ~here).sum()))
-            if max(p, p_broken(counted, failed, claim, True)) <= limit:
-                found.append((p, wider))
-        if not found:
-            whole = [odd.bucket_axis[a][0].count == b - a + 1 for a, b in spans]  # it does not matter then
-            return tuple(span for span, is_whole in zip(spans, whole, strict=True) if not is_whole)
-        spans = min(found)[1]
-
-
-def _neighbours(odd: Odd, spans: tuple[Span, ...]) -> Iterator[tuple[Span, ...]]:
-    """The same with one bucket more of a number, inside the ODD."""
-    for number, (first, last) in enumerate(spans):
-        axis, _ = odd.bucket_axis[first]
-        for wider, new in (((first - 1, last), first - 1), ((first, last + 1), last + 1)):
-            if axis.edges and axis.first <= new < axis.first + axis.count and odd.possible[new, new]:
-                yield (*spans[:number], wider, *spans[number + 1 :])
 
 
 def _text(odd: Odd, spans: Sequence[Span], ends: Sequence[tuple[float, float]] = ()) -> str:
