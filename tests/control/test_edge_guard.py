@@ -7,7 +7,8 @@ from math import nan
 import pytest
 
 from swath.control.speed.constant import ConstantSpeed, Params
-from swath.control.speed.edge_guard import EdgeGuard, Guard
+from swath.control.speed.edge_guard import EdgeGuard
+from swath.control.speed.guard import Guard
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import KMH

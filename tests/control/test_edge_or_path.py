@@ -7,7 +7,7 @@ import pytest
 
 from swath.control.speed.constant import ConstantSpeed
 from swath.control.speed.constant import Params as SpeedParams
-from swath.control.speed.edge_guard import Guard
+from swath.control.speed.guard import Guard
 from swath.control.steer.edge_or_path import EdgeOrPath, Params, line_through
 from swath.control.steer.path import Begin, Segment
 from swath.control.steer.path import Params as PathParams

@@ -2,16 +2,16 @@
 
 import warp as wp
 
-from swath.control.speed import edge_guard
+from swath.control.speed import guard
 from swath.kernels import constants
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 
 Numbers = wp.array(dtype=wp.float64)
 ZERO, ONE, TWO, NS, LEAST = constants(0.0, 1.0, 2.0, 1e9, 1e-6)
-BRAKE, LAG, STANDING = constants(edge_guard.BRAKE, edge_guard.LAG, edge_guard.STANDING)
-UNSURE, BEND_M, EVEN_CHANCE = constants(edge_guard.UNSURE, edge_guard.BEND_M, edge_guard.EVEN_CHANCE)
-SLOW, IGNORE, PATH = (wp.constant(edge_guard.CHOICES.index(name)) for name in ("slow", "ignore", "path"))
+BRAKE, LAG, STANDING = constants(guard.BRAKE, guard.LAG, guard.STANDING)
+UNSURE, BEND_M, EVEN_CHANCE = constants(guard.UNSURE, guard.BEND_M, guard.EVEN_CHANCE)
+SLOW, IGNORE, PATH = (wp.constant(guard.CHOICES.index(name)) for name in ("slow", "ignore", "path"))
 
 
 @wp.struct

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from swath.control.speed.edge_guard import EdgeGuard, Guard
+from swath.control.speed.edge_guard import EdgeGuard
+from swath.control.speed.guard import Guard
 from swath.control.speed.obstacle_stop import ObstacleStop, Stop
 from swath.core.component import Inputs, KeepsState, Port
 from swath.signals import CropEdge, GuidanceState, Objects
