@@ -102,12 +102,14 @@ def test_worlds_in_step_spill_as_one_does():
     alone, _ = of_steps(constant.ConstantProcess(constant.Params(), site(machine=MACHINE)), 0)
     parts = [constant.ConstantProcess(constant.Params(), site(machine=MACHINE)) for _ in range(2)]
     for part in parts:
-        part._field.profile = SimpleNamespace(straw_kg=0.0)
+        part.field.profile = SimpleNamespace(straw_kg=0.0)
     both = constant.ConstantProcess.together(parts)
     both.reset([STREAM, STREAM])
-    flow = {"grain": np.array([GRAIN, 0.0]), "straw": np.array([STRAW, 0.0])}
+    flows = [CropFlow(0, *masses, 1.0, 500, 1.0, 0.5) for masses in ((GRAIN, STRAW), (0.0, 0.0))]
+    where = Samples.joined([MachineState(0, Pose.identity(), 1.0, 0.0, 0.0, 0.0, 0.0)] * 2)
     for i in range(len(alone) - 1):
-        found = both.step(i * STEP, STEP, {"flow": (Samples(CropFlow, (i + 1) * STEP, flow),)})["load"]
+        inputs = {"flow": (Samples.joined(flows),), "state": where}
+        found = both.step(i * STEP, STEP, inputs)["load"]
         assert found.of(0) == alone[i + 1]
     assert found.of(1).tank_grain == found.of(1).lost_grain == 0.0
 

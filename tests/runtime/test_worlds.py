@@ -14,7 +14,7 @@ from swath.core.frames import Pose
 from swath.core.frozen import frozen
 from swath.core.schedule import NS
 from swath.core.signal import Signal
-from swath.core.together import InWorlds, OneByOne, Samples, Sent
+from swath.core.together import InWorlds, Samples, Sent
 from swath.record.digest import Columns, Digest, sample_bytes
 from swath.runtime import loop
 from swath.runtime.assembly import assemble
@@ -235,7 +235,7 @@ class NeverInStep(InWorlds, Crashes):
     def together(cls, parts):
         if len(parts) > 1:
             raise IndexError("a mistake in the batch")
-        return OneByOne([Crashes({}, None)])
+        return BatchedParts(len(parts))
 
 
 def test_a_batch_that_fails_is_told_and_its_worlds_go_alone():

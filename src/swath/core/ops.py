@@ -124,7 +124,8 @@ class Source:
 
     def since(self, first: int) -> list[Sent]:
         """Its samples from one on."""
-        del self._made[self.trail.count :]  # an op took them
+        if self.is_of_op:  # which takes them whenever it steps
+            return [Sent(self.trail.at(k)) for k in range(first, self.trail.count)]
         for k in range(len(self._made), self.trail.count):
             self._made.append(Sent(self.trail.at(k)))
         return self._made[first:]

@@ -277,38 +277,6 @@ class GoesWith(Protocol):
     def goes_with(self) -> Hashable: ...
 
 
-class OneByOne:
-    """Parts that are stepped world by world after all."""
-
-    def __init__(self, parts: Sequence[Any]) -> None:
-        self.parts, self.errors = parts, dict[int, SwathError]()
-
-    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
-        """As a part's own."""
-        return _joined([part.reset(stream) for part, stream in zip(self.parts, streams, strict=True)])
-
-    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
-        """As a part's own; what a part raises is in `errors`."""
-        made: list[Outputs] = []
-        for world, part in enumerate(self.parts):
-            own = {name: in_world(value, world) for name, value in inputs.items()}
-            made.append(part.step(t, dt, own))
-        return _joined(made)
-
-    def save(self, world: int) -> State:
-        """As a part's own."""
-        found: State = self.parts[world].save()
-        return found
-
-    def load(self, world: int, state: State) -> None:
-        """As a part's own."""
-        self.parts[world].load(state)
-
-
-def _joined(made: Sequence[Outputs]) -> dict[str, Samples]:
-    return {name: Samples.joined([own[name] for own in made]) for name in made[0]}
-
-
 def in_world(value: Any, world: int) -> Any:
     """An input as it is in one world."""
     if isinstance(value, Samples):
@@ -321,7 +289,7 @@ class InWorlds(ABC):
 
     @classmethod
     @abstractmethod
-    def together(cls, parts: Sequence[Any]) -> Together:
+    def together(cls, parts: Sequence[Any]) -> Together | None:
         """All of them."""
 
     alone: Together | None = None  # the batch of one, once it is reset
@@ -329,7 +297,7 @@ class InWorlds(ABC):
     def reset(self, stream: Stream) -> Outputs:
         """The state at t = 0."""
         self.alone = self.together([self])
-        return _first(self.alone.reset([stream]))
+        return _first(self._begun().reset([stream]))
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """One step of a batch of one."""

@@ -4,26 +4,30 @@ Grain goes to the tank, straw to a swath on the ground behind the machine. Nothi
 tank does not hold is lost.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
-import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, KeepsState, Outputs, Port, State
+from swath.compiled import Compiled
+from swath.core.component import Port, State
+from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.schedule import NS
-from swath.core.together import Given, OneByOne, Samples, field_of
+from swath.core.rows import row_of
+from swath.core.together import InWorlds, Samples
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.machine.compensated_sum import Total
+from swath.kernels import Repeated, Rows, repeatable, shared
 from swath.machine.drivetrain_sheet import tank_of
 from swath.machine.process.straw_outlet import StrawOutlet
-from swath.signals import F64, CropFlow, MachineLoad, MachineState
+from swath.signals import CropFlow, MachineLoad, MachineState
 
-TOTALS = ("tank", "lost", "straw")
+LOADS = (
+    *("tank_grain", "lost_grain", "dropped_straw", "held_grain", "held_straw", "grain_flow", "straw_flow"),
+    *("header_flow", "feeder_flow", "drum_flow", "rotor_flow", "shoe_flow", "separation_loss", "loss_share"),
+)  # as `pass_on` has them
 
 
 @dataclass(frozen=True)
@@ -38,138 +42,76 @@ class Params:
     swath_step_m: Annotated[float, Gt(0), Le(5)] = 0.25
 
 
-class ConstantProcess(KeepsState):
-    """No delay, a constant loss."""
+class ConstantProcess(InWorlds):
+    """No delay, a constant loss. tank: what it holds; outlet: lays straw on the field"""
 
-    kept = ("_totals", "_outlet")
     steps_any_length = True
 
     inputs = (Port("flow", CropFlow, history=True), Port("state", MachineState))
     outputs = (Port("load", MachineLoad),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        self._field = setup.field
-        self._loss = params.loss_percent * PERCENT
-        self._tank = tank_of(setup.machine)
+        self.field, self.loss = setup.field, params.loss_percent * PERCENT
+        self.tank = tank_of(setup.machine)
         rear = setup.machine.body[0]
-        self._outlet = StrawOutlet(setup.field, rear, params.swath_width_m, params.swath_step_m, ridge=True)
+        self.outlet = StrawOutlet(setup.field, rear, params.swath_width_m, params.swath_step_m, ridge=True)
 
     @classmethod
     def together(cls, parts: Sequence["ConstantProcess"]) -> "Processes | None":
-        """All of them, on fields where straw is counted and not seen, with the same tank."""
-        are_alike = all(p._field.profile is not None and p._tank == parts[0]._tank for p in parts)
-        return Processes(parts) if are_alike else None
-
-    def reset(self, stream: Stream) -> Outputs:
-        """Empty tank; the swath starts where the first state finds the machine."""
-        self._totals = {name: Total() for name in TOTALS}
-        self._outlet.reset()
-        return {"load": self._load(0, 0.0, 0.0, 0.0)}
-
-    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """Pass on what the header took in since the last step."""
-        grain = straw = lost = 0.0
-        for flow in inputs["flow"]:
-            gone = flow.grain * self._loss
-            over = float(self._tank.over_rim(self._totals["tank"].value, flow.grain - gone))
-            self._totals["lost"].add(gone + over)
-            self._totals["tank"].add(flow.grain - gone - over)
-            self._totals["straw"].add(flow.straw)
-            grain, straw, lost = grain + flow.grain - gone, straw + flow.straw, lost + gone
-        self._outlet.drop(straw, inputs["state"])
-        rate = NS / dt
-        return {"load": self._load(t + dt, grain * rate, straw * rate, lost * rate)}
-
-    def _load(self, t: int, grain: float, straw: float, lost: float) -> MachineLoad:
-        tank_total, lost_total, straw_total = (self._totals[name].value for name in TOTALS)
-        feed = grain + lost + straw
-        return MachineLoad(
-            t,
-            tank_total,
-            lost_total,
-            straw_total,
-            0.0,
-            0.0,
-            grain,
-            straw,
-            header_flow=feed,
-            feeder_flow=feed,
-            drum_flow=feed,
-            rotor_flow=straw,
-            shoe_flow=grain,
-            separation_loss=lost,
-            loss_share=self._loss if feed > 0.0 else 0.0,
-        )
+        """All of them, on fields where straw is counted and not seen: worlds that have ended lay on."""
+        are_counted = len(parts) == 1 or all(part.field.profile is not None for part in parts)
+        return Processes(parts) if are_counted else None
 
 
-class Processes(OneByOne):
+class Processes(Compiled):
     """Those of many worlds."""
 
+    reads: ClassVar = {"state": MachineState}
+    hears: ClassVar = {"flow": CropFlow}
+
     def __init__(self, parts: Sequence[ConstantProcess]) -> None:
-        super().__init__(parts)
-        self._loss = np.array([part._loss for part in parts])
-        self._tank = parts[0]._tank
-        self._totals, self._rests = np.zeros((2, len(TOTALS), len(parts)))
+        from swath.machine.process import constant_kernel as kernel
 
-    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
-        """Empty tanks."""
-        for part, stream in zip(self.parts, streams, strict=True):
-            part.reset(stream)
-        self._totals[:], self._rests[:] = 0.0, 0.0
-        return self._loads(0, *np.zeros((3, len(self.parts))))
+        n = len(parts)
+        super().__init__(n, {"load": row_of(MachineLoad, n, LOADS)})
+        shares = [(part.loss, part.tank.capacity) for part in parts]
+        self._parts, self._shares = parts, Rows(kernel.Shares, n, shares)
+        self._sums = Rows(kernel.Sums, n)
 
-    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
+    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
+        """Empty tanks; swaths start where the first state finds the machine."""
+        for part in self._parts:
+            part.outlet.reset()
+        self._sums.clear()
+        self.sent["load"].memory[:] = 0
+        return self.sent_at(0)
+
+    def launches(self) -> Sequence[Repeated]:
         """Pass on what the headers took in since the last step."""
-        grain, straw, lost = np.zeros((3, len(self.parts)))
-        for flow in inputs["flow"]:
-            cut, stems = field_of(flow, "grain"), field_of(flow, "straw")
-            gone = cut * self._loss
-            over = self._tank.over_rim(self._totals[0] + self._rests[0], cut - gone)
-            for k, part in enumerate((cut - gone - over, gone + over, stems)):
-                self._add(k, part)
-            grain, straw, lost = grain + cut - gone, straw + stems, lost + gone
-        for part, laid in zip(self.parts, straw.tolist(), strict=True):
-            part._field.profile.straw_kg += laid
-        rate = NS / dt
-        return self._loads(t + dt, grain * rate, straw * rate, lost * rate)
+        from swath.machine.process.constant_kernel import pass_on
+
+        trail, load = self.heard["flow"], self.sent["load"]
+        more = self.clock, self.needs, trail.head, trail.memory["grain"], trail.memory["straw"]
+        given = [self._shares.array, self._sums.array, *map(shared, (*more, *load.arrays.values()))]
+        return [repeatable(pass_on, given, threads=self.worlds)]
+
+    def supply(self, stage: int) -> None:
+        """Lay the straw."""
+        state: Any = self.given["state"]
+        for world, (part, laid) in enumerate(zip(self._parts, self._sums.of["laid"].tolist(), strict=True)):
+            try:
+                part.outlet.drop(laid, state.of(world))
+            except SwathError as error:
+                self.errors[world] = error
 
     def save(self, world: int) -> State:
         """Everything that is needed to go on exactly."""
-        totals, rests = self._totals[:, world].tolist(), self._rests[:, world].tolist()
-        kept = zip(TOTALS, totals, rests, strict=True)
-        self.parts[world]._totals = {name: Total(total, rest) for name, total, rest in kept}
-        return super().save(world)
+        return {"sums": self._sums.save(world), "outlet": self._parts[world].outlet.save()}
 
     def load(self, world: int, state: State) -> None:
         """Back to it."""
-        super().load(world, state)
-        for k, name in enumerate(TOTALS):
-            saved = self.parts[world]._totals[name].save()
-            self._totals[k, world], self._rests[k, world] = saved["total"], saved["rest"]
-
-    def _add(self, k: int, value: F64) -> None:
-        """As `Total.add`."""
-        old = self._totals[k]
-        new = old + value
-        self._rests[k] += np.where(np.abs(old) >= np.abs(value), (old - new) + value, (value - new) + old)
-        self._totals[k] = new
-
-    def _loads(self, t: int, grain: F64, straw: F64, lost: F64) -> dict[str, Samples]:
-        tank, gone, laid = self._totals + self._rests
-        feed = grain + lost + straw
-        arrays = {
-            "tank_grain": tank,
-            "lost_grain": gone,
-            "dropped_straw": laid,
-            "grain_flow": grain,
-            "straw_flow": straw,
-            **dict.fromkeys(("header_flow", "feeder_flow", "drum_flow"), feed),
-            "rotor_flow": straw,
-            "shoe_flow": grain,
-            "separation_loss": lost,
-            "loss_share": np.where(feed > 0.0, self._loss, 0.0),
-        }
-        return {"load": Samples(MachineLoad, t, arrays, {"held_grain": 0.0, "held_straw": 0.0})}
+        self._sums.load(world, state["sums"])
+        self._parts[world].outlet.load(state["outlet"])
 
 
 LEVEL = Level(
