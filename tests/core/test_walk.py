@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import swath.compiled
+from swath.core.ops import Source
 from swath.core.rows import Row, Trail, can_be_row, row_of
 from swath.core.together import Samples
 from swath.record.digest import Digest
@@ -123,3 +124,15 @@ def test_a_trail_keeps_samples_in_order_while_it_grows():
     assert [r.t for r in found] == [10 * k for k in kept]
     assert trail.times[: trail.count].tolist() == [10 * k + 1 for k in kept]
     assert isinstance(found[0], Row)
+
+
+def test_what_waits_is_what_lies_in_the_trail_of_an_op_whoever_looked_before():
+    row = row_of(SteerCommand, 1)
+    trail = Trail(row, 4)
+    source = Source(trail, is_of_op=True)
+    for curvatures in ((1.0,), (2.0, 3.0)):
+        trail.forget(trail.count)  # as the op does that takes them
+        for value in curvatures:
+            row.arrays["curvature"][:] = value
+            trail.append(0)
+        assert [sent.of(0).curvature for sent in source.since(0)] == [*curvatures]
