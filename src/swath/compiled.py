@@ -81,12 +81,14 @@ class Compiled(ABC):
             trail.forget(trail.count)
         return self.sent_at(t + dt)
 
-    def column(self, port: str, name: str) -> Any:
-        """A field of what is read, for a kernel; its default where it is not sent."""
-        row = self.given[port]
-        array = row.arrays.get(name)
+    def column(self, port: str, name: str, otherwise: float = np.nan) -> Any:
+        """A field of what is read, for a kernel; its default where it is not sent. otherwise: of a port that
+        is open
+        """
+        row = self.given.get(port)
+        array = None if row is None else row.arrays.get(name)
         if array is None:
-            array = np.full(self.worlds, field_of(row, name))
+            array = np.full(self.worlds, otherwise if row is None else field_of(row, name))
         return shared(array)
 
     def _fits(self, inputs: Given) -> bool:

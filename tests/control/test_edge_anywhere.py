@@ -46,7 +46,7 @@ def told(turn=0.0, place=(0.0, 0.0)):
 
 @pytest.mark.parametrize(("turn", "place"), [(137.0, (0.0, 0.0)), (-60.0, (-FAR, FAR))])
 def test_a_turned_and_a_far_field(turn, place):
-    """Turned with all in it, or far off: other stems and clods, and no digit of the edge is lost."""
+    """Turned with all in it, or far off: other stems and clods are met, and the edge is told as well."""
     offset, heading, sd, inside = told(turn, place).T
     late = slice(-50, None)
     assert len(offset) > 140

@@ -47,6 +47,18 @@ def test_compiled_and_python_walk_the_same(sets, monkeypatch):
     assert digest_of(world_of(sets)) == compiled
 
 
+def test_a_machine_that_stands_without_an_edge_ends_its_run_at_the_same_tick(monkeypatch):
+    ends = []
+    for is_by_python in (False, True):
+        monkeypatch.setattr(swath.compiled, "IS_WALKED_BY_PYTHON", is_by_python)
+        world = world_of(SETS["kinematic"], "combine.edge.min_step_m=2", "combine.motion.start_speed_kmh=7")
+        world.reset()
+        world.graph.run(20 * NS)
+        ends.append((world.graph.t, world.graph.ended))
+    assert ends[0] == ends[1]
+    assert "no crop edge seen" in ends[0][1]
+
+
 def test_a_run_that_is_saved_and_loaded_goes_on_the_same():
     sets = SETS["single track"]
     digest = digest_of(world_of(sets))

@@ -188,9 +188,7 @@ def _spacing(position: Array, drive: Drive, cutting: Mask, season: Indices) -> f
         across = off[:, 1] * ahead[:, 0] - off[:, 0] * ahead[:, 1]
         is_pass = (np.abs((forward[j] * ahead).sum(axis=1)) > AT.parallel) & (own[j] == own[i])
         is_pass &= (np.abs((off * ahead).sum(axis=1)) < beside) & (np.abs(across) > AT.narrowest_pass)
-        is_pass &= (
-            np.hypot(across, beside) <= np.where(np.isinf(distance[:, -1]), np.inf, distance[:, -1])[row]
-        )
+        is_pass &= np.hypot(across, beside) <= distance[row, -1]  # nearer ones would be among these
         side = left[row[is_pass]], (across[is_pass] > 0.0).astype(int)
         np.minimum.at(gaps, side, np.abs(across[is_pass]))
     middle = _median(gaps)

@@ -28,12 +28,10 @@ WALL = (-0.4, 0.6)  # m beside the edge, between which the canopy begins
 WHOLE = 0.75  # of the share that is stopped within: there the canopy has begun
 SOAK = 0.035  # m per slope by which it seems to begin late
 STEEP, FLATTER = 0.085, 0.6  # slope of an upright canopy without overhang; less this times that per height
-SURE = 2.0  # standard deviations of the slope beyond that from which on it may be a ramp
+SURE = 2.0  # standard deviations beyond that (by chance 1 in 40) from which on it may be a ramp
 WIDTH = 0.07  # slope further until it is one
-LOW, HEIGHTS = (
-    0.3,
-    (0.55, 0.75),
-)  # slope that a low crop feigns, among whose lower layers is stubble: two heights [m]
+LOW = 0.3  # slope that a low crop feigns, among whose lower layers is stubble
+HEIGHTS = 0.55, 0.75  # m: it is low below the first, no longer from the second on
 _CELLS = 2 * round(HALF / CELL)
 _PLACE = CELL * (np.arange(_CELLS) + 0.5) - HALF
 _WALL = slice(*(round((HALF + place) / CELL) for place in WALL))

@@ -49,7 +49,7 @@ MAX_GROUND, RESOLUTION = constants(0.6, 0.02)  # m: stubble off the machine's pl
 SLOPE_SD, BEND_SD = constants(0.07, 0.02)  # [1], 1/m: of how far an edge is from straight ahead
 # 95 % efficiency on normal errors (Beaton & Tukey 1974, doi:10.1080/00401706.1974.10489171); sd / median
 TUKEY, MAD = constants(line_weights.TUKEY, line_weights.MAD)
-TINY, SOON = constants(1e-9, 1e-6)  # in the place of nothing, to divide by; s, m2
+TINY, SMALL = constants(1e-9, 1e-6)  # in the place of nothing, to divide by; s, m2
 LATE, TOP, LEAST_SURE = constants(0.1, 0.9, profile.LEAST_SURE)  # shares: newest scan, echoes of crop
 ERROR_ODDS = constants(3.0)[0]  # nat: odds of an echo on its side of a threshold between heights, 95 %
 WINDOW_S, FORGET_S, MIN_SHARE = constants(6.0, 4.0, 0.6)  # s, s, [1]: greatest age, memory of the lost, scans
@@ -482,7 +482,7 @@ def find_step(
     below = mean_of(level, 0, first)
     above = mean_of(level, first, n)
     spread = variance_of(level, 0, first, below) + variance_of(level, first, n, above)
-    separation = (above - below) / wp.sqrt(spread + SOON)
+    separation = (above - below) / wp.sqrt(spread + SMALL)
     if above - below < s.min_step or separation < s.min_separation or wp.abs(below) > MAX_GROUND:
         return step
     most = score[first - 1]
@@ -606,14 +606,14 @@ def fit_used(rows: Table, scratch: Table, state: State, s: Settings) -> Line:
 @wp.func
 def tried(rows: Table, scratch: Table, state: State, span: wp.float64, near: Line, s: Settings) -> State:
     """Found when enough scans of the last `span` agree on one line, near one if that is there."""
-    if state.unseen < span - SOON and near.is_there == ZERO:
+    if state.unseen < span - SMALL and near.is_there == ZERO:
         return state
     asked = int(0)
     n = int(0)
     oldest = real(0.0)
     for i in range(int(state.rows)):
         oldest = wp.max(oldest, rows[i, AGE])
-        if rows[i, AGE] <= span + SOON:
+        if rows[i, AGE] <= span + SMALL:
             asked += 1
             if wp.isfinite(rows[i, X]):
                 scratch[FIT_X, n] = rows[i, X]
@@ -621,7 +621,7 @@ def tried(rows: Table, scratch: Table, state: State, span: wp.float64, near: Lin
                 scratch[FIT_VARIANCE, n] = rows[i, VARIANCE]
                 n += 1
     fewest = wp.max(real(3.0), MIN_SHARE * real(asked))
-    if oldest < span - SOON or real(n) < fewest:
+    if oldest < span - SMALL or real(n) < fewest:
         return state
     line = fit_line(scratch, n, near, s.reference)
     reference = near
@@ -639,7 +639,7 @@ def tried(rows: Table, scratch: Table, state: State, span: wp.float64, near: Lin
     point = int(0)
     for i in range(int(state.rows)):
         rows[i, IS_USED] = ZERO
-        if rows[i, AGE] <= span + SOON and wp.isfinite(rows[i, X]):
+        if rows[i, AGE] <= span + SMALL and wp.isfinite(rows[i, X]):
             if scratch[ROBUST, point] > ZERO:
                 rows[i, IS_USED] = ONE
             point += 1

@@ -53,15 +53,12 @@ class EdgeGuards(Compiled):
         """The speeds that may be driven over the next step."""
         from swath.control.speed.edge_guard_kernel import bound_speeds
 
-        given, n = self.given, self.worlds
-        sees = "edge" in given
-        edge = [self.column("edge", name) if sees else shared(np.zeros(n)) for name in SEEN]
-        speed = self.column("odometry", "speed") if "odometry" in given else shared(np.full(n, np.nan))
-        is_led = np.zeros(n, np.bool_)
-        led = self.column("guidance", "is_following") if "guidance" in given else shared(is_led)
-        begin = [self._limits.array, self._driven.array, shared(self.clock), shared(self.needs), sees]
+        given = [self._limits.array, self._driven.array, shared(self.clock), shared(self.needs)]
+        edge = ["edge" in self.given, *(self.column("edge", name) for name in SEEN)]
+        led = self.column("guidance", "is_following", otherwise=False)
         told = shared(self.sent["command"].arrays["speed"])
-        return [repeatable(bound_speeds, [*begin, *edge, speed, led, told], threads=n)]
+        given += [*edge, self.column("odometry", "speed"), led, told]
+        return [repeatable(bound_speeds, given, threads=self.worlds)]
 
     def supply(self, stage: int) -> None:
         """Machines that stopped because they no longer saw the edge."""

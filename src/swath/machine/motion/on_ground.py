@@ -11,7 +11,7 @@ from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.core.rows import row_of
 from swath.core.together import Given, Samples, in_world
-from swath.kernels import Repeated, Rows, filled, of_worlds, shared
+from swath.kernels import Repeated, Rows, filled, of_worlds
 from swath.machine.towing import refuse_reverse
 from swath.signals import EngineState, MachineState, SpeedCommand, SteerState
 
@@ -41,12 +41,11 @@ class OnGround(Compiled):
         self._held = [_ground(part) for part in parts]
         self.grounds = of_worlds(kernel.Ground, self._held)
         self._ground_rows = self.grounds.numpy()
-        self._unlimited = np.full(n, np.inf)
         self.table = self.sent["state"].memory.view(np.float64).reshape(n, -1)
 
     def asked(self) -> list[Any]:
         """Angle of the steered axle, wanted speed, what the drive can, for a kernel."""
-        limit = self.column("drive", "speed_limit") if "drive" in self.given else shared(self._unlimited)
+        limit = self.column("drive", "speed_limit", otherwise=np.inf)
         return [self.column("steering", "angle"), self.column("speed", "speed"), limit]
 
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
