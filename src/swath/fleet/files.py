@@ -30,7 +30,6 @@ from swath.scenario.overrides import change_of, put
 from swath.scenario.section_reader import NAME
 
 FORMAT = "swath fleet 1"
-SIMPLER = 0.3  # m, within which points of an outline from a file are left out
 AREAS = ("Polygon", "MultiPolygon", "GeometryCollection")
 SQUARE = 10.0  # m, side of those in which the yield of a log is averaged, about a header wide
 SHORT = 1.0  # m between the ends of a line, below which it has no direction
@@ -41,12 +40,13 @@ Line = Annotated[list[tuple[Metre, Metre]], MinLen(2)]
 
 @dataclass(frozen=True)
 class FieldSettings:
-    """boundary_m: points [x, y], east and north; holes_m: ponds and islands in it; parts_m: outlines of
-    further parts of the field; around_m: ground beyond the outlines that may be driven on; yield_t_ha: grain,
-    the mean where a log says how it varies; file: task data of ISO 11783-10, GeoJSON, KML or a shapefile
-    instead, with all outlines, and with lines, which are the passes where they cover half of it or more, else
-    say their direction; log: a yield log instead, with its ground, direction and yields; with either, all
-    else is in metres from the field's south-west corner, rounded down
+    """boundary_m: points [x, y], east and north, drawn with fewer of them within 0.3 m, the area as it was;
+    holes_m: ponds and islands in it, drawn so, too; parts_m: outlines of further parts of the field;
+    around_m: ground beyond the outlines that may be driven on; yield_t_ha: grain, the mean where a log says
+    how it varies; file: task data of ISO 11783-10, GeoJSON, KML or a shapefile instead, with all outlines,
+    and with lines, which are the passes where they cover half of it or more, else say their direction; log: a
+    yield log instead, with its ground, direction and yields; with either, all else is in metres from the
+    field's south-west corner, rounded down
     """
 
     boundary_m: Ring = made(default_factory=list)
@@ -318,17 +318,13 @@ def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFi
     path = Path(name) if base is None else base / name
     read = read_log_field(path) if field.file is None else read_field(path, _header(job, base))
     corner = np.floor(np.min([a.bounds[:2] for a in read.areas], axis=0))
-    areas = [a.simplify(SIMPLER) for a in read.areas]
     notes = [*read.notes, f"origin of the field: {corner[0]:.0f}, {corner[1]:.0f} in EPSG:{read.epsg}"]
-    change = math.fsum(a.area for a in areas) - math.fsum(a.area for a in read.areas)
-    if abs(change) > 1.0:
-        notes.append(f"outlines are drawn within {SIMPLER} m, which changes {change:+.0f} m2")
 
     def ring(points: Any) -> Ring:
         return [(x - corner[0], y - corner[1]) for x, y, *_ in list(points.coords)[:-1]]
 
-    first, *others = [ring(a.exterior) for a in areas]
-    holes = [ring(h) for a in areas for h in a.interiors]
+    first, *others = [ring(a.exterior) for a in read.areas]
+    holes = [ring(h) for a in read.areas for h in a.interiors]
     field = replace(field, boundary_m=first, parts_m=others, holes_m=holes)
     if math.isfinite(read.grain) and not has_yield:
         field = replace(field, yield_t_ha=10.0 * read.grain)
