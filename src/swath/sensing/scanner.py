@@ -72,12 +72,14 @@ class Noise:
 
 @dataclass(frozen=True)
 class ScannerParams:
-    """sensor: name in data/sensors, or the user's own YAML; mount: where it sits.
+    """The scanner and its mounting.
 
+    sensor: name in data/sensors, or the user's own YAML
+    mount: where the sensor sits
     sector_deg: first and last azimuth used; none = the sensor's whole field of view
     step_deg: angle between beams; none = the data sheet's
-    reach_m: rays are not followed further than this
-    noise: range noise and constant bias as in the data sheet, or none
+    reach_m: distance up to which rays are followed
+    noise: `data_sheet` = range noise and constant bias as in the data sheet, or `none`
     """
 
     sensor: str = "sick-lms511-hr"

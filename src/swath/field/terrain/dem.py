@@ -23,10 +23,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """file: GeoTIFF of heights, with their unit and scale, in a projected system; its middle is x = y = 0
-    unless there is a field folder
-    datum_m: height above sea level of z = 0, by default the mean of the map
-    roughness_class: added ISO 8608 roughness, or `none`; waviness: its exponent w
+    """A measured elevation model.
+
+    file: GeoTIFF of heights with their unit and scale, in a projected system. Its middle is x = y = 0 unless
+        there is a field folder
+    datum_m: height above sea level of z = 0; none = the mean of the map
+    roughness_class: ISO 8608 class of the roughness added to the map, or `none`
+    waviness: exponent w of the spectrum of that roughness [1]
     """
 
     file: str

@@ -32,7 +32,11 @@ State = tuple[float, ...]  # x, y, yaw, lateral speed, yaw rate, trailer yaw, it
 
 @dataclass(frozen=True)
 class Params:
-    """start_speed_kmh: speed at t = 0; substep_ms: longest integration step"""
+    """A tractor with a trailer.
+
+    start_speed_kmh: speed at t = 0
+    substep_ms: longest integration step
+    """
 
     start_speed_kmh: Annotated[float, Ge(0), Le(40)] = 0.0
     substep_ms: Annotated[float, Ge(0.01), Le(20)] = 10.0

@@ -33,8 +33,11 @@ MORE_M = 3.0  # lines reach so much farther to both sides than the search beside
 
 @dataclass(frozen=True)
 class Params:
-    """reference_x_m: where ahead of the fixed axle the edge is reported, nearer where it bends by more than
-    0.3 rad on the way or breaks; reach_m: how far beside the header end the edge is looked for
+    """The true edge.
+
+    reference_x_m: where ahead of the fixed axle the edge is reported; nearer where it bends by more than 0.3
+        rad before that, or breaks
+    reach_m: how far beside the header end the edge is looked for
     """
 
     reference_x_m: Annotated[float, Gt(0), Le(40)] = 10.0

@@ -27,7 +27,12 @@ NAN = float("nan")
 
 @dataclass(frozen=True)
 class Place:
-    """Place of an antenna on its machine. x_m: ahead of the fixed axle; y_m: leftward; z_m: above ground."""
+    """Place of an antenna on its machine.
+
+    x_m: ahead of the fixed axle
+    y_m: leftward
+    z_m: above ground
+    """
 
     x_m: Annotated[float, Ge(-30), Le(30)] = 1.0
     y_m: Annotated[float, Ge(-30), Le(30)] = 0.0

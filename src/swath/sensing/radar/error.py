@@ -106,11 +106,15 @@ RAIN = {"low": (0.148, 1.0), "high": (1.08, 0.72)}  # dB/km = k R^a: 3.7 and 11 
 
 @dataclass(frozen=True)
 class Params(IdealParams):
-    """straw_moisture_percent: water of the straw, wet mass; straw_wall: 0 thin to 1 thick, of the stems
-    stand_loss_percent: of the derived loss in the crop; 0 = the crop is not there for the radar
-    rain_mm_h: rain, which weakens echoes over the distance; loss_db: of all echoes, such as a dirty cover
-    noise: as in the data sheet, or none: then all that is above the threshold by its mean is given exactly,
-    with no false alarms
+    """What weakens a radar's echoes, and its noise.
+
+    straw_moisture_percent: water of the straw, of its wet mass
+    straw_wall: thickness of the stems' walls, 0 thin to 1 thick [1]
+    stand_loss_percent: share of the derived loss in the crop that counts; 0 = the radar sees through the crop
+    rain_mm_h: rain, which weakens echoes over the distance
+    loss_db: loss of all echoes, such as by a dirty cover
+    noise: `data_sheet` = as in the data sheet; `none` = what is above the threshold by its mean is given
+        exactly, without false alarms
     """
 
     straw_moisture_percent: Annotated[float, Ge(0), Le(80)] = 12.0

@@ -24,9 +24,13 @@ TAP = 10_000_000  # between the three poses that a velocity is taken from [ns]
 
 @dataclass(frozen=True)
 class RadarMount(LevelMount):
-    """Over the header, in front of the cab: an estimate. Level: makers ask for 0 to 1 deg against the ground
-    and a height of 0.5 m or more (Autoliv, Installation Specifications and User Manual, Radar Sensors,
-    E567781, 6.3.4; 24 GHz E814702, 5.3.9).
+    """Over the header, in front of the cab: an estimate.
+
+    Level, since makers ask for 0 to 1 deg against the ground and a height of 0.5 m or more (Autoliv,
+    Installation Specifications and User Manual, Radar Sensors, E567781, 6.3.4; 24 GHz E814702, 5.3.9).
+
+    x_m: forward
+    z_m: above ground
     """
 
     x_m: Length = 3.5
@@ -35,8 +39,10 @@ class RadarMount(LevelMount):
 
 @dataclass(frozen=True)
 class Params:
-    """sensor: name in data/sensors, or the user's own YAML; mount: where it sits, its x axis is the middle of
-    the field of view
+    """An automotive radar.
+
+    sensor: name in data/sensors, or the user's own YAML
+    mount: where the radar sits; its x axis is the middle of the field of view
     """
 
     sensor: str = "radar-77ghz-corner"
