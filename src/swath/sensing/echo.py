@@ -172,7 +172,7 @@ def merging_gap(pulse: float) -> float:
 
 
 def least_energy(range_10: float) -> float:
-    """albedo / r2 that is just detected [1/m2]: that of a 10 % target at the reach given for it [m]."""
+    """Least albedo / r2 that is just detected [1/m2]: that of a 10 % target at the reach given for it [m]."""
     return 0.1 / range_10**2
 
 

@@ -91,7 +91,7 @@ class ScannerParams:
 
 
 class Scanner:
-    """sheet: data sheet; mounting: pose_machine_sensor; azimuth, elevation [rad], beam_t [s]: (beam_count,)
+    """sheet: data sheet; mounting: pose_machine_sensor; azimuth, elevation [rad], beam_t [s]: (beam_count,).
 
     axes: beam frames in the sensor frame, (beam_count, 3, 3), columns beam direction, across (left), along
     line_count: beams of a firing, at one azimuth but for what it turns meanwhile
@@ -231,7 +231,7 @@ def _beam_axes(azimuth: F64, elevation: F64) -> F64:
 
 @dataclass(frozen=True)
 class OutdoorParams(ScannerParams):
-    """angle_noise_deg: one sigma of the beams' direction; none = the data sheet's
+    """angle_noise_deg: one sigma of the beams' direction; none = the data sheet's.
 
     drop_out_percent: beams lost
     weather: dust, chaff and rain in the air

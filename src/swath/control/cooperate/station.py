@@ -60,7 +60,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class BoxView:
-    """What a fill strategy knows. half, width: half the length, and the width of the box [m]
+    """What a fill strategy knows. half, width: half the length, and the width of the box [m].
 
     places [m ahead of the middle], heights [m above the floor]: profile of the grain; freeboard: rim above
     the grain at the walls beside each place, less the margin [m]

@@ -244,7 +244,7 @@ def _settings(part: Otsu) -> tuple[float, ...]:
 
 
 def footprint(setup: ControlSetup) -> float:
-    """x [m] where the scanner's middle beam meets a canopy 0.8 m high, between the knife and 20 m ahead."""
+    """Distance at which the scanner's middle beam meets a canopy 0.8 m high, from the knife to 20 m [m]."""
     knife = setup.machine.knife_x
     ahead, _, up = setup.mounting.turn([1.0, 0.0, 0.0])
     drop = float(setup.mounting.position[2]) - 0.8

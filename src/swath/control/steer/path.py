@@ -133,7 +133,7 @@ class Params:
 
 class BesidePath(NamedTuple):
     """Of a path beside a place. left: how far to the left of it the place is [m]; course: its direction
-    against the machine's [rad]; curvature [1/m]
+    against the machine's [rad]; curvature [1/m].
     """
 
     left: float
@@ -249,7 +249,7 @@ class PathSteer(KeepsState):
         return state, self._aim(line, there.way, there.left, travel, speed) + self._actuator.deficit
 
     def _aim(self, line: GuidanceLine, way: float, left: float, travel: float, speed: float) -> float:
-        """The law itself. left: of the path [m]; travel: direction of travel against it [rad]"""
+        """The law itself. left: of the path [m]; travel: direction of travel against it [rad]."""
         d = max(self._p.distance_m, self._p.time_s * speed)
         most = 2.0 * DAMPING * d * sin(self._p.approach_deg * DEG)
         swing = 0.5 * speed * line.sharpest_bend / self._rate

@@ -39,7 +39,8 @@ class Params:
 
 
 class Dem:
-    """Heights on a raster. datum: height that z = 0 stands for [m]; notes: what was assumed of its file;
+    """Heights on a raster. datum: height that z = 0 stands for [m]; notes: what was assumed of its file.
+
     gd_n0: of the added roughness [m3]
     """
 
@@ -96,7 +97,7 @@ class Dem:
 
 
 def fill_gaps(values: Array) -> Array:
-    """nan cells as the mean of their known neighbours, ring by ring from the known ones."""
+    """Fill nan cells with the mean of their known neighbours, ring by ring from the known ones."""
     padded = np.pad(values, 1, constant_values=np.nan)
     flat, (ny, nx) = padded.reshape(-1), values.shape
     is_missing = np.zeros(padded.shape, dtype=bool)

@@ -151,7 +151,7 @@ GYRO_LAG = 0.03  # smoothing of the rates of roll and pitch [s], estimate
 
 
 class Predictor(KeepsState):
-    """feeler_lag, valve_lag [s]; feeler_delay, dead_time [ns]; knife_x: ahead of the fixed axle [m]"""
+    """feeler_lag, valve_lag [s]; feeler_delay, dead_time [ns]; knife_x: ahead of the fixed axle [m]."""
 
     kept = ("_own", "_axes", "_rates")
 

@@ -237,7 +237,7 @@ class Cars(OnGround):
             column[world] = number
 
     def _with_wheels(self, found: Mapping[str, Samples], accel: F64) -> Mapping[str, Samples]:
-        """What the driven wheels pull, and how they slip. accel: mean of the step [m/s2]"""
+        """What the driven wheels pull, and how they slip. accel: mean of the step [m/s2]."""
         if not self.parts[0].params.wheel_slip:
             return found
         wheels: list[Signal] = []

@@ -46,7 +46,7 @@ class Params:
 
 
 class ConstantProcess(InWorlds):
-    """No delay, a constant loss. tank: what it holds; outlet: lays straw on the field"""
+    """No delay, a constant loss. tank: what it holds; outlet: lays straw on the field."""
 
     steps_any_length = True
 

@@ -29,7 +29,7 @@ SHARE = 1.0 / 6.0  # of each of four points at sqrt(3) sd; with the middle they 
 
 @dataclass(frozen=True)
 class Parcel:
-    """Grain that left the mouth together. t: then [s]; mass [kg]; place, speed: then, world (3,)"""
+    """Grain that left the mouth together. t: then [s]; mass [kg]; place, speed: then, world (3,)."""
 
     t: float
     mass: float
@@ -38,7 +38,7 @@ class Parcel:
 
 
 class Stream(KeepsState):
-    """Parcels in flight. spread: of where a parcel comes down, 1 sigma [m]; wind: world (3,) [m/s]"""
+    """Parcels in flight. spread: of where a parcel comes down, 1 sigma [m]; wind: world (3,) [m/s]."""
 
     kept = ("_parcels",)
 

@@ -212,7 +212,7 @@ class Params(SceneParams):
 
 
 class ErrorCamera(SceneCamera):
-    """sheet: of the whole sensor; planes: make numbers of photons, one for all pixels or one per colour"""
+    """sheet: of the whole sensor; planes: make numbers of photons, one for all pixels or one per colour."""
 
     kept: ClassVar[tuple[str, ...]] = ("_last", "_casts", "_exposure")
 
@@ -262,7 +262,8 @@ class ErrorCamera(SceneCamera):
 
     def _aimed(self, t: int, exposure: float, known: tuple[MachineState, ...]) -> tuple[F64, F64, F64]:
         """Origins and directions of all samples (rows, columns, 3) of a machine in these states, and their
-        times after t [s], (rows, columns)."""
+        times after t [s], (rows, columns).
+        """
         per, (height, width) = self.per_side, self.size
         rolls = self.sheet.shutter == "rolling"
         late = self._row_time * (np.arange(height) - (height - 1)) if rolls else np.zeros(1)

@@ -182,7 +182,7 @@ class Params(SceneParams):
 @dataclass(frozen=True)
 class Sight:
     """What all samples of an image see: hits, origins (3,) or (rows, columns, 3), directions (rows, columns,
-    3) in the world; depth along the optical axis [m], (rows, columns), nan = nothing; things in sight
+    3) in the world; depth along the optical axis [m], (rows, columns), nan = nothing; things in sight.
     """
 
     hits: Hits

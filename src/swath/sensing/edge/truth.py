@@ -93,7 +93,7 @@ class TruthEdge(KeepsState):
         return bend, slope, offset
 
     def _follow(self, state: MachineState) -> tuple[F64, F64]:
-        """x and y [m] of the edge on the lines, from the first that shows it as far as it goes on, (n,)."""
+        """Places x, y [m] of the edge on the lines, from the first that shows it to its end, (n,)."""
         begin = self._end_y + self._out * self._half
         crop = crop_across(
             self._setup.field, state.pose, self._x, begin, self._end_y - self._out * self._half
@@ -117,7 +117,7 @@ class TruthEdge(KeepsState):
         return self._x[first : first + len(found)], np.array(found)
 
     def _across_holes(self, state: MachineState) -> F64:
-        """y of the line across a hole, on each line across the machine; nan where no hole is."""
+        """Place y of the line across a hole, on each line across the machine; nan where no hole is."""
         if self._holes is None:
             return np.full(len(self._x), np.nan)
         (px, py, _), ((ax, bx, _), (ay, by, _), _) = state.pose.numbers

@@ -96,7 +96,7 @@ class Params:
 
 class Reception(NamedTuple):
     """What comes in. quality: by number; stretch: errors over those of the table; offset: of a wrong fix,
-    (3,) [m]; more: fields of Fix from `age` on
+    (3,) [m]; more: fields of Fix from `age` on.
     """
 
     quality: int

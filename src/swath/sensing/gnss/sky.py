@@ -55,7 +55,7 @@ class Shading:
         self._hard, self._leaves = BeamBuffer(count), BeamBuffer(count)
 
     def look(self, antenna: F64, up: F64) -> tuple[F64, F64]:
-        """(is blocked, is behind leaves), boolean (n,) each. antenna (3,) [m], up: directions (n, 3)"""
+        """(is blocked, is behind leaves), boolean (n,) each. antenna (3,) [m], up: directions (n, 3)."""
         bodies = [b for b in self._setup.bodies.around() if _is_near(b, antenna)]
         leaves = [b.solids for b in bodies if b.kind in FOLIAGE]
         hard = [b.solids for b in bodies if b.kind not in FOLIAGE]
@@ -171,7 +171,7 @@ class Times:
 
 @saved_type()
 class Heard(NamedTuple):
-    """codes, carriers: satellites of which either is tracked; hdop; age: of the corrections [s]"""
+    """codes, carriers: satellites of which either is tracked; hdop; age: of the corrections [s]."""
 
     codes: int
     carriers: int
@@ -197,7 +197,7 @@ class FixStates(KeepsState):
         self._wait = float("inf")  # time of it until the fix
 
     def step(self, seconds: float, heard: Heard, draw: tuple[float, float, float]) -> int:
-        """The quality after so many seconds. draw: three uniform numbers of [0, 1)"""
+        """The quality after so many seconds. draw: three uniform numbers of [0, 1)."""
         t = self._times
         self._heard = self._heard + seconds if heard.codes >= 4 else 0.0
         if heard.codes < 4 or self._heard < t.reacquire_s - TINY:

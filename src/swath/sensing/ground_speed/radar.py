@@ -37,7 +37,7 @@ class GroundRadarSheet:
     """frequency [Hz]; depression: of the beam below the horizontal [rad]; beam_width: one way, at half power
     [rad]; averaging: time over which a spectrum is taken [s]; lag: time constant behind it [s]
     mean_error, error_sd: of the scale over machines and fields, shares; speed_min: below it the unit says 0
-    [m/s]
+    [m/s].
     """
 
     format: str

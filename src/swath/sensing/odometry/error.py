@@ -79,7 +79,7 @@ class ErrorOdometry(InWorlds):
 
 
 class Odometers(KeepsRows, Compiled):
-    """Of many worlds. constant: what was drawn for each: error of the speed, with slip, the two biases"""
+    """Of many worlds. constant: what was drawn for each: error of the speed, with slip, the two biases."""
 
     kept = ("constant",)
     reads: ClassVar = {"state": MachineState, "steering": SteerState, "wheels": WheelState}
