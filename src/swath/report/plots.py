@@ -8,12 +8,14 @@ import base64
 import re
 from collections.abc import Sequence
 from io import BytesIO
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.collector import give_back
+from swath.core.whole_file import new_file
 from swath.judge.evaluators.edge_detection import EdgeSeries
 from swath.judge.evaluators.lateral_error import PathSeries
 from swath.judge.evaluators.unloading import HeapRows, UnloadingSeries
@@ -120,6 +122,14 @@ def as_image(fig: Any, *, kind: str = "svg", dpi: int = 150) -> str:
     made = _themed(out.getvalue().decode()).encode() if kind == "svg" else out.getvalue()
     media = "image/svg+xml" if kind == "svg" else f"image/{kind}"
     return f"data:{media};base64,{base64.b64encode(made).decode()}"
+
+
+def write_picture(path: Path, fig: Any, dpi: int = 130) -> Path:
+    """Write a figure as a PNG file; returns its path."""
+    fig.set_dpi(dpi)
+    with new_file(path) as file:
+        fig.canvas.print_png(file, metadata={"Software": None})  # `savefig` draws everything twice
+    return path
 
 
 def _themed(svg: str) -> str:
