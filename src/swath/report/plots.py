@@ -168,7 +168,7 @@ def errors_figure(
     bands: limits to draw, in m, under `lateral` and `edge`; a part that is None is left out
     """
     rows = (path is not None) + (edges is not None)
-    fig, grid = panels(0.6 + 2.0 * rows, rows, top=0.3, sharex=True)
+    fig, grid = panels(0.6 + 2.0 * rows, rows, top=0.3, gap=0.3, sharex=True)
     axes = list(grid[:, 0])
     end = 1.0
     if path is not None:
@@ -204,7 +204,7 @@ def _plot_edge(ax: Any, series: EdgeSeries, settling: float, band: float | None)
     _limits(ax, 100 * series.settled(settling).error, None if band is None else 100 * band)
     ax.set_ylabel("detected edge\nerror [cm]")
     if ax.get_legend_handles_labels()[0]:
-        ax.legend(loc="upper right", ncol=3)
+        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncol=3)
 
 
 def _limits(ax: Any, values: F64, band: float | None) -> None:
