@@ -91,7 +91,7 @@ def write_whole(path: Path, data: str | bytes) -> Path:
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, object]], head: Sequence[str] = ()) -> Path:
-    """Write a CSV file and return its path. head: names of the columns, by default those of the first row"""
+    """Write a CSV file and return its path. head: names of the columns, by default those of the first row."""
     text = io.StringIO()
     writer = csv.DictWriter(text, head or list(rows[0] if rows else ()), lineterminator="\n")
     writer.writeheader()

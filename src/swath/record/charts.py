@@ -54,7 +54,7 @@ CHARTS = (
 
 
 def shown_charts(columns: Columns, *, cuts: bool, is_live: bool = False) -> list[dict[str, Any]]:
-    """Charts of a machine whose columns hold numbers that are not all 0. cuts: False without a header
+    """Charts of a machine whose columns hold numbers that are not all 0. cuts: False without a header.
 
     is_live: the numbers are still to come, so every column counts
     """

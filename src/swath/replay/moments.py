@@ -59,7 +59,7 @@ WORST = (
 
 
 def worst_moments(name: str, columns: Columns, *, cuts: bool) -> list[dict[str, Any]]:
-    """The worst moments of a machine, in order of time. cuts: False for one without a header"""
+    """The worst moments of a machine, in order of time. cuts: False for one without a header."""
     found = []
     for worst in WORST:
         values = columns.get(worst.column)

@@ -65,7 +65,7 @@ def exit_code(results: Iterable[str]) -> int:
 
 
 def limit_text(entry: Mapping[str, Any], say: Callable[[Any], str] = number) -> str:
-    """The bounds of a limit, with `hold` and `while`. say: how a bound is written"""
+    """The bounds of a limit, with `hold` and `while`. say: how a bound is written."""
     limit = entry["limit"]
     bounds = ", ".join(f"{key} {say(limit[key])}" for key in ("min", "max") if key in limit)
     hold = f" {limit['hold']}" if "hold" in limit else ""
