@@ -259,7 +259,7 @@ M = TypeVar("M", Combine, Cart)
 @dataclass(frozen=True)
 class Machines:
     """combines, carts: by what they can do, the most first, so that neither names nor the order of a file
-    decide anything; density: of the grain in bulk [kg/m3]; listed: names in the order of the file
+    decide anything; density: of the grain in bulk [kg/m3]; listed: names in the order of the file.
     """
 
     combines: tuple[Combine, ...]

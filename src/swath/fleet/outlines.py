@@ -56,7 +56,7 @@ class Frame:
 @dataclass(frozen=True)
 class Outlines:
     """frame: of the field; parts, holes: polygons of shapely in it, holes whole where they reach over the
-    edge; notes: on what is left out
+    edge; notes: on what is left out.
     """
 
     frame: Frame
