@@ -40,28 +40,19 @@ Line = Annotated[list[tuple[Metre, Metre]], MinLen(2)]
 
 @dataclass(frozen=True)
 class FieldSettings:
-<<<<<<< HEAD
-    """boundary_m: points [x, y], east and north, drawn with fewer of them within 0.3 m, the area as it was;
-    holes_m: ponds and islands in it, drawn so, too; parts_m: outlines of further parts of the field;
-    around_m: ground beyond the outlines that may be driven on; yield_t_ha: grain, the mean where a log says
-    how it varies; file: task data of ISO 11783-10, GeoJSON, KML or a shapefile instead, with all outlines,
-    and with lines, which are the passes where they cover half of it or more, else say their direction; log: a
-    yield log instead, with its ground, direction and yields; with either, all else is in metres from the
-    field's south-west corner, rounded down.
-=======
     """The field: an outline, a file or a yield log.
 
     With `file` or `log` all other places are in metres from the field's south-west corner, rounded down.
 
-    boundary_m: outline, points [x, y], east and north
-    holes_m: outlines of ponds and islands in it
+    boundary_m: outline, points [x, y], east and north. It is drawn with fewer of them, within 0.3 m, its area
+        kept
+    holes_m: outlines of ponds and islands in it, drawn the same way
     parts_m: outlines of further parts of the field
     around_m: width of the ground beyond the outlines that may be driven on
     yield_t_ha: yield of grain, the mean where a log says how it varies
     file: task data of ISO 11783-10, GeoJSON, KML or a shapefile, with all outlines. Lines in it are the
         passes where they cover at least half of the field, else they give the direction of the passes
     log: a yield log, with its ground, direction and yields
->>>>>>> main
     """
 
     boundary_m: Ring = made(default_factory=list)
