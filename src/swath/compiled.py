@@ -45,6 +45,12 @@ class Compiled(ABC):
     def launches(self) -> Sequence[Repeated]:
         """The step, over `given`, `heard`, `sent`, `clock` and `needs` as they are now."""
 
+    def asking(self) -> Repeated:
+        """A launch that does nothing but have `supply` called."""
+        from swath.walk_kernel import ask
+
+        return repeatable(ask, [shared(self.needs)])
+
     def supply(self, stage: int) -> None:
         """Do what a launch, by its place among them, did not that set `needs`."""
         raise SwathError(f"{type(self).__name__}: a step lacks something")

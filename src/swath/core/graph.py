@@ -536,9 +536,10 @@ class Lockstep:
             self._reserve(program)
         need = program.walk(first, last, base, piece)
         while need is not None:
-            op, stage = need[0].op, need[1]
+            op, stage, started = need[0].op, need[1], time.perf_counter()
             op.needs[0] = 0
             op.supply(stage)
+            self._ranks[need[0].place].cost.seconds += time.perf_counter() - started
             if errors := {world: error for world, error in op.errors.items() if self.active[world]}:
                 self._fail(errors)
                 program.end_with_tick()

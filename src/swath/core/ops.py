@@ -177,7 +177,8 @@ class Program:
         ranges = {member.place: self._write(member) for member in members}
         parts, self.places = list[tuple[int, int]](), list[int]()
         self._dues: dict[int, list[int]] = {place: [] for place in self.by_place}
-        ticks, self.pieces, count = [], list[list[Any]](), len(plan.ticks)
+        ticks, count = list[tuple[int, int, int]](), len(plan.ticks)
+        self.pieces = list[list[Any]]()
         for at, due in plan.ticks:
             begin, pieces = len(parts), list[Any]()
             for place in due:

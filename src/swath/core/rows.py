@@ -17,8 +17,9 @@ from swath.core.frames import Pose
 from swath.core.signal import Signal, per_signal
 from swath.core.together import Samples, field_of, plain
 
-HEAD = 6  # numbers by which compiled code knows a trail
-PLACE, COUNT, ROOM, TIMES, STAMPS, ORDERS = range(HEAD)  # addresses but for COUNT and ROOM
+# Numbers by which compiled code knows a trail: address of its samples, how many there are and how many have
+# room, addresses of times, stamps, orders.
+HEAD, COUNT = 6, 1
 FORMS: dict[Any, Any] = {
     float: np.float64,
     int: np.int64,
@@ -219,8 +220,10 @@ class Trail:
         self.row = row
         self.head = np.zeros(HEAD, np.int64) if head is None else head
         self.head[COUNT] = 0
-        self.memory = np.empty((0, *row.memory.shape), row.memory.dtype)
-        self.times, self.stamps, self.orders = (np.empty(0, np.int64) for _ in range(3))
+        self.memory: NDArray[Any]
+        self.times: Ints
+        self.stamps: Ints
+        self.orders: Ints
         self._grow(room)
 
     @property
@@ -255,17 +258,18 @@ class Trail:
         self.head[COUNT] = rest
 
     def _grow(self, room: int) -> None:
-        count = self.count
+        count, row = self.count, self.row.memory
+        memory, numbers = np.empty((room, *row.shape), row.dtype), np.empty((3, room), np.int64)
+        if count:
+            memory[:count], numbers[0, :count] = self.memory[:count], self.times[:count]
+            numbers[1, :count], numbers[2, :count] = self.stamps[:count], self.orders[:count]
+        self.memory = memory
+        self.times, self.stamps, self.orders = numbers
+        first, size = _place(numbers), 8 * room
+        self.head[:] = _place(memory), count, room, first, first + size, first + 2 * size
 
-        def grown(array: NDArray[Any]) -> NDArray[Any]:
-            larger = np.empty((room, *array.shape[1:]), array.dtype)
-            larger[:count] = array[:count]
-            return larger
 
-        self.memory, self.times, self.stamps, self.orders = map(
-            grown, (self.memory, self.times, self.stamps, self.orders)
-        )
-        self.head[PLACE], self.head[ROOM] = self.memory.ctypes.data, room
-        self.head[TIMES], self.head[STAMPS], self.head[ORDERS] = (
-            array.ctypes.data for array in (self.times, self.stamps, self.orders)
-        )
+def _place(array: NDArray[Any]) -> int:
+    """Where an array begins in memory, in half the time of `ctypes`."""
+    place: int = array.__array_interface__["data"][0]
+    return place
