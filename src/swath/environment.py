@@ -48,7 +48,7 @@ Seen = np.ndarray | dict[str, np.ndarray]
 
 
 class Commanded(InWorlds):
-    """A part of a machine that sends what it was told last. kind: of the command
+    """A part of a machine that sends what it was told last. kind: of the command.
 
     field: of it that is told; more: its other fields; value: told last
     """
@@ -86,7 +86,7 @@ class Commands(KeepsRows):
 
 @dataclass
 class Score:
-    """What driving in a world is worth. evaluation: with its limits; distance_m: to be driven in all"""
+    """What driving in a world is worth. evaluation: with its limits; distance_m: to be driven in all."""
 
     evaluation: Evaluation
     distance_m: float
@@ -97,7 +97,7 @@ class Score:
         self._excess = [0.0] * len(self.evaluation.expect)
 
     def parts(self, way: float, tracks: Mapping[str, Any], *, is_end: bool, is_due: bool) -> dict[str, float]:
-        """Parts of the reward of a step over `way` [m]. is_due: the limits are judged"""
+        """Parts of the reward of a step over `way` [m]. is_due: the limits are judged."""
         parts = {"driven": way / self.distance_m}
         if not is_due:
             return parts
@@ -178,8 +178,9 @@ class Task:
         return Driven(seed, world, steer, speed, tightest, self.top, wanted)
 
     def checked(self, actions: Any, shape: tuple[int, ...]) -> np.ndarray:
-        """Actions within the space, the first outside it with a warning. InputError for what is no finite
-        number, or of another shape.
+        """Actions within the space, the first outside it with a warning.
+
+        InputError for what is no finite number, or of another shape.
         """
         told, count = np.asarray(actions, dtype=float), shape[-1]
         if len(shape) == 1:
@@ -198,7 +199,7 @@ class Task:
         return cut
 
     def values_of(self, edge: Samples | None, odometry: Samples | None, wanted: np.ndarray) -> np.ndarray:
-        """`OBSERVED` of worlds, float32, (n, 8). wanted: y of the header end in each"""
+        """`OBSERVED` of worlds, float32, (n, 8). wanted: y of the header end in each."""
         found = np.zeros((len(wanted), len(OBSERVED)))
         if edge is not None:
             told = [np.broadcast_to(field_of(edge, name), len(wanted)) for name in OF_EDGE]
@@ -267,7 +268,7 @@ class Driven:
     wanted: float
 
     def tell(self, action: Sequence[float]) -> None:
-        """What holds from now on. action: within the space"""
+        """What holds from now on. action: within the space."""
         self.steer.value = action[0] * self.tightest
         if len(action) > 1:
             self.speed.value = 0.5 * (1.0 + action[1]) * self.top
@@ -278,7 +279,7 @@ class Driven:
 
 
 def scan_of(ranges: np.ndarray) -> np.ndarray:
-    """A scan as it is observed. ranges: (..., beams, echoes) [m], nan = no echo"""
+    """A scan as it is observed. ranges: (..., beams, echoes) [m], nan = no echo."""
     found: np.ndarray = np.nan_to_num(ranges[..., 0], nan=0.0).astype(np.float32)
     return found
 
@@ -295,14 +296,38 @@ class Env(gymnasium.Env):  # type: ignore[misc]
 
     The sum of all rewards of an episode is the share of `run.distance_m` that was driven, less, for every
     limit under `expect`, how far it is broken at the end: the excess relative to the bound, at most
-    1. `info["reward"]` has these parts of each step, `info["limits"]` each limit's entry as in summary.json:
-    limits are judged every `limits_s` and at the end, those of the field at the end. Terminated: the distance
-    is driven, or something ended the run; truncated: `run.max_duration_s`.
+    1. `info["reward"]` has these parts of each step, `info["limits"]` each limit's entry as in summary.json.
+    Terminated: the distance is driven, or something ended the run; truncated: `run.max_duration_s`.
 
-    A reset with a seed is the scenario with that seed, without one it is drawn, from `seeds` where they are
-    given. machine: which one, by default the first; period_s: between two actions; code: as in
-    `swath.load_scenario`, as the InputError. render_mode `rgb_array`: `render` gives the field from above as
-    it is, the machine in the middle, north up.
+    Parameters
+    ----------
+    scenario : str
+        As in `swath.load_scenario`.
+    sets : mapping or sequence of str
+        As in `swath.load_scenario`.
+    machine : str
+        Name of the machine that is driven, by default the first.
+    period_s : float
+        Time between two actions [s].
+    speed : bool
+        Whether the action has the speed, too.
+    speed_kmh : float
+        Greatest speed of an action [km/h].
+    limits_s : float
+        Time after which limits are judged again [s]; those of the field are judged at the end.
+    code : bool
+        As in `swath.load_scenario`.
+    picture, scan : bool
+        Whether the observation has the picture, or the scan.
+    seeds : sequence of int
+        Seeds from which a reset without one draws.
+    render_mode : str
+        `rgb_array`: `render` gives the field from above as it is, the machine in the middle, north up.
+
+    Raises
+    ------
+    InputError
+        As `swath.load_scenario`.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -355,9 +380,11 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         return self._observation(), {"seed": own}
 
     def step(self, action: np.ndarray) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
-        """Drive for one period. Returns observation, reward, terminated, truncated, info. InputError for an
-        action that is no finite number or not one for each axis of the space; what is out of it is cut, the
-        first time with a warning of gymnasium.
+        """Drive for one period.
+
+        Returns observation, reward, terminated, truncated, info. InputError for an action that is no finite
+        number or not one for each axis of the space; what is out of it is cut, the first time with a warning
+        of gymnasium.
         """
         world, task = self._running(), self.task
         self._driven.tell(task.checked(action, self.action_space.shape).tolist())

@@ -133,7 +133,7 @@ def row_of(
     rooms: Mapping[str, Room] | None = None,
     alike: Mapping[str, Any] | None = None,
 ) -> Row:
-    """A new row, of zeros. names: fields that it holds, others have their default; () = all
+    """A new row, of zeros. names: fields that it holds, others have their default; () = all.
 
     rooms: of fields that are arrays; alike: fields that are the same in all samples
     SwathError where a field is no number, flag, pose or array of a known size.

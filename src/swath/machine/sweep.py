@@ -11,7 +11,7 @@ Corners = list[Corner]
 
 
 def line_ends(pose: Sequence[float], x: float, left_y: float, right_y: float) -> Corners:
-    """World xy of a line across the machine: left end, right end [m]. pose: 12 numbers, see `Row`"""
+    """World xy of a line across the machine: left end, right end [m]. pose: 12 numbers, see `Row`."""
     px, py, _, a, b, _, d, e, *_ = pose
     ahead_x, ahead_y = a * x, d * x
     left = [ahead_x + b * left_y + px, ahead_y + e * left_y + py]
@@ -19,7 +19,7 @@ def line_ends(pose: Sequence[float], x: float, left_y: float, right_y: float) ->
 
 
 class LinePath(KeepsState):
-    """Where a line on a machine was last. step: poses closer together than this are joined [m]"""
+    """Where a line on a machine was last. step: poses closer together than this are joined [m]."""
 
     kept = ("_last",)
 

@@ -32,7 +32,7 @@ AHEAD = 48.0  # ground is laid so much farther than beams reach, half of it for 
 
 
 class ProfileLidar(InWorlds, TableLidar):
-    """Scans profiles with a moving scanner. swept: (1,) sweeps so far"""
+    """Scans profiles with a moving scanner. swept: (1,) sweeps so far."""
 
     level = "profile"
 

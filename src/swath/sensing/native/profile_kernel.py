@@ -11,7 +11,7 @@ from swath.sensing.native.kernel import Aiming, Electronics, aim_packet, pose_be
 @wp.struct
 class Sweep:
     """Of a scanner: mounting and beam_t as in sweep.cpp; angles between neighbours [rad] and lines as in
-    scores.cpp; reach [m]; origins and rotations: of the beams, the memory of `Beams` and `Aiming`
+    scores.cpp; reach [m]; origins and rotations: of the beams, the memory of `Beams` and `Aiming`.
     """
 
     mounting: wp.array(dtype=wp.float64)
@@ -99,7 +99,7 @@ def scan_profiles(
     stations: wp.array(dtype=int),
     looked_at: wp.array(dtype=int),
 ):
-    """One world a thread: a whole sweep. counts: of states; looked_at: worlds whose scans Python has to see
+    """One world a thread: a whole sweep. counts: of states; looked_at: worlds whose scans Python has to see.
 
     needs: set where it has to, or where something is to be said of a beam
     """
