@@ -26,7 +26,7 @@ Seen = np.ndarray | dict[str, np.ndarray]
 
 @dataclass
 class _Cohort:
-    """Worlds that began at one time. members: which environments they are; driven: their worlds"""
+    """Worlds that began at one time. members: which environments they are; driven: their worlds."""
 
     worlds: Worlds
     members: np.ndarray
@@ -36,16 +36,31 @@ class _Cohort:
 
 
 class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
-    """`Env`, many times: each environment gives the bits that it gives alone, with the keys of `Env`.
-    `render` gives a picture of each.
+    """`Env`, many times: each environment gives the bits that it gives alone.
 
     Worlds that begin in one step go in step (docs/explanation/kernels.md): a step of `num_envs` costs what
     `num_envs` worlds in step cost while episodes begin and end together. Environments that are reset while
     others go on are a batch of their own from then on.
 
-    autoreset_mode, of gymnasium's `AutoresetMode`: NextStep; SameStep; Disabled, in which environments that
-    are over give their last observation and no reward until `reset`, with `options={"reset_mask": ...}` for
-    some of them. With `seeds` worlds whose batch is over are used again, and not built anew.
+    Parameters
+    ----------
+    scenario : str
+        As in `swath.load_scenario`.
+    num_envs : int
+        Number of environments.
+    autoreset_mode : AutoresetMode or str
+        NextStep, SameStep or Disabled of gymnasium. With Disabled, environments that are over give their last
+        observation and no reward until `reset`, with `options={"reset_mask": ...}` for some of them.
+    render_mode : str
+        `rgb_array`: `render` gives a picture of each, as `Env.render`.
+    **task
+        The other keywords of `Env`. With `seeds` worlds whose batch is over are used again, and not built
+        anew.
+
+    Raises
+    ------
+    InputError
+        As `swath.load_scenario`.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.NEXT_STEP}
@@ -89,9 +104,19 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Seen, dict[str, Any]]:
-        """Begin episodes. seed: of the first, the others count on; or one for each
+        """Begin episodes.
 
-        options: `reset_mask`, bool (num_envs,): only these
+        Parameters
+        ----------
+        seed : int or sequence of int
+            Seed of the first, the others count on; or one for each.
+        options : mapping
+            `reset_mask`, bool (num_envs,): only these.
+
+        Returns
+        -------
+        tuple
+            Observations, and what is known of them.
         """
         seeds: Sequence[int | None]
         if seed is None or isinstance(seed, int | np.integer):

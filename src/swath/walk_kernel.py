@@ -82,5 +82,14 @@ def walk(
     ticks: wp.array(dtype=wp.int64),
     state: wp.array(dtype=wp.int64),
 ):
-    """Lines, (first, end) lines of each part, (time, first, end) parts of each tick; state: see `core.ops`"""
+    """Walk lines, (first, end) lines of each part, (time, first, end) parts of each tick.
+
+    state: see `core.ops`
+    """
     walk_on(program, parts, ticks, state)
+
+
+@wp.kernel
+def ask(needs: wp.array(dtype=wp.int32)):
+    """Have Python do all of a step."""
+    needs[0] = 1

@@ -1,7 +1,7 @@
 """Components, their connections and the schedule: a runnable, saveable whole, alone or in step."""
 
 import time
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -31,7 +31,7 @@ Observer = Callable[[str, int, Mapping[str, Signal]], None]
 
 @dataclass
 class Cost:
-    """What the steps of a slot took. sharers: worlds that are stepped at once"""
+    """What the steps of a slot took. sharers: worlds that are stepped at once."""
 
     seconds: float = 0.0
     steps: int = 0
@@ -114,8 +114,10 @@ class Graph:
         self.lockstep.finish()
 
     def let_go(self) -> None:
-        """Forget those who watch, wait and step. They hold the graph, too: then all go when nobody uses them,
-        and not whenever Python looks for such circles. What was sent last stays.
+        """Forget those who watch, wait and step.
+
+        They hold the graph, too: then all go when nobody uses them, and not whenever Python looks for such
+        circles. What was sent last stays.
         """
         self.observers, self.watches, self.follows, self.before_tick = [], {}, {}, []
         self.lockstep.let_go()
@@ -208,7 +210,7 @@ class Graph:
 
 
 class _Rank:
-    """A slot of all worlds. nodes, parts: of each; batch: those that step at once, None = world by world
+    """A slot of all worlds. nodes, parts: of each; batch: those that step at once, None = world by world.
 
     wires: port of which the newest sample is read -> where that is; queues: port -> samples since the last
     step; sends: output -> its type, its readers' queues
@@ -389,7 +391,7 @@ class Lockstep:
                     taker.take(seen)
 
     def look_around(self, *, anew: bool = False) -> None:
-        """Take note of the observers that there are. anew: of what they look at, too"""
+        """Take note of the observers that there are. anew: of what they look at, too."""
         self._followers = {}
         for world, graph in enumerate(self.graphs):
             for slot, follow in graph.follows.items():
@@ -410,7 +412,7 @@ class Lockstep:
         self, until: int, goal: Goal | None = None, stop: Callable[[], bool] | None = None
     ) -> Iterator[list[int]]:
         """Step to a time [ns]; gives worlds as they end: by a part, an EndOfRun, an error (see `errors`), or
-        because they have reached the goal. They are no longer stepped. stop: asked after every tick
+        because they have reached the goal. They are no longer stepped. stop: asked after every tick.
         """
         self.look_around()
         self._until, self._has_room = until, False
@@ -470,21 +472,18 @@ class Lockstep:
 
     def _span(self, program: Program, number: int, base: int, until: int) -> int:
         """Up to which tick compiled code may walk from one on; that tick where it may not."""
-        last = program.spans[number]
-        if last <= number or base + program.times[number] <= program.begun:
+        last, times = program.spans[number], program.times
+        if last <= number or base + times[number] <= program.begun:
             return number
-        until = min(until, self._sleep(program) - 1)
-        last = min(last, bisect_right(program.times, until - base))
+        if any(self.graphs[world].before_tick for world in self.going):
+            return number
+        last = min(last, bisect_right(times, until - base))
+        for place, awake in self._sleeps(program):
+            last = min(last, program.next_due(place, max(number, bisect_left(times, awake - base))))
         if last <= number:
             return number
-        t = base + program.times[last - 1]
+        t = base + times[last - 1]
         return number if self._parts_end(t) or self._observers_end(t) else last
-
-    def _sleep(self, program: Program) -> int:
-        """The time [ns] from which on somebody wants to see each sample of an op, or each tick."""
-        if any(self.graphs[world].before_tick for world in self.going):
-            return 0
-        return min((until for _, until in self._sleeps(program)), default=NEVER)
 
     def _sleeps(self, program: Program) -> Iterator[tuple[int, int]]:
         """Places of ops that somebody looks at, and from when on [ns] each sample has to be shown."""
@@ -539,9 +538,10 @@ class Lockstep:
             self._reserve(program)
         need = program.walk(first, last, base, piece)
         while need is not None:
-            op, stage = need[0].op, need[1]
+            op, stage, started = need[0].op, need[1], time.perf_counter()
             op.needs[0] = 0
             op.supply(stage)
+            self._ranks[need[0].place].cost.seconds += time.perf_counter() - started
             if errors := {world: error for world, error in op.errors.items() if self.active[world]}:
                 self._fail(errors)
                 program.end_with_tick()
@@ -639,7 +639,7 @@ class Lockstep:
             sender = self._names[rank.sources[port][0]]
             waiting = rank.queues[port].waiting()
             room = len(waiting) + rank.slot.period // sender.slot.period + 2
-            trails[port] = Trail(row_of(row.kind, row.count, [*row.arrays]), room)
+            trails[port] = Trail(row.copy(), room)
             queue = rank.queues[port]
             queue.set([])
             source = Source(trails[port], is_of_op=True)

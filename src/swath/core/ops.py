@@ -6,6 +6,7 @@ op needs something that is not in memory, where a world has reached its goal, or
 """
 
 import time
+from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
@@ -46,15 +47,22 @@ class Op(Protocol, metaclass=ByMembers):
     needs: NDArray[np.int32]
     errors: dict[int, SwathError]
 
-    def link(self, rows: Mapping[str, Row], trails: Mapping[str, Trail], clock: Ints) -> None: ...
-    def calls(self) -> Sequence[Call] | None: ...
-    def supply(self, stage: int) -> None: ...
-    def make_walk(self, tables: Sequence[Ints]) -> Callable[[], Any]: ...
+    def link(self, rows: Mapping[str, Row], trails: Mapping[str, Trail], clock: Ints) -> None:
+        """Take the rows and trails of all slots, and the clock."""
+
+    def calls(self) -> Sequence[Call] | None:
+        """Compiled calls of a step; None where Python has to step."""
+
+    def supply(self, stage: int) -> None:
+        """Fill in what the calls from a stage on read."""
+
+    def make_walk(self, tables: Sequence[Ints]) -> Callable[[], Any]:
+        """The function that walks through the calls."""
 
 
 @dataclass(frozen=True)
 class Goal:
-    """Worlds are over once a number of one of these outputs is as large as theirs. least: of each world"""
+    """Worlds are over once a number of one of these outputs is as large as theirs. least: of each world."""
 
     wires: tuple[Wire, ...]
     name: str
@@ -103,7 +111,7 @@ class Queue:
 
 
 class Source:
-    """A trail that queues follow; samples of it are made once for all. is_of_op: an op takes them from it"""
+    """A trail that queues follow; samples of it are made once for all. is_of_op: an op takes them from it."""
 
     def __init__(self, trail: Trail, *, is_of_op: bool = False) -> None:
         self.trail, self.is_of_op = trail, is_of_op
@@ -141,7 +149,7 @@ class Source:
 
 @dataclass
 class Member:
-    """An op among the slots of a program. place: of its slot
+    """An op among the slots of a program. place: of its slot.
 
     keeps: heads of the trails that a sample of an output is added to
     about: steps since they were counted last, and processor cycles that they took
@@ -175,7 +183,9 @@ class Program:
         self._lines: list[list[int]] = []
         ranges = {member.place: self._write(member) for member in members}
         parts, self.places = list[tuple[int, int]](), list[int]()
-        ticks, self.pieces, count = [], list[list[Any]](), len(plan.ticks)
+        self._dues: dict[int, list[int]] = {place: [] for place in self.by_place}
+        ticks, count = list[tuple[int, int, int]](), len(plan.ticks)
+        self.pieces = list[list[Any]]()
         for at, due in plan.ticks:
             begin, pieces = len(parts), list[Any]()
             for place in due:
@@ -187,6 +197,7 @@ class Program:
                 else:
                     pieces.append((len(parts), len(parts) + 1))
                 parts.append(ranges[place])
+                self._dues[place].append(len(ticks))
                 self.places.append(place)
             self.pieces.append(pieces)
             ticks.append((at, begin, len(parts)))
@@ -208,6 +219,12 @@ class Program:
             return False
         self.least[:] = np.inf if goal is None else np.where(active, goal.least, np.inf)
         return True
+
+    def next_due(self, place: int, number: int) -> int:
+        """The tick, from one on, at which an op is due; the one after the last where it is not again."""
+        dues = self._dues[place]
+        after = bisect_left(dues, number)
+        return dues[after] if after < len(dues) else len(self.times)
 
     def walk(
         self, first: int, last: int, base: int, piece: tuple[int, int] = (-1, -1)

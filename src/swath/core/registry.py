@@ -18,7 +18,7 @@ import importlib
 import importlib.util
 import pkgutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, make_dataclass, replace
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -51,7 +51,8 @@ class Checked:
 
 @dataclass(frozen=True)
 class KnownError:
-    """How far off a metric may be at a level. size: in the metric's unit; against: what was compared with;
+    """How far off a metric may be at a level. size: in the metric's unit; against: what was compared with.
+
     source: what measured it
     """
 
@@ -90,6 +91,18 @@ class Level:
     numbers: tuple[str, ...] = ()
     steady: Any = None
     given: tuple[str, ...] = ()
+
+    def preset(self, summary: str, cost: str, component: Any = None, **fixed: Any) -> "Level":
+        """The exact level that this one is where its keys `fixed` have these values, which nobody else sets.
+
+        component: class in the place of this one's
+        """
+        values = [(key, Any, field(default=value, init=False)) for key, value in fixed.items()]
+        params = make_dataclass("Params", values, bases=(self.params,), frozen=True)
+        made = self.component if component is None else component
+        return replace(
+            self, component=made, params=params, summary=summary, cost=cost, tolerance="exact", errors=()
+        )
 
     @property
     def is_unread(self) -> bool:
@@ -208,8 +221,9 @@ HERE: dict[str, Any] = {}
 
 
 def level_here(component: type) -> str:
-    """The level that stands for a class in this process: `here:Name`. A later class of that name takes its
-    place, as a cell that is run again does.
+    """The level that stands for a class in this process: `here:Name`.
+
+    A later class of that name takes its place, as a cell that is run again does.
     """
     name = f"here:{component.__name__}"
     HERE[name] = component

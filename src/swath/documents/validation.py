@@ -108,7 +108,12 @@ def adapter_of(kind: Any) -> TypeAdapter[Any]:
 def schema_of(kind: Any) -> dict[str, Any]:
     """JSON Schema of a dataclass or model."""
     whole = adapter_of(kind).json_schema(mode="validation")
-    return {**whole["prefixItems"][0], "$defs": whole.get("$defs", {})}
+    top, defs = whole["prefixItems"][0], whole.get("$defs", {})
+    keys = defs.get(top.get("$ref", "").rpartition("/")[2], top).get("properties", {})
+    for field in dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ():
+        if not field.init:
+            keys.pop(field.name, None)
+    return {**top, "$defs": defs}
 
 
 def known_keys(kind: Any) -> list[str]:
@@ -175,7 +180,7 @@ def _shown(value: Any, is_there: bool) -> Any:
 
 
 def _locate(loc: tuple[Any, ...], data: Any, code: str) -> tuple[KeyPath, Any, bool]:
-    """pydantic's location without the names of union members, the value there, and whether it is there."""
+    """Location of pydantic without names of union members, the value there, and whether it is there."""
     path: list[str | int] = []
     for index, part in enumerate(loc):
         inside = isinstance(data, dict) and part in data

@@ -1,9 +1,10 @@
 """The machines of a job, in SI, from data sheets and its file: bodies, turns, speeds, flows, loads."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ class Params:
     bends, 0.8 in job reports, an estimate; drop_m: of grain below the pipe's mouth where it meets the heap,
     an estimate; off_m: most that the stream's impact may be off the middle of the box, of which a heap loses
     15 % (COOPERATION: 83 to 86 % of a box); steered: of the steering's rate that ways take, the rest is for
-    what a machine is off its way
+    what a machine is off its way.
     """
 
     gap_m: float = 0.18
@@ -89,11 +90,11 @@ class Rectangle(NamedTuple):
     left: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, order=True)
 class Body:
     """own: from the fixed axle; towed: from the trailer's axle; raised: number of the rectangle in `own` that
     reaches over standing crop on ways, the header, -1 for none; hitch: the pin ahead of the fixed axle;
-    drawbar: from the pin to the trailer's axle, 0 without [m]
+    drawbar: from the pin to the trailer's axle, 0 without [m].
     """
 
     own: tuple[Rectangle, ...]
@@ -190,11 +191,11 @@ def body_of(sheet: MachineSheet) -> Body:
     return Body(tuple(own), tuple(towed), -1, sheet.hitch.x, sheet.hitch.drawbar)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, order=True)
 class Drive:
     """How a machine drives on ways. radius: of its tightest turn [m]; turning, straight, backwards: speeds
     [m/s], 0 where it does not reverse; accel: of its speed, up and down [m/s2]; shift: from forwards to
-    backwards or back [s]; steering: how fast its curvature changes [1/(m s)]
+    backwards or back [s]; steering: how fast its curvature changes [1/(m s)].
     """
 
     radius: float
@@ -211,7 +212,7 @@ class Combine:
     """width, knife: of the header and ahead of the fixed axle [m]; speed: in the crop [m/s]; flow: most grain
     [kg/s]; tank [kg]; auger [kg/s]; swing: until the pipe is out [s]; pipe_x: of its mouth ahead of the axle;
     pipe_y: where the stream lands, leftward [m]; call: level of the tank from which a cart may come; start:
-    at the start [kg]
+    at the start [kg].
     """
 
     name: str
@@ -237,7 +238,8 @@ class Combine:
 
 @dataclass(frozen=True)
 class Cart:
-    """load: at which it is full [kg]; leave: from which it drives to the truck [kg]; out: its auger [kg/s];
+    """load: at which it is full [kg]; leave: from which it drives to the truck [kg]; out: its auger [kg/s].
+
     box_x: middle of its box ahead of the tractor's fixed axle, in line [m]
     """
 
@@ -251,19 +253,27 @@ class Cart:
     box_x: float
 
 
+M = TypeVar("M", Combine, Cart)
+
+
 @dataclass(frozen=True)
 class Machines:
-    """The machines of a job in the order of its file; density: of the grain in bulk [kg/m3]."""
+    """combines, carts: by what they can do, the most first, so that neither names nor the order of a file
+    decide anything; density: of the grain in bulk [kg/m3]; listed: names in the order of the file.
+    """
 
     combines: tuple[Combine, ...]
     carts: tuple[Cart, ...]
     truck: MachineSheet
     density: float
+    listed: tuple[str, ...]
 
     @property
     def by_name(self) -> dict[str, Combine | Cart]:
-        """All that move."""
-        return {**{c.name: c for c in self.combines}, **{k.name: k for k in self.carts}}
+        """All that move, in the order of the file."""
+        named: dict[str, Combine | Cart] = {m.name: m for m in self.combines}
+        named |= {k.name: k for k in self.carts}
+        return {name: named[name] for name in self.listed if name in named}
 
 
 def machines_of(job: JobFile, base: Path | None = None) -> Machines:
@@ -272,17 +282,27 @@ def machines_of(job: JobFile, base: Path | None = None) -> Machines:
         if job.is_mirrored and combine.pipe == "left":
             expected = "expected right, as the pipes of other combines, beside which the same carts drive"
             raise InputError(f"combines.{name}.pipe", combine.pipe, expected)
-    combines = tuple(_combine(n, s, base) for n, s in job.combines.items())
+    combines = _ranked(_combine(n, s, base) for n, s in job.combines.items())
     density = drivetrain_of(combines[0].sheet).bulk.density
-    carts = tuple(_cart(n, s, base, density, job.is_mirrored) for n, s in job.carts.items())
+    carts = _ranked(_cart(n, s, base, density, job.is_mirrored) for n, s in job.carts.items())
     truck = load_machine(job.truck.machine, base=base)
     if truck.box is None:
         raise InputError("truck.machine", job.truck.machine, "expected a machine with a box")
-    machines = Machines(combines, carts, truck, density)
+    machines = Machines(combines, carts, truck, density, (*job.combines, *job.carts))
     for c in combines:
         for cart in carts:
             beside(c, cart)
     return machines
+
+
+def _ranked(machines: Iterable[M]) -> tuple[M, ...]:
+    """Machines by their numbers, the highest first; those alike as they come."""
+    return tuple(sorted(machines, key=_numbers, reverse=True))
+
+
+def _numbers(m: Combine | Cart) -> list[Any]:
+    cuts = m.width * m.speed if isinstance(m, Combine) else m.load
+    return [cuts, *(v for key, v in vars(m).items() if key not in ("name", "sheet"))]
 
 
 def _combine(name: str, s: CombineSettings, base: Path | None) -> Combine:

@@ -24,10 +24,11 @@ from swath.core.errors import InputError
 from swath.core.foreign_code import code_unread
 from swath.core.whole_file import write_whole
 from swath.judge.summary import read_summary
+from swath.record.charts import Columns
 from swath.record.tracks import SHOWN_ROWS, EvenRows, read_tracks, track_pieces
-from swath.replay.charts import events_of, telling_rows, worst_moments
 from swath.replay.layers import Area, Arrays, Layers, Values, area_about
-from swath.replay.machines import Columns, derived, path_of
+from swath.replay.machines import derived, path_of
+from swath.replay.moments import events_of, telling_rows, worst_moments
 from swath.replay.scans import recorded
 from swath.replay.things import things_of
 from swath.runtime.folder import check_run_folder
@@ -41,7 +42,7 @@ EVERY = 10  # rows of the tracks that decide which part of the field is shown
 
 @dataclass
 class Driven:
-    """Tracks of a machine. rows: spread evenly; telling: those at which something happened"""
+    """Tracks of a machine. rows: spread evenly; telling: those at which something happened."""
 
     rows: EvenRows = field(default_factory=lambda: EvenRows(SHOWN_ROWS))
     telling: EvenRows = field(default_factory=EvenRows)
@@ -230,7 +231,7 @@ def render(
     body: str = "page",
     scripts: tuple[str, ...] = SCRIPTS,
 ) -> str:
-    """The whole page. more: further scripts of it; body, scripts: of another one, with styles of its own"""
+    """The whole page. more: further scripts of it; body, scripts: of another one, with styles of its own."""
     script = "".join((PAGE / f"{part}.js").read_text(encoding="utf-8") for part in (*scripts, *more))
     styles = "".join(
         (PAGE / f"{part}.css").read_text(encoding="utf-8") for part in dict.fromkeys(("page", body))

@@ -32,9 +32,18 @@ def drive(
 ) -> None:
     """Run a world to the end of its scenario, where what the header cut last is taken in, or to a time.
 
-    observers see every sample in order, and may end the run (`core.abilities.EndsRun`); progress is called
-    with (driven distance [m], simulated time [s]); resume: go on from where the world stands instead of from
-    the start
+    Parameters
+    ----------
+    world : World
+        As `assemble` gives it.
+    observers : sequence
+        They see every sample in order, and may end the run (`core.abilities.EndsRun`).
+    until_s : float
+        Time at which to stop [s], by default the end of the scenario.
+    progress : callable
+        Called with (driven distance [m], simulated time [s]).
+    resume : bool
+        Whether to go on from where the world stands instead of from the start.
     """
     graph, lockstep = world.graph, world.graph.lockstep
     graph.observers = [*observers]
@@ -54,8 +63,9 @@ def drive_all(
     until_s: float | None = None,
     progress: Progress | None = None,
 ) -> Iterator[list[int]]:
-    """Drive worlds that were reset or loaded to the ends of their scenarios, or to a time; gives those that
-    end, as they do, some of them with an error (`lockstep.errors`). progress: of the first
+    """Drive worlds that were reset or loaded to the ends of their scenarios, or to a time.
+
+    Gives those that end, as they do, some of them with an error (`lockstep.errors`). progress: of the first
     """
     ends = [round(world.scenario.run.max_duration_s * NS) for world in worlds]
     there = lockstep.reached(_arrival(worlds))

@@ -83,9 +83,7 @@ def meanings(text: str, keys: list[str]) -> dict[str, str]:
     if not keys:
         return {}
     any_key = "|".join(sorted(map(re.escape, keys), key=len, reverse=True))
-    pattern = (
-        rf"(?:^|[;.]\s+|\n\s*)((?:{any_key})(?:,\s+(?:{any_key}))*)(?![\w-])(?:\s*\[[^\]]*\])?\s*[:,]?\s*"
-    )
+    pattern = rf"(?:^|[;.]\s+|\n\s*)((?:{any_key})(?:,\s+(?:{any_key}))*)(?:\s*\[[^\]]*\])?\s*[:,]\s+"
     found = list(re.finditer(pattern, text))
     result: dict[str, str] = {}
     for match, after in zip(found, [*found[1:], None][: len(found)], strict=True):
@@ -106,7 +104,8 @@ def _described(node: Node, kind: Any) -> Node:
     for base in reversed(getattr(kind, "__mro__", ())):
         own = base.__doc__ or ""
         if not own.startswith(f"{base.__name__}("):  # what dataclasses make up themselves
-            said |= meanings(inspect.cleandoc(own), list(properties))
+            keys = {**properties, **getattr(base, "__dataclass_fields__", {})}
+            said |= meanings(inspect.cleandoc(own), list(keys))
     for key, entry in properties.items():
         entry.pop("title", None)
         unit = split_unit(key)[1]

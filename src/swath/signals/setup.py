@@ -12,7 +12,7 @@ from swath.signals.arrays import F64
 
 @dataclass(frozen=True)
 class Hitch:
-    """What is towed. x: of the pin ahead of the fixed axle; drawbar: from the pin back to the axle [m]"""
+    """What is towed. x: of the pin ahead of the fixed axle; drawbar: from the pin back to the axle [m]."""
 
     x: float
     drawbar: float
@@ -21,7 +21,7 @@ class Hitch:
 @dataclass(frozen=True)
 class OpenBox:
     """A box that grain is poured into. x: its middle ahead of the origin of what carries it: the middle of
-    the trailer's axle, or the machine's own; length, width, depth; floor: above the ground [m]
+    the trailer's axle, or the machine's own; length, width, depth; floor: above the ground [m].
     """
 
     x: float
@@ -40,7 +40,7 @@ class OpenBox:
 class Pipe:
     """An unloading pipe. x, y, z: its pivot in the machine frame [m]; length [m]: pivot to mouth, outward and
     level; swing: largest angle from folded straight back to out, to the left [rad]; rate [rad/s]
-    exit_speed: of the grain [m/s]; fall: its direction below the pipe's [rad]
+    exit_speed: of the grain [m/s]; fall: its direction below the pipe's [rad].
     """
 
     x: float
@@ -111,15 +111,16 @@ class MachineGeometry:
 class ControlSetup:
     """What a control component may know.
 
-    mountings: input port -> pose_machine_sensor of the sensor wired to it, as the fitter measured it
+    machine: geometry of its machine
+    mountings: by input port pose_machine_sensor of the sensor wired to it, as the fitter measured it
     edge_side: `left` or `right`, the end of the header that follows the edge. With `left` the cut ground lies
-    to the left of the edge and the standing crop to its right; with `right` the other way round
-    period [s] of the component
-    crop_height: usual one over the ground [m], standing upright, as a scanner sees it, of the crop that the
-    driver chose at the terminal; 0 = none
-    row_spacing: of the rows that the crop was sown in [m]; 0 = not known, or no rows
+        to the left of the edge and the standing crop to its right; with `right` the other way round
+    period: period of the component [s]
+    crop_height: usual height over the ground [m], standing upright, as a scanner sees it, of the crop that
+        the driver chose at the terminal; 0 = none
+    row_spacing: distance of the rows that the crop was sown in [m]; 0 = not known, or no rows
     line_of: reads the n-th line of a GeoJSON file as points (n, 2) of the field's frame [m], as a terminal
-    reads its guidance lines; raises InputError
+        reads its guidance lines; raises InputError
     """
 
     machine: MachineGeometry

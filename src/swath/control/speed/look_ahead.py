@@ -49,11 +49,14 @@ SLOWEST = 0.1  # m/s, slower no throughput is compared with a map
 
 @dataclass(frozen=True, kw_only=True)
 class Params(Common):
-    """sensor_delay_s: from the knife to the throughput sensor; lead_s: how much earlier to act, for the drive
+    """What is learned, and over which distances.
+
+    sensor_delay_s: from the knife to the throughput sensor
+    lead_s: how much earlier to act, for the drive
     smooth_m: distance over which what a scanner sees is averaged (a map is smooth)
     learn_m: distance over which the factor, or the height of a map's line, is learned
     slope_m: distance over which it is learned how much of a map's differences comes true
-    power: throughput goes with amount^power of what a scanner sees, above 1 where dense crop hides itself
+    power: throughput goes with amount^power of what a scanner sees, above 1 where dense crop hides itself.
     """
 
     sensor_delay_s: Annotated[float, Ge(0), Le(20)] = 2.8
@@ -66,7 +69,10 @@ class Params(Common):
 
 @dataclass(frozen=True, kw_only=True)
 class MapParams(Params):
-    """As of `look_ahead`, learning faster."""
+    """As of `look_ahead`, learning faster.
+
+    learn_m: distance over which the height of a map's line is learned
+    """
 
     learn_m: Annotated[float, Gt(0), Le(1000)] = 5.0
 
@@ -89,11 +95,11 @@ class Forecast(KeepsState, ABC):
 
     @abstractmethod
     def look(self, now: int, distance: float, speed: float, inputs: Inputs) -> None:
-        """Take in what was sent. distance: driven [m] at `now` [ns]"""
+        """Take in what was sent. distance: driven [m] at `now` [ns]."""
 
     @abstractmethod
     def learn(self, t: int, distance: float, speed: float, feed: FeedReading | None, h: float) -> None:
-        """Compare what is measured at t [ns] with what was cut when that crop came in. h: seconds"""
+        """Compare what is measured at t [ns] with what was cut when that crop came in. h: seconds."""
 
     @property
     @abstractmethod

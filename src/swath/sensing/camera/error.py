@@ -95,9 +95,10 @@ CLEAR_SKY = (
 
 
 def illuminance(elevation: float) -> float:
-    """On level ground under a clear sky [lx]; elevation of the sun [rad], -12 to 90 deg.
+    """Illuminance on level ground under a clear sky [lx].
 
-    758 lx with the sun on the horizon, 3.4 lx at the end of civil twilight, 6 deg below it.
+    It is 758 lx with the sun on the horizon and 3.4 lx at the end of civil twilight, 6 deg below it.
+    elevation: elevation of the sun [rad], -12 to 90 deg
     """
     x = elevation / (0.5 * pi)
     row = next((r for r in CLEAR_SKY if elevation >= r[0] * DEG), CLEAR_SKY[-1])
@@ -105,11 +106,11 @@ def illuminance(elevation: float) -> float:
 
 
 def sunlight(elevation: float, cloud: float = 0.0) -> float:
-    """Light that all others are shares of: direct sunlight across the sun in a band of 100 nm [W/m2].
+    """Direct sunlight on a surface across the sun in a band of 100 nm [W/m2], to which all light is relative.
 
-    Falls with the air mass 1 / sin as 0.7^(m^0.678) (Meinel and Meinel 1976, Applied Solar Energy). Below the
-    horizon there is none: what would make the light of the sky what `illuminance` says, clouds (0 to 1) take
-    as much of it as they do by day. elevation [rad]
+    It falls with the air mass m = 1 / sin(elevation) as 0.7^(m^0.678) (Meinel and Meinel 1976, Applied Solar
+    Energy). Below the horizon there is no direct light: the value is then the one that gives the light of the
+    sky that `illuminance` says. Clouds (0 to 1) take the same share of it as by day. elevation [rad]
     """
     if elevation <= 0.0:
         clear = illuminance(max(elevation, LOWEST)) / LUX
@@ -128,14 +129,14 @@ def photon_rate(irradiance: F64 | float, pixel: float, wavelength: float) -> F64
 
 @dataclass(frozen=True)
 class Pattern:
-    """What is fixed of every pixel (height, width): response over the mean, dark signal [electrons]."""
+    """The fixed pattern of the pixels (height, width): response over the mean, dark signal [electrons]."""
 
     response: F64
     dark: F64
 
 
 class ImageSensor:
-    """One sensor of a make: sheet, its own fixed pattern, and noise or none at all."""
+    """One sensor of a make, with its own fixed pattern."""
 
     def __init__(self, sheet: CameraSheet, size: tuple[int, int], *, is_noisy: bool = True) -> None:
         self.sheet, self.is_noisy, self._size = sheet, is_noisy, size
@@ -179,16 +180,22 @@ STEP_MAX = 4.0  # most that the exposure changes from picture to picture
 
 @dataclass(frozen=True)
 class Params(SceneParams):
-    """sensor: name in data/sensors, or the user's own YAML
+    """A camera with lens and sensor.
 
-    binning: side of the squares of pixels whose mean is one pixel of the picture; of a colour sensor from 2
-    on each such pixel has all three colours, at 1 they are interpolated
-    width_px, height_px: of the picture, the middle of the sensor; none = all of it
-    distortion, noise, blur: as in the data sheet, or none; without blur all rows and samples are at one time
+    samples_per_pixel: samples on a grid within the pixel
+    channels: what an image holds
+    sensor: name in data/sensors, or the user's own YAML
+    binning: side of the squares of pixels whose mean is one pixel of the picture. Of a colour sensor each
+        such pixel has all three colours from 2 on; at 1 they are interpolated
+    width_px: width of the picture, the middle of the sensor; none = all of it
+    height_px: height of the picture, the middle of the sensor; none = all of it
+    distortion: `data_sheet` = distortion of the lens as in the data sheet, or `none`
+    noise: `data_sheet` = noise as in the data sheet, or `none`
+    blur: `data_sheet` = blur as in the data sheet; `none` = all rows and samples are at one time
     exposure_ms: fixed exposure time; none = controlled
     target_percent: mean of a picture that the control wants, of the largest digital number
-    damping: share of the way to it that the control goes from picture to picture (in stops); the first
-    picture is exposed as it would settle
+    damping: share of the wanted change of exposure, in stops, that the control makes from picture to picture
+        [1]; the first picture is exposed as it would settle
     """
 
     samples_per_pixel: Literal[1, 4, 9, 16] = 4
@@ -206,7 +213,11 @@ class Params(SceneParams):
 
 
 class ErrorCamera(SceneCamera):
-    """sheet: of the whole sensor; planes: make numbers of photons, one for all pixels or one per colour"""
+    """A camera with lens and sensor.
+
+    sheet: data sheet of the whole sensor
+    planes: make numbers of photons, one for all pixels or one per colour
+    """
 
     kept: ClassVar[tuple[str, ...]] = ("_last", "_casts", "_exposure")
 
@@ -251,12 +262,13 @@ class ErrorCamera(SceneCamera):
         return self._exposed(t, seen)
 
     def picture_from(self, t: int, pose: Pose) -> Outputs:
-        """Standing still."""
+        """The picture of a camera that stands still."""
         return self._exposed(t, self.sight(t, pose))
 
     def _aimed(self, t: int, exposure: float, known: tuple[MachineState, ...]) -> tuple[F64, F64, F64]:
         """Origins and directions of all samples (rows, columns, 3) of a machine in these states, and their
-        times after t [s], (rows, columns)."""
+        times after t [s], (rows, columns).
+        """
         per, (height, width) = self.per_side, self.size
         rolls = self.sheet.shutter == "rolling"
         late = self._row_time * (np.arange(height) - (height - 1)) if rolls else np.zeros(1)
@@ -264,7 +276,9 @@ class ErrorCamera(SceneCamera):
         origins, after = np.empty_like(self._rays), np.empty(self._rays.shape[:2])
         for k in range(per * per):
             i, j = divmod(k, per)
-            rank = per * i + (j if i % 2 == 0 else per - 1 - j)  # to and fro: no column is late on average
+            rank = per * i + (
+                j if i % 2 == 0 else per - 1 - j
+            )  # back and forth: no column is late in the mean
             within = exposure * ((rank + 0.5) / (per * per) - 1.0)
             times = np.float64(t) + (late + within) * NS
             position, turned = poses_at(known, times)

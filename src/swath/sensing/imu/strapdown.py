@@ -21,7 +21,7 @@ from swath.core.component import KeepsState
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.core.units import DEG
-from swath.signals import Inertial, MachineState
+from swath.signals import MachineState
 
 GRAVITY = 9.81  # [m/s2]
 Length = Annotated[float, Ge(-30), Le(30)]
@@ -33,9 +33,14 @@ Reading = tuple[Triple, Triple]  # rate [rad/s], specific force [m/s2]
 
 @dataclass(frozen=True)
 class Place:
-    """Place of the unit on its machine. x_m: ahead of the fixed axle; y_m: leftward; z_m: above ground
+    """Place of the unit on its machine.
 
-    roll_deg: > 0 left side up; pitch_deg: > 0 nose down; yaw_deg: > 0 to the left
+    x_m: ahead of the fixed axle
+    y_m: leftward
+    z_m: above ground
+    roll_deg: > 0 left side up
+    pitch_deg: > 0 nose down
+    yaw_deg: > 0 to the left
     """
 
     x_m: Length = 0.0
@@ -142,8 +147,3 @@ def turned(about: Triple, vector: Triple) -> Triple:
         y + a * cy + b * (r * cx - p * cz),
         z + a * cz + b * (p * cy - q * cx),
     )
-
-
-def sample_of(t: int, rate: Triple, force: Triple, rate_sd: float = 0.0, force_sd: float = 0.0) -> Inertial:
-    """The sample of three rates [rad/s] and forces [m/s2]."""
-    return Inertial(t, *rate, *force, rate_sd, force_sd)

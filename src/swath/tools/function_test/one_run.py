@@ -49,9 +49,11 @@ Work = Callable[[Sequence[PlannedRun], KeptFields], Iterable[Result]]
 
 
 def results_in(runs: Sequence[PlannedRun], fields: KeptFields) -> Iterator[Result]:
-    """Drive and judge runs, several of them in step; gives each as it ends, as the line of a journal that it
-    comes to alone. The verdict is `pass`, `fail`, `not judged` where it would rest on a level outside its
-    checked range, or `error` where the run could not be made or crashed.
+    """Drive and judge runs, several of them in step.
+
+    Gives each as it ends, as the line of a journal that it comes to alone. The verdict is `pass`, `fail`,
+    `not judged` where it would rest on a level outside its checked range, or `error` where the run could not
+    be made or crashed.
 
     fields: of the runs before; reason: the first limit that failed, the range that was left, or the error
     """

@@ -5,8 +5,6 @@ another scanner of the same make, for every pair of seeds; the worst of every nu
 band cannot be told from chance. Beyond it the limits GOOD and FAIR apply.
 """
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import combinations
@@ -15,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.whole_file import new_file
+from swath.core.whole_file import write_csv
 from swath.signals import F64
 from swath.tools.distributions import BIN, GROUND_BELOW, Agreement, compare
 from swath.tools.lab.lab import REFERENCE, CaseHeights, Lab
@@ -52,7 +50,7 @@ class LevelComparison:
 
 @dataclass(frozen=True)
 class CaseComparison:
-    """real: heights of the file for this case [m], maybe none"""
+    """real: heights of the file for this case [m], maybe none."""
 
     heights: CaseHeights
     real: F64
@@ -118,7 +116,8 @@ def rating_of(number: str, value: float, band: float) -> str:
 
 def describe(heights: F64) -> dict[str, float]:
     """mean_m, std_m, p50_m, p95_m of all returns; crop_mean_m, crop_std_m of those above the ground;
-    ground_share of the returns; silent_share of the beams; beams."""
+    ground_share of the returns; silent_share of the beams; beams.
+    """
     seen = heights[np.isfinite(heights)]
     crop = seen[seen >= GROUND_BELOW]
     nothing = float("nan")
@@ -138,7 +137,8 @@ def describe(heights: F64) -> dict[str, float]:
 
 def histogram(heights: F64, low: int, high: int) -> F64:
     """Normalised histogram in bins of BIN from low * BIN to high * BIN [m], (high - low,); what lies
-    outside counts in the first and last bin."""
+    outside counts in the first and last bin.
+    """
     seen = heights[np.isfinite(heights)]
     at = np.clip(np.floor(seen / BIN).astype(np.int64), low, high - 1) - low
     return np.asarray(np.bincount(at, minlength=high - low) / max(len(seen), 1), dtype=np.float64)
@@ -155,18 +155,16 @@ def bin_range(cases: Sequence[CaseComparison]) -> tuple[int, int]:
 
 def write_table(path: Path, cases: Sequence[CaseComparison]) -> Path:
     """Write lab.csv; returns its path."""
-    rows = list_rows(cases)
-    with new_file(path) as out, io.TextIOWrapper(out, "utf-8", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
-    return path
+    rows = [
+        {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in list_rows(cases)
+    ]
+    return write_csv(path, rows)
 
 
 def list_rows(cases: Sequence[CaseComparison]) -> list[dict[str, Any]]:
     """One row per case and sample: what was measured; and for each level, per sample it is held against,
-    the numbers of agreement, what repeatability allows, and the ratings."""
+    the numbers of agreement, what repeatability allows, and the ratings.
+    """
     rows = []
     for case in cases:
         for name, heights in samples(case).items():
