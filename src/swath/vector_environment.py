@@ -84,7 +84,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         if autoreset_mode not in (*AutoresetMode, *modes):
             raise InputError("autoreset_mode", autoreset_mode, f"expected one of {', '.join(modes)}")
         self.num_envs, self.mode = num_envs, AutoresetMode(autoreset_mode)
-        fps = max(1, round(NS / self.task.period))
+        fps = max(1, round(NS / max(self.task.period, 1)))
         self.metadata = {**self.metadata, "autoreset_mode": self.mode, "render_fps": fps}
         self.single_observation_space, self.single_action_space = self.task.seen, self.task.action
         self.observation_space = batch_space(self.task.seen, num_envs)
