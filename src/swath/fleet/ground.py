@@ -133,6 +133,11 @@ class Ground:
         self._yields = _yields_of(job)
         self._crop: dict[Any, tuple[int, Array]] = {}  # of strips asked for: cuts until then, areas
 
+    @property
+    def truck_m(self) -> float:
+        """From the field to the truck [m]."""
+        return math.dist(self.gate, self.dock[:2])
+
     def _yards(self, shapely: Any, place: Array) -> list[Any]:
         yards = [shapely.Point(p).buffer(PARAMS.yard_m) for p in (place, self.gate)]
         road = shapely.LineString([self.gate, place]) if math.dist(self.gate, place) > 1.0 else None

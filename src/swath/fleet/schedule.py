@@ -173,6 +173,8 @@ class Schedule:
     dock: float = 0.0
     ends: float = 0.0
     notes: list[str] = field(default_factory=list)
+    bound: float = 0.0
+    compared: list[tuple[str, float]] = field(default_factory=list)
 
     def renumber(self, new: Sequence[int]) -> None:
         """Segments have other numbers."""
@@ -193,7 +195,7 @@ class Schedule:
 @dataclass
 class _Leg:
     """What a combine is about to do: a path, what it cuts of which pass, as driven and as planned, and from
-    which segment on; after: earliest times of segments [s]; lost: see `_Scheduler.lost`; lanes: of carts
+    which segment on; after: earliest times of segments [s]; lost: see `Scheduler.lost`; lanes: of carts
     beside it, as far as they were looked for; least: way and what is lost, if nobody is in the way [s]
     """
 
@@ -215,19 +217,26 @@ class _Leg:
         return math.fsum(self.path.spent[self.first :])
 
 
+class Late(Exception):
+    """A plan that cannot end before another one."""
+
+
 def schedule_of(job: JobFile, base: FilePath | None = None, dispatcher: Dispatcher | None = None) -> Schedule:
-    """The whole job. InputError where the field, or a machine on it, cannot be worked, with the reason."""
-    made = _Scheduler(job, base, dispatcher or dispatcher_of(job.fleet.dispatcher, base))
+    """One plan of a job. InputError where the field, or a machine on it, cannot be worked, and why."""
+    made = Scheduler(job, base, dispatcher)
     made.run()
     return made.schedule
 
 
-class _Scheduler:
-    def __init__(self, job: JobFile, base: FilePath | None, dispatcher: Dispatcher) -> None:
+class Scheduler:
+    """Decides one plan of a job. dispatcher: by default that of the job"""
+
+    def __init__(self, job: JobFile, base: FilePath | None, dispatcher: Dispatcher | None = None) -> None:
         machines = machines_of(job, base)
         ground = Ground(job, body_of(machines.truck))
         plan = plan_of(ground, machines.combines, job.plan, job.drawn)
-        self.job, self.dispatcher, self.ground, self.machines = job, dispatcher, ground, machines
+        self.job, self.ground, self.machines = job, ground, machines
+        self.dispatcher = dispatcher or dispatcher_of(job.fleet.dispatcher, base, job.fleet.draw)
         self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
         self.kept = waiting_places(ground, self.finder, self.waits())
         out = [k.name for k in machines.carts if k.name not in self.kept]
@@ -296,10 +305,12 @@ class _Scheduler:
         return self.ground.truck_place.ahead(box.x - combine.pipe_x, -combine.pipe_y)
 
     # the job
-    def run(self) -> None:
-        """Until all is cut and at the truck."""
+    def run(self, until: float = math.inf) -> None:
+        """Until all is cut and at the truck. Late where that is not before a time [s]."""
         room = 0
         while any(not c.is_done for c in self.combines):
+            if self.least_end() >= until:
+                raise Late
             for k in self.carts:  # who came home with its load, since the way to the truck was not free
                 if k.load >= k.leaves:
                     self.empties(k)
@@ -325,6 +336,12 @@ class _Scheduler:
                 k.time = max(k.time, *(c.time for c in self.combines))
         self.schedule.ends = max((p.ends for p in self.schedule.poured if p.target == "truck"), default=0.0)
         self.schedule.renumber(self.table.clear())
+
+    def least_end(self) -> float:
+        """Before which what is left cannot be cut [s], with all combines in it from when they are free on."""
+        power = [c.spec.width * c.spec.speed for c in self.combines]
+        given = math.fsum(p * c.time for p, c in zip(power, self.combines, strict=True))
+        return (given + float(self.ground.remaining.area) - self.schedule.plan.left) / math.fsum(power)
 
     def goes_on(self, busy: Sequence[CombineState], patience: int = 1, poses: int = WAYS.poses) -> bool:
         """One combine does its next thing, who is free first; who could do nothing looks again when others
