@@ -72,7 +72,7 @@ class Parts:
 
 
 def read_counts(places: Path, text: str) -> dict[str, tuple[int, float]]:
-    """(calls, instructions) by name, less what counting took. text: what Callgrind wrote, with addresses"""
+    """(calls, instructions) by name, less what counting took. text: what Callgrind wrote, with addresses."""
     rows = (line.split(" ", 1) for line in places.read_text().splitlines())
     wanted = {int(place): name for place, name in rows}
     found = dict.fromkeys(wanted.values(), (0, 0.0))

@@ -337,7 +337,7 @@ class Line:
         return depth - near @ weight / weight.sum()
 
     def ahead(self, pose: Any, x: float, y: float) -> float:
-        """y [m] of the line in the machine frame at a place ahead, from a first guess."""
+        """Lateral place [m] of the line in the machine frame at a place ahead, from a first guess."""
         for _ in range(4):
             a, b = self.inside([pose.apply([x, y, 0.0]), pose.apply([x, y + 0.01, 0.0])])
             y -= float(np.clip(0.01 * a / (b - a if abs(b - a) > 1e-3 else 1e-3), -2.0, 2.0))

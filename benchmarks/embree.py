@@ -26,7 +26,7 @@ HIGH = 2
 
 
 class Embree:
-    """Triangles (f, 3) over vertices (n, 3). quality: 0 low, 1 medium, 2 high
+    """Triangles (f, 3) over vertices (n, 3). quality: 0 low, 1 medium, 2 high.
 
     widths: of the packets that can be cast; how: flags and quality, for tables
     """

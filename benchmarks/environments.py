@@ -35,7 +35,7 @@ expect: {distance_m: {min: 20}}
 
 
 def stepped(env: Any, count: int, steps: int) -> dict[str, float]:
-    """ms a world: to begin, and a step after a second."""
+    """Milliseconds a world: to begin, and a step after a second."""
     action = env.action_space.sample() * 0
     begin = time.process_time()
     env.reset(seed=1)
@@ -51,7 +51,7 @@ def stepped(env: Any, count: int, steps: int) -> dict[str, float]:
 
 
 def tested(count: int) -> dict[str, float]:
-    """ms a run, alone and with `count` in step."""
+    """Milliseconds a run, alone and with `count` in step."""
     from swath.runtime.kept import KeptFields
     from swath.tools.function_test.in_step import results_in
     from swath.tools.function_test.one_run import do_run

@@ -201,7 +201,7 @@ def leaves(data: Any, key: str) -> Iterator[tuple[str, Any]]:
 
 @dataclass
 class Victim:
-    """A command. count, length_s: of an undisturbed one, of what it writes and of its time"""
+    """A command. count, length_s: of an undisturbed one, of what it writes and of its time."""
 
     name: str
     starter: Starter

@@ -60,7 +60,7 @@ SURE, NEAR, FAR = 0.5, 0.7, 1.5
 @dataclass(frozen=True)
 class Case:
     """place: of the person before the crop [m]; ahead: crop, or the end of its gap, before the scanner at the
-    start [m]; aside: of the person along the crop [m]; turn: of the edge [deg]; depth: of the gap [m]; [m/s]
+    start [m]; aside: of the person along the crop [m]; turn: of the edge [deg]; depth: of the gap [m]; [m/s].
     """
 
     seed: int

@@ -1,5 +1,4 @@
-"""Is a fault found that is there in one pair of buckets of an ODD alone, and is none found where there is
-none?
+"""Whether a fault in one pair of buckets of an ODD is found, and none where there is none.
 
     python -m benchmarks.odd_faults --seeds 10 --out /tmp/odd-faults
     python -m benchmarks.odd_faults --seeds 1 --runs 150 --real --out /tmp/odd-faults-real

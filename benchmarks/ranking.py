@@ -1,4 +1,4 @@
-"""Are edge detectors ranked at `empirical` as at `plants`?
+"""Whether edge detectors are ranked at `empirical` as at `plants`.
 
     nice python -m benchmarks.ranking --out DIR [--seeds 6] [--distance 36] [--stands wheat-500 rye] [--show]
 
@@ -6,7 +6,7 @@ Ten detectors in shadow of a machine on the true edge (ranking.yaml), so all see
 seeds at both levels. Kendall's tau of their mean edge RMSE between the levels, beside that between two halves
 of the seeds at `plants`, which no level exceeds but by chance. A pair is decided at a level where its
 difference over the seeds is shown (Wilcoxon, 5 %) and more than 2 mm; turned round where both levels decide
-it otherwise. `told`: decided at `empirical` as `swath test compare` tells it, which leaves differences
+it otherwise. `told`: decided at `empirical` as `swath test compare` says, which leaves differences
 between unlike detectors up to 3 cm undecided there.
 """
 

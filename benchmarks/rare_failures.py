@@ -1,4 +1,4 @@
-"""Does the interval of `swath test estimate` hold a probability that is known, and how wide is it?
+"""Whether the interval of `swath test estimate` holds a known probability, and how wide it is.
 
     python -m benchmarks.rare_failures --repeats 400 --budget 2000
 

@@ -1,4 +1,4 @@
-"""What a minute of a recording takes, topic by topic: python benchmarks/recording.py RUN [OTHER]
+"""What a minute of a recording takes, topic by topic: python benchmarks/recording.py RUN [OTHER].
 
 RUN: the folder of a run; OTHER: a second one beside it, such as the same run by another version. A topic's
 messages are compressed by themselves here, in blocks of the size of a chunk, by the file's own level; what

@@ -49,7 +49,7 @@ machines: {combine: {motion: single_track, lidar: {sub_rays: 1, step_deg: 10}}}
 
 @dataclass(frozen=True)
 class View:
-    """up: height of the scanner [m]; yaw_deg: 90 = along the edge, less: towards the crop"""
+    """up: height of the scanner [m]; yaw_deg: 90 = along the edge, less: towards the crop."""
 
     up: float = UP
     depression_deg: float = 16.0

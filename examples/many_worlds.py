@@ -40,7 +40,7 @@ class Split(InWorlds):
 
 
 class Splits(KeepsRows):
-    """The detectors of all worlds. points: of the edge in the machine's frame, the newest last, nan = none"""
+    """The detectors of all worlds."""
 
     kept = ("points", "line")
 

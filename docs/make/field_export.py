@@ -22,7 +22,7 @@ SKY = np.array([0.80, 0.88, 0.95])
 
 
 def picture(file: Path) -> np.ndarray:
-    """sRGB (HEIGHT, WIDTH, 3) of a GLB file, by light from one side and no shadows."""
+    """Picture in sRGB, (HEIGHT, WIDTH, 3), of a GLB file, by light from one side and no shadows."""
     scene = trimesh.load_scene(file, process=False)
     names = list(scene.geometry)
     whole = trimesh.util.concatenate(

@@ -92,7 +92,7 @@ def _since(page: str, lines: list[int]) -> str:
 
 
 def markdown(measured: Mapping[str, str]) -> str:
-    """The rows of the page, counted anew; measured: commit by command"""
+    """The rows of the page, counted anew; measured: commit by command."""
     known, rows = stated(), []
     for (page, heading), figures in found().items():
         count, by, commit, last = known.get((page, heading), (0, "?", "?", NONE))

@@ -32,7 +32,7 @@ STAMP = re.compile(r"<!-- made -->\n(.*)\n")
 
 @dataclass(frozen=True)
 class Table:
-    """command: with `{}` for the first cell; columns: metric of the summary and format; rows: cells"""
+    """command: with `{}` for the first cell; columns: metric of the summary and format; rows: cells."""
 
     page: Path
     command: str

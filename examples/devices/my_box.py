@@ -98,7 +98,7 @@ def main() -> None:
 
 
 class Module:
-    """A steering module of AgOpenGPS. speed: told to it [km/h]"""
+    """A steering module of AgOpenGPS. speed: told to it [km/h]."""
 
     def __init__(self, where: str, speed: float) -> None:
         host, _, port = where.rpartition(":")

@@ -25,7 +25,7 @@ START, LENGTH, WAVE, AMPLITUDE, STEP = (6.0, -4.0), 90.0, 60.0, 1.5, 0.5  # of t
 
 
 def way(north: float) -> tuple[float, float]:
-    """x of the plan at y [m] and its heading: a gentle wave."""
+    """Place x of the plan at y [m] and its heading: a gentle wave."""
     k = 2.0 * pi / WAVE
     along = k * (north - START[1])
     return START[0] + 0.5 * AMPLITUDE * (1.0 - cos(along)), atan2(1.0, 0.5 * AMPLITUDE * k * sin(along))

@@ -38,7 +38,10 @@ SCALE = np.array([1.0, 4.0, 10.0, 1.0, 1.0, 0.5, 4.0, 4.0])  # of what is seen, 
 
 
 class InStep(VecEnv):
-    """The worlds of `swath.VectorEnv` as stable-baselines3 has its environments. off: of the last step [m]"""
+    """The worlds of `swath.VectorEnv` as stable-baselines3 has its environments.
+
+    off: lateral error of the last step [m]
+    """
 
     def __init__(self, count: int, seed: int, autoreset_mode: str = "SameStep") -> None:
         self.worlds = swath.VectorEnv("straight", num_envs=count, sets=SETS, autoreset_mode=autoreset_mode,
@@ -84,7 +87,7 @@ class InStep(VecEnv):
 
 
 class Curve(BaseCallback):
-    """Notes how far off the worlds are. rows: steps, CPU seconds, root mean square of each rollout [m]"""
+    """Notes how far off the worlds are. rows: steps, CPU seconds, root mean square of each rollout [m]."""
 
     def __init__(self) -> None:
         super().__init__()

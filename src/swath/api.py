@@ -238,7 +238,7 @@ _BAD_INPUT = 2
 
 @dataclass(frozen=True)
 class BatchRun:
-    """A run of a batch. index: of its entry, from 0; folder: None where the entry named none
+    """A run of a batch. index: of its entry, from 0; folder: None where the entry named none.
 
     error: why there is no result
     """

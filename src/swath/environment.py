@@ -48,7 +48,7 @@ Seen = np.ndarray | dict[str, np.ndarray]
 
 
 class Commanded(InWorlds):
-    """A part of a machine that sends what it was told last. kind: of the command
+    """A part of a machine that sends what it was told last. kind: of the command.
 
     field: of it that is told; more: its other fields; value: told last
     """
@@ -86,7 +86,7 @@ class Commands(KeepsRows):
 
 @dataclass
 class Score:
-    """What driving in a world is worth. evaluation: with its limits; distance_m: to be driven in all"""
+    """What driving in a world is worth. evaluation: with its limits; distance_m: to be driven in all."""
 
     evaluation: Evaluation
     distance_m: float
@@ -97,7 +97,7 @@ class Score:
         self._excess = [0.0] * len(self.evaluation.expect)
 
     def parts(self, way: float, tracks: Mapping[str, Any], *, is_end: bool, is_due: bool) -> dict[str, float]:
-        """Parts of the reward of a step over `way` [m]. is_due: the limits are judged"""
+        """Parts of the reward of a step over `way` [m]. is_due: the limits are judged."""
         parts = {"driven": way / self.distance_m}
         if not is_due:
             return parts
@@ -178,8 +178,9 @@ class Task:
         return Driven(seed, world, steer, speed, tightest, self.top, wanted)
 
     def checked(self, actions: Any, shape: tuple[int, ...]) -> np.ndarray:
-        """Actions within the space, the first outside it with a warning. InputError for what is no finite
-        number, or of another shape.
+        """Actions within the space, the first outside it with a warning.
+
+        InputError for what is no finite number, or of another shape.
         """
         told, count = np.asarray(actions, dtype=float), shape[-1]
         if len(shape) == 1:
@@ -198,7 +199,7 @@ class Task:
         return cut
 
     def values_of(self, edge: Samples | None, odometry: Samples | None, wanted: np.ndarray) -> np.ndarray:
-        """`OBSERVED` of worlds, float32, (n, 8). wanted: y of the header end in each"""
+        """`OBSERVED` of worlds, float32, (n, 8). wanted: y of the header end in each."""
         found = np.zeros((len(wanted), len(OBSERVED)))
         if edge is not None:
             told = [np.broadcast_to(field_of(edge, name), len(wanted)) for name in OF_EDGE]
@@ -267,7 +268,7 @@ class Driven:
     wanted: float
 
     def tell(self, action: Sequence[float]) -> None:
-        """What holds from now on. action: within the space"""
+        """What holds from now on. action: within the space."""
         self.steer.value = action[0] * self.tightest
         if len(action) > 1:
             self.speed.value = 0.5 * (1.0 + action[1]) * self.top
@@ -278,7 +279,7 @@ class Driven:
 
 
 def scan_of(ranges: np.ndarray) -> np.ndarray:
-    """A scan as it is observed. ranges: (..., beams, echoes) [m], nan = no echo"""
+    """A scan as it is observed. ranges: (..., beams, echoes) [m], nan = no echo."""
     found: np.ndarray = np.nan_to_num(ranges[..., 0], nan=0.0).astype(np.float32)
     return found
 
@@ -355,9 +356,11 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         return self._observation(), {"seed": own}
 
     def step(self, action: np.ndarray) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
-        """Drive for one period. Returns observation, reward, terminated, truncated, info. InputError for an
-        action that is no finite number or not one for each axis of the space; what is out of it is cut, the
-        first time with a warning of gymnasium.
+        """Drive for one period.
+
+        Returns observation, reward, terminated, truncated, info. InputError for an action that is no finite
+        number or not one for each axis of the space; what is out of it is cut, the first time with a warning
+        of gymnasium.
         """
         world, task = self._running(), self.task
         self._driven.tell(task.checked(action, self.action_space.shape).tolist())

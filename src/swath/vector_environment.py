@@ -23,7 +23,7 @@ except ImportError as error:
 
 @dataclass
 class _Cohort:
-    """Worlds that began at one time. members: which environments they are; driven: their worlds"""
+    """Worlds that began at one time. members: which environments they are; driven: their worlds."""
 
     worlds: Worlds
     members: np.ndarray
@@ -83,7 +83,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Seen, dict[str, Any]]:
-        """Begin episodes. seed: of the first, the others count on; or one for each
+        """Begin episodes. seed: of the first, the others count on; or one for each.
 
         options: `reset_mask`, bool (num_envs,): only these
         """

@@ -82,5 +82,8 @@ def walk(
     ticks: wp.array(dtype=wp.int64),
     state: wp.array(dtype=wp.int64),
 ):
-    """Lines, (first, end) lines of each part, (time, first, end) parts of each tick; state: see `core.ops`"""
+    """Walk lines, (first, end) lines of each part, (time, first, end) parts of each tick.
+
+    state: see `core.ops`
+    """
     walk_on(program, parts, ticks, state)

@@ -1,7 +1,9 @@
 """The JSON Schema: valid itself, agrees with the reader, and documents units."""
 
+import inspect
 import json
 import re
+from dataclasses import is_dataclass
 
 import jsonschema
 import pytest
@@ -10,9 +12,11 @@ from docs.make.scenario import reference
 from swath.documents.yaml_document import parse
 from swath.scenario.reference import parameter_rows
 from swath.scenario.scenario import parse_scenario
-from swath.scenario.schema import meanings, scenario_schema
+from swath.scenario.schema import _classes, meanings, scenario_schema
 from swath.scenario.slots import CATALOGUE
 from tests.fake_levels import FAKE, GOOD
+
+SOON = "swath.machine.process.delay_line", "swath.control.speed.look_ahead"
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +124,22 @@ def test_every_key_of_every_level_has_a_meaning():
         if not re.sub(r"\[[^]]*\]", "", meaning).strip()
     }
     assert not bare
+
+
+def test_every_key_has_an_entry_of_its_own_line_in_its_class():
+    """No clause in a paragraph: the docstring of the class with the field has a line `key: meaning`."""
+    registry = CATALOGUE.registry
+    kinds = (*CATALOGUE.field_levels, *(slot.name for slot in CATALOGUE.slots))
+    levels = [registry.get(kind, name) for kind in kinds for name in registry.names(kind)]
+    classes = {base for level in levels for kind in _classes(level.params).values() for base in kind.__mro__}
+    without = {
+        f"{kind.__module__}.{kind.__qualname__}: {key}"
+        for kind in classes
+        for key in inspect.get_annotations(kind)
+        if is_dataclass(kind) and kind.__module__ not in SOON and not key.startswith("_")
+        if not re.search(rf"(?m)^{key}( \[[^\]]*\])?: \S", inspect.cleandoc(kind.__doc__ or ""))
+    }
+    assert not without
 
 
 def test_reference_has_every_key():

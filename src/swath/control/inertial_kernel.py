@@ -43,7 +43,7 @@ def take_samples(
     first: int,
     rows: wp.array2d(dtype=wp.float64),
 ):
-    """Samples of a trail (`core.rows`) into the memory of each world; first: where they begin there"""
+    """Samples of a trail (`core.rows`) into the memory of each world; first: where they begin there."""
     w = wp.tid()
     count = int(head[1])
     rows[w, 0] = wp.float64(count)

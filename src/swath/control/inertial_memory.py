@@ -20,7 +20,8 @@ class HasNumbers(Protocol):
     """Goes on from numbers in shared memory."""
 
     @property
-    def numbers(self) -> F64: ...
+    def numbers(self) -> F64:
+        """The numbers of the part, float64."""
 
 
 class Number(Generic[T]):
@@ -88,7 +89,7 @@ FIELDS = ("rate_x", "rate_y", "rate_z", "force_x", "force_y", "force_z")
 
 
 class AllInertial:
-    """Such memories of many worlds. rows: (worlds, SAMPLES and samples)"""
+    """Such memories of many worlds. rows: (worlds, SAMPLES and samples)."""
 
     def __init__(self, worlds: int) -> None:
         self.rows = np.zeros((worlds, SAMPLES + 7 * ROOM))

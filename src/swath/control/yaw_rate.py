@@ -96,7 +96,7 @@ class YawRate(KeepsState):
             self._unit.take(seconds, rate - fsum(turns) / len(turns))
 
     def _differences(self) -> list[tuple[float, float, float]]:
-        """(by what the gyroscope is above another sensor, deviations of that: sound, faulty) [rad/s]"""
+        """(by what the gyroscope is above another sensor, deviations of that: sound, faulty) [rad/s]."""
         found = []
         if self._angle.seconds > AGAIN_S:
             away, sd = self._angle.values

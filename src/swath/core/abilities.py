@@ -17,7 +17,8 @@ class HasMounting(Protocol, metaclass=ByMembers):
     """A sensor with a fixed place on its machine. mounting: pose_machine_sensor."""
 
     @property
-    def mounting(self) -> Pose: ...
+    def mounting(self) -> Pose:
+        """Pose of the sensor on its machine."""
 
 
 @runtime_checkable
@@ -25,7 +26,8 @@ class HasRange(Protocol, metaclass=ByMembers):
     """A scanner. range_limits: least and greatest range that it reports, of its data sheet [m]."""
 
     @property
-    def range_limits(self) -> tuple[float, float]: ...
+    def range_limits(self) -> tuple[float, float]:
+        """Least and greatest range [m]."""
 
 
 @runtime_checkable
@@ -33,7 +35,8 @@ class HasIdentity(Protocol, metaclass=ByMembers):
     """A sensor of a make. identity: what the device calls itself on its wire, empty = not known."""
 
     @property
-    def identity(self) -> str: ...
+    def identity(self) -> str:
+        """Name on the wire."""
 
 
 @runtime_checkable
@@ -44,7 +47,8 @@ class KnowsErrors(Protocol, metaclass=ByMembers):
     exact; a sensor without this ability does not know.
     """
 
-    def errors(self, sample: Any) -> Mapping[str, tuple[float, float]]: ...
+    def errors(self, sample: Any) -> Mapping[str, tuple[float, float]]:
+        """Bias and standard deviation by field of the sample, in SI."""
 
 
 @runtime_checkable
@@ -52,7 +56,8 @@ class HasOpticalFrame(Protocol, metaclass=ByMembers):
     """A camera. optical: pose of its optical frame (x right, y down, z forward) on the machine."""
 
     @property
-    def optical(self) -> Pose: ...
+    def optical(self) -> Pose:
+        """Pose of the optical frame on the machine."""
 
 
 @runtime_checkable
@@ -60,7 +65,8 @@ class CountsRays(Protocol, metaclass=ByMembers):
     """A sensor that casts rays. ray_count: so far."""
 
     @property
-    def ray_count(self) -> int: ...
+    def ray_count(self) -> int:
+        """Rays cast so far."""
 
 
 @runtime_checkable
@@ -68,9 +74,12 @@ class CountsBeams(Protocol, metaclass=ByMembers):
     """A sensor that plays measurements. beam_count: so far; unmeasured_count: those without an answer."""
 
     @property
-    def beam_count(self) -> int: ...
+    def beam_count(self) -> int:
+        """Beams so far."""
+
     @property
-    def unmeasured_count(self) -> int: ...
+    def unmeasured_count(self) -> int:
+        """Beams without a measurement so far."""
 
 
 @runtime_checkable
@@ -82,8 +91,11 @@ class MeetsRange(Protocol, metaclass=ByMembers):
     """
 
     @property
-    def checked(self) -> Sequence[Checked]: ...
-    def meets(self) -> Mapping[str, Any]: ...
+    def checked(self) -> Sequence[Checked]:
+        """Ranges over which the part was checked."""
+
+    def meets(self) -> Mapping[str, Any]:
+        """What the part met, by quantity."""
 
 
 @runtime_checkable
@@ -91,14 +103,16 @@ class HasNotes(Protocol, metaclass=ByMembers):
     """A part with something to tell the user. notes: whole sentences, for summary.json and the report."""
 
     @property
-    def notes(self) -> Sequence[str]: ...
+    def notes(self) -> Sequence[str]:
+        """Whole sentences for the user."""
 
 
 @runtime_checkable
 class Closes(Protocol, metaclass=ByMembers):
     """A part that holds something outside: a process, a node, a bus. close: twice does nothing."""
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Let go of what is held."""
 
 
 @runtime_checkable
@@ -109,7 +123,8 @@ class EndsRun(Protocol, metaclass=ByMembers):
     why in the summary, an empty one lets it go on
     """
 
-    def end_reason(self, t: int) -> str: ...
+    def end_reason(self, t: int) -> str:
+        """Why the run ends at a time [ns], "" where it goes on."""
 
 
 @runtime_checkable
@@ -121,7 +136,8 @@ class StepsAnyLength(Protocol, metaclass=ByMembers):
     """
 
     @property
-    def steps_any_length(self) -> bool: ...
+    def steps_any_length(self) -> bool:
+        """Whether steps of any length are taken."""
 
 
 @runtime_checkable
@@ -129,7 +145,8 @@ class NeedsRealTime(Protocol, metaclass=ByMembers):
     """A part that answers by the clock on the wall. needs_real_time: why; empty when it does not."""
 
     @property
-    def needs_real_time(self) -> str: ...
+    def needs_real_time(self) -> str:
+        """Why the wall clock is needed, "" where it is not."""
 
 
 @runtime_checkable
@@ -137,7 +154,8 @@ class ReadsFiles(Protocol, metaclass=ByMembers):
     """A part that reads files while the run goes on. reads: which; no run may be written over them."""
 
     @property
-    def reads(self) -> Sequence[Path]: ...
+    def reads(self) -> Sequence[Path]:
+        """Files that are being read."""
 
 
 @runtime_checkable
@@ -145,4 +163,5 @@ class HasOverlap(Protocol, metaclass=ByMembers):
     """A steering law with a wanted overlap. overlap: of the header end over the cut ground [m]."""
 
     @property
-    def overlap(self) -> float: ...
+    def overlap(self) -> float:
+        """Wanted overlap of the header [m]."""

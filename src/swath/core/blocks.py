@@ -33,22 +33,27 @@ class TakesBlocks(Protocol, metaclass=ByMembers):
     look: Callable[[], None]
 
     @property
-    def is_late(self) -> bool: ...
+    def is_late(self) -> bool:
+        """Whether it may be given samples later than they were sent."""
 
-    def take(self, seen: "Seen") -> None: ...
+    def take(self, seen: "Seen") -> None:
+        """Take what was sent since the last call."""
 
 
 @runtime_checkable
 class LooksOn(Protocol, metaclass=ByMembers):
-    """One that is shown samples, too, of slots that it looks at. kinds: of what they may send
+    """One that is shown samples, too, of slots that it looks at. kinds: of what they may send.
 
     rests: by slot the time [ns] until when it need not be shown any
     """
 
     rests: Mapping[str, int]
 
-    def looks_at(self, slot: str, kinds: Sequence[type[Signal]]) -> bool: ...
-    def show(self, slot: str, t: int, outputs: "Shown") -> None: ...
+    def looks_at(self, slot: str, kinds: Sequence[type[Signal]]) -> bool:
+        """Whether it wants the samples of a slot."""
+
+    def show(self, slot: str, t: int, outputs: "Shown") -> None:
+        """Take the outputs of a slot at a time [ns]."""
 
 
 def no_look() -> None:
@@ -252,7 +257,7 @@ class _Joined(Block):
 
 
 class Seen:
-    """What the slots of a world sent over a while. blocks: of each output, several where its form changed"""
+    """What the slots of a world sent over a while. blocks: of each output, several where its form changed."""
 
     def __init__(self, blocks: Sequence[Block]) -> None:
         self.blocks = blocks
@@ -345,14 +350,14 @@ def number_of(outputs: Mapping[str, Signal], kind: type[Signal], name: str) -> A
 
 
 def newest_of(outputs: Mapping[str, Signal], kind: type[Signal], machine: str, before: Any) -> Any:
-    """The newest sample of a type from a machine. before: that of the last look"""
+    """The newest sample of a type from a machine. before: that of the last look."""
     waiting = outputs.waiting(kind, machine) if isinstance(outputs, Shown) else None
     return before if waiting is None else waiting.sample(-1)
 
 
 class Blocks:
     """What all slots sent since the last look, in all worlds. order: (1,) how many times a slot sent
-    anything
+    anything.
     """
 
     def __init__(self) -> None:

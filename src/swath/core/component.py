@@ -44,13 +44,24 @@ class Component(Protocol):
     """Anything that can fill a slot."""
 
     @property
-    def inputs(self) -> tuple[Port, ...]: ...
+    def inputs(self) -> tuple[Port, ...]:
+        """Ports whose samples the part reads."""
+
     @property
-    def outputs(self) -> tuple[Port, ...]: ...
-    def reset(self, stream: Stream) -> Outputs: ...
-    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs: ...
-    def save(self) -> State: ...
-    def load(self, state: State) -> None: ...
+    def outputs(self) -> tuple[Port, ...]:
+        """Ports whose samples the part sends."""
+
+    def reset(self, stream: Stream) -> Outputs:
+        """Begin a run; the outputs at t = 0, drawn with `stream` where chance has a part in them."""
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """Outputs at t [ns], from the newest inputs; dt [ns] is the time since the last step."""
+
+    def save(self) -> State:
+        """The state, to be given to `load`."""
+
+    def load(self, state: State) -> None:
+        """Take on a state that `save` gave."""
 
 
 class KeepsState:

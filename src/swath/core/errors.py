@@ -87,7 +87,8 @@ class MissingExtra(SwathError):
 
 def fitted(text: str, limit: int = LONGEST, like: str = "") -> str:
     """Text of at most `limit` characters: its longest lists of names with the first of them, or those nearest
-    to `like`, and the number of the others; then as `shortened`."""
+    to `like`, and the number of the others; then as `shortened`.
+    """
     for _ in range(_MOST_LISTS):
         if len(text) <= limit or not (runs := list(_LIST.finditer(text))):
             break

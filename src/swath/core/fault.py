@@ -24,7 +24,8 @@ BEAM_FIELDS = "ranges", "intensity"  # of a scan, lost with a beam
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """What goes wrong. scale, bias, noise (one sigma), stuck: by field and unit, such as `offset_m`
+    """What goes wrong. scale, bias, noise (one sigma), stuck: by field and unit, such as `offset_m`.
+
     beam_loss, dead_beams: shares of the beams of a scan, others in each or always the same
     hold, silent: windows of time [s]; loss: share of samples, lost for `burst` [s] together; latency [s]
     """
@@ -72,7 +73,7 @@ class FaultyOutput(KeepsState):
         return self.fault != NOTHING
 
     def reset(self, stream: Stream) -> None:
-        """Begin anew. stream: of the slot"""
+        """Begin anew. stream: of the slot."""
         self._stream = stream.child("fault")
         self._queue, self._sent = [], {}
 

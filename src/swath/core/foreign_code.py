@@ -33,7 +33,8 @@ USER_MODULE = "swath_user_"  # how the names of modules begin that were read fro
 
 @dataclass(frozen=True)
 class Gate:
-    """files: that may run, None = any; leaves: others are left unread where a scenario is only looked at
+    """files: that may run, None = any; leaves: others are left unread where a scenario is only looked at.
+
     is_narrow: only a part of what may run from outside does, as while a run is changed
     addresses: that may be opened
     """
@@ -52,7 +53,8 @@ class NamesCode(Protocol, metaclass=ByMembers):
     """Parameters that name code. foreign_code: files or `file.py:Class`, from the scenario's folder."""
 
     @property
-    def foreign_code(self) -> Sequence[str]: ...
+    def foreign_code(self) -> Sequence[str]:
+        """Files, or `file.py:Class`."""
 
 
 def present_gate() -> Gate:
@@ -121,7 +123,7 @@ class NotNamed(InputError):
 
 
 def need_named(key: str, text: str, *others: str) -> None:
-    """NotNamed, with the key, where an address is not named. others: texts that together stand for it"""
+    """NotNamed, with the key, where an address is not named. others: texts that together stand for it."""
     addresses = _gate.get().addresses
     if text not in addresses and not (others and addresses.issuperset(others)):
         how = f"--allow-address {quote(text)} (in Python addresses=[...])"

@@ -8,7 +8,7 @@ T = TypeVar("T")
 
 
 def define(name: str, arguments: str, lines: Sequence[str], known: Mapping[str, Any]) -> Any:
-    """A function of these lines of Python, for what runs at every sample. known: names that it may use"""
+    """A function of these lines of Python, for what runs at every sample. known: names that it may use."""
     space = dict(known)
     exec(f"def {name}({arguments}):\n" + "\n".join(f" {line}" for line in lines), space)
     return space[name]
@@ -35,8 +35,9 @@ def frozen(cls: type[T]) -> type[T]:
 
 
 def changed(of: T, **values: Any) -> T:
-    """As `dataclasses.replace`, of a class by `frozen`, in a quarter of the time. TypeError for a name that
-    is none of its fields, and where it holds more than these.
+    """As `dataclasses.replace`, of a class by `frozen`, in a quarter of the time.
+
+    TypeError for a name that is none of its fields, and where it holds more than these.
     """
     made: T = object.__new__(type(of))
     held = made.__dict__

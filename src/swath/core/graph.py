@@ -31,7 +31,7 @@ Observer = Callable[[str, int, Mapping[str, Signal]], None]
 
 @dataclass
 class Cost:
-    """What the steps of a slot took. sharers: worlds that are stepped at once"""
+    """What the steps of a slot took. sharers: worlds that are stepped at once."""
 
     seconds: float = 0.0
     steps: int = 0
@@ -114,8 +114,10 @@ class Graph:
         self.lockstep.finish()
 
     def let_go(self) -> None:
-        """Forget those who watch, wait and step. They hold the graph, too: then all go when nobody uses them,
-        and not whenever Python looks for such circles. What was sent last stays.
+        """Forget those who watch, wait and step.
+
+        They hold the graph, too: then all go when nobody uses them, and not whenever Python looks for such
+        circles. What was sent last stays.
         """
         self.observers, self.watches, self.follows, self.before_tick = [], {}, {}, []
         self.lockstep.let_go()
@@ -208,7 +210,7 @@ class Graph:
 
 
 class _Rank:
-    """A slot of all worlds. nodes, parts: of each; batch: those that step at once, None = world by world
+    """A slot of all worlds. nodes, parts: of each; batch: those that step at once, None = world by world.
 
     wires: port of which the newest sample is read -> where that is; queues: port -> samples since the last
     step; sends: output -> its type, its readers' queues
@@ -389,7 +391,7 @@ class Lockstep:
                     taker.take(seen)
 
     def look_around(self, *, anew: bool = False) -> None:
-        """Take note of the observers that there are. anew: of what they look at, too"""
+        """Take note of the observers that there are. anew: of what they look at, too."""
         self._followers = {}
         for world, graph in enumerate(self.graphs):
             for slot, follow in graph.follows.items():
@@ -410,7 +412,7 @@ class Lockstep:
         self, until: int, goal: Goal | None = None, stop: Callable[[], bool] | None = None
     ) -> Iterator[list[int]]:
         """Step to a time [ns]; gives worlds as they end: by a part, an EndOfRun, an error (see `errors`), or
-        because they have reached the goal. They are no longer stepped. stop: asked after every tick
+        because they have reached the goal. They are no longer stepped. stop: asked after every tick.
         """
         self.look_around()
         self._until, self._has_room = until, False

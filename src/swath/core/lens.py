@@ -29,7 +29,7 @@ COUNTS: dict[str, tuple[int, ...]] = {"brown_conrady": (0, 5, 8), "fisheye": (4,
 
 @dataclass(frozen=True)
 class Lens:
-    """model: whose formulas; coefficients: as OpenCV orders them, none = a pinhole"""
+    """model: whose formulas; coefficients: as OpenCV orders them, none = a pinhole."""
 
     model: LensModel = "brown_conrady"
     coefficients: tuple[float, ...] = ()

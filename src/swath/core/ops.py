@@ -46,15 +46,22 @@ class Op(Protocol, metaclass=ByMembers):
     needs: NDArray[np.int32]
     errors: dict[int, SwathError]
 
-    def link(self, rows: Mapping[str, Row], trails: Mapping[str, Trail], clock: Ints) -> None: ...
-    def calls(self) -> Sequence[Call] | None: ...
-    def supply(self, stage: int) -> None: ...
-    def make_walk(self, tables: Sequence[Ints]) -> Callable[[], Any]: ...
+    def link(self, rows: Mapping[str, Row], trails: Mapping[str, Trail], clock: Ints) -> None:
+        """Take the rows and trails of all slots, and the clock."""
+
+    def calls(self) -> Sequence[Call] | None:
+        """Compiled calls of a step; None where Python has to step."""
+
+    def supply(self, stage: int) -> None:
+        """Fill in what the calls from a stage on read."""
+
+    def make_walk(self, tables: Sequence[Ints]) -> Callable[[], Any]:
+        """The function that walks through the calls."""
 
 
 @dataclass(frozen=True)
 class Goal:
-    """Worlds are over once a number of one of these outputs is as large as theirs. least: of each world"""
+    """Worlds are over once a number of one of these outputs is as large as theirs. least: of each world."""
 
     wires: tuple[Wire, ...]
     name: str
@@ -103,7 +110,7 @@ class Queue:
 
 
 class Source:
-    """A trail that queues follow; samples of it are made once for all. is_of_op: an op takes them from it"""
+    """A trail that queues follow; samples of it are made once for all. is_of_op: an op takes them from it."""
 
     def __init__(self, trail: Trail, *, is_of_op: bool = False) -> None:
         self.trail, self.is_of_op = trail, is_of_op
@@ -141,7 +148,7 @@ class Source:
 
 @dataclass
 class Member:
-    """An op among the slots of a program. place: of its slot
+    """An op among the slots of a program. place: of its slot.
 
     keeps: heads of the trails that a sample of an output is added to
     about: steps since they were counted last, and processor cycles that they took

@@ -19,7 +19,7 @@ LOCK = "run.lock"
 
 
 def is_own(name: str, own: Collection[str]) -> bool:
-    """Whether a file is one of these, whole or not yet, or the lock. own: names or patterns (`scan.*`)"""
+    """Whether a file is one of these, whole or not yet, or the lock. own: names or patterns (`scan.*`)."""
     names = (name, name.removesuffix(PART))
     return name == LOCK or any(fnmatchcase(each, pattern) for each in names for pattern in own)
 

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 def exp(x: Any) -> Array:
-    """e ** x, elementwise; inf where that is too large."""
+    """Exponential e ** x, elementwise; inf where that is too large."""
     return _each(math.exp, np.exp, x)
 
 
@@ -54,7 +54,7 @@ def arctan2(y: Any, x: Any) -> Array:
 
 
 def power(x: Any, y: Any) -> Array:
-    """x ** y, elementwise; inf of 0 to a negative power, nan of a negative x to a power that is not whole."""
+    """Power x ** y, elementwise; inf of 0 to a negative power, nan of x < 0 to a power that is not whole."""
     return _each(math.pow, np.power, x, y)
 
 
@@ -81,7 +81,7 @@ def product(a: Any, b: Any) -> Any:
 
 
 def solve(matrix: Any, right: Any) -> Array:
-    """x with matrix @ x = right, shapes (n, n) and (n,), n small; elimination with pivots.
+    """Solution x of matrix @ x = right, shapes (n, n) and (n,), n small; elimination with pivots.
 
     Raises ZeroDivisionError for a singular matrix.
     """
@@ -111,7 +111,7 @@ def inverse(matrix: Any) -> Array:
 
 
 def _each(function: Callable[..., float], limits: Callable[..., Any], *values: Any) -> Array:
-    """function of each element; limits: numpy's, asked where `math` raises: its inf and nan."""
+    """A function of each element; limits: numpy's, asked where `math` raises: its inf and nan."""
     arrays = tuple(np.asarray(v, dtype=np.float64) for v in values)
     arrays = arrays if len(arrays) == 1 else np.broadcast_arrays(*arrays)
     columns = [a.ravel().tolist() for a in arrays]

@@ -37,7 +37,7 @@ def forget_safe_path() -> None:
 
 
 def skip_folder_settings() -> None:
-    """matplotlib reads a `matplotlibrc` of the working folder when it is imported: do that elsewhere."""
+    """Import matplotlib in a folder of our own: it reads the `matplotlibrc` of the working folder."""
     if os.path.lexists("matplotlibrc"):
         here = os.getcwd()
         os.chdir(os.path.dirname(__file__))
@@ -48,7 +48,7 @@ def skip_folder_settings() -> None:
 
 
 def start_module(name: str, *words: str, **options: Any) -> "subprocess.Popen[bytes]":
-    """Start `python -m NAME WORDS`, which finds what this process finds. options: of Popen"""
+    """Start `python -m NAME WORDS`, which finds what this process finds. options: of Popen."""
     import swath
 
     root = os.path.dirname(os.path.dirname(swath.__file__))

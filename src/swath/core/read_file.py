@@ -12,8 +12,10 @@ from swath.core.errors import InputError
 
 
 def open_to_read(path: Path, key: str, what: str, most: int | None = None) -> BufferedReader:
-    """A file to read. InputError with this key, `expected what`, for what is no regular file or has more
-    bytes than `most`, and where it cannot be read.
+    """A file to read.
+
+    InputError with this key, `expected what`, for what is no regular file or has more bytes than `most`, and
+    where it cannot be read.
     """
     place = None if key == str(path) else path
     try:

@@ -51,7 +51,8 @@ class Checked:
 
 @dataclass(frozen=True)
 class KnownError:
-    """How far off a metric may be at a level. size: in the metric's unit; against: what was compared with;
+    """How far off a metric may be at a level. size: in the metric's unit; against: what was compared with.
+
     source: what measured it
     """
 
@@ -208,8 +209,9 @@ HERE: dict[str, Any] = {}
 
 
 def level_here(component: type) -> str:
-    """The level that stands for a class in this process: `here:Name`. A later class of that name takes its
-    place, as a cell that is run again does.
+    """The level that stands for a class in this process: `here:Name`.
+
+    A later class of that name takes its place, as a cell that is run again does.
     """
     name = f"here:{component.__name__}"
     HERE[name] = component

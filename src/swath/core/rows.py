@@ -92,7 +92,7 @@ def row_at(kind: type[Signal], memory: NDArray[Any], t: int) -> Row:
 
 
 def row_of(kind: type[Signal], worlds: int, names: Sequence[str] = ()) -> Row:
-    """A new row, of zeros. names: fields that it holds, others have their default; () = all
+    """A new row, of zeros. names: fields that it holds, others have their default; () = all.
 
     SwathError where a field is no number, flag or pose.
     """

@@ -13,7 +13,7 @@ OPENING_S = 60.0  # within which a folder that was made has its lock
 
 
 class TemporaryFolder:
-    """A folder that nobody else can read, also as a block; removed with this object. path: where it is"""
+    """A folder that nobody else can read, also as a block; removed with this object. path: where it is."""
 
     def __init__(self, what: str) -> None:
         self.path = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{what}-"))

@@ -228,22 +228,30 @@ def takes_all(kind: type, method: str) -> bool:
 
 
 class Together(Protocol):
-    """The parts of one slot in all worlds. errors: of worlds that cannot go on, by their number"""
+    """The parts of one slot in all worlds. errors: of worlds that cannot go on, by their number."""
 
     errors: dict[int, SwathError]
 
-    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]: ...
-    def step(self, t: int, dt: int, inputs: Given) -> Mapping[str, Samples]: ...
-    def save(self, world: int) -> State: ...
-    def load(self, world: int, state: State) -> None: ...
+    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
+        """Begin all worlds; their outputs at t = 0."""
+
+    def step(self, t: int, dt: int, inputs: Given) -> Mapping[str, Samples]:
+        """Outputs of all worlds at t [ns]; dt [ns] is the time since the last step."""
+
+    def save(self, world: int) -> State:
+        """State of a world."""
+
+    def load(self, world: int, state: State) -> None:
+        """Take on the state of a world."""
 
 
 @runtime_checkable
 class EndsWorlds(Protocol, metaclass=ByMembers):
-    """Parts that may want their worlds to end. reasons: why, by number of the world"""
+    """Parts that may want their worlds to end. reasons: why, by number of the world."""
 
     @property
-    def reasons(self) -> Mapping[int, str]: ...
+    def reasons(self) -> Mapping[int, str]:
+        """Why worlds want to end, by their numbers."""
 
 
 class KeepsRows:
@@ -266,7 +274,8 @@ class StepsTogether(Protocol, metaclass=ByMembers):
     """A class of parts that can be stepped together with those of other worlds; None: these parts cannot."""
 
     @classmethod
-    def together(cls, parts: Sequence[Any]) -> Together | None: ...
+    def together(cls, parts: Sequence[Any]) -> Together | None:
+        """The parts as one; None where they cannot be."""
 
 
 @runtime_checkable
@@ -274,7 +283,8 @@ class GoesWith(Protocol):
     """A part that can be stepped together with those alone that have the same `goes_with`."""
 
     @property
-    def goes_with(self) -> Hashable: ...
+    def goes_with(self) -> Hashable:
+        """What parts that are stepped together have alike."""
 
 
 def in_world(value: Any, world: int) -> Any:

@@ -73,8 +73,10 @@ class _Archive(zipfile.ZipFile):
 def open_archive(
     path: Path, key: str, ratio: int = RATIO, what: str = "a whole zip archive"
 ) -> Iterator[zipfile.ZipFile]:
-    """A zip archive. InputError where it is none or damaged, and where its members say that they unpack to
-    more than it may hold.
+    """A zip archive.
+
+    InputError where it is none or damaged, and where its members say that they unpack to more than it may
+    hold.
 
     `ZipFile.read` gives no more of a member than the directory says, so this bounds all of them together.
     """
@@ -94,8 +96,9 @@ def open_archive(
 
 @contextmanager
 def open_parquet(path: Path, key: str, what: str) -> Iterator[Any]:
-    """A Parquet file. InputError with this key where it is none, or holds more values than one of its size
-    can.
+    """A Parquet file.
+
+    InputError with this key where it is none, or holds more values than one of its size can.
     """
     import pyarrow.parquet as pq
 

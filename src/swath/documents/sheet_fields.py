@@ -104,7 +104,7 @@ def annotated(base: Any, quantity: Quantity | Key) -> Any:
 
 
 def build(kind: Any, prefix: str, value: Callable[[str], Any]) -> Any:
-    """The object of a class from checked values of a sheet, in SI. value: by dotted key, None = missing"""
+    """The object of a class from checked values of a sheet, in SI. value: by dotted key, None = missing."""
     made = {}
     for name, annotation, default in _fields(kind):
         base, section, quantity = _declared(annotation)

@@ -175,7 +175,7 @@ def _shown(value: Any, is_there: bool) -> Any:
 
 
 def _locate(loc: tuple[Any, ...], data: Any, code: str) -> tuple[KeyPath, Any, bool]:
-    """pydantic's location without the names of union members, the value there, and whether it is there."""
+    """Location of pydantic without names of union members, the value there, and whether it is there."""
     path: list[str | int] = []
     for index, part in enumerate(loc):
         inside = isinstance(data, dict) and part in data

@@ -1,4 +1,4 @@
-"""Do solids overlap, and how far are they apart?
+"""Whether solids overlap, and how far they are apart.
 
 Every box, capsule, ellipsoid and mesh lies in an oriented box. These boxes give lower bounds of the distances
 of all pairs at once; only pairs whose bound is below the least distance found are looked at exactly. A mesh
@@ -51,7 +51,8 @@ class _Piece:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The nearest pair of two lists of parts. distance [m], 0 = they overlap; first, second: their numbers;
+    """The nearest pair of two lists of parts. distance [m], 0 = they overlap; first, second: their numbers.
+
     point: of the first one, in the world, nearest to the second [m].
     """
 

@@ -19,9 +19,13 @@ class Convex(Protocol):
     """A convex core, and a margin [m] that rounds it off: a capsule is a line with its radius as margin."""
 
     @property
-    def centre(self) -> Vector: ...
+    def centre(self) -> Vector:
+        """A point inside, (3,) [m]."""
+
     @property
-    def margin(self) -> float: ...
+    def margin(self) -> float:
+        """Radius that rounds the core off [m]."""
+
     def support(self, d: Vector) -> Vector:
         """The point of the core that is farthest in direction d, of any length."""
         ...

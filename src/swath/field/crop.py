@@ -22,7 +22,8 @@ class StandFacts:
     """density [1/m2], row_spacing [m], stems_per_plant, tiller_spread [m] (sd of a stem's foot about its
     plant), height [m] (mean, ground to the highest point but awns), height_cv, stubble_height [m]
     seen_height [m]: below which nine of ten echoes of a scanner lie that looks over the stand; 0 = height
-    sowing_jitter: how far a plant is from its even place in the row, 0 = even, 1 = up to the next one's."""
+    sowing_jitter: how far a plant is from its even place in the row, 0 = even, 1 = up to the next one's.
+    """
 
     density: Annotated[float, Quantity("per_m2", 1, 3000)]
     row_spacing: Annotated[float, Quantity("cm", 0, 100)]
@@ -48,7 +49,8 @@ class StemFacts:
 
 @dataclass(frozen=True, kw_only=True)
 class YieldSection(ABC):
-    """What every sheet says of the yield. straw_below_share: of the straw, below straw_below_height [m];
+    """What every sheet says of the yield. straw_below_share: of the straw, below straw_below_height [m].
+
     grain_density, swath_density: bulk [kg/m3]; grain_moisture: fraction.
     """
 
@@ -93,7 +95,7 @@ class BareYield(YieldSection):
 @dataclass(frozen=True)
 class YieldFacts:
     """grain_mass: of a mean stem (its ear, pods or cob) [kg]; straw_to_grain: straw above ground per grain
-    mass; bare_mass: of a mean stem without any grain [kg]
+    mass; bare_mass: of a mean stem without any grain [kg].
 
     straw_exponent p: share of straw below relative height s is 1 - (1 - s)^p
     grain_density, swath_density: bulk [kg/m3]; grain_moisture: fraction

@@ -163,7 +163,9 @@ def _with_yields(crop: Crop, sheet: Sheet) -> Crop:
 class Weeds:
     """Weeds wherever the crop was sown, its stubble included.
 
-    plants_per_m2: mean density; height_m: mean, ground to the highest leaf; crop: name of the weed's sheet
+    plants_per_m2: mean density
+    height_m: mean height from the ground to the highest leaf
+    crop: name of the weed's sheet
     """
 
     plants_per_m2: Annotated[float, Ge(0.0), Le(1000.0)] = 20.0

@@ -33,7 +33,7 @@ class Stem:
 @wp.struct
 class Roots:
     """Stems by the cell they stand on, as in `cutting.StemIndex`; those of cell k begin at first[k] and end
-    before first[k + 1]. at: number of the stem, column of the cell in its tile
+    before first[k + 1]. at: number of the stem, column of the cell in its tile.
 
     straw_exponent: of what of the straw lies above a cut
     """

@@ -85,7 +85,7 @@ class StemIndex:
 
 
 def cell_in_tile(x: Array, tile_size: float, is_mirrored: Any) -> Ints:
-    """Cut cell (one axis) of a stem at x [m] in its prototype. is_mirrored: of all, or (n,) of each"""
+    """Cut cell (one axis) of a stem at x [m] in its prototype. is_mirrored: of all, or (n,) of each."""
     place = np.where(is_mirrored, tile_size - x, x)
     return np.clip(np.floor(place * (TILE_CELLS / tile_size)), 0, TILE_CELLS - 1).astype(np.int64)
 

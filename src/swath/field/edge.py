@@ -130,7 +130,8 @@ class TeethParams:
 
 @dataclass(frozen=True, kw_only=True)
 class EdgeCommon:
-    """crop_side: of the edge as it is driven; stubble_height_m: on its other side, and on the headland;
+    """crop_side: of the edge as it is driven; stubble_height_m: on its other side, and on the headland.
+
     crop_begins_m: where along the edge the crop begins, before it lies the headland; none = everywhere.
     """
 

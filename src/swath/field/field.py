@@ -335,8 +335,9 @@ class Field:
             self.profile.load(state["profile"])
 
     def profiled(self, shape: EdgeShape) -> Profile:
-        """From now on the field is looked at and cut as profiles along an edge. InputError where these cannot
-        carry it.
+        """From now on the field is looked at and cut as profiles along an edge.
+
+        InputError where these cannot carry it.
         """
         if self._begun is not None:
             raise refused("start on what an earlier run left")
@@ -417,8 +418,9 @@ class Field:
 def _finish(
     store: PageStore, keys: list[Key], *, library: PlantLibrary, sway: float, depth_per_kg: float
 ) -> None:
-    """Pages came into memory: what follows from their codes and straw. Holds no field, which holds the store:
-    what nobody uses any more then goes at once.
+    """Pages came into memory: what follows from their codes and straw.
+
+    Holds no field, which holds the store: what nobody uses any more then goes at once.
     """
     update_tops(store, library, keys, sway=sway)
     write_depth(store, keys, depth_per_kg)

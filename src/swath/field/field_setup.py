@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FieldSetup:
-    """stream: random numbers of the field; folder: where relative file names start;
+    """stream: random numbers of the field; folder: where relative file names start.
+
     origin: (easting, northing) of the world's origin in the projected system of the field's maps [m];
     to_local: longitude and latitude (n, 2) [deg] -> world (n, 2) [m], None where the field has no place on
     earth; tracks: driven passes of the field, world points (n, 2) each
@@ -81,7 +82,7 @@ class Terrain(Protocol):
 
 @runtime_checkable
 class HasRoughness(Protocol):
-    """A terrain that knows how rough it is. gd_n0: Gd at 0.1 cycles/m, ISO 8608 [m3]"""
+    """A terrain that knows how rough it is. gd_n0: Gd at 0.1 cycles/m, ISO 8608 [m3]."""
 
     gd_n0: float
 

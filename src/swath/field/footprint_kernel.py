@@ -17,7 +17,7 @@ class Place:
 
 @wp.struct
 class Span:
-    """c, s: cosine and sine of the heading of the body's world in the stand frame; per_m: nodes per metre
+    """c, s: cosine and sine of the heading of the body's world in the stand frame; per_m: nodes per metre.
 
     low_u to high_v: places of the body [nodes] at which all its points lie on the nodes in memory
     """

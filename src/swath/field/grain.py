@@ -19,14 +19,21 @@ class GrainReceiver(Protocol):
 
 
 class GrainBox(Protocol):
-    """An open box on a machine. box: its measures; gained: grain in it beyond that of the start [kg]"""
+    """An open box on a machine. box: its measures; gained: grain in it beyond that of the start [kg]."""
 
     @property
-    def box(self) -> OpenBox: ...
+    def box(self) -> OpenBox:
+        """Measures of the box."""
+
     @property
-    def gained(self) -> float: ...
-    def pour(self, mass: float, x: float, y: float, ground: GrainReceiver, pose: Any) -> float: ...
-    def surface_at(self, x: float, y: float) -> float: ...
+    def gained(self) -> float:
+        """Grain in it beyond that at the start [kg]."""
+
+    def pour(self, mass: float, x: float, y: float, ground: GrainReceiver, pose: Any) -> float:
+        """Take grain [kg] at a place [m]; the mass that stays in the box [kg]."""
+
+    def surface_at(self, x: float, y: float) -> float:
+        """Height of the surface at a place of the box [m]."""
 
 
 class GrainPiles(KeepsState):

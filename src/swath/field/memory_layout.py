@@ -81,8 +81,9 @@ class Primitives:
 
 @dataclass(frozen=True, eq=False)
 class PlantLibrary:
-    """Tile prototypes with their plants, primitives and search index. Read-only after making, so that what
-    was made of it can be kept.
+    """Tile prototypes with their plants, primitives and search index.
+
+    Read-only after making, so that what was made of it can be kept.
 
     tile_size T [m]; tile_count K; density_max: stems/m2 in the prototypes; row_spacing [m], 0 = no rows
 
@@ -257,8 +258,9 @@ class Pages:
 
 
 def different_pages(i: NDArray[np.int64], j: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """The different pairs of two arrays (n,) of indices, sorted. Neighbours in it are mostly equal: of those
-    one is sorted.
+    """The different pairs of two arrays (n,) of indices, sorted.
+
+    Neighbours in it are mostly equal: of those one is sorted.
     """
     if not i.size:
         return []

@@ -71,8 +71,10 @@ class MeshFacts:
         return float(np.mean([v.height for v in self.variants]))
 
     def reflectances(self) -> dict[str, float]:
-        """Organ name -> reflectance, weighted by area where parts of one organ differ. `stem` is always in,
-        the mean of all where no part is a stem: other levels take it for the crop as a whole.
+        """Organ name -> reflectance, weighted by area where parts of one organ differ.
+
+        `stem` is always in, the mean of all where no part is a stem: other levels take it for the crop as a
+        whole.
         """
         organ = np.concatenate([v.organ for v in self.variants])
         value = np.concatenate([v.reflectance for v in self.variants])

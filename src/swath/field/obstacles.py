@@ -110,7 +110,8 @@ class Path:
 
 @dataclass(frozen=True, kw_only=True)
 class Placed:
-    """x_m, y_m: where it stands, inside the field's boundary or beside it
+    """x_m, y_m: where it stands, inside the field's boundary or beside it.
+
     name: in reports, none = its kind and number; path: where it goes from there
     rcs_dbsm: radar cross section, at any frequency and from all sides; none = the sheet's, or that of its
     shape
@@ -210,7 +211,7 @@ KINDS: tuple[str, ...] = tuple(
 
 @dataclass(frozen=True)
 class Thing:
-    """An obstacle of a field. solids: in its own frame, its foot at the origin, x forward
+    """An obstacle of a field. solids: in its own frame, its foot at the origin, x forward.
 
     pose: pose_world_thing at t = 0; path, way: where it goes, None for what stands
     rcs_dbsm: radar cross section at 24 and 77 GHz, None where it is that of its solids

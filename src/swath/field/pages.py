@@ -198,8 +198,10 @@ class PageStore:
         self.pages.revision = revision + 1
 
     def reset(self) -> None:
-        """Forget all changes. Pages that were not cut are not made again, but come into memory anew, so that
-        rays meet the same bounds as in a fresh store, bit for bit.
+        """Forget all changes.
+
+        Pages that were not cut are not made again, but come into memory anew, so that rays meet the same
+        bounds as in a fresh store, bit for bit.
         """
         untouched = {key: self._data_of(key) for key in self.keys if key not in self.recut}
         self.restore({})
@@ -318,7 +320,7 @@ class PageStore:
 
 
 class KeptPages:
-    """A maker of pages that keeps what it made last. most: pages"""
+    """A maker of pages that keeps what it made last. most: pages."""
 
     def __init__(self, make: Callable[[Sequence[Key]], list[PageData]], most: int = 1024) -> None:
         self._make, self._most = make, most

@@ -38,8 +38,11 @@ class Standing(Protocol):
     """
 
     @property
-    def rows(self) -> Rows | None: ...
-    def standing_along(self, starts: Sequence[Place], step: Place, count: int, /) -> Bits: ...
+    def rows(self) -> Rows | None:
+        """Rows of the crop, None without."""
+
+    def standing_along(self, starts: Sequence[Place], step: Place, count: int, /) -> Bits:
+        """Whether crop stands, (n, count)."""
 
 
 def crop_across(field: Standing, pose: Pose, x: Array | float, begin: float, end: float) -> Bits:
@@ -94,12 +97,17 @@ def _best(at: NDArray[np.intp], score: NDArray[np.int32]) -> Array:
 
 
 class InitialEdge(Protocol):
-    """The initial edge without its holes; distances > 0 on the side of the crop. length [m]"""
+    """The initial edge without its holes; distances > 0 on the side of the crop. length [m]."""
 
     @property
-    def length(self) -> float: ...
-    def signed_distance(self, x: Any, y: Any) -> Any: ...
-    def project(self, x: Any, y: Any) -> Any: ...
+    def length(self) -> float:
+        """Length of the edge [m]."""
+
+    def signed_distance(self, x: Any, y: Any) -> Any:
+        """Distance from the edge [m], > 0 on the side of the crop."""
+
+    def project(self, x: Any, y: Any) -> Any:
+        """Distance along the edge of the nearest point on it [m]."""
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ class Profile:
 
 @wp.struct
 class Beside:
-    """station: that a place is beside; along: way from the first station; inside: of the line [m]"""
+    """station: that a place is beside; along: way from the first station; inside: of the line [m]."""
 
     station: int
     along: wp.float64
@@ -124,7 +124,10 @@ def crop_along(
     crop: wp.array(dtype=wp.bool),
     station: int,
 ) -> int:
-    """Whether crop stands at the middles of steps from a place on [m]; the station there. station: near it"""
+    """Whether crop stands at the middles of steps from a place on [m]; returns the station there.
+
+    station: one near that place
+    """
     last = profile.reach.shape[0] - 1
     count = crop.shape[0]
     first = int(0)
@@ -160,7 +163,10 @@ def stands_along(
     crop: wp.array2d(dtype=wp.bool),
     station: wp.array(dtype=int),
 ):
-    """Whether crop stands at the middles of steps from starts on [m]; one thread. station: of the last one"""
+    """Whether crop stands at the middles of steps from starts on [m], in one thread.
+
+    station: station of the last one
+    """
     k = station[0]
     for line in range(starts.shape[0]):
         k = crop_along(profile, starts[line, 0], starts[line, 1], step[0], step[1], crop[line], k)

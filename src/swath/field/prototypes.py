@@ -28,7 +28,8 @@ PAD = 2e-5  # primitives grow by this in the overlap test, so that float32 rays 
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Primitives placed in tiles. source: index of the primitive in the plants; tile; a, b, base: placed;
+    """Primitives placed in tiles. source: index of the primitive in the plants; tile; a, b, base: placed.
+
     half: `width` in the plants; pointed: triangles, which have no width at b.
     """
 

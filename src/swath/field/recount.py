@@ -68,7 +68,7 @@ class _Counter:
         start: NDArray[np.uint8],
         now: NDArray[np.uint8],
     ) -> list[Cut]:
-        """From each changed tile of a page. prototypes, stand: of its tiles; start, now: codes (512, 512)"""
+        """From each changed tile of a page. prototypes, stand: of its tiles; start, now: codes (512, 512)."""
         dtypes = np.uint8, np.uint8, np.int32, np.float32
         given: list[NDArray[Any]] = [
             np.ascontiguousarray(a, d) for a, d in zip((start, now, prototypes, stand), dtypes, strict=True)

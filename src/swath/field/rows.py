@@ -80,7 +80,7 @@ class Rows:
 
 
 def rows_of(spacing: float, heading: float) -> Rows | None:
-    """The rows of a crop, None where it is none that is cut in rows. spacing: 0 = no rows"""
+    """The rows of a crop, None where it is none that is cut in rows. spacing: 0 = no rows."""
     return Rows(spacing, heading) if spacing >= PLANTED_M else None
 
 

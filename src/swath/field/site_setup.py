@@ -41,7 +41,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Sighted:
-    """What a sensor sees of a body: its solids in the world. kind: as in `OBSTACLE_KINDS`
+    """What a sensor sees of a body: its solids in the world. kind: as in `OBSTACLE_KINDS`.
 
     velocity: of its origin, world (3,) [m/s]; pose: pose_world_body
     """
@@ -55,7 +55,7 @@ class Sighted:
 
 @dataclass(frozen=True)
 class Body:
-    """A thing of the scene or a machine as it is now. kind: as in `OBSTACLE_KINDS`; solids: in the world
+    """A thing of the scene or a machine as it is now. kind: as in `OBSTACLE_KINDS`; solids: in the world.
 
     pose: pose_world_body; velocity: of its origin, world (3,) [m/s]
     middle, half: of a box around it in its own frame, (3,) [m]
@@ -174,7 +174,7 @@ class Bodies:
         self._speeds[name] = velocity
 
     def follow(self, name: str, state: Callable[[], MachineState]) -> None:
-        """Move a machine to where it now is. state: tells that, until it is moved again"""
+        """Move a machine to where it now is. state: tells that, until it is moved again."""
         if name not in self._solids:
             self._refuse(name)
         self._told[name] = state

@@ -11,7 +11,8 @@ UNCHANGED, IN_FILE = -2, -1  # in place of a page's one code
 
 @dataclass(frozen=True)
 class Change:
-    """What a run did to a page. codes: None = nothing, a whole page's code, or deflated (512, 512) codes;
+    """What a run did to a page. codes: None = nothing, a whole page's code, or deflated (512, 512) codes.
+
     straw: None or deflated (64, 64) float64 masses [kg] on the nodes that the page owns.
     """
 

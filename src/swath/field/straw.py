@@ -26,7 +26,7 @@ ROOM = 4096  # nodes of a polygon that memory is kept for
 
 
 class StrawLayer:
-    """Lays straw on the nodes of a store. depth_per_kg: on a node [m/kg]"""
+    """Lays straw on the nodes of a store. depth_per_kg: on a node [m/kg]."""
 
     def __init__(self, store: PageStore, depth_per_kg: float) -> None:
         self._store, self._depth_per_kg = store, depth_per_kg

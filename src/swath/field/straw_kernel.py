@@ -15,7 +15,7 @@ LAST_V = wp.constant(5)
 
 @wp.struct
 class Ridge:
-    """mass [kg]; c, s: cosine and sine of the heading; middle, half: of the ridge across it [nodes]
+    """mass [kg]; c, s: cosine and sine of the heading; middle, half: of the ridge across it [nodes].
 
     spacing: longest side of a part of a triangle [nodes]
     """

@@ -70,8 +70,9 @@ class PageMaker:
         return c * u - s * v, s * u + c * v
 
     def ground(self, i: int, j: int) -> Array:
-        """Heights of the lattice nodes [m], (65, 65). Coordinates come from whole numbers of nodes, so both
-        pages at a border see the same ones.
+        """Heights of the lattice nodes [m], (65, 65).
+
+        Coordinates come from whole numbers of nodes, so both pages at a border see the same ones.
         """
         steps = np.arange(PAGE_NODES + 1)
         u: Array = np.asarray((PAGE_NODES * i + steps) * self.node, dtype=np.float64)
@@ -140,8 +141,10 @@ class PageMaker:
         return np.stack([blocks.mean(axis=(3, 4)), slope_x, slope_y], axis=-1)
 
     def stand_at(self, x: Array, y: Array) -> Array:
-        """Scale, lean and density fraction of tiles. A plant that leans by a keeps its length: its height
-        shrinks with cos a and its tip moves aside with sin a.
+        """Scale, lean and density fraction of tiles.
+
+        A plant that leans by a keeps its length: its height shrinks with cos a and its tip moves aside with
+        sin a.
         """
         factor = self.stand.height_factor(x, y)
         angle, azimuth = self.stand.lean(x, y)

@@ -86,8 +86,7 @@ class Waves:
 
     @cached_property
     def _across(self) -> tuple[Factor, Factor]:
-        """sin a and cos a of the waves by u, a row each; and kept, as pages side by side share them."""
-
+        """Sines and cosines of a of the waves by u, a row each; kept, as pages side by side share them."""
         kx, ky, amplitude, phase = self.kx, self.ky, self.amplitude[:, None], self.phase[:, None]
 
         def across(u: bytes, yaw: float) -> Array:
@@ -99,8 +98,7 @@ class Waves:
 
     @cached_property
     def _along(self) -> tuple[Factor, Factor]:
-        """cos b and sin b of the waves by v, a column each; and kept as `_across`."""
-
+        """The cosines cos b and sines sin b of the waves by v, a column each; and kept as `_across`."""
         kx, ky = self.kx, self.ky
 
         def along(v: bytes, yaw: float) -> Array:

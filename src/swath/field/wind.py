@@ -31,9 +31,14 @@ SWAY_MAX = 15.0  # the most that a speed alone gives [deg] [E]
 
 @dataclass(frozen=True, kw_only=True)
 class Wind:
-    """Wind that sways the crop. speed_m_s: 2 m above the ground; azimuth_deg: where it blows to, clockwise
-    from north; sway_deg: amplitude of the stems' lean, none = 0.2 speed^2, at most 15; steady_deg: lean about
-    which they sway, none = as much as sway_deg; wavelength_m, period_s: of the waves that run over the stand.
+    """Wind that sways the crop.
+
+    speed_m_s: wind speed 2 m above the ground
+    azimuth_deg: direction in which the wind blows, clockwise from north
+    sway_deg: amplitude of the stems' lean; none = 0.2 speed^2, at most 15
+    steady_deg: lean about which the stems sway; none = as much as sway_deg
+    wavelength_m: length of the waves that run over the stand
+    period_s: period of the waves that run over the stand
     """
 
     speed_m_s: Annotated[float, Ge(0.0), Le(30.0)] = 5.0

@@ -59,8 +59,10 @@ def _time_of_day(text: str) -> float:
 
 
 def _days(dates: Sequence[tuple[str, ...] | None]) -> Array:
-    """Seconds of the midnights of (text, first, second, third). 4 digits first are the year; else the day is
-    first where a first number above 12 or points between them say so, else the month.
+    """Seconds of the midnights of (text, first, second, third).
+
+    4 digits first are the year; else the day is first where a first number above 12 or points between them
+    say so, else the month.
     """
     known = [d for d in dates if d is not None]
     year_first = any(len(d[1]) == 4 for d in known)

@@ -39,7 +39,7 @@ _ANGLE = re.compile(
 @dataclass(frozen=True)
 class Reading:
     """A way to read positions. lon_lat [deg], shape (n, 2); area: west, south, east, north [deg] where its
-    system is used; name: in a sentence; entries: of a map of columns
+    system is used; name: in a sentence; entries: of a map of columns.
     """
 
     lon_lat: Array
@@ -170,7 +170,7 @@ def _of_metres(raw: Array, pair: tuple[Column, Column], crs: str) -> Iterator[Re
 def _said(
     keys: tuple[str, str], columns: Sequence[Column], units: tuple[str, str], is_turned: bool, plain: str
 ) -> tuple[str, str]:
-    """Name and entries of a reading of two columns, exchanged or not. plain: unit that needs no word then"""
+    """Name and entries of a reading of two columns, exchanged or not. plain: unit that needs no word then."""
     name = " and ".join(keys) + " exchanged" * is_turned
     if not is_turned or set(units) != {plain}:
         name += f" in {' and '.join(dict.fromkeys(units))}"

@@ -44,7 +44,7 @@ SLACK = 1.5  # s: what a ramp of the flow, and a line of a headland, are off in 
 @dataclass(frozen=True)
 class Delay:
     """Delay of a machine's flow [s], nan = not known; agreement: correlation of neighbour passes with it,
-    nan = they say nothing
+    nan = they say nothing.
 
     error: standard error of the delay [s], nan = not known
     """
@@ -140,8 +140,10 @@ def direction(log: Log) -> Array:
 def _joined(
     name: str, bands: list[tuple[Estimate, float]], turns: list[tuple[Estimate, str]], count: int
 ) -> Delay:
-    """The delay of one machine where all that shows it agrees. Turns show it at both ends of the field, so
-    that they count alone; a single band and the ends of records do not.
+    """The delay of one machine where all that shows it agrees.
+
+    Turns show it at both ends of the field, so that they count alone; a single band and the ends of records
+    do not.
     """
     agreement = max((r for _, r in bands), default=float("nan"))
     turns = [(part, what) for part, what in turns if part.error <= SLACK]
@@ -263,7 +265,7 @@ def _agreement(sums: Array) -> tuple[Array, Array]:
 
 def _peak(shift: Array, r: Array, likely: Array, short: float) -> float | None:
     """Shift [s] of the best correlation around the most likely one, which many pairs make so; None where that
-    is at an end of those that the log shows. short: over which the yield is smoothed [s]
+    is at an end of those that the log shows. short: over which the yield is smoothed [s].
     """
     peak, reach = int(likely.argmax()), max(int(short / 3.0), 2)
     while 0 < peak < len(r) - 1 and (step := int(r[peak - 1 : peak + 2].argmax()) - 1):
@@ -286,7 +288,7 @@ def _passes(log: Log) -> Indices:
 
 
 def _local(log: Log, flow: Array, short: int, long: int) -> Array:
-    """Yield of a band, log of it over what it is around, shape (n,). short, long: of the band, in records"""
+    """Yield of a band, log of it over what it is around, shape (n,). short, long: of the band, in records."""
     known = np.isfinite(flow)
     area_rate = np.maximum(log.speed, 0.5) * np.maximum(log.width, 1.0)
     value = np.where(known, np.log(np.clip(np.where(known, flow, 1.0) / area_rate, 0.01, 5.0)), 0.0)
@@ -319,7 +321,7 @@ def _usual(flow: Array) -> float:
 @dataclass(frozen=True)
 class _Stretch:
     """Records with flow between such without. rise, fall: when it begins and ends [s], nan = the log does not
-    show it; forward: of the machine, in the middle [s], shape (2,)
+    show it; forward: of the machine, in the middle [s], shape (2,).
     """
 
     middle: float

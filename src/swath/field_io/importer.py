@@ -58,7 +58,8 @@ FEW_USED = 0.5  # of the records, that are not
 
 @dataclass(frozen=True)
 class Settings:
-    """How to import. cell_m, terrain_cell_m: edges of map cells; flow_delay_s: None = estimate per machine;
+    """How to import. cell_m, terrain_cell_m: edges of map cells; flow_delay_s: None = estimate per machine.
+
     header_width_m: for logs that hold none; crop: data sheet, None = what the log says;
     grain_g_per_stem: None = the crop's own; crop_height_m: for logs that hold none, None = the crop's own;
     as_map: stand and yield of records in any order, without passes; part: of a log with several fields or
@@ -369,7 +370,7 @@ def _report(
 
 
 def _place(polygon: Any, epsg: int) -> str:
-    """Where a field is, in words. polygon [m]"""
+    """Where a field is, in words. polygon [m]."""
     return place(transform([polygon.centroid.coords[0]], f"EPSG:{epsg}", "EPSG:4326"))
 
 

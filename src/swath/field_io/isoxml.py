@@ -75,7 +75,7 @@ class Channel:
 @dataclass(frozen=True)
 class TimeLog:
     """One TLG. time: shape (n,), ms, NaT before the terminal knew the date; lat, lon [deg], up [m], nan =
-    none; position: the other fields by name
+    none; position: the other fields by name.
 
     values: shape (n, channel_count), in the channels' units, the last one logged; problems: what was left
     out, each with file and byte; unread: bytes that were skipped, at so many places: gaps
@@ -453,8 +453,10 @@ def _marks(log: TimeLog) -> list[str]:
 
 
 def _quantities(log: TimeLog, described: Description) -> tuple[dict[str, Array], list[str]]:
-    """Name -> values, shape (n,), of a log, and what was put together. A quantity of several elements of the
-    machine is that of the whole machine, and those of the elements under names with their ids.
+    """Name -> values, shape (n,), of a log, and what was put together.
+
+    A quantity of several elements of the machine is that of the whole machine, and those of the elements
+    under names with their ids.
     """
     made: dict[str, Array] = {}
     notes: list[str] = []

@@ -36,7 +36,7 @@ NAMES = ("name", "field", "fieldname", "field_name", "title", "schlag", "parcell
 @dataclass(frozen=True)
 class Outlines:
     """Areas of crop that a boundary file holds, largest first, in metres of a system. names: of the areas, ''
-    where the file has none; notes: what within them was taken as what
+    where the file has none; notes: what within them was taken as what.
     """
 
     areas: tuple[Any, ...]
@@ -190,8 +190,10 @@ def _surfaces(shape: Any) -> Any:
 
 
 def valid(shape: Any) -> Any:
-    """A shape, mended where its rings cross. ValueError where they do so too often, as in a star, which has
-    the square of its corners of crossings: mending takes more than the square of these.
+    """A shape, mended where its rings cross.
+
+    ValueError where they do so too often, as in a star, which has the square of its corners of crossings:
+    mending takes more than the square of these.
     """
     shapely = _shapely()
     if not shapely.is_valid(shape):

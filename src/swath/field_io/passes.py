@@ -20,8 +20,11 @@ STRAIGHT_LENGTH = 60.0  # m at least
 
 @dataclass(frozen=True)
 class Straight:
-    """A straight window of a track: records first..last (inclusive), azimuth clockwise from north [rad],
-    lateral_sd: of the records about the fitted line [m].
+    """A straight window of a track.
+
+    first, last: numbers of its records, the last one included
+    azimuth: direction, clockwise from north [rad]
+    lateral_sd: standard deviation of the records about the fitted line [m]
     """
 
     first: int

@@ -266,7 +266,8 @@ def _rows(lines: "_Lines", separator: str, path: Path) -> Iterator[tuple[int, li
 
 
 class _Lines:
-    """Lines of a text; InputError for a row that is longer than a log's. most: characters of the whole;
+    """Lines of a text; InputError for a row that is longer than a log's. most: characters of the whole.
+
     since_row: of the row that is being read
     """
 

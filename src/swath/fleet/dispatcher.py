@@ -40,7 +40,7 @@ class Option:
     where it stands) or `truck` (it drives there itself); cart: name, "" without; begins: of pouring; ends:
     when the combine is done [s]; load: that is taken out of its tank [kg]; tank: level behind [kg];
     cart_free: when the cart is at its place again [s]; pours, cuts: how long [s]; cart_next: from when on the
-    cart can set out to another load [s], room: in its box then [kg]
+    cart can set out to another load [s], room: in its box then [kg].
     """
 
     kind: str
@@ -66,7 +66,7 @@ class Option:
 @dataclass(frozen=True)
 class Ahead:
     """A combine as it will be. time: when it is done with what it was given [s]; level, tank: of it then
-    [kg]; fills: grain that it cuts [kg/s], 0 for one that has nothing left to cut
+    [kg]; fills: grain that it cuts [kg/s], 0 for one that has nothing left to cut.
     """
 
     time: float
@@ -88,7 +88,7 @@ class State:
     when each cart could be there, ways: about how long it takes from the truck, at_truck: and there [s];
     boxes: what each holds, and from which load on it drives to the truck [kg]; places: x, y of all machines
     in the field's frame, where they are done or free [m]; soonest: kind of an option -> least time until it
-    could do that, if nobody was in the way [s]; may_wait: whether it may let another one go first, once
+    could do that, if nobody was in the way [s]; may_wait: whether it may let another one go first, once.
     """
 
     time: float
@@ -127,7 +127,7 @@ class Greedy:
 
 class Horizon:
     """The option that costs the least time of all combines, now and in the next loads of each; or none, where
-    who is in the way goes on before. draw: number by which its estimates are off at random, 0: they are not
+    who is in the way goes on before. draw: number by which its estimates are off at random, 0: they are not.
     """
 
     def __init__(self, draw: int = 0) -> None:

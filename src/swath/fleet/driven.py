@@ -48,7 +48,7 @@ PARAMS = Params()
 @dataclass
 class _Held:
     """reservation: number; path: segments in order; place: of each in it; wants, granted, at: places in the
-    path, -1 for none
+    path, -1 for none.
     """
 
     reservation: int
@@ -60,8 +60,9 @@ class _Held:
 
 
 class Grants:
-    """Hands out the segments of an order; `granted` says how far a machine may go. Three verbs, after those
-    of the blockade of open-rmf:
+    """Hands out the segments of an order; `granted` says how far a machine may go.
+
+    Three verbs, after those of the blockade of open-rmf:
 
     set       a machine's path under a reservation: the segments that it will enter, in order
     ready     it wants to go as far as a segment
@@ -128,7 +129,7 @@ class Grants:
 
 @dataclass
 class _Pour:
-    """What is poured between two machines. left: to pour [kg]; flows: when it began, and last did [s]"""
+    """What is poured between two machines. left: to pour [kg]; flows: when it began, and last did [s]."""
 
     plan: Poured
     left: float
@@ -138,7 +139,7 @@ class _Pour:
 
 class _Mover:
     """A machine on its path. at: how far it has come [m]; speed [m/s]; k: number of its segment among its
-    own; since: when it entered it [s]
+    own; since: when it entered it [s].
     """
 
     def __init__(self, machine: Combine | Cart, segments: list[Segment]) -> None:

@@ -46,7 +46,7 @@ class FieldSettings:
     the mean where a log says how it varies; file: task data of ISO 11783-10, GeoJSON, KML or a shapefile
     instead, with all outlines, and with lines, which are the passes where they cover half of it or more, else
     say their direction; log: a yield log instead, with its ground, direction and yields; with either, all
-    else is in metres from the field's south-west corner, rounded down
+    else is in metres from the field's south-west corner, rounded down.
     """
 
     boundary_m: Ring = made(default_factory=list)
@@ -66,7 +66,7 @@ class PlanSettings:
     round in lands of at most `land_passes`, `adjacent` one after the other, `skip` with one left out, for the
     way back; land_passes: most of a land; overlap_m: of the header over what is cut, in each pass;
     passes_m: passes of others, each two points [x, y] of the header's middle or more on a straight line,
-    driven in this order; nothing else is cut
+    driven in this order; nothing else is cut.
     """
 
     direction_deg: Annotated[float, Ge(-360), Le(360)] | None = None
@@ -80,7 +80,8 @@ class PlanSettings:
 
 @dataclass(frozen=True)
 class CombineSettings:
-    """machine: its data sheet; header_width_m: another header on it; speed_kmh: fastest in the crop;
+    """machine: its data sheet; header_width_m: another header on it; speed_kmh: fastest in the crop.
+
     grain_kg_s: most that it threshes (default: the data sheet's nominal flow); turn_speed_kmh, turn_radius_m:
     in turns; transport_speed_kmh: on straights of ways; call_percent: of the tank, from which a cart may
     come; tank_start_percent: in it at the start; pipe: the side on which it is, the same for all combines
@@ -102,7 +103,7 @@ class CombineSettings:
 class CartSettings:
     """machine: its data sheet; speed_kmh: on straights of ways; turn_radius_m: in turns; unload_l_s: into the
     truck; leave_percent: of its box, from which it drives to the truck; fill_percent: of the largest heap, at
-    which it is full
+    which it is full.
     """
 
     machine: str = "tractor-grain-cart"
@@ -115,7 +116,8 @@ class CartSettings:
 
 @dataclass(frozen=True)
 class TruckSettings:
-    """Where grain is handed over. machine: the truck's data sheet; x_m, y_m: where carts empty, beside it;
+    """Where grain is handed over. machine: the truck's data sheet; x_m, y_m: where carts empty, beside it.
+
     volume_m3: of all trucks that wait, none = it never ends; away_min: until the next has come; dock_s: until
     a cart stands beside it and is gone again
     """
@@ -132,7 +134,7 @@ class TruckSettings:
 class FleetSettings:
     """dispatcher: `horizon`, `greedy`, or a Python class of your own as `my.py:Class`, see dispatcher.py;
     plans: most that are compared, the best one is taken; draw: number by which the estimates of `horizon` are
-    off at random, as some of these plans have it, 0: they are not
+    off at random, as some of these plans have it, 0: they are not.
     """
 
     dispatcher: str = "horizon"
@@ -143,7 +145,7 @@ class FleetSettings:
 @dataclass(frozen=True, kw_only=True)
 class JobKeys:
     """A job as written. format: `swath fleet 1`; name: of the job (default: its file's); summary: on its
-    page; field, plan, combines, carts, truck, fleet: see there
+    page; field, plan, combines, carts, truck, fleet: see there.
     """
 
     format: str
@@ -160,7 +162,7 @@ class JobKeys:
 @dataclass(frozen=True, kw_only=True)
 class JobFile(JobKeys):
     """A job as read. drawn: lines of its file, [x, y] as passes are [m]; yields: middles of squares of its
-    log, x, y [m], and what it has there [kg/m2]; notes: what is to be told of it
+    log, x, y [m], and what it has there [kg/m2]; notes: what is to be told of it.
     """
 
     drawn: tuple[Line, ...] = ()
@@ -350,7 +352,7 @@ def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFi
 class FileField:
     """areas: polygons [m] of a system, epsg; direction of its passes, counter-clockwise from east [rad], and
     grain, its mean yield [kg/m2], nan for none; notes: on what it was taken from; lines: points of each
-    (n, 2) [m], in the order of the file; yields: x, y [m] of middles of squares, yield there [kg/m2]
+    (n, 2) [m], in the order of the file; yields: x, y [m] of middles of squares, yield there [kg/m2].
     """
 
     areas: tuple[Any, ...]
@@ -460,7 +462,7 @@ def read_log_field(path: Path) -> FileField:
 
 
 def _in_squares(position: Any, grain: Any) -> tuple[tuple[tuple[float, float, float], ...], list[str]]:
-    """Mean yields of squares, and what is to be told of them. position (n, 2) [m]; grain (n,) [kg/m2]"""
+    """Mean yields of squares, and what is to be told of them. position (n, 2) [m]; grain (n,) [kg/m2]."""
     if not len(grain):
         return (), []
     squares, number = np.unique(np.floor(position / SQUARE), axis=0, return_inverse=True)

@@ -84,7 +84,7 @@ class Grid:
     """Free ground in cells, shape (n, m). west, south: of the first [m]; cell [m]; edge: of the middle of
     each, the distance to closed ground, < 0 in it [m], 9 beyond 2 m; free_from: the time from which no
     crop stands there [s], -1 for ground without crop, -2 for closed ground, 1e18 for crop that stays;
-    changed: rows and columns in which crop was cut, in order
+    changed: rows and columns in which crop was cut, in order.
     """
 
     west: float
@@ -96,11 +96,17 @@ class Grid:
 
 
 class Ground:
-    """field: crop at the start; open: may be driven on, crop or not; around: the
-    outlines and the strip around them; rough: open and a little over its edge; remaining: crop that no pass
-    has been given, all shapely, in the field's frame; dock: where a cart's box stands to empty, its truck to
-    its left;
-    gate: where the way to the truck leaves the field [m]; truck: the truck's outline; grid: what is free when
+    """The ground of a job; outlines are shapely, in the field's frame.
+
+    field: crop at the start
+    open: ground that may be driven on, with crop or without
+    around: the outlines and the strip around them
+    rough: `open` and a little over its edge
+    remaining: crop that no pass has been given
+    dock: where a cart's box stands to empty, the truck to its left
+    gate: where the path to the truck leaves the field [m]
+    truck: the truck's outline
+    grid: which ground is free when
     """
 
     def __init__(self, job: JobFile, truck: Body) -> None:

@@ -31,7 +31,7 @@ class Params:
     bends, 0.8 in job reports, an estimate; drop_m: of grain below the pipe's mouth where it meets the heap,
     an estimate; off_m: most that the stream's impact may be off the middle of the box, of which a heap loses
     15 % (COOPERATION: 83 to 86 % of a box); steered: of the steering's rate that ways take, the rest is for
-    what a machine is off its way
+    what a machine is off its way.
     """
 
     gap_m: float = 0.18
@@ -93,7 +93,7 @@ class Rectangle(NamedTuple):
 class Body:
     """own: from the fixed axle; towed: from the trailer's axle; raised: number of the rectangle in `own` that
     reaches over standing crop on ways, the header, -1 for none; hitch: the pin ahead of the fixed axle;
-    drawbar: from the pin to the trailer's axle, 0 without [m]
+    drawbar: from the pin to the trailer's axle, 0 without [m].
     """
 
     own: tuple[Rectangle, ...]
@@ -194,7 +194,7 @@ def body_of(sheet: MachineSheet) -> Body:
 class Drive:
     """How a machine drives on ways. radius: of its tightest turn [m]; turning, straight, backwards: speeds
     [m/s], 0 where it does not reverse; accel: of its speed, up and down [m/s2]; shift: from forwards to
-    backwards or back [s]; steering: how fast its curvature changes [1/(m s)]
+    backwards or back [s]; steering: how fast its curvature changes [1/(m s)].
     """
 
     radius: float
@@ -211,7 +211,7 @@ class Combine:
     """width, knife: of the header and ahead of the fixed axle [m]; speed: in the crop [m/s]; flow: most grain
     [kg/s]; tank [kg]; auger [kg/s]; swing: until the pipe is out [s]; pipe_x: of its mouth ahead of the axle;
     pipe_y: where the stream lands, leftward [m]; call: level of the tank from which a cart may come; start:
-    at the start [kg]
+    at the start [kg].
     """
 
     name: str
@@ -237,7 +237,8 @@ class Combine:
 
 @dataclass(frozen=True)
 class Cart:
-    """load: at which it is full [kg]; leave: from which it drives to the truck [kg]; out: its auger [kg/s];
+    """load: at which it is full [kg]; leave: from which it drives to the truck [kg]; out: its auger [kg/s].
+
     box_x: middle of its box ahead of the tractor's fixed axle, in line [m]
     """
 

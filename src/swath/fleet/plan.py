@@ -40,7 +40,7 @@ class Params:
     crop that a pass goes on over; edge_m: shortest side of an outline that gets a headland pass of its own.
     Chosen so that less than 0.5 % of drawn fields is left. bent_m: most that points of a pass of others lie
     off its straight line; covers: share of a field that lines of its file cover, from which they are its
-    passes; both estimates
+    passes; both estimates.
     """
 
     least_m2: float = 2.0
@@ -57,7 +57,7 @@ PARAMS = Params()
 class Pass:
     """start, end: of the header's middle [m]; width: of the narrowest header that cuts it [m]; kind:
     headland, land or clean; land: number of its land, of its round in the headland; combine: number, -1 for
-    any
+    any.
     """
 
     start: tuple[float, float]
@@ -85,7 +85,7 @@ class Pass:
 @dataclass(frozen=True)
 class Plan:
     """passes: in the order of working, those of each combine by themselves; area: of the field; left: that no
-    pass cuts [m2]; notes: on how it was made
+    pass cuts [m2]; notes: on how it was made.
     """
 
     passes: tuple[Pass, ...]
@@ -117,8 +117,9 @@ class _Stretch(NamedTuple):
 def plan_of(
     ground: Ground, combines: Sequence[Combine], settings: PlanSettings, drawn: Sequence[Any] = ()
 ) -> Plan:
-    """The plan of a field. drawn: lines of its file. InputError where a hundredth of it cannot be cut, but
-    for passes of others.
+    """The plan of a field. drawn: lines of its file.
+
+    InputError where a hundredth of it cannot be cut, but for passes of others.
     """
     widths = [c.width - settings.overlap_m for c in combines]
     made = _Planner(ground, combines, widths, settings)
@@ -139,8 +140,9 @@ def plan_of(
 def _lines_of_others(
     ground: Ground, header: float, settings: PlanSettings, drawn: Sequence[Any]
 ) -> tuple[list[Array], list[str]]:
-    """Both ends of each line that is a pass, (2, 2) each, and what to tell of lines of a file. InputError for
-    passes that are not straight, or hardly longer than a point.
+    """Both ends of each line that is a pass, (2, 2) each, and what to tell of lines of a file.
+
+    InputError for passes that are not straight, or hardly longer than a point.
     """
     shapely = shapely_here()
     lines = [ground.frame.to_field(line) for line in settings.passes_m or drawn]

@@ -39,7 +39,8 @@ JUMPS = 0.01  # share of records to which it jumps, above which they are of two 
 
 @dataclass(frozen=True)
 class Between:
-    """From one pass to the next: begin [s], way driven and planned [m], time [s] without stops, stop [s];
+    """From one pass to the next: begin [s], way driven and planned [m], time [s] without stops, stop [s].
+
     hidden: turned over pauses of the record [rad]; records: between the passes
     """
 
@@ -59,7 +60,8 @@ class Between:
 
 @dataclass(frozen=True)
 class Day:
-    """passes as lines (n, 2) [m] in the log's system; begin [s], time [s] without stops, length [m] of each;
+    """passes as lines (n, 2) [m] in the log's system; begin [s], time [s] without stops, length [m] of each.
+
     stop: within passes [s]; total: first to last record [s]; width: of the header [m].
     """
 

@@ -78,7 +78,13 @@ PARAMS = Params()
 
 @dataclass
 class CombineState:
-    """place, time [s]: where and when it is free; tank [kg]; home: its waiting place; todo: its own passes"""
+    """A combine in the schedule.
+
+    place, time: where and when it is free [m, s]
+    tank: grain in its tank [kg]
+    home: its waiting place
+    todo: its own passes
+    """
 
     spec: Combine
     place: Place
@@ -91,7 +97,7 @@ class CombineState:
 
 class Start(NamedTuple):
     """Where a cart sets out from, from when on [s]; behind: the segment behind which its way home is taken
-    back then, -1 if it is at home
+    back then, -1 if it is at home.
     """
 
     place: Place
@@ -102,7 +108,7 @@ class Start(NamedTuple):
 @dataclass
 class CartState:
     """home: its waiting place, where it is again at a time [s]; load [kg]; loaded: at its last load, while it
-    need not go home from there
+    need not go home from there.
     """
 
     spec: Cart
@@ -131,7 +137,7 @@ class CartState:
 @dataclass
 class _Trip:
     """What a cart is about to do: set out from a start to another machine, along a path; exact, after: times
-    that are given for its segments, and earliest ones [s]
+    that are given for its segments, and earliest ones [s].
     """
 
     cart: CartState
@@ -145,7 +151,7 @@ class _Trip:
 @dataclass(frozen=True)
 class Poured:
     """Grain handed over. source, target: machines; amount [kg]; begins, ends [s]; during: first and last
-    segment of the source in which it is
+    segment of the source in which it is.
     """
 
     source: str
@@ -160,7 +166,7 @@ class Poured:
 class Schedule:
     """table: what was granted; poured: grain handed over; cut: machine, kg, m2 of each pass; grain: of each
     segment that is cut [kg]; dock: until who empties is beside the truck and gone; ends: when all grain is
-    at the truck [s]; left: crop that no pass took [m2]; plan, machines, ground: of the job
+    at the truck [s]; left: crop that no pass took [m2]; plan, machines, ground: of the job.
     """
 
     plan: Plan
@@ -196,7 +202,7 @@ class Schedule:
 class _Leg:
     """What a combine is about to do: a path, what it cuts of which pass, as driven and as planned, and from
     which segment on; after: earliest times of segments [s]; lost: see `Scheduler.lost`; lanes: of carts
-    beside it, as far as they were looked for; least: way and what is lost, if nobody is in the way [s]
+    beside it, as far as they were looked for; least: way and what is lost, if nobody is in the way [s].
     """
 
     path: Path
@@ -229,7 +235,7 @@ def schedule_of(job: JobFile, base: FilePath | None = None, dispatcher: Dispatch
 
 
 class Scheduler:
-    """Decides one plan of a job. dispatcher: by default that of the job"""
+    """Decides one plan of a job. dispatcher: by default that of the job."""
 
     def __init__(self, job: JobFile, base: FilePath | None, dispatcher: Dispatcher | None = None) -> None:
         machines = machines_of(job, base)
@@ -345,7 +351,7 @@ class Scheduler:
 
     def goes_on(self, busy: Sequence[CombineState], patience: int = 1, poses: int = WAYS.poses) -> bool:
         """One combine does its next thing, who is free first; who could do nothing looks again when others
-        have done something, less and less often. patience: how much more they look at; poses: of a search
+        have done something, less and less often. patience: how much more they look at; poses: of a search.
         """
         self.patience, self.poses = patience, poses
         for c in sorted(busy, key=lambda c: self.rests.get(c.spec.name, 0) > 0):
@@ -707,6 +713,7 @@ class Scheduler:
 
     def cuts_part(self, c: CombineState, leg: _Leg, anywhere: bool = False) -> Iterator[tuple[Option, Any]]:
         """As much of a pass as the tank takes, where it does not take all; what is left is a pass of its own.
+
         anywhere: not only up to where a cart can come beside
         """
         levels = _levels(c, leg)
@@ -767,8 +774,10 @@ class Scheduler:
             self.table.take_off(start.behind)
 
     def sets_out(self, k: CartState, start: Start, c: CombineState, goal: Place) -> _Trip | None:
-        """A cart's way to beside a combine. It is searched on ground that is cut when the combine is free,
-        and driven as soon as its ground is cut, so that the cart is there when it is needed.
+        """A cart's way to beside a combine.
+
+        It is searched on ground that is cut when the combine is free, and driven as soon as its ground is
+        cut, so that the cart is there when it is needed.
         """
         late = max(start.time, c.time)
         path = self.way(k.spec, start.place, goal, late, "to combine", c.spec.name, WAYS.line_deg / 3.0)
@@ -794,7 +803,7 @@ class Scheduler:
         times: list[float] | None, start: Start,
     ) -> tuple[Option, Any] | None:  # fmt: skip
         """A cart drives beside the combine in its pass, over cut ground, and is poured into. meets: who is
-        met on the leg; times: its first ones [s]
+        met on the leg; times: its first ones [s].
         """
         ahead, left = beside(c.spec, k.spec)
         run = self.free_lane(c, k, leg)
@@ -866,7 +875,7 @@ class Scheduler:
         k: CartState, exits: tuple[bool, float, list[Poured]], over: float, load: float
     ) -> tuple[float, float]:
         """From when on a cart can set out to another load [s], and the room in its box then [kg]. over: when
-        it has taken a load [s]
+        it has taken a load [s].
         """
         empties, home, _ = exits
         return (home, k.spec.load) if empties else (over, k.room - load)

@@ -222,7 +222,7 @@ class Path:
         return len(self.spent)
 
     def then(self, other: "Path") -> "Path":
-        """This one and another one behind it."""
+        """Join another path to the end of this one."""
         if not len(self):
             return other
         track = joined([self.track, other.track])
@@ -280,7 +280,7 @@ def standing(place: Place, body: Body, spent: float, kind: str) -> Path:
 @dataclass
 class Segment:
     """One of the table. path, index: which of a path; into, out: times of entry and of leaving [s]; next: the
-    one that the machine enters then, -1 if none is known; is_off: whether it was taken off
+    one that the machine enters then, -1 if none is known; is_off: whether it was taken off.
     """
 
     number: int
@@ -306,7 +306,7 @@ class Segment:
 @dataclass
 class Table:
     """segments of all machines; met: of each the earlier ones of others that sweep the same ground; last: of
-    each machine; calls: (a, b): b is entered when a is left; together: (a, b): entered at once
+    each machine; calls: (a, b): b is entered when a is left; together: (a, b): entered at once.
     """
 
     segments: list[Segment] = field(default_factory=list)
@@ -337,7 +337,7 @@ class Table:
         """First times of entry into the segments of a path [s], begun at a time at the earliest; None where
         there are none. exact: times that are given; after: earliest ones;
         stays: it must be able to stand at the end for good;
-        early: behind exact times it drives on as soon as it can, not only when it need not wait on the way
+        early: behind exact times it drives on as soon as it can, not only when it need not wait on the way.
         """
         meets = self.meets(path, machine) if meets is None else meets
         exact, after = exact or {}, {**(after or {}), **(exact or {})}
@@ -417,8 +417,9 @@ class Table:
         return numbers
 
     def order(self) -> Iterator[tuple[int, int]]:
-        """(a, b): b is entered when a is left. Of each other machine the last one before a segment, and the
-        first one after: those between follow.
+        """(a, b): b is entered when a is left.
+
+        Of each other machine the last one before a segment, and the first one after: those between follow.
         """
         met: list[list[int]] = [[] for _ in self.segments]
         for b, others in enumerate(self.met):

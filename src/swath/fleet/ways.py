@@ -34,7 +34,8 @@ POINT = Body((Rectangle(0.0, 0.0, 0.0, 0.0),))
 
 @dataclass(frozen=True)
 class Params:
-    """poses: half of it are looked at, and more to a goal farther off, a twelfth of it once a way is found;
+    """poses: half of it are looked at, and more to a goal farther off, a twelfth of it once a way is found.
+
     creep_m_s: at which a bend that cannot be eased is driven; ramp_m: over which bends grow and fade, a
     combine's steering at walking pace; ease: weight of a bend that is changed against a metre of length;
     ease_m: of a piece that counts so; shrink: share of a piece that is left at least, sharper: by which a
@@ -76,7 +77,7 @@ PARAMS = Params()
 @dataclass(frozen=True)
 class Track:
     """places: x, y [m], heading, heading of the trailer [rad], shape (n, 4), unwrapped; distance [m]: driven
-    up to each, (n,); ways: +1 forwards, -1 backwards, of each step, (n - 1,); bends [1/m] of each step
+    up to each, (n,); ways: +1 forwards, -1 backwards, of each step, (n - 1,); bends [1/m] of each step.
     """
 
     places: Array
@@ -379,7 +380,7 @@ class Far:
 
 
 class _Asked(NamedTuple):
-    """A way that is looked for, see `Finder.find`; stand: outlines of all who stand"""
+    """A way that is looked for, see `Finder.find`; stand: outlines of all who stand."""
 
     body: Body
     drive: Drive
@@ -601,7 +602,7 @@ class Finder:
 
 def _patches(points: Array, radius: float) -> tuple[Array, Array]:
     """Points of a body, sorted, (n, 2), and patches of them: x, y of the middle [m], whether on the trailer,
-    whether raised, radius [m], numbers of the first point and the one behind the last, (patches, 7)
+    whether raised, radius [m], numbers of the first point and the one behind the last, (patches, 7).
     """
     rows, order, count = [], [NOTHING.reshape(-1, 2)[:0]], 0
     for towed, raised in sorted({(t, r) for _, _, t, r in points.tolist()}):

@@ -37,7 +37,7 @@ AT_ONCE = 4000  # times that bodies are looked at together
 
 @dataclass(frozen=True)
 class Span:
-    """What a machine did from when to when [s]. reason: of waiting, for what or whom"""
+    """What a machine did from when to when [s]. reason: of waiting, for what or whom."""
 
     state: str
     begin: float
@@ -54,10 +54,19 @@ class Span:
 
 @dataclass
 class Worked:
-    """level; schedule; spans: of each machine; poured: grain handed over; cut: when the last pass is cut,
-    ends: when all grain is at the truck, into: of entry into each segment [s]; clock, places: of bodies each
-    0.1 s, (n,), (n, 4), at `driven` alone; stray: most that a body was off its path [m]; draws: `ends`
-    of a spread [s]
+    """A job that was carried out.
+
+    level: `events` or `driven`
+    schedule: who had which ground when
+    spans: what each machine did when
+    poured: grain handed over
+    cut: time at which the last pass is cut [s]
+    ends: time at which all grain is at the truck [s]
+    into: times of entry into each segment [s]
+    clock: times of the bodies' places, each 0.1 s, at `driven` alone, (n,) [s]
+    places: the bodies' places, (n, 4)
+    stray: largest distance of a body from its path [m]
+    draws: `ends` of the draws of a spread [s]
     """
 
     level: str
@@ -115,7 +124,7 @@ class Worked:
 
 @dataclass(frozen=True)
 class Used:
-    """way: driven [m]; litres: of diesel"""
+    """way: driven [m]; litres: of diesel."""
 
     way: float
     litres: float
@@ -238,7 +247,7 @@ def state_of(segment: Segment) -> str:
 
 def spans_in(segment: Segment, begin: float, poured: Sequence[Poured], dock: float) -> list[Span]:
     """What a machine does in the least time of a segment from its entry on [s]. poured: into trucks there, by
-    the plan's times; dock: until it stands beside the truck and is gone again [s]
+    the plan's times; dock: until it stands beside the truck and is gone again [s].
     """
     end = begin + segment.spent
     here = [p for p in poured if p.during[0] == segment.number and p.target == "truck"]
@@ -256,7 +265,7 @@ def spans_in(segment: Segment, begin: float, poured: Sequence[Poured], dock: flo
 
 def waiting(table: Table, segment: Segment, begin: float, end: float, until: tuple[int, int]) -> Span:
     """The span of a machine that stands at the end of a segment. until: the segment that it or its partner
-    enters next, and what has to be entered before; one that stands at its place waits for nothing
+    enters next, and what has to be entered before; one that stands at its place waits for nothing.
     """
     if segment.kind in ("home", "to its place", "in the field") or segment.next < 0:
         return Span(IDLE, begin, end)

@@ -55,7 +55,7 @@ WIDE = GAPS.rim_m + CELL  # that a waiting place is wider than its machine [m]
 
 @dataclass(frozen=True)
 class Waits:
-    """A machine that needs a place. dock: its place beside the truck, None if it never empties there"""
+    """A machine that needs a place. dock: its place beside the truck, None if it never empties there."""
 
     name: str
     body: Body
@@ -66,7 +66,7 @@ class Waits:
 @dataclass(frozen=True)
 class Home:
     """A waiting place. ways: from it to the gate, from there to it, and the same for the truck; areas: of
-    each, kept free of others who wait
+    each, kept free of others who wait.
     """
 
     place: Place
@@ -75,8 +75,9 @@ class Home:
 
 
 def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) -> dict[str, Home]:
-    """A place for each machine, as near to the gate as there is one; who needs most room is first. Carts for
-    which there is no room have none, as long as another one has.
+    """A place for each machine, as near to the gate as there is one; who needs most room is first.
+
+    Carts for which there is no room have none, as long as another one has.
 
     InputError where there is none for a combine, or for no cart.
     """

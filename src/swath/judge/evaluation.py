@@ -198,7 +198,7 @@ class Evaluation:
         return [f"{name}: {note}" for name, e in every if isinstance(e, HasNotes) for note in e.notes]
 
     def metrics(self, subject: str, names: Collection[str] | None = None) -> Metrics:
-        """Metrics of a machine, or of `field`. names: only evaluators that have one of these are asked"""
+        """Metrics of a machine, or of `field`. names: only evaluators that have one of these are asked."""
         self.look()
         asked = [e for e in self._of[subject] if names is None or any(m.name in names for m in e.METRICS)]
         return {name: value for e in asked for name, value in e.metrics().items()}

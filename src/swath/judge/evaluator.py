@@ -45,7 +45,7 @@ def mean(values: Any) -> float:
 
 
 def ratio(part: float, whole: float) -> float:
-    """part / whole."""
+    """Ratio of a part to the whole; nan where the whole is not positive."""
     return part / whole if whole > 0.0 else float("nan")
 
 
@@ -97,7 +97,7 @@ class KeptRows:
             del self._newest[:]
 
     def table(self, most: int | None = None) -> F64:
-        """All rows, (n, width). most: spread evenly, where there are more"""
+        """All rows, (n, width). most: spread evenly, where there are more."""
         rows = EvenRows(most)
         for how, count, data in self._blocks():
             shape = count, self._width
@@ -166,31 +166,57 @@ class Event:
 
 
 class Edge(Protocol):
-    """The initial edge of the crop as a curve; distances > 0 on the side of the crop. length [m]"""
+    """The initial edge of the crop as a curve; distances > 0 on the side of the crop. length [m]."""
 
     @property
-    def length(self) -> float: ...
-    def signed_distance(self, x: Any, y: Any) -> Any: ...
-    def project(self, x: Any, y: Any) -> Any: ...
-    def point_at(self, s: Any) -> Any: ...
+    def length(self) -> float:
+        """Length of the edge [m]."""
+
+    def signed_distance(self, x: Any, y: Any) -> Any:
+        """Distance from the edge [m], > 0 on the side of the crop."""
+
+    def project(self, x: Any, y: Any) -> Any:
+        """Distance along the edge of the nearest point on it [m]."""
+
+    def point_at(self, s: Any) -> Any:
+        """Place at a distance along the edge [m]."""
 
 
 class Truth(Protocol):
     """What evaluators ask of the field. boundary: None where it has none."""
 
     @property
-    def boundary(self) -> Any: ...
+    def boundary(self) -> Any:
+        """Boundary of the field, None without."""
+
     @property
-    def rows(self) -> Any: ...
+    def rows(self) -> Any:
+        """Rows of the crop, None without."""
+
     @property
-    def ground_grain_kg(self) -> float: ...
-    def ground_height(self, x: Any, y: Any) -> Any: ...
-    def standing(self, x: Any, y: Any, /) -> Any: ...
-    def standing_along(self, starts: Any, step: Any, count: int, /) -> Any: ...
-    def why_outside(self, x: Any, y: Any) -> str: ...
-    def standing_area(self, polygon: Any) -> float: ...
-    def standing_areas(self, triangles: Any, /) -> Any: ...
-    def recount(self) -> Any: ...
+    def ground_grain_kg(self) -> float:
+        """Grain that lies on the ground [kg]."""
+
+    def ground_height(self, x: Any, y: Any) -> Any:
+        """Height of the ground [m]."""
+
+    def standing(self, x: Any, y: Any, /) -> Any:
+        """Whether crop stands at places."""
+
+    def standing_along(self, starts: Any, step: Any, count: int, /) -> Any:
+        """Whether crop stands along lines, (n, count)."""
+
+    def why_outside(self, x: Any, y: Any) -> str:
+        """Why a place is not in the field, "" where it is."""
+
+    def standing_area(self, polygon: Any) -> float:
+        """Area of standing crop in a polygon [m2]."""
+
+    def standing_areas(self, triangles: Any, /) -> Any:
+        """Area of standing crop in each triangle [m2]."""
+
+    def recount(self) -> Any:
+        """Count anew what stands."""
 
 
 @dataclass(frozen=True)
@@ -252,7 +278,8 @@ class HasColumns(Protocol, metaclass=ByMembers):
 
     COLUMNS: ClassVar[tuple[str, ...]]
 
-    def columns(self) -> tuple[Column, ...]: ...
+    def columns(self) -> tuple[Column, ...]:
+        """The columns, as far as the run got."""
 
 
 @runtime_checkable
@@ -264,7 +291,8 @@ class HasEvents(Protocol, metaclass=ByMembers):
 
     EVENTS: ClassVar[tuple[str, ...]]
 
-    def events(self) -> Sequence[Event]: ...
+    def events(self) -> Sequence[Event]:
+        """Events so far, in order of their times."""
 
 
 @runtime_checkable
@@ -286,7 +314,7 @@ class HasSignals(Protocol, metaclass=ByMembers):
 
 @runtime_checkable
 class Rests(Protocol, metaclass=ByMembers):
-    """An evaluator that need not be shown samples of before a time of its own. rests_until [ns]"""
+    """An evaluator that need not be shown samples of before a time of its own. rests_until [ns]."""
 
     rests_until: int
 
@@ -297,19 +325,22 @@ class TakesSeen(Protocol, metaclass=ByMembers):
     the same whenever it looks. It is given them before it is asked for anything.
     """
 
-    def take(self, seen: Seen) -> None: ...
+    def take(self, seen: Seen) -> None:
+        """Take samples."""
 
 
 @runtime_checkable
 class SeesLive(Protocol, metaclass=ByMembers):
     """One of these that has to look something up at the time of a sample. live: types of those; with
-    `rests_until` (`Rests`) it is shown all that it wants from then on
+    `rests_until` (`Rests`) it is shown all that it wants from then on.
     """
 
     @property
-    def live(self) -> tuple[type[Signal], ...]: ...
+    def live(self) -> tuple[type[Signal], ...]:
+        """Types of signals that are seen at their time."""
 
-    def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None: ...
+    def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Look at the outputs of a slot at a time [ns]."""
 
 
 class Later:
@@ -336,7 +367,7 @@ def is_among(kinds: Iterable[type[Signal]], wanted: tuple[type[Signal], ...]) ->
 
 
 def added_up(begin: float, values: F64) -> float:
-    """begin + the first value + the second ..., in this order."""
+    """Sum of `begin` and the values, added one after the other in their order."""
     return float(np.add.accumulate(np.concatenate([[begin], values]))[-1])
 
 

@@ -35,6 +35,6 @@ class HeaderPath:
             self._rows.add(rows.ravel().tolist())
 
     def arrays(self, most: int | None = None) -> tuple[F64, F64, F64, F64]:
-        """t [s], distance driven [m], x and y in the world [m], shape (n,) each. most: as in `KeptRows`"""
+        """Time [s], distance driven [m], x and y in the world [m], (n,) each. most: as in `KeptRows`."""
         t, distance, x, y = self._rows.table(most).T
         return t, distance, x, y

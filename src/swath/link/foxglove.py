@@ -32,7 +32,7 @@ BACKLOG = 256  # messages that wait for a client, of which the oldest go first
 
 @dataclass
 class Channel:
-    """A topic. told: as clients read of it; latched: its newest message, with its time [ns]"""
+    """A topic. told: as clients read of it; latched: its newest message, with its time [ns]."""
 
     number: int
     told: Mapping[str, Any]
@@ -40,7 +40,7 @@ class Channel:
 
 
 class Client(Viewer):
-    """One who looks. wanted: by channel, how its messages begin for him"""
+    """One who looks. wanted: by channel, how its messages begin for him."""
 
     def __init__(self, connection: Any) -> None:
         super().__init__(connection, frames=BACKLOG, answers=False)

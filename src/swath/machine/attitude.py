@@ -34,7 +34,7 @@ class Stance(NamedTuple):
 
 
 class TerrainFollower:
-    """Reads the ground under four tyres. stance: the last one; footprint: what reads it"""
+    """Reads the ground under four tyres. stance: the last one; footprint: what reads it."""
 
     def __init__(self, ground: Field, machine: MachineGeometry) -> None:
         self.footprint = ground.footprint(_tyre_points(machine), groups=4)

@@ -139,7 +139,7 @@ class Unloading:
 
 @dataclass(frozen=True, kw_only=True)
 class Bulk:
-    """The grain tank. volume [m3]; density: of the grain in bulk [kg/m3]
+    """The grain tank. volume [m3]; density: of the grain in bulk [kg/m3].
 
     when_full: grain runs over its rim and is lost, or the machine stops, which ends the run
     """

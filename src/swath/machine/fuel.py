@@ -22,7 +22,7 @@ def combine_fuel(
     sheet: MachineSheet, train: Drivetrain, *, tank: float, speed: float, grain: float, cuts: bool, out: float
 ) -> float:
     """Of a combine with so much grain in its tank [kg], at a speed [m/s], with grain coming in and going out
-    [kg/s]; cuts: whether its header turns
+    [kg/s]; cuts: whether its header turns.
     """
     straw = STRAW * grain
     flow = grain + straw

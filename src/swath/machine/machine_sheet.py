@@ -152,7 +152,8 @@ class Header:
 
 @dataclass(frozen=True, kw_only=True)
 class Trailer:
-    """What is hitched to a tractor. hitch_x: pin ahead of the fixed axle; drawbar: from the pin to the axle;
+    """What is hitched to a tractor. hitch_x: pin ahead of the fixed axle; drawbar: from the pin to the axle.
+
     length: from the pin to the rear end; height: of the rim [m]; empty [kg]; volume [m3]
 
     radius: of its tyres, loaded; relaxation: their length; cg_ahead: centre of gravity, empty, ahead of its

@@ -21,7 +21,7 @@ def line_ends(pose: Pose, x: float, left_y: float, right_y: float) -> Corners:
 
 
 class LinePath(KeepsState):
-    """Where a line on a machine was last. step: poses closer together than this are joined [m]"""
+    """Where a line on a machine was last. step: poses closer together than this are joined [m]."""
 
     kept = ("_last",)
 

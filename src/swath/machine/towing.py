@@ -115,7 +115,7 @@ def tow(towed: Towed | None, inputs: Inputs, x: float, y: float, yaw: float) -> 
 
 
 def with_trailer(towed: Towed | None, state: MachineState, yaw: float) -> Outputs:
-    """The outputs of a level of motion. yaw: of the machine [rad]"""
+    """The outputs of a level of motion. yaw: of the machine [rad]."""
     if towed is None:
         return {"state": state}
     return {"state": state, "trailer": towed.state(state.t, state.pose, yaw)}

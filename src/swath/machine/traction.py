@@ -74,8 +74,9 @@ class DrivenWheels(KeepsState):
         self.speed, self.rim, self.slip = speed, speed, 0.0
 
     def advance(self, wanted: float, dt: float, pitch: float, traction: Traction) -> tuple[float, float]:
-        """Drive on for dt [s] at a wanted speed [m/s]; pitch [rad] is held over it. Returns the speed in the
-        middle of the time [m/s] and the way [m].
+        """Drive on for dt [s] at a wanted speed [m/s]; pitch [rad] is held over it.
+
+        Returns the speed in the middle of the time [m/s] and the way [m].
         """
         grade, before, slip = grade_of(pitch), self.speed, self.slip
         half, _ = self._loop.advance(self.rim, wanted, 0.5 * dt)
@@ -97,7 +98,7 @@ def grade_of(pitch: float) -> float:
 
 
 def traction_of(machine: MachineGeometry, dynamics: Dynamics | None = None, towed: float = 0.0) -> Traction:
-    """Of a machine. dynamics: with what is in its tank; towed: mass of a trailer whose weight it pulls [kg]
+    """Of a machine. dynamics: with what is in its tank; towed: mass of a trailer whose weight it pulls [kg].
 
     A combine drives with its fixed axle, a machine that steers ahead with all wheels. Where its sheet has no
     longitudinal values, the tread is as stiff and grips as well along as across.
@@ -136,6 +137,6 @@ def check_wheel_slip(machine: MachineGeometry) -> None:
 
 
 def wheels_of(t: int, speed: float, force: float, load: float, traction: Traction) -> WheelState:
-    """The driven wheels. force: of all of them, load: on them [N]"""
+    """The driven wheels. force: of all of them, load: on them [N]."""
     slip = traction.slip_of(force / max(load, 1.0), traction.friction)
     return WheelState(t, speed * (1.0 + slip), slip, force, load)

@@ -206,7 +206,8 @@ def _of_shape(origins: ArrayLike, directions: ArrayLike) -> tuple[F64, F64]:
 
 def _pitch_ratio(d: F64) -> float:
     """Angle between neighbours along columns of an image over that along rows, medians along its middle, to a
-    power of two; 1 where there is none."""
+    power of two; 1 where there is none.
+    """
     if min(d.shape[:2]) < 2:
         return 1.0
     row, column = d[len(d) // 2], d[:, d.shape[1] // 2]

@@ -46,7 +46,8 @@ F32 = NDArray[np.float32]
 
 class CastOptions(TypedDict, total=False):
     """range_max: rays end there [m]; solids: what stands in the field besides crop; t: time [ns], default 0,
-    which matters in wind alone."""
+    which matters in wind alone.
+    """
 
     range_max: Required[float]
     solids: Solids | None

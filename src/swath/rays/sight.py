@@ -17,7 +17,7 @@ MOVED, TURNED = 0.4, 0.01  # beams may move [m] and turn so far before they are 
 
 
 class Sight:
-    """What a sensor sees of a field. reach [m]: its beams end there
+    """What a sensor sees of a field. reach [m]: its beams end there.
 
     exit_diameter [m], divergence [rad, full angle]: what belongs to a beam lies within exit + divergence *
     range around it. A beam ends where all of it is below the lowest ground of the pages around. Tiles from

@@ -137,7 +137,8 @@ class SideSpread:
 
 @dataclass(frozen=True)
 class SpreadTable:
-    """standing, stubble: the two grids
+    """standing, stubble: the two grids.
+
     side: of beams that enter standing crop through its side
 
     silhouette: (k, m) what a stem stops of thin rays above equal steps `fine` of the crop's relative height

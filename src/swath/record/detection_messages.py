@@ -62,7 +62,7 @@ def _marker(source: Source, edge: CropEdge, line: list[float]) -> Any:
 
 
 class Box(NamedTuple):
-    """middle, yaw: in the frame of the markers; size: length, width, height [m]; text: above it"""
+    """middle, yaw: in the frame of the markers; size: length, width, height [m]; text: above it."""
 
     middle: Sequence[float]
     yaw: float

@@ -219,7 +219,7 @@ def _packer(head: bytes, names: Sequence[str], types: Sequence[type]) -> Packer 
 
 
 class Columns:
-    """The bytes of the samples of an output in many worlds, as `sample_bytes` has them. size: of one"""
+    """The bytes of the samples of an output in many worlds, as `sample_bytes` has them. size: of one."""
 
     def __init__(self, pile: Pile) -> None:
         from swath.record import digest_kernel as kernel

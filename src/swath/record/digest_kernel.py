@@ -46,6 +46,6 @@ def put_rows(job: wp.array(dtype=wp.int64)): ...
 def lay_rows(job: wp.array(dtype=wp.int64)):
     """job: address and length of the bytes that are alike, address of the first row, bytes to the next, rows,
     fields; of each field: address in the first world (`ALIKE`: the number itself), bytes to the next world,
-    place in the row, how many (bytes where `COPIED`), kind
+    place in the row, how many (bytes where `COPIED`), kind.
     """
     put_rows(job)

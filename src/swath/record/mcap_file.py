@@ -80,7 +80,7 @@ LEVEL = 3  # of Zstandard
 
 
 class Container:
-    """A file in the making: `add` messages of channels, `finish`. stream: open to write; nothing closes it
+    """A file in the making: `add` messages of channels, `finish`. stream: open to write; nothing closes it.
 
     chunk_bytes: of messages that make a chunk. A file that ends early is whole up to its last chunk.
     """
@@ -306,18 +306,20 @@ class Tap(Protocol):
 
     def __call__(
         self, topic: str, t: int, data: bytes, build: Callable[[], Any], is_latched: bool, /
-    ) -> None: ...
+    ) -> None:
+        """Take a message."""
 
 
 @runtime_checkable
 class Declares(Protocol):
     """A tap that wants to know of a topic before its first message."""
 
-    def declare(self, topic: str, message: Any, is_latched: bool) -> None: ...
+    def declare(self, topic: str, message: Any, is_latched: bool) -> None:
+        """Take the kind of a topic's messages."""
 
 
 class McapFile:
-    """Writer of one file. Topics and types are declared by their first message. make: of messages
+    """Writer of one file. Topics and types are declared by their first message. make: of messages.
 
     Raises OSError when the file cannot be written.
     """
@@ -442,7 +444,7 @@ class McapFile:
         self._register(Topic(msgtype, LATCHED if is_latched else ""), topic, text)
 
     def _register(self, about: Topic, topic: str, definition: bytes) -> None:
-        """Write of what type a topic is. definition: needed for a type that is new"""
+        """Write of what type a topic is. definition: needed for a type that is new."""
         if about.msgtype not in self._schemas:
             made = self._container.add_schema(about.msgtype, "ros2msg", definition)
             self._schemas[about.msgtype] = made

@@ -67,7 +67,7 @@ class Draft(NamedTuple):
 
 
 class Template:
-    """The bytes of a message, and where its stamp and its numbers stand. data: of a whole message, CDR"""
+    """The bytes of a message, and where its stamp and its numbers stand. data: of a whole message, CDR."""
 
     def __init__(self, store: Any, message: Any, data: bytes, paths: Sequence[str]) -> None:
         self._data = data
@@ -100,7 +100,7 @@ def _leaves(store: Any, message: Any) -> Iterator[tuple[str, int, str]]:
 
 
 class _Walk:
-    """Goes through a message as CDR does. at: offset behind the encapsulation header"""
+    """Goes through a message as CDR does. at: offset behind the encapsulation header."""
 
     def __init__(self, store: Any) -> None:
         self.store, self.at = store, 0
@@ -219,7 +219,7 @@ class MessageFactory:
         return self("geometry_msgs/msg/Twist", linear=linear, angular=angular)
 
     def odometry(self, header: Any, child: str, pose: Pose, twist: Any, *covariances: F64) -> Any:
-        """nav_msgs/Odometry of a frame `child`. covariances: of pose and twist, (36,) each, none = 0"""
+        """nav_msgs/Odometry of a frame `child`. covariances: of pose and twist, (36,) each, none = 0."""
         place, motion = covariances or (np.zeros(36), np.zeros(36))
         at = self("geometry_msgs/msg/PoseWithCovariance", pose=self.pose(pose), covariance=place)
         moving = self("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=motion)
@@ -243,7 +243,7 @@ class MessageFactory:
         points: Iterable[Sequence[float]] = (),
         **more: Any,
     ) -> Any:
-        """visualization_msgs/Marker of a namespace. colour: red, green, blue, alpha; size: along x, y, z"""
+        """visualization_msgs/Marker of a namespace. colour: red, green, blue, alpha; size: along x, y, z."""
         return self(
             "visualization_msgs/msg/Marker",
             header=header,

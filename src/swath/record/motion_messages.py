@@ -112,7 +112,7 @@ Spread = tuple[float, float]  # standard deviation of each sample, and of what s
 
 
 def gone(doubt: Doubt, heading: float, speed: float, dt: float, speed_sd: Spread, rate_sd: Spread) -> Doubt:
-    """The doubt after dt [s] at the middle heading [rad]. speed_sd [m/s]; rate_sd [rad/s]"""
+    """The doubt after dt [s] at the middle heading [rad]. speed_sd [m/s]; rate_sd [rad/s]."""
     u, v, p, q, r, xx, xy, yy, xh, yh, hh = doubt
     c, s = cos(heading), sin(heading)
     a, b = -s * speed * dt, c * speed * dt  # of x, y per heading

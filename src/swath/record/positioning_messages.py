@@ -77,7 +77,7 @@ def nav_sat_fix(
     make: MessageFactory, header: Any, status: int, place: Sequence[float], spread: Sequence[float] | None
 ) -> Any:
     """sensor_msgs/NavSatFix. place: latitude, longitude [deg], height [m]; spread: variances of east, north
-    and up [m2], None without a fix
+    and up [m2], None without a fix.
     """
     return make(
         "sensor_msgs/msg/NavSatFix",

@@ -263,7 +263,7 @@ class Recorder:
 
 @dataclass(slots=True)
 class _Sink:
-    """Where the samples of an output go. part, source: its slot, and with the output, without the machine
+    """Where the samples of an output go. part, source: its slot, and with the output, without the machine.
 
     period: between two messages that taps hear [ns], 0 = all; alone: between two of a thinned recording that
     nobody listens to; due: when the next is; left_out: samples without a message

@@ -65,7 +65,7 @@ def _column(key: Any, field: str, column: TrackColumn, name: str) -> Column:
 
 
 def signal_columns(signal: type[Signal], key: Any, prefix: str = "") -> list[Column]:
-    """The columns that a sample type declares. key: of its samples among the newest; prefix: of the names"""
+    """The columns that a sample type declares. key: of its samples among the newest; prefix: of the names."""
     found = []
     if name := signal.about.time_column:
         meaning = "simulated time" if name == "t_s" else f"time the newest {signal.__name__} is valid for"
@@ -356,8 +356,9 @@ def _is_busy(values: np.ndarray) -> bool:
 
 
 def read_tracks(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a tracks.parquet as arrays, `machine` as strings. InputError for another or newer file, and
-    for one without a column that every run writes.
+    """Columns of a tracks.parquet as arrays, `machine` as strings.
+
+    InputError for another or newer file, and for one without a column that every run writes.
     """
     with _opened(path) as file:
         return _arrays(file.read(use_threads=False))  # no threads of Arrow that a run would end with

@@ -102,7 +102,7 @@ WORST = (
 
 
 def shown_charts(columns: Columns, *, cuts: bool, is_live: bool = False) -> list[dict[str, Any]]:
-    """Charts of a machine whose columns hold numbers that are not all 0. cuts: False without a header
+    """Charts of a machine whose columns hold numbers that are not all 0. cuts: False without a header.
 
     is_live: the numbers are still to come, so every column counts
     """
@@ -127,7 +127,7 @@ def _says_something(values: np.ndarray) -> bool:
 
 
 def worst_moments(name: str, columns: Columns, *, cuts: bool) -> list[dict[str, Any]]:
-    """The worst moments of a machine, in order of time. cuts: False for one without a header"""
+    """The worst moments of a machine, in order of time. cuts: False for one without a header."""
     found = []
     for worst in WORST:
         values = columns.get(worst.column)

@@ -209,7 +209,7 @@ FLAGS = 16  # 16: mirrored in x, 32: mirrored in y, beside the number of a proto
 class Ground:
     """heights: (ny + 1, nx + 1) at tile corners [m]; stand: (ny, nx, 5) uint8: scale, lean x, lean y, density
     share, prototype with flags; codes: (ny * cells, nx * cells) at the start, as in `field.memory_layout`
-    scale_max: the scale that 255 stands for
+    scale_max: the scale that 255 stands for.
     """
 
     heights: F64
@@ -243,7 +243,7 @@ def ground_of(field: Field, area: Area, prototypes: int) -> Ground:
 
 
 def _codes(field: Field, area: Area, x: F64, y: F64) -> NDArray[np.uint8]:
-    """Codes of the cells at the start; 0 where nothing is shown. x, y: world middles of the tiles [m]"""
+    """Codes of the cells at the start; 0 where nothing is shown. x, y: world middles of the tiles [m]."""
     n, maker = area.cells, field.maker
     tiles = np.where(area.shown, maker.codes_within(x, y, area.tile * np.sqrt(0.5) + 1e-6), 0)
     cells = np.repeat(np.repeat(tiles, n, axis=0), n, axis=1)
@@ -282,7 +282,7 @@ NEVER = 65535
 
 @dataclass(frozen=True)
 class KnifeWay:
-    """times (n,) [s]; ends (n, 2, 2): left and right end in the stand frame [m]; heights (n,): cut [m]"""
+    """times (n,) [s]; ends (n, 2, 2): left and right end in the stand frame [m]; heights (n,): cut [m]."""
 
     times: F64
     ends: F64
@@ -301,7 +301,7 @@ class KnifeWay:
 @dataclass(frozen=True)
 class CutTimes:
     """when: (rows, columns) uint16 in units of `unit` [s], 0 = cut before the start, NEVER = it stands to the
-    end; codes: what is left, or will be [cm]
+    end; codes: what is left, or will be [cm].
     """
 
     when: NDArray[np.uint16]
@@ -376,7 +376,7 @@ Arrays = dict[str, NDArray[Any]]
 
 
 class Layers:
-    """Collects values, arrays, and notes on what is left out. tracks: by machine, as in `collect.Driven`
+    """Collects values, arrays, and notes on what is left out. tracks: by machine, as in `collect.Driven`.
 
     origin: a world point [m] that places in the page count from, so that float32 is fine enough
     """
@@ -474,7 +474,7 @@ class Layers:
         return np.concatenate([np.column_stack([p, self.world.field.ground_height(*p.T)]) for p in parts])
 
     def add_recorded(self, found: Recorded | None) -> None:
-        """Scans and straw. found: None where nothing was recorded"""
+        """Scans and straw. found: None where nothing was recorded."""
         self.values |= {"scanners": [], "straw": []}
         if found is None:
             self.notes.append("nothing was recorded: scans and straw are missing")

@@ -83,7 +83,7 @@ def recorded(folder: Path, scanners: Mapping[str, Collection[str]]) -> Recorded 
 
 @dataclass(frozen=True)
 class PackedEchoes:
-    """times: (n,) float32 [s]; starts: (n + 1,) uint32; middle: (n, 3) float32 [m]; points: (m, 3) int16
+    """times: (n,) float32 [s]; starts: (n + 1,) uint32; middle: (n, 3) float32 [m]; points: (m, 3) int16.
 
     unit_m: of points about the middle of their scan: 1 mm, or what lets the farthest fit
     """
@@ -102,7 +102,7 @@ class PackedEchoes:
 
 
 def pack_echoes(scanner: ScannerEchoes, most: int, origin: F64) -> PackedEchoes:
-    """Every n-th scan, so that at most about `most` echoes are left. origin: places count from it [m]"""
+    """Every n-th scan, so that at most about `most` echoes are left. origin: places count from it [m]."""
     every = max(1, -(-scanner.point_count // max(most, 1)))
     rows = range(0, len(scanner.times), every)
     echoes = [scanner.echoes[i].astype(np.float64) - origin for i in rows]

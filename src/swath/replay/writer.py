@@ -41,7 +41,7 @@ EVERY = 10  # rows of the tracks that decide which part of the field is shown
 
 @dataclass
 class Driven:
-    """Tracks of a machine. rows: spread evenly; telling: those at which something happened"""
+    """Tracks of a machine. rows: spread evenly; telling: those at which something happened."""
 
     rows: EvenRows = field(default_factory=lambda: EvenRows(SHOWN_ROWS))
     telling: EvenRows = field(default_factory=EvenRows)
@@ -230,7 +230,7 @@ def render(
     body: str = "page",
     scripts: tuple[str, ...] = SCRIPTS,
 ) -> str:
-    """The whole page. more: further scripts of it; body, scripts: of another one, with styles of its own"""
+    """The whole page. more: further scripts of it; body, scripts: of another one, with styles of its own."""
     script = "".join((PAGE / f"{part}.js").read_text(encoding="utf-8") for part in (*scripts, *more))
     styles = "".join(
         (PAGE / f"{part}.css").read_text(encoding="utf-8") for part in dict.fromkeys(("page", body))

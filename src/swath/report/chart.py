@@ -51,7 +51,7 @@ class Chart:
     def dot(
         self, x: float, y: float, look: str = "", title: str = "", *, radius: float = 3.0, fill: str = ""
     ) -> None:
-        """A run. look: a class of the style sheet; fill: a colour instead"""
+        """A run. look: a class of the style sheet; fill: a colour instead."""
         a, b = self._at(x, y)
         paint = f' fill="{fill}" fill-opacity=".75"' if fill else f' class="{look}" fill-opacity=".75"'
         self._marks.append(f'<circle{paint} cx="{a}" cy="{b}" r="{radius:.3g}">{_tip(title)}</circle>')
@@ -65,14 +65,17 @@ class Chart:
         self, x: float, y: float, wide: float, high: float, *, look: str = "", fill: str = "",
         opacity: float = 1.0, title: str = "",
     ) -> None:  # fmt: skip
-        """A rectangle from its lower left corner. look: a class of the style sheet; fill: a colour instead"""
+        """A rectangle from its lower left corner.
+
+        look: a class of the style sheet; fill: a colour instead
+        """
         a, b = self._at(x, y + high)
         paint = f'class="{look}"' if look else f'fill="{fill}" fill-opacity="{opacity:.3g}"'
         size = f'width="{wide * self.width:.4g}" height="{high * self.height:.4g}"'
         self._marks.append(f'<rect x="{a}" y="{b}" {size} {paint}>{_tip(title)}</rect>')
 
     def area(self, look: str, *corners: tuple[float, float]) -> None:
-        """A polygon. look: a class of the style sheet"""
+        """A polygon. look: a class of the style sheet."""
         points = " ".join(",".join(self._at(*corner)) for corner in corners)
         self._marks.append(f'<polygon class="{look}" points="{points}"/>')
 

@@ -36,7 +36,7 @@ Mask = NDArray[np.bool_]
 
 
 def ground_colours(field: Any, x: F64, y: F64) -> NDArray[np.uint8]:
-    """sRGB of world points (...) [m] by what is there, (..., 3): crop, stubble, bare ground, straw."""
+    """Colours (..., 3) in sRGB of world points (...) [m]: crop, stubble, bare ground, straw."""
     left = field.left_height(x, y)
     colours = np.empty((*np.shape(x), 3), np.uint8)
     colours[...] = _rgb(SOIL)
@@ -47,7 +47,7 @@ def ground_colours(field: Any, x: F64, y: F64) -> NDArray[np.uint8]:
 
 
 def top_view(world: World, machine: str, *, size_m: float = 30.0, pixels: int = 300) -> NDArray[np.uint8]:
-    """sRGB (pixels, pixels, 3), north up, a machine in the middle: it is blue, other bodies dark."""
+    """Picture in sRGB, (pixels, pixels, 3), north up: the machine in its middle is blue, others dark."""
     centre = world.bodies.pose_of(machine).position
     middle = (np.arange(pixels) + 0.5) / pixels - 0.5
     x, y = np.meshgrid(centre[0] + size_m * middle, centre[1] - size_m * middle)

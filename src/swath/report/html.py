@@ -126,7 +126,7 @@ class Items:
 
 @dataclass(frozen=True)
 class Beside:
-    """Parts beside each other. look: `charts` in rows, `columns` in two columns, `pair` of the same width"""
+    """Parts beside each other. look: `charts` in rows, `columns` in two columns, `pair` of the same width."""
 
     parts: Sequence[Any]
     look: str = "charts"

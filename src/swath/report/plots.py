@@ -64,7 +64,7 @@ STYLE = {
 
 
 def figure(width: float, height: float, *, layout: Literal["constrained"] | None = "constrained") -> Any:
-    """An empty figure [inch] with the Agg canvas. layout: None = its axes lie where they were put"""
+    """An empty figure [inch] with the Agg canvas. layout: None = its axes lie where they were put."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -369,7 +369,7 @@ def _station(ax: Any, series: UnloadingSeries) -> None:
 
 
 def _fill(ax: Any, heap: HeapRows, missed: float) -> None:
-    """Level of the box; shaded where grain flows. missed: the box in all [kg]"""
+    """Level of the box; shaded where grain flows. missed: the box in all [kg]."""
     ax.fill_between(
         heap.t, 0.0, 1.0, where=heap.flow > 0.0, transform=ax.get_xaxis_transform(), color="#E6E9ED", lw=0,
         step="post", label="grain flows",

@@ -124,7 +124,8 @@ class ScanSampler:
 class Standing(Protocol):
     """What the map asks of a field."""
 
-    def standing(self, x: Any, y: Any) -> Any: ...
+    def standing(self, x: Any, y: Any) -> Any:
+        """Whether crop stands at places."""
 
 
 @dataclass(frozen=True)

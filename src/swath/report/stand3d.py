@@ -59,19 +59,26 @@ class Stand(Protocol):
     """What the picture asks of a field."""
 
     @property
-    def pages(self) -> Pages: ...
+    def pages(self) -> Pages:
+        """Stems of the stand, in pages."""
+
     @property
-    def library(self) -> PlantLibrary: ...
+    def library(self) -> PlantLibrary:
+        """Plants that stems are instances of."""
+
     @property
-    def stand_yaw(self) -> float: ...
-    def ground_height(self, x: Any, y: Any) -> Any: ...
+    def stand_yaw(self) -> float:
+        """Direction of the stand's x axis [rad]."""
+
+    def ground_height(self, x: Any, y: Any) -> Any:
+        """Height of the ground [m]."""
 
 
 @dataclass(frozen=True)
 class Organs:
     """Pieces of plants in the world. a, b: ends [m], (n, 3); half: half width [m], (n, 3), zero for capsules;
     radius [m], (n,), zero for ribbons and triangles; organ: Organ, (n,); tip: width at b relative to that at
-    a, (n,), zero for triangles
+    a, (n,), zero for triangles.
     """
 
     a: F64

@@ -16,7 +16,7 @@ from swath.runtime.changes import Interventions, Restart
 
 @dataclass(frozen=True)
 class Start:
-    """Where a run branches off. folder: of the earlier run; at: time of the first change [ns]
+    """Where a run branches off. folder: of the earlier run; at: time of the first change [ns].
 
     saves: whether those of the earlier run are used
     """

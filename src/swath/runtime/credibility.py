@@ -1,4 +1,4 @@
-"""Was every level of a run used inside the range in which it was checked?
+"""Whether every level of a run was used inside the range in which it was checked.
 
 A level says in which ranges of which quantities it was checked (`core.registry.Checked`), a part may add
 those of its own table (`core.abilities.MeetsRange`). Once a metre the run looks at what it meets. A look is
@@ -45,7 +45,7 @@ REST = NS // 10  # between two questions whether a machine has moved on [ns]
 @dataclass
 class Seen:
     """What was met of a quantity at a slot. low, high: of all values; looks: with a value; beyond: of these
-    looks, beyond the range; strays: values beyond it
+    looks, beyond the range; strays: values beyond it.
     """
 
     low: float = inf

@@ -38,7 +38,7 @@ FAR_M = (
 class Ground:
     """field; things: its obstacles; driven: the real pass that the first edge follows, (n, 2) world [m],
     if it does
-    origin: where on Earth the world's origin lies, of an imported field or of maps in a known system
+    origin: where on Earth the world's origin lies, of an imported field or of maps in a known system.
     """
 
     field: Field

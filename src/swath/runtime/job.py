@@ -88,7 +88,7 @@ CHANGED = "# changed on the way: swath run THIS --events THIS repeats it, THIS b
 
 @dataclass(frozen=True)
 class JobResult:
-    """summary: as in summary.json; folder of the run
+    """summary: as in summary.json; folder of the run.
 
     exit_code: 0 all limits pass, 1 a limit fails, 3 none fails but one was not measured or not judged
     """

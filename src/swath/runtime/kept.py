@@ -14,8 +14,10 @@ MOST = 4  # fields in memory
 
 
 class KeptFields:
-    """The fields that were used last. A run whose scenario has the same field and seed gets one of them as it
-    was at the start, without a look at its files.
+    """The fields that were used last.
+
+    A run whose scenario has the same field and seed gets one of them as it was at the start, without a look
+    at its files.
     """
 
     def __init__(self) -> None:

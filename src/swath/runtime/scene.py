@@ -31,7 +31,7 @@ def scene_nodes(things: Sequence[Thing], field: Any, bodies: Bodies, machines: S
 
 
 class Walkers(KeepsState):
-    """Things on their paths. begun: when each of those that go set off, by name [ns]"""
+    """Things on their paths. begun: when each of those that go set off, by name [ns]."""
 
     kept = ("begun",)
 
@@ -111,7 +111,7 @@ class Scene(KeepsState):
 
 
 def sets_off(path: Path, way: Way, t_s: float, machines: Sequence[Sequence[float]]) -> bool:
-    """Whether a thing that stands sets off at a time. machines: x, y of the fixed axle of each [m]"""
+    """Whether a thing that stands sets off at a time. machines: x, y of the fixed axle of each [m]."""
     if t_s < path.start_s:
         return False
     x, y = way.points[0].tolist()

@@ -35,7 +35,7 @@ Begin = Callable[[], Callable[[T], R]]
 
 @dataclass(frozen=True)
 class Lost:
-    """What comes of a job that ended its workers. exit_code: of the last one"""
+    """What comes of a job that ended its workers. exit_code: of the last one."""
 
     exit_code: int | None
 
@@ -51,7 +51,7 @@ class _Job(Generic[T]):
 
 
 class _Worker(Generic[T, R]):
-    """A process with a pipe to it. job: what it has in hand; is_starting: it has not said that it began"""
+    """A process with a pipe to it. job: what it has in hand; is_starting: it has not said that it began."""
 
     def __init__(self, begin: Begin[T, R]) -> None:
         context = mp.get_context("spawn")
@@ -206,8 +206,10 @@ def _signals_held() -> Iterator[None]:
 
 
 def _serve(pipe: Connection, begin: Begin[Any, Any], gate: Gate) -> None:
-    """What a worker does until its pipe is closed. Ctrl-C is the driver's business; SIGTERM, which often goes
-    to all processes of a group, ends its run in order and the worker without a word. gate: of the driver
+    """What a worker does until its pipe is closed.
+
+    Ctrl-C is the driver's business; SIGTERM, which often goes to all processes of a group, ends its run in
+    order and the worker without a word. gate: of the driver
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _stop_once)

@@ -33,7 +33,7 @@ EDGE_STEP = 0.5  # between the points of a drawn edge [m]
 
 @dataclass(frozen=True)
 class Machine:
-    """A machine in the world. parts: slot -> component; mountings: sensor slot -> pose_machine_sensor
+    """A machine in the world. parts: slot -> component; mountings: sensor slot -> pose_machine_sensor.
 
     edge: the initial edge that it follows; start: pose_world_machine at t = 0
     overlap: how far its steering wants the header end out over the cut ground [m], 0 where it does not say
@@ -154,7 +154,7 @@ class World:
         return next(iter(self.machines.values()))
 
     def recorded(self, *, is_drawn: bool = True) -> dict[str, RecordedMachine]:
-        """What the recording needs to know of each machine, by name. is_drawn: with lines for a viewer"""
+        """What the recording needs to know of each machine, by name. is_drawn: with lines for a viewer."""
         found = {}
         crop = {"height": self.field.seen_height, "row_spacing": float(self.field.library.row_spacing)}
         for name, machine in self.machines.items():

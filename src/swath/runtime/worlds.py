@@ -121,8 +121,9 @@ def gains_in_step(scenario: Scenario) -> bool:
 
 
 def groups_in_step(worlds: Sequence[World]) -> list[list[int]]:
-    """Numbers of worlds that go in step: their slots, rates and wires are alike. A world with a fault that
-    loses or delays samples goes alone.
+    """Numbers of worlds that go in step: their slots, rates and wires are alike.
+
+    A world with a fault that loses or delays samples goes alone.
     """
     groups: dict[Any, list[int]] = {}
     for number, world in enumerate(worlds):
@@ -138,7 +139,7 @@ def drive_together(
     worlds: Sequence[World], hooks: Sequence[Sequence[RunHook]] = ()
 ) -> Iterator[tuple[int, Ended]]:
     """Drive worlds, in step where they can; gives what each comes to by its number, as it ends. hooks: of
-    each world
+    each world.
     """
     for group in groups_in_step(worlds):
         own = [hooks[number] for number in group] if hooks else ()

@@ -53,7 +53,7 @@ def read_expect(
     sections: Mapping[str, MachineSection],
     obstacles: Sequence[Any],
 ) -> tuple[Expectation, ...]:
-    """Every limit; notes what is wrong. machines: all names; sections: of those that could be read
+    """Every limit; notes what is wrong. machines: all names; sections: of those that could be read.
 
     obstacles: of the field, None for one that could not be read
     """

@@ -15,7 +15,7 @@ from swath.scenario.versions import SECTIONS, short_key
 
 
 class Change(NamedTuple):
-    """A key and what it becomes. flag: what errors call it"""
+    """A key and what it becomes. flag: what errors call it."""
 
     flag: str
     path: KeyPath

@@ -86,7 +86,7 @@ def _value(entry: dict[str, Any], defs: dict[str, Any]) -> str:
 
 
 def _bound(entry: dict[str, Any], *names: str) -> str:
-    """A limit of a number with its sign, empty without one. names: sign and key, twice"""
+    """A limit of a number with its sign, empty without one. names: sign and key, twice."""
     for sign, name in zip(names[::2], names[1::2], strict=True):
         if name in entry:
             return f"{sign}{entry[name]:g}"

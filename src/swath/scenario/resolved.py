@@ -65,7 +65,7 @@ class SlotChoice(LevelChoice):
 
 @dataclass(frozen=True)
 class MachineSection:
-    """One machine. slots: in execution order; off: those of its type that it lacks; sheet: its data sheet
+    """One machine. slots: in execution order; off: those of its type that it lacks; sheet: its data sheet.
 
     present: names of all its slots, also where only some of them are built
     """
@@ -118,7 +118,8 @@ class RealTimeSection:
 
 @dataclass(frozen=True)
 class FieldSection:
-    """The field. folder: an imported field, from which terrain and stand come unless written here;
+    """The field. folder: an imported field, from which terrain and stand come unless written here.
+
     edges: the initial edges of the crop by name, `edge` where there is the one of `field.edge`.
     common: what it has besides; its seed None = that of the run
     """

@@ -83,9 +83,7 @@ def meanings(text: str, keys: list[str]) -> dict[str, str]:
     if not keys:
         return {}
     any_key = "|".join(sorted(map(re.escape, keys), key=len, reverse=True))
-    pattern = (
-        rf"(?:^|[;.]\s+|\n\s*)((?:{any_key})(?:,\s+(?:{any_key}))*)(?![\w-])(?:\s*\[[^\]]*\])?\s*[:,]?\s*"
-    )
+    pattern = rf"(?:^|[;.]\s+|\n\s*)((?:{any_key})(?:,\s+(?:{any_key}))*)(?:\s*\[[^\]]*\])?\s*[:,]\s+"
     found = list(re.finditer(pattern, text))
     result: dict[str, str] = {}
     for match, after in zip(found, [*found[1:], None][: len(found)], strict=True):

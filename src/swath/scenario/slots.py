@@ -411,7 +411,7 @@ REGISTRY = Registry(
 
 @dataclass(frozen=True)
 class Catalogue:
-    """registry: levels by slot kind; slots: of a machine, in execution order
+    """registry: levels by slot kind; slots: of a machine, in execution order.
 
     field_levels: the default level of `terrain` and `stand`
     parts: `edge`, `obstacles` and `boundary` -> `module:NAME` of the type that describes one; `evaluators`

@@ -36,11 +36,14 @@ from swath.signals import F64
 class Weather:
     """Dust and rain, none by default.
 
-    extinction_per_m: of the dust [1/m], 0.05 light to 1 dense
-    rain_mm_h: adds 0.01 R^0.6 [1/m] (Goodin et al. 2019, doi:10.3390/electronics8010089)
-    near_returns: puffs of dust, chaff or drops that a beam would meet on a free path, mean number per scan
-    near_reach_m: how far they reach, mean distance beyond the sensor's least range
-    near_share: of a beam's energy that meets the puff; near_reflectance: of the puff
+    extinction_per_m: extinction of the dust, 0.05 light to 1 dense
+    rain_mm_h: rain; it adds an extinction of 0.01 R^0.6 per m (Goodin et al. 2019,
+        doi:10.3390/electronics8010089)
+    near_returns: mean number per scan of puffs of dust, chaff or drops that a beam would meet on a free path
+        [1]
+    near_reach_m: mean distance of the puffs beyond the sensor's least range
+    near_share: share of a beam's energy that meets the puff [1]
+    near_reflectance: reflectance of the puff [1]
     """
 
     extinction_per_m: Annotated[float, Ge(0), Le(10)] = 0.0
@@ -169,7 +172,7 @@ def merging_gap(pulse: float) -> float:
 
 
 def least_energy(range_10: float) -> float:
-    """albedo / r2 that is just detected [1/m2]: that of a 10 % target at the reach given for it [m]."""
+    """Least albedo / r2 that is just detected [1/m2]: that of a 10 % target at the reach given for it [m]."""
     return 0.1 / range_10**2
 
 

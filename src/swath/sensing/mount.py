@@ -21,11 +21,15 @@ Angle = Annotated[float, Ge(-180), Le(180)]
 class Mount:
     """Mounting of a sensor.
 
-    at: the point the offsets count from. `edge_end`: the knife's end on the edge side, `left_end` and
-    `right_end`: the knife's ends, y_m then counts outward, away from the machine; `axle`: the origin of the
-    machine frame, y_m leftward
-    x_m, y_m, z_m [m]: forward, sideways, above ground
-    roll_deg: > 0 left side up; pitch_deg: > 0 nose down; yaw_deg: > 0 outward, for `axle` to the left
+    at: the point the offsets count from. `edge_end`: the knife's end on the edge side; `left_end`,
+        `right_end`: the knife's ends, y_m then counts outward, away from the machine; `axle`: the origin of
+        the machine frame, y_m leftward
+    x_m: forward
+    y_m: sideways, as `at` says
+    z_m: above ground
+    roll_deg: > 0 left side up
+    pitch_deg: > 0 nose down
+    yaw_deg: > 0 outward, for `axle` to the left
     """
 
     at: Literal["edge_end", "left_end", "right_end", "axle"] = "edge_end"
@@ -49,8 +53,13 @@ class Mount:
 
 @dataclass(frozen=True)
 class LevelMount(Mount):
-    """Looks level from the axle. A sensor with another default place has a class of its own, so that a
-    scenario that writes one key gets the others of that sensor.
+    """A mount that looks level from the axle.
+
+    A sensor with another default place has a class of its own, so that a scenario that writes one key gets
+    the others of that sensor.
+
+    at: the point the offsets count from, as in `Mount`
+    pitch_deg: > 0 nose down
     """
 
     at: Literal["edge_end", "left_end", "right_end", "axle"] = "axle"

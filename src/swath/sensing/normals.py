@@ -15,7 +15,7 @@ DOUBT = 64  # bounds of levels are known to this, in shares of ONE; what is near
 
 
 class AllNormals:
-    """rows: where the numbers go, a row for each stream, (n, k) float64 whose rows have no gaps"""
+    """rows: where the numbers go, a row for each stream, (n, k) float64 whose rows have no gaps."""
 
     def __init__(self, rows: np.ndarray) -> None:
         self._rows, self._alone = rows, list[Normals]()

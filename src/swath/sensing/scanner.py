@@ -72,12 +72,14 @@ class Noise:
 
 @dataclass(frozen=True)
 class ScannerParams:
-    """sensor: name in data/sensors, or the user's own YAML; mount: where it sits.
+    """The scanner and its mounting.
 
+    sensor: name in data/sensors, or the user's own YAML
+    mount: where the sensor sits
     sector_deg: first and last azimuth used; none = the sensor's whole field of view
     step_deg: angle between beams; none = the data sheet's
-    reach_m: rays are not followed further than this
-    noise: range noise and constant bias as in the data sheet, or none
+    reach_m: distance up to which rays are followed
+    noise: `data_sheet` = range noise and constant bias as in the data sheet, or `none`
     """
 
     sensor: str = "sick-lms511-hr"
@@ -89,7 +91,7 @@ class ScannerParams:
 
 
 class Scanner:
-    """sheet: data sheet; mounting: pose_machine_sensor; azimuth, elevation [rad], beam_t [s]: (beam_count,)
+    """sheet: data sheet; mounting: pose_machine_sensor; azimuth, elevation [rad], beam_t [s]: (beam_count,).
 
     axes: beam frames in the sensor frame, (beam_count, 3, 3), columns beam direction, across (left), along
     line_count: beams of a firing, at one azimuth but for what it turns meanwhile
@@ -229,7 +231,7 @@ def _beam_axes(azimuth: F64, elevation: F64) -> F64:
 
 @dataclass(frozen=True)
 class OutdoorParams(ScannerParams):
-    """angle_noise_deg: one sigma of the beams' direction; none = the data sheet's
+    """angle_noise_deg: one sigma of the beams' direction; none = the data sheet's.
 
     drop_out_percent: beams lost
     weather: dust, chaff and rain in the air

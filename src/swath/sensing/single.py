@@ -78,7 +78,8 @@ class SingleRays:
         first: "SingleRays",
     ) -> None:
         """From now on in this memory of a batch: (room, 1), (room, 1), (room, 1, 3), (room, 3), (3,), (1,),
-        and what is of no use after a scan in that of the first of its worlds."""
+        and what is of no use after a scan in that of the first of its worlds.
+        """
         self._ranges, self._intensity, self._points = ranges, intensity, points
         self.rotations, self._words = first.rotations, words
         self.beams.lie_in(origins, flags, first.beams)

@@ -15,7 +15,7 @@ ROW = Struct("13d")  # t, position, rotation of a state
 
 
 class Sweep:
-    """A scanner's beams. mounting: pose_machine_sensor; beam_t: of each beam, before the sweep's end [s]"""
+    """A scanner's beams. mounting: pose_machine_sensor; beam_t: of each beam, before the sweep's end [s]."""
 
     def __init__(self, mounting: Pose, beam_t: F64) -> None:
         n = len(beam_t)
@@ -29,7 +29,8 @@ class Sweep:
 
     def __call__(self, states: Sequence[MachineState], end: int) -> tuple[F64, F64]:
         """Sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world, each beam at its own
-        time of the sweep that ends at `end` [ns]; between states as `mount.poses_at`."""
+        time of the sweep that ends at `end` [ns]; between states as `mount.poses_at`.
+        """
         if len(states) > ROOM:
             states = [states[round(k)] for k in np.linspace(0, len(states) - 1, ROOM)]
         for k, state in enumerate(states):

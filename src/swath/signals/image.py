@@ -71,17 +71,28 @@ class Intrinsics(Protocol):
     """What an image says of its camera's geometry."""
 
     @property
-    def width(self) -> int: ...
+    def width(self) -> int:
+        """Width of the image [px]."""
+
     @property
-    def height(self) -> int: ...
+    def height(self) -> int:
+        """Height of the image [px]."""
+
     @property
-    def focal(self) -> float: ...
+    def focal(self) -> float:
+        """Focal length [px]."""
+
     @property
-    def centre_x(self) -> float: ...
+    def centre_x(self) -> float:
+        """Optical centre from the left edge [px]."""
+
     @property
-    def centre_y(self) -> float: ...
+    def centre_y(self) -> float:
+        """Optical centre from the upper edge [px]."""
+
     @property
-    def coefficients(self) -> tuple[float, ...]: ...
+    def coefficients(self) -> tuple[float, ...]:
+        """Coefficients of the distortion."""
 
 
 def empty_image(

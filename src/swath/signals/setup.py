@@ -12,7 +12,7 @@ from swath.signals.arrays import F64
 
 @dataclass(frozen=True)
 class Hitch:
-    """What is towed. x: of the pin ahead of the fixed axle; drawbar: from the pin back to the axle [m]"""
+    """What is towed. x: of the pin ahead of the fixed axle; drawbar: from the pin back to the axle [m]."""
 
     x: float
     drawbar: float
@@ -21,7 +21,7 @@ class Hitch:
 @dataclass(frozen=True)
 class OpenBox:
     """A box that grain is poured into. x: its middle ahead of the origin of what carries it: the middle of
-    the trailer's axle, or the machine's own; length, width, depth; floor: above the ground [m]
+    the trailer's axle, or the machine's own; length, width, depth; floor: above the ground [m].
     """
 
     x: float
@@ -40,7 +40,7 @@ class OpenBox:
 class Pipe:
     """An unloading pipe. x, y, z: its pivot in the machine frame [m]; length [m]: pivot to mouth, outward and
     level; swing: largest angle from folded straight back to out, to the left [rad]; rate [rad/s]
-    exit_speed: of the grain [m/s]; fall: its direction below the pipe's [rad]
+    exit_speed: of the grain [m/s]; fall: its direction below the pipe's [rad].
     """
 
     x: float

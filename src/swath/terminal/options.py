@@ -23,7 +23,7 @@ def add_folder(
     required: bool = True,
     alone: bool = True,
 ) -> None:
-    """`--out DIR`, which the command has for itself while it runs. what, own, alone: as of `held`"""
+    """`--out DIR`, which the command has for itself while it runs. what, own, alone: as of `held`."""
     parser.add_argument("--out", type=Path, required=required, metavar="DIR", help=text)
     parser.set_defaults(holds=partial(held, own=own, what=what, alone=alone))
 
@@ -43,7 +43,7 @@ def add_replace(parser: argparse.ArgumentParser) -> None:
 
 
 def add_sets(parser: argparse.ArgumentParser, text: str = "change the scenario") -> None:
-    """`--set KEY=VALUE`, any number of times, as `sets`. text: for the help"""
+    """`--set KEY=VALUE`, any number of times, as `sets`. text: for the help."""
     parser.add_argument(
         "--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help=text, type=_change
     )

@@ -19,8 +19,10 @@ BIN = 0.02  # of histograms [m]
 
 @dataclass(frozen=True)
 class Agreement:
-    """model against real: wasserstein_m, p95_bias_m, mean_bias_m [m]; ks; intersection; std_ratio;
-    ground_bias: difference of the shares of ground returns"""
+    """model against real: wasserstein_m, p95_bias_m, mean_bias_m [m]; ks; intersection; std_ratio.
+
+    ground_bias: difference of the shares of ground returns
+    """
 
     wasserstein_m: float
     ks: float

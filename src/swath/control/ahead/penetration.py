@@ -22,10 +22,14 @@ from swath.signals.setup import ControlSetup
 
 @dataclass(frozen=True)
 class Params:
-    """top_percentile: of the echoes' heights, taken as the top of the canopy; plane_percentile: of the
-    heights of those in the crop: the plane from which ways count
-    ground_m: echoes below it have passed through the crop; margin_m: left out at both ends of the header;
-    least_echoes: fewer say nothing
+    """How far beams get into the crop.
+
+    top_percentile: percentile of the echoes' heights that is taken as the top of the canopy
+    plane_percentile: percentile of the heights of the echoes in the crop: the plane from which distances
+        count
+    ground_m: height below which an echo has passed through the crop
+    margin_m: width that is left out at both ends of the header
+    least_echoes: number of echoes below which nothing is reported
     """
 
     top_percentile: Annotated[float, Gt(50), Le(100)] = 95.0

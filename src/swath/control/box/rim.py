@@ -26,11 +26,17 @@ Size = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Params:
-    """length_m, width_m: of the box, inside; rim_m: of its rim above the ground; none = as the other machine
-    says
-    band_m: the rim is looked for so far above and below that height; reach_m: and so near to the sensor
-    most_sd_m, most_sd_deg: a fit less certain than that is not seen; least_confidence: nor one below that
-    keep_s: a find is given so long, then it is not seen any more
+    """The rim of a box among the echoes. A size that is left out is the one that the other machine sends.
+
+    length_m: length of the box, inside
+    width_m: width of the box, inside
+    rim_m: height of its rim above the ground
+    band_m: how far above and below that height the rim is looked for
+    reach_m: distance from the sensor up to which the rim is looked for
+    most_sd_m: standard deviation of the place above which a fit does not count
+    most_sd_deg: standard deviation of the heading above which a fit does not count
+    least_confidence: confidence below which a fit does not count [1]
+    keep_s: time for which a find is reported; after it the box is not seen any more
     """
 
     length_m: Annotated[float, Gt(0.5), Le(30)] | None = None

@@ -28,7 +28,7 @@ SYSTEMATIC = 0.015  # half of what thickness and rounding of walls leave open [m
 
 @dataclass(frozen=True)
 class Rim:
-    """A rectangle. x, y: of its middle; height: of its rim, in the frame of the points [m]; heading [rad]
+    """A rectangle. x, y: of its middle; height: of its rim, in the frame of the points [m]; heading [rad].
 
     sd: standard deviations of x, y [m] and heading [rad]; height_sd [m]
     wall_count: walls that were seen, 0..4; share: of the edges near it that lie on it

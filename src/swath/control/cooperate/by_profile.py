@@ -12,9 +12,12 @@ from swath.signals.setup import ControlSetup
 
 @dataclass(frozen=True)
 class Params:
-    """shift_m_s: how fast the cart moves along the stream; better_m: how much lower grain must be
-    elsewhere before it goes there; top_m: from that little freeboard on it fills up from front to rear
-    keep: how the station is kept
+    """Fill the box where it is lowest.
+
+    shift_m_s: how fast the cart moves along the stream
+    better_m: how much lower the grain must be elsewhere before the cart goes there
+    top_m: freeboard from which on the box is filled up from front to rear
+    keep: how the station beside the other machine is kept
     """
 
     shift_m_s: Annotated[float, Gt(0), Le(1)] = 0.15

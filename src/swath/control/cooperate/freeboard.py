@@ -27,7 +27,7 @@ class FreeboardTrack(KeepsState):
         self._rate: F64 | None = None
 
     def update(self, measured: F64, h: float) -> None:
-        """A step of h [s] passed. measured: of now, rear to front (station,) [m]"""
+        """A step of h [s] passed. measured: of now, rear to front (station,) [m]."""
         if self._free is None or self._rate is None or len(self._free) != len(measured):
             self._free, self._rate = measured.copy(), np.zeros(len(measured))
             return

@@ -12,7 +12,11 @@ from swath.signals.setup import ControlSetup
 
 @dataclass(frozen=True)
 class Params:
-    """shift_m_s: how fast the cart moves on along the stream; keep: how the station is kept"""
+    """Fill the box from front to back.
+
+    shift_m_s: how fast the cart moves on along the stream
+    keep: how the station beside the other machine is kept
+    """
 
     shift_m_s: Annotated[float, Gt(0), Le(1)] = 0.1
     keep: Shared = field(default_factory=Shared)

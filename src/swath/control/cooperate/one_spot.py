@@ -12,7 +12,11 @@ from swath.signals.setup import ControlSetup
 
 @dataclass(frozen=True)
 class Params:
-    """spot_m: ahead of the middle of the box; keep: how the station is kept"""
+    """Fill the box at one spot.
+
+    spot_m: place of the spot ahead of the middle of the box
+    keep: how the station beside the other machine is kept
+    """
 
     spot_m: Annotated[float, Ge(-15), Le(15)] = 0.0
     keep: Shared = field(default_factory=Shared)

@@ -12,7 +12,7 @@ SETTLES = 2.0  # time in which the error of the messages is learnt [s]
 
 
 class SeenBox(KeepsState):
-    """Remembers between looks. dx, dy: the box as it is seen less the box as the messages say [m]
+    """Remembers between looks. dx, dy: the box as it is seen less the box as the messages say [m].
 
     at: time of the last look that showed it [ns], -1 before
     """
@@ -30,7 +30,7 @@ class SeenBox(KeepsState):
         self._freeboard: F64 | None = None
 
     def update(self, seen: BoxSeen | None, x: float, y: float) -> None:
-        """Take the newest look. x, y: of the box by the messages, in the frame of the looks [m]"""
+        """Take the newest look. x, y: of the box by the messages, in the frame of the looks [m]."""
         if seen is None or not seen.is_seen or seen.t == self.at:
             return
         share = 1.0 if self.at < 0 else 1.0 - exp(-(seen.t - self.at) / NS / SETTLES)

@@ -37,13 +37,16 @@ LEAVING = 16.0  # time in which a machine that leaves comes to rest [s]
 
 @dataclass(frozen=True)
 class Shared:
-    """margin_m: of the rim above the grain at the walls with which the box counts as full
-    lead_s: grain goes on coming for so long after the auger is told to stop
-    compensate: whether the age of messages is made up for; hold_s: silence through which the station is kept
-    by dead reckoning; clear_m: how far aside the cart goes when it is full, or when it hears nothing
-    profile: of the grain from the own `heap`, or as slot `box` of the other machine has `seen` it; then the
-    box takes no grain before it is seen
-    blind_s: `seen`: no grain either when the box was seen longer ago than that
+    """How a cart keeps its station beside the machine that unloads.
+
+    margin_m: height of the rim above the grain at the walls with which the box counts as full
+    lead_s: time for which grain goes on coming after the auger is told to stop
+    compensate: whether the age of messages is made up for
+    hold_s: silence through which the station is kept by dead reckoning
+    clear_m: how far aside the cart goes when it is full, or when it hears nothing
+    profile: profile of the grain: that of the cart's own slot `heap`, or `seen` by slot `box` of the other
+        machine; then the box takes no grain before it is seen
+    blind_s: with `seen`, the box takes no grain either when it was seen longer ago than this
     """
 
     margin_m: Annotated[float, Ge(0), Le(1)] = 0.02
@@ -57,7 +60,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class BoxView:
-    """What a fill strategy knows. half, width: half the length, and the width of the box [m]
+    """What a fill strategy knows. half, width: half the length, and the width of the box [m].
 
     places [m ahead of the middle], heights [m above the floor]: profile of the grain; freeboard: rim above
     the grain at the walls beside each place, less the margin [m]

@@ -29,11 +29,15 @@ FOLD_AFTER = 4.0  # the pipe swings back so long after the last grain [s]
 
 @dataclass(frozen=True)
 class Params:
-    """start_percent, stop_percent: levels of the tank between which it wants to unload
-    call_m: distance of the cart at which the pipe swings out; margin_m: from the stream to the rim, along and
-    across, to go on; to begin it is twice that
-    steady_s: for so long the stream must lie well inside before unloading begins
-    silence_s: without a message for so long the auger stops
+    """When a machine unloads.
+
+    start_percent: level of the tank from which on it wants to unload
+    stop_percent: level of the tank at which it has unloaded
+    call_m: distance of the cart at which the pipe swings out
+    margin_m: distance from the stream to the rim, along and across, that unloading needs; to begin it needs
+        twice that
+    steady_s: time for which the stream must lie well inside before unloading begins
+    silence_s: time without a message after which the auger stops
     over_crop: whether the pipe may swing out over standing crop
     """
 

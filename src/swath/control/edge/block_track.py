@@ -48,8 +48,10 @@ DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
 @dataclass(frozen=True)
 class Search:
-    """spread: standard deviation of where the edge begins [m]; forget: unseen for so long it is lost [m];
-    spacing: of the rows that the crop stands in [m], 0 = unknown; view: height of the scanner [m]"""
+    """spread: standard deviation of where the edge begins [m]; forget: unseen for so long it is lost [m].
+
+    spacing: of the rows that the crop stands in [m], 0 = unknown; view: height of the scanner [m]
+    """
 
     spread: float
     forget: float

@@ -76,7 +76,7 @@ class Block(Clears):
 
 @dataclass(frozen=True)
 class Found:
-    """The edge of a block. beside [m] of the frame, variance [m2]; gain [nat] over "all crop" and "no crop"
+    """The edge of a block. beside [m] of the frame, variance [m2]; gain [nat] over "all crop" and "no crop".
 
     lead [nat]: of the best place anywhere, `best` [m], over the best one within the gate
     blank: width of the strip about the edge in which no ray says anything [m]

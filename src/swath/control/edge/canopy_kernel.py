@@ -33,7 +33,8 @@ COUNTED, MIDDLE = wp.constant(0), wp.constant(1)  # of those that `answer` gives
 class Way:
     """How the machine moves during a scan, where its scanner sits, where the edge is expected: an arc in the
     machine's (x, u). low, high: of what lies on the stubble, beside the edge [m]; level, slope, prior, steep:
-    the plane before and what it is worth"""
+    the plane before and what it is worth.
+    """
 
     count: wp.float64
     speed: wp.float64
@@ -69,8 +70,10 @@ class Canopy:
 
 @wp.struct
 class Traced:
-    """What falls: start and direction in (x, u, z), distance, nan = no echo; before: in the last scan;
-    stands: 1 = both are alike; of the stubble: u, z [m]."""
+    """What falls: start and direction in (x, u, z), distance, nan = no echo; before: in the last scan.
+
+    stands: 1 = both are alike; of the stubble: u, z [m].
+    """
 
     start: wp.array(dtype=wp.vec3d)
     aim: wp.array(dtype=wp.vec3d)
@@ -85,7 +88,8 @@ class Traced:
 class Answers:
     """Height above the stubble, place beside the edge at the crop's top and at the lower limit [m], of every
     ray; of those that count: cell, place and class, flat; solid: it stands; ahead, of an echo in the canopy
-    along the edge [m], else nan"""
+    along the edge [m], else nan.
+    """
 
     height: wp.array(dtype=wp.float64)
     upper: wp.array(dtype=wp.float64)
@@ -199,7 +203,7 @@ def answer(
     sums: wp.array(dtype=wp.float64),
     counts: wp.array(dtype=int),
 ):
-    """Class and place of every ray. sums: of the way along of rays within 1 m of the edge"""
+    """Class and place of every ray. sums: of the way along of rays within 1 m of the edge."""
     way = ways[0]
     crop = crops[0]
     limit = LIMIT * crop.height

@@ -43,7 +43,8 @@ MODEL = 0.1  # standard deviation of the tangent of a lean that the brightness t
 
 @dataclass(frozen=True)
 class JoinedParams:
-    """each: as of level `likelihood_ratio`, for every scanner
+    """each: as of level `likelihood_ratio`, for every scanner.
+
     chance: by which scanners that see one edge are taken to contradict each other
     gain_percent: standard deviation between the scanners' intensities of one target
     """

@@ -48,17 +48,20 @@ AHEAD_OF_REFERENCE = 4.0  # m that blocks lie ahead of where the edge is reporte
 
 @dataclass(frozen=True)
 class Params:
-    """search_m: standard deviation of where the edge is expected beside the header end, at the start
-    hold_m: how far beyond the last place seen the edge is held
-    reference_m: where ahead of the knife it is reported
+    """Of the likelihood-ratio detector.
+
+    search_m: standard deviation of where the edge is expected beside the header end, at the start
+    hold_m: distance beyond the last place seen for which the edge is held
+    reference_m: where ahead of the knife the edge is reported
     crab: side slip per side slope, or per lateral acceleration in g [1]
     upright_m: height of the crop where it stands upright, as the driver sees it; 0 = usual for the crop that
-    he chose. Where it is lower the stand leans, perhaps out over the edge, which one scanner cannot tell: the
-    edge is not sure there
-    slip_percent: by which the wheels turn faster than the ground passes, 2 to 6 % on stubble (uncited)
-    closed_m, open_m: standard deviation that a whole run has alike and no fit shows: overhang, mounting,
-    odometry; of closed and of open stands. Such that the 95 % band holds 97 % of the pooled errors of 75
-    drawn runs with `empirical` (`benchmarks/edge_pairs.py`, final 0 to 74), and 97 % of 60 with `plants`
+        he chose. Where it is lower the stand leans, perhaps out over the edge, which one scanner cannot tell:
+        the edge is not sure there
+    slip_percent: how much faster the wheels turn than the ground passes, 2 to 6 % on stubble (uncited)
+    closed_m: standard deviation in closed stands of the error that a whole run has alike and no fit shows:
+        overhang, mounting, odometry. Such that the 95 % band holds 97 % of the pooled errors of 75 drawn runs
+        with `empirical` (`benchmarks/edge_pairs.py`, final 0 to 74), and 97 % of 60 with `plants`
+    open_m: the same in open stands
     """
 
     search_m: Annotated[float, Gt(0.1), Le(10)] = 1.5

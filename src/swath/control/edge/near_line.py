@@ -70,7 +70,7 @@ class EdgePoints(Clears):
 
 @dataclass(frozen=True)
 class NearLine:
-    """The edge near a place. frame: of the machine; offset_sd [m], angle_sd [rad]
+    """The edge near a place. frame: of the machine; offset_sd [m], angle_sd [rad].
 
     gap: way along the edge from the place to the nearest point [m]; spread: of the points about the line [m]
     seen_to: way along the edge from the place to the last point [m]

@@ -25,7 +25,8 @@ WAY, X, U, ALONG, BESIDE, WEIGHT, ROBUST, AWAY = (wp.constant(n) for n in range(
 @wp.struct
 class Asked:
     """count: of points; x, u, heading: of the machine; front_...: the track's newest place, in the machine's
-    frame; reference: abreast of which the edge is asked for [m]"""
+    frame; reference: abreast of which the edge is asked for [m].
+    """
 
     count: wp.float64
     x: wp.float64
@@ -188,7 +189,7 @@ def near_line(
     s: wp.array2d(dtype=wp.float64),
     lines: wp.array(dtype=Line),
 ):
-    """points: (x, u, variance, way) in the frame at rest; s: scratch, (8, room)"""
+    """points: (x, u, variance, way) in the frame at rest; s: scratch, (8, room)."""
     ask = asks[0]
     n = int(ask.count)
     c = wp.cos(ask.heading)

@@ -33,22 +33,28 @@ ROOM = 1024  # scans whose edge points are kept: 6 s at 170 Hz
 
 @dataclass(frozen=True)
 class Params:
-    """The defaults suit cereals and a scanner that looks 6 to 12 m ahead.
+    """Otsu's threshold over a profile of heights.
+
+    The defaults suit cereals and a scanner that looks 6 to 12 m ahead.
 
     min_step_m: least difference of the mean heights of crop and stubble side
     min_gain: log-likelihood that two populations must gain over one [nat]
-    min_separation: step over the root sum of both variances
-    window_m: half width of the profile around the known edge; search_m: around the header end at the start
-    track_m: travel whose edge points are fitted together; gate_m: how far a point may lie beside the edge
-    lost_s: after so long without the edge it counts as lost; acquire_s: seen for so long it counts as found;
-    jump_s: seen for so long when it lies beside the one just lost
-    lean_deg: mean lean of the stems off the vertical; lean_share: part of it by which the canopy seems to
-    hang over the edge: a first guess, wheat that is not lodged leans 5 to 8 deg
+    min_separation: height step over the root sum of both variances, at least [1]
+    window_m: half width of the profile around the known edge
+    search_m: half width of the profile around the header end at the start
+    track_m: travel whose edge points are fitted together
+    gate_m: how far a point may lie beside the edge
+    lost_s: time without the edge after which it counts as lost
+    acquire_s: time for which the edge must be seen to count as found
+    jump_s: time for which an edge beside the one just lost must be seen
+    lean_deg: mean lean of the stems off the vertical
+    lean_share: part of that lean by which the canopy seems to hang over the edge [1], a first guess: wheat
+        that is not lodged leans 5 to 8 deg
     learn_m: travel over which the canopy offset is learned from the scans; 0 = the guess holds throughout
     echo_parts: stems, ears or pods that make an echo together: as many as cover half of the spot when it is
-    the median of the spot, 1 when the nearest counts
+        the median of the spot, 1 when the nearest counts
     spot_mm: spot diameter at the crop when the echo is the nearest of the spot (data sheet: at the cover plus
-    divergence times range), half of which belongs to the first guess; 0 for a median echo
+        divergence times range), half of which belongs to the first guess; 0 for a median echo
     reference_m: where ahead of the fixed axle the offset is reported, 0 = a little behind the footprint
     """
 
@@ -238,7 +244,7 @@ def _settings(part: Otsu) -> tuple[float, ...]:
 
 
 def footprint(setup: ControlSetup) -> float:
-    """x [m] where the scanner's middle beam meets a canopy 0.8 m high, between the knife and 20 m ahead."""
+    """Distance at which the scanner's middle beam meets a canopy 0.8 m high, from the knife to 20 m [m]."""
     knife = setup.machine.knife_x
     ahead, _, up = setup.mounting.turn([1.0, 0.0, 0.0])
     drop = float(setup.mounting.position[2]) - 0.8

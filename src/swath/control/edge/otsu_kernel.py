@@ -107,7 +107,7 @@ class Offset:
 
 @wp.struct
 class Line:
-    """u(x) = offset + slope (x - x0) + bend (x - x0)^2 / 2. is_there: 0 = none"""
+    """u(x) = offset + slope (x - x0) + bend (x - x0)^2 / 2. is_there: 0 = none."""
 
     x0: wp.float64
     offset: wp.float64
@@ -118,7 +118,7 @@ class Line:
 
 @wp.struct
 class State:
-    """What a detector knows. time: of its last scan [ns]; rows: of its track"""
+    """What a detector knows. time: of its last scan [ns]; rows: of its track."""
 
     time: wp.int64
     rows: wp.int64
@@ -134,7 +134,7 @@ class State:
 
 @wp.struct
 class Split:
-    """first: index of the first crop point"""
+    """first: index of the first crop point."""
 
     gain: wp.float64
     first: int
@@ -142,7 +142,7 @@ class Split:
 
 @wp.struct
 class Step:
-    """An edge point of a scan and its rays; is_there: 0 = no edge in this profile"""
+    """An edge point of a scan and its rays; is_there: 0 = no edge in this profile."""
 
     is_there: int
     count: int
@@ -232,7 +232,7 @@ for (int i = 1; i < n; ++i) {
 }
 """)
 def order(v: Numbers, n: int, ordered: Numbers):
-    """n > 0 numbers in order: into bins first, then by insertion."""
+    """Sort n > 0 numbers: into bins first, then by insertion."""
 
 
 @wp.func
@@ -260,7 +260,7 @@ def coin(count: int, n: int) -> wp.float64:
 
 @wp.func
 def otsu_threshold(z: Numbers, n: int, v: Numbers) -> wp.float64:
-    """Of n > 1 heights: with the largest variance between both classes. v: gets them in order"""
+    """Of n > 1 heights: with the largest variance between both classes. v: gets them in order."""
     order(z, n, v)
     mean = mean_of(v, 0, n)
     centred = real(0.0)
@@ -350,7 +350,7 @@ def sort_by(key: Numbers, index: wp.array(dtype=int), n: int):
 
 @wp.func
 def abreast(x: Numbers, lateral: Numbers, edge: wp.float64, first: int, n: int, v: Numbers) -> wp.float64:
-    """x at which the edge point holds: midway between crop and stubble within 1 m of it."""
+    """Place x at which the edge point holds: midway between crop and stubble within 1 m of it."""
     total = real(0.0)
     sides = int(0)
     for side in range(2):
@@ -893,7 +893,7 @@ def detect(
 ):
     """asked: end of the step, time of the scan [ns], its beams; directions, ago: of each world or of all
     all_scratch to indices: of one world, used by one after the other
-    edges: offset, heading, curvature, confidence, height of crop and stubble
+    edges: offset, heading, curvature, confidence, height of crop and stubble.
     """
     w = wp.tid()
     s = settings[w]

@@ -27,7 +27,8 @@ _PRIOR = np.array([1.0 - LEANING, *(len(_LEANS) - 1) * [LEANING / (len(_LEANS) -
 class Overhang(Protocol):
     """(how far the feet stand behind the edge of the tops [m], standard deviation [m])."""
 
-    def of(self, crop: float, crop_sd: float, stopped: float, ramp: float) -> tuple[float, float]: ...
+    def of(self, crop: float, crop_sd: float, stopped: float, ramp: float) -> tuple[float, float]:
+        """Overhang [m] and its standard deviation for a crop height, a share of rays stopped and a ramp."""
 
 
 class HeightOverhang:

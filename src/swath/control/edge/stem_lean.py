@@ -100,7 +100,7 @@ class StemLean(KeepsState):
         faces, round_ = q, 0.5 * portable.log(np.maximum(1.0 - q * q, 1e-3))
 
         def inner(x: F64, y: F64) -> F64:
-            """x P y of columns, P the precision of the sectors with gains and c unknown."""
+            """Product x P y of columns, P the precision of the sectors with gains and c unknown."""
             whole = (weight[:, None] * x * y).sum(axis=0)
             left, right, total = np.zeros_like(whole), np.zeros_like(whole), 0.0
             for k in range(self._scanners):

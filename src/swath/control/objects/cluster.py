@@ -39,34 +39,40 @@ LEVEL_BEAM = 0.05  # a beam that goes down less counts as going down so much, pe
 
 @dataclass(frozen=True)
 class Params:
-    """reach_m: ahead of the knife; side_m: beside the ends of the header
+    """Objects among the echoes of a scanner.
 
-    widest_m: what is wider is a thing only where it is higher than crop
-    ragged_m: crop ends no higher than so much above the crop before it, about the spread of wheat's height
-    path_m: through crop, that few beams survive (2 to 12 % in wheat of 1.75 to 3.3 per metre)
-    doubt_nat: evidence that heaps of crop have as often as things; set on drawn cases
-    (benchmarks/objects_drawn.py)
-    above_m: a wide thing is so much higher than crop; slope_percent: and so much more by the distance, for
-    ground that bends
-    crop_m: height of crop until the knife has met some; crop_sd_m: its standard deviation; stubble_m: what
-    the knife meets is crop from this height on
-    least_echoes: in a heap; confirm: scans that show a thing before it counts; keep_s: it is kept so long
-    without being seen
+    The numbers from doubt_nat on are set on drawn cases (`benchmarks/objects_drawn.py`).
 
-    Set on the same drawn cases:
+    reach_m: farthest object ahead of the knife
+    side_m: farthest object beside the ends of the header
+    widest_m: width beyond which a cluster is an object only where it is higher than the crop
+    ragged_m: how much crop may be higher than the crop before it, about the spread of wheat's height
+    path_m: distance through crop that few beams survive (2 to 12 % in wheat of 1.75 to 3.3 per metre)
+    above_m: how much higher than the crop a wide cluster must be
+    slope_percent: how much higher still for its distance, on ground that bends
+    crop_m: height of the crop until the knife has met some
+    crop_sd_m: standard deviation of that height
+    stubble_m: height from which on what the knife meets is crop
+    least_echoes: fewest echoes of a cluster
+    confirm: number of scans that must show an object before it is reported
+    keep_s: time for which an object is kept without being seen
+    doubt_nat: evidence that clusters of crop have as often as objects have [nat]
     line_deg: beams whose elevations differ by less are of one line of the scan
-    front_m: along a line, over which the nearest echo is the front of the crop; no body is narrower
+    front_m: length along a line over which the nearest echo is the front of the crop; no body is narrower
     finest_m: depth into the crop that every scanner may find by its noise and the raggedness of a wall
-    least_depths: so many depths, to which beams beside it get into the crop, an echo lies before its line
-    where evidence begins; most_depths: and where the evidence of one echo ends
+    least_depths: how far an echo lies before its line where evidence begins, in depths to which the beams
+        beside it get into the crop [1]
+    most_depths: how far an echo lies before its line where the evidence of one echo ends, in the same depths
+        [1]
     stems_m: echoes nearer to each other than this see the same stems
-    cell_m: echoes in one cell, or with at most one empty cell between them, are one heap
-    body_m: half the width of a body: over it the evidence of a heap is summed, and beyond it lies the surface
-    before; around_m: so far around a heap lies the surface where none is known before it
-    blind_mrad: a thing whose top lies less than this above the lowest beam can get lost
-    memory_s: a height of the map counts so long; no machine drives half of the map in it
-    first_cells: of the map, as many as crop_m counts for, some 10 m of way across a header; lasting_cells:
-    over so many the height of the crop is a mean, some 500 m of way
+    cell_m: side of a cell; echoes in one cell, or with at most one empty cell between them, are one cluster
+    body_m: half the width of a body: over it the evidence of a cluster is summed, and beyond it lies the
+        surface before
+    around_m: how far around a cluster the surface lies where none is known before it
+    blind_mrad: an object whose top lies less than this above the lowest beam can get lost
+    memory_s: time for which a height of the map counts; no machine drives half of the map in it
+    first_cells: cells of the map that crop_m counts for, some 10 m of travel across a header
+    lasting_cells: cells over which the height of the crop is a mean, some 500 m of travel
     """
 
     reach_m: Annotated[float, Gt(0), Le(100)] = 20.0

@@ -26,7 +26,12 @@ FIELDS = [field.name for field in fields(Objects) if field.name != "t"]
 
 @dataclass(frozen=True)
 class Params:
-    """lidar, radar: as of levels `cluster` and `radar`; gate_m: two finds no farther apart are one thing"""
+    """LiDAR and radar together.
+
+    lidar: keys of level `cluster`
+    radar: keys of level `radar`
+    gate_m: distance up to which a find of each is one object
+    """
 
     lidar: LidarParams = field(default_factory=LidarParams)
     radar: RadarParams = field(default_factory=RadarParams)

@@ -26,11 +26,18 @@ SIZE = 0.5  # of a detection, which has none [m]
 
 @dataclass(frozen=True)
 class Params:
-    """reach_m: ahead of the knife; side_m: beside the ends of the header; fastest_m_s: over ground, along the
-    sight; least_snr_db, least_rcs_dbsm: of a detection; crop and its edge beside the way lie below the second
-    confirm: looks that show a thing before it counts; keep_s: it is kept so long without being seen
-    view_deg: to both sides of the radar's axis; near_m: nearer than that low things lie under the beam; what
-    gets there, before the knife, is kept where it was
+    """Objects among the detections of a radar.
+
+    reach_m: farthest object ahead of the knife
+    side_m: farthest object beside the ends of the header
+    fastest_m_s: greatest speed over ground along the line of sight
+    least_snr_db: least signal-to-noise ratio of a detection
+    least_rcs_dbsm: least radar cross section of a detection; crop and its edge beside the path lie below it
+    confirm: number of measurements that must show an object before it is reported
+    keep_s: time for which an object is kept without being seen
+    view_deg: field of view to both sides of the radar's axis
+    near_m: distance below which low objects lie under the beam; one that gets there, before the knife, is
+        kept where it was
     """
 
     reach_m: Annotated[float, Gt(0), Le(200)] = 30.0

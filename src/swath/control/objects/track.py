@@ -19,7 +19,7 @@ BELIEF, DOUBT = (
 
 @dataclass(frozen=True)
 class Heap:
-    """x, y: its middle; length, width: along the machine's axes; top: above the ground under the axle [m]
+    """x, y: its middle; length, width: along the machine's axes; top: above the ground under the axle [m].
 
     evidence: that it is a thing and not crop [nat]; infinite where the sensor cannot mistake crop for one
     """
@@ -69,7 +69,8 @@ class Track:
 
 
 class Tracks(KeepsState):
-    """confirm: scans that show a thing before it counts; keep: seconds without being seen
+    """confirm: scans that show a thing before it counts; keep: seconds without being seen.
+
     doubt: evidence that crop and things have equally often [nat]
     """
 

@@ -14,7 +14,7 @@ REACH = 3 * NS  # how far back it is remembered [ns]
 
 
 class Step(NamedTuple):
-    """A pose in the frame of the dead reckoning, and how it goes on. t [ns]; x, y [m]; heading [rad]
+    """A pose in the frame of the dead reckoning, and how it goes on. t [ns]; x, y [m]; heading [rad].
 
     speed [m/s], yaw_rate [rad/s]: from t on
     """

@@ -65,17 +65,22 @@ UNREPORTED_SPEED_SD = 0.05
 class Params:
     """What the filter assumes of its sensors, as 1 sigma; estimates where a data sheet says nothing.
 
-    wheel_noise_m_s: of a sample of the wheels' speed; wheel_scale_percent: of slip and calibration at first
-    slip_percent: that the wheels are expected to turn too fast
-    gyro_noise_deg_s: of a sample, beside what the sensor says itself; gyro_bias_deg_s: of the bias at first
-    crab: side slip that is expected, per side slope or lateral acceleration in g; crab_deg: beside that
-    tilt_deg: of the inclination, by which an antenna above the ground stands aside (biases of the inertial
-    unit). 0 on a plane, the slope where there is no inertial unit
+    wheel_noise_m_s: noise of a sample of the wheels' speed
+    wheel_scale_percent: slip and calibration error of the wheels at first
+    slip_percent: how much faster the wheels are expected to turn than the ground passes
+    gyro_noise_deg_s: noise of a sample of the gyroscope, beside what the sensor reports itself
+    gyro_bias_deg_s: bias of the gyroscope at first
+    crab: expected side slip per side slope, or per lateral acceleration in g [1]
+    crab_deg: side slip beside the expected
+    tilt_deg: inclination, by which an antenna above the ground stands aside (biases of the inertial unit); 0
+        on a plane, the slope where there is no inertial unit
     tilt_s: time over which that inclination changes
-    tilt_start_deg: of the inclination at first, while it settles and the machine sets off; it dies out over
-    tilt_start_s and is told beside what the filter knows. 0 on a plane
-    gate: squared distance in standard deviations beyond which a position is left out, the
-    gyroscope of a standing machine, too; gate_s: a position for so long at most
+    tilt_start_deg: inclination at first, while it settles and the machine sets off, reported beside what the
+        filter knows; 0 on a plane
+    tilt_start_s: time constant with which that inclination dies out
+    gate: squared distance in standard deviations beyond which a position is left out, and the gyroscope of a
+        standing machine [1]
+    gate_s: longest time for which positions are left out
     course_from_m_s: speed from which on the course gives the first heading
     """
 

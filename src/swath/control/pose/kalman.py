@@ -27,7 +27,7 @@ Row = dict[int, float]  # derivatives of a measurement by the states
 
 class Noise(NamedTuple):
     """What drives the states. acceleration, scale: densities [m/s2, 1 per sqrt(Hz)]; bias: of its walk
-    [rad/s per sqrt(s)]; slip [rad], slip_time [s]: of a first-order Gauss-Markov process
+    [rad/s per sqrt(s)]; slip [rad], slip_time [s]: of a first-order Gauss-Markov process.
     """
 
     acceleration: float
@@ -39,7 +39,7 @@ class Noise(NamedTuple):
 
 @saved_type()
 class Wander(NamedTuple):
-    """The receiver's wandering error. sd [m], time [s]"""
+    """The receiver's wandering error. sd [m], time [s]."""
 
     sd: float
     time: float
@@ -49,7 +49,7 @@ class Wander(NamedTuple):
 class Motion(NamedTuple):
     """A step of the machine. seconds; yaw_rate: measured [rad/s], its sd over the step; crab: expected slip
     to the right [rad]; speed: by the wheels [m/s]; rest: yaw rate by the wheels while they stand [rad/s], nan
-    while they roll
+    while they roll.
     """
 
     t: int
@@ -132,8 +132,9 @@ class Kalman(KeepsState):
         self.covariance = 0.5 * (p + p.T)
 
     def take_wheels(self, speed: float, sd: float, gate: float) -> None:
-        """Speed by the wheels, (1 + scale) v. Beyond the gate, a squared distance, the speed has jumped: that
-        says nothing about the scale.
+        """Speed by the wheels, (1 + scale) v.
+
+        Beyond the gate, a squared distance, the speed has jumped: that says nothing about the scale.
         """
         scale, v = 1.0 + float(self.state[SCALE]), float(self.state[SPEED])
         row, difference = {SPEED: scale, SCALE: self.pace}, speed - scale * v

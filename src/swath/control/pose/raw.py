@@ -30,7 +30,8 @@ LEAST_SD = 1e-3  # of any position, m
 
 @dataclass(frozen=True)
 class Params:
-    """course_s: time over which the heading is drawn to the course over ground
+    """course_s: time over which the heading is drawn to the course over ground.
+
     course_from_m_s: speed from which on a course counts
     way_percent: what dead reckoning is off by, of the way since the last fix, 1 sigma; an estimate
     """

@@ -24,7 +24,7 @@ class Standing(KeepsState):
         self.mean: float | None = None
 
     def take(self, speed: float, seconds: float) -> bool:
-        """Whether it stands. speed: measured [m/s]; seconds: since the last one"""
+        """Whether it stands. speed: measured [m/s]; seconds: since the last one."""
         if self.mean is None:
             self.mean = speed
         self.mean += min(max(seconds, 0.0) / MEAN_S, 1.0) * (speed - self.mean)

@@ -57,7 +57,7 @@ class ScanFilter(KeepsState, ABC):
 
     @abstractmethod
     def unwanted(self, points: F64) -> Mask:
-        """Which echoes go. points: in the machine frame, shape (echo_count, 3) [m], nan = no echo"""
+        """Which echoes go. points: in the machine frame, shape (echo_count, 3) [m], nan = no echo."""
 
     def follow(self, now: int, dt: int, inputs: Inputs) -> None:
         """A step of dt [ns] up to now [ns] passed, with a scan or without one."""

@@ -23,7 +23,8 @@ from swath.signals.setup import ControlSetup
 
 @dataclass(frozen=True)
 class Params:
-    """margin_m: around the outlines, for tyres beside a box and errors of the positions
+    """margin_m: around the outlines, for tyres beside a box and errors of the positions.
+
     hold_s: silence through which the place of the other machine is carried on by dead reckoning
     """
 

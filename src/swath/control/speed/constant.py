@@ -26,7 +26,7 @@ class Params(Guarded):
 
 
 class ConstantSpeed(InWorlds):
-    """The same forward speed wherever the edge is sure. stop: bounds it by objects; wanted [m/s]"""
+    """The same forward speed wherever the edge is sure. stop: bounds it by objects; wanted [m/s]."""
 
     inputs = (Port("odometry", Odometry, optional=True), *GUARD_INPUTS)
     outputs = (Port("command", SpeedCommand),)

@@ -16,7 +16,11 @@ SLOW, IGNORE, PATH = (wp.constant(guard.CHOICES.index(name)) for name in ("slow"
 
 @wp.struct
 class Limits:
-    """Numbers of `Guard` in SI; when_lost: place in `CHOICES`; wanted: speed where nothing bounds it [m/s]"""
+    """Numbers of `Guard` in SI.
+
+    when_lost: place in `CHOICES`
+    wanted: speed where nothing bounds it [m/s]
+    """
 
     when_lost: wp.int32
     wanted: wp.float64
@@ -29,7 +33,7 @@ class Limits:
 
 @wp.struct
 class Driven:
-    """blind: driven without knowing the edge [m]; bend: of the edge [1/m]; is_over: it stopped for that"""
+    """blind: driven without knowing the edge [m]; bend: of the edge [1/m]; is_over: it stopped for that."""
 
     blind: wp.float64
     bend: wp.float64
@@ -53,7 +57,7 @@ def bound_speeds(
     is_led: wp.array(dtype=wp.bool),
     told: Numbers,
 ):
-    """told: what may be driven over the next step [m/s]; needs: set where a machine stops for good"""
+    """told: what may be driven over the next step [m/s]; needs: set where a machine stops for good."""
     w = wp.tid()
     p = limits[w]
     wanted = p.wanted

@@ -24,8 +24,12 @@ APART = 0.05  # command and wish may differ by this share before the integration
 
 @dataclass(frozen=True, kw_only=True)
 class Params(Common):
-    """gain: of the free share on the speed; reset_s: time of the integration; smooth_s: time constant of a
-    low pass on the free share, so that the noise of sensors does not shake the drive
+    """A PI controller of the throughput.
+
+    gain: gain of the free share on the speed [1]
+    reset_s: time of the integration
+    smooth_s: time constant of a low pass on the free share, so that the noise of sensors does not shake the
+        drive
     """
 
     gain: Annotated[float, Ge(0), Le(5)] = 0.5

@@ -16,13 +16,16 @@ CHOICES = "stop", "slow", "ignore", "path"  # of `when_lost`
 
 @dataclass(frozen=True)
 class Guard:
-    """What a speed law does where the edge is not confidently seen. Without an edge detector: nothing.
+    """What a speed law does where the edge is not confidently seen.
 
-    when_lost: `stop` = slow down, stop and end the run; `slow` = go on slowly; `ignore` = as if it were seen;
-    `path` = go on slowly while the steering follows a path instead, stop where it does not
-    blind_m: driven without seeing the edge ahead, or knowing where it is, until the machine stands
-    room_m: where the edge lies is not known where it may as well be farther off than that
-    slow_kmh: where the edge is not sure; sure: confidence from which on the speed is full
+    Without an edge detector it does nothing.
+
+    when_lost: `stop` = slow down, stop and end the run; `slow` = go on slowly; `ignore` = as if the edge were
+        seen; `path` = go on slowly while the steering follows a path instead, stop where it does not
+    blind_m: distance driven without seeing the edge ahead, or knowing where it is, until the machine stands
+    room_m: the place of the edge counts as unknown where the edge may as well be farther off than this
+    slow_kmh: speed where the edge is not sure
+    sure: confidence from which on the speed is full [1]
     bend_m_s2: greatest lateral acceleration along the edge
     """
 

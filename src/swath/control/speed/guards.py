@@ -18,7 +18,11 @@ GUARD_INPUTS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Guarded:
-    """guard: where the edge is not confidently seen; stop: before objects in the way"""
+    """What slows down or stops a speed law.
+
+    guard: what it does where the edge is not confidently seen
+    stop: what it does before objects on its path
+    """
 
     guard: Guard = field(default_factory=Guard)
     stop: Stop = field(default_factory=Stop)

@@ -53,7 +53,7 @@ class Params(Common):
     smooth_m: distance over which what a scanner sees is averaged (a map is smooth)
     learn_m: distance over which the factor, or the height of a map's line, is learned
     slope_m: distance over which it is learned how much of a map's differences comes true
-    power: throughput goes with amount^power of what a scanner sees, above 1 where dense crop hides itself
+    power: throughput goes with amount^power of what a scanner sees, above 1 where dense crop hides itself.
     """
 
     sensor_delay_s: Annotated[float, Ge(0), Le(20)] = 2.8
@@ -89,11 +89,11 @@ class Forecast(KeepsState, ABC):
 
     @abstractmethod
     def look(self, now: int, distance: float, speed: float, inputs: Inputs) -> None:
-        """Take in what was sent. distance: driven [m] at `now` [ns]"""
+        """Take in what was sent. distance: driven [m] at `now` [ns]."""
 
     @abstractmethod
     def learn(self, t: int, distance: float, speed: float, feed: FeedReading | None, h: float) -> None:
-        """Compare what is measured at t [ns] with what was cut when that crop came in. h: seconds"""
+        """Compare what is measured at t [ns] with what was cut when that crop came in. h: seconds."""
 
     @property
     @abstractmethod

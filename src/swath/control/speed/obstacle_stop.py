@@ -17,11 +17,14 @@ BESIDE = 1.0  # an object whose middle lies farther behind the knife is past [m]
 
 @dataclass(frozen=True)
 class Stop:
-    """What a speed law does before objects. Without the slot `objects`: nothing.
+    """What a speed law does before objects. Without the slot `objects` it does nothing.
 
-    gap_m: left between the knife and an object where the machine stands; side_m: beside the ends of the
-    header that is kept free too; brake_m_s2: of the braking that it counts on; react_s: until it brakes
-    sure: confidence from which on an object counts; hold_s: it stands so long after the way is free again
+    gap_m: distance left between the knife and an object where the machine stands
+    side_m: width beside the ends of the header that is kept free too
+    brake_m_s2: deceleration that it counts on
+    react_s: time until it brakes
+    sure: confidence from which on an object counts [1]
+    hold_s: time for which it still stands after the path is free again
     """
 
     gap_m: Annotated[float, Ge(0), Le(50)] = 2.5

@@ -20,8 +20,12 @@ from swath.signals.setup import ControlSetup
 
 @dataclass(frozen=True)
 class Params:
-    """gain_per_s: k above; lag_s: T of the own drive; closing_m_s: most that is added or taken to close up
-    speed_kmh: while there is no station
+    """Keep the speed of the machine beside.
+
+    gain_per_s: gain k of the distance
+    lag_s: time constant T of the machine's own drive
+    closing_m_s: greatest speed that is added or taken to close up
+    speed_kmh: speed while there is no station
     """
 
     gain_per_s: Annotated[float, Gt(0), Le(5)] = 0.4

@@ -16,9 +16,15 @@ CROP_SHARE = 0.1  # below this share of the wanted throughput there is no crop i
 
 @dataclass(frozen=True, kw_only=True)
 class Common(Guarded):
-    """throughput_kg_s: wanted, grain and straw; engine_load_percent: the load that is not to be exceeded
-    entry_speed_kmh: as long as no crop comes; min_speed_kmh, max_speed_kmh: bounds
-    ramp_kmh_s: largest change up, 0.2-0.4 in practice (uncited estimate); slow_kmh_s: largest change down
+    """A throughput that is held.
+
+    throughput_kg_s: wanted throughput of grain and straw
+    engine_load_percent: engine load that is not to be exceeded
+    entry_speed_kmh: speed as long as no crop comes
+    min_speed_kmh: least speed
+    max_speed_kmh: greatest speed
+    ramp_kmh_s: largest change up, 0.2-0.4 in practice (uncited estimate)
+    slow_kmh_s: largest change down
     """
 
     throughput_kg_s: Annotated[float, Gt(0), Le(200)] = 39.0

@@ -41,12 +41,15 @@ NAN = float("nan")
 
 @dataclass(frozen=True)
 class Params:
-    """edge: as of level `preview`; path: as of level `path`, where it names none the line driven last leads
+    """The edge leads, or a path where no edge is seen.
 
-    lost_s: without an edge until the path leads; found_s: with an edge until it leads again
-    learn_m: way over which the line driven last is taken, at least half of it has to be driven
-    stray_m: the edge leads no farther than so beside the path of the scenario, and only where it lies so near
-    and along it; none = wherever it is seen
+    edge: keys of level `preview`
+    path: keys of level `path`; where it names no path the line driven last leads
+    lost_s: time without an edge until the path leads
+    found_s: time with an edge until it leads again
+    learn_m: distance over which the line driven last is taken; at least half of it has to be driven
+    stray_m: how far beside the scenario's path the edge may lead, and only where it lies so near and along
+        it; none = wherever it is seen
     """
 
     edge: EdgeParams = field(default_factory=EdgeParams)

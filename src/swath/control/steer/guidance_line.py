@@ -19,7 +19,7 @@ SHARP = 0.5  # way over which a change of curvature counts as sudden [m]
 
 
 class Beside(NamedTuple):
-    """way: along the line to its nearest point; left: of the line [m]"""
+    """way: along the line to its nearest point; left: of the line [m]."""
 
     way: float
     left: float

@@ -40,8 +40,11 @@ Curvature = Annotated[float, Ge(-0.5), Le(0.5)]
 
 @dataclass(frozen=True)
 class Segment:
-    """A piece of a path. length_m: its length; curvature_per_m: > 0 bends left; to_per_m: curvature at its
-    end, where it is a clothoid
+    """A piece of a path.
+
+    length_m: length of the segment
+    curvature_per_m: curvature, > 0 bends left
+    to_per_m: curvature at its end, where it is a clothoid
     """
 
     length_m: Annotated[float, Gt(0), Le(100_000)]
@@ -57,7 +60,12 @@ class Segment:
 
 @dataclass(frozen=True)
 class Begin:
-    """Where segments begin. x_m: east; y_m: north; heading_deg: from east, > 0 left"""
+    """Where segments begin.
+
+    x_m: east
+    y_m: north
+    heading_deg: heading from east, > 0 to the left
+    """
 
     x_m: Coordinate = 0.0
     y_m: Coordinate = 0.0
@@ -66,23 +74,28 @@ class Begin:
 
 @dataclass(frozen=True)
 class Params:
-    """The path is one of:
+    """A path, given by one of points_m, segments and file.
 
-    points_m: [x, y] in the field's frame, its corners rounded
+    points_m: [x, y] in the field's frame; corners are rounded
     segments: lines, arcs and clothoids, from the place `begin` on
-    file: lines of a GeoJSON file, such as tracks.geojson of a field folder; line: which of them, from 0
-
-    corner_radius_m: of the rounded corners of points_m and file, 0 = as they are
-    backwards: from its end to its begin
-    distance_m, time_s: distance d over which an error dies out, the greater of distance_m and time_s times
-    the speed
+    file: GeoJSON file of lines, such as tracks.geojson of a field folder
+    line: which line of the file, from 0
+    begin: where segments begin
+    corner_radius_m: radius of the rounded corners of points_m and file, 0 = as they are
+    backwards: whether the path is driven from its end to its begin
+    distance_m: least distance d over which an error dies out, the greater of distance_m and time_s times
+        speed
+    time_s: that distance over speed
     approach_deg: steepest angle at which a far path is approached
-    dead_time_s, lag_s: of the steering, bridged by prediction; rate_deg_s: limit of the wanted steering
-    angle's rate; share_of_lock: of the steering angle that is used
-    trim_m: distance over which it is learnt how far the machine understeers, 0 = never
-    slip_m: distance over which side slip is learnt, 0 = never; slip_step_cm: errors beyond are no slip
+    dead_time_s: dead time of the steering, bridged by prediction
+    lag_s: time constant of the steering, bridged by prediction
+    rate_deg_s: limit of the wanted steering angle's rate
+    share_of_lock: share of the full steering angle that is used [1]
+    trim_m: distance over which the machine's understeer is learned, 0 = never
+    slip_m: distance over which side slip is learned, 0 = never
+    slip_step_cm: error beyond which side slip is not learned
     accuracy_m: standard deviation of the position beyond which the law lets go
-    hold_s: for so long it keeps its last command when there is no such position
+    hold_s: time for which it keeps its last command without a position that good
     run_out_m: how far behind the path's end it goes straight on before it lets go
     engage_s: time to blend in
     """
@@ -120,7 +133,7 @@ class Params:
 
 class BesidePath(NamedTuple):
     """Of a path beside a place. left: how far to the left of it the place is [m]; course: its direction
-    against the machine's [rad]; curvature [1/m]
+    against the machine's [rad]; curvature [1/m].
     """
 
     left: float
@@ -236,7 +249,7 @@ class PathSteer(KeepsState):
         return state, self._aim(line, there.way, there.left, travel, speed) + self._actuator.deficit
 
     def _aim(self, line: GuidanceLine, way: float, left: float, travel: float, speed: float) -> float:
-        """The law itself. left: of the path [m]; travel: direction of travel against it [rad]"""
+        """The law itself. left: of the path [m]; travel: direction of travel against it [rad]."""
         d = max(self._p.distance_m, self._p.time_s * speed)
         most = 2.0 * DAMPING * d * sin(self._p.approach_deg * DEG)
         swing = 0.5 * speed * line.sharpest_bend / self._rate

@@ -47,18 +47,23 @@ from swath.signals.setup import ControlSetup
 
 @dataclass(frozen=True)
 class Params:
-    """Parameters of the preview law.
+    """The preview law.
 
     overlap_m: how far the header end is kept outside the crop
-    lookahead_m, lookahead_s: preview distance d is the greater of lookahead_m and lookahead_s times speed
+    lookahead_m: least preview distance d, which is the greater of lookahead_m and lookahead_s times speed
+    lookahead_s: preview distance over speed
     approach_deg: steepest angle at which a far edge is approached
-    dead_time_s, lag_s: of the steering, bridged by prediction
-    trim_m: distance over which it is learnt how far the machine understeers, 0 = never
-    slip_m: distance over which side slip is learnt, 0 = never; slip_step_cm: errors beyond are no slip
+    dead_time_s: dead time of the steering, bridged by prediction
+    lag_s: time constant of the steering, bridged by prediction
+    trim_m: distance over which the machine's understeer is learned, 0 = never
+    slip_m: distance over which side slip is learned, 0 = never
+    slip_step_cm: error beyond which side slip is not learned
     crab: side slip that is expected, per side slope or lateral acceleration in g [1]
-    rate_deg_s: limit of the wanted steering angle's rate; share_of_lock: of the steering angle that is used
-    hold_s: after losing the edge the bend driven last is held for so long, then the law lets go, the wheels
-    stay where they are and a person must steer; engage_s: time to blend in when an edge is found
+    rate_deg_s: limit of the wanted steering angle's rate
+    share_of_lock: share of the full steering angle that is used [1]
+    hold_s: time for which the last curvature is held after the edge is lost; then the law lets go, the wheels
+        stay where they are and a person must steer
+    engage_s: time to blend in when an edge is found
     """
 
     overlap_m: Annotated[float, Ge(-1), Le(3)] = 0.10

@@ -28,7 +28,7 @@ def bias_of(memory: wp.array(dtype=wp.float64)) -> wp.float64: ...
 
 @wp.struct
 class Law:
-    """What stays: numbers of `preview.Params` in SI, and of the machine. x, y: of the header end [m]
+    """What stays: numbers of `preview.Params` in SI, and of the machine. x, y: of the header end [m].
 
     law: which one of `preview.py` aims it
     share, period, more, learnt: of `ActuatorModel`, pending: commands on their way; pole, pole_squared, clip:
@@ -60,7 +60,7 @@ class Law:
 
 @wp.struct
 class State:
-    """command, held: curvature wanted now, and while the edge is lost [1/m]; engaged, lost: since when [s]
+    """command, held: curvature wanted now, and while the edge is lost [1/m]; engaged, lost: since when [s].
 
     slip: direction of travel to the left of what the steering explains [rad]; curvature, deficit, model: of
     `ActuatorModel`; observed, error, sd: of `SlipObserver`, error nan = none; bias, since: of `YawRate`
@@ -104,7 +104,7 @@ class Edge:
 
 @wp.struct
 class Target:
-    """error: lateral, > 0 to the left [m]; angle [rad]"""
+    """error: lateral, > 0 to the left [m]; angle [rad]."""
 
     error: wp.float64
     angle: wp.float64
@@ -234,7 +234,7 @@ def gather(
     edges: wp.array(dtype=Edge),
 ):
     """What `steer` asks for. clock: begin, end, length of the step [ns]; stamp: time of the edge, < 0 =
-    none
+    none.
     """
     w = wp.tid()
     ns = real(1.0e9)
@@ -269,7 +269,7 @@ def steer(
     curvatures: wp.array(dtype=wp.float64),
     engaged: wp.array(dtype=wp.bool),
 ):
-    """asked: length of the step [s], age of the edge at its end [s], whether there is one
+    """asked: length of the step [s], age of the edge at its end [s], whether there is one.
 
     upward, turning: memories of `Inclination` and `YawRate`; curvatures, engaged: the command
     """

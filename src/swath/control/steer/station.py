@@ -24,7 +24,11 @@ STEEPEST = 12.0 * DEG  # towards a path far aside
 
 @dataclass(frozen=True)
 class Params:
-    """distance_m: over which an error dies out, at least; time_s: the same as a time at the present speed"""
+    """Steer to the station beside another machine.
+
+    distance_m: least distance over which an error dies out
+    time_s: that distance over the present speed
+    """
 
     distance_m: Annotated[float, Gt(0.5), Le(100)] = 4.0
     time_s: Annotated[float, Gt(0), Le(20)] = 2.0

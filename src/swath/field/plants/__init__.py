@@ -14,8 +14,10 @@ __all__ = ["CUTOFF", "Drawing", "Plants", "leaf_parts_of", "make_plants", "silho
 
 
 def leaf_parts_of(crop: Crop, detail: Detail) -> int:
-    """Ribbons per leaf. `reduced` is for cereals alone: broad leaves make up what is seen of maize, and there
-    it moves heights by centimetres. In cereals it moves them by a millimetre.
+    """Ribbons per leaf.
+
+    `reduced` is for cereals alone: broad leaves make up what is seen of maize, and there it moves heights by
+    centimetres. In cereals it moves them by a millimetre.
     """
     return crop.habit.reduced_leaf_parts if detail == "reduced" else Drawing.leaf_parts
 

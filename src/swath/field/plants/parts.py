@@ -19,7 +19,8 @@ CUTOFF = 3.0  # normal distributions are cut at this many standard deviations
 class LeafFacts:
     """Leaves: count_min, count_max; node_top: foot of the highest, node_step: down to the next [share of the
     stem's length]; length, width [m] with cv; elevation_start, elevation_end [rad] of the blade above
-    horizontal at its foot and its tip, elevation_sd [rad]."""
+    horizontal at its foot and its tip, elevation_sd [rad].
+    """
 
     count_min: Annotated[int, Quantity("", 0, 20)]
     count_max: Annotated[int, Quantity("", 0, 20)]
@@ -154,7 +155,7 @@ def arc(start: Array, length: Array, first: Array, last: Array, azimuth: Array, 
 class Leafing:
     """How leaves sit. plane: azimuth of the plane that each stem's leaves stand in, to either side by turns
     [rad], (stems,), None = anywhere; scatter: half range about it [rad]; taper: width of each ribbon of a
-    blade relative to the blade's; organ
+    blade relative to the blade's; organ.
     """
 
     plane: Array | None = None

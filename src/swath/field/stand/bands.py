@@ -18,8 +18,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Band:
-    """from_m: where it begins along the direction, from the world's origin
-    stems_per_m2: density in it; height_factor: plant length relative to the crop's own
+    """One band.
+
+    from_m: where the band begins along that direction, from the world's origin
+    stems_per_m2: density of the stems in the band
+    height_factor: plant length in the band relative to the crop's own [1]
     """
 
     from_m: Annotated[float, Ge(-1e5), Le(1e5)]
@@ -29,8 +32,10 @@ class Band:
 
 @dataclass(frozen=True)
 class Params(UniformParams):
-    """As `uniform`, which holds before the first band. bands: in rising order of from_m
-    bands_azimuth_deg: the direction along which they follow, clockwise from north.
+    """Bands across the field; before the first one the stand is that of level `uniform`.
+
+    bands: the bands, in rising order of from_m
+    bands_azimuth_deg: direction along which the bands follow each other, clockwise from north
     """
 
     bands: Annotated[tuple[Band, ...], MinLen(1)] = (Band(50.0, 500.0),)

@@ -34,8 +34,11 @@ DENSITY_LIMIT = 3000.0  # stems/m2
 class Patch:
     """A round lodged patch.
 
-    x_m: of its middle, east; y_m: of its middle, north; radius_m: of its edge
-    lean_deg: mean lean of its stems; azimuth_deg: where to, from north
+    x_m: east coordinate of its middle
+    y_m: north coordinate of its middle
+    radius_m: radius of the patch
+    lean_deg: mean lean of its stems
+    azimuth_deg: direction in which they lean, clockwise from north
     """
 
     x_m: Metres
@@ -49,9 +52,12 @@ class Patch:
 class Lodging:
     """Random lodged patches.
 
-    share_percent: of the area; diameter_min_m: of the smallest; diameter_max_m: of the largest, all between
-    alike; lean_deg: mean of the stems; azimuth_deg: mean where to, from north, alike within a patch
-    azimuth_sd_deg: between patches
+    share_percent: share of the area that is lodged
+    diameter_min_m: diameter of the smallest patch
+    diameter_max_m: diameter of the largest patch; all diameters between are as likely
+    lean_deg: mean lean of the stems in a patch
+    azimuth_deg: mean direction in which they lean, clockwise from north; one direction within a patch
+    azimuth_sd_deg: standard deviation of the direction from patch to patch
     """
 
     share_percent: Annotated[float, Ge(0.0), Le(30.0)] = 5.0
@@ -69,7 +75,11 @@ class Lodging:
 
 @dataclass(frozen=True, kw_only=True)
 class Variation:
-    """Smooth random change. sd_percent: standard deviation; length_m: correlation length."""
+    """Smooth random change.
+
+    sd_percent: standard deviation
+    length_m: correlation length
+    """
 
     sd_percent: Annotated[float, Ge(0.0), Le(30.0)] = 6.0
     length_m: Annotated[float, Ge(2.0), Le(1e4)] = 20.0
@@ -77,8 +87,12 @@ class Variation:
 
 @dataclass(frozen=True, kw_only=True)
 class Tramlines:
-    """Pairs of bare wheel tracks along the rows. spacing_m: from pair to pair; track_m: middle to middle of
-    the two; width_m: of each; offset_m: of a pair's middle from the world's origin, to the left of the rows.
+    """Pairs of bare wheel tracks along the rows.
+
+    spacing_m: distance from pair to pair
+    track_m: distance between the middles of the two tracks
+    width_m: width of each track
+    offset_m: distance from the world's origin to a pair's middle, to the left of the rows
     """
 
     spacing_m: Annotated[float, Ge(4.0), Le(200.0)] = 24.0
@@ -89,11 +103,18 @@ class Tramlines:
 
 @dataclass(frozen=True, kw_only=True)
 class Params(UniformParams):
-    """As `uniform`, changed by maps. density_file: stems per m2; height_file: height of the crop [m]; both
-    GeoTIFF; where they hold nothing, nothing grows, or the crop has its own height. height_variation,
-    density_variation: smooth random change on top. patches, lodging: lodged places. tramlines: bare tracks.
-    wind: that sways the crop; detail: `reduced` = the same plants of fewer primitives
-    (docs/explanation/crops.md).
+    """The stand of level `uniform`, changed by maps.
+
+    Where a map holds no value nothing grows, or the crop has its own height.
+
+    lean_azimuth_deg: direction in which the stems lean, clockwise from north
+    density_file: GeoTIFF of stems per m2
+    height_file: GeoTIFF of the height of the crop in m
+    density_variation: smooth random change on top of the density
+    height_variation: smooth random change on top of the height
+    patches: lodged places that are given one by one
+    lodging: lodged places that are drawn at random
+    tramlines: bare wheel tracks
     """
 
     lean_azimuth_deg: Azimuth = 90.0

@@ -19,13 +19,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """crop: a bundled sheet or your own file, whose plants may be meshes (docs/explanation/crops.md)
-    stems_per_m2: of plants with one stem the plants, none = the crop's own;
-    row_spacing_m: 0 = no rows, none = the crop's own; row_azimuth_deg: direction of the rows, clockwise from
-    north; height_factor: plant length relative to the crop's own; lean_deg, lean_azimuth_deg: mean lean of
-    all stems on top of their own, and where to, clockwise from north; weeds: under the crop;
-    wind: that sways the crop; detail: `reduced` = the same plants of fewer primitives
-    (docs/explanation/crops.md).
+    """The same stand everywhere.
+
+    crop: a bundled crop sheet or your own file, whose plants may be meshes (docs/explanation/crops.md)
+    stems_per_m2: density of the stems, of plants with one stem that of the plants; none = the crop's own
+    row_spacing_m: distance between rows; 0 = no rows, none = the crop's own
+    row_azimuth_deg: direction of the rows, clockwise from north
+    height_factor: plant length relative to the crop's own [1]
+    lean_deg: mean lean of all stems, on top of the lean of each
+    lean_azimuth_deg: direction in which they lean, clockwise from north
+    weeds: weeds under the crop
+    wind: wind that sways the crop
+    detail: `full`, or `reduced` = the same plants of fewer primitives (docs/explanation/crops.md)
     """
 
     crop: str = "wheat"

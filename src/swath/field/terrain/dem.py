@@ -23,10 +23,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """file: GeoTIFF of heights, with their unit and scale, in a projected system; its middle is x = y = 0
-    unless there is a field folder
-    datum_m: height above sea level of z = 0, by default the mean of the map
-    roughness_class: added ISO 8608 roughness, or `none`; waviness: its exponent w
+    """A measured elevation model.
+
+    file: GeoTIFF of heights with their unit and scale, in a projected system. Its middle is x = y = 0 unless
+        there is a field folder
+    datum_m: height above sea level of z = 0; none = the mean of the map
+    roughness_class: ISO 8608 class of the roughness added to the map, or `none`
+    waviness: exponent w of the spectrum of that roughness [1]
     """
 
     file: str
@@ -36,7 +39,8 @@ class Params:
 
 
 class Dem:
-    """Heights on a raster. datum: height that z = 0 stands for [m]; notes: what was assumed of its file;
+    """Heights on a raster. datum: height that z = 0 stands for [m]; notes: what was assumed of its file.
+
     gd_n0: of the added roughness [m3]
     """
 
@@ -93,7 +97,7 @@ class Dem:
 
 
 def fill_gaps(values: Array) -> Array:
-    """nan cells as the mean of their known neighbours, ring by ring from the known ones."""
+    """Fill nan cells with the mean of their known neighbours, ring by ring from the known ones."""
     padded = np.pad(values, 1, constant_values=np.nan)
     flat, (ny, nx) = padded.reshape(-1), values.shape
     is_missing = np.zeros(padded.shape, dtype=bool)

@@ -20,8 +20,10 @@ Array = NDArray[np.float64]
 class Wave:
     """One sine wave of the ground.
 
-    amplitude_m: half of crest to trough; wavelength_m: from crest to crest
-    azimuth_deg: direction in which it runs, clockwise from north; phase_deg: at the world's origin
+    amplitude_m: half of the height from crest to trough
+    wavelength_m: distance from crest to crest
+    azimuth_deg: direction in which it runs, clockwise from north
+    phase_deg: phase at the world's origin
     """
 
     amplitude_m: Annotated[float, Ge(0.0), Le(100.0)]
@@ -32,10 +34,14 @@ class Wave:
 
 @dataclass(frozen=True)
 class Params:
-    """slope_percent, slope_azimuth_deg: as in `plane`; waves: any number
+    """A plane with waves and roughness.
 
-    roughness_class: ISO 8608 class, or `none`; gd_n0_m3: Gd at 0.1 cycles/m instead of a class's
-    waviness: exponent w of the spectrum: 2 in ISO 8608, off-road spectra are flatter, down to 1.2
+    slope_percent: rise per run
+    slope_azimuth_deg: direction in which the ground rises, clockwise from north
+    waves: sine waves, any number
+    roughness_class: ISO 8608 class, or `none`
+    gd_n0_m3: displacement spectral density Gd at 0.1 cycles/m, in place of that of a class
+    waviness: exponent w of the spectrum [1]: 2 in ISO 8608; off-road spectra are flatter, down to 1.2
     """
 
     slope_percent: Annotated[float, Ge(-100.0), Le(100.0)] = 0.0

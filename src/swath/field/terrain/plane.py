@@ -16,8 +16,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """slope_percent: rise per run; slope_azimuth_deg: where it rises to, clockwise from north
-    height_m: of the ground at the world's origin
+    """A plane.
+
+    slope_percent: rise per run
+    slope_azimuth_deg: direction in which the ground rises, clockwise from north
+    height_m: height of the ground at the world's origin
     """
 
     slope_percent: Annotated[float, Ge(-100.0), Le(100.0)] = 0.0

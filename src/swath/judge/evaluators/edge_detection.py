@@ -104,7 +104,7 @@ class _Row:
 
 @saved_type("t", "rows")
 class States:
-    """The newest places of a machine. t [ns], (n,); rows: pose as 12 numbers, distance [m], (n, 13)"""
+    """The newest places of a machine. t [ns], (n,); rows: pose as 12 numbers, distance [m], (n, 13)."""
 
     def __init__(self, t: NDArray[np.int64] | None = None, rows: F64 | None = None) -> None:
         self.t = np.zeros(0, np.int64) if t is None else t
@@ -203,7 +203,7 @@ class EdgeDetection(Later):
         self.rests_until = 0 if self._waiting else NEVER
 
     def look(self, now: Block | None = None) -> None:
-        """What stands where edges were reported up to the time of the newest state. now: not yet taken in"""
+        """What stands where edges were reported up to the time of the newest state. now: not yet taken in."""
         newest = self._states.newest
         if now is not None:
             newest = int(now.last("t")), now.last("pose"), now.last("distance")
@@ -215,7 +215,7 @@ class EdgeDetection(Later):
                 self._look(edge, *self._states.with_block(now).at(edge.t))
 
     def beside(self, across: Callable[..., NDArray[np.bool_]], states: "States") -> "EdgeDetection":
-        """A judge of another detector in the same run. states: that others note for it
+        """A judge of another detector in the same run. states: that others note for it.
 
         Show it edges alone, and let it `look` after each state. across: in place of `crop_across`
         """
@@ -260,7 +260,7 @@ class EdgeDetection(Later):
         )
 
     def series(self, most: int | None = None) -> EdgeSeries:
-        """The course of the run so far. most: samples, spread evenly, where there are more"""
+        """The course of the run so far. most: samples, spread evenly, where there are more."""
         self._judge_rows()
         table = self._judged.table(most)
         t, at, true, seen, found, exists, confidence, is_held, sd, wall = table.T
@@ -314,7 +314,7 @@ class EdgeDetection(Later):
         return np.array(judged, dtype=float)
 
     def lines(self, places: F64) -> F64:
-        """y of the line across a hole of the initial edge [m], (n,); nan where no hole is.
+        """Lateral place of the line across a hole of the initial edge [m], (n,); nan where no hole is.
 
         places: x, y of the header end at the detector's reference, then at the knife, then the machine's y
         axis, in the world, (n, 6)
@@ -351,7 +351,7 @@ def _nearest(places: Sequence[float], to: float) -> float:
 
 
 def edge_metrics(series: EdgeSeries, *, settling: float) -> dict[str, float]:
-    """Quality of an edge detection. settling: driven before a machine has to have found its edge [m]"""
+    """Quality of an edge detection. settling: driven before a machine has to have found its edge [m]."""
     s = series.settled(settling)
     is_judged = np.isfinite(s.error)
     claimed = s.found & ~s.is_held

@@ -75,7 +75,7 @@ class LateralError(Later):
         return np.where(edge.project(x, y)[0] <= edge.length, inside + self.setup.overlap, np.nan)
 
     def series(self, most: int | None = None) -> PathSeries:
-        """The course of the run so far. most: samples, spread evenly, where there are more"""
+        """The course of the run so far. most: samples, spread evenly, where there are more."""
         t, distance, x, y = self._path.arrays(most)
         return PathSeries(t, distance, x, y, self._error(x, y))
 

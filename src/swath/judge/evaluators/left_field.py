@@ -111,7 +111,7 @@ class LeftField(Later):
         self._is_beyond = is_beyond
 
     def _why_outside(self, x: F64, y: F64, inside: float) -> str:
-        """Why no part of the knife is in the field, "" where one is. inside: of its innermost part [m]"""
+        """Why no part of the knife is in the field, "" where one is. inside: of its innermost part [m]."""
         field = self.setup.field
         if why := field.why_outside(x, y):
             return why

@@ -121,7 +121,7 @@ class Positioning(Later):
 
 
 def _normalised(error: F64, covariance: F64) -> float:
-    """e' P^-1 e, nan where the covariance is not known or singular."""
+    """Normalised squared error e' P^-1 e; nan where the covariance is not known or singular."""
     try:
         return float(np.einsum("k,k->", error, solve(covariance, error)))
     except ZeroDivisionError:

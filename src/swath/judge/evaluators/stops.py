@@ -44,7 +44,7 @@ class Stops(Later):
         return () if self._setup.bodies.is_alone else self.SIGNALS
 
     def take(self, seen: Seen) -> None:
-        """Does it drive, and does it stand, with nothing around?"""
+        """Note whether the machine drives or stands, where no objects are reported."""
         states = seen.of(MachineState)
         if states is not None and not self.live:
             speeds = np.abs(states["speed"])
@@ -55,7 +55,7 @@ class Stops(Later):
                     self._stand(states.sample(k))
 
     def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """Does it drive, does it stand, and of what is it told?"""
+        """Note whether the machine drives or stands, and the objects that are reported to it."""
         for signal in outputs.values() if number_of(outputs, Objects, "t") is not None else ():
             if isinstance(signal, Objects):
                 self._hear(signal)

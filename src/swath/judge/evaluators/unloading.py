@@ -24,7 +24,7 @@ COMES_UP = 10.0  # s of grain, after which it is judged, reached or not
 @dataclass(frozen=True)
 class UnloadingSeries:
     """The course of a run, for a report. t [s], along, across [m]: deviations while grain flows, arrays of
-    shape (n,)
+    shape (n,).
 
     heaps: machine -> rows of its box; missed: of what all pipes gave, came down elsewhere [kg]
     """
@@ -39,7 +39,7 @@ class UnloadingSeries:
 @dataclass(frozen=True)
 class HeapRows:
     """A box over a run, m times. t [s]; profile: above the floor along the middle line, rear to front, shape
-    (m, stations) [m]; level: over the largest heap; flow: of all pipes [kg/s]; length, depth: of the box [m]
+    (m, stations) [m]; level: over the largest heap; flow: of all pipes [kg/s]; length, depth: of the box [m].
     """
 
     t: F64
@@ -52,7 +52,7 @@ class HeapRows:
 
 @dataclass
 class _Load:
-    """What one machine pours into another one without a pause. begun, latest: grain flowed [s]"""
+    """What one machine pours into another one without a pause. begun, latest: grain flowed [s]."""
 
     begun: float = -inf
     latest: float = -inf

@@ -34,7 +34,7 @@ class Where:
 @dataclass(frozen=True)
 class Message:
     """A received message. name: as in the DBC, `AddressClaimed` with only `device_class`, or none of a
-    parameter group that the node takes raw, with its pgn and data
+    parameter group that the node takes raw, with its pgn and data.
     """
 
     name: str

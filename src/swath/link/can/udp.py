@@ -14,7 +14,10 @@ from can.interfaces.udp_multicast.utils import unpack_message
 
 
 class CheckedUdpBus(UdpMulticastBus):  # type: ignore[misc]
-    """A bus of classic CAN frames. peers: addresses of other machines on it, separated by spaces or commas"""
+    """A bus of classic CAN frames.
+
+    peers: addresses of other machines on it, separated by spaces or commas
+    """
 
     def __init__(self, channel: str, *, peers: str = "", **options: Any) -> None:
         self._peers = frozenset(str(peers).replace(",", " ").split())
@@ -37,7 +40,7 @@ class CheckedUdpBus(UdpMulticastBus):  # type: ignore[misc]
 
 @lru_cache(maxsize=256)
 def is_local(host: str, *scope: int) -> bool:
-    """Whether an address is one of this machine: only those can be bound. scope: flow and scope of IPv6"""
+    """Whether an address is one of this machine: only those can be bound. scope: flow and scope of IPv6."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         with socket.socket(family, socket.SOCK_DGRAM) as probe:

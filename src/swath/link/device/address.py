@@ -20,7 +20,7 @@ TRANSPORTS = ("tcp", "udp", "pty")
 
 @dataclass(frozen=True)
 class Address:
-    """protocol: such as `lms`; transport: tcp, udp or pty; path: of a pseudo terminal, without a port"""
+    """protocol: such as `lms`; transport: tcp, udp or pty; path: of a pseudo terminal, without a port."""
 
     text: str
     protocol: str

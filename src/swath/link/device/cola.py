@@ -28,7 +28,7 @@ class Garbage(Exception):
 
 
 class Splitter:
-    """Telegrams out of a stream of bytes. skipped: bytes so far that belonged to none"""
+    """Telegrams out of a stream of bytes. skipped: bytes so far that belonged to none."""
 
     def __init__(self) -> None:
         self._rest = b""

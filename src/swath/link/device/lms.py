@@ -32,7 +32,8 @@ WRAP = 1 << 32
 
 @dataclass(frozen=True)
 class Telegram:
-    """A scan as it was sent. begun, sent: the sensor's clock [us], which wraps; counter: of scans, wraps
+    """A scan as it was sent. begun, sent: the sensor's clock [us], which wraps; counter: of scans, wraps.
+
     ranges, intensity: (beam_count, echo_count), nan = no echo, or not told; start, step [rad], 0 is ahead
     frequency [Hz]
     """
@@ -61,7 +62,7 @@ class Telegram:
 @dataclass
 class Plane:
     """The scans of a slot as the sensor describes them. model: its name; scale: of the distances [mm]
-    frequency [Hz]; start, step, count: of the beams, angles of the sensor in ticks
+    frequency [Hz]; start, step, count: of the beams, angles of the sensor in ticks.
     """
 
     model: str
@@ -92,7 +93,8 @@ def plane_of(scan: Scan, model: str, period: float, range_max: float) -> Plane:
 
 @dataclass
 class Wanted:
-    """What a client asked to be in its telegrams. echoes: 0 first, 1 all, 2 last; every: n-th scan
+    """What a client asked to be in its telegrams. echoes: 0 first, 1 all, 2 last; every: n-th scan.
+
     first, last: angles of the sensor [tick]
     """
 
@@ -105,7 +107,7 @@ class Wanted:
 
 
 def scan_items(plane: Plane, scan: Scan, counter: int, wanted: Wanted) -> list[Item]:
-    """Content of LMDscandata. counter: of scans"""
+    """Content of LMDscandata. counter: of scans."""
     angles = plane.start + plane.step * np.arange(plane.count)
     kept = (angles >= wanted.first) & (angles <= wanted.last)
     ranges, intensity = _echoes(scan.ranges[kept], scan.intensity[kept], wanted.echoes)
@@ -187,7 +189,7 @@ def _digits(values: np.ndarray, top: int) -> np.ndarray:
 
 
 def _echoes(ranges: np.ndarray, intensity: np.ndarray, which: int) -> tuple[np.ndarray, np.ndarray]:
-    """The first echo, all, or the last. (n, m) each"""
+    """The first echo, all, or the last. (n, m) each."""
     if which == 1:
         return ranges[:, :MOST_ECHOES], intensity[:, :MOST_ECHOES]
     if which == 0 or ranges.shape[1] < 2:

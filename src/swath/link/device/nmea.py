@@ -162,7 +162,7 @@ WRITERS: dict[str, Callable[[Fix, datetime, float], str]] = {
 @dataclass
 class Epoch:
     """What the sentences of one time of day said. seconds: of the day; angles [rad], bearings from north,
-    roll and pitch as in Fix
+    roll and pitch as in Fix.
     """
 
     seconds: float
@@ -184,8 +184,10 @@ class Epoch:
 
 @dataclass
 class Listener:
-    """Epochs out of a stream of sentences, however it is cut. An epoch is complete when it has all kinds of
-    sentences that the two before it had, or one of another time of day begins.
+    """Epochs out of a stream of sentences, however it is cut.
+
+    An epoch is complete when it has all kinds of sentences that the two before it had, or one of another time
+    of day begins.
 
     A sentence counts whole or not at all. Checksums are left away by all lines of a stream or by none.
 

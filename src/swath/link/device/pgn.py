@@ -23,7 +23,7 @@ STEER_SWITCH_OFF = 2  # bit of the switches: a person must steer
 
 @dataclass(frozen=True)
 class SteerData:
-    """PGN 254. speed [m/s]; is_on: it steers; angle: wanted, > 0 turns left [rad]"""
+    """PGN 254. speed [m/s]; is_on: it steers; angle: wanted, > 0 turns left [rad]."""
 
     speed: float
     is_on: bool
@@ -66,7 +66,7 @@ def read_steer_data(data: bytes) -> SteerData | None:
 
 
 def steer_response(angle: float, *, is_free: bool) -> bytes:
-    """PGN 253. angle: of the wheels, > 0 turns left [rad], nan = not known; is_free: it may steer"""
+    """PGN 253. angle: of the wheels, > 0 turns left [rad], nan = not known; is_free: it may steer."""
     switches = 0 if is_free else STEER_SWITCH_OFF
     heading, roll = NO_HEADING.to_bytes(2, "little"), NO_ROLL.to_bytes(2, "little")
     data = _hundredths(angle) + heading + roll + bytes([switches, 0])

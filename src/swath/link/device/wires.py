@@ -51,11 +51,12 @@ class Events:
 class Session(Protocol):
     """What a server knows of a client: takes its bytes and gives the answer."""
 
-    def feed(self, data: bytes) -> bytes: ...
+    def feed(self, data: bytes) -> bytes:
+        """Answer to the bytes of a client."""
 
 
 class Client:
-    """A connection. waiting: bytes that it has not taken yet"""
+    """A connection. waiting: bytes that it has not taken yet."""
 
     def __init__(self, connection: socket.socket, name: str, session: Any) -> None:
         self.connection, self.name, self.session = connection, name, session

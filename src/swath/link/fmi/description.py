@@ -1,4 +1,5 @@
 """What an FMU says about itself: variables, units, capabilities, and the faults of its exporter.
+
 Wrong entries that FMPy cannot read and that are not needed to run the FMU are removed.
 
 FMUs and System Structure Packages are zip archives, unpacked here or refused in one line.

@@ -16,12 +16,23 @@ class Unit(Protocol):
     """
 
     @property
-    def notes(self) -> Sequence[str]: ...
-    def start(self, starts: Mapping[str, Any]) -> list[float]: ...
-    def run(self, steps: Steps) -> list[float]: ...
-    def save(self) -> Any: ...
-    def load(self, state: Any) -> None: ...
-    def close(self) -> None: ...
+    def notes(self) -> Sequence[str]:
+        """Whole sentences for the user."""
+
+    def start(self, starts: Mapping[str, Any]) -> list[float]:
+        """Outputs at the start, after setting start values."""
+
+    def run(self, steps: Steps) -> list[float]:
+        """Outputs after the steps."""
+
+    def save(self) -> Any:
+        """State of the unit."""
+
+    def load(self, state: Any) -> None:
+        """Take on a state."""
+
+    def close(self) -> None:
+        """End the unit."""
 
 
 def make_unit(

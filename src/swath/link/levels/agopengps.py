@@ -28,7 +28,8 @@ from swath.signals.setup import LinkSetup
 
 @dataclass(frozen=True)
 class Params:
-    """listen: host:port where PGN 254 is heard; this machine alone, unless another address is named
+    """listen: host:port where PGN 254 is heard; this machine alone, unless another address is named.
+
     reply: host:port that gets PGN 253
     timeout_ms: longest time without PGN 254
     on_timeout: `disengage` releases the steering then, `fail` ends the run with an error

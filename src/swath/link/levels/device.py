@@ -51,7 +51,8 @@ STEP = 10.0  # to the north, of which the grid's convergence is taken [m]
 
 @dataclass(frozen=True)
 class DeviceSetup:
-    """name: of the slot, such as `combine.lidar`; outputs: that it has; period: of it [s]
+    """name: of the slot, such as `combine.lidar`; outputs: that it has; period: of it [s].
+
     range_max: that a scanner reports [m], nan where it does not say; origin: of the field on Earth
     factor: simulated seconds per second; identity: what the sensor calls itself, empty = not known
     """
@@ -347,7 +348,8 @@ OPTIONS = {"lms": ("cola",), "velodyne": (), "nmea": ()}
 
 @dataclass(frozen=True)
 class Params:
-    """address: of the device, or where it is heard, as in docs/how-to/devices.md
+    """address: of the device, or where it is heard, as in docs/how-to/devices.md.
+
     mount: of a scanner on the machine; antenna_m: x, y, z of a receiver's antenna on it
     wait_s: how long to wait for the first sample
     timeout_ms: longest time without a sample
@@ -363,7 +365,7 @@ class Params:
 
 
 class DeviceClock:
-    """A device's clock on the run's. turn: after which it begins anew [ns]"""
+    """A device's clock on the run's. turn: after which it begins anew [ns]."""
 
     def __init__(self, turn: int) -> None:
         self._turn = turn
@@ -483,7 +485,7 @@ class DeviceSlot:
             reader.close()
 
     def _take(self, end: int) -> list[Any]:
-        """The samples that have come, oldest first; end: the run's time now [ns]"""
+        """The samples that have come, oldest first; end: the run's time now [ns]."""
         if self._reader is None:
             raise SwathError(f"{self._name}: the device is closed")
         now = time.monotonic_ns()
@@ -621,7 +623,7 @@ class _NmeaStream:
 
 
 def _turned(north: float, bearing: float) -> float:
-    """A bearing clockwise from north as an angle from east; north: where that lies, from east [rad]"""
+    """A bearing clockwise from north as an angle from east; north: where that lies, from east [rad]."""
     angle = (math.pi / 2.0 if math.isnan(north) else north) - bearing
     return math.atan2(math.sin(angle), math.cos(angle)) if math.isfinite(angle) else math.nan
 

@@ -237,7 +237,8 @@ TOOL = "swath "  # what the FMUs that swath exports name as their tool; they kno
 
 @dataclass(frozen=True)
 class Params:
-    """file: the FMU (FMI 1, 2 or 3, co-simulation), or a system of several (.ssp, .ssd)
+    """file: the FMU (FMI 1, 2 or 3, co-simulation), or a system of several (.ssp, .ssd).
+
     inputs: variable of the FMU -> port.field that feeds it; where the names fit, it need not be written.
     `flow.grain` of the header is the mass of a step [kg], `flow.grain/s` the flow [kg/s];
     `edge.offset.is_known` is 1 where the number is there, 0 where it is nan

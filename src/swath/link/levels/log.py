@@ -134,7 +134,8 @@ def turning(samples: Sequence[Inertial], track: Sequence[MachineState], rotation
 
 @dataclass(frozen=True)
 class Lift:
-    """How heights lie against the terrain. above: in the mean [m]; low, high: 5th and 95th percentile
+    """How heights lie against the terrain. above: in the mean [m]; low, high: 5th and 95th percentile.
+
     ground: height of the terrain at x, y
     """
 
@@ -219,7 +220,7 @@ class GeoOrigin:
 
 @dataclass(frozen=True)
 class Params:
-    """file: .mcap, .bag or .db3; folder: a run folder or the folder of a rosbag 2; one of the two
+    """file: .mcap, .bag or .db3; folder: a run folder or the folder of a rosbag 2; one of the two.
 
     slot: machine.slot that was recorded, where it is called otherwise than here (our own recordings)
     topics: output: topic, or output.number: topic:path.in.message (other recordings)
@@ -528,7 +529,8 @@ class LogPlayer:
 
     def _check_samples(self) -> None:
         """What the samples of another's recording say of their frame: which way gravity points, how high they
-        lie. InputError where that cannot be."""
+        lie. InputError where that cannot be.
+        """
         for source in self._sources:
             kind, name = source.port.signal, source.port.name
             if kind is Inertial and not source.is_exact:

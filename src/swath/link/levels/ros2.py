@@ -29,7 +29,7 @@ class Params:
     wall enters the results)
     timeout_s: by the clock on the wall, for one answer; start_timeout_s: for the node to appear and to answer
     the first time
-    history: inputs of which the node gets every sample since its last step, not only the newest
+    history: inputs of which the node gets every sample since its last step, not only the newest.
     """
 
     mode: Literal["lockstep", "free"] = "lockstep"

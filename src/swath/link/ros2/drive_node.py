@@ -30,7 +30,7 @@ STANDSTILL = 0.05  # below it a yaw rate says nothing about a curvature [m/s]
 @dataclass(frozen=True)
 class Drive:
     """What a message asks for. speed [m/s]; curvature of the path at the fixed axle, > 0 left [1/m], None
-    where the message leaves it open (a yaw rate at standstill)
+    where the message leaves it open (a yaw rate at standstill).
     """
 
     speed: float
@@ -41,7 +41,7 @@ class Drive:
 class CommandStream:
     """One kind of message. level: its name in a scenario; topic: the usual one; package, name: of the
     message; field: in the stamped one, of the command; read: the command and the wheelbase [m] to what it
-    asks for
+    asks for.
     """
 
     level: str
@@ -62,7 +62,7 @@ class Params:
     steer slot of a machine may share it
     stamped: the message with a header (TwistStamped, AckermannDriveStamped) instead of the plain one
     hold_s: simulated time that a command counts; then the machine stops and the steering is released
-    start_timeout_s: by the clock on the wall, for the first command
+    start_timeout_s: by the clock on the wall, for the first command.
     """
 
     topic: str | None = None

@@ -138,7 +138,7 @@ def stream_qos(durability: str = "VOLATILE") -> Any:
 
 
 class Clock:
-    """Publishes `/clock`, every 10 ms of simulated time. due: when next [ns]"""
+    """Publishes `/clock`, every 10 ms of simulated time. due: when next [ns]."""
 
     def __init__(self, node: Any) -> None:
         kind = type_of("rosgraph_msgs/msg/Clock")

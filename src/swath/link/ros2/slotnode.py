@@ -336,7 +336,7 @@ class SlotNode:
         return f"{self._setup.name}: no answer for {t / NS:g} s on {where} within {waited_s:g} s: {who}{last}"
 
     def _subscribe(self) -> dict[str, str]:
-        """topic -> key in `_answers`, of everything that makes an answer complete."""
+        """Key by topic in `_answers`, of everything that makes an answer complete."""
         wanted = {self.answer_topic: ""} if self._records else {}
         wanted |= {f"{self.answer_topic}/{port.name}": port.name for port in self._clouds}
         for topic, key in wanted.items():

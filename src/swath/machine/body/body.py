@@ -59,7 +59,7 @@ def _joints(file: ModelFile, root: Element, links: set[str]) -> dict[str, tuple[
 def _to_root(
     file: ModelFile, name: str, above: dict[str, tuple[str, Pose]], known: dict[str, Placed]
 ) -> Placed:
-    """The link's frame in the root's, and the links that it hangs on, its own first; known: of others"""
+    """The link's frame in the root's, and the links that it hangs on, its own first; known: of others."""
     chain = [name]
     while chain[-1] not in known and chain[-1] in above:
         chain.append(above[chain[-1]][0])
@@ -129,7 +129,7 @@ def _group(file: ModelFile, name: str, above: dict[str, str]) -> tuple[str, ...]
 
 
 def _in_model(file: ModelFile, name: str, frames: dict[str, Element], known: dict[str, Pose]) -> Pose:
-    """A link's or frame's own frame in that of the model. known: of frames so far"""
+    """A link's or frame's own frame in that of the model. known: of frames so far."""
     chain = [name]
     while chain[-1] not in known:
         node = frames.get(chain[-1])
@@ -166,7 +166,7 @@ READERS = {".urdf": read_urdf, ".sdf": read_sdf}
 
 @dataclass(frozen=True)
 class MachineBody:
-    """A body in the machine frame. fixed: what does not move in it; header: as with a level header"""
+    """A body in the machine frame. fixed: what does not move in it; header: as with a level header."""
 
     fixed: Solids
     header: Solids
@@ -182,7 +182,7 @@ class MachineBody:
         return corners_of(self.level)
 
     def with_header_at(self, pose: Pose) -> Solids:
-        """All of it. pose: of the header in the machine frame, identity where it is level"""
+        """All of it. pose: of the header in the machine frame, identity where it is level."""
         return merge(self.fixed, moved(self.header, pose))
 
 
@@ -194,7 +194,7 @@ def corners_of(solids: Solids) -> Array:
 
 
 def read_body(section: BodySection, key: str) -> MachineBody:
-    """The body that a section of a scenario names. key: of the section, for errors
+    """The body that a section of a scenario names. key: of the section, for errors.
 
     InputError for a file that cannot be read, a header that it does not have, or a size that no machine has.
     """

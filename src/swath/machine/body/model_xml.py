@@ -24,7 +24,8 @@ LENGTH_MAX = 100.0  # of a machine's part [m]
 
 @dataclass(frozen=True)
 class Part:
-    """A visual of a link. link: its name; group: names of the links that it hangs on, its own first
+    """A visual of a link. link: its name; group: names of the links that it hangs on, its own first.
+
     corners: triangles (n, 3, 3) in the model's frame [m]
     """
 

@@ -23,7 +23,11 @@ from swath.signals import CropFlow, MachineState
 
 @dataclass(frozen=True)
 class Params:
-    """cutting_height_m: stubble left behind; sweep_step_m: poses closer together than this are joined."""
+    """A header at one height.
+
+    cutting_height_m: height of the stubble left behind
+    sweep_step_m: poses of the knife that are closer together than this are joined
+    """
 
     cutting_height_m: Annotated[float, Gt(0), Le(1.5)] = 0.15
     sweep_step_m: Annotated[float, Ge(0), Le(0.5)] = 0.1

@@ -151,7 +151,7 @@ GYRO_LAG = 0.03  # smoothing of the rates of roll and pitch [s], estimate
 
 
 class Predictor(KeepsState):
-    """feeler_lag, valve_lag [s]; feeler_delay, dead_time [ns]; knife_x: ahead of the fixed axle [m]"""
+    """feeler_lag, valve_lag [s]; feeler_delay, dead_time [ns]; knife_x: ahead of the fixed axle [m]."""
 
     kept = ("_own", "_axes", "_rates")
 
@@ -196,22 +196,35 @@ SLIDING = 0.3  # a feeler that skids is read at its front, middle and rear [m]
 
 @dataclass(frozen=True)
 class Params:
-    """cutting_height_m: wanted above ground; band_m: tolerated to both sides; sections: of the knife, each
-    cuts at its own height; sweep_step_m: poses closer together than this are joined
-    least_stubble_m: skids keep the knife this high where the header digs in
+    """A header whose height is controlled. First the knife, then feelers, controller, hydraulics and reel.
 
-    feelers: across the header; feeler_behind_m: behind the knife, < 0 = ahead of it; feeler_range_m: what is
-    higher reads as that; feeler_lag_s, feeler_delay_s: smoothing and delay of their signal
-    gain_per_s, integral_per_s2, dead_band_m: rate of the knife for its height error, PI with dead band; a
-    gain that is left out is 6 with `lead`, 3 without
-    lead: the controller carries its own commands and the machine's rates of roll and pitch over its delays
-    lateral: tilt after the feelers, otherwise the header stays parallel to the machine
-    raise_m_s, lower_m_s, tilt_deg_s: fastest; dead_time_s, valve_lag_s: of both valves
-    lift_low_m, lift_high_m: stroke at the knife about its level stand; tilt_max_deg: to both sides
-
-    reel_index: peripheral speed of the reel over ground speed, the reel following the machine
-    reel_speed_m_s: a fixed peripheral speed instead
-    loss_percent: grain shed at the header at 7 km/h and the best reel index of 1.2, of the grain cut
+    cutting_height_m: wanted height of the knife above ground
+    band_m: tolerance of that height to both sides
+    sections: number of sections of the knife; each cuts at its own height
+    sweep_step_m: poses of the knife that are closer together than this are joined
+    least_stubble_m: least height of the knife, kept by skids where the header digs in
+    feelers: number of feelers across the header
+    feeler_behind_m: distance of the feelers behind the knife, < 0 = ahead of it
+    feeler_range_m: greatest height that a feeler reports; what is higher reads as that
+    feeler_lag_s: time constant of the feelers' smoothing
+    feeler_delay_s: dead time of the feelers' signal
+    gain_per_s: rate of the knife over its height error; none = 6 with `lead`, 3 without
+    integral_per_s2: integral gain of the controller
+    dead_band_m: height error below which the controller does nothing
+    lead: whether the controller carries its own commands and the machine's roll and pitch rates over its
+        delays
+    lateral: whether the header is tilted after the feelers; otherwise it stays parallel to the machine
+    raise_m_s: fastest rate upwards
+    lower_m_s: fastest rate downwards
+    tilt_deg_s: fastest rate of the tilt
+    dead_time_s: dead time of both valves
+    valve_lag_s: time constant of both valves
+    lift_low_m: lowest place of the knife about its level stand
+    lift_high_m: highest place of the knife about its level stand
+    tilt_max_deg: greatest tilt to both sides
+    reel_index: peripheral speed of the reel over ground speed, for a reel that follows the ground speed [1]
+    reel_speed_m_s: a fixed peripheral speed of the reel instead
+    loss_percent: grain shed at the header, of the grain cut, at 7 km/h and the best reel index of 1.2
     """
 
     cutting_height_m: Annotated[float, Gt(0), Le(1.5)] = 0.15

@@ -10,7 +10,7 @@ wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 @wp.struct
 class Knife:
     """Of a header, alike in a run: where its knife is in the machine, its ends to the left and right; forget:
-    way of the fill gauge, bin: of the profile [m]; crop_is_left: 1, else 0
+    way of the fill gauge, bin: of the profile [m]; crop_is_left: 1, else 0.
     """
 
     x: wp.float64
@@ -24,7 +24,7 @@ class Knife:
 @wp.struct
 class Cutting:
     """What goes on from step to step. of the ends next to the edge (near) and away from it (far): way along
-    the profile and place inside of the line when they were looked at last [m]; the last bin that they passed
+    the profile and place inside of the line when they were looked at last [m]; the last bin that they passed.
 
     is_begun: 0 before the first state; is_refused: it came back
     cut, swept: of the fill gauge [m2]
@@ -61,7 +61,7 @@ def bin_before(along: wp.float64, bin: wp.float64) -> int:
 
 @wp.func
 def between(x: wp.float64, x0: wp.float64, y0: wp.float64, x1: wp.float64, y1: wp.float64) -> wp.float64:
-    """y at x on the line through two points, x0 < x1."""
+    """Ordinate y at x on the line through two points, x0 < x1."""
     return y0 + (y1 - y0) * (x - x0) / (x1 - x0)
 
 
@@ -84,7 +84,7 @@ def cut_along(
     left_grain: wp.array(dtype=wp.float64),
 ):
     """One world a thread. head, poses: of the trail of the new ones, (k, world, 12); clock: begin, end,
-    length of the step [ns]; needs: 1 where a knife goes where it cannot; the others: of a `CropFlow`
+    length of the step [ns]; needs: 1 where a knife goes where it cannot; the others: of a `CropFlow`.
     """
     w = wp.tid()
     profile = profiles[w]

@@ -144,8 +144,11 @@ OTHER_REPOSE = 25.0
 
 @dataclass(frozen=True)
 class Params:
-    """repose_deg: angle of repose, none = of the field's crop (maize 23, barley 28, else 25)
-    density_kg_m3: of the grain in bulk; start_percent: at the start, level, of the struck box
+    """Grain in an open box.
+
+    repose_deg: angle of repose; none = that of the field's crop (maize 23, barley 28, else 25)
+    density_kg_m3: bulk density of the grain
+    start_percent: filling at the start, with a level surface, of the struck box
     """
 
     repose_deg: Annotated[float, Gt(0), Le(60)] | None = None

@@ -32,7 +32,11 @@ State = tuple[float, ...]  # x, y, yaw, lateral speed, yaw rate, trailer yaw, it
 
 @dataclass(frozen=True)
 class Params:
-    """start_speed_kmh: speed at t = 0; substep_ms: longest integration step"""
+    """A tractor with a trailer.
+
+    start_speed_kmh: speed at t = 0
+    substep_ms: longest integration step
+    """
 
     start_speed_kmh: Annotated[float, Ge(0), Le(40)] = 0.0
     substep_ms: Annotated[float, Ge(0.01), Le(20)] = 10.0
@@ -130,7 +134,7 @@ class Articulated(KeepsState):
         self._towed.yaw = self._q[5]
 
     def _moment(self, steer: float, rate: float, speed: float) -> _Moment:
-        """Loads by moments about the contact points. rate: of the speed [m/s2]"""
+        """Loads by moments about the contact points. rate: of the speed [m/s2]."""
         d, w, stance = self._d, self._towed, self._follower.stance
         long, cg = w.sheet.drawbar, w.cg_ahead
         own = w.sheet.empty * ((w.sheet.length**2 + w.sheet.width**2) / 12.0)

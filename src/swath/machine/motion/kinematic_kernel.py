@@ -31,7 +31,7 @@ def length_of(x: wp.float64, y: wp.float64) -> wp.float64: ...
 @wp.struct
 class Vehicle:
     """What stays. along, across: the wheels as `traction.Traction` has them, in `Car`; wheelbase [m], below 0
-    where the steered axle is ahead; rear_share: of the slope under the rear axle
+    where the steered axle is ahead; rear_share: of the slope under the rear axle.
     """
 
     along: Car
@@ -81,7 +81,8 @@ def drive_arcs(
     stands: wp.array(dtype=Stand),
     steered: wp.array(dtype=wp.float64),
 ):
-    """steering: angle of the steered axle [rad], and `steered` what it was; speeds: wanted [m/s];
+    """steering: angle of the steered axle [rad], and `steered` what it was; speeds: wanted [m/s].
+
     limits: what the
     drive can [m/s]; clock: begin, end, length of the step [ns]; needs: 1 where a speed is no number
 

@@ -40,16 +40,20 @@ SETTLE_STEP = 0.0025  # [s]
 
 @dataclass(frozen=True)
 class Params:
-    """What is left out comes from the machine's sheet.
+    """A vehicle of several bodies; what is left out comes from the machine's sheet.
 
-    stiffness_per_rad: cornering stiffness over load; understeer_deg_per_g: front axle more compliant than the
-    rear one (> 0) or less; friction: largest side force over load;
-    rolling_resistance: over load, on firm soil
-    soil: `firm`, or `brixius` by its cone index (ASABE D497)
+    stiffness_per_rad: cornering stiffness over load
+    understeer_deg_per_g: > 0 where the front axle gives way more than the rear one, < 0 where less
+    friction: largest side force over load [1]
+    rolling_resistance: rolling resistance over load, on firm soil [1]
+    soil: `firm`, or `brixius`: wheels sink in and slip by the soil's cone index (ASABE D497)
     cone_index_kpa: strength of the soil under `brixius`: 450 soft, 900 tilled, 1200 firm, 1800 hard
-    suspension: front axle on springs; header: fitted; engine: drives and brakes, without it all wheels roll
-    grain_kg: in the tank at t = 0, as long as the input `load` is not connected
-    start_speed_kmh: speed at t = 0; substep_ms: longest integration step
+    suspension: whether the front axle is sprung
+    header: whether the header is fitted
+    engine: whether the engine drives and brakes; without it all wheels roll freely
+    grain_kg: grain in the tank at t = 0, where the input `load` is not connected
+    start_speed_kmh: speed at t = 0
+    substep_ms: longest integration step
     """
 
     stiffness_per_rad: Annotated[float, Ge(0.5), Le(20)] | None = None

@@ -19,7 +19,7 @@ TRIES = 4  # to find the ground of a step: more than pages under it
 
 
 class OnGround(Compiled):
-    """parts: with `machine`, `follower`, `start` (x, y, yaw), `start_speed`, `towed` each
+    """parts: with `machine`, `follower`, `start` (x, y, yaw), `start_speed`, `towed` each.
 
     tracks, stands: `Track` and `Stand` of the kernels; grounds: nodes in memory around each
     table: (worlds, 17) of the states; stand: the launch that stands all of them where their tracks are

@@ -42,12 +42,16 @@ GRAIN_STEP = 1.0  # the mass follows the tank in steps of this [kg]
 
 @dataclass(frozen=True)
 class Params:
-    """What is left out comes from the machine's sheet.
+    """A single-track model; what is left out comes from the machine's sheet.
 
-    stiffness_per_rad: cornering stiffness over load; understeer_deg_per_g: front axle more compliant than the
-    rear one (> 0) or less; friction: largest side force over load;
-    rolling_resistance: over load; start_speed_kmh: speed at t = 0; substep_ms: longest integration step
-    wheel_slip: say what the driven wheels pull and slip, for odometry; the machine itself drives as without
+    stiffness_per_rad: cornering stiffness over load
+    understeer_deg_per_g: > 0 where the front axle gives way more than the rear one, < 0 where less
+    friction: largest side force over load [1]
+    rolling_resistance: rolling resistance over load [1]
+    start_speed_kmh: speed at t = 0
+    wheel_slip: whether pull and slip of the driven wheels are reported for odometry; the machine drives the
+        same either way
+    substep_ms: longest integration step
     """
 
     stiffness_per_rad: Annotated[float, Ge(0.5), Le(20)] | None = None
@@ -233,7 +237,7 @@ class Cars(OnGround):
             column[world] = number
 
     def _with_wheels(self, found: Mapping[str, Samples], accel: F64) -> Mapping[str, Samples]:
-        """What the driven wheels pull, and how they slip. accel: mean of the step [m/s2]"""
+        """What the driven wheels pull, and how they slip. accel: mean of the step [m/s2]."""
         if not self.parts[0].params.wheel_slip:
             return found
         wheels: list[Signal] = []

@@ -38,7 +38,7 @@ class Ground:
 class Loop:
     """The closed loop of the drive, as `machine_sheet.Dynamics`; wheelbase, tracks of the axles [m]: below 0
     where the steered axle is ahead, as in `attitude.TerrainFollower`; sense: of the steering, 1 or -1;
-    longest: substep [s]
+    longest: substep [s].
     """
 
     lag: wp.float64
@@ -57,7 +57,7 @@ class Stand:
     """Where the machine is after a step. is_done: 0 where the ground under it is not in memory or a number is
     not finite, nothing has changed then; speed over ground and of the rims [m/s], slip along; as
     `attitude.Stance`; rows of its rotation
-    place [m], speed to the left [m/s], yaw rate [rad/s], distance [m]
+    place [m], speed to the left [m/s], yaw rate [rad/s], distance [m].
     """
 
     is_done: wp.float64
@@ -220,7 +220,7 @@ def weigh(
     step: wp.float64,
     needs: wp.array(dtype=int),
 ):
-    """needs: 1 where the grain [kg] in a tank is no longer what a machine carries, but for a step"""
+    """needs: 1 where the grain [kg] in a tank is no longer what a machine carries, but for a step."""
     w = wp.tid()
     if wp.abs(wp.max(tank_grain[w], real(0.0)) - carried[w]) >= step:
         needs[0] = 1

@@ -34,8 +34,11 @@ HEADROOM = 0.2  # a drive that yields starts from this much above the present sp
 
 @dataclass(frozen=True)
 class Params:
-    """recover_m_s2: how fast the ground speed may rise again after an overload; substep_ms: longest
-    integration step; rated_power_kw: of another engine in the same machine, else that of the data sheet
+    """An engine with a hydrostatic drive.
+
+    recover_m_s2: how fast the ground speed may rise again after an overload
+    substep_ms: longest integration step
+    rated_power_kw: rated power of another engine in the same machine; none = that of the data sheet
     """
 
     recover_m_s2: Annotated[float, Gt(0), Le(5)] = 0.2

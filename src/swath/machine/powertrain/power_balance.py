@@ -55,8 +55,10 @@ def powers(load: MachineLoad, propulsion: float, width: float, drivetrain: Drive
 
 
 def propulsion_power(force: float, speed: float, efficiency: float) -> float:
-    """At the engine [W]. Downhill the wheels turn the pump: what is left of their power, below 0, drives the
-    belts, since a closed hydraulic circuit passes power both ways.
+    """At the engine [W].
+
+    Downhill the wheels turn the pump: what is left of their power, below 0, drives the belts, since a closed
+    hydraulic circuit passes power both ways.
     """
     power = force * speed
     return power / efficiency if power > 0.0 else power * efficiency

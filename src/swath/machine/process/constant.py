@@ -32,9 +32,12 @@ LOADS = (
 
 @dataclass(frozen=True)
 class Params:
-    """loss_percent: share of the grain lost; 1.0-1.5 % in all is acceptable (John Deere manual OMCQ76042).
+    """Losses and straw without a model of threshing.
 
-    swath_width_m: of the straw swath; swath_step_m: travel after which the straw dropped on it is laid down
+    loss_percent: share of the grain that is lost; 1.0-1.5 % in all is acceptable (John Deere manual
+        OMCQ76042)
+    swath_width_m: width of the straw swath
+    swath_step_m: travel after which the straw dropped on it is laid down
     """
 
     loss_percent: Annotated[float, Ge(0), Le(100)] = 1.0
@@ -43,7 +46,7 @@ class Params:
 
 
 class ConstantProcess(InWorlds):
-    """No delay, a constant loss. tank: what it holds; outlet: lays straw on the field"""
+    """No delay, a constant loss. tank: what it holds; outlet: lays straw on the field."""
 
     steps_any_length = True
 

@@ -13,7 +13,7 @@ ZERO, NS = constants(0.0, 1e9)
 
 @wp.struct
 class Shares:
-    """loss: share of the grain lost; capacity: of the tank [kg], 0 = without end"""
+    """loss: share of the grain lost; capacity: of the tank [kg], 0 = without end."""
 
     loss: wp.float64
     capacity: wp.float64
@@ -21,7 +21,7 @@ class Shares:
 
 @wp.struct
 class Sums:
-    """Compensated sums [kg], as `Total`; laid: straw that left during the step"""
+    """Compensated sums [kg], as `Total`; laid: straw that left during the step."""
 
     tank: wp.float64
     tank_rest: wp.float64
@@ -66,7 +66,7 @@ def pass_on(
     loss_share: Numbers,
 ):
     """head, cut_grain, cut_straw: of the trail of crop flows, (k, world); needs: set, the straw is to be
-    laid; from tank_grain on: of a `MachineLoad`
+    laid; from tank_grain on: of a `MachineLoad`.
     """
     w = wp.tid()
     p = shares[w]

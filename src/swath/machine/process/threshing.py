@@ -141,12 +141,17 @@ RETURNS_MAX = 0.3  # of the shoe's grain
 
 @dataclass(frozen=True)
 class Params:
-    """straw: in a swath, or chopped and spread over the header's width; swath_width_m: of the swath
-    swath_step_m, spread_step_m: travel after which the straw dropped on it is laid down, in a swath or spread
-    threshability: factor on threshing and separation; 1 = dry wheat, 0.8 = moist straw in the evening (then
-    losses are 2 to 4 times as high)
-    tank_start_percent: grain in the tank at the start; unload_at_percent: level at which the tank is emptied
-    while driving, none = never; a slot `unload` empties it instead
+    """Threshing, separation and cleaning.
+
+    straw: `swath` = laid in a swath, `chop` = chopped and spread over the header's width
+    swath_width_m: width of the straw swath
+    swath_step_m: travel after which the straw dropped on it is laid down in a swath
+    spread_step_m: travel after which the straw dropped on it is spread
+    threshability: factor on threshing and separation [1]; 1 = dry wheat, 0.8 = moist straw in the evening,
+        where losses are 2 to 4 times as high
+    tank_start_percent: level of grain in the tank at the start
+    unload_at_percent: level at which the tank is emptied while driving, none = never; a slot `unload` empties
+        it instead
     """
 
     straw: Literal["swath", "chop"] = "swath"

@@ -35,10 +35,12 @@ ROOM = 1024  # commands under way
 
 @dataclass(frozen=True)
 class Params:
-    """What is left out comes from the machine's sheet.
+    """A steering valve; what is left out comes from the machine's sheet.
 
-    rate_deg_s: fastest turn of the equivalent wheel; dead_time_s: from command to first motion; lag_s: time
-    constant of the approach; dead_band_percent: of the valve's full opening
+    rate_deg_s: fastest turn of the equivalent wheel
+    dead_time_s: time from command to first motion
+    lag_s: time constant of the approach
+    dead_band_percent: dead band of the valve, of its full opening
     """
 
     rate_deg_s: Annotated[float, Gt(0), Le(200)] | None = None

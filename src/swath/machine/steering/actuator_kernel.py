@@ -10,7 +10,8 @@ NS = wp.constant(wp.float64(1.0e9))
 
 @wp.struct
 class Servo:
-    """What stays. rate [rad/s], lag [s], band: as in `actuator.Params`; dead: dead time [ns]; wheelbase [m];
+    """What stays. rate [rad/s], lag [s], band: as in `actuator.Params`; dead: dead time [ns]; wheelbase [m].
+
     most: largest angle [rad]
     """
 
@@ -24,7 +25,7 @@ class Servo:
 
 @wp.struct
 class Wheel:
-    """angle, wanted: of the equivalent wheel [rad]; first, count: of the commands that are under way"""
+    """angle, wanted: of the equivalent wheel [rad]; first, count: of the commands that are under way."""
 
     angle: wp.float64
     wanted: wp.float64
@@ -63,7 +64,7 @@ def turn_wheels(
     rates: wp.array(dtype=wp.float64),
 ):
     """arrivals, curvatures, engaged: of the commands under way, a ring for each world; seen: time of the
-    last one that was taken [ns]; clock: begin and end of the step; stamp: time of the newest command
+    last one that was taken [ns]; clock: begin and end of the step; stamp: time of the newest command.
     """
     w = wp.tid()
     servo = servos[w]

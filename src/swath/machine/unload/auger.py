@@ -29,7 +29,7 @@ SHARE = 1.0 / 6.0  # of each of four points at sqrt(3) sd; with the middle they 
 
 @dataclass(frozen=True)
 class Parcel:
-    """Grain that left the mouth together. t: then [s]; mass [kg]; place, speed: then, world (3,)"""
+    """Grain that left the mouth together. t: then [s]; mass [kg]; place, speed: then, world (3,)."""
 
     t: float
     mass: float
@@ -38,7 +38,7 @@ class Parcel:
 
 
 class Stream(KeepsState):
-    """Parcels in flight. spread: of where a parcel comes down, 1 sigma [m]; wind: world (3,) [m/s]"""
+    """Parcels in flight. spread: of where a parcel comes down, 1 sigma [m]; wind: world (3,) [m/s]."""
 
     kept = ("_parcels",)
 
@@ -119,10 +119,14 @@ LEAST_FLOW = 0.2  # of the full flow, while a nearly empty tank runs out
 
 @dataclass(frozen=True)
 class Params:
-    """run_up_s, run_out_s: from start and stop of the auger to full flow and none
-    taper_percent: level of the tank below which the flow falls, down to a fifth; spread_m: of the stream
-    where it comes down, 1 sigma, a pipe of 0.4 m has 0.1 m; wind_east_m_s, wind_north_m_s: where the wind
-    blows to
+    """An unloading auger.
+
+    run_up_s: time from the start of the auger to full flow
+    run_out_s: time from the stop of the auger to no flow
+    taper_percent: level of the tank below which the flow falls, down to a fifth
+    spread_m: standard deviation of the stream's width where it comes down; a pipe of 0.4 m has 0.1 m
+    wind_east_m_s: east component of the wind
+    wind_north_m_s: north component of the wind
     """
 
     run_up_s: Annotated[float, Ge(0), Le(20)] = 2.0

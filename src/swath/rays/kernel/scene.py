@@ -122,7 +122,7 @@ def plane_slope(d: float) -> float:
 
 @wp.func
 def plane_offset(o: float, d: float) -> float:
-    """t at which the ray crosses coordinate 0, MISS when it never does."""
+    """Ray parameter t at which the ray crosses coordinate 0, MISS when it never does."""
     if wp.abs(d) < 1.0e-12:
         return MISS
     return -o / d

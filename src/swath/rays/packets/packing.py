@@ -26,7 +26,7 @@ SUB_RAYS_MAX = 512  # of a bundle that goes through the traversal
 class Packing:
     """order: rays (n,), group after group, None = as they come; first: (groups + 1,) place of the first ray
     of each group
-    lanes: rays of a vector; row: of an image, rays in a row of a group, else 0
+    lanes: rays of a vector; row: of an image, rays in a row of a group, else 0.
     """
 
     order: I32 | None

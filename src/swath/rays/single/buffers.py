@@ -63,7 +63,8 @@ class BeamBuffer:
 
     def meet(self, solids: Solids | None, range_max: float) -> bool:
         """False where there are none; else distance, kind (organ), cosine, reflectance become those of the
-        nearest solid of each beam, range_max [m] and 0 without one."""
+        nearest solid of each beam, range_max [m] and 0 without one.
+        """
         if solids is None or solids is NOTHING or solid_count(solids) == 0:
             return False
         wp = start_warp()

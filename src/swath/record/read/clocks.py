@@ -13,7 +13,8 @@ PACE = 0.5, 2.0  # of a clock over the log's: where messages were written at ano
 
 @dataclass
 class _Clock:
-    """shift: from its stamps to the log's clock [ns]; begun, last: (stamp, received) since it was set
+    """shift: from its stamps to the log's clock [ns]; begun, last: (stamp, received) since it was set.
+
     least: delay so far, usual: time between messages [ns]
     """
 

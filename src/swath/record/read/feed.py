@@ -66,7 +66,7 @@ class Demux:
 
 
 class _Queue:
-    """What one reader has not read yet. given: messages that it has read; is_alone: it fell behind"""
+    """What one reader has not read yet. given: messages that it has read; is_alone: it fell behind."""
 
     def __init__(self, topics: Collection[str]) -> None:
         self.topics = topics
@@ -84,7 +84,7 @@ class _Queue:
 
 
 class Feed:
-    """The samples of one output, one read ahead. times on the clock of the log [ns]
+    """The samples of one output, one read ahead. times on the clock of the log [ns].
 
     gaps: (begin, length) of those above the limit [ns]; without one, above three times the usual interval
     shift: taken from all times, so that the run's 0 is where it should be

@@ -46,7 +46,8 @@ class Context:
 
     def time(self, message: Any, t: int) -> int:
         """When it was measured, on the clock of the log, where it was received at `t` [ns]; `t` where it does
-        not say."""
+        not say.
+        """
         stamp = getattr(getattr(message, "header", None), "stamp", None)
         if stamp is None:
             return t
@@ -64,7 +65,8 @@ class Context:
 
     def below(self, message: Any) -> Pose | None:
         """The machine's own frame, in that of its child whose motion a message tells; None where it is the
-        same, or /tf_static does not know."""
+        same, or /tf_static does not know.
+        """
         child = frame_of(message, own=True)
         if child not in self._below:
             found = static_mounting(self.links, child, self.machine)

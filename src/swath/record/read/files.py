@@ -182,7 +182,8 @@ def _check_parts(folder: Path) -> None:
 
 def _bounded(reader: Any, path: Path) -> bool:
     """Keeps a database from giving a message longer than the file; whether messages are packed, see
-    `unpacked_message`: rosbags would unpack them without a bound."""
+    `unpacked_message`: rosbags would unpack them without a bound.
+    """
     storage = reader.readers[0].storage
     most = most_unpacked(sum(p.stat().st_size for p in ([path] if path.is_file() else path.iterdir())))
     for part in getattr(storage, "storages", [storage]):

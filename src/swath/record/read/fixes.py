@@ -85,7 +85,11 @@ NO_FIX = -1  # sensor_msgs/NavSatStatus.STATUS_NO_FIX
 
 @dataclass(frozen=True)
 class Fixes:
-    """published, t: log time and time of measurement [ns], (n,); place: lon, lat [deg], height [m], (n, 3)"""
+    """Positions of a receiver.
+
+    published, t: log time and time of measurement [ns], (n,)
+    place: lon, lat [deg], height [m], (n, 3)
+    """
 
     published: np.ndarray
     t: np.ndarray

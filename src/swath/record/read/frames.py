@@ -70,7 +70,8 @@ def ground_frame(links: Links, frame: str, machine: str = "") -> str | None:
 
 def pose_between(links: Links, frame: str, other: str) -> Pose | None:
     """The pose of `other` in `frame`, over the frame above both; None where nothing leads from one to the
-    other."""
+    other.
+    """
     a, b = _to_root(links, frame), _to_root(links, other)
     return None if a[1] != b[1] else a[0].inverse() @ b[0]
 

@@ -44,7 +44,7 @@ STRAW, STRAW_S = "straw_kg", 0.2  # on the ground so far; time between two looks
 
 
 class Frames:
-    """Makes the frames of one run. tracks: of its recorder, by machine; origin: places count from it [m]
+    """Makes the frames of one run. tracks: of its recorder, by machine; origin: places count from it [m].
 
     straw: per machine times [s] and mass on the ground [kg], as `note` has found them
     """
@@ -159,7 +159,7 @@ class Frames:
 
 
 def _shown(tracks: Tracks, *, has_edge: bool, cuts: bool) -> list[str]:
-    """Columns of the page that are known while a run goes on. cuts: False for a machine without a header"""
+    """Columns of the page that are known while a run goes on. cuts: False for a machine without a header."""
     names = {c.name for c in tracks.columns if c.later is None or c.is_by_row}
     names -= set() if cuts else OF_HEADER
     return [*(c for c in COLUMNS if c in names or (has_edge and c in OF_TRUTH)), STRAW]

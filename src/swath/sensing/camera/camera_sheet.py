@@ -11,7 +11,8 @@ from swath.documents.sheet_fields import Quantity
 
 @dataclass(frozen=True, kw_only=True)
 class CameraSheet:
-    """mosaic: `rggb`: colour filters in rows red green, green blue; `mono`: none, a grey picture
+    """mosaic: `rggb`: colour filters in rows red green, green blue; `mono`: none, a grey picture.
+
     shutter: all rows at once, or one after the other
     lens: whose formulas; distortion: their coefficients, as OpenCV orders them, empty = none
 

@@ -30,11 +30,15 @@ SAME = 0.02  # the second camera sees a point when its ray ends within this shar
 
 @dataclass(frozen=True)
 class Params(RaysParams):
-    """base_m: between the two cameras, the second one to the right
+    """A stereo camera.
 
-    disparity_sd_px: standard deviation of a disparity; disparity_step_px: of the matcher, 0 = none
-    disparity_min_px: what is farther has no depth; disparity_max_px: what is nearer has none
-    holes: what the second camera does not see has no depth
+    channels: what an image holds
+    base_m: distance between the two cameras, the second one to the right
+    disparity_sd_px: standard deviation of a disparity
+    disparity_step_px: step of the matcher's disparities, 0 = none
+    disparity_min_px: least disparity; what is farther has no depth
+    disparity_max_px: greatest disparity; what is nearer has no depth
+    holes: whether what the second camera does not see has no depth
     """
 
     channels: tuple[Channel, ...] = ("depth",)

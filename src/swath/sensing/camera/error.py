@@ -179,16 +179,22 @@ STEP_MAX = 4.0  # most that the exposure changes from picture to picture
 
 @dataclass(frozen=True)
 class Params(SceneParams):
-    """sensor: name in data/sensors, or the user's own YAML
+    """A camera with lens and sensor.
 
-    binning: side of the squares of pixels whose mean is one pixel of the picture; of a colour sensor from 2
-    on each such pixel has all three colours, at 1 they are interpolated
-    width_px, height_px: of the picture, the middle of the sensor; none = all of it
-    distortion, noise, blur: as in the data sheet, or none; without blur all rows and samples are at one time
+    samples_per_pixel: samples on a grid within the pixel
+    channels: what an image holds
+    sensor: name in data/sensors, or the user's own YAML
+    binning: side of the squares of pixels whose mean is one pixel of the picture. Of a colour sensor each
+        such pixel has all three colours from 2 on; at 1 they are interpolated
+    width_px: width of the picture, the middle of the sensor; none = all of it
+    height_px: height of the picture, the middle of the sensor; none = all of it
+    distortion: `data_sheet` = distortion of the lens as in the data sheet, or `none`
+    noise: `data_sheet` = noise as in the data sheet, or `none`
+    blur: `data_sheet` = blur as in the data sheet; `none` = all rows and samples are at one time
     exposure_ms: fixed exposure time; none = controlled
     target_percent: mean of a picture that the control wants, of the largest digital number
-    damping: share of the way to it that the control goes from picture to picture (in stops); the first
-    picture is exposed as it would settle
+    damping: share of the wanted change of exposure, in stops, that the control makes from picture to picture
+        [1]; the first picture is exposed as it would settle
     """
 
     samples_per_pixel: Literal[1, 4, 9, 16] = 4
@@ -206,7 +212,7 @@ class Params(SceneParams):
 
 
 class ErrorCamera(SceneCamera):
-    """sheet: of the whole sensor; planes: make numbers of photons, one for all pixels or one per colour"""
+    """sheet: of the whole sensor; planes: make numbers of photons, one for all pixels or one per colour."""
 
     kept: ClassVar[tuple[str, ...]] = ("_last", "_casts", "_exposure")
 
@@ -256,7 +262,8 @@ class ErrorCamera(SceneCamera):
 
     def _aimed(self, t: int, exposure: float, known: tuple[MachineState, ...]) -> tuple[F64, F64, F64]:
         """Origins and directions of all samples (rows, columns, 3) of a machine in these states, and their
-        times after t [s], (rows, columns)."""
+        times after t [s], (rows, columns).
+        """
         per, (height, width) = self.per_side, self.size
         rolls = self.sheet.shutter == "rolling"
         late = self._row_time * (np.arange(height) - (height - 1)) if rolls else np.zeros(1)

@@ -55,7 +55,7 @@ PAINTS: dict[str, list[dict[str, tuple[Colour, ...]]]] = {
 
 @dataclass(frozen=True)
 class Instances:
-    """Things in sight. solids: of all, each with the number of its part for a reflectance
+    """Things in sight. solids: of all, each with the number of its part for a reflectance.
 
     each, velocities: the same solids thing by thing, and how each goes (3,) [m/s]
     poses: pose_world_body of each; is_grain: whether a part is the surface of grain, (parts + 1,)

@@ -74,7 +74,7 @@ FAR = 2000.0  # the ground beyond the reach ends here [m]
 
 @dataclass(frozen=True)
 class LightSetup:
-    """sun: unit vector towards it, world (3,); cloud: 0 clear to 1 overcast; green: share of unripe colour
+    """sun: unit vector towards it, world (3,); cloud: 0 clear to 1 overcast; green: share of unripe colour.
 
     per_side: samples across a pixel; shared: so many of a pixel's samples have one ray towards the sun
     shadows, texture: whether there are any; extinction: of the air [1/m]; pixel_angle [rad]: of a pixel in

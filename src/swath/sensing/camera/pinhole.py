@@ -23,7 +23,7 @@ OPTICAL = Pose(np.zeros(3), np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -
 
 @dataclass(frozen=True)
 class Pinhole:
-    """width, height of the image, focal length and principal point (centre_x, centre_y), all [px]; lens"""
+    """width, height of the image, focal length and principal point (centre_x, centre_y), all [px]; lens."""
 
     width: int
     height: int

@@ -128,21 +128,23 @@ DEFAULT_FOV = 70.0  # [deg]
 
 @dataclass(frozen=True)
 class SceneParams:
-    """mount: where it sits; its x axis is the optical axis.
+    """The camera's place and what it sees.
 
-    samples_per_pixel: on a grid within the pixel: colours are their mean, depth, label and instance those of
-    the nearest
+    mount: where the camera sits; its x axis is the optical axis
+    samples_per_pixel: samples on a grid within the pixel: its colour is their mean; depth, label and instance
+        are those of the nearest
     channels: what an image holds
-    reach_m: rays are not followed further than this; what lies beyond is sky or far crop
-    sun_azimuth_deg: clockwise from north; sun_elevation_deg: above the horizon; below it, down to
-    the end of nautical twilight, the sky alone gives light, as much of it as there is at level `error`
-    cloud_percent: 0 clear, 100 overcast: no direct light
-    shadows: things up to 8 m away shade each other
+    reach_m: distance up to which rays are followed; what lies beyond is sky or far crop
+    sun_azimuth_deg: direction of the sun, clockwise from north
+    sun_elevation_deg: elevation of the sun above the horizon; below it, down to the end of nautical twilight,
+        the sky alone gives light, as much of it as at level `error`
+    cloud_percent: cloud cover, 0 clear to 100 overcast: no direct light
+    shadows: whether things up to 8 m away shade each other
     samples_per_sun_ray: samples of a pixel that share the ray towards the sun: fewer rays, coarser light
-    texture: soil, straw and plants are not of one colour each
-    green_percent: of the colour of unripe plants in that of the crop
+    texture: whether soil, straw and plants vary in colour
+    green_percent: share of the colour of unripe plants in that of the crop
     weather: dust and rain between camera and scene, as the LiDAR has them; the puffs of near_returns are not
-    for cameras
+        for cameras
     orthophoto: GeoTIFF of three bands whose colours the ground has (extra `geo`)
     """
 
@@ -163,9 +165,11 @@ class SceneParams:
 
 @dataclass(frozen=True)
 class Params(SceneParams):
-    """width_px, height_px: size of the image
+    """An ideal pinhole camera.
 
-    horizontal_fov_deg: from the left to the right edge of the image; none = 70, or what focal_px gives
+    width_px: width of the image
+    height_px: height of the image
+    horizontal_fov_deg: angle from the left to the right edge of the image; none = 70, or what focal_px gives
     focal_px: focal length over the side of a pixel, in place of horizontal_fov_deg
     """
 
@@ -178,7 +182,7 @@ class Params(SceneParams):
 @dataclass(frozen=True)
 class Sight:
     """What all samples of an image see: hits, origins (3,) or (rows, columns, 3), directions (rows, columns,
-    3) in the world; depth along the optical axis [m], (rows, columns), nan = nothing; things in sight
+    3) in the world; depth along the optical axis [m], (rows, columns), nan = nothing; things in sight.
     """
 
     hits: Hits

@@ -48,7 +48,7 @@ def sun_direction(azimuth: float, elevation: float) -> F64:
 
 
 def organ_colours(green: float) -> F64:
-    """Linear colour of each Organ, (organs, 3). green: share of unripe plants' colour in that of the crop"""
+    """Linear colour of each Organ, (organs, 3). green: share of unripe plants' colour in that of the crop."""
     table = np.array([linear(COLOURS[organ]) for organ in Organ])
     own = list(GREEN_ORGANS)
     table[own] = (1.0 - green) * table[own] + green * linear(FRESH)
@@ -83,7 +83,7 @@ def encode(light: F64) -> NDArray[np.uint8]:
 
 
 def linear(colour: Any) -> F64:
-    """sRGB values 0 to 255 as linear light of the same shape."""
+    """Values 0 to 255 of sRGB as linear light of the same shape."""
     x = np.array(colour) / 255.0
     return np.where(x <= 0.04045, x / 12.92, power((x + 0.055) / 1.055, 2.4))
 

@@ -24,16 +24,31 @@ SENSORS = ("feed", "yield", "moisture", "tank", "loss", "loss")  # in the order 
 
 @dataclass(frozen=True)
 class Params:
-    """Of every sensor: its dead time, time constant of its smoothing, sd of its scale error (drawn once per
-    run) and sd of its noise per sample, both in percent of the reading. All are estimates, but for the time
-    constants of yield sensors, 2-5 s with the elevator (uncited).
+    """Sensors of throughput, yield, moisture, tank level and losses.
 
-    feed_delay_s, feed_lag_s, feed_scale_percent, feed_noise_percent: layer in the feeder house
-    yield_delay_s, yield_lag_s, yield_scale_percent, yield_noise_percent: impact plate on the elevator
-    moisture_percent: water in the grain; moisture_delay_s, moisture_lag_s, moisture_scale_percent,
-    moisture_noise_percent: its sensor, a chamber that fills and empties
-    tank_lag_s, tank_noise_percent: level, noise in percent of the full tank
-    loss_delay_s, loss_lag_s, loss_scale_percent, loss_noise_percent: impact plates behind rotors and shoe
+    Each has a dead time, a time constant of its smoothing, a scale error drawn once per run and noise per
+    sample. All numbers are estimates, but for the time constants of yield sensors, 2-5 s with the elevator
+    (uncited).
+
+    feed_delay_s: dead time of the layer sensor in the feeder house
+    feed_lag_s: its time constant
+    feed_scale_percent: standard deviation of its scale error
+    feed_noise_percent: standard deviation of its noise, of the reading
+    yield_delay_s: dead time of the impact plate on the elevator
+    yield_lag_s: its time constant
+    yield_scale_percent: standard deviation of its scale error
+    yield_noise_percent: standard deviation of its noise, of the reading
+    moisture_percent: water in the grain
+    moisture_delay_s: dead time of the moisture sensor, a chamber that fills and empties
+    moisture_lag_s: its time constant
+    moisture_scale_percent: standard deviation of its scale error
+    moisture_noise_percent: standard deviation of its noise, of the reading
+    tank_lag_s: time constant of the tank's level sensor
+    tank_noise_percent: standard deviation of its noise, of the full tank
+    loss_delay_s: dead time of the impact plates behind rotors and shoe
+    loss_lag_s: their time constant
+    loss_scale_percent: standard deviation of their scale error
+    loss_noise_percent: standard deviation of their noise, of the reading
     """
 
     feed_delay_s: Seconds = 0.1

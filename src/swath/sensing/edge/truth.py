@@ -33,8 +33,11 @@ MORE_M = 3.0  # lines reach so much farther to both sides than the search beside
 
 @dataclass(frozen=True)
 class Params:
-    """reference_x_m: where ahead of the fixed axle the edge is reported, nearer where it bends by more than
-    0.3 rad on the way or breaks; reach_m: how far beside the header end the edge is looked for
+    """The true edge.
+
+    reference_x_m: where ahead of the fixed axle the edge is reported; nearer where it bends by more than 0.3
+        rad before that, or breaks
+    reach_m: how far beside the header end the edge is looked for
     """
 
     reference_x_m: Annotated[float, Gt(0), Le(40)] = 10.0
@@ -90,7 +93,7 @@ class TruthEdge(KeepsState):
         return bend, slope, offset
 
     def _follow(self, state: MachineState) -> tuple[F64, F64]:
-        """x and y [m] of the edge on the lines, from the first that shows it as far as it goes on, (n,)."""
+        """Places x, y [m] of the edge on the lines, from the first that shows it to its end, (n,)."""
         begin = self._end_y + self._out * self._half
         crop = crop_across(
             self._setup.field, state.pose, self._x, begin, self._end_y - self._out * self._half
@@ -114,7 +117,7 @@ class TruthEdge(KeepsState):
         return self._x[first : first + len(found)], np.array(found)
 
     def _across_holes(self, state: MachineState) -> F64:
-        """y of the line across a hole, on each line across the machine; nan where no hole is."""
+        """Place y of the line across a hole, on each line across the machine; nan where no hole is."""
         if self._holes is None:
             return np.full(len(self._x), np.nan)
         (px, py, _), ((ax, bx, _), (ay, by, _), _) = state.pose.numbers

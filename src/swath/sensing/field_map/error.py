@@ -27,9 +27,15 @@ FAR = 1 << 20  # nodes of the random field on either side of zero
 
 @dataclass(frozen=True)
 class Params(PlaceParams):
-    """correlation: of the map with the truth, smeared as it is; kernel_m: length over which the yield monitor
-    averages, 12 s at 2 m/s; offset_x_m, offset_y_m: of the map against the world; cell_m: of the map
-    noise_cell_m: length of what the map says wrongly; age_d: since it was made
+    """A map that differs from the truth.
+
+    correlation: correlation of the map with the truth, smeared as it is [1]
+    kernel_m: length over which the yield monitor averages, 12 s at 2 m/s
+    offset_x_m: offset of the map against the world, east
+    offset_y_m: offset of the map against the world, north
+    cell_m: side of the map's cells
+    noise_cell_m: correlation length of the map's error
+    age_d: time since the map was made
     """
 
     correlation: Annotated[float, Ge(0), Le(1)] = 0.68

@@ -17,9 +17,12 @@ from swath.signals import F64
 
 @dataclass(frozen=True, kw_only=True)
 class Params(PlaceParams):
-    """file: a GeoTIFF in the field's system, one band; per_m2: what one of its numbers is in kg/m2, 0.1 for
-    t/ha, none = as the unit of the band says, without one 1; sd_kg_m2: what it is off by, as its maker says,
-    none = not known; age_d: since it was made, none = not known
+    """A map from a file.
+
+    file: a GeoTIFF in the field's system, one band
+    per_m2: kg/m2 per unit of its numbers: 0.1 for t/ha; none = as the unit of the band says, 1 without one
+    sd_kg_m2: standard deviation of its error, as its maker says; none = not known
+    age_d: time since the map was made; none = not known
     """
 
     file: str

@@ -24,9 +24,12 @@ SQUARE_M = 400.0  # its side, over which mean and spread of the crop are taken
 
 @dataclass(frozen=True)
 class PlaceParams:
-    """reach_m: ahead of the knife; step_m: between the places
+    """Places ahead of the knife that a map is asked for.
 
-    antenna_x_m, antenna_y_m: of the receiver, ahead of the fixed axle and leftward, as the fitter measured it
+    reach_m: farthest place ahead of the knife
+    step_m: distance between the places
+    antenna_x_m: place of the receiver ahead of the fixed axle, as the fitter measured it
+    antenna_y_m: place of the receiver leftward, as the fitter measured it
     """
 
     reach_m: Annotated[float, Gt(0), Le(500)] = 40.0

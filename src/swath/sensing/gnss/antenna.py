@@ -27,7 +27,12 @@ NAN = float("nan")
 
 @dataclass(frozen=True)
 class Place:
-    """Place of an antenna on its machine. x_m: ahead of the fixed axle; y_m: leftward; z_m: above ground."""
+    """Place of an antenna on its machine.
+
+    x_m: ahead of the fixed axle
+    y_m: leftward
+    z_m: above ground
+    """
 
     x_m: Annotated[float, Ge(-30), Le(30)] = 1.0
     y_m: Annotated[float, Ge(-30), Le(30)] = 0.0
@@ -85,7 +90,7 @@ def fix_of(
     **more: Any,
 ) -> Fix:
     """A sample from a position [m] and velocity [m/s], (3,) each. sd: as in Fix, in its order; more: its
-    fields from `heading` on
+    fields from `heading` on.
     """
     x, y, z = (float(v) for v in position)
     speed = float(np.hypot(velocity[0], velocity[1]))
@@ -106,7 +111,7 @@ LEAST = 0.2  # baseline [m]
 
 
 class TwoAntennas(KeepsState):
-    """sd = s sqrt(2) / B: s of the relative position of one antenna across the baseline B [m]
+    """sd = s sqrt(2) / B: s of the relative position of one antenna across the baseline B [m].
 
     The direction of the baseline over ground is the heading, as receivers report it; its tilt is the roll
     where it lies within 45 deg of across the machine, else the pitch.

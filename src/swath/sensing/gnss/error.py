@@ -26,7 +26,12 @@ MS_NS = 1_000_000
 
 @dataclass(frozen=True)
 class Loss:
-    """A time without the receiver's own quality. from_s: its begin; to_s: its end; quality: what is left."""
+    """A time without the receiver's own quality.
+
+    from_s: begin
+    to_s: end
+    quality: quality of the fix in that time
+    """
 
     from_s: Annotated[float, Ge(0)]
     to_s: Annotated[float, Ge(0)]
@@ -39,16 +44,19 @@ class Loss:
 
 @dataclass(frozen=True)
 class Params:
-    """receiver: whose figures count (docs/explanation/sensors.md); antenna: where it sits on the machine
+    """A receiver with errors.
 
-    second_antenna: place of another one, for the heading, and for roll or pitch; heading_noise_mm: of its
-    place relative to the first across the line between them, sd per sample, while the fix is one of carriers;
-    an estimate
-    latency_ms: from the measurement to its sample, 20 to 100 (uncited)
-    noise_cm: white, sd per sample, here and below instead of the receiver's
-    wander_cm: sd of the error that wanders; wander_s: its correlation time
-    velocity_noise_m_s: white, sd per sample and axis
-    vertical_factor: errors of the height over those of east and north
+    receiver: receiver whose figures count (docs/explanation/sensors.md)
+    antenna: where the antenna sits on the machine
+    second_antenna: place of another antenna, for the heading, and for roll or pitch
+    heading_noise_mm: sd per sample of its place relative to the first, across the line between them, while
+        the fix is one of carriers; an estimate
+    latency_ms: time from the measurement to its sample, 20 to 100 (uncited)
+    noise_cm: sd of the white noise per sample; none, here and below = the receiver's
+    wander_cm: sd of the error that wanders
+    wander_s: correlation time of the error that wanders
+    velocity_noise_m_s: sd of the white noise of the velocity, per sample and axis
+    vertical_factor: errors of the height over those of east and north [1]
     losses: times at which the fix is lost
     """
 
@@ -88,7 +96,7 @@ class Params:
 
 class Reception(NamedTuple):
     """What comes in. quality: by number; stretch: errors over those of the table; offset: of a wrong fix,
-    (3,) [m]; more: fields of Fix from `age` on
+    (3,) [m]; more: fields of Fix from `age` on.
     """
 
     quality: int

@@ -13,8 +13,10 @@ from swath.signals import FIX_QUALITIES, Fix, MachineState
 
 @dataclass(frozen=True)
 class Params:
-    """antenna: where it sits on the machine; second_antenna: place of another one, for the heading,
-    and for roll or pitch
+    """A receiver without errors.
+
+    antenna: where the antenna sits on the machine
+    second_antenna: place of another antenna, for the heading, and for roll or pitch
     """
 
     antenna: Place = field(default_factory=Place)

@@ -6,8 +6,10 @@ from math import exp, hypot, sqrt
 
 @dataclass(frozen=True)
 class Figures:
-    """Errors of one axis. noise: white, sd per sample [m]; wander: sd of a first-order Gauss-Markov error [m]
+    """Errors of one axis.
 
+    noise: white noise, sd per sample [m]
+    wander: sd of a first-order Gauss-Markov error [m]
     wander_time: its correlation time [s]; vertical: the same of the height, over those of east and north
     velocity: white, sd per sample of each axis [m/s]
     """

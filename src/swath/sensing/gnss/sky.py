@@ -55,7 +55,7 @@ class Shading:
         self._hard, self._leaves = BeamBuffer(count), BeamBuffer(count)
 
     def look(self, antenna: F64, up: F64) -> tuple[F64, F64]:
-        """(is blocked, is behind leaves), boolean (n,) each. antenna (3,) [m], up: directions (n, 3)"""
+        """(is blocked, is behind leaves), boolean (n,) each. antenna (3,) [m], up: directions (n, 3)."""
         bodies = [b for b in self._setup.bodies.around() if _is_near(b, antenna)]
         leaves = [b.solids for b in bodies if b.kind in FOLIAGE]
         hard = [b.solids for b in bodies if b.kind not in FOLIAGE]
@@ -143,13 +143,17 @@ Seconds = Annotated[float, Ge(0), Le(1e6)]
 class Times:
     """How a receiver gets its fix and loses it.
 
-    reacquire_s: from four satellites on to the first position; fix_min_s, fix_mean_s: from the first float
-    solution to the fix, at least, and the mean of what comes on top (exponential)
-    phase_float, phase_fix: satellites whose carrier is tracked, for a float solution and to fix it
-    rtk_age_s, dgps_age_s: age of the corrections up to which they serve
-    losses_per_h: of a fix under open sky, to float
-    wrong_percent: of fixes that are wrong; wrong_shaded: times as many with fewer than 8 carriers or a
-    horizontal dilution above 2; wrong_s: mean time until one is noticed
+    reacquire_s: time from four satellites on to the first position
+    fix_min_s: least time from the first float solution to the fix
+    fix_mean_s: mean of the time that is added to fix_min_s (exponential)
+    phase_float: satellites whose carrier must be tracked for a float solution
+    phase_fix: satellites whose carrier must be tracked for a fix
+    rtk_age_s: age of the corrections up to which they serve RTK
+    dgps_age_s: age of the corrections up to which they serve DGPS
+    losses_per_h: losses of a fix to float under open sky
+    wrong_percent: share of fixes that are wrong
+    wrong_shaded: factor on that share with fewer than 8 carriers or a horizontal dilution above 2 [1]
+    wrong_s: mean time until a wrong fix is noticed
     """
 
     reacquire_s: Seconds = 1.0
@@ -167,7 +171,7 @@ class Times:
 
 @saved_type()
 class Heard(NamedTuple):
-    """codes, carriers: satellites of which either is tracked; hdop; age: of the corrections [s]"""
+    """codes, carriers: satellites of which either is tracked; hdop; age: of the corrections [s]."""
 
     codes: int
     carriers: int
@@ -193,7 +197,7 @@ class FixStates(KeepsState):
         self._wait = float("inf")  # time of it until the fix
 
     def step(self, seconds: float, heard: Heard, draw: tuple[float, float, float]) -> int:
-        """The quality after so many seconds. draw: three uniform numbers of [0, 1)"""
+        """The quality after so many seconds. draw: three uniform numbers of [0, 1)."""
         t = self._times
         self._heard = self._heard + seconds if heard.codes >= 4 else 0.0
         if heard.codes < 4 or self._heard < t.reacquire_s - TINY:
@@ -249,7 +253,11 @@ MOST_STRETCH = 10.0
 
 @dataclass(frozen=True)
 class Silence:
-    """A time without corrections. from_s: its begin; to_s: its end"""
+    """A time without corrections.
+
+    from_s: begin
+    to_s: end
+    """
 
     from_s: Annotated[float, Ge(0)]
     to_s: Annotated[float, Ge(0)]
@@ -261,10 +269,15 @@ class Silence:
 
 @dataclass(frozen=True)
 class Sky:
-    """time_of_day_s: at the start, of the satellites; latitude_deg, longitude_deg: of a field that lies
-    nowhere on Earth
-    mask_deg: elevation from which on satellites count; leaves_db: loss behind a tree or a hedge; code_dbhz,
-    carrier_dbhz: carrier to noise ratio from which on code and carrier are tracked, of 36 + 12 sin(elevation)
+    """Satellites and what weakens their signals.
+
+    time_of_day_s: time of day at the start, which sets the satellites
+    latitude_deg: latitude of a field that lies nowhere on Earth
+    longitude_deg: longitude of a field that lies nowhere on Earth
+    mask_deg: elevation from which on satellites count
+    leaves_db: loss behind a tree or a hedge
+    code_dbhz: carrier-to-noise ratio from which on the code is tracked, of 36 + 12 sin(elevation)
+    carrier_dbhz: carrier-to-noise ratio from which on the carrier is tracked
     """
 
     time_of_day_s: Annotated[float, Ge(0), Le(86_400)] = 36_000.0
@@ -278,13 +291,16 @@ class Sky:
 
 @dataclass(frozen=True)
 class Params(error.Params):
-    """As of level `error`, and:
+    """The keys of level `error`, and satellites.
 
-    sky: satellites and what weakens them; states: how a fix comes and goes
-    begin: quality at the start
-    silences: times without corrections; age_mm_s: how the error grows with their age
+    sky: satellites and what weakens them
+    states: how a fix comes and goes
+    begin: quality of the fix at the start
+    silences: times without corrections
+    age_mm_s: growth of the error with the age of the corrections
     wrong_m: sd of the offset of a wrong fix, east and north each
-    ppp_start_m: error before it has converged; ppp_s: time constant of its convergence
+    ppp_start_m: error before precise point positioning has converged
+    ppp_s: time constant of that convergence
     """
 
     sky: Sky = field(default_factory=Sky)

@@ -37,7 +37,7 @@ class GroundRadarSheet:
     """frequency [Hz]; depression: of the beam below the horizontal [rad]; beam_width: one way, at half power
     [rad]; averaging: time over which a spectrum is taken [s]; lag: time constant behind it [s]
     mean_error, error_sd: of the scale over machines and fields, shares; speed_min: below it the unit says 0
-    [m/s]
+    [m/s].
     """
 
     format: str
@@ -79,7 +79,11 @@ def relative_noise(speed: float, sheet: GroundRadarSheet) -> float:
 
 @dataclass(frozen=True)
 class BellyMount(LevelMount):
-    """Below the body, behind the fixed axle."""
+    """Below the body, behind the fixed axle.
+
+    x_m: forward
+    z_m: above ground
+    """
 
     x_m: Length = -1.0
     z_m: Length = 0.9
@@ -87,10 +91,12 @@ class BellyMount(LevelMount):
 
 @dataclass(frozen=True)
 class Params:
-    """sensor: name in data/sensors, or the user's own YAML; mount: where it sits, its x axis is the level
-    direction in which it looks down
-    pitch_error_deg: fitted that much steeper than the unit believes
-    noise: noise and scale error as in the data sheet, or none
+    """A radar that measures ground speed.
+
+    sensor: name in data/sensors, or the user's own YAML
+    mount: where the radar sits; its x axis is the level direction in which it looks down
+    pitch_error_deg: how much steeper it is fitted than it believes
+    noise: `data_sheet` = noise and scale error as in the data sheet, or `none`
     """
 
     sensor: str = "ground-radar-24ghz"

@@ -45,9 +45,15 @@ LINES = tuple(AXES)
 
 @dataclass(frozen=True)
 class Vibration:
-    """engine_m_s2, drum_m_s2, sieves_m_s2: root mean square of each
-    engine_hz, drum_hz, sieves_hz: at rated speed; arm_m: a force at frequency f is felt as a turn too,
-    rate = force / (2 pi f arm)
+    """Vibration at the unit.
+
+    engine_m_s2: root mean square of the engine's
+    drum_m_s2: root mean square of the drum's
+    sieves_m_s2: root mean square of the sieves'
+    engine_hz: frequency of the engine's at rated speed
+    drum_hz: frequency of the drum's at rated speed
+    sieves_hz: frequency of the sieves' at rated speed
+    arm_m: lever arm: a force at frequency f is felt as a turn too, rate = force / (2 pi f arm)
     """
 
     engine_m_s2: Force = 0.4
@@ -146,13 +152,19 @@ MILLI_G = 1e-3 * STANDARD_GRAVITY
 
 @dataclass(frozen=True)
 class Params:
-    """unit: whose noise counts (docs/explanation/sensors.md); mount: where it sits on the machine
+    """An inertial unit with errors.
 
-    noise_factor: on its white noise; walk_factor: on the random walk of its bias
-    gyro_bias_deg_s: sd of the bias at the start, drawn once per run and axis, as the three below; estimates
-    accel_bias_mg: the same of the accelerometers, in thousandths of g
-    gyro_scale_percent: sd of the scale error; accel_scale_percent: the same of the accelerometers
-    vibration: of engine, drum and sieves; none = they do not shake
+    Each bias and scale error is drawn once per run and axis; their sizes are estimates.
+
+    unit: unit whose noise counts (docs/explanation/sensors.md)
+    mount: where the unit sits on the machine
+    noise_factor: factor on its white noise [1]
+    walk_factor: factor on the random walk of its bias [1]
+    gyro_bias_deg_s: sd of the gyros' bias at the start
+    accel_bias_mg: sd of the accelerometers' bias at the start, in thousandths of g
+    gyro_scale_percent: sd of the gyros' scale error
+    accel_scale_percent: sd of the accelerometers' scale error
+    vibration: vibration of engine, drum and sieves; none = they do not shake
     """
 
     unit: Literal["mti-1", "adis16470", "bmi088"] = "mti-1"

@@ -19,7 +19,7 @@ FIRST, LAST_TWO, PLACE, VELOCITY, SCALE, BIAS, STEPS, WHITE, DRAW, READING, SIZE
 
 
 class ImuStep(Strapdown):
-    """Watches the states go by. mounting: pose_machine_sensor; memory: (SIZE,), of which it is a part
+    """Watches the states go by. mounting: pose_machine_sensor; memory: (SIZE,), of which it is a part.
 
     Velocity and reading lie in the memory. scale, bias, steps, white: (6,) of it, three gyroscopes, then
     three accelerometers; draw: (12,) normal numbers, of the white noise, then of the bias

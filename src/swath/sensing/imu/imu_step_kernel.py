@@ -24,7 +24,10 @@ def lay_states(
     memories: wp.array2d(dtype=wp.float64),
     needs: wp.array(dtype=int),
 ):
-    """The states of a trail (`core.rows`) into the memories; needs: 1 where one needs more than the states"""
+    """Put the states of a trail (`core.rows`) into the memories.
+
+    needs: 1 where one needs more than the states
+    """
     w = wp.tid()
     count = int(head[1])
     memory = memories[w]
@@ -47,7 +50,7 @@ def lay_states(
 
 @wp.kernel
 def sample_each(memories: wp.array2d(dtype=wp.float64), samples: wp.array2d(dtype=wp.float64)):
-    """Of the worlds whose states were laid. samples: rates and forces with their errors"""
+    """Of the worlds whose states were laid. samples: rates and forces with their errors."""
     w = wp.tid()
     if memories[w, 0] > real(0.0):
         make_sample(memories[w], samples[w])

@@ -33,9 +33,14 @@ Reading = tuple[Triple, Triple]  # rate [rad/s], specific force [m/s2]
 
 @dataclass(frozen=True)
 class Place:
-    """Place of the unit on its machine. x_m: ahead of the fixed axle; y_m: leftward; z_m: above ground
+    """Place of the unit on its machine.
 
-    roll_deg: > 0 left side up; pitch_deg: > 0 nose down; yaw_deg: > 0 to the left
+    x_m: ahead of the fixed axle
+    y_m: leftward
+    z_m: above ground
+    roll_deg: > 0 left side up
+    pitch_deg: > 0 nose down
+    yaw_deg: > 0 to the left
     """
 
     x_m: Length = 0.0

@@ -58,7 +58,7 @@ def compared_stems(table: SpreadTable) -> Checked | None:
 
 @dataclass(frozen=True)
 class Params(OutdoorParams):
-    """table: of the spread, by name or as npz file; none = that of the field's crop and the echo rule
+    """table: of the spread, by name or as npz file; none = that of the field's crop and the echo rule.
 
     echo: the rule the table was made for, `percentile` means the median of the spot
     """
@@ -68,7 +68,7 @@ class Params(OutdoorParams):
 
 
 class TableLidar(ScanningLidar):
-    """A scanner whose beams go into crop as a table says. beam: keywords of `pack_canopy`"""
+    """A scanner whose beams go into crop as a table says. beam: keywords of `pack_canopy`."""
 
     kept = (*ScanningLidar.kept, "_clamped", "_notes")
     level: ClassVar[str]
@@ -110,7 +110,8 @@ class TableLidar(ScanningLidar):
     @property
     def notes(self) -> list[str]:
         """What the user of a run should know of the scanner, of what this level cannot see, and of the table,
-        each once."""
+        each once.
+        """
         about = [self._about_crop] if self._about_crop else []
         return [*self.scanner.notes, *about, *self._notes]
 

@@ -27,15 +27,16 @@ WIDE_ENOUGH = 0.9  # sub-rays that reach as far out, in radii of the spot, stand
 
 @dataclass(frozen=True)
 class Params(OutdoorParams):
-    """Of beams and echoes, beside the keys of the scanner.
+    """Beams and echoes, beside the keys of the scanner.
 
-    sub_rays: rays per beam over the spot (1, 7, 19, 37, 61 form nested rings); spot: `fixed` pattern,
-    `turned` by a random angle for every beam, or `random` places for every beam
+    sub_rays: rays per beam over the spot (1, 7, 19, 37, 61 form nested rings)
+    spot: `fixed` pattern, `turned` by a random angle for every beam, or `random` places for every beam
     echo: `nearest` hit, the `percentile` or `mean` of the hits, or their `leading_edge`, all as one echo; or
-    `first`, `last`, `strongest` or `all` of the echoes into which the pulse separates the hits
-    within: where in such an echo its range lies; percentile: of the beam's energy that hits something
-    threshold_percent: of an echo's received energy, where `leading_edge` triggers
-    echoes: most per beam with `all`; none = the sensor's
+        `first`, `last`, `strongest` or `all` of the echoes into which the pulse separates the hits
+    within: where in such an echo its range lies
+    percentile: percentile of the beam's energy that hits something
+    threshold_percent: share of an echo's received energy at which `leading_edge` triggers
+    echoes: largest number of echoes per beam with `all`; none = the sensor's
     """
 
     sub_rays: Annotated[int, Ge(1), Le(217)] = 19

@@ -122,15 +122,19 @@ Place = Annotated[float, Ge(-1e5), Le(1e5)]
 
 @dataclass(frozen=True)
 class Params(ScannerParams):
-    """file: made by `swath height-map build`
+    """Heights that were measured.
 
-    draw: `random`, a height of the distribution, drawn anew for every place and scan, or always one
-    `percentile` of it
-    percentile: which, from 0 to 100
+    file: a height map made by `swath height-map build`
+    draw: `random` = a height of the distribution, drawn anew for every place and scan; or always one
+        `percentile` of it
+    percentile: which percentile, from 0 to 100
     grain_m: beams that end in the same square of this side draw the same
     ground: heights stand on the `measured` ground, or on that of the `field`
-    x_m, y_m, z_m, heading_deg: where the origin of the measured map lies in the field
-    noise: none, because measured heights have it in them, or that of the data sheet on top
+    x_m: east coordinate of the map's origin in the field
+    y_m: north coordinate of the map's origin in the field
+    z_m: height of the map's origin in the field
+    heading_deg: direction of the map's x axis in the field, from east
+    noise: `none`, because measured heights have it in them, or `data_sheet` = that of the data sheet on top
     """
 
     file: str = field(kw_only=True)

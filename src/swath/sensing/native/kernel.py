@@ -20,7 +20,7 @@ class Electronics:
     is_noisy: 0 = no bias [m], noise and resolution [m]; sigma: rows (range, one sigma) [m], flat
     by_signal: rows of the logarithms of signal to noise ratio and one sigma [m], flat, may be empty
     at_reach: the ratio of the weakest echo
-    ranges, intensity, points: where the result goes, one echo per beam, points flat
+    ranges, intensity, points: where the result goes, one echo per beam, points flat.
     """
 
     range_min: float

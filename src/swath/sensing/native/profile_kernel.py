@@ -11,7 +11,7 @@ from swath.sensing.native.kernel import Aiming, Electronics, aim_packet, pose_be
 @wp.struct
 class Sweep:
     """Of a scanner: mounting and beam_t as in sweep.cpp; angles between neighbours [rad] and lines as in
-    scores.cpp; reach [m]; origins and rotations: of the beams, the memory of `Beams` and `Aiming`
+    scores.cpp; reach [m]; origins and rotations: of the beams, the memory of `Beams` and `Aiming`.
     """
 
     mounting: wp.array(dtype=wp.float64)
@@ -42,7 +42,7 @@ def scan_profiles(
     electronics: wp.array(dtype=Electronics),
     stations: wp.array(dtype=int),
 ):
-    """One world a thread: a whole sweep. asked: its end [ns], number of states"""
+    """One world a thread: a whole sweep. asked: its end [ns], number of states."""
     w = wp.tid()
     sweep = sweeps[w]
     b = beams[w]

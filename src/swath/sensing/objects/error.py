@@ -25,14 +25,16 @@ FALSE_TOP = 1.5  # of it [m]
 
 @dataclass(frozen=True)
 class Params(TruthParams):
-    """All numbers are uncited estimates: measure those of your own detector.
+    """A detector with errors. All numbers are uncited estimates: measure those of your own detector.
 
-    least_visible_m: height of a thing that is not hidden, from which on it can be seen at all
-    miss_percent: of the looks at what can be seen; false_per_h: false alarms per hour; false_s: mean time
-    that one lasts
-    position_sd_m: of x and y each, near; position_sd_percent: of the distance, on top; velocity_sd_m_s: of
-    both components
-    delay_s: from the look to the sample
+    least_visible_m: height that must not be hidden for an object to be seen at all
+    miss_percent: share of the looks at what can be seen that miss it
+    false_per_h: false alarms per hour
+    false_s: mean duration of a false alarm
+    position_sd_m: standard deviation of x and y each, near the sensor
+    position_sd_percent: standard deviation that is added, of the distance
+    velocity_sd_m_s: standard deviation of both components
+    delay_s: time from the measurement to the sample
     """
 
     least_visible_m: Annotated[float, Gt(0), Le(10)] = 0.3

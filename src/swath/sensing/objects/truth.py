@@ -25,7 +25,11 @@ SKIN = 0.03  # off the thing, so that it does not hide itself [m]
 
 @dataclass(frozen=True)
 class RoofMount(LevelMount):
-    """The front edge of the cab's roof."""
+    """The front edge of the cab's roof.
+
+    x_m: forward
+    z_m: above ground
+    """
 
     x_m: Length = 1.5
     z_m: Length = 3.6
@@ -33,8 +37,11 @@ class RoofMount(LevelMount):
 
 @dataclass(frozen=True)
 class Params:
-    """mount: from where it is looked, for what is hidden; reach_m: in the plane, from there
-    sector_deg: to both sides of the direction that the mount looks
+    """The true objects.
+
+    mount: place from which objects are seen, for what is hidden
+    reach_m: greatest distance from there in the plane
+    sector_deg: field of view to both sides of the direction in which the mount looks
     """
 
     mount: RoofMount = field(default_factory=RoofMount)

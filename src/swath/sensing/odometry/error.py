@@ -27,14 +27,17 @@ Angle = Annotated[float, Ge(0), Le(10)]
 
 @dataclass(frozen=True)
 class Params:
-    """Errors of the three sensors; each constant error is drawn once per run, N(0, sd).
+    """Errors of the three sensors. Each constant error is drawn once per run, N(0, sd).
 
-    slip_percent: the wheels turn faster than the ground passes: 2 to 6 % on stubble (uncited); where the
-    motion says itself how its wheels slip (`wheel_slip`), that counts instead
-    speed_scale_percent: sd of the calibration error; speed_noise_m_s: sd per sample
-    gyro_bias_deg_s: sd of the constant bias; gyro_noise_deg_s: sd per sample (a 0.014 deg/s/sqrt(Hz) MEMS
-    gyro read at 50 Hz gives 0.07 deg/s plus vibration)
-    steer_bias_deg: sd of the zero error; steer_noise_deg: sd per sample
+    slip_percent: how much faster the wheels turn than the ground passes: 2 to 6 % on stubble (uncited). Where
+        the motion reports its wheels' slip (`wheel_slip`), that counts instead
+    speed_scale_percent: sd of the calibration error of the speed
+    speed_noise_m_s: sd of the speed's noise per sample
+    gyro_bias_deg_s: sd of the gyro's constant bias
+    gyro_noise_deg_s: sd of the gyro's noise per sample (a MEMS gyro of 0.014 deg/s/sqrt(Hz) read at 50 Hz
+        gives 0.07 deg/s, plus vibration)
+    steer_bias_deg: sd of the steering angle's zero error
+    steer_noise_deg: sd of the steering angle's noise per sample
     """
 
     slip_percent: Share = 3.0
@@ -76,7 +79,7 @@ class ErrorOdometry(InWorlds):
 
 
 class Odometers(KeepsRows, Compiled):
-    """Of many worlds. constant: what was drawn for each: error of the speed, with slip, the two biases"""
+    """Of many worlds. constant: what was drawn for each: error of the speed, with slip, the two biases."""
 
     kept = ("constant",)
     reads: ClassVar = {"state": MachineState, "steering": SteerState, "wheels": WheelState}

@@ -17,7 +17,7 @@ def measure(
     samples: wp.array2d(dtype=wp.float64),
 ):
     """slips: 1 where the wheels' slip has to be added to the speed; constant, samples: see
-    `error.Odometers`
+    `error.Odometers`.
     """
     w = wp.tid()
     samples[w, 0] = speeds[w] * constant[w, slips] + sd[w, 0] * noise[w, 0]

@@ -22,11 +22,17 @@ from swath.signals import PeerState
 
 @dataclass(frozen=True)
 class Params:
-    """delay_ms: from the time that a message is valid for to its arrival; loss_percent: of the messages
-    range_m: beyond it nothing arrives; position_sd_cm: of the relative position, each axis
+    """A radio between two machines.
+
+    delay_ms: time from that for which a message is valid to its arrival
+    loss_percent: share of the messages that are lost
+    range_m: distance beyond which nothing arrives
+    position_sd_cm: standard deviation of the relative position, each axis
     correlation_s: time over which the error of the position changes
-    ahead_error_m, left_error_m: calibration errors of antennas and box
-    silent_from_s, silent_for_s: nothing arrives in that time, to try it out
+    ahead_error_m: calibration error of antennas and box, along the machine
+    left_error_m: calibration error of antennas and box, leftward
+    silent_from_s: begin of a time in which nothing arrives, to try it out
+    silent_for_s: duration of that time
     """
 
     delay_ms: Annotated[float, Ge(0), Le(5000)] = 100.0

@@ -69,7 +69,8 @@ def _of_mesh(body: Body, eye: F64) -> float:
 
 def silhouette(half: F64, away: F64) -> float:
     """Area [m2] of a box with half sizes (3,), seen from a direction in its frame; the cross section of a
-    rough thing that scatters what it meets to all sides: no flash of a flat plate."""
+    rough thing that scatters what it meets to all sides: no flash of a flat plate.
+    """
     u = np.abs(_unit(away))
     faces = 4.0 * np.array([half[1] * half[2], half[0] * half[2], half[0] * half[1]])
     return float(product(faces, u))

@@ -132,7 +132,8 @@ def peaks(
     columns: Columns, grid: Grid, training: int, false_alarm: float, kind: Literal["ca", "os"]
 ) -> list[tuple[float, float, float, float, float]]:
     """What is above the threshold, the strongest first, one of each resolution cell: power over thermal
-    noise, power over what is around, distance, azimuth, speed."""
+    noise, power over what is around, distance, azimuth, speed.
+    """
     factor = ca_factor(training, false_alarm) if kind == "ca" else os_factor(training, false_alarm)
     column, place = np.nonzero(columns.power > 0.25 * factor)
     a, s = columns.azimuth[column], columns.speed[column]

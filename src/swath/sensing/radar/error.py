@@ -106,11 +106,15 @@ RAIN = {"low": (0.148, 1.0), "high": (1.08, 0.72)}  # dB/km = k R^a: 3.7 and 11 
 
 @dataclass(frozen=True)
 class Params(IdealParams):
-    """straw_moisture_percent: water of the straw, wet mass; straw_wall: 0 thin to 1 thick, of the stems
-    stand_loss_percent: of the derived loss in the crop; 0 = the crop is not there for the radar
-    rain_mm_h: rain, which weakens echoes over the distance; loss_db: of all echoes, such as a dirty cover
-    noise: as in the data sheet, or none: then all that is above the threshold by its mean is given exactly,
-    with no false alarms
+    """What weakens a radar's echoes, and its noise.
+
+    straw_moisture_percent: water of the straw, of its wet mass
+    straw_wall: thickness of the stems' walls, 0 thin to 1 thick [1]
+    stand_loss_percent: share of the derived loss in the crop that counts; 0 = the radar sees through the crop
+    rain_mm_h: rain, which weakens echoes over the distance
+    loss_db: loss of all echoes, such as by a dirty cover
+    noise: `data_sheet` = as in the data sheet; `none` = what is above the threshold by its mean is given
+        exactly, without false alarms
     """
 
     straw_moisture_percent: Annotated[float, Ge(0), Le(80)] = 12.0
@@ -178,6 +182,7 @@ class ErrorRadar(IdealRadar):
 
     @property
     def cell(self) -> tuple[float, float, float]:
+        """Resolution of range [m], azimuth [rad] and speed [m/s]."""
         return self.sheet.range_resolution, self.sheet.azimuth_resolution, self.sheet.speed_resolution
 
     def echo(self, seen: Target, all_seen: list[Target]) -> Echo:
@@ -205,8 +210,10 @@ class ErrorRadar(IdealRadar):
         return Echo(seen.distance, seen.azimuth, seen.elevation, seen.radial_speed, snr)
 
     def echoes(self, seen: Target, all_seen: list[Target]) -> list[Echo]:
-        """Of a thing: one for each half of a resolution cell that its sides fill. All of them lose in the
-        crop what it loses where the line to its middle enters it. Without noise it is one point.
+        """Of a thing: one for each half of a resolution cell that its sides fill.
+
+        All of them lose in the crop what it loses where the line to its middle enters it. Without noise it is
+        one point.
         """
         whole = self.echo(seen, all_seen)
         if not self._is_noisy or whole.snr == 0.0:
@@ -247,7 +254,8 @@ class ErrorRadar(IdealRadar):
 
     def row(self, echo: Echo, power: float, around: float, noise: list[float]) -> list[float]:
         """Errors as from an echo of this power over thermal noise, with a background `around`, and the cross
-        section that it looks like."""
+        section that it looks like.
+        """
         s, snr = self.sheet, max(power / around - 1.0, 1e-3) if self._is_noisy else power
         sds = [
             deviation(snr, cell, floor)
@@ -271,7 +279,8 @@ class ErrorRadar(IdealRadar):
 
     def _false_alarms(self, draw: np.random.Generator, share: float = 1.0) -> list[list[float]]:
         """Noise above the threshold in a share of the cells: as many as them times their probability, on
-        average."""
+        average.
+        """
         s, rows = self.sheet, []
         for _ in range(int(draw.poisson(10.0**s.false_alarm_lg * s.cells * share))):
             a, b, c, d = (2.0 * draw.random(4) - 1.0).tolist()

@@ -24,9 +24,13 @@ TAP = 10_000_000  # between the three poses that a velocity is taken from [ns]
 
 @dataclass(frozen=True)
 class RadarMount(LevelMount):
-    """Over the header, in front of the cab: an estimate. Level: makers ask for 0 to 1 deg against the ground
-    and a height of 0.5 m or more (Autoliv, Installation Specifications and User Manual, Radar Sensors,
-    E567781, 6.3.4; 24 GHz E814702, 5.3.9).
+    """Over the header, in front of the cab: an estimate.
+
+    Level, since makers ask for 0 to 1 deg against the ground and a height of 0.5 m or more (Autoliv,
+    Installation Specifications and User Manual, Radar Sensors, E567781, 6.3.4; 24 GHz E814702, 5.3.9).
+
+    x_m: forward
+    z_m: above ground
     """
 
     x_m: Length = 3.5
@@ -35,8 +39,10 @@ class RadarMount(LevelMount):
 
 @dataclass(frozen=True)
 class Params:
-    """sensor: name in data/sensors, or the user's own YAML; mount: where it sits, its x axis is the middle of
-    the field of view
+    """An automotive radar.
+
+    sensor: name in data/sensors, or the user's own YAML
+    mount: where the radar sits; its x axis is the middle of the field of view
     """
 
     sensor: str = "radar-77ghz-corner"
@@ -45,7 +51,7 @@ class Params:
 
 @dataclass(frozen=True)
 class Target:
-    """A thing in the field of view. distance [m], azimuth, elevation [rad] in the sensor's frame
+    """A thing in the field of view. distance [m], azimuth, elevation [rad] in the sensor's frame.
 
     radial_speed: > 0 goes away [m/s]; rcs [dBsm]; place: the nearest point, world (3,); body: whose it is
     """
@@ -88,7 +94,8 @@ class IdealRadar(KeepsState):
 
     def look(self, now: int, inputs: Inputs) -> list[Target]:
         """What is in the field of view from `_eye` (3,) that goes with `_velocity` (3,), the nearest first;
-        nothing hides it."""
+        nothing hides it.
+        """
         self._eye, rotation, self._velocity = self.locate(now, inputs)
         bodies = self.setup.bodies.around(self.setup.name)
         seen = [self._seen(body, self._eye, rotation, self._velocity) for body in bodies]
@@ -113,7 +120,8 @@ class IdealRadar(KeepsState):
 
     def _seen(self, body: Body, eye: F64, rotation: F64, velocity: F64) -> Target | None:
         """A body by the point of its box where the line to its middle enters, at the sensor's own height as
-        far as it reaches; None where that is out of view."""
+        far as it reaches; None where that is out of view.
+        """
         own = body.pose.inverse().apply(eye) - body.middle
         aim = np.array([0.0, 0.0, min(max(float(own[2]), -float(body.half[2])), float(body.half[2]))])
         enters = entry(own, aim, body.half)
@@ -135,7 +143,8 @@ class IdealRadar(KeepsState):
 
 def entry(start: F64, end: F64, half: F64) -> float | None:
     """Share of the way from a point outside to another one (3,) where it enters a box about the origin with
-    half sizes (3,); None where it does not, or starts inside."""
+    half sizes (3,); None where it does not, or starts inside.
+    """
     first, last = -np.inf, 1.0
     for s, e, h in zip(start.tolist(), end.tolist(), half.tolist(), strict=True):
         step = e - s

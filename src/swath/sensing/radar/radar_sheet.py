@@ -13,7 +13,7 @@ LIGHT = 299_792_458.0  # m/s
 
 @dataclass(frozen=True, kw_only=True)
 class RadarSheet:
-    """frequency [Hz]; polarisation: of sent and received waves, V or H against the ground
+    """frequency [Hz]; polarisation: of sent and received waves, V or H against the ground.
 
     range_min, range_max [m]; azimuth_fov, elevation_fov: whole field of view [rad]
     azimuth_beam_width, elevation_beam_width: one way at half power [rad]
@@ -55,7 +55,7 @@ class RadarSheet:
 
     @property
     def wavelength(self) -> float:
-        """[m]"""
+        """[m]."""
         return LIGHT / self.frequency
 
     @property

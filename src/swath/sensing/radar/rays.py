@@ -42,8 +42,9 @@ LEAST = 1e-9
 
 @dataclass(frozen=True)
 class Echoes:
-    """By azimuth and distance, (n, m) each. area: radar cross section [m2] per azimuth [rad] and distance [m]
+    """Echoes by azimuth and distance, (n, m) each.
 
+    area: radar cross section [m2] per azimuth [rad] and distance [m]
     way: from the sensor to the ground, unit (n, m, 3); azimuth, elevation: of it in the sensor's frame [rad]
     """
 
@@ -54,7 +55,7 @@ class Echoes:
 
 
 class Clutter:
-    """Of a field. stand: None = no crop for the radar; wave: extinction of the wave over the geometric one
+    """Of a field. stand: None = no crop for the radar; wave: extinction of the wave over the geometric one.
 
     crop: g; ground: gamma; both linear
     """
@@ -67,7 +68,8 @@ class Clutter:
 
     def echoes(self, eye: F64, rotation: F64, azimuths: F64, ranges: F64) -> Echoes:
         """From an eye (3,) whose frame has a rotation (3, 3), at azimuths (n,) [rad] and distances (m,) [m],
-        both in even steps."""
+        both in even steps.
+        """
         ahead = product(np.stack([np.cos(azimuths), np.sin(azimuths), 0.0 * azimuths], axis=1), rotation.T)
         flat = ahead[:, :2] / np.hypot(ahead[:, 0], ahead[:, 1])[:, None]
         high = float(eye[2]) - float(self._field.ground_height(float(eye[0]), float(eye[1])))
@@ -173,7 +175,8 @@ HALF = 0.425  # standard deviation of the window's power in cells, as of a Gauss
 
 @dataclass(frozen=True)
 class Params(ErrorParams):
-    """crop_reflectivity_db: echo of a deep stand per area that it turns to the radar, g of the water cloud;
+    """crop_reflectivity_db: echo of a deep stand per area that it turns to the radar, g of the water cloud.
+
     ground_reflectivity_db: the same of bare ground and stubble; both estimates
     cfar: threshold over the mean of the training bins, or over their third quartile
     training: bins of half a cell in distance, on both sides together
@@ -285,7 +288,8 @@ class RaysRadar(ErrorRadar):
 
     def clutter(self, eye: F64, rotation: F64, velocity: F64) -> tuple[F64, F64, F64]:
         """Of every second bin of azimuth and distance, (n, m) each: mean power over noise in a cell, its
-        radial speed and the spread of that [m/s]."""
+        radial speed and the spread of that [m/s].
+        """
         s, grid = self.sheet, self.grid
         ranges = grid.ranges[::2]
         echoes: Echoes = self._clutter.echoes(eye, rotation, grid.azimuths[::2], ranges)
@@ -299,6 +303,7 @@ class RaysRadar(ErrorRadar):
         return mean, radial, spread
 
     def columns(self, parts: Parts, mean: F64, speed: F64, spread: F64, draw: np.random.Generator) -> Columns:
+        """Cells of a look with their power, and who is in them."""
         grid, ds = self.grid, self.grid.cell[2]
         mean = np.where(mean * self.gain > FAINT, mean * self.gain, 0.0)
         wide = np.sqrt(1.0 + (spread / (HALF * ds)) ** 2)
@@ -374,7 +379,8 @@ class RaysRadar(ErrorRadar):
     ) -> list[float]:
         """A row of the sample: cross section by the power over thermal noise, signal to noise by that over
         what is around. On top come errors that stay however strong an echo is, and what the raised power
-        (`gain`) has taken from the others."""
+        (`gain`) has taken from the others.
+        """
         s, noise = self.sheet, draw.standard_normal(3).tolist() if self._is_noisy else [0.0] * 3
         floors = s.range_floor, s.azimuth_floor, s.speed_floor
         snr, whole = (max(v - 1.0, 1e-3) / self.gain for v in (contrast, echo))

@@ -18,7 +18,7 @@ TINY = 1e-12
 
 @dataclass(frozen=True)
 class Facing:
-    """What a radar meets of a body. points: world (n, 3), nothing nearer in the way
+    """What a radar meets of a body. points: world (n, 3), nothing nearer in the way.
 
     share: of the body's whole silhouette that one point stands for
     """

@@ -26,7 +26,7 @@ OUTSIDE = ("ros2", "twist", "ackermann", "can")  # levels whose state another pr
 @dataclass(frozen=True)
 class PlannedBranch:
     """start: where it branches off; events: all changes of the new run; saved_s: time of the save from which
-    it goes on, 0 where it has to begin at the start [s]; has_unreadable: it has saves of another version
+    it goes on, 0 where it has to begin at the start [s]; has_unreadable: it has saves of another version.
     """
 
     scenario: Scenario
@@ -45,7 +45,7 @@ class PlannedBranch:
         replay: bool = True,
         save_every_s: float | None = None,
     ) -> JobResult:
-        """Make the run. report: with its pages, replay: replay.html among them
+        """Make the run. report: with its pages, replay: replay.html among them.
 
         save_every_s: 0 = without saves, None = with them where the earlier one has some
         """

@@ -45,7 +45,7 @@ RESAMPLES = 2000  # of stretches, for the range of R2
 
 @dataclass(frozen=True)
 class FittedNumber:
-    """A number of the sheet. error: standard error by bootstrap over machines and stretches of each
+    """A number of the sheet. error: standard error by bootstrap over machines and stretches of each.
 
     left_out: its value without each of the machines
     """
@@ -79,7 +79,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class EngineFit:
-    """sheet: with the fitted numbers; before, after: of the sheet as given and as fitted on all machines
+    """sheet: with the fitted numbers; before, after: of the sheet as given and as fitted on all machines.
 
     left_out: of each machine by the numbers fitted on the others, `all` over the records of all machines
     """

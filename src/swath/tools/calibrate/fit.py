@@ -381,7 +381,8 @@ def normal_scores(values: F64) -> F64:
 
 def _elsewhere(axes: Sequence[F64], count: int, stream: Stream, is_cut: bool) -> list[Place]:
     """Places within the range of the axes, even in the coordinates in which the table is linear; stubble is
-    cut to the centimetre."""
+    cut to the centimetre.
+    """
     rng = stream.at()
     places = []
     for _ in range(count):

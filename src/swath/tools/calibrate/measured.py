@@ -41,7 +41,8 @@ TYPICAL: dict[str, Any] = {"cosine": 0.66, "correlation": (0.0, 0.35)}
 @dataclass(frozen=True)
 class Samples:
     """n beams over standing crop: place (n, 4) stems/m2, crop height [m], depression [rad], spot [m];
-    height (n,): measured, above the ground [m]"""
+    height (n,): measured, above the ground [m].
+    """
 
     place: F64
     height: F64

@@ -50,7 +50,8 @@ SPOT_AT = 0.9  # share of the crop's height where the spot is taken, as in rays/
 @dataclass(frozen=True)
 class Place:
     """Where a cell of the design lies: stems/m2, height of crop or stubble [m], depression [rad], spot
-    diameter [m]."""
+    diameter [m].
+    """
 
     density: float
     height: float

@@ -43,7 +43,7 @@ FEWEST = 20  # records to compare at all
 class SeriesStatistics:
     """Simulated against measured. count: records; r2: 1 - squared error over variance, below 0 is worse than
     the mean; rmse, bias: in the unit of the quantity, simulated minus measured; r: correlation; lag_s: by
-    which the simulated series has to be delayed to fit best
+    which the simulated series has to be delayed to fit best.
     """
 
     count: int
@@ -88,7 +88,7 @@ def compare_series(measured: Array, simulated: Array, mask: Mask, log: MachineLo
 def statistics_of(
     measured: Array, series: Mapping[str, Array], parts: Mapping[str, Mask], log: MachineLog
 ) -> dict[str, dict[str, SeriesStatistics]]:
-    """part -> series -> statistics."""
+    """Statistics by part and series."""
     return {
         p: {k: compare_series(measured, s, mask, log) for k, s in series.items()} for p, mask in parts.items()
     }
@@ -120,7 +120,7 @@ def best_lag(cause: Array, effect: Array, mask: Mask, log: MachineLog) -> tuple[
 def regressions(
     log: MachineLog, measured: Mapping[str, Array], mask: Mask
 ) -> tuple[dict[str, dict[str, Array]], dict[str, dict[str, list[float]]]]:
-    """quantity -> name -> series of plain regressions on flow and speed, fitted on the records of a mask."""
+    """Series by quantity and name: regressions on flow and speed, fitted on the records of a mask."""
     series: dict[str, dict[str, Array]] = {}
     coefficients: dict[str, dict[str, list[float]]] = {}
     for quantity, values in measured.items():
@@ -293,7 +293,7 @@ class Fitted:
 
 @dataclass(frozen=True)
 class LogComparison:
-    """The result. series: measured and simulated by quantity, in SHOWN units, shape (n,)
+    """The result. series: measured and simulated by quantity, in SHOWN units, shape (n,).
 
     parts: part -> records that are compared; statistics: quantity -> part -> model and plain regressions
     """

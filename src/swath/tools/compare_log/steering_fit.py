@@ -233,7 +233,7 @@ class FittedWith:
 
 @dataclass(frozen=True)
 class PartFit:
-    """One part, fitted. quantity: what it was fitted to, unit: of it; block_count: passes, or parts of them
+    """One part, fitted. quantity: what it was fitted to, unit: of it; block_count: passes, or parts of them.
 
     rmse: of the machine as it was, as fitted, and predicted: each pass by the numbers fitted on the others
     measured, before, after: series in that unit, shape (n,), nan where nothing is compared

@@ -35,7 +35,7 @@ METRE = re.compile(r"^(metre|meter|metres|meters|m)$", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Cloud:
-    """points: in the world (n, 3) [m]; height: above the ground (n,) [m]; intensity (n,), nan = unknown
+    """points: in the world (n, 3) [m]; height: above the ground (n,) [m]; intensity (n,), nan = unknown.
 
     track: of the machine, None = it has none; white: intensity of a white target, nan = unknown
     silent_count: beams without echo, -1 = unknown; scan_count: 0 = unknown; notes: what was taken for granted
@@ -57,7 +57,7 @@ class Cloud:
 
 @dataclass(frozen=True)
 class Reading:
-    """How a cloud is read. ground: `pose` or `echoes`; poses: a table of them; reach_m: from the path"""
+    """How a cloud is read. ground: `pose` or `echoes`; poses: a table of them; reach_m: from the path."""
 
     wanted: Wanted
     poses: Path | None = None

@@ -112,8 +112,9 @@ def _smooth(xy: F64) -> F64:
 
 
 def aligned(a: Cloud, b: Cloud, how: str, notes: list[str]) -> tuple[Place, Place]:
-    """Both clouds along one path, A's where there is a choice. InputError where they cannot be laid over each
-    other; `notes` gets what was taken for granted.
+    """Both clouds along one path, A's where there is a choice.
+
+    InputError where they cannot be laid over each other; `notes` gets what was taken for granted.
     """
     if how == "path":
         for cloud in (a, b):
@@ -200,7 +201,7 @@ DISTANCES = ("w1_m", "ks", "intensity_w1")
 
 @dataclass(frozen=True)
 class Grid:
-    """cell_m: width of a cell across; block_m: length of a block along"""
+    """cell_m: width of a cell across; block_m: length of a block along."""
 
     cell_m: float = 0.25
     block_m: float = 2.0
@@ -216,7 +217,7 @@ class Grid:
 @dataclass(frozen=True)
 class Number:
     """A quantity of both, as means over the cells in which both have it. spread: interval of b - a, or
-    (noise,) of a distance; () where there are too few blocks
+    (noise,) of a distance; () where there are too few blocks.
     """
 
     name: str
@@ -228,7 +229,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Comparison:
-    """names: of A and B; cells: a row for each compared cell; numbers: over all of them
+    """names: of A and B; cells: a row for each compared cell; numbers: over all of them.
 
     profile: by cell, `left_m` and of each cloud percentiles 5, 50, 95; blocks: s of the beginnings; map_w1,
     map_mean: (cells, blocks), nan = too few echoes; heights: of the compared cells
@@ -280,7 +281,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class _Binned:
-    """A cloud in the cells. cell, block: numbers (n,); height [m]; bright: intensity, nan = unknown"""
+    """A cloud in the cells. cell, block: numbers (n,); height [m]; bright: intensity, nan = unknown."""
 
     cell: Any
     block: Any
@@ -298,7 +299,7 @@ def compare_clouds(
     seed: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Comparison:
-    """Compare A with B. white: intensity of a white target in each, None = as the files say or show
+    """Compare A with B. white: intensity of a white target in each, None = as the files say or show.
 
     InputError where they cannot be laid over each other, or have nothing in common.
     """
@@ -434,7 +435,10 @@ def _numbers(
 
 
 def _about(height: F64, bright: F64, area: float) -> dict[str, float]:
-    """One cloud in one cell, see `DIFFERENCES`. penetration: mean depth of the crop's echoes below the top"""
+    """One cloud in one cell, see `DIFFERENCES`.
+
+    penetration: mean depth of the crop's echoes below the top
+    """
     p5, p50, top = np.percentile(height, [5.0, 50.0, TOP])
     crop = height[height >= GROUND_BELOW]
     lit = bright[np.isfinite(bright)]
@@ -452,7 +456,7 @@ def _about(height: F64, bright: F64, area: float) -> dict[str, float]:
 
 
 class _Spread:
-    """Noise and intervals by histograms over blocks. counts: (2, blocks, cells, bins)"""
+    """Noise and intervals by histograms over blocks. counts: (2, blocks, cells, bins)."""
 
     def __init__(self, binned: list[_Binned], here: Any, used: Any, grid: Grid, seed: int) -> None:
         blocks = np.flatnonzero(here.any(axis=0))
@@ -480,7 +484,7 @@ class _Spread:
 
     def of_all(self, known: dict[str, Any], progress: Callable[[float], None]) -> dict[str, Any]:
         """Noise of each distance (1,), interval of each difference (2,), and `w1_cells`: noise by cell; {}
-        where there are too few blocks. known: cells that count for a difference
+        where there are too few blocks. known: cells that count for a difference.
         """
         blocks = self.counts.shape[1]
         if blocks < FEWEST_BLOCKS:

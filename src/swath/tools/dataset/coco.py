@@ -80,7 +80,8 @@ def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
 
 def packed(lengths: Iterable[int]) -> str:
     """Run lengths as text: from the fourth on less the one two before, five bits a letter from `0` on, the
-    sixth bit: more to come (rleToString of pycocotools)."""
+    sixth bit: more to come (rleToString of pycocotools).
+    """
     values, letters = list(lengths), []
     for k, value in enumerate(values):
         x = value - values[k - 2] if k > 2 else value

@@ -58,7 +58,7 @@ TURN_SD, PITCH_SD, ROLL_SD, HEIGHT_SD = 6.0, 3.0, 1.5, 0.15  # of the camera abo
 
 @dataclass(frozen=True)
 class Scene:
-    """A field, its light and air. sets: changes of the scenario; straw: a swath of the pass before"""
+    """A field, its light and air. sets: changes of the scenario; straw: a swath of the pass before."""
 
     number: int
     sets: tuple[str, ...]
@@ -67,7 +67,8 @@ class Scene:
 
 @dataclass(frozen=True)
 class View:
-    """A picture of a scene. along: of the camera's machine behind its start [m]; aside: leftward [m]
+    """A picture of a scene. along: of the camera's machine behind its start [m]; aside: leftward [m].
+
     shift: pose_mount_camera
     """
 
@@ -77,7 +78,7 @@ class View:
 
 
 def scene_of(seed: int, number: int, machine: str, camera: str, *, varies: Sequence[str]) -> Scene:
-    """Scene number k of a seed. varies: of `terrain`, `stand`, `light`"""
+    """Scene number k of a seed. varies: of `terrain`, `stand`, `light`."""
     draw = Stream(seed, "dataset.scene").at(number)
     u = draw.uniform(size=14).tolist()
     crop, density = CROPS[int(u[0] * len(CROPS))], DENSITIES[int(u[1] * len(DENSITIES))]
@@ -147,7 +148,7 @@ BETWEEN = 10**9  # times of two pictures of a scene [ns]
 
 @dataclass(frozen=True)
 class Settings:
-    """scenario: bundled name or path; sets: its changes; machine, camera: whose pictures
+    """scenario: bundled name or path; sets: its changes; machine, camera: whose pictures.
 
     varies: of `terrain`, `stand`, `light`, `things`; per_scene: pictures of one field in one light
     count, seed: of all pictures

@@ -52,7 +52,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What differs. settings, metrics: rows of text; differences: by slot, the earliest first
+    """What differs. settings, metrics: rows of text; differences: by slot, the earliest first.
 
     is_exact: both folders hold every sample
     """
@@ -158,7 +158,8 @@ def _value(sample: Signal, name: str) -> Any:
 
 def shown_value(value: Any, other: Any) -> str:
     """A number of six digits; of an array the first one that differs; where the digits are those of the
-    other, with the difference from it."""
+    other, with the difference from it.
+    """
     if isinstance(value, np.ndarray) and isinstance(other, np.ndarray):
         if value.shape != other.shape:
             return f"{value.shape} numbers"

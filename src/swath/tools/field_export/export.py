@@ -95,7 +95,7 @@ SUFFIXES = {"sdf": ("",), "glb": (".glb",), "las": (".las", ".laz")}
 class Wanted:
     """to: sdf, glb or las; out: folder or file; place: middle [m], None = where the first machine meets the
     crop;
-    ground: side of the square [m]; plants: radius [m]; per_m2: pulses of a survey; most: size [bytes]
+    ground: side of the square [m]; plants: radius [m]; per_m2: pulses of a survey; most: size [bytes].
     """
 
     to: str
@@ -108,8 +108,10 @@ class Wanted:
 
 
 def export(world: World, wanted: Wanted, tell: Callable[[str], None]) -> list[Path]:
-    """Write the field as it stands. Returns the files, what comes is told before. InputError for a name of
-    another form and for what becomes larger than allowed.
+    """Write the field as it stands.
+
+    Returns the files, what comes is told before. InputError for a name of another form and for what becomes
+    larger than allowed.
     """
     suffix, known = wanted.out.suffix.lower(), SUFFIXES[wanted.to]
     if suffix not in known:

@@ -23,8 +23,9 @@ def need_trimesh() -> Any:
 
 
 def glb_bytes(scene: FieldScene) -> bytes:
-    """The file. One node for the ground, with its picture, one for each organ, straw and body, by their
-    names.
+    """The file.
+
+    One node for the ground, with its picture, one for each organ, straw and body, by their names.
     """
     trimesh = need_trimesh()
     found = trimesh.Scene()
@@ -81,7 +82,7 @@ def picture_bytes(ground: Ground) -> bytes:
 
 
 def _linear(colour: str) -> list[float]:
-    """sRGB `#RRGGBB` as the linear numbers of glTF (IEC 61966-2-1), with alpha."""
+    """Colour `#RRGGBB` in sRGB as the linear numbers of glTF (IEC 61966-2-1), with alpha."""
     share = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
     linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     return [*linear.tolist(), 1.0]

@@ -34,7 +34,7 @@ LIFT = 0.005  # of the surface of straw above what it lies on [m]
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles of one colour in the world. vertices: (n, 3) [m]; faces: (m, 3); colour: `#RRGGBB`"""
+    """Triangles of one colour in the world. vertices: (n, 3) [m]; faces: (m, 3); colour: `#RRGGBB`."""
 
     name: str
     colour: str
@@ -51,7 +51,7 @@ class Surface:
 class Ground:
     """A square of ground. x, y: of its columns and rows [m]; heights: (rows, columns) [m], the first row in
     the south, nan beyond the map of the terrain; colours: sRGB (rows, columns, 3), the first row in the
-    north: crop, stubble, straw, bare ground
+    north: crop, stubble, straw, bare ground.
     """
 
     x: F64
@@ -79,7 +79,7 @@ class Ground:
 class FieldScene:
     """Everything. place: its middle in the world, (2,) [m]; bodies: obstacles and machines as sensors see
     them;
-    plants, straw: surfaces; origin: where on Earth the world's zero lies, if that is known
+    plants, straw: surfaces; origin: where on Earth the world's zero lies, if that is known.
     """
 
     place: F64

@@ -60,7 +60,12 @@ def next_points(points: F64, margins: F64, count: int) -> F64:
 
 @dataclass(frozen=True)
 class Boundary:
-    """What the runs of a search say. names: of parameters; points: in the unit cube, (n, d); margins: (n,)"""
+    """What the runs of a search say.
+
+    names: names of the parameters
+    points: in the unit cube, (n, d)
+    margins: margins of the limits, (n,)
+    """
 
     names: Sequence[str]
     points: F64

@@ -111,7 +111,7 @@ class Claim:
 @dataclass(frozen=True, kw_only=True)
 class Known:
     """A failure that is known. at: values, or ranges [least, greatest], of the parameters that it happens at,
-    {} = everywhere; why
+    {} = everywhere; why.
     """
 
     why: str
@@ -149,7 +149,7 @@ class CaseFile:
 
 @dataclass(frozen=True)
 class Case:
-    """A test case. name: of its file, without the suffix; document: what was read, for errors"""
+    """A test case. name: of its file, without the suffix; document: what was read, for errors."""
 
     name: str
     file: CaseFile
@@ -208,7 +208,7 @@ class Case:
         return from_beside(value, (self.document.file or Path()).parent)
 
     def sets(self, point: Point, expect: Mapping[str, Any] | None = None) -> list[str]:
-        """Changes of the scenario at a point, as after `--set`. expect: instead of the case's own limits"""
+        """Changes of the scenario at a point, as after `--set`. expect: instead of the case's own limits."""
         fixed = {**self.fixed, "expect": self.file.expect if expect is None else expect}
         changes = [self.file.vary[name].at_value(value) for name, value in point.items()]
         varied = {key: value for change in changes for key, value in self.at(change).items()}

@@ -31,7 +31,8 @@ SURPRISES_MAX = 5  # that are named
 
 @dataclass
 class Cell:
-    """The runs of a case with a candidate. planned: how many there are to be; room: how many are drawn
+    """The runs of a case with a candidate. planned: how many there are to be; room: how many are drawn.
+
     text: what the rate of passes shows; means: what is said of each bounded mean
 
     count: of runs; counted, passed: of those that count for the rate, which are not those at points where a
@@ -165,7 +166,7 @@ class Cell:
 
 def cells_of(cases: Sequence[Case], candidates: Iterable[str], planned: Mapping[str, int],
              results: Iterable[Result]) -> list[Cell]:  # fmt: skip
-    """Judged cells by case and candidate. planned: how many runs a case is to have with each candidate"""
+    """Judged cells by case and candidate. planned: how many runs a case is to have with each candidate."""
     names = list(candidates)
     room = max(DRAWN_LEAST, min(DRAWN_MAX, KEPT_MAX // (len(cases) * len(names))))
     cells = {(c.name, name): Cell(c, name, planned.get(c.name, 0), room) for c in cases for name in names}
@@ -189,7 +190,7 @@ def _is_kept(entry: dict[str, Any]) -> bool:
 
 
 def _mean(name: str, values: Sequence[float], bounds: Any) -> tuple[str, str]:
-    """Verdict on a mean with its interval of 95 % (Student), and the text that says so. nan: no value"""
+    """Verdict on a mean with its interval of 95 % (Student), and the text that says so. nan: no value."""
     count = sum(v == v for v in values)
     if count < max(2, len(values)):
         text = f"{name}: {count} of {len(values)} runs have it"

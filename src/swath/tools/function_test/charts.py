@@ -27,7 +27,7 @@ def colour(number: int) -> str:
 
 
 def over_parameters(cells: Sequence[Cell]) -> list[Chart]:
-    """Charts of one case, one for each parameter with several numbers. cells: its candidates, in order"""
+    """Charts of one case, one for each parameter with several numbers. cells: its candidates, in order."""
     case, charts = cells[0].case, []
     for name in case.file.vary:
         drawn = [

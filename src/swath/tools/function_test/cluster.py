@@ -35,7 +35,7 @@ QUIET: dict[str, Any] = {
 
 @contextmanager
 def cluster_client(kind: str, workers: int) -> Iterator[Any]:
-    """A client of dask. kind: `local`, `slurm` (dask-jobqueue with its own settings) or an address
+    """A client of dask. kind: `local`, `slurm` (dask-jobqueue with its own settings) or an address.
 
     Who reaches a scheduler or a worker runs code there, so all talk TLS: `local` and `slurm` with
     certificates made for this client alone, an address with those of dask's settings.
@@ -162,8 +162,10 @@ def _worker_count(client: Any) -> int:
 
 
 def _slurm(jobs: int, security: Any) -> Any:
-    """Jobs of SLURM, one worker process each, as dask's `jobqueue.slurm` settings describe them. The workers'
-    keys are files for their owner alone, in its home folder unless `shared-temp-directory` says where.
+    """Jobs of SLURM, one worker process each, as dask's `jobqueue.slurm` settings describe them.
+
+    The workers' keys are files for their owner alone, in its home folder unless `shared-temp-directory` says
+    where.
     """
     import dask
 

@@ -29,7 +29,7 @@ Key = tuple[str, str, int, str]
 
 @dataclass(frozen=True)
 class Comparison:
-    """Pairs of results, old and new. metrics: compared; alone: runs that only one of the two has
+    """Pairs of results, old and new. metrics: compared; alone: runs that only one of the two has.
 
     undecided: difference of an error of edge or line up to which the level of the scanner cannot decide [m]
     """

@@ -50,7 +50,7 @@ UNSEEN_MOST = 0.5  # of the probability that may lie where the cheap level keeps
 class Estimate:
     """What is asked. case: a bundled one or a file; limit: name of the one that is broken, "" = any; budget:
     runs from which the number comes, and of the search without a cheap level; cheap: changes of the scenario
-    for the runs that search, () = none; cheap_budget: how many
+    for the runs that search, () = none; cheap_budget: how many.
     """
 
     case: str
@@ -76,7 +76,7 @@ class Estimate:
 @dataclass(frozen=True)
 class Distribution:
     """Of a parameter by its exposure. edges: of a number's buckets; values: of what has no range; shares: of
-    them up to the end of each, from 0 to 1
+    them up to the end of each, from 0 to 1.
     """
 
     shares: F64
@@ -107,7 +107,8 @@ def _cumulated(each: Sequence[float]) -> F64:
 
 @dataclass(frozen=True)
 class Round:
-    """Runs that were done together. level: `cheap` or ""; places: in normal space, (n, d); points: there;
+    """Runs that were done together. level: `cheap` or ""; places: in normal space, (n, d); points: there.
+
     margins: (n,), nan = not judged; results: of the runs
     """
 
@@ -122,7 +123,7 @@ class Round:
 class Estimated:
     """An estimate in its folder. last: the round from which the number comes; weights: of its runs, exposure
     over density, (n,); overlooked: which lie outside the regions that the search found, (n,) of bool;
-    cheap_margins: of the same points and seeds at the cheap level, None without one
+    cheap_margins: of the same points and seeds at the cheap level, None without one.
     """
 
     folder: Path
@@ -294,8 +295,9 @@ class _Rounds:
         return hunt
 
     def do(self, places: F64, level: str) -> Round:
-        """Runs at places, with the seeds that follow those of the rounds so far. SwathError where one of them
-        has no result.
+        """Runs at places, with the seeds that follow those of the rounds so far.
+
+        SwathError where one of them has no result.
         """
         start = 1 + sum(len(r.places) for r in self.rounds)
         chosen = [(start + n, self._point(place)) for n, place in enumerate(places)]

@@ -42,7 +42,7 @@ SPAN = (0.05, 0.95)  # of the failures, by weight
 
 
 def write_estimate(path: Path, found: Estimated, at_most: float | None = None) -> Path:
-    """Write the page. at_most: the probability that is claimed"""
+    """Write the page. at_most: the probability that is claimed."""
     rate, verdict = found.rate, found.verdict(at_most)
     given = not found.refusals
     names = list(found.telling)

@@ -90,7 +90,7 @@ def matern(distance: F64) -> F64:
 
 
 def _evidence(squares: F64, values: F64, scales: F64) -> float:
-    """Logarithm of the marginal likelihood (equation 2.30). squares: of differences (n, n, d)"""
+    """Logarithm of the marginal likelihood (equation 2.30). squares: of differences (n, n, d)."""
     *lengths, variance, noise = scales
     distance = np.sqrt(squares @ (1.0 / np.square(lengths)))
     covariance = variance * matern(distance) + (noise**2 + 1e-9) * np.eye(len(values))

@@ -64,7 +64,7 @@ def is_number(text: str) -> bool:
 
 
 def results_in(chunk: Chunk, fields: KeptFields, work: Work = do_run) -> Iterator[Result]:
-    """What each run of a chunk comes to. fields: of the runs before; work: does one alone"""
+    """What each run of a chunk comes to. fields: of the runs before; work: does one alone."""
     left = dict(enumerate(chunk))
     blame: Exception | None = None
     if len(chunk) > 1:

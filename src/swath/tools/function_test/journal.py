@@ -44,8 +44,10 @@ class Journal:
             self._file.write(b"\n")
 
     def add(self, result: Result) -> Result:
-        """Write a result, which comes back; it is on the disk when this returns. One of a run in which a file
-        of the plan was changed comes back as CHANGED: its name says what it was not made with.
+        """Write a result, which comes back; it is on the disk when this returns.
+
+        One of a run in which a file of the plan was changed comes back as CHANGED: its name says what it was
+        not made with.
         """
         if names := changed_since(self._made_of):
             return {**result, "verdict": CHANGED, "reason": names}

@@ -25,7 +25,7 @@ UNCOUNTED = (OPEN, UNJUDGED, ERROR)
 
 
 def verdict_of(entries: Sequence[Mapping[str, Any]], outside: Mapping[str, Any]) -> tuple[str, str]:
-    """Verdict and reason of a run by its limits. outside: by slot, as `outside_of` tells it"""
+    """Verdict and reason of a run by its limits. outside: by slot, as `outside_of` tells it."""
     for result, verdict in (("fail", "fail"), ("not measured", UNJUDGED)):
         if of := next((e for e in entries if result_of(e) == result), None):
             return verdict, f"{of['subject']}.{of['name']}: {of['reason']}"
@@ -94,7 +94,8 @@ def _checked(limit: Limit, value: Any) -> dict[str, Any]:
 
 
 def in_shadow(result: Result, names: Iterable[str]) -> Iterator[Result]:
-    """The results of the candidates that went along with a run in shadow, judged by the limits on what they
+    """The results of the candidates that went along with a run in shadow, judged by the limits on what they.
+
     have: metrics of the edge. `open` where there is no such limit.
     """
     for name in names:

@@ -12,8 +12,10 @@ from swath.tools.function_test.verdict import NOT_JUDGED, NOT_SHOWN, SHOWN
 
 
 def write_junit(path: Path, cells: Sequence[Cell]) -> Path:
-    """Write junit.xml. A cell is a test too: it fails when its claim is broken, and is skipped when not
-    shown or not judged. Of more than a thousand runs the worst and a sample are listed.
+    """Write junit.xml.
+
+    A cell is a test too: it fails when its claim is broken, and is skipped when not shown or not judged. Of
+    more than a thousand runs the worst and a sample are listed.
     """
     root = ET.Element("testsuites")
     for cell in cells:

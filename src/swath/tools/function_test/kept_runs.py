@@ -13,7 +13,7 @@ NAME_DIGITS = 16  # hexadecimal, of a run; a shadow has the candidate behind the
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """A run. point: of the parameters; margin: to its nearest limit, -2 for an error"""
+    """A run. point: of the parameters; margin: to its nearest limit, -2 for an error."""
 
     id: str
     point: Mapping[str, Scalar]
@@ -30,7 +30,7 @@ def kept(result: Result, margin: float) -> Kept:
 
 @dataclass
 class Worst:
-    """The runs with the least margins, worst first; of equal ones those that came first. most: how many"""
+    """The runs with the least margins, worst first; of equal ones those that came first. most: how many."""
 
     most: int
     runs: list[Kept] = field(default_factory=list)

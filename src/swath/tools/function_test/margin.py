@@ -39,7 +39,7 @@ def judged_margin(result: Mapping[str, Any], limit: str) -> float:
 
 
 def margin_of(entry: Entry, *, is_bounded: bool = True) -> float:
-    """Of a value to its limit, as in the entry of a result. is_bounded: to -1..1"""
+    """Of a value to its limit, as in the entry of a result. is_bounded: to -1..1."""
     value, fails = entry["value"], entry["result"] == "fail"
     if value is None or not isfinite(value):
         return -1.0 if fails else 1.0

@@ -44,8 +44,10 @@ def hooks_of(run: PlannedRun) -> list[RunHook]:
 
 
 def do_run(run: PlannedRun, fields: KeptFields) -> dict[str, Any]:
-    """Drive and judge. The verdict is `pass`, `fail`, `not judged` where it would rest on a level outside its
-    checked range, or `error` where the run could not be made or crashed.
+    """Drive and judge.
+
+    The verdict is `pass`, `fail`, `not judged` where it would rest on a level outside its checked range, or
+    `error` where the run could not be made or crashed.
 
     fields: of the runs before; reason: the first limit that failed, the range that was left, or the error
     """

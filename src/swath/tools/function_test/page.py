@@ -69,7 +69,7 @@ OPEN_LOOP = (
 
 
 def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> Path:
-    """Write the page. shadow: all candidates but the first were in open loop"""
+    """Write the page. shadow: all candidates but the first were in open loop."""
     candidates = list(dict.fromkeys(cell.candidate for cell in cells))
     cases = list(dict.fromkeys(cell.case.name for cell in cells))
     by_place = {(cell.case.name, cell.candidate): cell for cell in cells}

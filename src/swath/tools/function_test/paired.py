@@ -25,7 +25,8 @@ MOST_PAIRS = 2000  # whose differences are all averaged with each other; of more
 
 @dataclass(frozen=True)
 class Difference:
-    """New minus old of one number over pairs. estimate, low, high: with its interval of 95 %
+    """New minus old of one number over pairs. estimate, low, high: with its interval of 95 %.
+
     within: the smallest margin in which it is shown to lie (two one-sided tests at 5 %)
     smallest: the difference that so many pairs would have shown with a chance of 80 %; p: of Wilcoxon's test
     """

@@ -36,7 +36,8 @@ CODE = (".py", ".cpp", ".yaml", ".json", ".npz", ".dbc", ".j2")
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """One run. scenario: bundled name or path; sets: changes, as after `--set`
+    """One run. scenario: bundled name or path; sets: changes, as after `--set`.
+
     shadows: candidates that go along in open loop, with their changes
     why_dear: why its scanner is at the dear level though the cheap one is asked for, "" where it is not
     met: quantities that are written down along its way
@@ -56,7 +57,8 @@ class PlannedRun:
 
 @dataclass(frozen=True)
 class Plan:
-    """Which runs there are. cases: a source of `find_cases`; candidates: changes of the scenario by name;
+    """Which runs there are. cases: a source of `find_cases`; candidates: changes of the scenario by name.
+
     seeds: of each case, None = its own; drawn: points at random instead of the grid; draw_seed: of them
     sets: changes of every scenario, after those of its case and before the candidate's
     shadow: the first candidate steers, the others go along in shadow
@@ -190,7 +192,7 @@ class Plan:
 
     def check(self, file: Path | None = None) -> None:
         """Raise InputError where the scenario of the first point of a case cannot be read, or a change is of
-        what a case varies. file: that names the candidates
+        what a case varies. file: that names the candidates.
         """
         for case in self.found:
             for name, changed in self._placed(case).items():
@@ -218,6 +220,7 @@ class Plan:
 
     def text_in(self, folder: Path) -> str:
         """As it stands in plan.json, with the code that it was made with; a case in the folder by its name.
+
         The candidates keep their order, of which the first one may steer.
         """
         expects = {case.name: self.expects.get(case.name, case.file.expect) for case in self.found}
@@ -233,7 +236,7 @@ class Plan:
 
 
 def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
-    """The plan that `text` says. same_code: InputError where it was made with other code"""
+    """The plan that `text` says. same_code: InputError where it was made with other code."""
     if same_code and data.get("code") != code_hash():
         expected = "expected results of this version of swath; `swath test report` still shows these"
         raise InputError("plan.json", data.get("code"), expected)

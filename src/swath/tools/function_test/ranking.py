@@ -19,7 +19,7 @@ HEAD = ("rank", "candidate", "runs pass", *(f"{name}, median (95 %)" for name in
 
 @dataclass
 class Measured:
-    """What the runs of a cell measured, in their order. keys: which point and seed each had"""
+    """What the runs of a cell measured, in their order. keys: which point and seed each had."""
 
     keys: "array[int]" = field(default_factory=lambda: array("q"))
     values: "Mapping[str, array[float]]" = field(

@@ -61,7 +61,7 @@ OVERLOOKED_MOST = 0.2  # of the probability that may lie outside the regions tha
 
 @dataclass(frozen=True)
 class Mixture:
-    """Normal densities. shares: (k,), sum 1; means: (k, d); factors: lower Cholesky ones, (k, d, d)"""
+    """Normal densities. shares: (k,), sum 1; means: (k, d); factors: lower Cholesky ones, (k, d, d)."""
 
     shares: F64
     means: F64
@@ -136,7 +136,8 @@ def _spread_evenly(dimensions: int, count: int, rng: np.random.Generator) -> F64
 
 
 class Hunt:
-    """The rounds that look for failures. dimensions: of normal space; budget: runs of all rounds together;
+    """The rounds that look for failures. dimensions: of normal space; budget: runs of all rounds together.
+
     start: the density of the first round, None = as the exposure and more widely
     """
 
@@ -292,7 +293,7 @@ def _maximised(places: F64, share: F64, sure: float, count: int) -> Mixture:
 class Rate:
     """What the last round shows. runs, failures: of it; value: probability of failure, with its interval of
     95 %; ess: effective failures; overlooked: share of the value from failures outside the regions that the
-    search found
+    search found.
     """
 
     runs: int
@@ -316,6 +317,7 @@ class Rate:
 
 def rate_of(weights: F64, fails: Flags, overlooked: Flags | None = None) -> Rate:
     """The probability of failure from independent runs with weights p / q, (n,), and whether each fails.
+
     overlooked: whether each lies outside the regions that the search found
 
     The interval is that of the central limit theorem for the logarithm, which the skewness of weights moves

@@ -26,7 +26,7 @@ ABOUT_SHARES = "Shares of the margin's variance over the ranges (Sobol's indices
 
 
 def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = None) -> Path:
-    """Write the page. checked: runs of another test that the boundary foretells right, of how many"""
+    """Write the page. checked: runs of another test that the boundary foretells right, of how many."""
     boundary, count = found.boundary, len(found.results)
     failed = [result for result in found.judged if result["verdict"] != "pass"]
     rows = [_row(result, margin) for result, margin in _nearest_first(found, failed)][:FAILED_MAX]

@@ -47,7 +47,7 @@ Asked = TypeVar("Asked")
 
 @dataclass(frozen=True)
 class Session:
-    """A plan in its folder. first: of its runs, those before are of earlier rounds"""
+    """A plan in its folder. first: of its runs, those before are of earlier rounds."""
 
     folder: Path
     plan: Plan
@@ -179,8 +179,9 @@ class Session:
             return write_rows(self.folder, self._each(stored), stored.metrics)
 
     def run_of(self, name: str) -> tuple[PlannedRun, Result | None]:
-        """A run by its name or the beginning of it, with its result. InputError when there is none, or
-        several.
+        """A run by its name or the beginning of it, with its result.
+
+        InputError when there is none, or several.
         """
         found = {run.id: run for run in self.runs() if run.id.startswith(name)}
         if len(found) != 1:
@@ -239,8 +240,9 @@ def begin(folder: Path, plan: Plan, candidates: Path | None = None) -> Session:
 
 
 def claim_folder(file: Path, asked: Any, what: str) -> None:
-    """Make a folder that of a search or estimate, by the file with what is asked. InputError where it holds
-    another one. what: in words
+    """Make a folder that of a search or estimate, by the file with what is asked.
+
+    InputError where it holds another one. what: in words
     """
     before = read_asked(file, type(asked), what)
     if before is None:
@@ -263,7 +265,7 @@ def check_version(folder: Path, key: str = "--out") -> None:
 
 
 def read_asked(file: Path, kind: type[Asked], what: str) -> Asked | None:
-    """What a search or campaign asks, from its file in a folder; None where there is none. what: in words"""
+    """What a search or campaign asks, from its file in a folder; None where there is none. what: in words."""
     if not file.is_file():
         return None
     data = read_object(file, what.split()[-1], what)

@@ -25,7 +25,7 @@ BET_AGAINST = 1.0, 1.0
 
 
 def verdict(passed: int, count: int, rate: float, confidence: float, *, is_complete: bool) -> str:
-    """`shown`, `broken` or `not shown`. passed of count runs; is_complete: all that were planned are done"""
+    """`shown`, `broken` or `not shown`. passed of count runs; is_complete: all that were planned are done."""
     if count == 0:
         return NOT_SHOWN
     if is_complete:

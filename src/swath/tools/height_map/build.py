@@ -34,7 +34,8 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True)
 class Settings:
-    """cell_m: side of a cell; along_m, across_m: heights within this window share a distribution
+    """cell_m: side of a cell; along_m, across_m: heights within this window share a distribution.
+
     fill_m: a cell counts as measured when there is an echo this near
 
     per_cell: heights that are kept of one cell; reach_m: echoes further from the way are left out

@@ -21,7 +21,7 @@ TALL, WIDE = 1.0e4, 1.0e5  # apart lie cells in lists of thicknesses and of heig
 
 @dataclass(frozen=True)
 class Samples:
-    """Heights by cell. key: row * width + column, rising, height [mm], both (n,)
+    """Heights by cell. key: row * width + column, rising, height [mm], both (n,).
 
     cells, counts, intensity: cells with echoes, rising; how many fell into each; their mean, nan = none
     """

@@ -54,7 +54,8 @@ class Frame:
 
 @dataclass(frozen=True)
 class Placed:
-    """Echoes in the local frame [m], those with a pose. points: (n, 3); height: above the lattice (n,);
+    """Echoes in the local frame [m], those with a pose. points: (n, 3); height: above the lattice (n,).
+
     sensor: where each was seen from (n, 3), None when that is not known
     """
 
@@ -81,8 +82,10 @@ def placed(source: Source, echoes: Echoes, frame: Frame, lattice: Array) -> Plac
 
 
 def left_above(source: Source, echoes: Echoes, frame: Frame, lattice: Array, top: float) -> Placed:
-    """Beams without echo that got above everything, `top` over the ground [m], within the range known to be
-    free: where they did. Of one that should have met the ground nobody knows what became of it."""
+    """Beams without echo that got above everything, `top` over the ground [m], within the range known to be.
+
+    free: where they did. Of one that should have met the ground nobody knows what became of it.
+    """
     place, rotation, known = source.track.at(echoes.silent_time)
     mounting = echoes.mounting or source.mounting
     start = place + rotation @ mounting.position

@@ -17,7 +17,7 @@ LATEST_S = 1e12  # beyond every clock: 30,000 years
 @dataclass(frozen=True)
 class PoseTrack:
     """Poses of a machine, sorted by time. time [s], (m,); position (m, 3) [m]; angle (m, 3): roll, pitch, yaw
-    [rad], without jumps. dropped_count: rows that were not finite or had a time twice
+    [rad], without jumps. dropped_count: rows that were not finite or had a time twice.
     """
 
     time: Array

@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Echoes:
     """Some echoes, in the sensor frame. time [s] on the clock of the poses, (n,); points (n, 3) [m];
-    intensity (n,), nan = not known; scan_count: scans they are of; silent_count: beams of these without echo
+    intensity (n,), nan = not known; scan_count: scans they are of; silent_count: beams of these without echo.
 
     silent: how far beams went without meeting anything, (m, 3) [m], as far as that is known; silent_time (m,)
     mounting: pose_machine_sensor where it is not that of the source
@@ -50,7 +50,7 @@ class Echoes:
 
 @dataclass
 class Source:
-    """name: for messages; track: of the machine (or of the sensor itself); mounting: pose_machine_sensor
+    """name: for messages; track: of the machine (or of the sensor itself); mounting: pose_machine_sensor.
 
     sweeps: starts a new pass through the echoes; notes: what was left out, grows while reading
     frame_is_world: points are in the map already

@@ -52,7 +52,7 @@ class LevelComparison:
 
 @dataclass(frozen=True)
 class CaseComparison:
-    """real: heights of the file for this case [m], maybe none"""
+    """real: heights of the file for this case [m], maybe none."""
 
     heights: CaseHeights
     real: F64
@@ -118,7 +118,8 @@ def rating_of(number: str, value: float, band: float) -> str:
 
 def describe(heights: F64) -> dict[str, float]:
     """mean_m, std_m, p50_m, p95_m of all returns; crop_mean_m, crop_std_m of those above the ground;
-    ground_share of the returns; silent_share of the beams; beams."""
+    ground_share of the returns; silent_share of the beams; beams.
+    """
     seen = heights[np.isfinite(heights)]
     crop = seen[seen >= GROUND_BELOW]
     nothing = float("nan")
@@ -138,7 +139,8 @@ def describe(heights: F64) -> dict[str, float]:
 
 def histogram(heights: F64, low: int, high: int) -> F64:
     """Normalised histogram in bins of BIN from low * BIN to high * BIN [m], (high - low,); what lies
-    outside counts in the first and last bin."""
+    outside counts in the first and last bin.
+    """
     seen = heights[np.isfinite(heights)]
     at = np.clip(np.floor(seen / BIN).astype(np.int64), low, high - 1) - low
     return np.asarray(np.bincount(at, minlength=high - low) / max(len(seen), 1), dtype=np.float64)
@@ -166,7 +168,8 @@ def write_table(path: Path, cases: Sequence[CaseComparison]) -> Path:
 
 def list_rows(cases: Sequence[CaseComparison]) -> list[dict[str, Any]]:
     """One row per case and sample: what was measured; and for each level, per sample it is held against,
-    the numbers of agreement, what repeatability allows, and the ratings."""
+    the numbers of agreement, what repeatability allows, and the ratings.
+    """
     rows = []
     for case in cases:
         for name, heights in samples(case).items():

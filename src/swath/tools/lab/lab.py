@@ -47,7 +47,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Settings:
-    """densities [stems/m2], sensors (sheets), depressions_deg: every combination is a case
+    """densities [stems/m2], sensors (sheets), depressions_deg: every combination is a case.
 
     crop: sheet; height_m: of the crop, None = the sheet's; levels: None = all that can be run
     seed: the first one, seeds: how many; distance_m: of the crop along the middle beam
@@ -96,7 +96,11 @@ class Settings:
 
 @dataclass(frozen=True)
 class Case:
-    """stems/m2, scanner, depression of its middle beam [deg]; spot: diameter at the crop [m], mean of both"""
+    """A stand and a scanner.
+
+    density: stems per m2
+    spot: diameter at the crop [m], mean of both directions
+    """
 
     density: float
     sensor: str
@@ -114,7 +118,7 @@ class CaseHeights:
 
 @dataclass(frozen=True)
 class Lab:
-    """What came out. levels: in order, the reference first; crop_height [m]; notes: what was left out"""
+    """What came out. levels: in order, the reference first; crop_height [m]; notes: what was left out."""
 
     settings: Settings
     crop_height: float

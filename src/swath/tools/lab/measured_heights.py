@@ -24,7 +24,12 @@ NEAR_DEG = 0.5  # a depression this near is that of the case [deg]
 
 @dataclass(frozen=True)
 class MeasuredHeights:
-    """name: of the file; height [m], nan = no return; columns: of KEYS, those that the file has, (n,) each"""
+    """Heights of a file.
+
+    name: name of the file
+    height: heights [m], nan = no return
+    columns: those of KEYS that the file has, (n,) each
+    """
 
     name: str
     height: F64

@@ -30,7 +30,7 @@ _CHALLENGE = (
 
 @dataclass(frozen=True)
 class Shown:
-    """A figure of the paper. paper: what it says; commands: by the folder that each of them leaves"""
+    """A figure of the paper. paper: what it says; commands: by the folder that each of them leaves."""
 
     title: str
     paper: str

@@ -56,7 +56,7 @@ def read_table(path: Path, part: IsolatedPart) -> Inputs:
 
 
 def write_table(path: Path, part: IsolatedPart, samples: Sequence[Arrival], end: int = 0) -> None:
-    """Write samples, numbers with every digit. end: a last row has at least this time [ns]"""
+    """Write samples, numbers with every digit. end: a last row has at least this time [ns]."""
     rows: dict[int, dict[str, str]] = {}
     for t, output, sample in samples:
         cells = rows.setdefault(t, {})

@@ -24,7 +24,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Found:
-    """Of a condition. cells: by sensor; asked: by sensor and height of the person [m], 3 m in the crop"""
+    """Of a condition. cells: by sensor; asked: by sensor and height of the person [m], 3 m in the crop."""
 
     condition: Condition
     cells: dict[str, list[Cell]]

@@ -53,7 +53,7 @@ SENSORS = ("lidar", "radar-24ghz", "radar-77ghz-corner", "camera")
 
 @dataclass(frozen=True)
 class Condition:
-    """height: of the crop [m]; density [stems/m2]; weather: a key of WEATHERS"""
+    """height: of the crop [m]; density [stems/m2]; weather: a key of WEATHERS."""
 
     height: float
     density: float
@@ -72,7 +72,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Settings:
-    """heights [m], densities [stems/m2], weathers: every combination is a condition
+    """heights [m], densities [stems/m2], weathers: every combination is a condition.
 
     sensors: of SENSORS; target: a kind of `data/obstacles/`; target_height: None = its sheet's
     low_height: of the same one lower, for the table alone [m]; crop: sheet; moisture: of the straw [%]
@@ -202,7 +202,7 @@ SEEN_FROM = 13.0  # dB over noise or clutter from which on a radar detects half 
 
 @dataclass(frozen=True)
 class Answer:
-    """detected: share of the looks at the person; why: what decides it, in words with numbers"""
+    """detected: share of the looks at the person; why: what decides it, in words with numbers."""
 
     detected: float
     why: str
@@ -258,6 +258,7 @@ class LidarSensor:
         self._empty: list[list[tuple[float, float]]] | None = None
 
     def look(self, inside: float, aside: float) -> Answer:
+        """How the sensor answers to a person so far inside and beside [m]."""
         found, count, shares = 0, 0, []
         for repeat in range(self._scene.settings.repeats):
             body = self._scene.put(inside, aside, repeat=repeat)
@@ -274,6 +275,7 @@ class LidarSensor:
         return Answer(found / count, why)
 
     def false_share(self, inside: float, aside: float) -> float:
+        """Share of looks with a false alarm."""
         if self._empty is None:
             self._scene.clear()
             self._empty = self._objects(EMPTY_LOOKS, 0)
@@ -319,6 +321,7 @@ class RadarSensor:
         self._empty: list[list[list[float]]] | None = None
 
     def look(self, inside: float, aside: float) -> Answer:
+        """How the sensor answers to a person so far inside and beside [m]."""
         found, reasons = [], []
         for repeat in range(self._scene.settings.repeats):
             body = self._scene.put(inside, aside, repeat=repeat)
@@ -330,6 +333,7 @@ class RadarSensor:
         return Answer(float(np.mean(found)), _why(*np.mean(reasons, axis=0).tolist()))
 
     def false_share(self, inside: float, aside: float) -> float:
+        """Share of looks with a false alarm."""
         if self._empty is None:
             self._scene.clear()
             nobody = self._radar.parts(*self._here)
@@ -361,7 +365,8 @@ class RadarSensor:
 
 class CameraSensor:
     """A camera on the roof: height of the person in pixels times the share that the crop leaves in sight, and
-    contrast through the air."""
+    contrast through the air.
+    """
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self._caster = scene, RayCaster(scene.field)
@@ -371,6 +376,7 @@ class CameraSensor:
         self._extinction = Weather(extinction_per_m=dust, rain_mm_h=rain).extinction
 
     def look(self, inside: float, aside: float) -> Answer:
+        """How the sensor answers to a person so far inside and beside [m]."""
         found, pixels, contrasts = [], [], []
         for repeat in range(self._scene.settings.repeats):
             body = self._scene.put(inside, aside, repeat=repeat)
@@ -387,6 +393,7 @@ class CameraSensor:
         return Answer(float(np.mean(found)), why if in_view else why + ", out of view")
 
     def false_share(self, inside: float, aside: float) -> float:
+        """Share of looks with a false alarm."""
         return 0.0  # a picture's geometry makes no mistakes; a detector would
 
 

@@ -15,7 +15,7 @@ Z = 1.96  # of an interval of 95 %
 
 @dataclass(frozen=True)
 class Cell:
-    """A place. detected: share of the looks at a person there; false: of those at nobody; looks: how many"""
+    """A place. detected: share of the looks at a person there; false: of those at nobody; looks: how many."""
 
     inside: float
     aside: float
@@ -32,7 +32,8 @@ class Cell:
 
 @dataclass(frozen=True)
 class Scores:
-    """usability: share of the places that are covered in at least `least` of the looks
+    """usability: share of the places that are covered in at least `least` of the looks.
+
     availability: share of all looks that detect the person
     reliability: lower end of the interval of 95 % of being right, over all looks with a person and without
     (Wilson 1927)

@@ -26,7 +26,8 @@ SENSING = "swath.sensing."
 
 @dataclass(frozen=True)
 class Rerun:
-    """log: the recording; played: slots (full names) that play it
+    """log: the recording; played: slots (full names) that play it.
+
     scenario: the recorded one, with these slots set to the level `log`
     """
 

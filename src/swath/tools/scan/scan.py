@@ -203,7 +203,8 @@ def _label_colours(label: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 @dataclass(frozen=True)
 class DrivenWorld:
-    """A world after some driving. machine: the one that scans; lidar, camera: its slots, "" = none
+    """A world after some driving. machine: the one that scans; lidar, camera: its slots, "" = none.
+
     sampler: the scans it took
     """
 

@@ -116,7 +116,7 @@ class OddFile:
 
 @dataclass(frozen=True)
 class Axis:
-    """An attribute that is drawn: its buckets, in order. first: number of its first one among all buckets
+    """An attribute that is drawn: its buckets, in order. first: number of its first one among all buckets.
 
     labels: of the buckets; edges: of a number, () for a category; exposure: shares, sum 1
     """
@@ -163,7 +163,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Odd:
-    """A bound ODD. name: of its file; document: the binding, for errors; path: its file"""
+    """A bound ODD. name: of its file; document: the binding, for errors; path: its file."""
 
     name: str
     path: Path

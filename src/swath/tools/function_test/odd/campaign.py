@@ -36,7 +36,7 @@ RUNS, LEAST = 400, 8  # of a campaign, by default and at least
 class Campaign:
     """What a campaign asks. revision: of the ODD and its binding; budgets: numbers of runs, each longer one
     after a look at what the shorter one showed; sets, level: as in a plan; seed: of the draws
-    commit: of the checkout that the code came from, "" = unknown
+    commit: of the checkout that the code came from, "" = unknown.
     """
 
     odd: str
@@ -137,8 +137,9 @@ def _session(folder: Path, campaign: Campaign, points: Sequence[Point], first: i
 
 
 def _claim_folder(folder: Path, campaign: Campaign, odd: Odd) -> Campaign:
-    """Make the folder one of this campaign; returns it with the budgets that it had. InputError for another
-    one.
+    """Make the folder one of this campaign; returns it with the budgets that it had.
+
+    InputError for another one.
     """
     if campaign.budgets[0] < LEAST:
         raise InputError("--runs", campaign.budgets[0], f"expected {LEAST} runs or more")

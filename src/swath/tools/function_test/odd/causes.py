@@ -31,7 +31,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Cause:
-    """spans: buckets of its attributes; ends: of a box the least and largest value of each, of a cell ()
+    """spans: buckets of its attributes; ends: of a box the least and largest value of each, of a cell ().
 
     counted, failed: runs drawn there, rest_counted, rest_failed: drawn elsewhere, of those that belong to no
     stronger cause; p: of the contrast, after the correction
@@ -72,7 +72,7 @@ def value_of(axis: Axis, run: Driven) -> float:
 
 
 def causes_of(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[Cause]:
-    """Strongest contrast first. is_complete: the plan is, as it was made first"""
+    """Strongest contrast first. is_complete: the plan is, as it was made first."""
     odd = coverage.odd
     runs = [run for run in coverage.runs if run.counts]
     drawn = np.zeros((len(runs), odd.bucket_count), dtype=bool)
@@ -133,7 +133,7 @@ DEPTH, BEAM = 3, 6  # attributes of a box at most; boxes that are gone on from
 
 @dataclass(frozen=True)
 class _Box:
-    """Values between ends, by the number of the attribute. p: of the contrast, after the correction"""
+    """Values between ends, by the number of the attribute. p: of the contrast, after the correction."""
 
     ends: Mapping[int, tuple[float, float]]
     counted: int = 0
@@ -263,7 +263,7 @@ def _text(odd: Odd, spans: Sequence[Span], ends: Sequence[tuple[float, float]] =
 @dataclass(frozen=True)
 class Explained:
     """What the causes say of a broken cell. cause: of most of its failures, None where it has runs enough
-    outside of all causes and these break the claim, too; counted, failed: those runs; why: in words
+    outside of all causes and these break the claim, too; counted, failed: those runs; why: in words.
     """
 
     cause: Cause | None

@@ -31,7 +31,7 @@ VERDICTS = (SHOWN, BROKEN, NOT_SHOWN, NEVER)
 
 @dataclass(frozen=True)
 class OddCell:
-    """A judged cell. places: numbers of its one or two buckets among all; text: `side_slope 7 to 14, ...`
+    """A judged cell. places: numbers of its one or two buckets among all; text: `side_slope 7 to 14, ...`.
 
     counted, failed: runs; p_broken, p_shown: before the correction
     """
@@ -57,7 +57,7 @@ class OddCell:
 
 
 def judged(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[OddCell]:
-    """All cells that the ODD has, buckets first. is_complete: the plan is, as it was made first"""
+    """All cells that the ODD has, buckets first. is_complete: the plan is, as it was made first."""
     from scipy.stats import false_discovery_control
 
     odd = coverage.odd

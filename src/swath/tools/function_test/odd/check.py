@@ -31,8 +31,9 @@ class Finding:
 
 
 def check_file(path: Path) -> tuple[Domain, list[Finding]]:
-    """Of a binding, or of an OpenODD document alone, in which every attribute is unbound. InputError for
-    others.
+    """Of a binding, or of an OpenODD document alone, in which every attribute is unbound.
+
+    InputError for others.
     """
     document = read_document(path)
     if isinstance(document.data, dict) and document.data.get("format") == FORMAT:

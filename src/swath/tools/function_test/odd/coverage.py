@@ -27,7 +27,7 @@ Counts = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Outside:
-    """Where a run left the ODD for the first time. t_s, distance_m: there; length_m: outside in all; why"""
+    """Where a run left the ODD for the first time. t_s, distance_m: there; length_m: outside in all; why."""
 
     t_s: float
     distance_m: float
@@ -37,7 +37,7 @@ class Outside:
 
 @dataclass(frozen=True)
 class Driven:
-    """A run. steps: buckets at each metre, -1 outside of all, (n, attributes); metres, seconds: of the steps
+    """A run. steps: buckets at each metre, -1 outside of all, (n, attributes); metres, seconds: of the steps.
 
     main: the bucket of each attribute in which it drove the longest way; outside: None where it stayed inside
     """
@@ -126,7 +126,8 @@ def _known(odd: Odd, row: Sequence[Value | None]) -> dict[str, Value]:
 
 @dataclass
 class Coverage:
-    """Sums over runs, (n, n) over all buckets; of two buckets of one attribute only the diagonal means
+    """Sums over runs, (n, n) over all buckets; of two buckets of one attribute only the diagonal means.
+
     anything: that bucket alone.
 
     hits: runs that drove HIT_M or more there; counted, failed: runs whose main buckets these are

@@ -26,14 +26,14 @@ UNSEEN = 100.0  # worth of a pair that no run has; that of one which is short of
 
 @dataclass(frozen=True)
 class Design:
-    """The draws of a campaign. wanted: runs in every pair of buckets; seed: of the draws"""
+    """The draws of a campaign. wanted: runs in every pair of buckets; seed: of the draws."""
 
     odd: Odd
     wanted: int
     seed: int
 
     def next(self, done: F64, number: int, count: int) -> list[dict[str, Value]]:
-        """Points of the next runs. done: runs in each pair of buckets, (n, n), a bucket with itself: its own
+        """Points of the next runs. done: runs in each pair of buckets, (n, n), a bucket with itself: its own.
 
         number: of the first of these runs in the campaign. InputError where nothing lies inside the ODD.
         """

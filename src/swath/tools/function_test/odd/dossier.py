@@ -620,7 +620,7 @@ def _matrix(found: Conducted, cells: Sequence[OddCell]) -> Beside:
 
 
 def _keys(*others: tuple[str, str]) -> Html:
-    """What the colours of the verdicts mean. others: more of them, with their class"""
+    """What the colours of the verdicts mean. others: more of them, with their class."""
     looks = [*((v, _look(v)) for v in VERDICTS), *others]
     keys = [element("span", joined((element("i", class_=look), name), "")) for name, look in looks]
     return element("p", joined(keys), class_="key")

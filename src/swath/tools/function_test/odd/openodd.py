@@ -26,7 +26,7 @@ _UNKNOWN_UNIT = re.compile(r": (\S+): unknown unit '([^']+)'")
 @dataclass(frozen=True)
 class Attribute:
     """A concept of the taxonomy. name: with its groups, `terrain.side_slope`; values: of a category, () for a
-    number
+    number.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Attribute:
 
 @dataclass(frozen=True)
 class Domain:
-    """An ODD as it was read. documents: its files, the first one with the root module"""
+    """An ODD as it was read. documents: its files, the first one with the root module."""
 
     documents: Sequence[Document]
     odd: Any
@@ -105,7 +105,7 @@ class Domain:
 
 
 def read_domain(files: Sequence[Path], units: Mapping[str, str]) -> Domain:
-    """The ODD of OpenODD documents, together. units: in which values will be judged, by attribute
+    """The ODD of OpenODD documents, together. units: in which values will be judged, by attribute.
 
     InputError for what is not OpenODD; MissingExtra without `openodd-py`.
     """

@@ -15,7 +15,7 @@ NAME = "shown"
 
 
 def write_restricted(folder: Path, odd: Odd, out: Sequence[Cause | OddCell]) -> Path:
-    """Write shown.openodd.yaml and its binding shown.odd.yaml, which is returned. out: what to leave out"""
+    """Write shown.openodd.yaml and its binding shown.odd.yaml, which is returned. out: what to leave out."""
     taxonomy: dict[str, Any] = {}
     modules: dict[str, Any] = {}
     rest: dict[str, Any] = {}

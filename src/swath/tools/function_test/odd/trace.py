@@ -20,7 +20,8 @@ DEGREE_M = 111_319.49  # of longitude at the equator of WGS 84
 
 @dataclass
 class Traced:
-    """What runs say of a requirement. limits: as text; kept, broken, unmeasured, unjudged: counts of runs
+    """What runs say of a requirement. limits: as text; kept, broken, unmeasured, unjudged: counts of runs.
+
     worst: the run nearest to a limit or farthest beyond one, by margin; why: that limit and its value
     """
 
