@@ -26,7 +26,7 @@ HEAD = f"""\
 # Signals
 {BEGIN}
 What flows between the slots of a machine: samples in SI units and radians, each with a time `t` [ns]. Their
-messages and frames: [run folder](run-folder.md); words and signs: [nomenclature](nomenclature.md). *Amounts*
+messages and frames: [run folder](run-folder.md); words and signs: [glossary](nomenclature.md). *Amounts*
 belong to the step of their sample and add up, everything else is a state. Fields have the same names in ROS 2
 messages `swath_msgs/<Signal>`, in variables of FMUs (`port.field`) and in `swath.signals`. The numbers of a
 pose are `pose.x`, `pose.y`, `pose.z` [m], `pose.roll`, `pose.pitch`, `pose.yaw` [rad].

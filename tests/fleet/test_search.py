@@ -16,7 +16,7 @@ from swath.fleet.files import (
     JobFile,
     TruckSettings,
 )
-from swath.fleet.schedule import Late, Scheduler, schedule_of
+from swath.fleet.schedule import Late, Scheduler
 from swath.fleet.search import best_of, least_time
 from tests.fleet.drawn import drawn_job
 
@@ -47,7 +47,8 @@ def ends_of(monkeypatch, made):
             def __init__(self, job, base):
                 self.job = job
 
-            def run(self, limit=math.inf):
+            def run(self, best=None):
+                limit = math.inf if best is None else best.ends
                 until.append(limit)
                 time = ends(self.job)
                 if time is None:
@@ -69,7 +70,7 @@ def test_the_best_of_drawn_times_is_kept_within_the_budget(seed, ends_of):
     drawn: list[float | None] = []
 
     def ends(job):
-        drawn.append(None if rng.random() < 0.2 else float(rng.uniform(100.0, 200.0)))
+        drawn.append(None if rng.random() < 0.2 else float(rng.uniform(1e4, 2e4)))
         return drawn[-1]
 
     until = ends_of(ends)
@@ -82,7 +83,7 @@ def test_the_best_of_drawn_times_is_kept_within_the_budget(seed, ends_of):
 
 
 def test_machines_of_no_use_stay_away_and_it_is_said(ends_of):
-    ends_of(lambda job: 100.0 + 10.0 * len(job.carts) - 5.0 * len(job.combines))
+    ends_of(lambda job: 1e4 + 1e3 * len(job.carts) - 500.0 * len(job.combines))
     own, best = best_of(job_of(2, 3, 12))
     assert (len(own.combines), len(own.carts)) == (2, 1)
     assert [n for n in best.notes if "stay away" in n]
@@ -90,7 +91,7 @@ def test_machines_of_no_use_stay_away_and_it_is_said(ends_of):
 
 def test_each_plan_is_another_job(ends_of):
     seen = []
-    ends_of(lambda job: seen.append(job) or 100.0)
+    ends_of(lambda job: seen.append(job) or 1e4)
     best_of(job_of(2, 2, 12))
     assert len(seen) == 12
     assert all(a != b for i, a in enumerate(seen) for b in seen[:i])
@@ -113,16 +114,21 @@ def test_the_bound_is_what_cutting_or_the_truck_takes_alone(carts, volume):
     trucks = math.ceil(kg / (volume * made.machines.density)) if volume else 1
     truck = kg / (k.out if carts else c.auger) + 22.5 + 2400.0 * (trucks - 1)
     way = made.ground.truck_m / k.drive.straight
-    assert least_time(job, made) == pytest.approx(way + max(cut, truck))
+    assert least_time(job, made.machines, made.ground) == pytest.approx(way + max(cut, truck))
 
 
-def test_a_plan_is_given_up_only_where_it_would_have_ended_later(monkeypatch):
-    job, least = drawn_job(130, (0.5, 1.0)), []
-    least_end = Scheduler.least_end
-    monkeypatch.setattr(Scheduler, "least_end", lambda self: least.append(least_end(self)) or least[-1])
-    ends = schedule_of(job).ends
-    assert least_time(job, Scheduler(job, None)) < ends
-    assert max(least) <= ends
-    assert max(least) > 0.5 * ends
-    with pytest.raises(Late):
-        Scheduler(job, None).run(0.5 * ends)
+def test_a_plan_that_falls_behind_is_given_up_and_its_own_equal_is_not():
+    job = drawn_job(130, (0.5, 1.0))
+    made = Scheduler(job, None)
+    made.run()
+    best = made.schedule
+    assert least_time(job, made.machines, made.ground) < best.ends
+    assert 0.5 * best.ends < max(least for _, least in best.pace) <= best.ends
+    half = replace(best, ends=0.5 * best.ends)  # it cannot end before that
+    ahead = replace(best, pace=[(left, least - 0.2 * best.ends) for left, least in best.pace])
+    for other in (half, ahead):
+        again = Scheduler(job, None)
+        with pytest.raises(Late):
+            again.run(other)
+        assert again.ground.remaining.area > made.ground.remaining.area + 100.0
+    assert not best.is_behind(replace(best, ends=best.ends + 1.0))

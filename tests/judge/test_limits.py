@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
+from swath.documents.json_file import json_safe
 from swath.judge.evaluator import SETTLING_M, Event
 from swath.judge.evaluators.lateral_error import lateral_metrics
 from swath.judge.evaluators.mass_balance import balance_error
 from swath.judge.limits import check_metric, check_samples, entry_of, exit_code_of
-from swath.judge.summary import json_safe
 from swath.scenario.resolved import Expectation
 from swath.scenario.sections import Limit
 

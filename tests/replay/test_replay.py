@@ -21,8 +21,8 @@ from swath.judge.summary import read_summary
 from swath.record.mcap_file import McapFile
 from swath.record.scan_messages import cloud_message
 from swath.record.tracks import PIECE, read_tracks
-from swath.replay.charts import events_of, worst_moments
 from swath.replay.layers import area_about
+from swath.replay.moments import events_of, worst_moments
 from swath.replay.things import things_of
 from swath.replay.writer import ReplayWriter, collect, packed, render, unpacked, view
 from swath.report.report import ReportWriter

@@ -3,6 +3,7 @@
 import pytest
 
 from swath.field.projection import Origin
+from swath.judge.catalogue import load_evaluators
 from swath.runtime.job import run_unrecorded
 from swath.scenario.scenario import load_scenario
 from swath.terminal.outcome import _rows
@@ -23,12 +24,22 @@ def test_errors_of_levels_stand_beside_and_inputs_are_left_out():
     told = {"level_errors": {"lateral_rms_m": 0.03}, "given": ["mean_loss_percent"]}
     metrics = {"lateral_rms_m": 0.021739, "mean_loss_percent": 1.0, "header_use": 0.98765}
     fails = {"name": "header_use", "limit": {"min": 0.9877}, "result": "fail", "value": 0.98765}
-    rows = {row[0]: row[1:] for row in _rows(metrics, metrics, [fails], told)}
-    assert rows["lateral_rms_m"] == ("0.022", "± 0.03", "", "")
+    known = load_evaluators().metrics
+    rows = {row[0]: row[1:] for row in _rows(known, metrics, [fails], told)}
+    assert rows["lateral_rms_m"] == ("0.022 ± 0.03", "m", "", "")
     assert rows["header_use"] == ("0.9877", "", "min 0.9877", "fail")  # as many as the limit has
     assert "mean_loss_percent" not in rows
     limit = {"name": "mean_loss_percent", "limit": {"max": 2.0}, "result": "pass", "value": 1.0}
-    assert "mean_loss_percent" in {row[0] for row in _rows(metrics, metrics, [limit], told)}
+    assert "mean_loss_percent" in {row[0] for row in _rows(known, metrics, [limit], told)}
+
+
+def test_what_is_0_and_could_not_be_better_is_left_to_the_page():
+    """Unless there is a limit on it; a 0 that is bad news, and what is neither good nor bad, is printed."""
+    known = load_evaluators().metrics
+    values = {"edge_lost_count": 0, "detection_availability": 0.0, "distance_m": 25.0, "ray_count": 7}
+    assert [row[0] for row in _rows(known, values, [], {})] == ["detection_availability", "distance_m"]
+    limit = {"name": "edge_lost_count", "limit": {"max": 0}, "result": "pass", "value": 0}
+    assert ("edge_lost_count", "0", "", "max 0", "pass") in _rows(known, values, [limit], {})
 
 
 def test_a_run_says_what_its_levels_are_given():

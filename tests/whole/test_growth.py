@@ -103,7 +103,7 @@ def brackets(count):
 
 
 def events(count):
-    from swath.replay.charts import events_of
+    from swath.replay.moments import events_of
 
     summary = {"events": [{"t_s": k / 10, "set": f"obstacles.{k}", "value": ""} for k in range(count)]}
     return lambda: events_of(summary, {})

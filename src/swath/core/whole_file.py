@@ -4,11 +4,12 @@ Whatever lies in the place of a file, or of the one beside it that is being writ
 to: a link there goes, what it leads to stays. Errors of writing name their file.
 """
 
+import csv
 import io
 import os
 import shutil
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -87,6 +88,15 @@ def write_whole(path: Path, data: str | bytes) -> Path:
     with new_file(path) as file:
         file.write(data.encode("utf-8") if isinstance(data, str) else data)
     return path
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, object]], head: Sequence[str] = ()) -> Path:
+    """Write a CSV file and return its path. head: names of the columns, by default those of the first row."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, head or list(rows[0] if rows else ()), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return write_whole(path, text.getvalue())
 
 
 def copy_whole(source: Path, target: Path, key: str, what: str) -> None:

@@ -1,10 +1,15 @@
 """JSON files as plain data."""
 
 import json
+from collections.abc import Mapping
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
 from swath.documents.packed import MIB, readable
 from swath.documents.text_file import read_text
 
@@ -31,3 +36,26 @@ def _whole_number(text: str) -> int:
     if len(text) > MOST_DIGITS:
         raise ValueError(f"a whole number of {len(text)} digits")
     return int(text)
+
+
+def json_safe(value: Any) -> Any:
+    """The value as JSON can say it: plain numbers, lists and dicts; nan and infinity become null."""
+    if isinstance(value, Mapping):
+        return {str(k): json_safe(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return json_safe(value.tolist())
+    if isinstance(value, list | tuple):
+        return [json_safe(v) for v in value]
+    if isinstance(value, np.generic):
+        return json_safe(value.item())
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def json_text(data: Any) -> str:
+    """Data as text for a file or the screen, made plain by `json_safe`."""
+    return json.dumps(json_safe(data), indent=2, allow_nan=False)
+
+
+def write_json(path: Path, data: Any) -> Path:
+    """Write data as a JSON file in one go; returns its path."""
+    return write_whole(path, json_text(data) + "\n")

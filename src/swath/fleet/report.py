@@ -1,6 +1,5 @@
 """What a job comes to, in words, numbers and pictures: tables, results.json, report.html, replay.html."""
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -9,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.whole_file import new_file, write_whole
-from swath.documents.json_file import read_object
+from swath.core.whole_file import write_whole
+from swath.documents.json_file import read_object, write_json
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
 from swath.fleet.worked import CUT, SHOWN, STATES, WAIT, Worked, checked, grain, litres_per_ha, stays, used
-from swath.judge.summary import json_safe
 from swath.replay.writer import packed, render
 from swath.report import plots
 from swath.report.html import Figure, Items, Section, Table, write_page
@@ -145,10 +143,8 @@ def write_result(w: Worked, name: str, summary: str, out: Path) -> None:
     """Write the files of a job."""
     out.mkdir(parents=True, exist_ok=True)
     fig = draw(w)
-    with new_file(out / "job.png") as file:
-        fig.savefig(file, format="png", dpi=130, metadata={"Software": None})
-    text = json.dumps(json_safe({"name": name, **to_dict(w)}), indent=2, allow_nan=False)
-    write_whole(out / "results.json", text + "\n")
+    plots.write_picture(out / "job.png", fig)
+    write_json(out / "results.json", {"name": name, **to_dict(w)})
     w.schedule.plan.write(out / "plan.json")
     write_replay(w, name, f"{summary}; level {w.level}", out)
     head, rows = machine_rows(w)

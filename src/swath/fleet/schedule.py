@@ -49,7 +49,8 @@ class Params:
     nobody could be emptied; behind: share in the cost of a place of a cart's way to the truck, which keeps
     nobody waiting; saves_s: less than which is no reason to look at another pass; out_percent: of the
     field that is left where no way leads; load: of a tank, or all but that of the room in a box, less than
-    which nobody comes beside for. Estimates.
+    which nobody comes beside for; lags: behind the best plan, share of its time, at which another one is
+    given up. Estimates.
     """
 
     cut_m: float = 8.0
@@ -64,6 +65,7 @@ class Params:
     saves_s: float = 20.0
     out_percent: float = 0.5
     load: float = 0.1
+    lags: float = 0.04
 
     @property
     def places(self) -> int:
@@ -181,6 +183,13 @@ class Schedule:
     notes: list[str] = field(default_factory=list)
     bound: float = 0.0
     compared: list[tuple[str, float]] = field(default_factory=list)
+    pace: list[tuple[float, float]] = field(default_factory=list)
+
+    def is_behind(self, best: "Schedule") -> bool:
+        """Whether it cannot end before another one, or has lost more time by now than that one had then."""
+        left, least = self.pace[-1]
+        crop, its = np.array(best.pace)[::-1].T
+        return least >= min(best.ends, float(np.interp(left, crop, its)) + PARAMS.lags * best.ends)
 
     def renumber(self, new: Sequence[int]) -> None:
         """Segments have other numbers."""
@@ -224,7 +233,7 @@ class _Leg:
 
 
 class Late(Exception):
-    """A plan that cannot end before another one."""
+    """A plan that falls behind another one."""
 
 
 def schedule_of(job: JobFile, base: FilePath | None = None, dispatcher: Dispatcher | None = None) -> Schedule:
@@ -246,7 +255,11 @@ class Scheduler:
         self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
         self.kept = waiting_places(ground, self.finder, self.waits())
         out = [k.name for k in machines.carts if k.name not in self.kept]
-        notes = [*job.notes, *(f"{name} is left out: there is no room for it to wait" for name in out)]
+        notes = [
+            *job.notes,
+            *ground.notes,
+            *(f"{name} is left out: there is no room for it to wait" for name in out),
+        ]
         machines = replace(machines, carts=tuple(k for k in machines.carts if k.name in self.kept))
         self.machines = machines
         self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s, notes=notes)
@@ -311,16 +324,19 @@ class Scheduler:
         return self.ground.truck_place.ahead(box.x - combine.pipe_x, -combine.pipe_y)
 
     # the job
-    def run(self, until: float = math.inf) -> None:
-        """Until all is cut and at the truck. Late where that is not before a time [s]."""
+    def run(self, best: Schedule | None = None) -> None:
+        """Until all is cut and at the truck. Late where that is not before the best plan so far, or where it
+        falls behind.
+        """
         room = 0
         while any(not c.is_done for c in self.combines):
-            if self.least_end() >= until:
+            self.schedule.pace.append((float(self.ground.remaining.area), self.least_end()))
+            if best is not None and self.schedule.is_behind(best):
                 raise Late
             for k in self.carts:  # who came home with its load, since the way to the truck was not free
                 if k.load >= k.leaves:
                     self.empties(k)
-            busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: (c.time, c.spec.name))
+            busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: c.time)
             if self.goes_on(busy) or self.goes_on(busy, patience=PARAMS.tries):
                 room = 0
                 continue
@@ -366,7 +382,7 @@ class Scheduler:
 
     def makes_room(self, turn: int) -> bool:
         """A combine drives where it is not in the way, another one each time; False where none can."""
-        there = sorted(self.combines, key=lambda c: (c.place == c.home, c.time, c.spec.name))
+        there = sorted(self.combines, key=lambda c: (c.place == c.home, c.time))
         turn %= len(there)
         return any(self.goes_home(c, off=c.place == c.home) for c in there[turn:] + there[:turn])
 
@@ -702,7 +718,7 @@ class Scheduler:
     def likely(self, c: CombineState) -> list[CartState]:
         """Carts with room, those that are free first."""
         room = [k for k in self.carts if k.room > PARAMS.load * k.spec.load]
-        return sorted(room, key=lambda k: (self.comes(k, c), k.spec.name))[: PARAMS.few]
+        return sorted(room, key=lambda k: self.comes(k, c))[: PARAMS.few]
 
     @staticmethod
     def comes(k: CartState, c: CombineState) -> float:

@@ -2,8 +2,7 @@
 
 A plan is the job itself with what is free in it set: machines that stay away, the direction of passes, the
 dispatcher, and the draw by which its estimates are off. From the best plan so far the next one is one change
-off; one that cannot end before the best is left as soon as that is seen. All is fixed by the job: the same
-one has the same plans.
+off; one that falls behind the best is given up. All is fixed by the job: the same one has the same plans.
 """
 
 import math
@@ -16,7 +15,8 @@ import numpy as np
 from swath.core.errors import InputError
 from swath.fleet.dispatcher import BUILT_IN
 from swath.fleet.files import JobFile
-from swath.fleet.ground import SQUARE_M_PER_HA_T, shapely_here
+from swath.fleet.ground import SQUARE_M_PER_HA_T, Ground, shapely_here
+from swath.fleet.machines import Machines
 from swath.fleet.schedule import Late, Schedule, Scheduler
 from swath.fleet.worked import by_events
 
@@ -43,30 +43,31 @@ def best_of(
     no plan has an end.
     """
     first = Scheduler(job, base)
-    bound = least_time(job, first)
+    bound = least_time(job, first.machines, first.ground)
     best: tuple[JobFile, Schedule] | None = None
     refused: InputError | None = None
     compared: list[tuple[str, float]] = []
-    known: list[JobFile] = []
+    tried = {job.fleet.dispatcher}
     plan: tuple[str, JobFile] | None = ("as the job says", job)
     while plan is not None and len(compared) < job.fleet.plans:
         what, own = plan
-        known.append(own)
-        until = math.inf if best is None else best[1].ends
-        so_far = "" if best is None else f", best {until / 3600.0:.2f} h, bound {bound / 3600.0:.2f} h"
+        tried.add(what)
+        kept = None if best is None else best[1]
+        so_far = "" if kept is None else f", best {kept.ends / 3600.0:.2f} h, bound {bound / 3600.0:.2f} h"
         told(f"plan {len(compared) + 1} of {job.fleet.plans}{so_far}")
         ends = math.inf
         try:
-            made = first if own is job else Scheduler(own, base)
-            made.run(until)
-            ends = made.schedule.ends = by_events(made.schedule).ends
-            best = (own, made.schedule) if ends < until else best
+            if kept is None or least_time(own, _those_in(own, first.machines), first.ground) < kept.ends:
+                made = first if own is job else Scheduler(own, base)
+                made.run(kept)
+                ends = made.schedule.ends = by_events(made.schedule).ends
+                best = (own, made.schedule) if kept is None or ends < kept.ends else best
         except Late:
             pass
         except InputError as error:
             refused = refused or error
         compared.append((what, ends))
-        plan = next((p for p in _changed(best[0] if best else job, first) if p[1] not in known), None)
+        plan = next((p for p in _changed(best[0] if best else job, first) if p[0] not in tried), None)
     if best is None:
         assert refused is not None
         raise refused
@@ -78,23 +79,34 @@ def best_of(
     return own, schedule
 
 
+def _those_in(job: JobFile, machines: Machines) -> Machines:
+    """Machines that a plan has."""
+    combines = tuple(c for c in machines.combines if c.name in job.combines)
+    return replace(machines, combines=combines, carts=tuple(k for k in machines.carts if k.name in job.carts))
+
+
 def _changed(job: JobFile, first: Scheduler) -> Iterator[tuple[str, JobFile]]:
     """Plans that differ from one in one thing: what that is, and the job."""
-    if len(job.carts) > 1:
-        away = min(job.carts, key=lambda n: (job.carts[n].speed_kmh * job.carts[n].fill_percent, n))
+    fleet, machines = job.fleet, _those_in(job, first.machines)
+    if len(machines.carts) > 1:
+        away = min(machines.carts, key=lambda k: (k.load * k.drive.straight, str(job.carts[k.name]))).name
         yield f"without {away}", replace(job, carts={n: k for n, k in job.carts.items() if n != away})
-    by_name = first.machines.by_name
-    if len(job.combines) > 1:
-        away = min(job.combines, key=lambda n: (by_name[n].width * by_name[n].speed, n))  # type: ignore[union-attr]
+    if len(machines.combines) > 1:
+        away = min(machines.combines, key=lambda c: (c.width * c.speed, str(job.combines[c.name]))).name
         yield f"without {away}", replace(job, combines={n: c for n, c in job.combines.items() if n != away})
+    draws = [
+        (f"draw {n}", replace(job, fleet=replace(fleet, dispatcher="horizon", draw=n)))
+        for n in range(1, fleet.plans + 1)
+        if fleet.dispatcher in BUILT_IN
+    ]
+    yield from draws[:1]
+    if fleet.dispatcher in BUILT_IN:
+        yield from ((name, replace(job, fleet=replace(fleet, dispatcher=name, draw=0))) for name in BUILT_IN)
+    yield from draws[1:2]
     if first.job.plan.direction_deg is None and not first.job.plan.passes_m and not first.job.drawn:
         for degrees in directions(first):
             yield f"passes at {degrees:.0f} deg", replace(job, plan=replace(job.plan, direction_deg=degrees))
-    if job.fleet.dispatcher in BUILT_IN:
-        for name in BUILT_IN:
-            yield name, replace(job, fleet=replace(job.fleet, dispatcher=name))
-        for draw in range(1, job.fleet.plans + 1):
-            yield f"draw {draw}", replace(job, fleet=replace(job.fleet, dispatcher="horizon", draw=draw))
+    yield from draws[2:]
 
 
 def directions(made: Scheduler) -> list[float]:
@@ -105,7 +117,7 @@ def directions(made: Scheduler) -> list[float]:
     sides: list[tuple[float, float]] = [(-math.inf, 0.5 * math.pi)]
     for part in shapely.get_parts(made.ground.field):
         d = np.diff(shapely.get_coordinates(part.exterior), axis=0)
-        sides += [(-round(math.hypot(x, y), 1), math.atan2(y, x)) for x, y in d.tolist()]
+        sides += [(-round(math.hypot(x, y), 1), math.atan2(y, x) % math.pi) for x, y in d.tolist()]
     longest = min((far for far, _ in sides[1:]), default=0.0)
     frame, taken, found = made.ground.frame, [0.0], []
     for far, angle in sorted(sides):
@@ -116,12 +128,11 @@ def directions(made: Scheduler) -> list[float]:
     return found
 
 
-def least_time(job: JobFile, made: Scheduler) -> float:
+def least_time(job: JobFile, machines: Machines, ground: Ground) -> float:
     """Before which no plan ends [s]: all combines cut all the time, and pour at the truck where there are no
     carts; or the truck takes grain all the time, but for who comes and goes, and while trucks are away.
     """
-    machines, area = made.machines, made.ground.field.area
-    grain = SQUARE_M_PER_HA_T * job.field.yield_t_ha
+    area, grain = ground.field.area, SQUARE_M_PER_HA_T * job.field.yield_t_ha
     mass = grain * area + math.fsum(c.start for c in machines.combines)
     rates = []
     for c in machines.combines:
@@ -133,5 +144,5 @@ def least_time(job: JobFile, made: Scheduler) -> float:
     if job.truck.volume_m3 is not None:
         trucks = math.ceil(mass / (job.truck.volume_m3 * machines.density) - 1e-9)
         at_truck += 60.0 * job.truck.away_min * max(trucks - 1, 0)
-    way = made.ground.truck_m / max(m.drive.straight for m in machines.carts or machines.combines)
+    way = ground.truck_m / max(m.drive.straight for m in machines.carts or machines.combines)
     return float(way + max(area / math.fsum(rates), at_truck))

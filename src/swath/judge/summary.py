@@ -1,19 +1,15 @@
 """summary.json: what a run came to."""
 
-import json
 import platform
 from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from swath.core.whole_file import write_whole
-from swath.documents.json_file import read_object
+from swath.documents.json_file import json_safe, read_object, write_json
 from swath.documents.validation import validate
 from swath.documents.yaml_document import Document, Place
 from swath.judge.evaluation import Evaluation, incident
@@ -151,19 +147,6 @@ def read_summary(file: Path, key: str = "RUN") -> dict[str, Any]:
     return data
 
 
-def json_safe(value: Any) -> Any:
-    """The value as JSON can say it: plain numbers, lists and dicts; nan and infinity become null."""
-    if isinstance(value, Mapping):
-        return {str(k): json_safe(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return json_safe(value.tolist())
-    if isinstance(value, list | tuple):
-        return [json_safe(v) for v in value]
-    if isinstance(value, np.generic):
-        return json_safe(value.item())
-    return None if isinstance(value, float) and not isfinite(value) else value
-
-
 @cache
 def versions() -> dict[str, str]:
     """Versions of what results depend on."""
@@ -196,4 +179,4 @@ def processor() -> str:
 
 def write_summary(folder: Path, summary: Mapping[str, Any]) -> Path:
     """Write `summary.json` into the run folder in one go and return its path."""
-    return write_whole(folder / "summary.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
+    return write_json(folder / "summary.json", summary)

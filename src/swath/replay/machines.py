@@ -1,17 +1,16 @@
 """The machines of a run as a page draws them: geometry, what is mounted, and their tracks."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from swath.core.frames import Pose
 from swath.machine.machine_sheet import MachineSheet
+from swath.record.charts import Columns
 from swath.runtime.world import Machine
 from swath.sensing.camera.rays import RaysCamera
 from swath.signals import F64
 
-Columns = Mapping[str, np.ndarray]
 POSE = ("t_s", "x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad")
 STATE = (
     *POSE, "speed_m_s", "steer_rad", "distance_m", "edge_t_s", "edge_offset_m", "edge_heading_rad",

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.schedule import NS
+from swath.record.charts import Columns
 from swath.record.read.mcap_log import McapLog
 from swath.record.read.scans import cloud_table
 from swath.record.tracks import SHOWN_ROWS, EvenRows
-from swath.replay.machines import Columns
 from swath.runtime.world import Machine
 from swath.signals import F64
 

@@ -15,7 +15,7 @@ from swath.field.memory_layout import Solids
 from swath.field.obstacles import Path, Thing
 from swath.field.obstacles import things_of as things_in
 from swath.field.track import Way
-from swath.replay.machines import Columns
+from swath.record.charts import Columns
 from swath.runtime.changes import OBSTACLES
 from swath.runtime.world import World
 from swath.scenario.scenario import parse_scenario

@@ -19,6 +19,12 @@ INLINE = ((r"`([^`\n]+)`", r"<code>\1</code>"), (r"\*\*(.+?)\*\*", r"<strong>\1<
           (r"\[([^\]\n]+)\]\((#?\w[\w./-]*)\)", r'<a href="\2">\1</a>'))  # fmt: skip
 
 
+VERDICTS = {
+    "pass": ("✓", "pass"), "shown": ("✓", "pass"), "fail": ("✗", "fail"), "broken": ("✗", "fail"),
+    "not shown": ("?", "none"), "not judged": ("–", "none"),
+}  # fmt: skip
+
+
 class Html(str):
     """Text that is HTML already."""
 
@@ -52,6 +58,12 @@ def rich(text: object) -> Html:
 def joined(parts: Sequence[object], between: str = " ") -> Html:
     """Several pieces of text or HTML as one."""
     return Html(between.join(escaped(p) for p in parts))
+
+
+def verdict(word: str) -> Html:
+    """A verdict with its sign and colour; another word as it is."""
+    sign, look = VERDICTS.get(word, ("", ""))
+    return element("span", f"{sign} {word}".strip(), class_=look)
 
 
 def breakable(name: str) -> Html:

@@ -1,6 +1,7 @@
 """What a run's report page says of its summary."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from swath.documents.data_sheets import TAGS
@@ -23,6 +24,7 @@ from swath.report.html import (
     joined,
     render_page,
     signed,
+    verdict,
 )
 from swath.runtime.credibility import span
 from swath.terminal.outcome import NOT_JUDGED, incident_text, limit_text, result_of, window_text
@@ -126,16 +128,11 @@ def _limits(rows: Sequence[Mapping[str, str]]) -> Table:
     put: dict[str, Callable[[str], Html]] = {
         "name": breakable,
         "window": breakable,
-        "result": _mark,
+        "result": verdict,
         "value": lambda v: element("span", v, class_="v"),
     }
     cells = [[put.get(key, escaped)(row[key]) for key in shown] for row in rows]
     return Table("", [heads[key] for key in shown], cells, [shown.index("value")])
-
-
-def _mark(result: str) -> Html:
-    shown = {"pass": "✓ pass", "fail": "✗ fail"}.get(result, result)
-    return element("span", shown, class_=result if shown != result else "") if result else Html()
 
 
 def _head(expect: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
@@ -149,18 +146,19 @@ def _head(expect: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
         return "none", f"{len(doubtful)} of {len(expect)} limits not judged", what
     if open_ := [entry["name"] for entry in expect if result_of(entry) == "not measured"]:
         return "none", f"{len(open_)} of {len(expect)} limits not measured", ", ".join(dict.fromkeys(open_))
-    return "pass", f"✓ All {len(expect)} limits pass", ", ".join(dict.fromkeys(e["name"] for e in expect))
+    return "pass", f"✓ All {len(expect)} limits pass", ""
 
 
 def limit_row(entry: Mapping[str, Any], metrics: Mapping[str, Metric]) -> dict[str, str]:
     """What the page says of a limit and of what came."""
     metric = metrics.get(entry["name"])  # None: a column of the tracks, whose name ends with its unit
+    say = number if metric is None else partial(shown_value, metric)
     return {
         "subject": entry["subject"],
         "name": entry["name"],
-        "limit": limit_text(entry) if metric is None else _bounds(metric, entry["limit"]),
+        "limit": limit_text(entry, say),
         "window": window_text(entry),
-        "value": number(entry["value"]) if metric is None else shown_value(metric, entry["value"]),
+        "value": say(entry["value"]),
         "result": result_of(entry),
         "reason": entry.get("reason", ""),
         "error": _level_error(entry, metric),
@@ -221,45 +219,28 @@ def _incident_row(event: Mapping[str, Any]) -> list[str]:
 
 def _results(summary: Mapping[str, Any], known: EvaluatorCatalogue) -> Iterator[Section]:
     """Grouped metrics of each machine, then of the field and the run."""
-    metrics = {**known.metrics, **{m.name: m for m in RUN}}
-    expect = summary.get("expect") or []
+    metrics = [*known.metrics.values(), *RUN]
     machines = summary.get("machines", {})
     for name, own in machines.items():
-        yield Section(f"Results: {name}", _groups(own, metrics, [e for e in expect if e["subject"] == name]))
-    rest = [e for e in expect if e["subject"] not in machines]
-    yield Section("Results: field and run" if machines else "Results", _groups(summary, metrics, rest))
+        yield Section(f"Results: {name}", _groups(own, metrics))
+    yield Section("Results: field and run" if machines else "Results", _groups(summary, metrics))
 
 
-def _groups(
-    values: Mapping[str, Any], metrics: Mapping[str, Metric], expect: Sequence[Mapping[str, Any]]
-) -> list[Beside | str]:
-    held = {e["name"]: e for e in expect if not e.get("window") and "hold" not in e["limit"]}
+def _groups(values: Mapping[str, Any], metrics: Sequence[Metric]) -> list[Beside | str]:
     groups: dict[str, list[list[Html]]] = {}
-    for metric in metrics.values():
+    for metric in metrics:
         if metric.name in values:
-            row = _metric_row(metric, values[metric.name], held.get(metric.name))
-            groups.setdefault(metric.group, []).append(row)
-    tables = [Table(group, (), rows, (1, 2)) for group, rows in groups.items()]
+            groups.setdefault(metric.group, []).append(_metric_row(metric, values[metric.name]))
+    tables = [Table(group, (), rows, (1,)) for group, rows in groups.items()]
     return [Beside(tables, "columns") if tables else NOTHING]
 
 
-def _metric_row(metric: Metric, value: Any, entry: Mapping[str, Any] | None) -> list[Html]:
+def _metric_row(metric: Metric, value: Any) -> list[Html]:
     label = metric.label or metric.name.removesuffix("_" + metric.unit).replace("_", " ")
     name = joined((label, element("small", breakable(metric.name), class_="id")))
-    limit = "" if entry is None else _bounds(metric, entry["limit"])
     return [
-        element("span", name, title=metric.meaning),
-        element("span", shown_value(metric, value), class_="v"),
-        element("span", limit, class_="limit"),
-        _mark("" if entry is None else result_of(entry)),
-    ]
-
-
-def _bounds(metric: Metric, limit: Mapping[str, Any]) -> str:
-    """The least and the greatest value that a limit on a metric allows."""
-    signs = (("min", "≥"), ("max", "≤"))
-    bounds = [f"{sign} {shown_value(metric, limit[key])}" for key, sign in signs if key in limit]
-    return " ".join(bounds + ([f"because of {limit['because']}"] if "because" in limit else []))
+        element("span", name, title=metric.meaning), element("span", shown_value(metric, value), class_="v")
+    ]  # fmt: skip
 
 
 def shown_value(metric: Metric, value: Any) -> str:

@@ -6,17 +6,21 @@ that also differ in grey.
 
 import base64
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from io import BytesIO
+from itertools import product
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.collector import give_back
+from swath.core.whole_file import new_file
 from swath.judge.evaluators.edge_detection import EdgeSeries
 from swath.judge.evaluators.lateral_error import PathSeries
 from swath.judge.evaluators.unloading import HeapRows, UnloadingSeries
+from swath.record.charts import Columns
 from swath.report.scan_sampler import KeptScan
 from swath.signals import F64
 from swath.signals.setup import MachineGeometry
@@ -122,6 +126,14 @@ def as_image(fig: Any, *, kind: str = "svg", dpi: int = 150) -> str:
     return f"data:{media};base64,{base64.b64encode(made).decode()}"
 
 
+def write_picture(path: Path, fig: Any, dpi: int = 130) -> Path:
+    """Write a figure as a PNG file; returns its path."""
+    fig.set_dpi(dpi)
+    with new_file(path) as file:
+        fig.canvas.print_png(file, metadata={"Software": None})  # `savefig` draws everything twice
+    return path
+
+
 def _themed(svg: str) -> str:
     """The drawing with a dark look, too, for readers who ask for it."""
     numbers = {colour.lower(): f"c{i}" for i, colour in enumerate(DARK)}
@@ -156,7 +168,7 @@ def errors_figure(
     bands: limits to draw, in m, under `lateral` and `edge`; a part that is None is left out
     """
     rows = (path is not None) + (edges is not None)
-    fig, grid = panels(0.6 + 2.0 * rows, rows, top=0.3, sharex=True)
+    fig, grid = panels(0.6 + 2.0 * rows, rows, top=0.3, gap=0.3, sharex=True)
     axes = list(grid[:, 0])
     end = 1.0
     if path is not None:
@@ -192,7 +204,7 @@ def _plot_edge(ax: Any, series: EdgeSeries, settling: float, band: float | None)
     _limits(ax, 100 * series.settled(settling).error, None if band is None else 100 * band)
     ax.set_ylabel("detected edge\nerror [cm]")
     if ax.get_legend_handles_labels()[0]:
-        ax.legend(loc="upper right", ncol=3)
+        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncol=3)
 
 
 def _limits(ax: Any, values: F64, band: float | None) -> None:
@@ -218,58 +230,34 @@ def _shade(ax: Any, at: F64, where: NDArray[np.bool_], colour: str, label: str, 
             shown = True
 
 
-def drive_figure(tracks: dict[str, Any]) -> Any:
-    """Speed, steering and header use over the travelled distance, from the columns of the tracks."""
-    fig, grid = panels(3.6, 3, sharex=True)
-    axes = grid[:, 0]
-    header_use = 100 * _over_a_metre(tracks["distance_m"], tracks["header_fill"])
-    thin = evenly(header_use)
-    at = tracks["distance_m"][thin]
-    axes[0].plot(at, 3.6 * tracks["speed_m_s"][thin], color=BLUE, lw=1.3, label="true")
-    axes[0].plot(at, 3.6 * tracks["odometry_speed_m_s"][thin], color=SKY, lw=0.8, label="measured")
-    axes[0].set_ylabel("speed\n[km/h]")
-    axes[0].set_ylim(bottom=0)
-    axes[0].legend(loc="lower right", ncol=2)
-    axes[1].plot(at, np.degrees(tracks["steer_rad"][thin]), color=ORANGE, lw=1.2)
-    axes[1].set_ylabel("steered axle\n[deg], > 0 left")
-    axes[2].plot(at, header_use[thin], color=GREEN, lw=1.2)
-    axes[2].set_ylabel("header use\n[%]")
-    axes[2].set_ylim(0, 108)
-    axes[2].set_xlabel("travelled distance [m]")
-    axes[2].set_xlim(0, max(float(np.nanmax(at)) if len(at) else 1.0, 1.0))
+def curves_figure(runs: Mapping[str, Columns], charts: Sequence[Mapping[str, Any]]) -> Any:
+    """Charts of tracks over the distance driven, one below the other.
+
+    Parameters
+    ----------
+    runs : columns of a machine by run; of several runs each curve has a panel of its own.
+    charts : from `record.charts.shown_charts`.
+    """
+    named = len(runs) > 1
+    rows = [
+        (c, curves) for c in charts for curves in ([[x] for x in c["curves"]] if named else [c["curves"]])
+    ]
+    fig, grid = panels(1.35 * len(rows) + 0.6, len(rows), top=0.3, gap=0.32, sharex=True)
+    for ax, (chart, curves) in zip(grid[:, 0], rows, strict=True):
+        looks = zip((BLUE, ORANGE, GREEN), (1.5, 1.1, 1.1), strict=True)
+        for (run, own), curve in product(runs.items(), curves):
+            values, (colour, thick) = own.get(curve["column"]), next(looks)
+            if values is not None:
+                thin = evenly(values)
+                x, y = own["distance_m"][thin], curve["factor"] * values[thin]
+                ax.plot(x, y, color=colour, lw=thick, label=run if named else curve["label"])
+        title = chart["title"] if len(curves) > 1 else f"{chart['title']}: {curves[0]['label']}"
+        ax.set_title(title, loc="left", fontsize=9.5)
+        ax.set_ylabel(f"[{chart['unit']}]")
+        if len(curves) > 1 or (named and ax is grid[0, 0]):
+            ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncol=3)
+    grid[-1, 0].set_xlabel("distance driven [m]")
     return fig
-
-
-def process_figure(tracks: dict[str, Any]) -> Any:
-    """Feed, losses, engine load and speed over the travelled distance, from the columns of the tracks."""
-    fig, grid = panels(5.4, 4, sharex=True)
-    axes = grid[:, 0]
-    at = tracks["distance_m"]
-    shown = (
-        (tracks["feeder_flow_kg_s"], GREEN, "into the feeder\n[kg/s]"),
-        (100 * tracks["loss_share"], ORANGE, "grain lost\n[%]"),
-        (100 * tracks["engine_load"], BLUE, "engine load\n[%]"),
-        (30 / np.pi * tracks["engine_speed_rad_s"], PURPLE, "engine speed\n[1/min]"),
-    )
-    thin = evenly(at)
-    for ax, (values, colour, label) in zip(axes, shown, strict=True):
-        ax.plot(at[thin], values[thin], color=colour, lw=1.2)
-        ax.set_ylabel(label)
-    for ax in axes[:3]:
-        ax.set_ylim(bottom=0)
-    axes[2].axhline(100, color=INK, lw=0.8, ls=(0, (4, 3)))
-    axes[3].set_xlabel("travelled distance [m]")
-    axes[3].set_xlim(0, max(float(np.nanmax(at)) if len(at) else 1.0, 1.0))
-    return fig
-
-
-def _over_a_metre(at: F64, values: F64) -> F64:
-    """Mean over the last metre: what the header takes in one step scatters with the cut cells."""
-    known = np.nan_to_num(values)
-    sums = np.concatenate([[0.0], np.cumsum(known)])
-    first = np.searchsorted(at, at - 1.0)
-    last = np.arange(1, len(at) + 1)
-    return np.asarray((sums[last] - sums[first]) / (last - first))
 
 
 def scans_figure(scans: Sequence[KeptScan], geometry: MachineGeometry, side: str) -> Any:

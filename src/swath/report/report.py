@@ -19,6 +19,7 @@ from swath.judge.evaluators.edge_detection import EdgeDetection, EdgeSeries
 from swath.judge.evaluators.lateral_error import LateralError, PathSeries
 from swath.judge.evaluators.unloading import Unloading, UnloadingSeries
 from swath.judge.windows import FIELD
+from swath.record.charts import shown_charts
 from swath.record.message_factory import RecordedMachine
 from swath.record.tracks import SHOWN_ROWS
 from swath.report import page, plots
@@ -35,6 +36,10 @@ from swath.signals.image import ImageBoxes
 SPACING_M = 2.0  # between kept pictures at first; doubles whenever MOST are kept
 MOST = 8
 SHOWN = 4
+ABOUT_DRIVING = (
+    "Loss: share of the grain in the crop that leaves the machine. Above an engine load of 100 % the engine "
+    "loses speed."
+)
 
 
 @dataclass(frozen=True)
@@ -355,9 +360,7 @@ def _of_machine(data: ReportData, own: MachineReport) -> Iterator[Figure]:
     for slot, pictures in own.pictures.items():
         yield _pictures(slot, pictures, alone=len(own.pictures) == 1)
     if len(own.tracks.get("t_s", ())) > 1:
-        yield _drive(own)
-        if np.isfinite(np.asarray(own.tracks.get("engine_load", np.nan))).any():
-            yield _drivetrain(own)
+        yield from _drive(own)
 
 
 def _map(data: ReportData, picture: FieldMap) -> Figure:
@@ -444,15 +447,8 @@ def _pictures(slot: str, pictures: Sequence[KeptPicture], *, alone: bool) -> Fig
     return Figure("Pictures" if alone else f"Pictures of {slot}", image, caption)
 
 
-def _drive(own: MachineReport) -> Figure:
-    fig = plots.drive_figure(dict(own.tracks))
-    return Figure("Driving", plots.as_image(fig), "Speed, steering and use of the header's width.")
-
-
-def _drivetrain(own: MachineReport) -> Figure:
-    fig = plots.process_figure(dict(own.tracks))
-    caption = (
-        "Flow into the feeder house; share of its grain that the crop leaving the machine has lost; engine "
-        "load: above 100 % the engine loses speed."
-    )
-    return Figure("Crop and engine", plots.as_image(fig), caption)
+def _drive(own: MachineReport) -> Iterator[Figure]:
+    """The curves of its tracks, but for those of the edge, which have a figure of their own."""
+    charts = [c for c in shown_charts(own.tracks, cuts=own.path is not None) if c["title"] != "Edge"]
+    if charts:
+        yield Figure("Driving", plots.as_image(plots.curves_figure({"": own.tracks}, charts)), ABOUT_DRIVING)

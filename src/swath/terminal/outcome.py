@@ -1,6 +1,6 @@
 """The outcome of a run on stdout: metrics, limits, incidents."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -9,7 +9,8 @@ from swath.terminal.tables import number, result, table
 
 NOT_JUDGED = "not judged"
 ORDER = {"fail": 0, NOT_JUDGED: 1, "not measured": 2}  # in the table: these first, the others as they come
-METRIC_COLUMNS = ("metric", "value", "level's error", "limit", "result")
+COLUMNS = ("name", "value", "unit", "limit", "result")
+OF_THE_RUN = ("real_time_factor", "ray_count")
 
 
 def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[str] = ()) -> None:
@@ -22,13 +23,10 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
     known = CATALOGUE.judged(evaluators).metrics
     machines, told = summary.get("machines", {}), summary.get("credibility", {})
     for name, metrics in machines.items():
-        table(
-            name,
-            METRIC_COLUMNS,
-            _rows(known, metrics, [e for e in summary["expect"] if e["subject"] == name], told),
-        )
+        own = [e for e in summary["expect"] if e["subject"] == name]
+        table(name, COLUMNS, _rows(known, metrics, own, told))
     rest = [e for e in summary.get("expect", []) if e["subject"] not in machines]
-    table("field and run" if machines else "", METRIC_COLUMNS, _rows(known, summary, rest, told))
+    table("field and run" if machines else "", COLUMNS, _rows(known, summary, rest, told))
     if summary.get("incomplete"):
         print("incomplete: the run was stopped before its end")
     for entry in summary.get("expect", []):
@@ -45,11 +43,12 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
     if events := summary.get("events"):
         print(f"events  {len(events)}, listed in summary.json; repeat them with --events {quote(str(out))}")
     print(f"digest  {summary.get('digest', '-')}")
-    size = sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
-    print(f"folder  {out}, {size / 1e6:.1f} MB")
     for page in ("report", "replay"):
         if (out / f"{page}.html").is_file():
             print(f"{page}  {out / page}.html")
+    size = sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
+    took = "{simulated_s:.1f} s driven in {wall_s:.1f} s, ".format(**summary) if "wall_s" in summary else ""
+    print(f"folder  {out}: {took}{size / 1e6:.1f} MB")
 
 
 def result_of(entry: Mapping[str, Any]) -> str:
@@ -65,10 +64,10 @@ def exit_code(results: Iterable[str]) -> int:
     return 1 if found & {"fail", "broken"} else 0 if found <= {"pass", "shown"} else 3
 
 
-def limit_text(entry: Mapping[str, Any]) -> str:
-    """The bounds of a limit, with `hold` and `while`."""
+def limit_text(entry: Mapping[str, Any], say: Callable[[Any], str] = number) -> str:
+    """The bounds of a limit, with `hold` and `while`. say: how a bound is written."""
     limit = entry["limit"]
-    bounds = ", ".join(f"{key} {number(limit[key])}" for key in ("min", "max") if key in limit)
+    bounds = ", ".join(f"{key} {say(limit[key])}" for key in ("min", "max") if key in limit)
     hold = f" {limit['hold']}" if "hold" in limit else ""
     hold += f" because of {limit['because']}" if "because" in limit else ""
     whiles = (
@@ -95,25 +94,35 @@ def incident_text(event: Mapping[str, Any]) -> str:
 
 
 def _rows(
-    known: Iterable[str], metrics: Mapping[str, Any], expect: list[Any], told: Mapping[str, Any]
+    known: Mapping[str, Any], metrics: Mapping[str, Any], expect: list[Any], told: Mapping[str, Any]
 ) -> list[tuple[str, ...]]:
-    """A row for every metric and every limit, of a metric over the whole run one; what does not pass first.
+    """A row for every metric that says something and every limit; what does not pass first.
 
-    What is limited in a window is another quantity than over the whole run: its name has the window. told:
-    `credibility` of the summary; what a level was given is no result
+    What is limited in a window is another quantity than over the whole run: its name has the window. A 0 that
+    is as good as it gets, and numbers of the run itself, are left to the page.
+
+    Parameters
+    ----------
+    known : metrics by name.
+    metrics, expect : values and limits of a machine or of the field.
+    told : `credibility` of the summary; what a level was given is no result.
     """
     rows = []
     errors, given = told.get("level_errors", {}), told.get("given", ())
     for name in dict.fromkeys([*known, *(e["name"] for e in expect)]):
         own = [e for e in expect if e["name"] == name]
-        error = f"± {number(errors[name])}" if name in errors else ""
-        if name in given and not own:
-            continue
-        if name in metrics:
+        metric = known.get(name)
+        unit = "" if metric is None or metric.unit == "1" else metric.unit
+        off = f" ± {number(errors[name])}" if name in errors else ""
+        value = metrics.get(name)
+        is_telling = value or (metric is not None and metric.better == "higher")
+        if name in metrics and (own or (is_telling and name not in (*given, *OF_THE_RUN))):
             held = next((e for e in own if not e.get("window") and "hold" not in e["limit"]), None)
             limit, said = ("", "") if held is None else (limit_text(held), result_of(held))
             shown = number if said == "fail" else result
-            rows.append((name, shown(metrics[name]), error, limit, said))
+            rows.append((name, shown(value) + off, unit, limit, said))
             own = [e for e in own if e is not held]
-        rows += [(name + window_text(e), number(e["value"]), error, limit_text(e), result_of(e)) for e in own]
+        rows += [
+            (name + window_text(e), number(e["value"]) + off, unit, limit_text(e), result_of(e)) for e in own
+        ]
     return sorted(rows, key=lambda row: ORDER.get(row[-1], len(ORDER)))

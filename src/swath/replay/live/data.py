@@ -5,9 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from swath.core.schedule import NS
-from swath.replay.charts import CHARTS, WORST
+from swath.record.charts import CHARTS, Columns
 from swath.replay.layers import Area, Arrays, Layers, Values
-from swath.replay.machines import CUTTING_HEIGHT, POSE, STATE, Columns, cutting_height
+from swath.replay.machines import CUTTING_HEIGHT, POSE, STATE, cutting_height
+from swath.replay.moments import WORST
 from swath.replay.scans import swath_width
 from swath.replay.things import things_of
 from swath.replay.writer import area_of

@@ -25,10 +25,11 @@ from swath.core.errors import shortened
 from swath.core.schedule import NS
 from swath.judge.evaluation import Evaluation, incident
 from swath.judge.evaluators.edge_detection import EdgeDetection
+from swath.record.charts import CHARTS
 from swath.record.tracks import SHOWN_ROWS, Tracks
-from swath.replay.charts import CHARTS, events_of
 from swath.replay.live.data import COLUMNS, ECHO_UNIT, live_data, starting_rows
 from swath.replay.machines import derived, thinned
+from swath.replay.moments import events_of
 from swath.replay.things import things_of
 from swath.replay.writer import origin_of, packed, render
 from swath.runtime.hooks import ActiveRun, RunHook

@@ -1,6 +1,5 @@
 """The files of a comparison with a recorded log: picture, report, results, data sheet and series."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.whole_file import new_file, write_whole
+from swath.documents.json_file import write_json
 from swath.documents.yaml_document import dump
-from swath.judge.summary import json_safe
 from swath.report.html import Figure, Items, Section, Table, signed, write_page
-from swath.report.plots import GREY, ORANGE, STYLE, as_image, figure
+from swath.report.plots import GREY, ORANGE, STYLE, as_image, figure, write_picture
 from swath.tools.compare_log.compare import SHOWN, LogComparison
 
 Mask = NDArray[np.bool_]
@@ -31,10 +30,8 @@ def begin_comparison(out: Path, fig: Any, results: Mapping[str, Any]) -> None:
     """Write comparison.png and results.json; what only another kind of comparison writes goes."""
     out.mkdir(parents=True, exist_ok=True)
     (out / "series.parquet").unlink(missing_ok=True)
-    with new_file(out / "comparison.png") as file:
-        fig.savefig(file, format="png", dpi=130, metadata={"Software": None})
-    text = json.dumps(json_safe(results), indent=2, allow_nan=False)
-    write_whole(out / "results.json", text + "\n")
+    write_picture(out / "comparison.png", fig)
+    write_json(out / "results.json", results)
 
 
 def write_compared(

@@ -56,6 +56,7 @@ def add(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compare, print, write."""
+    from swath.documents.json_file import json_text
     from swath.terminal.progress import progress_bar
     from swath.terminal.tables import table
     from swath.tools.compare_scans.clouds import read_cloud
@@ -70,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
             a, b, grid=grid, align=args.align, white=white, progress=lambda share: progress(share, 1.0)
         )
     if args.json:
-        print(made.json())
+        print(json_text(made.to_dict()))
     else:
         table(f"{made.names[1]} against {made.names[0]}", HEAD, number_rows(made))
         for note in made.notes:

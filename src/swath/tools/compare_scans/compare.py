@@ -12,7 +12,6 @@ Both clouds are brought into one frame: along a path and to its left, by the pos
 or by ICP.
 """
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import acos, ceil, degrees, floor, isfinite, pi
@@ -23,7 +22,6 @@ from numpy.typing import ArrayLike
 
 from swath.core.errors import InputError, MissingExtra
 from swath.core.random import Stream
-from swath.judge.summary import json_safe
 from swath.signals import F64
 from swath.tools.compare_scans.clouds import LOWEST_M, Cloud, axis_track
 from swath.tools.distributions import GROUND_BELOW, ks_distance, wasserstein1
@@ -250,10 +248,6 @@ class Comparison:
     def number(self, name: str) -> Number:
         """By its name."""
         return next(n for n in self.numbers if n.name == name)
-
-    def json(self) -> str:
-        """As a file has it."""
-        return json.dumps(json_safe(self.to_dict()), indent=2, allow_nan=False)
 
     def to_dict(self) -> dict[str, Any]:
         """All but the series."""

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.whole_file import new_file, write_whole
+from swath.documents.json_file import write_json
 from swath.report.html import Facts, Figure, Items, Section, Table, signed, write_page
-from swath.report.plots import BLUE, FAINT, GREY, INK, ORANGE, STYLE, as_image, figure
+from swath.report.plots import BLUE, FAINT, GREY, INK, ORANGE, STYLE, as_image, figure, write_picture
 from swath.signals import F64
 from swath.tools.compare_scans.compare import (
     BIN_M,
@@ -60,11 +60,10 @@ def _beyond(n: Number) -> str:
 def write_comparison(made: Comparison, out: Path) -> None:
     """Write results.json, profiles.png, map.png, report.html."""
     out.mkdir(parents=True, exist_ok=True)
-    write_whole(out / "results.json", made.json() + "\n")
+    write_json(out / "results.json", made.to_dict())
     pictures = {"profiles.png": draw_profiles(made), "map.png": draw_map(made)}
     for name, fig in pictures.items():
-        with new_file(out / name) as file:
-            fig.savefig(file, format="png", dpi=130, metadata={"Software": None})
+        write_picture(out / name, fig)
     w1 = made.number("w1_m")
     noise = f"noise up to {100 * w1.spread[0]:.2f} cm" if w1.spread else "too short for its noise"
     is_beyond = not w1.spread or w1.difference > w1.spread[0]

@@ -11,15 +11,16 @@ import numpy as np
 from swath.core.schedule import NS
 from swath.documents.yaml_document import read_document
 from swath.judge.summary import read_summary
+from swath.record.charts import Columns, shown_charts
 from swath.record.digest import encode
 from swath.record.read.feed import Timed, exact_samples
 from swath.record.read.files import Log, open_log
 from swath.record.samples import MSGTYPE, SUFFIX
-from swath.replay.charts import events_of, shown_charts
-from swath.replay.machines import Columns, derived
+from swath.replay.machines import derived
+from swath.replay.moments import events_of
 from swath.replay.writer import tracks_of
 from swath.report.html import Figure, Table, write_page
-from swath.report.plots import BLUE, ORANGE, STYLE, as_image, figure
+from swath.report.plots import BLUE, ORANGE, STYLE, as_image, curves_figure, figure
 from swath.runtime.folder import check_run_folder
 from swath.signals import Signal
 from swath.signals.flat import flat_fields, read
@@ -250,10 +251,10 @@ def _figures(found: Comparison, machine: str) -> list[Figure]:
         way = Figure(
             f"Way of {machine}", as_image(_way(tracks, names)), "Middle of the fixed axle, seen from above."
         )
+        charts = {c["title"]: c for own in tracks for c in shown_charts(own, cuts="header_end_x_m" in own)}
+        drawn = curves_figure(dict(zip(names, tracks, strict=True)), list(charts.values()))
         curves = Figure(
-            f"Tracks of {machine}",
-            as_image(_curves(tracks, names)),
-            "Over the distance driven, so that speeds may differ.",
+            f"Tracks of {machine}", as_image(drawn), "Over the distance driven, so that speeds may differ."
         )
     return [way, curves]
 
@@ -276,20 +277,3 @@ def _apart(a: Columns, b: Columns) -> tuple[np.ndarray, np.ndarray]:
     way = np.linspace(0.0, min(float(a["distance_m"].max()), float(b["distance_m"].max())), 400)
     places = [np.stack([np.interp(way, own["distance_m"], own[k]) for k in ("x_m", "y_m")]) for own in (a, b)]
     return way, np.hypot(*(places[0] - places[1]))
-
-
-def _curves(tracks: tuple[Columns, Columns], names: tuple[str, str]) -> Any:
-    shown = {c["title"]: c for own in tracks for c in shown_charts(own, cuts="header_end_x_m" in own)}
-    rows = [(c["title"], c["unit"], curve) for c in shown.values() for curve in c["curves"]]
-    rows = [row for row in rows if any(row[2]["column"] in own for own in tracks)]
-    fig = figure(11.0, 1.5 * max(len(rows), 1))
-    axes = fig.subplots(max(len(rows), 1), 1, sharex=True, squeeze=False)[:, 0]
-    for ax, (title, unit, curve) in zip(axes, rows, strict=False):
-        for own, name, style in zip(tracks, names, STYLES, strict=True):
-            if (values := own.get(curve["column"])) is not None:
-                ax.plot(own["distance_m"], curve["factor"] * values, label=name, **style)
-        ax.set_title(f"{title}: {curve['label']}", loc="left", fontsize=9)
-        ax.set_ylabel(f"[{unit}]")
-    axes[0].legend(ncol=2, loc="upper right")
-    axes[-1].set_xlabel("driven [m]")
-    return fig

@@ -7,11 +7,11 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from swath import __version__
-from swath.core.whole_file import write_whole
 from swath.report.chart import Chart
 from swath.report.html import Banner, Facts, Section, Table, element, write_page
 from swath.signals import F64
 from swath.tools.function_test.estimate import Estimated
+from swath.tools.function_test.junit import write_suites
 from swath.tools.function_test.page import AGAIN, more
 from swath.tools.function_test.verdict import BROKEN, SHOWN
 
@@ -185,5 +185,4 @@ def write_junit(path: Path, found: Estimated, at_most: float | None) -> Path:
     suite.set("failures", str(int(verdict == BROKEN)))
     root = ET.Element("testsuites")
     root.append(suite)
-    ET.indent(root)
-    return write_whole(path, ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n")
+    return write_suites(path, root)

@@ -42,6 +42,11 @@ def write_junit(path: Path, cells: Sequence[Cell]) -> Path:
                 failures += 1
         suite.set("tests", str(len(suite)))
         suite.set("failures", str(failures))
+    return write_suites(path, root)
+
+
+def write_suites(path: Path, root: ET.Element) -> Path:
+    """Write suites of tests; returns the path."""
     ET.indent(root)
     return write_whole(path, ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n")
 

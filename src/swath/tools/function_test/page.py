@@ -7,7 +7,19 @@ from typing import Any
 from swath import __version__
 from swath.judge.evaluators.edge_detection import EPISODE_M, WRONG_M
 from swath.report.chart import Chart
-from swath.report.html import Banner, Beside, Html, Section, Table, counted, element, joined, write_page
+from swath.report.html import (
+    Banner,
+    Beside,
+    Html,
+    Section,
+    Table,
+    counted,
+    element,
+    joined,
+    verdict,
+    write_page,
+)
+from swath.terminal.outcome import limit_text
 from swath.tools.function_test.cells import Cell
 from swath.tools.function_test.charts import colour, over_parameters, stanford
 from swath.tools.function_test.integrity import BIN_COUNT, BIN_M
@@ -17,7 +29,6 @@ from swath.tools.function_test.ranking import HEAD, by_tag, ranking
 from swath.tools.function_test.steering_accuracy import CLASS_COUNT, accuracy
 from swath.tools.function_test.verdict import BROKEN, NOT_JUDGED, NOT_SHOWN, SHOWN, VERDICTS
 
-MARKS = {SHOWN: "✓", BROKEN: "✗", NOT_SHOWN: "?", NOT_JUDGED: "–"}
 WIDTH, HEIGHT = 260.0, 38.0  # of a strip [px]
 FAILED_MAX, FAILED_LEAST = 200, 3  # runs in the list of failures; of one case and candidate at least
 AGAIN = "`swath test again FOLDER RUN` makes a run again with its report."
@@ -217,22 +228,19 @@ def _cell(cell: Cell) -> Html:
         up = 0.22 + 0.56 * (number * 7 % 19) / 18.0  # rows keep dots apart
         title = f"{_point(run)}: {cell.why_failed(run) or 'passes'}"
         strip.dot(0.5 + 0.47 * max(-1.0, run.margin), up, look, title)
-    looks = {SHOWN: "pass", BROKEN: "fail"}
-    verdict = element("b", f"{MARKS[cell.verdict]} {cell.verdict}", class_=looks.get(cell.verdict, "none"))
     below = [element("small", text) for text in (cell.text, *cell.means)]
     limits = [element("small", _limit(*nearest)) for nearest in cell.nearest[:6]]
-    return joined((verdict, strip, *below, *limits))
+    return joined((verdict(cell.verdict), strip, *below, *limits))
 
 
 def _limit(name: str, share: float, entry: dict[str, Any]) -> Html:
     """The nearest run to one limit: its margin, value and the limit."""
     value = entry["value"]
-    bounds = [f"{key} {entry['limit'][key]:g}" for key in ("min", "max") if key in entry["limit"]]
     said = "no value" if value is None else f"{value:.3g}"
     error = entry.get("level_error")
     off = f", level off by up to {error['size']:g}" if error else ""
     margin = element("span", f"{share:+.2f}", class_="fail" if share < 0.0 else "")
-    return joined((name, margin, f"{said} ({', '.join(bounds)}{off})"))
+    return joined((name, margin, f"{said} ({limit_text(entry)}{off})"))
 
 
 def _steering(cell: Cell) -> list[list[str]]:

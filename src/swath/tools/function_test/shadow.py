@@ -12,9 +12,9 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.graph import Graph, Node
 from swath.core.signal import Signal
+from swath.documents.json_file import json_safe
 from swath.field.present_edge import Bits, Standing, crop_across
 from swath.judge.evaluators.edge_detection import EdgeDetection, States
-from swath.judge.summary import json_safe
 from swath.record.digest import Digest
 from swath.runtime.assembly import make_part, outside_of
 from swath.runtime.faults import make_fault

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.whole_file import new_file
 from swath.rays.height_grid import DEEP, NODES, NONE, SHARES, TILE, HeightGrid
 from swath.report import plots
 
@@ -59,9 +58,7 @@ def draw_height_map(grid: HeightGrid, path: Path, way: Array | None = None) -> P
             ax.set(title=title, ylabel="left of it [m]", xlim=extent[:2], ylim=extent[2:])
         axes[2].set_xlabel("along the path of the machine (red) [m]")
         _across(axes[3], low, high, extent)
-        with new_file(path) as file:
-            fig.savefig(file, format="png", dpi=110)
-    return path
+    return plots.write_picture(path, fig, 110)
 
 
 def _values(grid: HeightGrid, tiles: Any, levels: Any) -> tuple[Array, Array, Array]:

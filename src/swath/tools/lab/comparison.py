@@ -5,8 +5,6 @@ another scanner of the same make, for every pair of seeds; the worst of every nu
 band cannot be told from chance. Beyond it the limits GOOD and FAIR apply.
 """
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import combinations
@@ -15,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.whole_file import new_file
+from swath.core.whole_file import write_csv
 from swath.signals import F64
 from swath.tools.distributions import BIN, GROUND_BELOW, Agreement, compare
 from swath.tools.lab.lab import REFERENCE, CaseHeights, Lab
@@ -157,13 +155,10 @@ def bin_range(cases: Sequence[CaseComparison]) -> tuple[int, int]:
 
 def write_table(path: Path, cases: Sequence[CaseComparison]) -> Path:
     """Write lab.csv; returns its path."""
-    rows = list_rows(cases)
-    with new_file(path) as out, io.TextIOWrapper(out, "utf-8", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
-    return path
+    rows = [
+        {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in list_rows(cases)
+    ]
+    return write_csv(path, rows)
 
 
 def list_rows(cases: Sequence[CaseComparison]) -> list[dict[str, Any]]:

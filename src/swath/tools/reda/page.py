@@ -1,13 +1,11 @@
 """What `swath reda` writes: report.html, reda.csv, scores.csv and a figure per condition."""
 
-import csv
-import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from swath.core.whole_file import new_file
+from swath.core.whole_file import write_csv
 from swath.report import plots
 from swath.report.html import Facts, Figure, Section, Table, write_page
 from swath.report.plots import CROP, FAINT, INK, ON_DARK, ON_LIGHT, figure
@@ -80,16 +78,13 @@ def write_all(out: Path, settings: Settings, found: list[Found]) -> list[Path]:
     import matplotlib
 
     out.mkdir(parents=True, exist_ok=True)
-    files = [write_cells(out / "reda.csv", found), _write_scores(out / "scores.csv", settings, found)]
+    rows = [dict(zip(SCORE_HEAD, row, strict=True)) for row in score_rows(settings, found)]
+    files = [write_cells(out / "reda.csv", found), write_csv(out / "scores.csv", rows)]
     figures = []
     with matplotlib.rc_context(plots.STYLE):
         for made in found:
             fig = map_figure(made, settings)
-            fig.set_dpi(110)
-            path = out / made.condition.file
-            with new_file(path) as file:
-                fig.canvas.print_png(file, metadata={"Software": None})
-            files.append(path)
+            files.append(plots.write_picture(out / made.condition.file, fig, 110))
             title = f"{settings.crop} {made.condition.name}"
             figures.append(Figure(title, plots.as_image(fig), ""))
     sections = [
@@ -129,14 +124,6 @@ def asked_rows(settings: Settings, found: list[Found]) -> list[tuple[str, ...]]:
             shares = f"{cell.detected:.2f}", f"{cell.false:.2f}"
             rows.append((made.condition.name, name, f"{height:g}", *shares, verdict, cell.why))
     return rows
-
-
-def _write_scores(path: Path, settings: Settings, found: list[Found]) -> Path:
-    with new_file(path) as out, io.TextIOWrapper(out, "utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(SCORE_HEAD)
-        writer.writerows(score_rows(settings, found))
-    return path
 
 
 def _settings(s: Settings) -> dict[str, str]:

@@ -1,7 +1,5 @@
 """The run of `swath reda`: every condition, sensor and place."""
 
-import csv
-import io
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, astuple, dataclass
@@ -11,7 +9,7 @@ from typing import Any
 
 from swath import __version__
 from swath.core.errors import SwathError
-from swath.core.whole_file import new_file, write_whole
+from swath.core.whole_file import write_csv, write_whole
 from swath.documents.text_file import read_text
 from swath.runtime.workers import Lost, in_workers
 from swath.tools.reda.scene import SCANS, Condition, Scene, Sensor, Settings, make_sensor, places
@@ -146,15 +144,11 @@ def _height(scene: Scene) -> float:
 
 def write_cells(path: Path, found: list[Found]) -> Path:
     """A row per condition, sensor and place."""
-    with new_file(path) as out, io.TextIOWrapper(out, "utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        head = ("crop_height_m", "stems_per_m2", "weather", "sensor", "inside_m", "aside_m")
-        writer.writerow((*head, "detected", "false", "net", "looks", "why"))
-        for made in found:
-            c = made.condition
-            for name, cells in made.cells.items():
-                for cell in cells:
-                    numbers = (f"{v:.4f}" for v in (cell.detected, cell.false, cell.net))
-                    place = (c.height, c.density, c.weather, name, cell.inside, cell.aside)
-                    writer.writerow((*place, *numbers, cell.looks, cell.why))
-    return path
+    rows = [
+        {"crop_height_m": made.condition.height, "stems_per_m2": made.condition.density,
+         "weather": made.condition.weather, "sensor": name, "inside_m": cell.inside, "aside_m": cell.aside,
+         "detected": f"{cell.detected:.4f}", "false": f"{cell.false:.4f}", "net": f"{cell.net:.4f}",
+         "looks": cell.looks, "why": cell.why}
+        for made in found for name, cells in made.cells.items() for cell in cells
+    ]  # fmt: skip
+    return write_csv(path, rows)

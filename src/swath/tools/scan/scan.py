@@ -97,9 +97,7 @@ def _picture(
         drawn.savefig(picture, format="png", dpi=110)
         view.imshow(imread(io.BytesIO(picture.getvalue())))
         view.set_axis_off()
-        with new_file(path) as file:
-            fig.savefig(file, format="png", dpi=110)
-    return path
+    return plots.write_picture(path, fig, 110)
 
 
 def _from_above(ax: Any, points: F64, scan: Scan, geometry: MachineGeometry, side: str) -> None:

@@ -5,8 +5,6 @@ Every statement on the page is one of the cells in `cells.csv` or of the runs in
 made again from its name.
 """
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +16,7 @@ from xml.etree import ElementTree as ET
 from swath import __version__
 from swath.core.errors import InputError
 from swath.core.shell import command
-from swath.core.whole_file import write_whole
+from swath.core.whole_file import write_csv
 from swath.documents.text_file import read_text
 from swath.report.chart import Chart
 from swath.report.html import (
@@ -41,7 +39,7 @@ from swath.tools.function_test.cells import cells_of, errors_of
 from swath.tools.function_test.fidelity import levels_of
 from swath.tools.function_test.in_step import is_number
 from swath.tools.function_test.judged import ERROR, beyond
-from swath.tools.function_test.junit import write_junit
+from swath.tools.function_test.junit import write_junit, write_suites
 from swath.tools.function_test.odd.campaign import ODD_FILE, Conducted
 from swath.tools.function_test.odd.causes import (
     AS_THE_REST,
@@ -60,6 +58,7 @@ from swath.tools.function_test.odd.coverage import HIT_M, INSIDE, Coverage, Driv
 from swath.tools.function_test.odd.restricted import write_restricted
 from swath.tools.function_test.odd.trace import (
     NOT_MEASURED,
+    TRACE,
     Traced,
     again,
     broken_by,
@@ -249,9 +248,9 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
     why = explained(found.coverage, cells, causes, claim)
     out = excluded(cells, causes, rest)
     restricted = write_restricted(folder, found.odd, out)
-    _csv(folder / "cells.csv", _cell_rows(found, cells, why))
-    _csv(folder / "runs.csv", _run_rows(found))
-    _csv(folder / "requirements.csv", trace_rows(found.odd.file, found.results, folder.name))
+    write_csv(folder / "cells.csv", [*_cell_rows(found, cells, why)])
+    write_csv(folder / "runs.csv", [*_run_rows(found)])
+    write_csv(folder / "requirements.csv", [*trace_rows(found.odd.file, found.results, folder.name)], TRACE)
     found.session.table()
     plan = found.session.plan
     tested = cells_of(plan.found, plan.candidates, plan.counts, found.results)
@@ -780,15 +779,6 @@ def _run_rows(found: Conducted) -> Iterable[Mapping[str, Any]]:
         }
 
 
-def _csv(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
-    text = io.StringIO()
-    listed = list(rows)
-    writer = csv.DictWriter(text, list(listed[0]) if listed else [], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(listed)
-    write_whole(path, text.getvalue())
-
-
 def _junit(path: Path, found: Conducted, cells: Sequence[OddCell],
            why: Mapping[str, Explained]) -> None:  # fmt: skip
     """Put the buckets and the broken pairs into a JUnit file, as a suite of their own."""
@@ -810,5 +800,4 @@ def _junit(path: Path, found: Conducted, cells: Sequence[OddCell],
             )
     suite.set("tests", str(len(told)))
     suite.set("failures", str(sum(cell.verdict == BROKEN for cell in told)))
-    ET.indent(root)
-    write_whole(path, ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n")
+    write_suites(path, root)

@@ -83,19 +83,17 @@ def _add(told: Traced, result: Result, entries: Sequence[Mapping[str, Any]]) -> 
             told.why = f"{entry['subject']}.{entry['name']} {entry['value']:.4g}"
 
 
+TRACE = ("requirement", "run", "limit", "result", "value", "again")
+
+
 def trace_rows(file: OddFile, results: Iterable[Result], folder: str) -> Iterable[Mapping[str, Any]]:
-    """A row for each requirement, run and limit."""
+    """A row of TRACE for each requirement, run and limit."""
     for result in results:
         for entry in result["expect"]:
             for name in requirements_of(file, entry):
-                yield {
-                    "requirement": name,
-                    "run": result["id"],
-                    "limit": f"{entry['subject']}.{entry['name']} {limit_text(entry)}{window_text(entry)}",
-                    "result": said_of(entry),
-                    "value": entry["value"],
-                    "again": again(folder, result),
-                }
+                limit = f"{entry['subject']}.{entry['name']} {limit_text(entry)}{window_text(entry)}"
+                row = (name, result["id"], limit, said_of(entry), entry["value"], again(folder, result))
+                yield dict(zip(TRACE, row, strict=True))
 
 
 def again(folder: str, result: Result) -> str:

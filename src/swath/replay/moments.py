@@ -1,4 +1,4 @@
-"""Which curves the page of a run shows, and its marks on the time line."""
+"""Marks on the time line of a run: its worst moments and what happened."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,52 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from swath.replay.machines import Columns
+from swath.record.charts import Columns
 from swath.terminal.outcome import result_of
 
-
-@dataclass(frozen=True)
-class Curve:
-    """A column of the tracks, what a chart calls it, and the factor to the unit of the chart."""
-
-    column: str
-    label: str
-    factor: float = 1.0
-
-
-@dataclass(frozen=True)
-class Chart:
-    """Curves of one unit."""
-
-    title: str
-    unit: str
-    curves: tuple[Curve, ...]
-    of_header: bool = False
-
-
-CHARTS = (
-    Chart("Edge", "cm", (
-        Curve("lateral_error_m", "header end off its line", 100.0),
-        Curve("edge_error_m", "detected edge off the true one", 100.0),
-    ), of_header=True),
-    Chart("Speed", "km/h", (
-        Curve("speed_m_s", "driven", 3.6),
-        Curve("command_speed_m_s", "wanted", 3.6),
-    )),
-    Chart("Crop", "kg/s", (
-        Curve("feeder_flow_kg_s", "into the feeder house"),
-        Curve("grain_flow_kg_s", "grain into the tank"),
-    )),
-    Chart("Load and loss", "%", (
-        Curve("engine_load", "engine load", 100.0),
-        Curve("loss_share", "grain lost", 100.0),
-        Curve("tank_level", "tank", 100.0),
-    )),
-    Chart("Header", "cm", (Curve("knife_height_m", "knife above ground", 100.0),), of_header=True),
-    Chart("Header use", "%", (Curve("header_fill", "share of the width", 100.0),), of_header=True),
-    Chart("Steering", "°", (Curve("steer_rad", "wheel angle", 57.29578),)),
-    Chart("Clearance", "m", (Curve("clearance_m", "to the nearest obstacle or machine"),)),
-)  # fmt: skip
 SETTLED_M = 15.0  # worst moments of steering are looked for beyond
 NEAR_M = 5.0  # a clearance above is no moment worth looking at
 
@@ -99,31 +56,6 @@ WORST = (
     Worst("loss_share", "{:.1f} % of the grain lost", 100.0, at_least=0.02),
     Worst("clearance_m", "least clearance {:.2f} m", 1.0, is_least=True),
 )
-
-
-def shown_charts(columns: Columns, *, cuts: bool, is_live: bool = False) -> list[dict[str, Any]]:
-    """Charts of a machine whose columns hold numbers that are not all 0. cuts: False without a header.
-
-    is_live: the numbers are still to come, so every column counts
-    """
-    found = []
-    for chart in CHARTS:
-        if chart.of_header and not cuts:
-            continue
-        there = [c for c in chart.curves if c.column in columns]
-        curves = [vars(c) for c in there if is_live or _says_something(columns[c.column])]
-        if curves:
-            found.append({"title": chart.title, "unit": chart.unit, "curves": curves})
-    return found
-
-
-def columns_of(charts: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Names of the columns that charts need."""
-    return [curve["column"] for chart in charts for curve in chart["curves"]]
-
-
-def _says_something(values: np.ndarray) -> bool:
-    return bool(np.any(np.isfinite(values) & (values != 0.0)))
 
 
 def worst_moments(name: str, columns: Columns, *, cuts: bool) -> list[dict[str, Any]]:
