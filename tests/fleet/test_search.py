@@ -32,7 +32,7 @@ def job_of(combines: int, carts: int, plans: int) -> JobFile:
 
 @pytest.fixture(scope="module")
 def made():
-    return Scheduler(job_of(2, 2, 1), None)
+    return Scheduler(job_of(2, 3, 1), None)
 
 
 @pytest.fixture
