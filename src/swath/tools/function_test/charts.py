@@ -18,11 +18,11 @@ from swath.tools.function_test.judged import UNCOUNTED
 COLOURS = (*("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#b8a800"), "var(--ink)")
 WIDTH, HEIGHT, SIDE = 250.0, 110.0, 200.0  # of a chart and of the Stanford diagram [px]
 PAD = 0.06  # of a chart that is left free at its sides
-MISTAKES = 0.1  # share of runs on the wrong side of a boundary that is drawn
+MISTAKES = 0.1  # largest share of runs on the wrong side of a boundary that is drawn
 
 
 def colour(number: int) -> str:
-    """Of a candidate, the same in every chart."""
+    """Colour of a candidate, the same in every chart."""
     return COLOURS[number % len(COLOURS)]
 
 
@@ -63,10 +63,9 @@ def over_parameters(cells: Sequence[Cell]) -> list[Chart]:
 
 
 def boundary(runs: Sequence[tuple[float, bool]]) -> tuple[float, str] | None:
-    """The value that parts passing from failing runs best, and on which side they pass; None where there is
-    none that is right for nine of ten.
+    """The value that separates passing from failing runs best, and the side on which they pass.
 
-    runs: (value, passes)
+    None where no value is right for nine of ten runs. runs: (value, passes)
     """
     values = sorted({value for value, _ in runs})
     if len({passes for _, passes in runs}) < 2:
