@@ -25,8 +25,8 @@ def add(parsers: Any) -> None:
     log = verbs.add_parser("log", help="a machine against a recorded log", description=_DESCRIPTION)
     log.add_argument("model", metavar="MODEL", help="machine: bundled name or data sheet")
     log.add_argument("log", type=Path, metavar="LOG", help="CSV, zipped point shapefile, or ISOXML")
-    told = "write picture, report, JSON, sheet and series"
-    add_folder(log, "comparison", *FILES, text=told, required=False)
+    help_ = "write picture, report, JSON, sheet and series"
+    add_folder(log, "comparison", *FILES, text=help_, required=False)
     log.add_argument("--fit", action="append", default=[], metavar="KEY", help="key of the data sheet to fit")
     log.add_argument(
         "--on",
