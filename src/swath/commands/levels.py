@@ -41,8 +41,8 @@ def run(args: argparse.Namespace) -> int:
     ]
     if args.json:
         keys = ("slot", "level", "is_default", "summary", "cost", "tolerance")
-        told = [[asdict(own) for own in checked.get((kind, name), ())] for kind, name, *_ in rows]
-        whole = [(*row, own, _keys(row[0], row[1])) for row, own in zip(rows, told, strict=True)]
+        ranges_of = [[asdict(own) for own in checked.get((kind, name), ())] for kind, name, *_ in rows]
+        whole = [(*row, own, _keys(row[0], row[1])) for row, own in zip(rows, ranges_of, strict=True)]
         as_json((*keys, "checked", "parameters"), whole)
     elif args.slot:
         columns = ("level", "what it is", "cost", "checked, tolerance")

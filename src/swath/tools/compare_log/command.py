@@ -25,8 +25,8 @@ def add(parsers: Any) -> None:
     log = verbs.add_parser("log", help="a machine against a recorded log", description=_DESCRIPTION)
     option(log, "model MODEL", "machine: bundled name or data sheet")
     option(log, "log LOG", "CSV, zipped point shapefile, or ISOXML", type=Path)
-    told = "write picture, report, JSON, sheet and series"
-    add_folder(log, "comparison", *FILES, text=told, required=False)
+    help_ = "write picture, report, JSON, sheet and series"
+    add_folder(log, "comparison", *FILES, text=help_, required=False)
     option(log, "--fit KEY", "key of the data sheet to fit", [])
     option(
         log,

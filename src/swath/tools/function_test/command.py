@@ -104,7 +104,7 @@ def _list(args: argparse.Namespace) -> int:
         return 0
     name, objective, varied, count, limits, tags = rows[0]
     vary = [f"{key} {', '.join(map(str, at))}" for key, at in varied.items()]
-    told = {
+    used = {
         "objective": objective,
         "varied": "; ".join(vary),
         "runs": str(count),
@@ -112,7 +112,7 @@ def _list(args: argparse.Namespace) -> int:
         "tags": ", ".join(tags),
         "known failures": "; ".join(known.why for known in cases[0].file.known),
     }
-    table("", ("case", name), [(key, text) for key, text in told.items() if text])
+    table("", ("case", name), [(key, text) for key, text in used.items() if text])
     return 0
 
 
@@ -153,8 +153,8 @@ def _run_odd(args: argparse.Namespace) -> int:
 
     others = {"cases": args.cases, "--with": args.candidates, "--seeds": args.seeds, "--draw": args.draw,
               "--only": args.only, "--shadow": args.shadow, "--plan-only": args.plan_only}  # fmt: skip
-    if told := [name for name, value in others.items() if value]:
-        raise InputError("--odd", args.odd, f"expected without {', '.join(told)}: the ODD says what is run")
+    if used := [name for name, value in others.items() if value]:
+        raise InputError("--odd", args.odd, f"expected without {', '.join(used)}: the ODD says what is run")
     odd = read_odd(find_odd(args.odd))
     runs = args.runs or RUNS
     campaign = Campaign(odd.name, revision_of(odd), (runs,), args.draw_seed, tuple(args.sets), args.level)

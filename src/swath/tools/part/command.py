@@ -20,8 +20,8 @@ def add(parsers: Any) -> None:
         parser, "--input X.csv|RUN", "its inputs: a table, or a run; without it, print the columns", type=Path
     )
     option(parser, "--scenario NAME|FILE", f"scenario of the slot (default: that of RUN, else {USUAL})")
-    told = "folder for inputs.csv and outputs.csv"
-    add_folder(parser, "part", *FILES, text=told, required=False, alone=False)
+    help_ = "folder for inputs.csv and outputs.csv"
+    add_folder(parser, "part", *FILES, text=help_, required=False, alone=False)
     add_sets(parser)
     parser.set_defaults(run=run)
 
@@ -78,11 +78,11 @@ def _print_columns(part: Any) -> None:
     from swath.tools.part.table import TIME, columns_of
 
     rows = [(TIME, "in", "s", "time from the start of the run", "")]
-    for way, ports in (("in", part.ports), ("out", part.given)):
+    for direction, ports in (("in", part.ports), ("out", part.given)):
         for name, (output, field) in columns_of(part, ports).items():
-            is_needed = way == "in" and field.default is None
+            is_needed = direction == "in" and field.default is None
             need = "" if not is_needed else "needed" if output in part.needed else "with its output"
-            rows.append((name, way, field.unit, field.quantity.meaning, need))
+            rows.append((name, direction, field.unit, field.quantity.meaning, need))
     table("", ("column", "", "unit", "what it is", ""), rows)
 
 
