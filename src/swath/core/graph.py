@@ -571,7 +571,7 @@ class Lockstep:
         self._has_room = True
 
     def _follow(self, program: Program, t: int, places: Iterable[int]) -> None:
-        """What ops sent is the newest there is; who follows them is told."""
+        """What ops sent is the newest there is; who follows them learns of it."""
         for place in places:
             rank = self._ranks[place]
             outputs = {output: Sent(row) for output, row in program.by_place[place].op.sent.items()}

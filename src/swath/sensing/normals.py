@@ -47,15 +47,15 @@ class AllNormals:
 def ziggurat() -> tuple[Any, Any]:
     """Widths of numpy's levels over ONE, and how far of ONE a number of each is taken without more.
 
-    numpy tells the widths: given a word of the level and a power of two it returns their product.
+    numpy gives the widths: given a word of the level and a power of two it returns their product.
     """
     words = (1 << 49) + np.roll(np.arange(LEVELS), -2)  # level 1 last, which takes a second word
     halves = np.zeros(624, np.uint64)
     halves[0 : 2 * LEVELS : 2], halves[1 : 2 * LEVELS : 2] = words >> 32, words & 0xFFFFFFFF
     source = np.random.MT19937(0)
     source.state = {"bit_generator": "MT19937", "state": {"key": _untempered(halves), "pos": 0}}
-    told = np.random.Generator(source).standard_normal(LEVELS) / (1 << 40)
-    widths = np.roll(told, 2)
+    numbers = np.random.Generator(source).standard_normal(LEVELS) / (1 << 40)
+    widths = np.roll(numbers, 2)
     bounds = (np.roll(widths, 1) / widths * ONE).astype(np.int64) - DOUBT
     bounds[1] = 0
     if (np.diff(widths[1:]) <= 0.0).any():  # another numpy, which then draws all itself

@@ -278,7 +278,7 @@ class ErrorCamera(SceneCamera):
             i, j = divmod(k, per)
             rank = per * i + (
                 j if i % 2 == 0 else per - 1 - j
-            )  # back and forth: no column is late on average
+            )  # back and forth: no column is late in the mean
             within = exposure * ((rank + 0.5) / (per * per) - 1.0)
             times = np.float64(t) + (late + within) * NS
             position, turned = poses_at(known, times)
