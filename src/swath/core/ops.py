@@ -38,6 +38,7 @@ class Op(Protocol, metaclass=ByMembers):
 
     sent: by output; heard: trails that it takes samples of inputs with a history from; walks: whether
     launches are all that a step takes
+    active: worlds that still run
     needs: (1,) int32, set by a launch that lacks something: `supply` then does what it did not
     """
 
@@ -46,6 +47,7 @@ class Op(Protocol, metaclass=ByMembers):
     walks: bool
     needs: NDArray[np.int32]
     errors: dict[int, SwathError]
+    active: NDArray[np.bool_]
 
     def link(self, rows: Mapping[str, Row], trails: Mapping[str, Trail], clock: Ints) -> None:
         """Take the rows and trails of all slots, and the clock."""
