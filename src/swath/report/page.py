@@ -18,7 +18,6 @@ from swath.report.html import (
     Section,
     Table,
     bar,
-    breakable,
     element,
     escaped,
     joined,
@@ -84,9 +83,9 @@ def render(
                 text=ABOUT_INPUTS.format("; ".join(f"{tag} {meaning}" for tag, meaning in TAGS.items())),
             ),
             Table("Incidents", INCIDENTS, incidents, range(4)),
-            Section("Notes", [Items(summary.get("notes", []))] if summary.get("notes") else []),
+            Section("Notes", [Items(summary.get("notes", []))]),
             *figures[1:],
-            Table("Cost", COST, _cost(summary) if summary.get("cost") else [], range(1, 6)),
+            Table("Cost", COST, _cost(summary), range(1, 6)),
             Section("Made with", [Facts(made_with), f"`digest {digest}`" if digest else ""]),
             Section("Scenario as run", [ABOUT_SCENARIO, Fold(SHOW, [_lines(scenario, default_lines)])]),
         ],
@@ -115,19 +114,11 @@ def _lines(scenario: str, default_lines: Collection[int]) -> Html:
 def _limits(rows: Sequence[Mapping[str, str]]) -> Table:
     """Columns that no limit fills are left out."""
     heads = {
-        "subject": "of",
-        "name": "metric or column",
-        "limit": "limit",
-        "window": "window",
-        "value": "value",
-        "error": "level may be off by",
-        "result": "",
-        "reason": "",
-    }
+        "subject": "of", "name": "metric or column", "value": "value", "result": "", "limit": "limit",
+        "window": "window", "error": "level may be off by", "reason": "",
+    }  # fmt: skip
     shown = [key for key in heads if key not in ("window", "error", "reason") or any(r[key] for r in rows)]
     put: dict[str, Callable[[str], Html]] = {
-        "name": breakable,
-        "window": breakable,
         "result": verdict,
         "value": lambda v: element("span", v, class_="v"),
     }
@@ -187,7 +178,7 @@ def _credibility(summary: Mapping[str, Any]) -> list[Table | str]:
     if told.get("undeclared"):
         text += f" No range is declared for the levels of {', '.join(told['undeclared'])}."
     unchecked = [[slot, ", ".join(names)] for slot, names in told.get("not_checked", {}).items()]
-    found: list[Table | str] = [Table("", CREDIBILITY, rows, text=text)]
+    found: list[Table | str] = [Table("", CREDIBILITY, rows, (3, 4), text)]
     return [*found, Table("", ["slot", "not checked, of what changes what it does"], unchecked)][
         : 1 + bool(unchecked)
     ]
@@ -237,7 +228,7 @@ def _groups(values: Mapping[str, Any], metrics: Sequence[Metric]) -> list[Beside
 
 def _metric_row(metric: Metric, value: Any) -> list[Html]:
     label = metric.label or metric.name.removesuffix("_" + metric.unit).replace("_", " ")
-    name = joined((label, element("small", breakable(metric.name), class_="id")))
+    name = joined((label, element("small", metric.name, class_="id")))
     return [
         element("span", name, title=metric.meaning), element("span", shown_value(metric, value), class_="v")
     ]  # fmt: skip
@@ -263,9 +254,9 @@ def shown_value(metric: Metric, value: Any) -> str:
 
 def _cost(summary: Mapping[str, Any]) -> list[list[object]]:
     """Slot, steps, time of a step and of all, shares of all and of the simulated time, of the wall time."""
-    cost: Mapping[str, Any] = summary["cost"]
-    total = max(sum(c["seconds"] for c in cost.values()), 1e-12)
-    longest = max(max(c["seconds"] for c in cost.values()), 1e-12)
+    cost: Mapping[str, Any] = summary.get("cost", {})
+    spent = [c["seconds"] for c in cost.values()]
+    total, longest = max(sum(spent), 1e-12), max(spent, default=0.0) or 1e-12
     simulated = summary.get("simulated_s")
     return [
         [

@@ -13,7 +13,7 @@ from swath.tools.function_test.journal import Result
 from swath.tools.function_test.page import AGAIN, more
 from swath.tools.function_test.search import Searched
 
-SIDE, BINS = 220.0, 22  # of a map [px], squares along it
+SIDE, BINS = 270.0, 22  # of a map [px], squares along it
 FAILED_MAX = 60  # runs in the list
 PARAMETERS = ("parameter", "key", "range", "alone", "with all that it acts with")
 ABOUT_MAPS = (

@@ -269,15 +269,15 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
     sections = [
         Section("Where it is broken", [
             Table("", CAUSES, broken, (1, 2, 3, 4), about) if broken else _no_cause(cells),
-            Items(said) if said else "", ALL_CELLS if said else "",
-            _listed("By which limit runs fail", LIMITS, _by_limit(found), (1, 2, 3), ABOUT_LIMITS),
+            Items(said), ALL_CELLS if said else "",
+            Table("By which limit runs fail", LIMITS, _by_limit(found), (1, 2, 3), ABOUT_LIMITS),
         ]),
         Section("Where it is shown to work", _where_shown(found, cells, rest, out, restricted.name)),
         Section("What was never driven", _never(found, cells)),
         Section("What not to believe", [
             Items(_believe(found)),
-            _listed("Runs that are not judged", ("slot", "quantity", "runs", "met"), _unjudged(found), (2,)),
-            _listed("Models", ("slot", "level", "checked for", "known error of a metric"), _levels(found),
+            Table("Runs that are not judged", ("slot", "quantity", "runs", "met"), _unjudged(found), (2,)),
+            Table("Models", ("slot", "level", "checked for", "known error of a metric"), _levels(found),
                     text=ABOUT_MODELS),
         ]),
         Table("Requirements", REQUIREMENTS, needed, (2, 3, 4, 5), ABOUT_REQUIREMENTS),
@@ -307,17 +307,6 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         verdict=_verdict(cells, len(broken)),
         top=[Banner(NO_CERTIFICATE), Facts(_facts(found, cells)), *_about(found)],
     )
-
-
-def _listed(
-    title: str,
-    head: Sequence[str],
-    rows: Sequence[Sequence[object]],
-    numeric: Sequence[int] = (),
-    text: str = "",
-) -> Table | str:
-    """A table under a heading of its own; nothing without rows."""
-    return Table(title, head, rows, numeric, text) if rows else ""
 
 
 def _verdict(cells: Sequence[OddCell], causes: int) -> tuple[str, str, str]:
@@ -412,11 +401,11 @@ def _never(found: Conducted, cells: Sequence[OddCell]) -> list[object]:
     )
     return [
         f"{len(never)} cells of the ODD:" if never else all_driven,
-        Items(never[:LISTED], is_wide=True) if never else "",
+        Items(never[:LISTED], is_wide=True),
         more(len(never), LISTED, "`cells.csv`"),
-        _listed("Parts outside every bucket, which no run was drawn for", head, undrawn),
-        _listed("Driven, but in no bucket", ("attribute", "metres", "runs"), _in_no_bucket(found), (1, 2)),
-        _listed("Attributes that swath cannot simulate", ("attribute", "why"), lost),
+        Table("Parts outside every bucket, which no run was drawn for", head, undrawn),
+        Table("Driven, but in no bucket", ("attribute", "metres", "runs"), _in_no_bucket(found), (1, 2)),
+        Table("Attributes that swath cannot simulate", ("attribute", "why"), lost),
         element("h3", "Attributes that the binding does not name") if unbound else "",
         f"Nothing sets or measures them: {', '.join(unbound)}" if unbound else "",
     ]
