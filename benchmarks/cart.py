@@ -22,7 +22,7 @@ from swath.core.foreign_code import allow_code
 from swath.machine.heap.open_box import Surface, largest_heap
 from swath.machine.machine_sheet import load_machine
 from swath.machine.motion import articulated, kinematic
-from swath.machine.unload import ideal
+from swath.machine.unload import auger
 from swath.signals import HeapState, UnloadState
 
 CART = load_machine("tractor-grain-cart")
@@ -68,7 +68,7 @@ def trailer() -> None:
 def unloading() -> None:
     """12 m3 at 120 l/s."""
     for name, inflow, wanted in (("standing", 0.0, 100), ("while cutting 23.8 kg/s", 23.8, 135)):
-        _, lasted = pour(ideal, setup_with_box()[0], 150.0, inflow=inflow)
+        _, lasted = pour(auger.PRESETS["ideal"], setup_with_box()[0], 150.0, inflow=inflow)
         say(f"12 m3 at 120 l/s {name}", f"{lasted:.1f} s", f"{wanted} s")
 
 

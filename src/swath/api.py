@@ -48,14 +48,32 @@ def load_scenario(
     code: bool = False,
     addresses: Sequence[str] = (),
 ) -> Scenario:
-    """A bundled scenario by name, a file, or the scenario of a run folder, with changes.
+    """Read a bundled scenario by name, a file, or the scenario of a run folder, with changes.
 
-    sets: {"combine.speed.speed_kmh": 5}, or texts as after `--set`; a text is read as there
-    seed: instead of the scenario's
-    code: True lets Python files and FMUs run that the scenario names, with your rights, a Python file as soon
-    as it is read (SECURITY.md); what `sets` name is yours and runs. A scenario remembers what it may run.
-    addresses: beyond this machine, buses and terminals that it may open, as it writes them
-    Raises swath.core.errors.InputError, which names key, value, what was expected, file and line.
+    Parameters
+    ----------
+    source : str or Path
+        Name of a bundled scenario, a file, or a run folder.
+    sets : mapping or sequence of str
+        Changes: `{"combine.speed.speed_kmh": 5}`, or texts as after `--set`; a text is read as there.
+    seed : int
+        Seed in place of the scenario's.
+    code : bool
+        Whether Python files and FMUs that the scenario names may run, with your rights, a Python file as
+        soon as it is read (SECURITY.md). What `sets` names is yours and runs. A scenario remembers what it
+        may run.
+    addresses : sequence of str
+        Addresses beyond this machine, buses and terminals that it may open, as it writes them.
+
+    Returns
+    -------
+    Scenario
+        The scenario, checked, with every default filled in.
+
+    Raises
+    ------
+    InputError
+        Names key, value, what was expected, file and line.
     """
     texts = [f"{k}={_text(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)
     with _allowed(code, texts, addresses):
@@ -92,7 +110,17 @@ class RunResult(JobResult):
 
 @dataclass(frozen=True)
 class ScanResult:
-    """One scan. files: what was written; data: the arrays of scan.npz by name; notes: what to know of it."""
+    """One scan.
+
+    Attributes
+    ----------
+    files : tuple of Path
+        What was written.
+    data : mapping of str to ndarray
+        The arrays of scan.npz by name.
+    notes : tuple of str
+        Whole sentences on what to know of the scan.
+    """
 
     files: tuple[Path, ...]
     data: Mapping[str, Any]
@@ -103,7 +131,23 @@ class ScanResult:
 
 
 def read_field(path: str | Path) -> "FieldFolder":
-    """A field folder, as `swath field import` makes one; a notebook shows its overview."""
+    """Read a field folder, as `swath field import` makes one; a notebook shows its overview.
+
+    Parameters
+    ----------
+    path : str or Path
+        The folder.
+
+    Returns
+    -------
+    FieldFolder
+        Terrain, stand and place of the field.
+
+    Raises
+    ------
+    InputError
+        Where the folder is none, or damaged.
+    """
     from swath.field_io.folder import read
 
     return read(path)
@@ -120,11 +164,32 @@ def scan(
     code: bool = False,
     replace: bool = False,
 ) -> ScanResult:
-    """One scan of a scenario after `at_s` of driving, as `swath scan` makes it.
+    """Make one scan of a scenario, as `swath scan` does.
 
-    out: default: a new folder in `runs`; replace: any other scan that is there; sets, seed, code: as in
-    `load_scenario`; camera: the image too
-    Raises InputError.
+    Parameters
+    ----------
+    scenario : str, Path or Scenario
+        As in `load_scenario`.
+    out : str or Path
+        Folder to write; by default a new folder in `runs`.
+    at_s : float
+        Time of driving before the scan [s].
+    sets, seed, code
+        As in `load_scenario`.
+    camera : bool
+        Whether to make the image of the camera, too.
+    replace : bool
+        Whether another scan in `out` may be replaced.
+
+    Returns
+    -------
+    ScanResult
+        Files and arrays of the scan.
+
+    Raises
+    ------
+    InputError
+        Where the scenario or the folder cannot be used.
     """
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario, sets=sets, seed=seed, code=code)
@@ -144,12 +209,28 @@ def scan(
 
 
 def detect(recording: str | Path, *, sets: Sets = (), slot: str = "edge", code: bool = False) -> list[Any]:
-    """Run a detector over the stored scans of a run: every sample that its slot sends, in order.
+    """Run a detector over the stored scans of a run; no world is built.
 
-    No world is built. recording: a run folder or a run.mcap with `run.record: exact`; sets: another level, or
-    parameters, of the slot, such as {"combine.edge.level": "mine.py:MyDetector"}; slot: of control, of the
-    first machine
-    Raises InputError.
+    Parameters
+    ----------
+    recording : str or Path
+        A run folder or a run.mcap with `run.record: exact`.
+    sets : mapping or sequence of str
+        Another level of the slot, or parameters, such as `{"combine.edge.level": "mine.py:MyDetector"}`.
+    slot : str
+        A control slot of the first machine.
+    code : bool
+        As in `load_scenario`.
+
+    Returns
+    -------
+    list of Signal
+        Every sample that the slot sends, in order.
+
+    Raises
+    ------
+    InputError
+        Where the recording lacks what the slot reads.
     """
     from swath.tools.stored_scans import detect_stored
 
@@ -170,13 +251,33 @@ def run(
     addresses: Sequence[str] = (),
     replace: bool = False,
 ) -> RunResult:
-    """Run a scenario into a folder, as `swath run` does; a given one may hold an earlier run of it, with the
-    same changes.
+    """Run a scenario into a folder, as `swath run` does.
 
-    out: default: a new folder in `runs`; replace: any other run that is there
-    sets, seed, code, addresses: as in `load_scenario`
-    report: write report.html and replay.html; progress: a bar on a terminal or in a notebook
-    Raises InputError; a limit that fails raises nothing, see `exit_code`.
+    Parameters
+    ----------
+    scenario : str, Path or Scenario
+        As in `load_scenario`.
+    out : str or Path
+        Folder of the run, which may hold an earlier run with the same changes; by default a new folder in
+        `runs`.
+    sets, seed, code, addresses
+        As in `load_scenario`.
+    report : bool
+        Whether to write report.html and replay.html.
+    progress : bool
+        Whether to show a bar on a terminal or in a notebook.
+    replace : bool
+        Whether any other run in `out` may be replaced.
+
+    Returns
+    -------
+    RunResult
+        Summary, exit code and folder. A limit that fails raises nothing, see `exit_code`.
+
+    Raises
+    ------
+    InputError
+        Where the scenario or the folder cannot be used.
     """
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario, sets=sets, seed=seed, code=code, addresses=addresses)
@@ -207,11 +308,30 @@ def branch(
     code: bool = False,
     replace: bool = False,
 ) -> RunResult:
-    """Go back in a finished run, change something, go on from there into another folder, as `swath branch`.
+    """Go back in a finished run, change something and go on from there, as `swath branch` does.
 
-    folder: of the earlier run; at_s: time of the change [s]; sets: what changes then, as in `run`
-    out, report, progress, code, replace: as in `run`
-    Raises InputError.
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of the earlier run.
+    at_s : float
+        Time of the change [s].
+    out : str or Path
+        Folder of the new run; by default a new folder in `runs`.
+    sets : mapping or sequence of str
+        What changes at that time, as in `run`.
+    report, progress, code, replace
+        As in `run`.
+
+    Returns
+    -------
+    RunResult
+        Summary, exit code and folder of the new run.
+
+    Raises
+    ------
+    InputError
+        Where the run cannot be continued with these changes.
     """
     from swath.tools.branch.branch import pairs, plan_branch
 
@@ -238,9 +358,20 @@ _BAD_INPUT = 2
 
 @dataclass(frozen=True)
 class BatchRun:
-    """A run of a batch. index: of its entry, from 0; folder: None where the entry named none.
+    """A run of a batch.
 
-    error: why there is no result
+    Attributes
+    ----------
+    index : int
+        Index of its entry, from 0.
+    entry : str, Path, Scenario or mapping
+        What was given.
+    folder : Path
+        Folder of the run; None where the entry named none.
+    found : mapping
+        Summary of the run; None where there is an error.
+    error : SwathError
+        Why there is no result; None where there is one.
     """
 
     index: int
@@ -251,7 +382,7 @@ class BatchRun:
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """As in summary.json. Raises the error where there is one."""
+        """Summary as in summary.json; raises the error where there is one."""
         if self.error is not None:
             raise self.error
         return self.found or {}
@@ -267,15 +398,31 @@ def batch(
 ) -> Iterator[BatchRun]:
     """Run many scenarios; gives each result as soon as it and those before it are there.
 
-    entries: names, files or scenarios, or {"scenario": ..., "sets": ..., "seed": ..., "out": ...}, all but
-    the first as in `run`; without `out` nothing is recorded. They are taken as they are needed.
-    workers: processes that do the work; 1 = this one (`processes` in version 0.2). A script that gives more
-    needs `if __name__ == "__main__":`
-    code: as in `load_scenario`
-
     A run gives the same bytes as alone. An entry that is wrong, a part that crashes and a run that kills its
     process are the `error` of that run; the others go on. What one run has read and made serves the next:
     data sheets, compiled parts, and the field where another run has the same one.
+
+    Parameters
+    ----------
+    entries : iterable
+        Names, files or scenarios, or `{"scenario": ..., "sets": ..., "seed": ..., "out": ...}`, all but the
+        first as in `run`. Without `out` nothing is recorded. Entries are taken as they are needed.
+    workers : int
+        Processes that do the work; 1 = this one. A script that gives more needs `if __name__ == "__main__":`.
+    code : bool
+        As in `load_scenario`.
+    processes : int
+        Name of `workers` in version 0.2.
+
+    Yields
+    ------
+    BatchRun
+        Results in the order of the entries.
+
+    Raises
+    ------
+    InputError
+        Where `workers` is less than 1.
     """
     workers = workers if processes is None else processes
     if workers < 1:
@@ -313,14 +460,40 @@ def worlds(
     processes: int = 1,
     code: bool = False,
 ) -> Iterator[BatchRun]:
-    """Run n worlds of one scenario in step; gives their results in order, as `batch` does, unrecorded.
+    """Run n worlds of one scenario in step, unrecorded.
 
-    vary: key -> (least, greatest), drawn evenly for each world, or a list of values that worlds take in turn
-    sets: of all worlds, as in `run`; seed: of world 0, world i has seed + i; without it the scenario's
-    together: worlds in step at a time; processes, code: as in `batch`
+    Parts whose class has `together` are stepped at once (docs/explanation/kernels.md), all others world by
+    world. The `entry` of a result is that world for `batch`, alone and at any level: the same bytes.
 
-    The `entry` of a result is that world for `batch`, alone and at any level: the same bytes. Parts whose
-    class has `together` are stepped at once (docs/explanation/kernels.md), all others world by world.
+    Parameters
+    ----------
+    scenario : str or Path
+        As in `load_scenario`.
+    n : int
+        Number of worlds.
+    vary : mapping
+        Key -> (least, greatest), drawn uniformly for each world, or a list of values that worlds take in
+        turn.
+    sets : mapping or sequence of str
+        Changes of all worlds, as in `run`.
+    seed : int
+        Seed of world 0, by default the scenario's; world i has seed + i.
+    together : int
+        Number of worlds that go in step at a time.
+    processes : int
+        Processes that do the work, as `workers` of `batch`.
+    code : bool
+        As in `load_scenario`.
+
+    Yields
+    ------
+    BatchRun
+        Results in the order of the worlds.
+
+    Raises
+    ------
+    InputError
+        Where a number is less than 1, or the scenario cannot be used.
     """
     for name, value in (("n", n), ("together", together), ("processes", processes)):
         if value < 1:

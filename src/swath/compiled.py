@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import SwathError
 from swath.core.ops import Call
-from swath.core.rows import Row, Trail, row_of
+from swath.core.rows import Row, Trail, row_like, row_of
 from swath.core.signal import Signal
 from swath.core.together import Given, Samples, field_of
 from swath.kernels import Repeated, repeatable, shared
@@ -44,6 +44,12 @@ class Compiled(ABC):
     @abstractmethod
     def launches(self) -> Sequence[Repeated]:
         """The step, over `given`, `heard`, `sent`, `clock` and `needs` as they are now."""
+
+    def asking(self) -> Repeated:
+        """A launch that does nothing but have `supply` called."""
+        from swath.walk_kernel import ask
+
+        return repeatable(ask, [shared(self.needs)])
 
     def supply(self, stage: int) -> None:
         """Do what a launch, by its place among them, did not that set `needs`."""
@@ -94,6 +100,7 @@ class Compiled(ABC):
     def _fits(self, inputs: Given) -> bool:
         """Whether inputs are connected as they were, and not longer."""
         is_same = all((inputs.get(name) is not None) == (name in self.given) for name in self.reads)
+        is_same = is_same and all(row.fits(inputs[name]) for name, row in self.given.items())
         return is_same and all(
             (name in inputs) == (name in self.heard)
             and (name not in inputs or len(inputs[name] or ()) <= len(self.heard[name].times))
@@ -103,8 +110,8 @@ class Compiled(ABC):
     def _own(self, name: str, sample: Samples | Signal) -> Row:
         """A row of their own, that inputs are copied to."""
         row = self.given.get(name)
-        kind = type(sample) if isinstance(sample, Signal) else sample.kind
-        return row_of(kind, self.worlds) if row is None or row is sample else row
+        is_own = row is not None and row is not sample and row.fits(sample)
+        return row if row is not None and is_own else row_like(sample, self.worlds)
 
     def _long(self, name: str, samples: Sequence[Samples] | None) -> Trail:
         """The same for a history."""

@@ -296,14 +296,38 @@ class Env(gymnasium.Env):  # type: ignore[misc]
 
     The sum of all rewards of an episode is the share of `run.distance_m` that was driven, less, for every
     limit under `expect`, how far it is broken at the end: the excess relative to the bound, at most
-    1. `info["reward"]` has these parts of each step, `info["limits"]` each limit's entry as in summary.json:
-    limits are judged every `limits_s` and at the end, those of the field at the end. Terminated: the distance
-    is driven, or something ended the run; truncated: `run.max_duration_s`.
+    1. `info["reward"]` has these parts of each step, `info["limits"]` each limit's entry as in summary.json.
+    Terminated: the distance is driven, or something ended the run; truncated: `run.max_duration_s`.
 
-    A reset with a seed is the scenario with that seed, without one it is drawn, from `seeds` where they are
-    given. machine: which one, by default the first; period_s: between two actions; code: as in
-    `swath.load_scenario`, as the InputError. render_mode `rgb_array`: `render` gives the field from above as
-    it is, the machine in the middle, north up.
+    Parameters
+    ----------
+    scenario : str
+        As in `swath.load_scenario`.
+    sets : mapping or sequence of str
+        As in `swath.load_scenario`.
+    machine : str
+        Name of the machine that is driven, by default the first.
+    period_s : float
+        Time between two actions [s].
+    speed : bool
+        Whether the action has the speed, too.
+    speed_kmh : float
+        Greatest speed of an action [km/h].
+    limits_s : float
+        Time after which limits are judged again [s]; those of the field are judged at the end.
+    code : bool
+        As in `swath.load_scenario`.
+    picture, scan : bool
+        Whether the observation has the picture, or the scan.
+    seeds : sequence of int
+        Seeds from which a reset without one draws.
+    render_mode : str
+        `rgb_array`: `render` gives the field from above as it is, the machine in the middle, north up.
+
+    Raises
+    ------
+    InputError
+        As `swath.load_scenario`.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}

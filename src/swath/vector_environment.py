@@ -33,15 +33,31 @@ class _Cohort:
 
 
 class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
-    """`Env`, many times: each environment gives the bits that it gives alone, with the keys of `Env`.
+    """`Env`, many times: each environment gives the bits that it gives alone.
 
     Worlds that begin in one step go in step (docs/explanation/kernels.md): a step of `num_envs` costs what
     `num_envs` worlds in step cost while episodes begin and end together. Environments that are reset while
     others go on are a batch of their own from then on.
 
-    autoreset_mode, of gymnasium's `AutoresetMode`: NextStep; SameStep; Disabled, in which environments that
-    are over give their last observation and no reward until `reset`, with `options={"reset_mask": ...}` for
-    some of them. With `seeds` worlds whose batch is over are used again, and not built anew.
+    Parameters
+    ----------
+    scenario : str
+        As in `swath.load_scenario`.
+    num_envs : int
+        Number of environments.
+    autoreset_mode : AutoresetMode or str
+        NextStep, SameStep or Disabled of gymnasium. With Disabled, environments that are over give their last
+        observation and no reward until `reset`, with `options={"reset_mask": ...}` for some of them.
+    render_mode : None
+        Not offered here.
+    **task
+        The other keywords of `Env`. With `seeds` worlds whose batch is over are used again, and not built
+        anew.
+
+    Raises
+    ------
+    InputError
+        As `swath.load_scenario`.
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
@@ -83,9 +99,19 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Seen, dict[str, Any]]:
-        """Begin episodes. seed: of the first, the others count on; or one for each.
+        """Begin episodes.
 
-        options: `reset_mask`, bool (num_envs,): only these
+        Parameters
+        ----------
+        seed : int or sequence of int
+            Seed of the first, the others count on; or one for each.
+        options : mapping
+            `reset_mask`, bool (num_envs,): only these.
+
+        Returns
+        -------
+        tuple
+            Observations, and what is known of them.
         """
         seeds: Sequence[int | None]
         if seed is None or isinstance(seed, int | np.integer):

@@ -19,7 +19,7 @@ from swath.core.units import DEG, KMH
 from swath.field.stand import uniform
 from swath.machine import SLOPES
 from swath.machine import header as headers
-from swath.machine.unload import auger, ideal
+from swath.machine.unload import auger
 from swath.machine.unload.auger import DRAG, fall_time
 from swath.runtime.assembly import assemble
 from swath.runtime.credibility import Credibility, Scene
@@ -195,7 +195,7 @@ def test_powertrain_pulls_weight_uphill_and_against_rolling(level, speed, along)
 
 
 @pytest.mark.parametrize("speed", SPEEDS)
-@pytest.mark.parametrize("level", [ideal, auger])
+@pytest.mark.parametrize("level", [auger.PRESETS["ideal"], auger.LEVEL])
 def test_the_stream_leaves_with_the_speed_of_the_machine(level, speed):
     setup, _ = setup_with_box()
     pour(level, setup, 30.0, speed=speed)

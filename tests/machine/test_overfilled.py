@@ -15,11 +15,11 @@ from swath.field.site_setup import Bodies, Landing
 from swath.judge.evaluators.overfilled import LEVEL
 from swath.machine.heap import cones, height_map
 from swath.machine.machine_sheet import load_machine
-from swath.machine.process import constant, delay_line, threshing
+from swath.machine.process import constant, threshing
 from swath.signals import CropFlow, MachineState
 from tests.machine.machine_fakes import STREAM, Ground, site
 
-LEVELS = (constant, delay_line, threshing)
+LEVELS = (constant.LEVEL, constant.PRESETS["delay_line"], threshing.LEVEL)
 STEP = NS // 2
 GRAIN, STRAW = 3.0, 2.0  # of a step [kg]
 MACHINE = load_machine("combine-5m")
@@ -57,7 +57,7 @@ def judged(loads, machine=MACHINE):
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_full_tank_spills_what_comes_and_says_so(level):
-    loads, grain = of_steps(level.LEVEL.component(level.Params(), site(machine=MACHINE)), 120)
+    loads, grain = of_steps(level.component(level.params(), site(machine=MACHINE)), 120)
     assert max(load.tank_grain for load in loads) <= HOLDS * (1.0 + 1e-12)
     end = loads[-1]
     assert end.tank_grain == pytest.approx(HOLDS, rel=1e-12)
@@ -76,15 +76,15 @@ def test_a_full_tank_spills_what_comes_and_says_so(level):
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_tank_that_was_all_but_full_in_a_save_spills_as_if_it_had_gone_on(level):
     """Also where what it begins with is said otherwise meanwhile: what is in it does not change by that."""
-    start, other = ({"tank_start_percent": v} if level is threshing else {} for v in (20.0, 0.0))
-    made, alone, resumed = (level.LEVEL.component(level.Params(**v), site(machine=MACHINE))
+    start, other = ({"tank_start_percent": v} if level is threshing.LEVEL else {} for v in (20.0, 0.0))
+    made, alone, resumed = (level.component(level.params(**v), site(machine=MACHINE))
                             for v in (start, start, other))  # fmt: skip
     assert of_steps(made, 5, resumed)[0] == of_steps(alone, 5)[0]
 
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_tank_that_is_not_full_is_not_touched(level):
-    made = level.LEVEL.component(level.Params(), site(machine=MACHINE))
+    made = level.component(level.params(), site(machine=MACHINE))
     loads = of_steps(made, 0)[0][: int(0.9 * HOLDS / GRAIN)]
     seen = judged(loads)
     assert seen.metrics() == {"tank_spilled_kg": 0.0}

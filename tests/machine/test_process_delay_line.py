@@ -6,7 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError
-from swath.machine.process.delay_line import DelayLineProcess, Params
+from swath.machine.process import constant
+from swath.machine.process.constant import CombineParams as Params
+from swath.machine.process.constant import DelayedProcess
 from tests.machine.machine_fakes import STREAM, Ground, site
 from tests.machine.process_rig import flow, state
 
@@ -15,7 +17,7 @@ STEP = 100_000_000
 
 def make(**params):
     ground = Ground()
-    process = DelayLineProcess(Params(**params), site(ground, period=0.1))
+    process = DelayedProcess(Params(**params), site(ground, period=0.1))
     process.reset(STREAM)
     return process, ground
 
@@ -70,3 +72,14 @@ def test_saved_process_goes_on_exactly():
 def test_a_tank_before_the_drum_is_refused():
     with pytest.raises(InputError, match=r"grain_delay_s = 2\.0: expected >= feed_delay_s"):
         make(grain_delay_s=2.0)
+
+
+def test_a_delayed_constant_is_a_delay_line_and_without_delay_an_op():
+    given = {name: getattr(Params(), name) for name in constant.DELAYS}
+    made = constant.LEVEL.component(constant.Params(**given), site(Ground(), period=0.1))
+    made.reset(STREAM)
+    process, _ = make()
+    course = [(1.0 + 0.1 * (i % 5), 1.0) for i in range(300)]
+    assert drive(made, course) == drive(process, course)
+    at_once = constant.LEVEL.component(constant.Params(), site(Ground(), period=0.1))
+    assert isinstance(at_once, constant.ConstantProcess)

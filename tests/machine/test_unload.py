@@ -13,7 +13,7 @@ from swath.field.solids import trailer_body
 from swath.machine.heap import height_map
 from swath.machine.heap.open_box import Params
 from swath.machine.machine_sheet import load_machine
-from swath.machine.unload import auger, ideal
+from swath.machine.unload import auger
 from swath.machine.unload.auger import fall_time
 from swath.signals import MachineLoad, MachineState, UnloadCommand
 from tests.machine.machine_fakes import STREAM, Ground, site
@@ -39,7 +39,7 @@ def setup_with_box(box_at=None):
 
 def pour(level, setup, seconds, inflow=0.0, speed=0.0, **params):
     """Pipe out, the tank full at first: (state of the pipe, seconds in which it poured at least half)."""
-    part = level.LEVEL.component(level.LEVEL.params(**params), setup)
+    part = level.component(level.params(**params), setup)
     part.reset(STREAM)
     full = COMBINE.drivetrain.tank
     drawn = lasted = 0.0
@@ -57,7 +57,7 @@ def pour(level, setup, seconds, inflow=0.0, speed=0.0, **params):
 def test_while_cutting_it_takes_longer():
     """12 m3 at 120 l/s while 23.8 kg/s come in: 9240 / (92.4 - 23.8) = 135 s."""
     setup, _ = setup_with_box()
-    _, lasted = pour(ideal, setup, 150.0, inflow=23.8)
+    _, lasted = pour(auger.PRESETS["ideal"], setup, 150.0, inflow=23.8)
     assert lasted == pytest.approx(9240.0 / (92.4 - 23.8), rel=0.01)
     assert lasted == pytest.approx(135.0, rel=0.01)
 
@@ -86,7 +86,7 @@ def test_run_up_and_run_out():
 def test_the_stream_falls_ballistically():
     """From the mouth, 2.5 m/s at 45 deg: to the ground in 0.81 s, 1.43 m on, less what the air takes."""
     setup, _ = setup_with_box()
-    pour(ideal, setup, 5.0)
+    pour(auger.PRESETS["ideal"], setup, 5.0)
     pipe = COMBINE.pipe
     seconds = fall_time(pipe.z, 2.5 * math.sqrt(0.5))
     assert 2.5 * math.sqrt(0.5) * seconds + 0.5 * 9.81 * seconds**2 == pytest.approx(pipe.z)
@@ -99,8 +99,8 @@ def test_the_stream_falls_ballistically():
 
 def test_wind_carries_the_stream():
     still, windy = setup_with_box()[0], setup_with_box()[0]
-    pour(auger, still, 16.0)
-    pour(auger, windy, 16.0, wind_east_m_s=5.0)
+    pour(auger.LEVEL, still, 16.0)
+    pour(auger.LEVEL, windy, 16.0, wind_east_m_s=5.0)
     east = [np.mean([g[0] for g in s.field.grain]) for s in (still, windy)]
     assert east[1] - east[0] == pytest.approx(0.5 * 0.2 * 5.0 * 0.81**2, abs=0.03)
 
@@ -109,7 +109,7 @@ def test_what_falls_into_the_box_and_beside_it():
     """The box under the stream takes all, one 3 m aside nothing; every kilogram is somewhere."""
     for aside, share in ((8.4, 1.0), (12.0, 0.0)):
         setup, heap = setup_with_box((-0.9, aside))
-        found, _ = pour(auger, setup, 40.0)
+        found, _ = pour(auger.LEVEL, setup, 40.0)
         on_ground = sum(g[2] for g in setup.field.grain)
         assert found.caught == pytest.approx(share * (found.caught + found.missed))
         assert heap.gained == pytest.approx(found.caught, rel=1e-12)

@@ -58,8 +58,13 @@ def test_exact_levels_are_not_unknown(tmp_path):
 
 def test_nobody_knows_how_far_off_an_odometry_of_ones_own_is(tmp_path):
     (tmp_path / "own.py").write_text(
-        "from swath.sensing.odometry.ideal import IdealOdometry\n"
-        "class Own(IdealOdometry):\n    errors = None\n    def __init__(self, params, setup): pass\n"
+        "from swath.core.component import KeepsState, Port\n"
+        "from swath.signals import MachineState, Odometry\n"
+        "class Own(KeepsState):\n    inputs = (Port('state', MachineState),)\n"
+        "    outputs = (Port('odometry', Odometry),)\n    def __init__(self, params, setup): pass\n"
+        "    def reset(self, stream):\n        return {'odometry': Odometry(0, 0.0, 0.0, 0.0)}\n"
+        "    def step(self, t, dt, inputs):\n        s = inputs['state']\n"
+        "        return {'odometry': Odometry(t + dt, s.speed, s.yaw_rate, 0.0)}\n"
     )
     topic = "/combine/odometry/odometry"
     (found,) = messages(tmp_path, f"combine.odometry={tmp_path}/own.py:Own", topics=(topic,)).values()

@@ -5,9 +5,7 @@ import numpy as np
 import pytest
 
 from swath.core.random import Stream
-from swath.sensing.crop_flow.delayed import DelayedCropFlow, Params
-from swath.sensing.crop_flow.ideal import IdealCropFlow
-from swath.sensing.crop_flow.ideal import Params as IdealParams
+from swath.sensing.crop_flow.delayed import PRESETS, DelayedCropFlow, Params
 from swath.signals import MachineLoad
 
 STEP = 100_000_000
@@ -40,7 +38,7 @@ def make(**params):
 
 
 def test_ideal_reads_what_is():
-    sensor = IdealCropFlow(IdealParams(), SETUP)
+    sensor = PRESETS["ideal"].component(PRESETS["ideal"].params(), SETUP)
     sensor.reset(Stream(1, "x"))
     (out,) = run(sensor, 1)
     assert (out["feed"].flow, out["grain"].flow, out["grain"].tank_level) == (39.0, 23.0, 0.4)

@@ -10,13 +10,12 @@ from swath.documents.validation import validate
 from swath.documents.yaml_document import parse
 from swath.record.digest import sample_bytes
 from swath.sensing.gnss.antenna import Place
-from swath.sensing.gnss.error import ErrorGnss, Loss, Params
-from swath.sensing.gnss.ideal import IdealGnss
-from swath.sensing.gnss.ideal import Params as IdealParams
+from swath.sensing.gnss.error import PRESETS, ErrorGnss, Loss, Params
 from swath.sensing.gnss.receiver_errors import FIGURES
 from swath.signals import FIX_QUALITIES
 from tests.sensing.driven_states import circle, column, feed, rolling, setup_of, standing, state, straight
 
+IdealGnss, IdealParams = PRESETS["ideal"].component, PRESETS["ideal"].params
 TOP = Place(x_m=0.0, y_m=0.0, z_m=4.0)
 EXACT = {"noise_cm": 0.0, "wander_cm": 0.0, "velocity_noise_m_s": 0.0, "latency_ms": 0.0}
 

@@ -6,12 +6,11 @@ import pytest
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.record.digest import sample_bytes
-from swath.sensing.imu.error import UNITS, Axis, ErrorImu, Params
-from swath.sensing.imu.ideal import IdealImu
-from swath.sensing.imu.ideal import Params as IdealParams
+from swath.sensing.imu.error import PRESETS, UNITS, Axis, ErrorImu, Params
 from swath.sensing.imu.strapdown import GRAVITY, Place, rotation_vector, turned
 from tests.sensing.driven_states import circle, column, feed, setup_of, standing, state, straight
 
+IdealImu, IdealParams = PRESETS["ideal"].component, PRESETS["ideal"].params
 STEP = 10_000_000
 PERIOD = 0.01
 AXLE = Place(z_m=0.0)

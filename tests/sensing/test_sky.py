@@ -12,10 +12,8 @@ from swath.field.obstacles import SheetObstacle, things_of
 from swath.field.site_setup import Bodies
 from swath.field.solids import box_on_ground
 from swath.sensing.gnss.antenna import Place
-from swath.sensing.gnss.error import ErrorGnss, Loss
+from swath.sensing.gnss.error import PRESETS, ErrorGnss, Loss
 from swath.sensing.gnss.error import Params as ErrorParams
-from swath.sensing.gnss.ideal import IdealGnss
-from swath.sensing.gnss.ideal import Params as IdealParams
 from swath.sensing.gnss.receiver_errors import FIGURES
 from swath.sensing.gnss.sky import (
     DGPS,
@@ -248,7 +246,7 @@ def test_roll_or_pitch_of_two_antennas(second, angle, other):
     """> 0 left side up, nose down; of an oblique baseline the share that lies in that plane."""
     along, across = second.x_m - 1.0, second.y_m
     share = max(abs(along), abs(across)) / math.hypot(along, across)
-    receiver = IdealGnss(IdealParams(second_antenna=second), setup_of())
+    receiver = PRESETS["ideal"].component(PRESETS["ideal"].params(second_antenna=second), setup_of())
     for size in (-0.1, 0.0, 0.07):
         receiver.reset(Stream(4, "combine.gnss"))
         fix = feed(receiver, standing(yaw=0.8, **{angle: size}), 1)[0]

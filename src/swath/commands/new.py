@@ -8,11 +8,23 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Template:
-    """A file of `examples`. what: for the help; try_it: words of a command, with {file} for its name."""
+    """A file to begin with.
+
+    source: file of `examples`, or with a folder of the bundled data
+    what: one line for the help
+    try_it: words of a command, with {file} for its name
+    beside: another file of that folder, which it names
+    """
 
     source: str
     what: str
     try_it: tuple[str, ...]
+    beside: str = ""
+
+    @property
+    def path(self) -> Path:
+        """The file that is copied."""
+        return (Path(__file__).parents[1] / "data" if "/" in self.source else examples()) / self.source
 
 
 TEMPLATES = {
@@ -35,6 +47,26 @@ TEMPLATES = {
     "evaluator": Template(
         "my_evaluator.py", "a metric", ("run", "straight", "--set", "evaluators=[{file}:SteeringReversals]")
     ),
+    "machine": Template(
+        "machines/lexion-700-class.yaml",
+        "the data sheet of a combine",
+        ("run", "straight", "--set", "combine.machine={file}"),
+    ),
+    "crop": Template(
+        "crops/wheat.yaml",
+        "the data sheet of a crop",
+        ("run", "straight", "--set", "field.stand.crop={file}"),
+    ),
+    "case": Template(
+        "tests/gap.yaml", "a function test", ("test", "run", "{file}", "--draw", "1", "--seeds", "1")
+    ),
+    "odd": Template(
+        "odds/wheat-harvest.odd.yaml",
+        "an operational design domain and what it means in swath",
+        ("odd", "check", "{file}"),
+        beside="wheat-harvest.openodd.yaml",
+    ),
+    "job": Template("jobs/small-field.yaml", "a whole field", ("fleet", "run", "{file}")),
 }
 
 
@@ -61,16 +93,22 @@ def run(args: argparse.Namespace) -> int:
     from swath.core.whole_file import write_whole
 
     template = TEMPLATES.get(args.kind)
-    out = args.file or Path(template.source if template else "examples")
-    if out.exists() or out.is_symlink():
-        raise InputError("FILE", str(out), "expected a name that is free; nothing is overwritten")
+    usual = "examples" if template is None else template.source
+    out = args.file or Path(f"my_{args.kind}.yaml" if "/" in usual else usual)
+    beside = [out.parent / template.beside] if template and template.beside else []
+    for path in (out, *beside):
+        if path.exists() or path.is_symlink():
+            raise InputError("FILE", str(path), "expected a name that is free; nothing is overwritten")
     out.parent.mkdir(parents=True, exist_ok=True)
     if template is None:
         shutil.copytree(examples(), out, ignore=shutil.ignore_patterns("__pycache__"))
         print(out)
         return 0
-    text = (examples() / template.source).read_text(encoding="utf-8")
-    write_whole(out, text.replace(f"examples/{template.source}", str(out)))
+    write_whole(
+        out, template.path.read_text(encoding="utf-8").replace(f"examples/{template.source}", str(out))
+    )
+    for path in beside:
+        write_whole(path, (template.path.parent / path.name).read_text(encoding="utf-8"))
     if args.kind == "scenario":
         from swath.commands.schema import write_schema
 

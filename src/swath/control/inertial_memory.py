@@ -7,7 +7,6 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from swath.core.rows import Trail
-from swath.core.together import Samples
 from swath.kernels import Repeated, launch_on, repeatable, shared
 from swath.signals import F64, Inertial
 
@@ -108,18 +107,3 @@ class AllInertial:
         columns = [trail.head, trail.stamps, *(trail.memory[name] for name in FIELDS)]
         given = [*map(shared, columns), SAMPLES, shared(rows)]
         return repeatable(inertial_kernel.take_samples, given, threads=len(rows))
-
-    def put(self, samples: Sequence[Samples]) -> bool:
-        """Take samples over; True where the rows lie elsewhere now, since these were more than before."""
-        is_moved = SAMPLES + 7 * len(samples) > self.rows.shape[1]
-        if is_moved:
-            rows = np.zeros((len(self.rows), SAMPLES + 14 * len(samples)))
-            rows[:, :SAMPLES] = self.rows[:, :SAMPLES]
-            self.rows = rows
-        self.rows[:, 0] = len(samples)
-        for k, sample in enumerate(samples):
-            at = SAMPLES + 7 * k
-            self.rows[:, at] = sample.t
-            for place, name in enumerate(FIELDS, at + 1):
-                self.rows[:, place] = sample.arrays[name]
-        return is_moved

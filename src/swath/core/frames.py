@@ -22,10 +22,13 @@ Numbers = tuple[list[float], list[list[float]]]
 @saved_type()
 @frozen
 class Pose:
-    """Rigid transform. position [m], shape (3,); rotation, shape (3, 3), columns are the body axes.
+    """A rigid transform.
 
+    position: (3,) [m]
+    rotation: (3, 3), its columns are the body axes
     numbers: position and rows of the rotation as plain numbers. Of those and the arrays, which nobody
-    changes, a pose holds what it was made of, and makes the others when somebody asks: most never do.
+        changes, a
+        pose holds what it was made of, and makes the others when somebody asks: most never do
     """
 
     position: Array

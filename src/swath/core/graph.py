@@ -1,7 +1,7 @@
 """Components, their connections and the schedule: a runnable, saveable whole, alone or in step."""
 
 import time
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -472,21 +472,18 @@ class Lockstep:
 
     def _span(self, program: Program, number: int, base: int, until: int) -> int:
         """Up to which tick compiled code may walk from one on; that tick where it may not."""
-        last = program.spans[number]
-        if last <= number or base + program.times[number] <= program.begun:
+        last, times = program.spans[number], program.times
+        if last <= number or base + times[number] <= program.begun:
             return number
-        until = min(until, self._sleep(program) - 1)
-        last = min(last, bisect_right(program.times, until - base))
+        if any(self.graphs[world].before_tick for world in self.going):
+            return number
+        last = min(last, bisect_right(times, until - base))
+        for place, awake in self._sleeps(program):
+            last = min(last, program.next_due(place, max(number, bisect_left(times, awake - base))))
         if last <= number:
             return number
-        t = base + program.times[last - 1]
+        t = base + times[last - 1]
         return number if self._parts_end(t) or self._observers_end(t) else last
-
-    def _sleep(self, program: Program) -> int:
-        """The time [ns] from which on somebody wants to see each sample of an op, or each tick."""
-        if any(self.graphs[world].before_tick for world in self.going):
-            return 0
-        return min((until for _, until in self._sleeps(program)), default=NEVER)
 
     def _sleeps(self, program: Program) -> Iterator[tuple[int, int]]:
         """Places of ops that somebody looks at, and from when on [ns] each sample has to be shown."""
@@ -541,9 +538,10 @@ class Lockstep:
             self._reserve(program)
         need = program.walk(first, last, base, piece)
         while need is not None:
-            op, stage = need[0].op, need[1]
+            op, stage, started = need[0].op, need[1], time.perf_counter()
             op.needs[0] = 0
             op.supply(stage)
+            self._ranks[need[0].place].cost.seconds += time.perf_counter() - started
             if errors := {world: error for world, error in op.errors.items() if self.active[world]}:
                 self._fail(errors)
                 program.end_with_tick()
@@ -641,7 +639,7 @@ class Lockstep:
             sender = self._names[rank.sources[port][0]]
             waiting = rank.queues[port].waiting()
             room = len(waiting) + rank.slot.period // sender.slot.period + 2
-            trails[port] = Trail(row_of(row.kind, row.count, [*row.arrays]), room)
+            trails[port] = Trail(row.copy(), room)
             queue = rank.queues[port]
             queue.set([])
             source = Source(trails[port], is_of_op=True)

@@ -6,6 +6,7 @@ op needs something that is not in memory, where a world has reached its goal, or
 """
 
 import time
+from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
@@ -182,7 +183,9 @@ class Program:
         self._lines: list[list[int]] = []
         ranges = {member.place: self._write(member) for member in members}
         parts, self.places = list[tuple[int, int]](), list[int]()
-        ticks, self.pieces, count = [], list[list[Any]](), len(plan.ticks)
+        self._dues: dict[int, list[int]] = {place: [] for place in self.by_place}
+        ticks, count = list[tuple[int, int, int]](), len(plan.ticks)
+        self.pieces = list[list[Any]]()
         for at, due in plan.ticks:
             begin, pieces = len(parts), list[Any]()
             for place in due:
@@ -194,6 +197,7 @@ class Program:
                 else:
                     pieces.append((len(parts), len(parts) + 1))
                 parts.append(ranges[place])
+                self._dues[place].append(len(ticks))
                 self.places.append(place)
             self.pieces.append(pieces)
             ticks.append((at, begin, len(parts)))
@@ -215,6 +219,12 @@ class Program:
             return False
         self.least[:] = np.inf if goal is None else np.where(active, goal.least, np.inf)
         return True
+
+    def next_due(self, place: int, number: int) -> int:
+        """The tick, from one on, at which an op is due; the one after the last where it is not again."""
+        dues = self._dues[place]
+        after = bisect_left(dues, number)
+        return dues[after] if after < len(dues) else len(self.times)
 
     def walk(
         self, first: int, last: int, base: int, piece: tuple[int, int] = (-1, -1)

@@ -17,7 +17,8 @@ import numpy as np
 class Stream:
     """Random stream of one component.
 
-    seed: the scenario's seed; name: the component's full name, e.g. `combine.lidar`.
+    seed: the scenario's seed
+    name: the component's full name, e.g. `combine.lidar`
     """
 
     seed: int

@@ -18,7 +18,7 @@ import importlib
 import importlib.util
 import pkgutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, make_dataclass, replace
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -91,6 +91,18 @@ class Level:
     numbers: tuple[str, ...] = ()
     steady: Any = None
     given: tuple[str, ...] = ()
+
+    def preset(self, summary: str, cost: str, component: Any = None, **fixed: Any) -> "Level":
+        """The exact level that this one is where its keys `fixed` have these values, which nobody else sets.
+
+        component: class in the place of this one's
+        """
+        values = [(key, Any, field(default=value, init=False)) for key, value in fixed.items()]
+        params = make_dataclass("Params", values, bases=(self.params,), frozen=True)
+        made = self.component if component is None else component
+        return replace(
+            self, component=made, params=params, summary=summary, cost=cost, tolerance="exact", errors=()
+        )
 
     @property
     def is_unread(self) -> bool:

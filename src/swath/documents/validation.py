@@ -108,7 +108,12 @@ def adapter_of(kind: Any) -> TypeAdapter[Any]:
 def schema_of(kind: Any) -> dict[str, Any]:
     """JSON Schema of a dataclass or model."""
     whole = adapter_of(kind).json_schema(mode="validation")
-    return {**whole["prefixItems"][0], "$defs": whole.get("$defs", {})}
+    top, defs = whole["prefixItems"][0], whole.get("$defs", {})
+    keys = defs.get(top.get("$ref", "").rpartition("/")[2], top).get("properties", {})
+    for field in dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ():
+        if not field.init:
+            keys.pop(field.name, None)
+    return {**top, "$defs": defs}
 
 
 def known_keys(kind: Any) -> list[str]:

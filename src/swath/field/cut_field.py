@@ -26,9 +26,10 @@ STEM = np.dtype([(n, float) for n in ("rank", "height", "ear", "grain", "straw",
 
 
 class Cutter:
-    """Cuts the pages of a store. sway: the most that wind leans stems, see `tops.update_tops`.
+    """Cuts the pages of a store.
 
-    The arrays of a kernel launch are made once; pools of pages are taken anew where they were replaced.
+    The arrays of a kernel launch are made once; pools of pages are taken anew where they were replaced. sway:
+    the most that wind leans stems, see `tops.update_tops`
     """
 
     def __init__(self, store: PageStore, stems: StemIndex, *, sway: float = 0.0) -> None:
@@ -47,15 +48,16 @@ class Cutter:
         self._count: Any = None
 
     def cut(self, corners: list[Corner], code: int) -> Cut:
-        """Bring every cell of a convex polygon that is higher down to the code.
+        """Bring every cell of a convex polygon that is higher down to the height of a code.
 
         corners: counter-clockwise, in cell units of the stand frame
         """
         return self._cut_rows(len(corners), *self._take(corners), code)
 
     def standing_cells(self, corners: list[Corner]) -> int | None:
-        """Number of cells of a convex polygon, as of `cut`, on which crop stands; None for too many corners,
-        or more pages than there can be in memory.
+        """Number of cells of a convex polygon on which crop stands, corners as of `cut`.
+
+        None for too many corners, or more pages than there can be in memory.
         """
         if len(corners) > CORNERS_MAX:
             return None
@@ -85,8 +87,9 @@ class Cutter:
     def standing(
         self, places: Sequence[Corner], du: float, dv: float, count: int
     ) -> NDArray[np.bool_] | None:
-        """Whether crop stands at the middles of `count` steps from places on, in cell units of the stand
-        frame, (n, count); None where not all pages are in memory.
+        """Whether crop stands at the middles of `count` steps from each place, (n, count).
+
+        Places are in cell units of the stand frame. None where not all pages are in memory.
         """
         self._refresh()
         if (shape := (len(places), count)) not in self._lines:

@@ -53,7 +53,7 @@ class Waves:
 
     @staticmethod
     def none() -> "Waves":
-        """Nothing."""
+        """A sum without waves."""
         return Waves(*(np.zeros(0) for _ in range(4)))
 
     def __add__(self, other: "Waves") -> "Waves":
@@ -98,7 +98,7 @@ class Waves:
 
     @cached_property
     def _along(self) -> tuple[Factor, Factor]:
-        """The cosines cos b and sines sin b of the waves by v, a column each; and kept as `_across`."""
+        """Cosines and sines of b of the waves by v, a column each; kept as those of `_across`."""
         kx, ky = self.kx, self.ky
 
         def along(v: bytes, yaw: float) -> Array:

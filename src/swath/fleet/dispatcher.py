@@ -19,8 +19,10 @@ from swath.core.foreign_code import load_python
 
 @dataclass(frozen=True)
 class Params:
-    """loads: of each combine that the horizon looks ahead, as many as a cart's box holds of tanks; saves_s:
-    less than which is no reason to let another one go first, more than turns take. Estimates.
+    """Settings of the look ahead; estimates.
+
+    loads: loads of each combine that the horizon looks ahead, as many as a cart's box holds of tanks
+    saves_s: time below which a gain is no reason to let another one go first, more than turns take
     """
 
     loads: int = 2
@@ -32,11 +34,20 @@ PARAMS = Params()
 
 @dataclass(frozen=True)
 class Option:
-    """What a combine could do next. kind: `cut`, `beside` (cut, a cart beside), `stand` (a cart comes to
-    where it stands) or `truck` (it drives there itself); cart: name, "" without; begins: of pouring; ends:
-    when the combine is done [s]; load: that is taken out of its tank [kg]; tank: level behind [kg];
-    cart_free: when the cart is at its place again [s]; pours, cuts: how long [s]; cart_next: from when on the
-    cart can set out to another load [s], room: in its box then [kg].
+    """What a combine could do next.
+
+    kind: `cut`; `beside` = cut with a cart beside; `stand` = a cart comes to where it stands; `truck` = it
+        drives to the truck itself
+    cart: name of the cart, "" without
+    begins: when unloading begins [s]
+    ends: when the combine is done [s]
+    load: grain that is taken out of its tank [kg]
+    tank: grain in its tank afterwards [kg]
+    cart_free: when the cart is at its place again [s]
+    pours: duration of unloading [s]
+    cuts: duration of cutting [s]
+    cart_next: when the cart can set out to another load [s]
+    room: room in the cart's box then [kg]
     """
 
     kind: str
@@ -53,16 +64,22 @@ class Option:
 
     @property
     def lost(self) -> float:
-        """When the combine is done, less its time of cutting and what the load would cost to be taken
-        standing [s].
+        """Time that the option loses [s].
+
+        It is the time until the combine is done, less the time in which it cuts and the time that unloading
+        the same grain while standing would take.
         """
         return self.ends - self.cuts - self.pours
 
 
 @dataclass(frozen=True)
 class Ahead:
-    """A combine as it will be. time: when it is done with what it was given [s]; level, tank: of it then
-    [kg]; fills: grain that it cuts [kg/s], 0 for one that has nothing left to cut.
+    """A combine as it will be when it is done with what it was given.
+
+    time: when that is [s]
+    level: grain in its tank then [kg]
+    tank: capacity of its tank [kg]
+    fills: grain that it cuts [kg/s], 0 for one that has nothing left to cut
     """
 
     time: float
@@ -78,13 +95,26 @@ class Ahead:
 
 @dataclass(frozen=True)
 class State:
-    """What is known when it is decided. time [s]; combine: name; level, tank: of it [kg]; call: level from
-    which a cart may come [kg]; carts: name -> (free from [s], room in its box [kg]); passes_left: of all;
-    options: what it can do, in no order. fills: grain that it cuts [kg/s]; others: the other combines; comes:
-    when each cart could be there, ways: about how long it takes from the truck, at_truck: and there [s];
-    boxes: what each holds, and from which load on it drives to the truck [kg]; places: x, y of all machines
-    in the field's frame, where they are done or free [m]; soonest: kind of an option -> least time until it
-    could do that, if nobody was in the way [s]; may_wait: whether it may let another one go first, once.
+    """What a dispatcher knows when it decides.
+
+    time: now [s]
+    combine: name of the combine that asks
+    level: grain in its tank [kg]
+    tank: capacity of its tank [kg]
+    call: level from which a cart may come [kg]
+    carts: by name (time from which it is free [s], room in its box [kg])
+    passes_left: passes of the whole field that nobody has been given
+    options: what the combine can do, in no order
+    fills: grain that it cuts [kg/s]
+    others: the other combines, by name
+    comes: by cart when it could be there [s]
+    ways: by cart about how long it takes from the truck to there [s]
+    at_truck: by cart how long it stays at the truck [s]
+    boxes: by cart (grain in its box, load from which it drives to the truck) [kg]
+    places: by machine x, y in the field's frame where it is done or free [m]
+    soonest: by kind of an option the least time until the combine could do that, if no other machine had the
+        ground [s]
+    may_wait: whether another combine may go first, once
     """
 
     time: float
@@ -118,7 +148,7 @@ class Greedy:
 
     def decide(self, state: State) -> Option:
         """One of the options."""
-        return min(state.options, key=lambda o: (round(o.lost, 1), o.cart_free, o.cart))
+        return min(state.options, key=lambda o: (round(o.lost, 1), o.cart_free))
 
 
 class Horizon:
@@ -130,7 +160,7 @@ class Horizon:
         """One of the options, or None."""
         best = min(
             state.options,
-            key=lambda o: (round(o.lost + self.waits(state, o), 1), round(o.lost, 1), o.cart_free, o.cart),
+            key=lambda o: (round(o.lost + self.waits(state, o), 1), round(o.lost, 1), o.cart_free),
         )
         if state.may_wait:
             lost = best.lost - state.time - state.soonest.get(best.kind, 0.0)
@@ -157,7 +187,7 @@ class Horizon:
         for _ in range(PARAMS.loads * len(calls)):
             calls.sort(key=lambda call: call[0])
             time, c = calls[0]
-            name = min(carts, key=lambda k: (max(time, carts[k][0]), k))
+            name = min(carts, key=lambda k: max(time, carts[k][0]))
             come, room = max(time, carts[name][0]), carts[name][1]
             waits += come - time
             load = min(c.tank, room)

@@ -374,7 +374,7 @@ class _Drive:
             replace(p.plan, amount=p.plan.amount - p.left, begins=p.begins, ends=p.ends) for p in self.pours
         ]
         ends = max((p.ends for p in poured if p.target == "truck"), default=0.0)
-        spans = {name: merged(m.spans) for name, m in self.movers.items()}
+        spans = {name: merged(self.movers[name].spans) for name in self.schedule.machines.by_name}
         stray = max(m.off for m in self.movers.values())
         return Worked("driven", self.schedule, spans, poured, cut, ends, self.into, clock, places, stray)
 

@@ -30,7 +30,6 @@ from swath.scenario.overrides import change_of, put
 from swath.scenario.section_reader import NAME
 
 FORMAT = "swath fleet 1"
-SIMPLER = 0.3  # m, within which points of an outline from a file are left out
 AREAS = ("Polygon", "MultiPolygon", "GeometryCollection")
 SQUARE = 10.0  # m, side of those in which the yield of a log is averaged, about a header wide
 SHORT = 1.0  # m between the ends of a line, below which it has no direction
@@ -41,12 +40,19 @@ Line = Annotated[list[tuple[Metre, Metre]], MinLen(2)]
 
 @dataclass(frozen=True)
 class FieldSettings:
-    """boundary_m: points [x, y], east and north; holes_m: ponds and islands in it; parts_m: outlines of
-    further parts of the field; around_m: ground beyond the outlines that may be driven on; yield_t_ha: grain,
-    the mean where a log says how it varies; file: task data of ISO 11783-10, GeoJSON, KML or a shapefile
-    instead, with all outlines, and with lines, which are the passes where they cover half of it or more, else
-    say their direction; log: a yield log instead, with its ground, direction and yields; with either, all
-    else is in metres from the field's south-west corner, rounded down.
+    """The field: an outline, a file or a yield log.
+
+    With `file` or `log` all other places are in metres from the field's south-west corner, rounded down.
+
+    boundary_m: outline, points [x, y], east and north. It is drawn with fewer of them, within 0.3 m, its area
+        kept
+    holes_m: outlines of ponds and islands in it, drawn the same way
+    parts_m: outlines of further parts of the field
+    around_m: width of the ground beyond the outlines that may be driven on
+    yield_t_ha: yield of grain, the mean where a log says how it varies
+    file: task data of ISO 11783-10, GeoJSON, KML or a shapefile, with all outlines. Lines in it are the
+        passes where they cover at least half of the field, else they give the direction of the passes
+    log: a yield log, with its ground, direction and yields
     """
 
     boundary_m: Ring = made(default_factory=list)
@@ -60,13 +66,18 @@ class FieldSettings:
 
 @dataclass(frozen=True)
 class PlanSettings:
-    """direction_deg: of the passes, counter-clockwise from east (default: along the longest side, or as the
-    file of the field says); headland_rounds: cut along the outlines before the passes; headland: direction in
-    which they are driven, clockwise keeps the crop on the right; order: of the passes: `lands` round and
-    round in lands of at most `land_passes`, `adjacent` one after the other, `skip` with one left out, for the
-    way back; land_passes: most of a land; overlap_m: of the header over what is cut, in each pass;
-    passes_m: passes of others, each two points [x, y] of the header's middle or more on a straight line,
-    driven in this order; nothing else is cut.
+    """The passes.
+
+    direction_deg: direction of the passes, counter-clockwise from east (default: along the longest side, or
+        as the file of the field says)
+    headland_rounds: number of rounds along the outlines that are cut before the passes
+    headland: direction in which these rounds are driven; `clockwise` keeps the crop on the right
+    order: order of the passes: `lands` round and round in lands, `adjacent` one after the other, `skip` with
+        one left out that is cut on the return
+    land_passes: greatest number of passes of a land
+    overlap_m: overlap of the header over what is cut, in each pass
+    passes_m: your own passes, each two points [x, y] of the header's middle or more on a straight line,
+        driven in this order; nothing else is cut
     """
 
     direction_deg: Annotated[float, Ge(-360), Le(360)] | None = None
@@ -80,11 +91,18 @@ class PlanSettings:
 
 @dataclass(frozen=True)
 class CombineSettings:
-    """machine: its data sheet; header_width_m: another header on it; speed_kmh: fastest in the crop.
+    """A combine.
 
-    grain_kg_s: most that it threshes (default: the data sheet's nominal flow); turn_speed_kmh, turn_radius_m:
-    in turns; transport_speed_kmh: on straights of ways; call_percent: of the tank, from which a cart may
-    come; tank_start_percent: in it at the start; pipe: the side on which it is, the same for all combines
+    machine: name of its data sheet
+    header_width_m: width of another header on it
+    speed_kmh: greatest speed in the crop
+    grain_kg_s: greatest flow of grain (default: the data sheet's nominal flow)
+    turn_speed_kmh: speed in turns
+    turn_radius_m: radius of turns
+    transport_speed_kmh: speed on straight parts of paths
+    call_percent: level of the tank from which a cart may come
+    tank_start_percent: level of the tank at the start
+    pipe: the side on which the unloading pipe is, the same for all combines
     """
 
     machine: str = "lexion-700"
@@ -101,9 +119,14 @@ class CombineSettings:
 
 @dataclass(frozen=True)
 class CartSettings:
-    """machine: its data sheet; speed_kmh: on straights of ways; turn_radius_m: in turns; unload_l_s: into the
-    truck; leave_percent: of its box, from which it drives to the truck; fill_percent: of the largest heap, at
-    which it is full.
+    """A tractor with a grain cart.
+
+    machine: name of its data sheet
+    speed_kmh: speed on straight parts of paths
+    turn_radius_m: radius of turns
+    unload_l_s: flow of grain into the truck
+    leave_percent: level of its box from which it drives to the truck
+    fill_percent: share of the largest heap at which it is full
     """
 
     machine: str = "tractor-grain-cart"
@@ -116,10 +139,14 @@ class CartSettings:
 
 @dataclass(frozen=True)
 class TruckSettings:
-    """Where grain is handed over. machine: the truck's data sheet; x_m, y_m: where carts empty, beside it.
+    """Where grain is handed over.
 
-    volume_m3: of all trucks that wait, none = it never ends; away_min: until the next has come; dock_s: until
-    a cart stands beside it and is gone again
+    x_m: east coordinate of the place where carts unload
+    y_m: north coordinate of that place, beside the truck
+    machine: name of the truck's data sheet
+    volume_m3: volume of all trucks that wait, none = it never ends
+    away_min: time until the next truck has come
+    dock_s: time that a cart needs to drive up and to leave again
     """
 
     x_m: Metre
@@ -139,8 +166,11 @@ class FleetSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class JobKeys:
-    """A job as written. format: `swath fleet 1`; name: of the job (default: its file's); summary: on its
-    page; field, plan, combines, carts, truck, fleet: see there.
+    """A job as written.
+
+    format: `swath fleet 1`
+    name: name of the job (default: its file's)
+    summary: one line on its page
     """
 
     format: str
@@ -320,17 +350,13 @@ def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFi
     path = Path(name) if base is None else base / name
     read = read_log_field(path) if field.file is None else read_field(path, _header(job, base))
     corner = np.floor(np.min([a.bounds[:2] for a in read.areas], axis=0))
-    areas = [a.simplify(SIMPLER) for a in read.areas]
     notes = [*read.notes, f"origin of the field: {corner[0]:.0f}, {corner[1]:.0f} in EPSG:{read.epsg}"]
-    change = math.fsum(a.area for a in areas) - math.fsum(a.area for a in read.areas)
-    if abs(change) > 1.0:
-        notes.append(f"outlines are drawn within {SIMPLER} m, which changes {change:+.0f} m2")
 
     def ring(points: Any) -> Ring:
         return [(x - corner[0], y - corner[1]) for x, y, *_ in list(points.coords)[:-1]]
 
-    first, *others = [ring(a.exterior) for a in areas]
-    holes = [ring(h) for a in areas for h in a.interiors]
+    first, *others = [ring(a.exterior) for a in read.areas]
+    holes = [ring(h) for a in read.areas for h in a.interiors]
     field = replace(field, boundary_m=first, parts_m=others, holes_m=holes)
     if math.isfinite(read.grain) and not has_yield:
         field = replace(field, yield_t_ha=10.0 * read.grain)

@@ -1,11 +1,10 @@
 """The ground of a field: outlines, holes, what may be driven on around, what is cut when.
 
-All is in a frame of the field itself: its longest side is the x axis, from its first corner, so that nothing
-depends on how the field lies on the map.
+All is in a frame of the field itself (outlines.py), so that nothing depends on how it lies on the map.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from dataclasses import field as made
 from typing import Any
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError, MissingExtra
 from swath.fleet.files import SQUARE, JobFile
 from swath.fleet.machines import Body, Place
+from swath.fleet.outlines import outlines_of
 from swath.kernels import filled, launch
 
 Array = NDArray[np.float64]
@@ -25,7 +25,6 @@ EDGE = 2.0  # m, up to which the distance to closed ground is kept
 AT_ONCE = 8  # strips that are cut, whose cells are looked at anew together
 SQUARE_M_PER_HA_T = 0.1  # t/ha in kg/m2
 LONGEST_M, MOST_M2 = 10_000.0, 1e7  # of all ground in its frame: its cells take less than half a gigabyte
-GRAIN = 1e-4  # m, that places in the frame are rounded to, so that turning a field changes no decision
 
 
 @dataclass(frozen=True)
@@ -50,33 +49,6 @@ def shapely_here() -> Any:
     except ImportError:
         raise MissingExtra("geo", "plans of fields") from None
     return shapely
-
-
-@dataclass(frozen=True)
-class Frame:
-    """From the map to the field: origin [m], direction of the x axis [rad]; side: -1 where the y axis of the
-    map is turned round before, so that pipes on the right are on the left.
-    """
-
-    x: float
-    y: float
-    direction: float
-    side: float = 1.0
-
-    def to_field(self, points: Any) -> Array:
-        """Points (n, 2) of the map in the field's frame, rounded."""
-        c, s = math.cos(self.direction), math.sin(self.direction)
-        d = np.asarray(points, float) * (1.0, self.side) - (self.x, self.y)
-        return (
-            np.round(np.column_stack([c * d[:, 0] + s * d[:, 1], c * d[:, 1] - s * d[:, 0]]) / GRAIN) * GRAIN
-        )
-
-    def to_map(self, points: Any) -> Array:
-        """Points (n, 2) of the frame on the map."""
-        c, s = math.cos(self.direction), math.sin(self.direction)
-        p = np.asarray(points, float)
-        y = self.y + s * p[:, 0] + c * p[:, 1]
-        return np.column_stack([self.x + c * p[:, 0] - s * p[:, 1], self.side * y])
 
 
 @dataclass
@@ -107,17 +79,18 @@ class Ground:
     gate: where the path to the truck leaves the field [m]
     truck: the truck's outline
     grid: which ground is free when
+    notes: on the outlines
     """
 
     def __init__(self, job: JobFile, truck: Body) -> None:
         shapely = shapely_here()
-        self.frame = frame_of(job)
+        made = outlines_of(shapely, job)
+        self.frame, self.notes, parts = made.frame, [*made.notes], made.parts
         truck = truck.mirrored() if job.is_mirrored else truck
-        outlines = [job.field.boundary_m, *job.field.parts_m]
-        parts = [_polygon(ring, self.frame, "field.boundary_m") for ring in outlines]
-        holes = shapely.union_all([_polygon(r, self.frame, "field.holes_m") for r in job.field.holes_m])
-        self.holes = holes
+        self.holes = holes = shapely.union_all(made.holes)
         self.field = shapely.difference(shapely.union_all(parts), holes)
+        if self.field.is_empty:
+            raise InputError("field.holes_m", None, "expected holes that leave some of the field")
         self.remaining = self.field
         place = self.frame.to_field([(job.truck.x_m, job.truck.y_m)])[0]
         self.gate, self.dock = _at_truck(shapely, self.field, holes, place, job)
@@ -128,6 +101,7 @@ class Ground:
         self.open = shapely.difference(
             shapely.union_all([around, *self._yards(shapely, place)]), shapely.union_all([holes, self.truck])
         )
+        self._check_ways(shapely, parts, job)
         west, south, east, north = self.open.bounds
         _check_size(east - west, north - south)
         self.west, self.south = math.floor(west) - 2.0, math.floor(south) - 2.0
@@ -138,6 +112,16 @@ class Ground:
         self._mean = SQUARE_M_PER_HA_T * job.field.yield_t_ha
         self._yields = _yields_of(job)
         self._crop: dict[Any, tuple[int, Array]] = {}  # of strips asked for: cuts until then, areas
+
+    def _check_ways(self, shapely: Any, parts: tuple[Any, ...], job: JobFile) -> None:
+        """InputError for a part of the field to which no open ground leads from the gate."""
+        together = shapely.get_parts(self.open)
+        home = min(together, key=lambda area: area.distance(shapely.Point(self.gate)))
+        apart = [p for p in parts if not home.intersects(p)]
+        if apart:
+            gap = min(home.distance(p) for p in apart)
+            expected = f"expected ground that joins all parts of the field, one is {gap:.0f} m off"
+            raise InputError("field.around_m", job.field.around_m, expected)
 
     def _yards(self, shapely: Any, place: Array) -> list[Any]:
         yards = [shapely.Point(p).buffer(PARAMS.yard_m) for p in (place, self.gate)]
@@ -282,48 +266,12 @@ def fits(area: Any, body: Body, place: Place) -> bool:
     return bool(shapely.contains(area, shapely.polygons(body.outlines(np.array([place]), 0.5)[0])).all())
 
 
-def frame_of(job: JobFile) -> Frame:
-    """The frame of a job's field: the longest side of all outlines is the x axis, the field to its left.
-
-    Of sides of one length the one that is nearest to the truck, so that it does not matter where a ring
-    begins. A direction of the plan is that of the x axis.
-    """
-    best: tuple[float, float, Frame] | None = None
-    side = -1.0 if job.is_mirrored else 1.0
-    truck = np.array([job.truck.x_m, side * job.truck.y_m])
-    for ring in (job.field.boundary_m, *job.field.parts_m):
-        points = _anticlockwise(np.asarray(ring, float) * (1.0, side))
-        for a, b in zip(points, np.roll(points, -1, axis=0), strict=True):
-            length = float(np.hypot(*(b - a)))
-            far = float(np.hypot(*(0.5 * (a + b) - truck)))
-            if best is None or length > best[0] + 0.01 or (length > best[0] - 0.01 and far < best[1] - 0.01):
-                best = length, far, Frame(float(a[0]), float(a[1]), math.atan2(*(b - a)[::-1]), side)
-    assert best is not None
-    if job.plan.direction_deg is not None:
-        return replace(best[2], direction=side * math.radians(job.plan.direction_deg))
-    return best[2]
-
-
-def _anticlockwise(points: Array) -> Array:
-    x, y = (points - points[0]).T
-    area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
-    return points if area > 0.0 else points[::-1]
-
-
 def _check_size(length: float, width: float) -> None:
     longest, area = max(length, width), length * width
     if longest > LONGEST_M or area > MOST_M2:
         most = f"{LONGEST_M / 1000.0:.0f} km and {MOST_M2 / 1e4:.0f} ha"
         expected = f"expected field and truck in a rectangle of at most {most}"
         raise InputError("field", f"{longest / 1000.0:.1f} km, {area / 1e4:.0f} ha", expected)
-
-
-def _polygon(ring: Any, frame: Frame, key: str) -> Any:
-    shapely = shapely_here()
-    polygon = shapely.Polygon(frame.to_field(ring))
-    if not polygon.is_valid or polygon.area < 1.0:
-        raise InputError(key, f"{len(ring)} points", "expected an outline that does not cross itself")
-    return polygon
 
 
 def _at_truck(

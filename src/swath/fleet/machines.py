@@ -1,9 +1,10 @@
 """The machines of a job, in SI, from data sheets and its file: bodies, turns, speeds, flows, loads."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +90,7 @@ class Rectangle(NamedTuple):
     left: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, order=True)
 class Body:
     """own: from the fixed axle; towed: from the trailer's axle; raised: number of the rectangle in `own` that
     reaches over standing crop on ways, the header, -1 for none; hitch: the pin ahead of the fixed axle;
@@ -190,7 +191,7 @@ def body_of(sheet: MachineSheet) -> Body:
     return Body(tuple(own), tuple(towed), -1, sheet.hitch.x, sheet.hitch.drawbar)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, order=True)
 class Drive:
     """How a machine drives on ways. radius: of its tightest turn [m]; turning, straight, backwards: speeds
     [m/s], 0 where it does not reverse; accel: of its speed, up and down [m/s2]; shift: from forwards to
@@ -252,19 +253,27 @@ class Cart:
     box_x: float
 
 
+M = TypeVar("M", Combine, Cart)
+
+
 @dataclass(frozen=True)
 class Machines:
-    """The machines of a job in the order of its file; density: of the grain in bulk [kg/m3]."""
+    """combines, carts: by what they can do, the most first, so that neither names nor the order of a file
+    decide anything; density: of the grain in bulk [kg/m3]; listed: names in the order of the file.
+    """
 
     combines: tuple[Combine, ...]
     carts: tuple[Cart, ...]
     truck: MachineSheet
     density: float
+    listed: tuple[str, ...]
 
     @property
     def by_name(self) -> dict[str, Combine | Cart]:
-        """All that move."""
-        return {**{c.name: c for c in self.combines}, **{k.name: k for k in self.carts}}
+        """All that move, in the order of the file."""
+        named: dict[str, Combine | Cart] = {m.name: m for m in self.combines}
+        named |= {k.name: k for k in self.carts}
+        return {name: named[name] for name in self.listed if name in named}
 
 
 def machines_of(job: JobFile, base: Path | None = None) -> Machines:
@@ -273,17 +282,27 @@ def machines_of(job: JobFile, base: Path | None = None) -> Machines:
         if job.is_mirrored and combine.pipe == "left":
             expected = "expected right, as the pipes of other combines, beside which the same carts drive"
             raise InputError(f"combines.{name}.pipe", combine.pipe, expected)
-    combines = tuple(_combine(n, s, base) for n, s in job.combines.items())
+    combines = _ranked(_combine(n, s, base) for n, s in job.combines.items())
     density = drivetrain_of(combines[0].sheet).bulk.density
-    carts = tuple(_cart(n, s, base, density, job.is_mirrored) for n, s in job.carts.items())
+    carts = _ranked(_cart(n, s, base, density, job.is_mirrored) for n, s in job.carts.items())
     truck = load_machine(job.truck.machine, base=base)
     if truck.box is None:
         raise InputError("truck.machine", job.truck.machine, "expected a machine with a box")
-    machines = Machines(combines, carts, truck, density)
+    machines = Machines(combines, carts, truck, density, (*job.combines, *job.carts))
     for c in combines:
         for cart in carts:
             beside(c, cart)
     return machines
+
+
+def _ranked(machines: Iterable[M]) -> tuple[M, ...]:
+    """Machines by their numbers, the highest first; those alike as they come."""
+    return tuple(sorted(machines, key=_numbers, reverse=True))
+
+
+def _numbers(m: Combine | Cart) -> list[Any]:
+    cuts = m.width * m.speed if isinstance(m, Combine) else m.load
+    return [cuts, *(v for key, v in vars(m).items() if key not in ("name", "sheet"))]
 
 
 def _combine(name: str, s: CombineSettings, base: Path | None) -> Combine:

@@ -237,7 +237,11 @@ class _Scheduler:
         self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
         self.kept = waiting_places(ground, self.finder, self.waits())
         out = [k.name for k in machines.carts if k.name not in self.kept]
-        notes = [*job.notes, *(f"{name} is left out: there is no room for it to wait" for name in out)]
+        notes = [
+            *job.notes,
+            *ground.notes,
+            *(f"{name} is left out: there is no room for it to wait" for name in out),
+        ]
         machines = replace(machines, carts=tuple(k for k in machines.carts if k.name in self.kept))
         self.machines = machines
         self.schedule = Schedule(plan, machines, ground, dock=job.truck.dock_s, notes=notes)
@@ -309,7 +313,7 @@ class _Scheduler:
             for k in self.carts:  # who came home with its load, since the way to the truck was not free
                 if k.load >= k.leaves:
                     self.empties(k)
-            busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: (c.time, c.spec.name))
+            busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: c.time)
             if self.goes_on(busy) or self.goes_on(busy, patience=PARAMS.tries):
                 room = 0
                 continue
@@ -349,7 +353,7 @@ class _Scheduler:
 
     def makes_room(self, turn: int) -> bool:
         """A combine drives where it is not in the way, another one each time; False where none can."""
-        there = sorted(self.combines, key=lambda c: (c.place == c.home, c.time, c.spec.name))
+        there = sorted(self.combines, key=lambda c: (c.place == c.home, c.time))
         turn %= len(there)
         return any(self.goes_home(c, off=c.place == c.home) for c in there[turn:] + there[:turn])
 
@@ -685,7 +689,7 @@ class _Scheduler:
     def likely(self, c: CombineState) -> list[CartState]:
         """Carts with room, those that are free first."""
         room = [k for k in self.carts if k.room > PARAMS.load * k.spec.load]
-        return sorted(room, key=lambda k: (self.comes(k, c), k.spec.name))[: PARAMS.few]
+        return sorted(room, key=lambda k: self.comes(k, c))[: PARAMS.few]
 
     @staticmethod
     def comes(k: CartState, c: CombineState) -> float:

@@ -228,7 +228,7 @@ def by_events(schedule: Schedule) -> Worked:
     """The schedule by its order alone, each segment in its least time."""
     order, segments = order_of(schedule.table), schedule.table.segments
     into = order.times(order.spent[:, None])[:, 0]
-    spans = {name: _spans(schedule, order, into, name) for name in schedule.table.last}
+    spans = {name: _spans(schedule, order, into, name) for name in schedule.machines.by_name}
     planned = [s.into for s in segments]
     poured = [
         replace(p, begins=p.begins + into[a] - planned[a], ends=p.ends + into[b] - planned[b])

@@ -120,13 +120,17 @@ NEVER = 1 << 62  # ns, until when an evaluator rests that has nothing to judge
 
 @dataclass(frozen=True)
 class Metric:
-    """A number that a run comes to.
+    """A number that an evaluator computes of a run.
 
-    name: in `summary.json`, its unit at the end; unit: "1" for a share of one, "" for a count or ratio
-    meaning: one line; group: heading in lists and reports; better: the better direction, "" where neither is
-    label: in reports, by default the name in words; shown: unit in reports, by default `unit`
-    decimals: in reports, -1 for two digits with an exponent
-    is_windowed: it can also be computed of a part of the run
+    name: name in `summary.json`, with its unit at the end
+    unit: "1" for a share of one, "" for a count or ratio
+    meaning: one line
+    group: heading in lists and reports
+    better: the better direction, "" where neither is
+    label: name in reports, by default the name in words
+    shown: unit in reports, by default `unit`
+    decimals: decimals in reports, -1 for two digits with an exponent
+    is_windowed: whether it can also be computed of a part of the run
     """
 
     name: str
@@ -223,11 +227,15 @@ class Truth(Protocol):
 class EvaluatorSetup:
     """What an evaluator knows of the run.
 
-    field: the truth; machines: all of the run, by name; name: of the machine to judge, "" for the whole field
-    settling_m: driven before it judges [m]; 0 in a window
+    field: the truth
+    machines: all machines of the run, by name
+    name: name of the machine to judge, "" for the whole field
+    settling_m: distance driven before it judges [m]; 0 in a window
     contact_ends_run: whether a machine that touches something ends the run
     overlap: how far the machine's header end is meant to be out over the cut ground [m]
-    gaps: of the machine's edge; obstacles: solids in the world; bodies: of all machines, where they stand now
+    gaps: gaps of the machine's edge
+    obstacles: solids in the world
+    bodies: bodies of all machines, where they stand now
     """
 
     field: Truth
@@ -257,18 +265,19 @@ class EvaluatorSetup:
 class Evaluator(Protocol):
     """Judges one machine, or the whole field.
 
-    METRICS: every metric it may give; OF_FIELD: it is made once, sees the samples of all machines, and its
-    metrics are the field's; otherwise it is made for each machine and sees that machine's samples only
+    METRICS: every metric it may give
+    OF_FIELD: whether it is made once, sees the samples of all machines and gives metrics of the field;
+        otherwise it is made for each machine and sees that machine's samples only
     """
 
     METRICS: ClassVar[tuple[Metric, ...]]
     OF_FIELD: ClassVar[bool]
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """A slot, such as `combine.motion`, published samples at t [ns]; they must not be changed."""
+        """Take the samples of a slot, such as `combine.motion`, at t [ns]; they must not be changed."""
 
     def metrics(self) -> dict[str, float]:
-        """Of all that was seen: nan where nothing could be judged, left out where a part is missing."""
+        """Metrics of what was seen: nan where nothing could be judged; left out where a part is missing."""
         ...
 
 

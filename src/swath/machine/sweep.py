@@ -1,20 +1,18 @@
 """What a line sweeps over between two moments, as convex polygons without gaps."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from math import fsum, hypot
 
 from swath.core.component import KeepsState
-from swath.core.frames import Pose
-from swath.signals import MachineState
 
 STILL = 1e-6  # a line that moves less stands [m]
 Corner = list[float]  # x, y [m]
 Corners = list[Corner]
 
 
-def line_ends(pose: Pose, x: float, left_y: float, right_y: float) -> Corners:
-    """World xy of a line across the machine: left end, right end [m]."""
-    (px, py, _), ((a, b, _), (d, e, _), _) = pose.numbers
+def line_ends(pose: Sequence[float], x: float, left_y: float, right_y: float) -> Corners:
+    """World xy of a line across the machine: left end, right end [m]. pose: 12 numbers, see `Row`."""
+    px, py, _, a, b, _, d, e, *_ = pose
     ahead_x, ahead_y = a * x, d * x
     left = [ahead_x + b * left_y + px, ahead_y + e * left_y + py]
     return [left, [ahead_x + b * right_y + px, ahead_y + e * right_y + py]]
@@ -27,18 +25,20 @@ class LinePath(KeepsState):
 
     def __init__(self, step: float) -> None:
         self._step = step
+        self.clear()
+
+    def clear(self) -> None:
+        """Nothing known of where it was."""
         self._last: Corners | None = None
 
-    def over(
-        self, states: Sequence[MachineState], line_at: Callable[[Pose], Corners]
-    ) -> Iterator[tuple[Corners, Corners]]:
-        """Positions of the line before and after every part of its way through new states.
+    def over(self, lines: Iterable[Corners]) -> Iterator[tuple[Corners, Corners]]:
+        """Positions of the line before and after every part of its way over new ones.
 
-        line_at: the line's points in the world at a pose; the first state ever seen only says where it is
+        lines: the line's points in the world; the first that ever comes only says where it is
         """
-        last = len(states) - 1
-        for index, state in enumerate(states):
-            now = line_at(state.pose)
+        every = [*lines]
+        last = len(every) - 1
+        for index, now in enumerate(every):
             if self._last is None:
                 self._last = now
                 continue

@@ -135,11 +135,27 @@ _MOUNTED = "lidar", "scan_filter", "radar", "camera", "gnss", "imu"  # slots who
 def assemble(
     scenario: Scenario, *, only: Collection[str] | None = None, fields: KeptFields | None = None
 ) -> World:
-    """Build the world. InputError or WiringError, with file and line, where something cannot work.
+    """Build the world of a scenario.
 
-    only: full names of slots, such as `combine.process`: nothing else runs in the graph, and what comes from
-    elsewhere is put in from outside (`Graph.put`)
-    fields: of worlds before; whoever gives them drives one world at a time
+    Parameters
+    ----------
+    scenario : Scenario
+        As `swath.load_scenario` gives it.
+    only : collection of str
+        Full names of slots, such as `combine.process`: nothing else runs in the graph, and what comes from
+        elsewhere is put in from outside (`Graph.put`).
+    fields : KeptFields
+        Fields of worlds before; whoever gives them drives one world at a time.
+
+    Returns
+    -------
+    World
+        The world, not yet begun.
+
+    Raises
+    ------
+    InputError, WiringError
+        With file and line, where something cannot work.
     """
     try:
         with through(scenario.gate):

@@ -18,9 +18,14 @@ from swath.runtime.world import World
 class ActiveRun:
     """A run as a hook sees it.
 
-    out: its folder, None = it has none
-    observers: called after every step in this order, a hook may append its own
-    changes: to make changes while it goes on; rest: to be told how long a pause was [ns]
+    world: the world that is driven
+    out: folder of the run, None = it has none
+    recorder: what writes the samples
+    evaluation: what judges them
+    observers: called after every step in this order; a hook may append its own
+    changes: takes changes while the run goes on
+    rest: is given the length of a pause [ns]
+    digest: hash of all samples so far
     start: where it branched off from another run, None where it began anew
     """
 
@@ -36,9 +41,9 @@ class ActiveRun:
 
 
 class RunHook:
-    """Goes along with a run. A hook overrides what it needs.
+    """Goes along with a run; a hook overrides what it needs.
 
-    READS_TRACKS: whether it asks the recorder for them; a run without a folder has them only then
+    READS_TRACKS: whether it asks the recorder for tracks; a run without a folder has them only then
     """
 
     READS_TRACKS: ClassVar[bool] = True

@@ -1,7 +1,8 @@
-"""On which numbers of data sheets the results of crop and engine rest, and which of these matter most.
+"""Which numbers of data sheets the metrics of crop and engine depend on, and which of these matter most.
 
-A level names the sections of its machine's data sheet that it reads. A metric rests on those of all slots
-that it rests on, and on the crop's data sheet. Sensitivities are finite differences of the steady state of a
+A level names the sections of its machine's data sheet that it reads. A metric depends on those of all slots
+that it depends on, and on the crop's data sheet. Sensitivities are finite differences of the steady state of
+a
 level where the run ended: percent of the metric per percent of the number. A tag does not say how far a
 number may be off.
 """
@@ -20,13 +21,13 @@ from swath.signals import MachineLoad, MachineState
 
 SUMMARY = "inputs"
 GROUP = "Crop and engine"  # of the metrics that are looked at
-YIELD = "grain_cut_kg"  # and that of the crop's own numbers
-STEP = 0.01  # by which a number is changed, of itself
+YIELD = "grain_cut_kg"  # metric of the crop's own numbers
+STEP = 0.01  # relative change of a number
 MOST = 3  # numbers that are named
 
 
 def inputs_of(world: World, evaluation: Any) -> dict[str, Any]:
-    """By machine and metric: `numbers` by tag of each source, and those that `matter_most`."""
+    """By machine and metric `numbers`, a count by tag of each source, and those that `matter_most`."""
     found = {}
     for machine in world.machines.values():
         told = dict(_of_machine(world, evaluation, machine))

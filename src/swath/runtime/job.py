@@ -88,9 +88,16 @@ CHANGED = "# changed on the way: swath run THIS --events THIS repeats it, THIS b
 
 @dataclass(frozen=True)
 class JobResult:
-    """summary: as in summary.json; folder of the run.
+    """A finished run.
 
-    exit_code: 0 all limits pass, 1 a limit fails, 3 none fails but one was not measured or not judged
+    Attributes
+    ----------
+    summary : dict
+        As in summary.json.
+    exit_code : int
+        0 all limits pass, 1 a limit fails, 3 none fails but one was not measured or not judged.
+    folder : Path
+        Folder of the run.
     """
 
     summary: dict[str, Any]

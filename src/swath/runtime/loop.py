@@ -32,9 +32,18 @@ def drive(
 ) -> None:
     """Run a world to the end of its scenario, where what the header cut last is taken in, or to a time.
 
-    observers see every sample in order, and may end the run (`core.abilities.EndsRun`); progress is called
-    with (driven distance [m], simulated time [s]); resume: go on from where the world stands instead of from
-    the start
+    Parameters
+    ----------
+    world : World
+        As `assemble` gives it.
+    observers : sequence
+        They see every sample in order, and may end the run (`core.abilities.EndsRun`).
+    until_s : float
+        Time at which to stop [s], by default the end of the scenario.
+    progress : callable
+        Called with (driven distance [m], simulated time [s]).
+    resume : bool
+        Whether to go on from where the world stands instead of from the start.
     """
     graph, run = world.graph, world.scenario.run
     graph.observers = [*observers]

@@ -1,4 +1,4 @@
-"""Paced runs: every tick begins when its time has come on the clock on the wall.
+"""Paced runs: every tick begins when its time has come by the wall clock.
 
     pacer = make_pacer(world)         # None where the scenario does not ask for it
     with paced(world.graph, pacer):
@@ -63,9 +63,10 @@ class WallClock:
 
 @contextmanager
 def scheduling(priority: int | None) -> Iterator[str]:
-    """SCHED_FIFO with a priority (1 to 99) inside the block, where the system allows it.
+    """Schedule by SCHED_FIFO with a priority (1 to 99) inside the block, where the system allows it.
 
-    Yields what was had: `default`, `fifo 50`, or `fifo 50 refused: why`. None asks for nothing.
+    Yields the scheduling that was granted: `default`, `fifo 50`, or `fifo 50 refused: why`. The priority None
+    asks for nothing.
     """
     if priority is None:
         yield "default"
@@ -89,20 +90,20 @@ def scheduling(priority: int | None) -> Iterator[str]:
 MS = 1_000_000
 STEPS_MS = (0.1, 1.0, 5.0, 20.0, 50.0, 100.0)  # lateness is counted between these
 PIECE = 3_500_000  # ns that have to be left before a tick for a piece of work in advance, at least
-SHORT = 1_500_000  # the same of work that can wait, but not for long
-FORGET = 0.99  # from tick to tick, of the longest piece so far, which has to fit in too
+SHORT = 1_500_000  # the same for work that can wait, but not for long
+FORGET = 0.99  # factor per tick on the longest piece of work so far, for which there must be room, too
 SEARCHES = 700, 10, 10  # of garbage collection, as `gc.set_threshold` has them: each takes up to 2 ms
 SYSTEM = "system"  # the run slept and was woken late
 REST = "recording"  # time that no slot used: observers, files
 
 
 class OverrunError(SwathError):
-    """A paced run that could not keep up, and was to fail then."""
+    """A paced run could not keep up, and its scenario says that it fails then."""
 
 
 @dataclass(frozen=True)
 class Exchange:
-    """A slot that went to a cheaper level at the simulated time t [ns]."""
+    """A slot that changed to a cheaper level at the simulated time t [ns]."""
 
     t: int
     slot: str
@@ -169,7 +170,7 @@ class Pacer:
         self.max_late = max(self.max_late, late if t > self._grace_end else 0)
 
     def rest(self, duration: int) -> None:
-        """The run was paused for `duration` [ns] on the wall: that is no lateness."""
+        """Do not count a pause of `duration` [ns] by the wall clock as lateness."""
         if self._origin is not None:
             first, began = self._origin
             self._origin = (first, began + duration)
@@ -234,7 +235,7 @@ class Pacer:
         self._on_time, self._used = now, dict(self._costs())
 
     def _culprit(self, now: int) -> str:
-        """Who used most of the wall time since the run was last on time."""
+        """The slot that used most of the wall time since the run was last on time."""
         used = {slot: s - self._used.get(slot, 0.0) for slot, s in self._costs().items()}
         used[REST] = (now - self._on_time) / NS - fsum(used.values())
         return max(used, key=lambda slot: used[slot])

@@ -2,11 +2,11 @@
 
     control = RunControl()
     run_job(scenario, out, hooks=[control])
-    control.pause(True)               # in another thread; so are all others here but `join`
+    control.pause(True)               # call it from another thread, as all methods but `join`
 
 The ROS 2 services and the live page use the same one. Requests are served between two ticks by the thread of
-the run; none of them changes a result but a change that is listed in `events`. Going back ends the run, and
-another goes on from an earlier moment of it.
+the run. Only changes alter results, and `events` lists them. Going back ends the run, and another one goes on
+from an earlier moment of it.
 """
 
 import queue
@@ -77,9 +77,12 @@ SPEEDS = (0.05, 100.0)  # simulated seconds per second
 
 
 class RunControl(RunHook):
-    """Run hook. is_paused: the run waits before its first tick; speed: simulated seconds per second, 0 = as
-    fast as it can. saves: another hook of the run, without which it cannot go back
-    listeners: called in the thread of the run when something was changed.
+    """Hook through which other threads control a run.
+
+    is_paused: whether the run waits before its first tick
+    speed: simulated seconds per second, 0 = as fast as it can
+    saves: another hook of the run, without which it cannot go back
+    listeners: called in the thread of the run when something was changed
     """
 
     def __init__(self, *, is_paused: bool = False, speed: float = 0.0, saves: Saves | None = None) -> None:
@@ -145,7 +148,7 @@ class RunControl(RunHook):
 
     @property
     def changes(self) -> Interventions:
-        """Of the run that goes on."""
+        """Changes of the present run."""
         assert self._run is not None  # requests are served once a run has begun
         return self._run.changes
 
@@ -170,7 +173,7 @@ class RunControl(RunHook):
             if not self.is_paused:
                 raise SwathError("expected a paused run: pause it first")
             wanted = t if length_s is None else self.now() + max(1, round(length_s * NS))
-            self._until = max(wanted, self._until)  # a run that went back is on its way to there
+            self._until = max(wanted, self._until)  # a run that went back is still driving to its moment
             self._is_waiting.clear()
             return ""
 
@@ -196,7 +199,7 @@ class RunControl(RunHook):
         return self.saves.refused
 
     def save(self) -> Reply:
-        """Save the world as it is now; a branch then starts from there without the way to it."""
+        """Save the world as it is now; a branch can then start from there at once."""
 
         def act(t: int) -> str:
             if self.saves is None:

@@ -48,8 +48,9 @@ class LevelChoice:
 class SlotChoice(LevelChoice):
     """A chosen level in a slot of a machine.
 
-    kind: of the slot; wires: input port -> (full slot name such as `combine.lidar`, output port), the list of
-    the kind with the scenario's own (`common.wires`) on top
+    kind: kind of the slot
+    wires: by input port (full slot name such as `combine.lidar`, output port): the wires of the kind, with
+        those that the scenario states (`common.wires`) in their place
     """
 
     common: SlotCommon
@@ -65,8 +66,11 @@ class SlotChoice(LevelChoice):
 
 @dataclass(frozen=True)
 class MachineSection:
-    """One machine. slots: in execution order; off: those of its type that it lacks; sheet: its data sheet.
+    """One machine.
 
+    slots: its slots in execution order
+    off: slots of its type that it lacks
+    sheet: its data sheet
     present: names of all its slots, also where only some of them are built
     """
 
@@ -96,7 +100,11 @@ class MachineSection:
 
 @dataclass(frozen=True)
 class Expectation:
-    """A limit. subject: a machine's name, or `field`; name: of a metric, or of a column of the tracks."""
+    """A limit.
+
+    subject: a machine's name, or `field`
+    name: name of a metric, or of a column of the tracks
+    """
 
     subject: str
     name: str
@@ -105,7 +113,10 @@ class Expectation:
 
 @dataclass(frozen=True)
 class RealTimeSection:
-    """Pacing. cheaper: (full slot name such as `combine.lidar`, level to take instead), in this order."""
+    """How a run is paced.
+
+    cheaper: (full slot name such as `combine.lidar`, level to take instead), in this order
+    """
 
     common: RealTime
     cheaper: tuple[tuple[str, SlotChoice], ...] = ()
@@ -118,10 +129,11 @@ class RealTimeSection:
 
 @dataclass(frozen=True)
 class FieldSection:
-    """The field. folder: an imported field, from which terrain and stand come unless written here.
+    """The field.
 
-    edges: the initial edges of the crop by name, `edge` where there is the one of `field.edge`.
-    common: what it has besides; its seed None = that of the run
+    folder: an imported field, from which terrain and stand come unless written here
+    edges: the initial edges of the crop by name, `edge` where there is the one of `field.edge`
+    common: the other keys; the seed None = that of the run
     """
 
     folder: Path | None

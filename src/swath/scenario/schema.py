@@ -104,7 +104,8 @@ def _described(node: Node, kind: Any) -> Node:
     for base in reversed(getattr(kind, "__mro__", ())):
         own = base.__doc__ or ""
         if not own.startswith(f"{base.__name__}("):  # what dataclasses make up themselves
-            said |= meanings(inspect.cleandoc(own), list(properties))
+            keys = {**properties, **getattr(base, "__dataclass_fields__", {})}
+            said |= meanings(inspect.cleandoc(own), list(keys))
     for key, entry in properties.items():
         entry.pop("title", None)
         unit = split_unit(key)[1]

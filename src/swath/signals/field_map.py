@@ -11,7 +11,7 @@ _N = ("place_count",)
 
 @frozen
 class FieldMap(Signal):
-    """Values of a map at places straight ahead of the header, averaged over its width."""
+    """Values of a stored map at places straight ahead of the header, averaged over its width."""
 
     ahead: Annotated[F64, Quantity("m", "of the places in front of the fixed axle", _N)]
     grain: Annotated[F64, Quantity("kg/m2", "grain on the ground's area", _N, "the map says nothing")]

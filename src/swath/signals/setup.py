@@ -111,15 +111,16 @@ class MachineGeometry:
 class ControlSetup:
     """What a control component may know.
 
-    mountings: input port -> pose_machine_sensor of the sensor wired to it, as the fitter measured it
+    machine: geometry of its machine
+    mountings: by input port pose_machine_sensor of the sensor wired to it, as the fitter measured it
     edge_side: `left` or `right`, the end of the header that follows the edge. With `left` the cut ground lies
-    to the left of the edge and the standing crop to its right; with `right` the other way round
-    period [s] of the component
-    crop_height: usual one over the ground [m], standing upright, as a scanner sees it, of the crop that the
-    driver chose at the terminal; 0 = none
-    row_spacing: of the rows that the crop was sown in [m]; 0 = not known, or no rows
+        to the left of the edge and the standing crop to its right; with `right` the other way round
+    period: period of the component [s]
+    crop_height: usual height over the ground [m], standing upright, as a scanner sees it, of the crop that
+        the driver chose at the terminal; 0 = none
+    row_spacing: distance of the rows that the crop was sown in [m]; 0 = not known, or no rows
     line_of: reads the n-th line of a GeoJSON file as points (n, 2) of the field's frame [m], as a terminal
-    reads its guidance lines; raises InputError
+        reads its guidance lines; raises InputError
     """
 
     machine: MachineGeometry

@@ -4,27 +4,28 @@ Otsu 1979 (doi:10.1109/TSMC.1979.4310076) picks the threshold that maximises the
 Zhao et al. 2016 (IJABE 9(2):21) used it per profile with a line over several, for wheat.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import tan
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
+from swath.compiled import Compiled
 from swath.control.edge.canopy_offset import CanopyOffset
 from swath.control.edge.profile import crop_sign
 from swath.control.inclination import SINCE, TURN, UP
 from swath.control.inertial_memory import SAMPLES, AllInertial
 from swath.core.component import Port, State
-from swath.core.errors import SwathError
+from swath.core.ops import Call
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.rows import row_of
 from swath.core.schedule import NS
 from swath.core.together import Given, InWorlds, Samples, field_of
 from swath.core.units import DEG, MM
-from swath.kernels import Rows, filled, of_worlds, repeatable, shared, start_warp
+from swath.kernels import Repeated, Rows, filled, of_worlds, repeatable, shared, start_warp
 from swath.signals import CropEdge, Inertial, Odometry, Scan, beam_directions
 from swath.signals.setup import ControlSetup
 
@@ -96,16 +97,21 @@ class Otsu(InWorlds):
 
 
 NAMES = "offset", "heading", "curvature", "confidence", "crop_height", "stubble_height", "reference_x"
+ANGLES = "azimuth", "elevation", "beam_t"
 
 
-class Detectors:
+class Detectors(Compiled):
     """The detectors of many worlds."""
+
+    reads: ClassVar = {"scan": Scan, "odometry": Odometry}
+    hears: ClassVar = {"inertial": Inertial}
 
     def __init__(self, parts: Sequence[Otsu]) -> None:
         from swath.control.edge import otsu_kernel as kernel
 
         n = len(parts)
-        self.errors: dict[int, SwathError] = {}
+        super().__init__(n, {"edge": row_of(CropEdge, n, NAMES)})
+        self._edges = self.sent["edge"].memory.view(np.float64).reshape(n, -1)
         self._settings = Rows(kernel.Settings, n, [_settings(part) for part in parts])
         parts_of = {part.params.echo_parts for part in parts}
         tables = {count: CanopyOffset(1.0, 0.0, parts=count) for count in parts_of}
@@ -115,23 +121,18 @@ class Detectors:
         places, layers, logs, scores = next(iter(tables.values())).shapes()
         self._states = Rows(kernel.State, n)
         self._tracks, self._seen = np.zeros((n, ROOM, 7)), np.zeros((n, *places))
-        self._heights, self._edges = np.zeros((n, *layers)), np.zeros((n, 6))
+        self._heights = np.zeros((n, *layers))
         self._logs, self._scores = (np.zeros((1, *shape)) for shape in (logs, scores))
         self._mountings = np.array(
             [[*p.setup.mounting.position, *p.setup.mounting.rotation.flat] for p in parts]
         )
         units = [part.setup.mountings.get("inertial") for part in parts]
         self._turns = np.array([(np.eye(3) if unit is None else unit.rotation).ravel() for unit in units])
-        self._asked, self._odometry = np.zeros(3, np.int64), np.zeros((n, 2))
         self._inertial = AllInertial(n)
-        self._beams: tuple[Any, ...]
-        self._reference = self._settings.of["reference"]
-        self._sent = row_of(CropEdge, n, NAMES)
-        self._sent.arrays["reference_x"][:] = self._reference
-        self._kernel, self._places = kernel.detect, kernel.SCRATCH
-        self._make_room(0, 1)
+        self._angles: tuple[Any, ...] = ()  # of the beams, and what is made of them: of all worlds or of each
+        self._directions, self._ago = np.zeros((1, 0, 3)), np.zeros((1, 0))
 
-    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
+    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """No edge at t = 0: nothing was seen yet."""
         self._states.clear()
         for name in ("crop", "stubble", "shift"):
@@ -140,21 +141,39 @@ class Detectors:
         self._inertial.clear()
         self._inertial.rows[:, TURN:SINCE] = self._turns
         self._inertial.rows[:, UP + 2] = 1.0
-        self._edges[:] = [np.nan, np.nan, 0.0, 0.0, np.nan, np.nan]
-        return self._samples(0)
+        self._edges[:, :-1] = [np.nan, np.nan, 0.0, 0.0, np.nan, np.nan]
+        self._edges[:, -1] = self._settings.of["reference"]
+        return self.sent_at(0)
 
-    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
+    def step(self, t: int, dt: int, inputs: Given) -> Mapping[str, Samples]:
         """Take a new scan, if there is one, and report the edge in the machine frames of t + dt."""
-        scan, odometry = inputs["scan"], inputs["odometry"]
-        samples = inputs.get("inertial") or ()
-        self._asked[:] = t + dt, 0, 0
-        self._odometry[:, 0], self._odometry[:, 1] = odometry.arrays["speed"], odometry.arrays["yaw_rate"]
-        if self._inertial.put(samples):
-            self._make_room(*self._directions.shape[:2][::-1])
-        if scan is not None:
-            self._take(scan)
-        self._launch.launch()
-        return self._samples(t + dt)
+        self._aim(inputs["scan"])
+        return super().step(t, dt, inputs)
+
+    def launches(self) -> Sequence[Repeated]:
+        """Samples of the units into their memories, then scans into edges."""
+        from swath.control.edge import otsu_kernel as kernel
+
+        n, scan, trail = self.worlds, self.given.get("scan"), self.heard.get("inertial")
+        if scan is not None and scan.alike:
+            self._aim(scan)
+        first = [] if trail is None else [self._inertial.launch(trail)]
+        ranges = np.zeros((n, 0), np.float32) if scan is None else scan.arrays["ranges"][:, :, 0]
+        stamp = np.zeros(1, np.int64) if scan is None else scan.stamp
+        room = max(ranges.shape[1], ROOM) + 1
+        scratch, indices = np.zeros((1, kernel.SCRATCH, room)), np.zeros((1, room), np.int32)
+        motion = self.column("odometry", "speed"), self.column("odometry", "yaw_rate")
+        beams = shared(self._directions, start_warp().vec3d), shared(self._ago)
+        asked = shared(self.clock), shared(stamp), *motion, shared(self._inertial.rows), shared(ranges)
+        kept = self._tracks, self._seen, self._heights, scratch, self._logs, self._scores, indices
+        about = self._settings.array, self._offsets, shared(self._mountings)
+        given = [*about, *asked, *beams, self._states.array, *map(shared, (*kept, self._edges))]
+        return [*first, repeatable(kernel.detect, given, threads=n)]
+
+    def calls(self) -> Sequence[Call] | None:
+        """None where angles of beams come with every scan: they are looked at in Python."""
+        scan = self.given.get("scan")
+        return None if scan is None or "azimuth" not in scan.alike else super().calls()
 
     def save(self, world: int) -> State:
         """Everything that is needed to go on exactly."""
@@ -174,60 +193,20 @@ class Detectors:
         self._seen[world], self._heights[world] = state["seen"], state["heights"]
         self._inertial.rows[world, :SAMPLES] = state["inertial"]
 
-    def _take(self, scan: Samples) -> None:
-        """The beams of a scan into memory; their angles only where they are others."""
-        about = {**scan.alike, **scan.arrays}
-        beams = about["azimuth"], about["elevation"], about["beam_t"]
-        ranges = field_of(scan, "ranges")
-        if ranges.ndim == 2:  # a recorded scan: one for all worlds
-            ranges = ranges[np.newaxis]
-        n = ranges.shape[1] if ranges.size else 0
-        self._asked[1:] = scan.t, n
-        if not n:
+    def _aim(self, scan: Samples | Scan | None) -> None:
+        """Directions of the beams of a scan, where they are others than before."""
+        if scan is None:
             return
-        is_alike = beams[0].ndim == 1
-        if n > self._ranges.shape[1] or len(self._directions) != (1 if is_alike else len(self._edges)):
-            self._make_room(n, 1 if is_alike else len(self._edges))
-        self._ranges[:, :n] = ranges[:, :, 0]
-        if not (is_alike and all(a is b for a, b in zip(beams, self._beams, strict=True))):
-            self._beams = beams
-            self._directions[:, :n] = beam_directions(beams[0], beams[1])
-            self._ago[:, :n] = np.clip(np.nan_to_num(beams[2]), -0.5, 0.0)
-
-    def _make_room(self, beams: int, tables: int) -> None:
-        """For so many beams, and their angles in so many tables."""
-        n = len(self._edges)
-        self._ranges = np.zeros((n, beams), np.float32)
-        self._directions, self._ago = np.zeros((tables, beams, 3)), np.zeros((tables, beams))
-        self._beams = (None, None, None)
-        room = max(beams, ROOM) + 1
-        scratch, indices = np.zeros((1, self._places, room)), np.zeros((1, room), np.int32)
-        rows = (self._mountings, self._asked, self._odometry, self._inertial.rows, self._ranges)
-        tables_of = shared(self._directions, start_warp().vec3d), shared(self._ago), self._states.array
-        more = (
-            self._tracks,
-            self._seen,
-            self._heights,
-            scratch,
-            self._logs,
-            self._scores,
-            indices,
-            self._edges,
-        )
-        self._given = [
-            self._settings.array,
-            self._offsets,
-            *(shared(array) for array in rows),
-            *tables_of,
-            *(shared(array) for array in more),
-        ]
-        self._launch = repeatable(self._kernel, self._given, threads=n)
-
-    def _samples(self, t: int) -> dict[str, Samples]:
-        for k, name in enumerate(NAMES[:-1]):
-            self._sent.arrays[name][:] = self._edges[:, k]
-        self._sent.t = t
-        return {"edge": self._sent}
+        own = [getattr(scan, n) if isinstance(scan, Scan) else field_of(scan, n) for n in ANGLES]
+        if self._angles and all(a is b for a, b in zip(own, self._angles, strict=True)):
+            return
+        self._angles = tuple(own)
+        azimuth, elevation, beam_t = (np.atleast_2d(angles) for angles in own)
+        if azimuth.shape != self._ago.shape:
+            self._directions, self._ago = np.zeros((*azimuth.shape, 3)), np.zeros(azimuth.shape)
+            self._launches = None
+        self._directions[:] = beam_directions(azimuth, elevation)
+        self._ago[:] = np.clip(np.nan_to_num(beam_t), -0.5, 0.0)
 
 
 def _settings(part: Otsu) -> tuple[float, ...]:

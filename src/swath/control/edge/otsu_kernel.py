@@ -875,8 +875,10 @@ def detect(
     settings: wp.array(dtype=Settings),
     offsets: wp.array(dtype=Offset),
     mountings: wp.array2d(dtype=wp.float64),
-    asked: wp.array(dtype=wp.int64),
-    odometry: wp.array2d(dtype=wp.float64),
+    clock: wp.array(dtype=wp.int64),
+    scanned: wp.array(dtype=wp.int64),
+    speeds: Numbers,
+    yaw_rates: Numbers,
     inertial: wp.array2d(dtype=wp.float64),
     ranges: wp.array2d(dtype=float),
     directions: wp.array2d(dtype=wp.vec3d),
@@ -891,9 +893,10 @@ def detect(
     indices: wp.array2d(dtype=int),
     edges: wp.array2d(dtype=wp.float64),
 ):
-    """asked: end of the step, time of the scan [ns], its beams; directions, ago: of each world or of all
+    """clock: begin and end of the step [ns]; scanned: time of the scan [ns]
+    directions, ago: of each world or of all
     all_scratch to indices: of one world, used by one after the other
-    edges: offset, heading, curvature, confidence, height of crop and stubble.
+    edges: offset, heading, curvature, confidence, height of crop and stubble, and one that stays.
     """
     w = wp.tid()
     s = settings[w]
@@ -901,11 +904,11 @@ def detect(
     rows = tracks[w]
     scratch = all_scratch[0]
     speed = real(0.0)
-    if wp.isfinite(odometry[w, 0]):
-        speed = odometry[w, 0]
+    if wp.isfinite(speeds[w]):
+        speed = speeds[w]
     yaw_rate = real(0.0)
-    if wp.isfinite(odometry[w, 1]):
-        yaw_rate = odometry[w, 1]
+    if wp.isfinite(yaw_rates[w]):
+        yaw_rate = yaw_rates[w]
     if inertial[w, 0] > ZERO:
         inertial[w, 1] = speed
         incline(inertial[w])
@@ -913,9 +916,9 @@ def detect(
     is_known = int(0)
     if inertial[w, 8] != ZERO:
         is_known = 1
-    if asked[1] > state.time:
-        elapsed = real(asked[1] - state.time) / NS
-        state.time = asked[1]
+    if scanned[0] > state.time:
+        elapsed = real(scanned[0] - state.time) / NS
+        state.time = scanned[0]
         crab = -s.sign * (CRAB * (rise + speed * yaw_rate / GRAVITY))
         state = move_track(rows, state, speed * elapsed, s.sign * yaw_rate * elapsed, elapsed, crab, s)
         if s.memory > ZERO and speed * elapsed > ZERO:
@@ -929,7 +932,7 @@ def detect(
         m = mountings[w]
         of = wp.min(w, directions.shape[0] - 1)
         n = int(0)
-        for i in range(int(asked[2])):
+        for i in range(ranges.shape[1]):
             far = real(ranges[w, i])
             if far > NEAR and far < FAR:
                 d = directions[of, i]
@@ -991,7 +994,7 @@ def detect(
                     all_logs[0],
                     all_scores[0],
                 )
-    age = asked[0] - state.time
+    age = clock[1] - state.time
     for k in range(6):
         edges[w, k] = real(wp.nan)
     edges[w, 2] = ZERO

@@ -49,7 +49,10 @@ SLOWEST = 0.1  # m/s, slower no throughput is compared with a map
 
 @dataclass(frozen=True, kw_only=True)
 class Params(Common):
-    """sensor_delay_s: from the knife to the throughput sensor; lead_s: how much earlier to act, for the drive
+    """What is learned, and over which distances.
+
+    sensor_delay_s: from the knife to the throughput sensor
+    lead_s: how much earlier to act, for the drive
     smooth_m: distance over which what a scanner sees is averaged (a map is smooth)
     learn_m: distance over which the factor, or the height of a map's line, is learned
     slope_m: distance over which it is learned how much of a map's differences comes true
@@ -66,7 +69,10 @@ class Params(Common):
 
 @dataclass(frozen=True, kw_only=True)
 class MapParams(Params):
-    """As of `look_ahead`, learning faster."""
+    """As of `look_ahead`, learning faster.
+
+    learn_m: distance over which the height of a map's line is learned
+    """
 
     learn_m: Annotated[float, Gt(0), Le(1000)] = 5.0
 

@@ -1,4 +1,4 @@
-"""Shortest way of arcs of one radius and straights, without reversing (Dubins 1957, DOI 10.2307/2372560).
+"""Shortest path of arcs of one radius and straights, without reversing (Dubins 1957, DOI 10.2307/2372560).
 
 The closed forms of the six words are those of Shkel and Lumelsky 2001, DOI 10.1016/S0921-8890(00)00127-5.
 """
@@ -20,7 +20,7 @@ class Place(NamedTuple):
 
 
 def shortest(start: Place, end: Place, radius: float) -> list[tuple[str, float]]:
-    """Turns (`L`, `R`) and straights (`S`) of the shortest way, each with its length [m]."""
+    """Turns (`L`, `R`) and straights (`S`) of the shortest path, each with its length [m]."""
     dx, dy = end.x - start.x, end.y - start.y
     way = math.atan2(dy, dx)
     d = math.hypot(dx, dy) / radius

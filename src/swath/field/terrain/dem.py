@@ -39,9 +39,11 @@ class Params:
 
 
 class Dem:
-    """Heights on a raster. datum: height that z = 0 stands for [m]; notes: what was assumed of its file.
+    """Heights on a raster.
 
-    gd_n0: of the added roughness [m3]
+    datum: height above sea level that z = 0 stands for [m]
+    notes: what was assumed of its file
+    gd_n0: displacement spectral density of the added roughness [m3]
     """
 
     gd_n0 = 0.0

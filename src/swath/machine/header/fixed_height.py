@@ -4,18 +4,25 @@ The swept area between two poses is a polygon over the knife's ends; the field c
 Between poses the ends go straight: with a step of 0.1 m the outer end of a 6 m turn is 0.2 mm off its arc.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.compiled import Compiled
+from swath.core.component import Port, State
+from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
+from swath.core.rows import row_of
 from swath.core.schedule import NS
+from swath.core.together import InWorlds, Samples
 from swath.field.cut_result import Cut
 from swath.field.site_setup import SiteSetup
+from swath.kernels import Repeated
 from swath.machine import SPEED
+from swath.machine.header import FLOWS
 from swath.machine.header.fill_gauge import FillGauge
 from swath.machine.sweep import LinePath, line_ends, signed_area, swept
 from swath.signals import CropFlow, MachineState
@@ -33,37 +40,71 @@ class Params:
     sweep_step_m: Annotated[float, Ge(0), Le(0.5)] = 0.1
 
 
-class FixedHeightHeader(KeepsState):
-    """A knife of the header's width at a fixed height above ground."""
+class FixedHeightHeader(InWorlds):
+    """A knife of the header's width at a fixed height above ground. knife: x, left and right y of its ends.
 
-    kept = ("_path", "_gauge")
+    path: where the knife was; gauge: how much of it cuts
+    """
 
     inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("flow", CropFlow),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        self._params = params
-        self._field = setup.field
+        self.params, self.field = params, setup.field
         left, right = setup.machine.header_end("left"), setup.machine.header_end("right")
-        self._knife = (left[0], left[1], right[1])
-        self._gauge = FillGauge(setup.machine.header_width)
+        self.knife = (left[0], left[1], right[1])
+        self.path, self.gauge = LinePath(params.sweep_step_m), FillGauge(setup.machine.header_width)
 
-    def reset(self, stream: Stream) -> Outputs:
+    @classmethod
+    def together(cls, parts: Sequence["FixedHeightHeader"]) -> "Header | None":
+        """That of one world: the field of one that has ended is cut no more."""
+        return Header(parts[0]) if len(parts) == 1 else None
+
+
+class Header(Compiled):
+    """The header of one world, which cuts as soon as it is due."""
+
+    hears: ClassVar = {"state": MachineState}
+
+    def __init__(self, part: FixedHeightHeader) -> None:
+        super().__init__(1, {"flow": row_of(CropFlow, 1, FLOWS)})
+        self._part = part
+
+    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Nothing cut; the knife's place is taken from the first state that comes."""
-        self._path = LinePath(self._params.sweep_step_m)
-        self._gauge.clear()
-        return {"flow": CropFlow(0, 0.0, 0.0, 0.0, 0, 0.0, 0.0)}
+        self._part.path.clear()
+        self._part.gauge.clear()
+        self.sent["flow"].memory[:] = 0
+        return self.sent_at(0)
 
-    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+    def launches(self) -> Sequence[Repeated]:
+        """None: `supply` is all."""
+        return [self.asking()]
+
+    def supply(self, stage: int) -> None:
         """Cut what the knife passed over since the last step."""
+        part, trail = self._part, self.heard["state"]
+        poses = trail.memory["pose"][: trail.count, 0].tolist()
         taken, swept_area = Cut(), 0.0
-        for before, now in self._path.over(inputs["state"], lambda pose: line_ends(pose, *self._knife)):
-            for polygon in swept(before, now):
-                taken += self._field.cut(polygon, self._params.cutting_height_m)
-                swept_area += signed_area(polygon)
-        fill = self._gauge.read(taken.area, swept_area)
+        try:
+            for before, now in part.path.over(line_ends(pose, *part.knife) for pose in poses):
+                for polygon in swept(before, now):
+                    taken += part.field.cut(polygon, part.params.cutting_height_m)
+                    swept_area += signed_area(polygon)
+        except SwathError as error:
+            self.errors[0] = error
+        fill = part.gauge.read(taken.area, swept_area)
         sums = taken.grain, taken.straw, taken.area, taken.stem_count
-        return {"flow": CropFlow(t + dt, *sums, fill, dt / NS, left_grain=taken.grain_left)}
+        self.sent["flow"].memory[0] = *sums, fill, self.clock[2] / NS, taken.grain_left
+
+    def save(self, world: int) -> State:
+        """Everything that is needed to go on exactly."""
+        return {"path": self._part.path.save(), "gauge": self._part.gauge.save()}
+
+    def load(self, world: int, state: State) -> None:
+        """Back to it."""
+        self._part.path.load(state["path"])
+        self._part.gauge.load(state["gauge"])
 
 
 LEVEL = Level(

@@ -338,7 +338,8 @@ class HeightControlHeader(KeepsState):
         self, t: int, dt: int, states: tuple[MachineState, ...], knife: Array, heights: Array
     ) -> CropFlow:
         taken, swept_area = Cut(), 0.0
-        for before, now in self._path.over(states, lambda pose: pose.apply(knife)[::2, :2].tolist()):
+        lines = (state.pose.apply(knife)[::2, :2].tolist() for state in states)
+        for before, now in self._path.over(lines):
             for first, last, height in self._runs(heights):
                 for polygon in swept([before[first], before[last]], [now[first], now[last]]):
                     taken += self._field.cut(polygon, height)

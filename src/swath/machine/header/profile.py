@@ -21,11 +21,9 @@ from swath.field.profile import BIN, refused
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Repeated, Rows, filled, of_worlds, repeatable, shared
 from swath.machine import SPEED
-from swath.machine.header import PROFILE_STEMS
+from swath.machine.header import FLOWS, PROFILE_STEMS
 from swath.machine.header.fill_gauge import OVER_M
 from swath.signals import CropFlow, MachineState
-
-FLOWS = "grain", "straw", "area", "stem_count", "header_fill", "dt", "left_grain"  # as `cut_along` has them
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from math import atan2, fsum, hypot
 
 from swath.core.component import KeepsState
+from swath.core.together import plain
 from swath.field.field import Field
 from swath.machine.sweep import Corners, line_ends, signed_area, swept
 from swath.signals import MachineState
@@ -33,11 +34,11 @@ class StrawOutlet(KeepsState):
         self._loose += straw
         before = self._ends
         if before is None:
-            self._begin(line_ends(state.pose, *self._outlet), state)
+            self._begin(line_ends(plain(state.pose), *self._outlet), state)
             return
         if self._is_near(state):
             return
-        ends = line_ends(state.pose, *self._outlet)
+        ends = line_ends(plain(state.pose), *self._outlet)
         ways = [(x - u, y - v) for (x, y), (u, v) in zip(ends, before, strict=True)]
         if max(hypot(*way) for way in ways) < self._step:
             return

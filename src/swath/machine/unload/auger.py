@@ -237,6 +237,12 @@ class Auger(KeepsState):
         return UnloadState(t, self._angle, flow, *sums, x, y)
 
 
+class IdealUnload(Auger):
+    """Its pipe is out at once."""
+
+    swings_at_once = True
+
+
 LEVEL = Level(
     Auger,
     Params,
@@ -245,3 +251,11 @@ LEVEL = Level(
     tolerance="equal to ideal without ramps; no stream was measured",
     checked=(SPEED,),
 )
+PRESETS = {
+    "ideal": LEVEL.preset(
+        "full flow at once, no spread of the stream",
+        "0.1 ms per step while it pours",
+        IdealUnload,
+        **dict.fromkeys(Params.__dataclass_fields__, 0.0),
+    )
+}

@@ -95,9 +95,10 @@ CLEAR_SKY = (
 
 
 def illuminance(elevation: float) -> float:
-    """On level ground under a clear sky [lx]; elevation of the sun [rad], -12 to 90 deg.
+    """Illuminance on level ground under a clear sky [lx].
 
-    758 lx with the sun on the horizon, 3.4 lx at the end of civil twilight, 6 deg below it.
+    It is 758 lx with the sun on the horizon and 3.4 lx at the end of civil twilight, 6 deg below it.
+    elevation: elevation of the sun [rad], -12 to 90 deg
     """
     x = elevation / (0.5 * pi)
     row = next((r for r in CLEAR_SKY if elevation >= r[0] * DEG), CLEAR_SKY[-1])
@@ -105,11 +106,11 @@ def illuminance(elevation: float) -> float:
 
 
 def sunlight(elevation: float, cloud: float = 0.0) -> float:
-    """Light that all others are shares of: direct sunlight across the sun in a band of 100 nm [W/m2].
+    """Direct sunlight on a surface across the sun in a band of 100 nm [W/m2], to which all light is relative.
 
-    Falls with the air mass 1 / sin as 0.7^(m^0.678) (Meinel and Meinel 1976, Applied Solar Energy). Below the
-    horizon there is none: what would make the light of the sky what `illuminance` says, clouds (0 to 1) take
-    as much of it as they do by day. elevation [rad]
+    It falls with the air mass m = 1 / sin(elevation) as 0.7^(m^0.678) (Meinel and Meinel 1976, Applied Solar
+    Energy). Below the horizon there is no direct light: the value is then the one that gives the light of the
+    sky that `illuminance` says. Clouds (0 to 1) take the same share of it as by day. elevation [rad]
     """
     if elevation <= 0.0:
         clear = illuminance(max(elevation, LOWEST)) / LUX
@@ -128,14 +129,14 @@ def photon_rate(irradiance: F64 | float, pixel: float, wavelength: float) -> F64
 
 @dataclass(frozen=True)
 class Pattern:
-    """What is fixed of every pixel (height, width): response over the mean, dark signal [electrons]."""
+    """The fixed pattern of the pixels (height, width): response over the mean, dark signal [electrons]."""
 
     response: F64
     dark: F64
 
 
 class ImageSensor:
-    """One sensor of a make: sheet, its own fixed pattern, and noise or none at all."""
+    """One sensor of a make, with its own fixed pattern."""
 
     def __init__(self, sheet: CameraSheet, size: tuple[int, int], *, is_noisy: bool = True) -> None:
         self.sheet, self.is_noisy, self._size = sheet, is_noisy, size
@@ -212,7 +213,11 @@ class Params(SceneParams):
 
 
 class ErrorCamera(SceneCamera):
-    """sheet: of the whole sensor; planes: make numbers of photons, one for all pixels or one per colour."""
+    """A camera with lens and sensor.
+
+    sheet: data sheet of the whole sensor
+    planes: make numbers of photons, one for all pixels or one per colour
+    """
 
     kept: ClassVar[tuple[str, ...]] = ("_last", "_casts", "_exposure")
 
@@ -257,7 +262,7 @@ class ErrorCamera(SceneCamera):
         return self._exposed(t, seen)
 
     def picture_from(self, t: int, pose: Pose) -> Outputs:
-        """Standing still."""
+        """The picture of a camera that stands still."""
         return self._exposed(t, self.sight(t, pose))
 
     def _aimed(self, t: int, exposure: float, known: tuple[MachineState, ...]) -> tuple[F64, F64, F64]:
@@ -271,7 +276,9 @@ class ErrorCamera(SceneCamera):
         origins, after = np.empty_like(self._rays), np.empty(self._rays.shape[:2])
         for k in range(per * per):
             i, j = divmod(k, per)
-            rank = per * i + (j if i % 2 == 0 else per - 1 - j)  # to and fro: no column is late on average
+            rank = per * i + (
+                j if i % 2 == 0 else per - 1 - j
+            )  # back and forth: no column is late in the mean
             within = exposure * ((rank + 0.5) / (per * per) - 1.0)
             times = np.float64(t) + (late + within) * NS
             position, turned = poses_at(known, times)

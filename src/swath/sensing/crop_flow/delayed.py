@@ -8,18 +8,17 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le
 
-from swath.core.component import Inputs, Outputs
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Normals, Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.sensing.crop_flow.ideal import IdealCropFlow
-from swath.signals import MachineLoad
+from swath.signals import FeedReading, LossReading, MachineLoad, YieldReading
 
 Share = Annotated[float, Ge(0), Le(100)]
 Seconds = Annotated[float, Ge(0), Le(60)]
-SENSORS = ("feed", "yield", "moisture", "tank", "loss", "loss")  # in the order of `IdealCropFlow.truth`
+SENSORS = ("feed", "yield", "moisture", "tank", "loss", "loss")  # in the order of `truth`
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class Params:
     yield_lag_s: its time constant
     yield_scale_percent: standard deviation of its scale error
     yield_noise_percent: standard deviation of its noise, of the reading
-    moisture_percent: water in the grain
+    moisture_percent: water in the grain, share of the wet mass; 12-16 % at harvest
     moisture_delay_s: dead time of the moisture sensor, a chamber that fills and empties
     moisture_lag_s: its time constant
     moisture_scale_percent: standard deviation of its scale error
@@ -72,13 +71,15 @@ class Params:
     loss_noise_percent: Share = 10.0
 
 
-class DelayedCropFlow(IdealCropFlow):
+class DelayedCropFlow(KeepsState):
     """Six sensors, one beside the other."""
 
     kept = ("_lines", "_smooth")
+    inputs = (Port("load", MachineLoad),)
+    outputs = (Port("feed", FeedReading), Port("grain", YieldReading), Port("loss", LossReading))
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        super().__init__(params, setup)
+        self._moisture = params.moisture_percent * PERCENT
         given = vars(params)
         self._delay, self._lag, scale, noise = (
             np.array([given.get(f"{sensor}_{what}", 0.0) for sensor in SENSORS])
@@ -111,6 +112,23 @@ class DelayedCropFlow(IdealCropFlow):
         read[3] = self._smooth[3] + noise[3]
         return self.readings(t + dt, np.maximum(read, 0.0).tolist())
 
+    def truth(self, load: MachineLoad) -> list[float]:
+        """Feed, grain [kg/s], moisture, tank level, losses of separation and of cleaning [kg/s]."""
+        rotors = load.threshing_loss + load.separation_loss
+        return [
+            *(load.feeder_flow, load.grain_flow, self._moisture, load.tank_level),
+            *(rotors, load.cleaning_loss),
+        ]
+
+    def readings(self, t: int, values: list[float]) -> Outputs:
+        """The samples of six values in the order of `truth`."""
+        feed, grain, moisture, tank, separation, cleaning = values
+        return {
+            "feed": FeedReading(t, feed),
+            "grain": YieldReading(t, grain, moisture, tank),
+            "loss": LossReading(t, separation, cleaning),
+        }
+
 
 LEVEL = Level(
     DelayedCropFlow,
@@ -119,3 +137,9 @@ LEVEL = Level(
     cost="25 us per sample",
     tolerance="equal to ideal with every number at 0",
 )
+EXACT = [key for key in Params.__dataclass_fields__ if key != "moisture_percent"]
+PRESETS = {
+    "ideal": LEVEL.preset(
+        "flows, moisture, tank level and losses as they are", "25 us per sample", **dict.fromkeys(EXACT, 0.0)
+    )
+}

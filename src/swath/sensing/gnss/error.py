@@ -188,3 +188,16 @@ LEVEL = Level(
     tolerance="equal to ideal with every error at 0",
     checked=CHECKED,
 )
+PRESETS = {
+    "ideal": LEVEL.preset(
+        "true place and velocity of the antenna",
+        cost="0.25 ms per sample",
+        receiver="rtk",
+        losses=(),
+        wander_s=None,
+        vertical_factor=None,
+        **dict.fromkeys(
+            ("heading_noise_mm", "latency_ms", "noise_cm", "wander_cm", "velocity_noise_m_s"), 0.0
+        ),
+    )
+}

@@ -360,3 +360,20 @@ LEVEL = Level(
     tolerance="equal to ideal with every error at 0",
     checked=CHECKED,
 )
+EXACT = (
+    "noise_factor",
+    "walk_factor",
+    "gyro_bias_deg_s",
+    "accel_bias_mg",
+    "gyro_scale_percent",
+    "accel_scale_percent",
+)
+PRESETS = {
+    "ideal": LEVEL.preset(
+        "true mean rate and specific force",
+        cost="12 us per sample",
+        unit="mti-1",
+        vibration=None,
+        **dict.fromkeys(EXACT, 0.0),
+    )
+}

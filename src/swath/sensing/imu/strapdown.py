@@ -21,7 +21,7 @@ from swath.core.component import KeepsState
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.core.units import DEG
-from swath.signals import Inertial, MachineState
+from swath.signals import MachineState
 
 GRAVITY = 9.81  # [m/s2]
 Length = Annotated[float, Ge(-30), Le(30)]
@@ -147,8 +147,3 @@ def turned(about: Triple, vector: Triple) -> Triple:
         y + a * cy + b * (r * cx - p * cz),
         z + a * cz + b * (p * cy - q * cx),
     )
-
-
-def sample_of(t: int, rate: Triple, force: Triple, rate_sd: float = 0.0, force_sd: float = 0.0) -> Inertial:
-    """The sample of three rates [rad/s] and forces [m/s2]."""
-    return Inertial(t, *rate, *force, rate_sd, force_sd)

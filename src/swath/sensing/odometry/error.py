@@ -52,7 +52,7 @@ class Params:
 class ErrorOdometry(InWorlds):
     """Truth, scaled, biased and noisy."""
 
-    inputs = (
+    inputs: tuple[Port, ...] = (
         Port("state", MachineState),
         Port("steering", SteerState),
         Port("wheels", WheelState, optional=True),
@@ -76,6 +76,12 @@ class ErrorOdometry(InWorlds):
     def together(cls, parts: Sequence["ErrorOdometry"]) -> "Odometers":
         """All of them."""
         return Odometers(parts)
+
+
+class IdealOdometry(ErrorOdometry):
+    """The true speed over ground, however the wheels slip."""
+
+    inputs = ErrorOdometry.inputs[:2]
 
 
 class Odometers(KeepsRows, Compiled):
@@ -134,3 +140,11 @@ LEVEL = Level(
     tolerance="equal to ideal with every error at 0",
     checked=CHECKED,
 )
+PRESETS = {
+    "ideal": LEVEL.preset(
+        "true speed, yaw rate and steer angle",
+        "7 us per sample",
+        IdealOdometry,
+        **dict.fromkeys(Params.__dataclass_fields__, 0.0),
+    )
+}

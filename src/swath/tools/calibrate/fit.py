@@ -28,10 +28,10 @@ F64 = NDArray[np.float64]
 
 HEIGHT = (0.3, 0.45, 0.6, 0.75, 0.9)  # relative heights at which beams begin in the crop
 TOP = 1.05  # from here on beams enter through the top
-ABOVE = 1.2  # where those begin with which the others are compared
+ABOVE = 1.2  # relative height at which the beams begin that others are compared with
 SPOT = (0.02, 0.05, 0.125)  # [m]
 DENSITY = (0.3, 0.6, 1.2)  # of the usual one
-TELLS = ((True, True, False), (False, True, True))  # of these the lower, the upper quarter
+TELLS = ((True, True, False), (False, True, True))  # densities of which the lower, the upper quarter is used
 DEPRESSION = (8.0, 20.0)  # [deg]
 QUARTERS = (0.25, 0.5, 0.75)
 GROUND = 0.04  # lower returns are the ground's [m]
@@ -41,11 +41,13 @@ NARROWEST, WIDEST = 0.3, 1.5  # factors are kept within
 def side_spread(
     stands: SampleStands, echo: EchoSettings, stream: Stream, silhouette: F64, *, fine: float, lines: int
 ) -> SideSpread:
-    """From beams that begin inside a stand; silhouette [m2]: of it as in `SpreadTable`, in steps of `fine`.
+    """Factors on the spread for beams that enter a stand through its side.
 
-    Factors are those between the distances of the lower and the upper quarter of log depth from its median,
-    over depressions and densities: of early echoes in thin stands, where they decide whether a beam gets
-    through, of late ones in dense stands.
+    They compare the distances of the lower and the upper quarter of log depth from its median, over
+    depressions
+    and densities: of early echoes in thin stands, where these decide whether a beam gets through, of late
+        ones
+    in dense stands. silhouette [m2]: of the stand as in `SpreadTable`, in steps of `fine`
     """
     crop = stands.crop.stand
     begins = (*HEIGHT, ABOVE)
@@ -97,19 +99,24 @@ def _quarters(
 FINE, RELATIVE_MAX = 0.02, 1.6  # grid of the silhouette over relative height
 VIEW = np.array(VIEWS) * DEG
 CLOSEST = 0.15  # beams closer than this share of the spot see the pattern of sub-rays, not the crop
-FARTHEST = 0.2  # gaps beyond this say nothing on the correlation of neighbours [m]
+FARTHEST = 0.2  # beams farther apart are not used to fit the correlation [m]
 NORMAL = NormalDist()
 Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
 class Design:
-    """The places that are looked at: every combination.
+    """The places that a grid is measured at: every combination of its nodes.
 
-    density, height: relative to the sheet's, height of the crop or of its stubble; depression_deg; spot_mm:
-    diameter. Nodes lie close enough that straight lines between them miss a distribution by 2 mm on average
-    (Wasserstein-1, wheat), the closer the thinner the crop: there a few stems more hide the soil
-    lines: scan lines of 24 beams per place; held_out: places drawn anywhere within the range
+    Nodes lie close enough that straight lines between them miss a distribution by 2 mm on average
+    (Wasserstein-1, wheat), the closer the thinner the crop: there a few stems more hide the soil.
+
+    density: density of the stand relative to the sheet's
+    height: height of the crop, or of its stubble, relative to the sheet's
+    depression_deg: depression of the beam
+    spot_mm: diameter of the spot
+    lines: scan lines of 24 beams per place
+    held_out: number of test places drawn anywhere within the range
     tile_count: independent pieces of 1 m2 of every stand
     """
 
@@ -130,7 +137,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Designs:
-    """Of both grids of a table. Heights over stubble depend little on the spot."""
+    """Designs of both grids of a table. Heights over stubble depend little on the spot."""
 
     standing: Design = Design()
     stubble: Design = Design(
@@ -143,7 +150,7 @@ class Designs:
     )
 
     def with_lines(self, lines: int) -> "Designs":
-        """Both with so many lines per place."""
+        """Both designs with so many lines per place."""
         return Designs(replace(self.standing, lines=lines), replace(self.stubble, lines=lines))
 
 
@@ -164,7 +171,7 @@ NARROW = Designs(
 class HeldOut:
     """A place that the table was not fitted to, and how the table agrees with what was seen there.
 
-    is_cut: it was stubble
+    is_cut: whether the place was stubble
     """
 
     place: Place
@@ -174,7 +181,7 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class _Scans:
-    """What a grid of places showed."""
+    """What was measured at a grid of places."""
 
     grid: Spread
     places: list[Place]
@@ -184,7 +191,7 @@ class _Scans:
 def fit_plants(
     crop: Crop, designs: Designs, echo: EchoSettings, seed: int, *, progress: Progress | None = None
 ) -> tuple[SpreadTable, list[HeldOut]]:
-    """A table from the level `plants`, and its agreement with other stands of other plants, off the grid."""
+    """Fit a table to the level `plants`; returns it and its agreement with other plants off the grid."""
     stream, design = Stream(seed, "calibrate"), designs.standing
     stands = SampleStands(crop, stream.child("fit"), tile_count=design.tile_count)
     silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
@@ -224,7 +231,7 @@ def fit_stubble(
 def hold_out(
     grid: Spread, crop: Crop, design: Design, echo: EchoSettings, stream: Stream, *, is_cut: bool
 ) -> list[HeldOut]:
-    """Other stands of other plants at places off the grid."""
+    """Compare a table with other stands of other plants at places off the grid."""
     count = max(design.tile_count // 2, 2)
     others, found = SampleStands(crop, stream.child("held_out"), tile_count=count, is_cut=is_cut), []
     for k, place in enumerate(_elsewhere(grid.axes, design.held_out, stream.child("places"), is_cut)):
@@ -294,7 +301,7 @@ def compare_place(grid: Spread, place: Place, returns: Returns, stream: Stream) 
 
 
 def quality(held_out: Sequence[HeldOut]) -> dict[str, dict[str, float]]:
-    """Mean, 95th percentile and largest absolute of every number of agreement; of std_ratio its range."""
+    """Mean, 95th percentile and largest absolute of every number of agreement; the range of std_ratio."""
     found: dict[str, dict[str, float]] = {}
     for name in asdict(held_out[0].agreement):
         values = np.array([getattr(h.agreement, name) for h in held_out])

@@ -22,11 +22,11 @@ COLOURS = (
 )
 WIDTH, HEIGHT, SIDE = 340.0, 150.0, 300.0  # of a chart and of the Stanford diagram [px]
 PAD = 0.06  # of a chart that is left free at its sides
-MISTAKES = 0.1  # share of runs on the wrong side of a boundary that is drawn
+MISTAKES = 0.1  # largest share of runs on the wrong side of a boundary that is drawn
 
 
 def colour(number: int) -> str:
-    """Of a candidate, the same in every chart."""
+    """Colour of a candidate, the same in every chart."""
     return COLOURS[number % len(COLOURS)]
 
 
@@ -67,10 +67,9 @@ def over_parameters(cells: Sequence[Cell]) -> list[Chart]:
 
 
 def boundary(runs: Sequence[tuple[float, bool]]) -> tuple[float, str] | None:
-    """The value that parts passing from failing runs best, and on which side they pass; None where there is
-    none that is right for nine of ten.
+    """The value that separates passing from failing runs best, and the side on which they pass.
 
-    runs: (value, passes)
+    None where no value is right for nine of ten runs. runs: (value, passes)
     """
     values = sorted({value for value, _ in runs})
     if len({passes for _, passes in runs}) < 2:

@@ -20,7 +20,7 @@ from swath.core.errors import MissingExtra
 
 SHOWN, BROKEN, NOT_SHOWN, NOT_JUDGED = "shown", "broken", "not shown", "not judged"
 VERDICTS = (SHOWN, BROKEN, NOT_SHOWN, NOT_JUDGED)
-BET_FOR = 60.0, 0.6  # beta density of rates that the bet for the claim backs: near 1
+BET_FOR = 60.0, 0.6  # of the beta density over rates by which the bet for the claim is spread: near 1
 BET_AGAINST = 1.0, 1.0
 
 
@@ -54,8 +54,9 @@ def needed(rate: float, confidence: float) -> int:
 
 
 def log_capital(passed: int, count: int, rate: float, *, is_for: bool) -> float:
-    """Logarithm of what a bet of 1 has become. is_for: the bet that the rate is higher, else that it is
-    lower.
+    """Logarithm of the capital that a bet of 1 has grown to.
+
+    is_for: whether the bet is that the rate is higher, else that it is lower
     """
     from scipy.special import betaln
 

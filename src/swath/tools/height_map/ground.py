@@ -20,12 +20,13 @@ BLOCK = 16  # nodes along a block that is worked on at once
 class Params:
     """What counts as ground: estimates, tried on stands of known ground (tests/tools/test_replay_build.py).
 
-    step_m: between poses that count; smooth_m: standard deviation of the weights along the way
-    low_share: of the heights in a patch lie below what is taken for the ground
-    fewest: echoes in a patch that has a say
-    plant_m: patches whose low echoes are this much above the lowest within `nearby` patches show no ground
+    step_m: distance between poses that count
+    smooth_m: standard deviation of the weights along the path
+    low_share: share of the heights in a patch that lie below what is taken for the ground
+    fewest: number of echoes below which a patch is not used
+    plant_m: a patch whose low echoes are this much above the lowest within `nearby` patches shows no ground
     below_m: low echoes further below the ground of the poses are more than noise and soft ground
-    lowest_m: an echo below this is none
+    lowest_m: an echo below this is no echo
     """
 
     step_m: float = 0.25
@@ -44,7 +45,7 @@ USUAL = Params()
 def ground_of_poses(track: PoseTrack, x: Array, y: Array, params: Params = USUAL) -> Array:
     """Height [m] of the planes that the machine stood on at world points x, y, (ny, nx).
 
-    Weighted mean over the way: nearest poses count most, gaussian along the way; a pose's plane is its x-y
+    It is a weighted mean along the path with gaussian weights, nearest poses most. A pose's plane is its x-y
     plane, so the roll of the machine carries the slope sideways.
     """
     place, normal = _planes(track, params.step_m)
@@ -79,11 +80,12 @@ def _blend(place: Array, slope: Array, x: Array, y: Array, smooth: float) -> Arr
 
 
 def low_echoes(samples: Samples, shape: tuple[int, int], node_cells: int, params: Params = USUAL) -> Array:
-    """What the lowest echoes say of the ground at lattice nodes [m] against the one that heights count from.
+    """Height of the lowest echoes at lattice nodes above the ground that heights count from [m].
 
-    Per patch of node_cells x node_cells cells the low share of the heights; patches where that is well above
-    the lowest around are crop without gaps and take the value of the nearest that show ground. shape: of the
-    lattice. All 0 where no patch shows any.
+    In each patch of node_cells x node_cells cells it is the low share of the heights. Patches where that is
+    well above the lowest around are crop without gaps; they take the value of the nearest that show ground.
+    All 0
+    where no patch shows any. shape: shape of the lattice
     """
     ny, nx = shape
     r, c = np.divmod(samples.key, samples.width)
@@ -107,7 +109,7 @@ def low_echoes(samples: Samples, shape: tuple[int, int], node_cells: int, params
 
 
 def grown(field: Array) -> Array:
-    """The field, each unknown node filled outwards from the known ones, by the mean of those beside it."""
+    """Fill each unknown node outwards from the known ones, with the mean of those beside it."""
     padded = np.pad(field, 1, constant_values=np.nan)
     inside = np.pad(np.ones(field.shape, bool), 1)
     shift = np.array([(j, i) for j in (-1, 0, 1) for i in (-1, 0, 1)])
@@ -128,7 +130,7 @@ def around(field: Array) -> Array:
 
 
 def _windows(field: Array, reach: int, combine: Callable[..., Any]) -> Array:
-    """What `combine` makes of the nodes within `reach` on all sides of each, nan where none is known."""
+    """What `combine` gives for the nodes within `reach` on all sides of each, nan where none is known."""
     padded = np.pad(field, reach, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * reach + 1, 2 * reach + 1))
     with warnings.catch_warnings():

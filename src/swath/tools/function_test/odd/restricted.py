@@ -41,8 +41,9 @@ def write_restricted(folder: Path, odd: Odd, out: Sequence[Cause | OddCell]) -> 
 
 
 def _condition(odd: Odd, span: Span, ends: tuple[float, float] | None) -> tuple[str, Any]:
-    """A concept and the expression that holds in buckets of it, of a number between ends where there are any;
-    the upper edge belongs to the next one.
+    """A concept, and the expression that holds in these buckets of it.
+
+    ends: bounds of a number within them, if there are any; the upper edge belongs to the next bucket
     """
     axis, bucket = odd.bucket_axis[span[0]]
     if odd.domain.attributes[axis.name].values == ("true", "false"):
