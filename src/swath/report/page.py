@@ -33,11 +33,12 @@ FACTORS = {("m", "cm"): 100.0, ("1", "%"): 100.0}  # (unit, shown unit) -> facto
 PRETTY = {"m2": "m²", "1": ""}
 INCIDENTS = ("time [s]", "distance [m]", "x [m]", "y [m]", "machine", "what", "")
 CREDIBILITY = ("slot", "quantity", "", "met", "checked", "level", "by")
+INPUTS = ("machine", "metrics", "numbers of data sheets, where they come from", "% of a metric for 1 % of")
 COST = ("slot", "steps", "per step", "wall time", "share", "of real time", "")
 ABOUT_INPUTS = (
-    "Tags: {}. How much a metric changes per percent of a number is that of the engine's steady state where "
-    "the run ended; for losses and throughput it is not known. A tag does not say how far a number may be "
-    "off."
+    "Where numbers come from: {}; that does not say how far they may be off. How much a metric changes for "
+    "1 % of a number is that of the engine's steady state where the run ended; for losses and throughput it "
+    "is not known."
 )
 ABOUT_SCENARIO = "Every value the run used; pale are the defaults, which the scenario does not write."
 NOTHING = "Nothing was measured."
@@ -78,9 +79,9 @@ def render(
             Section("Credibility", _credibility(summary)),
             Table(
                 "What load, fuel, loss and throughput rest on",
-                ["machine", "metrics", "numbers of data sheets, by tag", "matter most: % per %"],
+                INPUTS,
                 list(_inputs(summary)),
-                text=ABOUT_INPUTS.format("; ".join(f"{tag} {meaning}" for tag, meaning in TAGS.items())),
+                text=ABOUT_INPUTS.format("; ".join(TAGS.values())),
             ),
             Table("Incidents", INCIDENTS, incidents, range(4)),
             Section("Notes", [Items(summary.get("notes", []))]),
@@ -190,16 +191,21 @@ def _inputs(summary: Mapping[str, Any]) -> Iterator[list[str]]:
     for machine, metrics in summary.get("inputs", {}).items():
         for name, told in metrics.items():
             sources = [
-                f"{source} {', '.join(f'{count} {tag}' for tag, count in tags.items() if count)}"
+                f"{source}: {', '.join(f'{n} {_origin(tag)}' for tag, n in tags.items() if n)}"
                 for source, tags in told["numbers"].items()
             ]
             most = [
-                f"{row['key']} {row['value']:g} ({row['tag']}): {row['percent_per_percent']:+g}"
+                f"{row['key']} {row['value']:g} ({_origin(row['tag'])}): {row['percent_per_percent']:+g}"
                 for row in told["matter_most"]
             ]
             alike.setdefault((machine, "; ".join(sources), "; ".join(most) or "–"), []).append(name)
     for (machine, numbers, matter), names in alike.items():
         yield [machine, ", ".join(names), numbers, matter]
+
+
+def _origin(tag: str) -> str:
+    """Where a number comes from, in a word or two."""
+    return " or ".join(TAGS[each].split()[0] for each in tag.split("/"))
 
 
 def _incident_row(event: Mapping[str, Any]) -> list[str]:
