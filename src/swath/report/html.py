@@ -14,6 +14,7 @@ from typing import Any
 
 from swath.core.whole_file import write_whole
 
+LONG = 60  # characters of a cell that would get too narrow beside words that stay whole
 TEMPLATES = Path(__file__).parent / "templates"
 INLINE = ((r"`([^`\n]+)`", r"<code>\1</code>"), (r"\*\*(.+?)\*\*", r"<strong>\1</strong>"),
           (r"\[([^\]\n]+)\]\((#?\w[\w./-]*)\)", r'<a href="\2">\1</a>'))  # fmt: skip
@@ -234,7 +235,7 @@ def cell(text: object, *, is_number: bool) -> Html:
     made = escaped(text)
     if is_number and not isinstance(text, Html):
         made = Html(re.sub(r"(?<![\w.])-(?=[\d.])", "−", made))
-    look = "n" if is_number else "" if " " in str(text) else "word"
+    look = "n" if is_number else "word" if " " not in str(text) else "long" if len(str(text)) > LONG else ""
     return Html(f'<td class="{look}">{made}</td>' if look else f"<td>{made}</td>")
 
 
