@@ -584,7 +584,7 @@ def test_runs_outside_a_range_and_runs_that_drove_elsewhere_are_told(
             entry |= {"result": "pass", "rests_outside": ["combine.lidar"]}
             run.result.update(expect=[entry], credibility=outside, verdict="not judged", reason="not judged")
     page = write_dossier(found, found.cells()).read_text()
-    row = '<td class="word">combine.lidar</td><td class="word">lean_deg</td><td class="n">7</td><td>5 to 26</td>'
+    row = '<td class="word">lean_deg</td><td class="n">7</td><td>5 to 26</td>'
     assert row in page
     assert f"{DENSITY}: " in page
     assert "no range declared" in page

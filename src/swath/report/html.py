@@ -232,10 +232,10 @@ def signed(value: float, digits: int) -> str:
 
 def cell(text: object, *, is_number: bool) -> Html:
     """A cell of a table: one word stays whole, numbers have real minus signs."""
-    made = escaped(text)
-    if is_number and not isinstance(text, Html):
+    made, plain = escaped(text), "" if isinstance(text, Html) else str(text)
+    if is_number and plain:
         made = Html(re.sub(r"(?<![\w.])-(?=[\d.])", "−", made))
-    look = "n" if is_number else "word" if " " not in str(text) else "long" if len(str(text)) > LONG else ""
+    look = "n" if is_number else "word" if " " not in str(text) else "long" if len(plain) > LONG else ""
     return Html(f'<td class="{look}">{made}</td>' if look else f"<td>{made}</td>")
 
 
