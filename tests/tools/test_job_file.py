@@ -104,4 +104,4 @@ def test_refuses_a_key_that_a_combine_does_not_have(validator):
 
 def test_units_are_in_the_descriptions(validator):
     carts = validator.schema["$defs"]["job.CartSettings"]["properties"]
-    assert carts["speed_kmh"]["description"] == "on straights of ways [km/h]"
+    assert carts["speed_kmh"]["description"] == "speed on straight parts of paths [km/h]"

@@ -210,8 +210,8 @@ def check_places(
     is_said = (columns and all(c.is_given for c in columns)) or bool(found.axes)
     named = ", ".join(f"{c.column} in {c.unit}" for c in columns) or "as in the shapes"
     if is_said or not better:
-        told = doubts if better else [pair.shown for pair in against if pair.key == PLACES]
-        return [f"positions: {named}, though {'; '.join(told)}"] if told else []
+        reasons = doubts if better else [pair.shown for pair in against if pair.key == PLACES]
+        return [f"positions: {named}, though {'; '.join(reasons)}"] if reasons else []
     ways = some_of((other.name for other in better), 2, " or ")
     expected = f"expected what the log shows: {some_of(doubts, 2, '; ')}; all agrees with {ways}"
     error = InputError("log.positions", named, expected, file=path)

@@ -427,11 +427,11 @@ def _of_raw(log: Log) -> list[Pair]:
     """What the records say twice before any of them is judged: of these the cause is where none is left."""
     on_spot = log.broken.get("duplicated_position", 0) / max(log.row_count, 1)
     goes_on = ~log.gap[1:] & (np.diff(log.time) > 0.0)
-    way = np.hypot(*np.diff(log.position, axis=0)[goes_on].T)
-    pace = float(way.sum() / np.diff(log.time)[goes_on].sum()) if goes_on.any() else np.nan
+    driven = np.hypot(*np.diff(log.position, axis=0)[goes_on].T)
+    pace = float(driven.sum() / np.diff(log.time)[goes_on].sum()) if goes_on.any() else np.nan
     shown = float(np.mean(log.speed[1:][goes_on])) if goes_on.any() else np.nan
     idle = [float((values <= 0.0).mean()) for values in (log.flow, log.width)]
-    far = f"the others are {np.median(way):.3g} m apart" if len(way) else "the others are far apart"
+    far = f"the others are {np.median(driven):.3g} m apart" if len(driven) else "the others are far apart"
     speeds = f"{3.6 * shown:.3g} km/h logged, {3.6 * pace:.3g} km/h by positions and times"
     of_log, units = "of the records", "say the units with --columns"
     return [

@@ -135,8 +135,8 @@ def _read_isoxml(path: Path) -> Table:
     rows, broken = np.arange(1, len(data) + 1), {"unreadable": places}
     columns, width, notes = data.table()
     crop = "" if "crop" in columns else max(data.crops)
-    told = (*notes, *data.problems)
-    return Table(columns, rows, None, "", broken, told, crop=crop, stated_width=width)
+    all_notes = (*notes, *data.problems)
+    return Table(columns, rows, None, "", broken, all_notes, crop=crop, stated_width=width)
 
 
 def _or_cp1252(error: UnicodeError) -> tuple[str, int]:

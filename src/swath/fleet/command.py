@@ -54,7 +54,7 @@ def run_job(args: argparse.Namespace) -> int:
     from swath.fleet.driven import driven
     from swath.fleet.files import base_of, read_job
     from swath.fleet.report import check_target, machine_rows, result_rows, wait_rows, write_result
-    from swath.fleet.schedule import schedule_of
+    from swath.fleet.search import best_of
     from swath.fleet.spread import DRAWS, spread_of
     from swath.fleet.worked import by_events, checked
     from swath.terminal.progress import steps
@@ -68,11 +68,12 @@ def run_job(args: argparse.Namespace) -> int:
     job, document = read_job(args.job, tuple(args.sets))
     if args.out is not None:
         check_target(args.out, job.name)
-    schedule = schedule_of(job, base_of(document))
+    with steps(job.fleet.plans) as told:
+        best, schedule = best_of(job, base_of(document), told)
     worked = driven(schedule) if args.level == "driven" else by_events(schedule)
     if args.spread is not None:
         with steps(DRAWS) as told:
-            hours, refused = spread_of(job, base_of(document), args.spread, args.out, told)
+            hours, refused = spread_of(best, base_of(document), args.spread, args.out, told)
         worked = replace(worked, draws=tuple(hours))
         schedule.notes.extend(f"a draw of the spread is refused: {why}" for why in refused)
     telling = [row for row in result_rows(worked) if row[1].strip("0.e+")]  # a 0 is left to the page

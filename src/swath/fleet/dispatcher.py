@@ -8,13 +8,15 @@ the next loads of all, `greedy` does not. Your own is a class in a Python file, 
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
+
 from swath.core.errors import InputError
 from swath.core.foreign_code import load_python
+from swath.core.random import Stream
 
 
 @dataclass(frozen=True)
@@ -23,10 +25,12 @@ class Params:
 
     loads: loads of each combine that the horizon looks ahead, as many as a cart's box holds of tanks
     saves_s: time below which a gain is no reason to let another one go first, more than turns take
+    off_s: most that drawn estimates are off
     """
 
     loads: int = 2
     saves_s: float = 60.0
+    off_s: float = 60.0
 
 
 PARAMS = Params()
@@ -153,15 +157,22 @@ class Greedy:
 
 class Horizon:
     """The option that costs the least time of all combines, now and in the next loads of each; or none, where
-    who is in the way goes on before.
+    who is in the way goes on before. draw: number by which its estimates are off at random, 0: they are not.
     """
+
+    def __init__(self, draw: int = 0) -> None:
+        self._random = Stream(draw, "horizon").at() if draw else None
 
     def decide(self, state: State) -> Option | None:
         """One of the options, or None."""
-        best = min(
-            state.options,
-            key=lambda o: (round(o.lost + self.waits(state, o), 1), round(o.lost, 1), o.cart_free),
-        )
+        off = np.zeros(len(state.options))
+        if self._random is not None:
+            off = self._random.uniform(0.0, PARAMS.off_s, len(off))
+        costs = {
+            o: (round(o.lost + more + self.waits(state, o), 1), round(o.lost, 1), o.cart_free)
+            for o, more in zip(state.options, off.tolist(), strict=True)
+        }
+        best = min(state.options, key=costs.__getitem__)
         if state.may_wait:
             lost = best.lost - state.time - state.soonest.get(best.kind, 0.0)
             goes_on = min(o.time for o in state.others.values()) - state.time
@@ -200,13 +211,13 @@ class Horizon:
         return waits
 
 
-BUILT_IN: dict[str, Callable[[], Dispatcher]] = {"horizon": Horizon, "greedy": Greedy}
+BUILT_IN = "horizon", "greedy"
 
 
-def dispatcher_of(name: str, base: Path | None) -> Dispatcher:
+def dispatcher_of(name: str, base: Path | None, draw: int = 0) -> Dispatcher:
     """One of `BUILT_IN`, or a class of the user's as `file.py:Class`. InputError for one without `decide`."""
     if name in BUILT_IN:
-        return BUILT_IN[name]()
+        return Horizon(draw) if name == "horizon" else Greedy()
     made: Any = _own(name, base)
     if not callable(getattr(made, "decide", None)):
         raise InputError("fleet.dispatcher", name, "expected a class with a method `decide`")

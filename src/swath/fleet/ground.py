@@ -113,6 +113,11 @@ class Ground:
         self._yields = _yields_of(job)
         self._crop: dict[Any, tuple[int, Array]] = {}  # of strips asked for: cuts until then, areas
 
+    @property
+    def truck_m(self) -> float:
+        """From the field to the truck [m]."""
+        return math.dist(self.gate, self.dock[:2])
+
     def _check_ways(self, shapely: Any, parts: tuple[Any, ...], job: JobFile) -> None:
         """InputError for a part of the field to which no open ground leads from the gate."""
         together = shapely.get_parts(self.open)

@@ -44,6 +44,10 @@ def result_rows(w: Worked) -> list[tuple[str, str, str]]:
     """Name, number and unit of what a job comes to."""
     plan = w.schedule.plan
     rows = [("until the last grain is at the truck", f"{w.ends / 3600.0:.2f}", "h")]
+    if w.schedule.bound > 0.0:
+        bound, plans = w.schedule.bound, len(w.schedule.compared)
+        rows.append(("no plan takes less than", f"{bound / 3600.0:.2f}", "h"))
+        rows.append((f"more than that, best of {plans} plans", f"{100.0 * (w.ends / bound - 1.0):.0f}", "%"))
     if w.draws:
         low, high, mean = min(w.draws), max(w.draws), math.fsum(w.draws) / len(w.draws)
         value = f"{low / 3600.0:.3f} to {high / 3600.0:.3f}, mean {mean / 3600.0:.3f}"
@@ -105,6 +109,8 @@ def to_dict(w: Worked) -> dict[str, Any]:
         "level": w.level,
         "duration_s": w.ends,
         **({"draws_s": list(w.draws)} if w.draws else {}),
+        "bound_s": schedule.bound,
+        "plans": [{"what": what, "duration_s": ends} for what, ends in schedule.compared],
         "harvest_time_s": w.cut,
         "area_m2": schedule.plan.area,
         "left_m2": schedule.plan.left,

@@ -49,7 +49,8 @@ class Params:
     nobody could be emptied; behind: share in the cost of a place of a cart's way to the truck, which keeps
     nobody waiting; saves_s: less than which is no reason to look at another pass; out_percent: of the
     field that is left where no way leads; load: of a tank, or all but that of the room in a box, less than
-    which nobody comes beside for. Estimates.
+    which nobody comes beside for; lags: behind the best plan, share of its time, at which another one is
+    given up. Estimates.
     """
 
     cut_m: float = 8.0
@@ -64,6 +65,7 @@ class Params:
     saves_s: float = 20.0
     out_percent: float = 0.5
     load: float = 0.1
+    lags: float = 0.04
 
     @property
     def places(self) -> int:
@@ -179,6 +181,15 @@ class Schedule:
     dock: float = 0.0
     ends: float = 0.0
     notes: list[str] = field(default_factory=list)
+    bound: float = 0.0
+    compared: list[tuple[str, float]] = field(default_factory=list)
+    pace: list[tuple[float, float]] = field(default_factory=list)
+
+    def is_behind(self, best: "Schedule") -> bool:
+        """Whether it cannot end before another one, or has lost more time by now than that one had then."""
+        left, least = self.pace[-1]
+        crop, its = np.array(best.pace)[::-1].T
+        return least >= min(best.ends, float(np.interp(left, crop, its)) + PARAMS.lags * best.ends)
 
     def renumber(self, new: Sequence[int]) -> None:
         """Segments have other numbers."""
@@ -199,7 +210,7 @@ class Schedule:
 @dataclass
 class _Leg:
     """What a combine is about to do: a path, what it cuts of which pass, as driven and as planned, and from
-    which segment on; after: earliest times of segments [s]; lost: see `_Scheduler.lost`; lanes: of carts
+    which segment on; after: earliest times of segments [s]; lost: see `Scheduler.lost`; lanes: of carts
     beside it, as far as they were looked for; least: way and what is lost, if nobody is in the way [s].
     """
 
@@ -221,19 +232,26 @@ class _Leg:
         return math.fsum(self.path.spent[self.first :])
 
 
+class Late(Exception):
+    """A plan that falls behind another one."""
+
+
 def schedule_of(job: JobFile, base: FilePath | None = None, dispatcher: Dispatcher | None = None) -> Schedule:
-    """The whole job. InputError where the field, or a machine on it, cannot be worked, with the reason."""
-    made = _Scheduler(job, base, dispatcher or dispatcher_of(job.fleet.dispatcher, base))
+    """One plan of a job. InputError where the field, or a machine on it, cannot be worked, and why."""
+    made = Scheduler(job, base, dispatcher)
     made.run()
     return made.schedule
 
 
-class _Scheduler:
-    def __init__(self, job: JobFile, base: FilePath | None, dispatcher: Dispatcher) -> None:
+class Scheduler:
+    """Decides one plan of a job. dispatcher: by default that of the job."""
+
+    def __init__(self, job: JobFile, base: FilePath | None, dispatcher: Dispatcher | None = None) -> None:
         machines = machines_of(job, base)
         ground = Ground(job, body_of(machines.truck))
         plan = plan_of(ground, machines.combines, job.plan, job.drawn)
-        self.job, self.dispatcher, self.ground, self.machines = job, dispatcher, ground, machines
+        self.job, self.ground, self.machines = job, ground, machines
+        self.dispatcher = dispatcher or dispatcher_of(job.fleet.dispatcher, base, job.fleet.draw)
         self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
         self.kept = waiting_places(ground, self.finder, self.waits())
         out = [k.name for k in machines.carts if k.name not in self.kept]
@@ -306,10 +324,15 @@ class _Scheduler:
         return self.ground.truck_place.ahead(box.x - combine.pipe_x, -combine.pipe_y)
 
     # the job
-    def run(self) -> None:
-        """Until all is cut and at the truck."""
+    def run(self, best: Schedule | None = None) -> None:
+        """Until all is cut and at the truck. Late where that is not before the best plan so far, or where it
+        falls behind.
+        """
         room = 0
         while any(not c.is_done for c in self.combines):
+            self.schedule.pace.append((float(self.ground.remaining.area), self.least_end()))
+            if best is not None and self.schedule.is_behind(best):
+                raise Late
             for k in self.carts:  # who came home with its load, since the way to the truck was not free
                 if k.load >= k.leaves:
                     self.empties(k)
@@ -335,6 +358,12 @@ class _Scheduler:
                 k.time = max(k.time, *(c.time for c in self.combines))
         self.schedule.ends = max((p.ends for p in self.schedule.poured if p.target == "truck"), default=0.0)
         self.schedule.renumber(self.table.clear())
+
+    def least_end(self) -> float:
+        """Before which what is left cannot be cut [s], with all combines in it from when they are free on."""
+        power = [c.spec.width * c.spec.speed for c in self.combines]
+        given = math.fsum(p * c.time for p, c in zip(power, self.combines, strict=True))
+        return (given + float(self.ground.remaining.area) - self.schedule.plan.left) / math.fsum(power)
 
     def goes_on(self, busy: Sequence[CombineState], patience: int = 1, poses: int = WAYS.poses) -> bool:
         """One combine does its next thing, who is free first; who could do nothing looks again when others

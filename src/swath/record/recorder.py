@@ -105,8 +105,10 @@ class Recorder:
     @property
     def left_out(self) -> str:
         """Of a thinned recording how many samples have no message, by slot and output; "" = none."""
-        told = [f"{sink.left_out} of {'.'.join(key)}" for key, sink in self._sinks.items() if sink.left_out]
-        return ", ".join(told)
+        left_out = [
+            f"{sink.left_out} of {'.'.join(key)}" for key, sink in self._sinks.items() if sink.left_out
+        ]
+        return ", ".join(left_out)
 
     def defer(self) -> None:
         """From now on `write_next` writes run.mcap, sample by sample; nothing waits longer than LATEST.

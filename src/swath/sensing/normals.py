@@ -54,8 +54,8 @@ def ziggurat() -> tuple[Any, Any]:
     halves[0 : 2 * LEVELS : 2], halves[1 : 2 * LEVELS : 2] = words >> 32, words & 0xFFFFFFFF
     source = np.random.MT19937(0)
     source.state = {"bit_generator": "MT19937", "state": {"key": _untempered(halves), "pos": 0}}
-    told = np.random.Generator(source).standard_normal(LEVELS) / (1 << 40)
-    widths = np.roll(told, 2)
+    numbers = np.random.Generator(source).standard_normal(LEVELS) / (1 << 40)
+    widths = np.roll(numbers, 2)
     bounds = (np.roll(widths, 1) / widths * ONE).astype(np.int64) - DOUBT
     bounds[1] = 0
     if (np.diff(widths[1:]) <= 0.0).any():  # another numpy, which then draws all itself

@@ -110,10 +110,10 @@ def _at_middle(along: F64, aside: F64, heights: F64, alike: float) -> tuple[floa
         matrix = weight * portable.product(own.T, own) + level
         found = portable.solve(matrix, weight * portable.product(own.T, heights[keeps] - middle))
         rest = heights - middle - portable.product(rows, found)
-        told = _height(rest[keeps])
-        if told is None:
+        seen = _height(rest[keeps])
+        if seen is None:
             return None
-        scatter = max(told[1], EXACT)
+        scatter = max(seen[1], EXACT)
         keeps = np.abs(rest) <= 3.0 * scatter
     sd = float(portable.solve(matrix, np.eye(4)[0])[0]) ** 0.5
     return middle + float(found[0]), sd

@@ -83,12 +83,12 @@ class RimFit(KeepsState):
     def _size(self, peer: PeerState | None) -> Size | None:
         """Length, width and height of the rim [m]; None where nobody said so yet."""
         p = self._p
-        told = (
+        sizes = (
             (None,) * 3
             if peer is None or not peer.is_heard or peer.box_length != peer.box_length
             else (peer.box_length, peer.box_width, peer.rim_height)
         )
-        size = [mine or theirs for mine, theirs in zip((p.length_m, p.width_m, p.rim_m), told, strict=True)]
+        size = [mine or theirs for mine, theirs in zip((p.length_m, p.width_m, p.rim_m), sizes, strict=True)]
         return None if None in size else (size[0] or 0.0, size[1] or 0.0, size[2] or 0.0)
 
     def _is_sure(self, rim: Rim) -> bool:

@@ -144,8 +144,8 @@ class LikelihoodRatio(KeepsState):
         x, u, heading = self._at
         crab = self._inclination.crab(self._p.crab, self._sign * speed * yaw_rate)
         course = heading + 0.5 * yaw_rate * seconds - self._sign * crab
-        way = speed * seconds
-        return x + way * cos(course), u + way * sin(course), heading + yaw_rate * seconds
+        travel = speed * seconds
+        return x + travel * cos(course), u + travel * sin(course), heading + yaw_rate * seconds
 
     def _rise(self) -> tuple[float, float]:
         """How far the top of an upright plant seems to stand ahead and toward the crop of its foot [1]."""

@@ -56,8 +56,8 @@ class EdgeGuards(Compiled):
         given = [self._limits.array, self._driven.array, shared(self.clock), shared(self.needs)]
         edge = ["edge" in self.given, *(self.column("edge", name) for name in SEEN)]
         led = self.column("guidance", "is_following", otherwise=False)
-        told = shared(self.sent["command"].arrays["speed"])
-        given += [*edge, self.column("odometry", "speed"), led, told]
+        command = shared(self.sent["command"].arrays["speed"])
+        given += [*edge, self.column("odometry", "speed"), led, command]
         return [repeatable(bound_speeds, given, threads=self.worlds)]
 
     def supply(self, stage: int) -> None:

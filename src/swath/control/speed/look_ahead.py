@@ -246,15 +246,17 @@ class Mapped(Forecast):
         _, value, went = self._cut_then(t, self._cut) or (0, float("nan"), 0.0)
         if not isfinite(value) or value <= 0.0 or went < SLOWEST:
             return
-        rate, way = feed.flow / went, speed * h
+        rate, travel = feed.flow / went, speed * h
         if self.has_learned:
-            self._judge(self.rate_of(value) * went, feed.flow, way)
-        kept = exp(-way / self._p.learn_m)
-        w, m, r = (kept * old + way * new for old, new in zip(self._short, (1.0, value, rate), strict=True))
+            self._judge(self.rate_of(value) * went, feed.flow, travel)
+        kept = exp(-travel / self._p.learn_m)
+        w, m, r = (
+            kept * old + travel * new for old, new in zip(self._short, (1.0, value, rate), strict=True)
+        )
         self._short = (w, m, r)
-        kept, more, higher = exp(-way / self._p.slope_m), value - m / w, rate - r / w
+        kept, more, higher = exp(-travel / self._p.slope_m), value - m / w, rate - r / w
         spread, together = self._long
-        self._long = kept * spread + way * more * more, kept * together + way * more * higher
+        self._long = kept * spread + travel * more * more, kept * together + travel * more * higher
 
 
 class LookAhead(KeepsState):

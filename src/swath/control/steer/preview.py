@@ -171,8 +171,8 @@ class Steerers(Compiled):
         trail = self.heard.get("inertial")
         memories = [] if trail is None else [memory.launch(trail) for memory in (self._upward, self._turning)]
         rows = map(shared, (self._upward.rows, self._turning.rows, self._pending))
-        told = map(shared, self.sent["command"].arrays.values())
-        law = [self._laws.array, *own, *rows, self._states.array, *told]
+        command = map(shared, self.sent["command"].arrays.values())
+        law = [self._laws.array, *own, *rows, self._states.array, *command]
         return [
             repeatable(kernel.gather, gather, threads=self.worlds),
             *memories,

@@ -147,8 +147,8 @@ def arc(start: Array, length: Array, first: Array, last: Array, azimuth: Array, 
     """
     along = (np.arange(parts) + 0.5) / parts
     step = pointing(first[:, None] + (last - first)[:, None] * along, azimuth[:, None] + 0.0 * along)
-    way = np.cumsum(step * (length / parts)[:, None, None], axis=1)
-    return np.asarray(start[:, None, :] + np.concatenate([np.zeros_like(way[:, :1]), way], axis=1))
+    steps = np.cumsum(step * (length / parts)[:, None, None], axis=1)
+    return np.asarray(start[:, None, :] + np.concatenate([np.zeros_like(steps[:, :1]), steps], axis=1))
 
 
 @dataclass(frozen=True)

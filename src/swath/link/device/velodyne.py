@@ -87,8 +87,8 @@ def packets(scan: Scan, grid: Grid) -> list[bytes]:
     distance = np.round(ranges.astype(np.float64) / UNIT)
     is_told = np.isfinite(ranges) & (distance < 1 << 16)
     returns["distance"][: count : grid.every] = np.where(is_told, distance, 0.0)
-    told = np.round(intensity.astype(np.float64) * WHITE).clip(0, 255)
-    returns["reflectivity"][: count : grid.every] = np.where(is_told & np.isfinite(told), told, 0.0)
+    reported = np.round(intensity.astype(np.float64) * WHITE).clip(0, 255)
+    returns["reflectivity"][: count : grid.every] = np.where(is_told & np.isfinite(reported), reported, 0.0)
     blocks = np.zeros(padded // 2, BLOCK)
     blocks["flag"], blocks["returns"] = 0xFFEE, returns.reshape(-1, 2, LINES)
     blocks["azimuth"] = np.round(azimuth[::2]).astype(np.int64) % 36_000

@@ -152,14 +152,14 @@ class Lift:
     def note(self, *, is_mended: bool) -> str:
         """What the user should know; is_mended: samples are put where they belong by `lifted`."""
         side = "above" if self.above > 0 else "below"
-        told = (
+        note = (
             f"the track lies {abs(self.above):.1f} m {side} the terrain ({self.low:.1f} to {self.high:.1f})"
         )
         if self.is_constant:
             done = "; taken off" if is_mended else ""
-            return f"{told}: another datum of heights (ellipsoid, geoid), or the antenna's height{done}"
+            return f"{note}: another datum of heights (ellipsoid, geoid), or the antenna's height{done}"
         done = "; put on the terrain" if is_mended else ""
-        return f"{told}: it was not recorded on this terrain{done}"
+        return f"{note}: it was not recorded on this terrain{done}"
 
     def lifted(self, sample: Signal) -> Signal:
         """A MachineState on the terrain."""
@@ -660,8 +660,8 @@ class LogPlayer:
             if own in ("", frame):
                 yield topic, t, message
             else:
-                told = f"messages of {own} on {topic} left out beside those of {frame}: `frame: {own}`"
-                self._context.note(f"{told} plays them")
+                note = f"messages of {own} on {topic} left out beside those of {frame}: `frame: {own}`"
+                self._context.note(f"{note} plays them")
 
     def _from_numbers(self, source: Source, records: Iterator[Record], context: Context) -> Iterator[Timed]:
         """A sample whenever one of its numbers came, once all have."""

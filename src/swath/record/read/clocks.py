@@ -68,8 +68,8 @@ class Clocks:
             zero = self._zero(of, t - stamp, note)
             clock = self._of[of] = _Clock(zero, (stamp, t), (stamp, t), t - stamp - zero)
         elif step := clock.follow(stamp, t):
-            way = "back" if step < 0 else "ahead"
-            note(f"the clock of {of} was set {way} by {abs(step) / NS:.2f} s: its times go on from before")
+            to = "back" if step < 0 else "ahead"
+            note(f"the clock of {of} was set {to} by {abs(step) / NS:.2f} s: its times go on from before")
         return stamp + clock.shift
 
     def _zero(self, of: str, late: int, note: Callable[[str], None]) -> int:
@@ -81,6 +81,6 @@ class Clocks:
                     note(f"stamps of {of} are {scales[zero]}, which is taken off")
                 return zero
         self.zeros.append(late)
-        told = "they count from when the first was received, as if that took no time"
-        note(f"stamps of {of} are not on the clock of the log: {told}")
+        text = "they count from when the first was received, as if that took no time"
+        note(f"stamps of {of} are not on the clock of the log: {text}")
         return late

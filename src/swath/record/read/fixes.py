@@ -142,13 +142,18 @@ def poses_of_fixes(
     """
     local = (to_local or TangentPlane(*fixes.place[0]))(fixes.place)
     step = np.hypot(*np.diff(local[:, :2], axis=0).T)
-    way = np.concatenate([[0.0], np.cumsum(step)])
-    if not way[-1] > 0.0:
+    distance = np.concatenate([[0.0], np.cumsum(step)])
+    if not distance[-1] > 0.0:
         raise InputError("fixes", None, "expected a machine that moves, its heading is its course")
-    reach = min(0.5 * COURSE_M, 0.5 * way[-1])
+    reach = min(0.5 * COURSE_M, 0.5 * distance[-1])
     kept = np.concatenate([[True], step > 0.0])
     ends = [
-        np.stack([np.interp(np.clip(way + s, 0.0, way[-1]), way[kept], local[kept, k]) for k in range(2)])
+        np.stack(
+            [
+                np.interp(np.clip(distance + s, 0.0, distance[-1]), distance[kept], local[kept, k])
+                for k in range(2)
+            ]
+        )
         for s in (-reach, reach)
     ]
     ahead = ends[1] - ends[0]

@@ -101,8 +101,8 @@ def stanford(cells: Sequence[Cell], number: int) -> Chart | None:
     alert, cell = ALERT_M / (BIN_M * BIN_COUNT), 1.0 / BIN_COUNT
     chart.area("hazard", (alert, 0.0), (alert, alert), (1.0, 1.0), (1.0, 0.0))
     most = log1p(max(count for _, _, count in whole["bins"]))
-    for error, told, count in whole["bins"]:
-        chart.box(error * cell, told * cell, cell, cell, fill=colour(number), opacity=log1p(count) / most)
+    for error, reported, count in whole["bins"]:
+        chart.box(error * cell, reported * cell, cell, cell, fill=colour(number), opacity=log1p(count) / most)
     chart.line(0.0, 0.0, 1.0, 1.0)
     chart.line(alert, 0.0, alert, 1.0, "3 3")
     chart.line(0.0, alert, 1.0, alert, "3 3")

@@ -21,7 +21,7 @@ from swath.core.foreign_code import Gate, need_named, present_gate, through
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import STRIKES
 from swath.tools.function_test.journal import Journal, read_journals
-from swath.tools.function_test.one_run import do_run, no_result
+from swath.tools.function_test.one_run import Work, no_result, results_in
 from swath.tools.function_test.plan import PlannedRun, code_hash
 
 Result = dict[str, Any]
@@ -83,11 +83,11 @@ def run_on_cluster(
     client: Any,
     done: Callable[[Result], None],
     *,
-    work: Callable[[PlannedRun, KeptFields], Result] = do_run,
+    work: Work = results_in,
 ) -> None:
     """Do runs on the workers of a client; `done` is called with each result, which is in a journal by then.
 
-    folder: of the journals, seen by all; work: does a run, a function that can be imported. SwathError where
+    folder: of the journals, seen by all; work: does a chunk, can be imported. SwathError where
     no worker is left for some minutes: what is finished is kept, and the same command goes on.
     """
     from distributed import wait
@@ -138,13 +138,14 @@ def _result(job: Any, run: PlannedRun, folder: Path, journal: Journal) -> Result
     return found
 
 
-def _do(run: PlannedRun, folder: str, work: Callable[..., Result], code: str, gate: Gate) -> Result:
+def _do(run: PlannedRun, folder: str, work: Work, code: str, gate: Gate) -> Result:
     """On a worker: do a run and write it down. gate: of the driver."""
     if code_hash() != code:
         raise SwathError(f"the worker {socket.gethostname()} has another version of swath than the driver")
     with _LOCK, through(gate):
         journal, fields = _tools(folder)
-        return journal.add(work(run, fields))
+        (result,) = work([run], fields)
+        return journal.add(result)
 
 
 _LOCK = Lock()  # a worker may have several threads, its journal and its fields are for one

@@ -31,8 +31,8 @@ class IntegrityHook(RunHook):
 
     def summarize(self, t: int) -> dict[str, Any]:
         """`integrity`: of all machines with an edge detector together."""
-        told = [integrity_of(j.series(), j.setup.settling_m) for j in self._judges]
-        return {SUMMARY: pooled(one for one in told if one["samples"])}
+        found = [integrity_of(j.series(), j.setup.settling_m) for j in self._judges]
+        return {SUMMARY: pooled(one for one in found if one["samples"])}
 
 
 def integrity_of(series: EdgeSeries, settling: float) -> dict[str, Any]:
@@ -40,9 +40,9 @@ def integrity_of(series: EdgeSeries, settling: float) -> dict[str, Any]:
     s = series.settled(settling)
     beyond = BIN_M * BIN_COUNT
     error = np.where(np.isfinite(s.error), np.abs(s.error), MATCH_M)[s.found]
-    told = np.where(np.isfinite(s.offset_sd), DEVIATIONS * s.offset_sd, 0.0)
-    told = np.where(s.is_sure, told, beyond)[s.found]
-    pairs = np.minimum(np.stack([error, told]) // BIN_M, BIN_COUNT - 1).astype(int)
+    reported = np.where(np.isfinite(s.offset_sd), DEVIATIONS * s.offset_sd, 0.0)
+    reported = np.where(s.is_sure, reported, beyond)[s.found]
+    pairs = np.minimum(np.stack([error, reported]) // BIN_M, BIN_COUNT - 1).astype(int)
     cells, counts = np.unique(pairs, axis=1, return_counts=True)
     bins = [[int(a), int(b), int(n)] for (a, b), n in zip(cells.T, counts, strict=True)]
     episodes = s.episodes()
@@ -61,8 +61,8 @@ def pooled(runs: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     total = {"samples": 0, "hazardous": 0, "episodes": 0, "longest_m": 0.0, "km": 0.0}
     bins: dict[tuple[int, int], int] = {}
     for run in runs:
-        for error, told, count in run["bins"]:
-            bins[error, told] = bins.get((error, told), 0) + count
+        for error, reported, count in run["bins"]:
+            bins[error, reported] = bins.get((error, reported), 0) + count
         longest = max(total["longest_m"], run["longest_m"])
         total = {key: total[key] + run[key] for key in total} | {"longest_m": longest}
     return {**total, "bins": [[a, b, n] for (a, b), n in sorted(bins.items())]}

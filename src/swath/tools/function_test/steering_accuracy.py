@@ -32,8 +32,8 @@ class SteeringHook(RunHook):
 
     def summarize(self, t: int) -> dict[str, Any]:
         """`steering`: of all machines with a header together; nothing without one."""
-        told = [classes_of(judge) for judge in self._judges if judge.metrics()]
-        return {SUMMARY: pooled(told)} if told else {}
+        classes = [classes_of(judge) for judge in self._judges if judge.metrics()]
+        return {SUMMARY: pooled(classes)} if classes else {}
 
 
 def classes_of(judge: LateralError) -> dict[str, Any]:

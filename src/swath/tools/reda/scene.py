@@ -398,10 +398,10 @@ class CameraSensor:
 
 
 def _why(echo: float, loss: float, clutter: float) -> str:
-    told = f"echo {echo:.0f} dB over noise, crop takes {loss:.0f} dB, clutter {clutter:.0f} dB"
+    text = f"echo {echo:.0f} dB over noise, crop takes {loss:.0f} dB, clutter {clutter:.0f} dB"
     if echo < SEEN_FROM:
-        return told + (": lost in the crop" if echo + loss > SEEN_FROM else ": too weak")
-    return told + (": crop and ground are as strong" if echo - max(clutter, 0.0) < SEEN_FROM else "")
+        return text + (": lost in the crop" if echo + loss > SEEN_FROM else ": too weak")
+    return text + (": crop and ground are as strong" if echo - max(clutter, 0.0) < SEEN_FROM else "")
 
 
 def _decibel(power: float) -> float:

@@ -307,8 +307,8 @@ def read_odd(path: Path) -> Odd:
             raise document.error(where, None, expected)
         values = domain.attributes[name].values
         if bound.is_drawn and sorted(values) != sorted(bound.values):
-            told = ", ".join(values) or "none, it is a number: `key` and `buckets`"
-            raise document.error((*where, "values"), list(bound.values) or None, f"expected {told}")
+            known = ", ".join(values) or "none, it is a number: `key` and `buckets`"
+            raise document.error((*where, "values"), list(bound.values) or None, f"expected {known}")
     odd = Odd(path.name.removesuffix(".yaml").removesuffix(".odd"), path, made, document, domain)
     if len(odd.axes) < 2:
         raise document.error(("attributes",), len(odd.axes), "expected two or more with a key or values")

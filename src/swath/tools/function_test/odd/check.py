@@ -95,14 +95,14 @@ def not_drawn(odd: Odd) -> list[Finding]:
 def _refused(odd: Odd) -> list[Finding]:
     """Values at the ends of the buckets that the scenario does not take."""
     middle = {a.name: a.value(a.count // 2, 0.5) for a in odd.axes}
-    if told := _error(odd, middle):
-        return [Finding(OUT_OF_RANGE, "", told)]
+    if problem := _error(odd, middle):
+        return [Finding(OUT_OF_RANGE, "", problem)]
     found = []
     for axis in odd.axes:
         for value in [axis.edges[0], axis.edges[-1]] if axis.edges else axis.labels:
-            if told := _error(odd, {**middle, axis.name: value}):
+            if problem := _error(odd, {**middle, axis.name: value}):
                 shown = f"{value:g}" if isinstance(value, float | int) else value
-                found.append(Finding(OUT_OF_RANGE, axis.name, f"{shown}: {told}"))
+                found.append(Finding(OUT_OF_RANGE, axis.name, f"{shown}: {problem}"))
     return found
 
 

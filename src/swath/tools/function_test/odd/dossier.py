@@ -269,7 +269,7 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
     marked = elsewhere if any("(!)" in str(row[4]) for row in broken) else ""
     about = f"{ABOUT_CAUSES}{marked}{ABOUT_DRAWN}{_left_over(outside, causes)}."
     said = list(_told(why))
-    needed = [_requirement(folder.name, told) for told in traced(found.odd.file, found.results)]
+    needed = [_requirement(folder.name, trace) for trace in traced(found.odd.file, found.results)]
     rules = Table("", ("module", "", "condition"), found.odd.domain.rules())
     sections = [
         Section("Where it is broken", [
@@ -678,8 +678,8 @@ def _levels(found: Conducted) -> list[list[str]]:
                 continue
             ranges = [f"{c.quantity} {c.span} ({c.source})" for c in choice.found.checked]
             errors = [f"{e.metric} {e.size:g} against {e.against} ({e.source})" for e in choice.found.errors]
-            told = "; ".join(ranges) or "no range declared: what a run met was not compared with anything"
-            rows.append([f"{machine.name}.{slot}", choice.level, told, "; ".join(errors) or "none stated"])
+            text = "; ".join(ranges) or "no range declared: what a run met was not compared with anything"
+            rows.append([f"{machine.name}.{slot}", choice.level, text, "; ".join(errors) or "none stated"])
     return rows
 
 
@@ -737,7 +737,7 @@ def _cell_rows(found: Conducted, cells: Sequence[OddCell],
         axes = [found.odd.bucket_axis[place] for place in cell.places]
         names = [axis.name for axis, _ in axes] + [""] * (2 - len(axes))
         labels = [axis.labels[bucket] for axis, bucket in axes] + [""] * (2 - len(axes))
-        told = why.get(cell.text)
+        reason = why.get(cell.text)
         yield {
             "attribute": names[0],
             "bucket": labels[0],
@@ -751,10 +751,10 @@ def _cell_rows(found: Conducted, cells: Sequence[OddCell],
             "seconds": f"{cell.seconds:.1f}",
             "p_broken": f"{cell.p_broken:.3g}",
             "p_shown": f"{cell.p_shown:.3g}",
-            "cause": "" if told is None or told.cause is None else told.cause.text,
-            "why": "" if told is None else told.why,
-            "runs_without_causes": "" if told is None else told.counted,
-            "failed_without_causes": "" if told is None else told.failed,
+            "cause": "" if reason is None or reason.cause is None else reason.cause.text,
+            "why": "" if reason is None else reason.why,
+            "runs_without_causes": "" if reason is None else reason.counted,
+            "failed_without_causes": "" if reason is None else reason.failed,
         }
 
 
@@ -785,8 +785,8 @@ def _junit(path: Path, found: Conducted, cells: Sequence[OddCell],
     if found.odd.file.requirement:
         properties = ET.SubElement(suite, "properties")
         ET.SubElement(properties, "property", name="requirement", value=found.odd.file.requirement)
-    told = [cell for cell in cells if len(cell.places) == 1 or cell.verdict == BROKEN]
-    for cell in told:
+    listed = [cell for cell in cells if len(cell.places) == 1 or cell.verdict == BROKEN]
+    for cell in listed:
         test = ET.SubElement(suite, "testcase", classname=f"ODD {found.odd.name}", name=cell.text)
         if cell.verdict == BROKEN:
             of = why[cell.text]
@@ -796,6 +796,6 @@ def _junit(path: Path, found: Conducted, cells: Sequence[OddCell],
             ET.SubElement(
                 test, "skipped", message=f"{cell.verdict}: {cell.failed} of {cell.counted} runs fail"
             )
-    suite.set("tests", str(len(told)))
-    suite.set("failures", str(sum(cell.verdict == BROKEN for cell in told)))
+    suite.set("tests", str(len(listed)))
+    suite.set("failures", str(sum(cell.verdict == BROKEN for cell in listed)))
     write_suites(path, root)
